@@ -1,0 +1,48 @@
+# make train   set up .venv and run the training script
+# make install set up .venv with the tools for tests and lint
+# make test    the same, and run the tests          (make test ARGS='-m slow' for the long ones)
+# make lint    style, import rules, types
+# make clean   remove .venv and every cache; what training wrote under runs/ stays
+
+PYTHON ?= python3
+VENV := .venv
+ARGS :=
+BIN := $(VENV)/bin
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+
+.PHONY: train install test lint clean
+
+train: $(VENV)/.installed-train
+	$(BIN)/python train.py $(ARGS)
+
+install: $(VENV)/.installed-dev
+
+# More workers would only compile the same kernels once more each before the disk cache is warm.
+test: export SDL_VIDEODRIVER = dummy
+test: export MPLBACKEND = Agg
+test: $(VENV)/.installed-dev
+	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal $(ARGS)
+
+lint: $(VENV)/.installed-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff check --extend-select D103 gym_passive_walker agents
+	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports
+	$(BIN)/pyright --pythonpath $(BIN)/python
+
+$(VENV)/.created:
+	$(PYTHON) -m venv $(VENV)
+	touch $@
+
+$(VENV)/.installed-train: pyproject.toml constraints.txt | $(VENV)/.created
+	$(INSTALL) -e ".[train,render,figures]"
+	touch $@
+
+$(VENV)/.installed-dev: pyproject.toml constraints.txt | $(VENV)/.created
+	$(INSTALL) -e ".[train,render,figures,dev]"
+	touch $(VENV)/.installed-train $@
+
+clean:
+	rm -rf $(VENV) build dist docs/_build *.egg-info
+	rm -rf .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
