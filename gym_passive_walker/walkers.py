@@ -177,9 +177,7 @@ class TuningErrors(NamedTuple):
 
 
 def _lateral(walker: Walker) -> tuple[float, float]:
-    """Forward offsets from the line hip-foot centre: of a leg's centre of mass; of the shank's
-    centre of mass from the knee.
-    """
+    """How far forward lie a leg's centre of mass, and the shank's from the knee, leg straight."""
     epsilon, shank = walker.foot_angle, walker.shank_angle
     shank_ahead = walker.shank_com * math.sin(shank) - walker.shank_offset * math.cos(shank)
     thigh_ahead = -walker.thigh_com * math.sin(epsilon) - walker.thigh_offset * math.cos(epsilon)
@@ -348,9 +346,7 @@ def lab_walker_from_parts() -> Walker:
 
 
 def _point_foot(foot_mass: float, hip_mass: float, foot_radius: float = 0.0) -> Walker:
-    """A straight-legged walker of two masses: half of `hip_mass` a leg at the hip, the rest at the
-    bottom of the foot.
-    """
+    """A straight-legged walker of point masses: at the hip, and at the bottom of each foot."""
     return Walker(
         thigh_length=0.5,
         thigh_mass=0.5 * hip_mass,

@@ -147,14 +147,14 @@ RATE_ERROR = _constants(np.vstack([_E5, _E3]))
 ANGLE_ERROR = _constants(np.vstack([_E5, _E3]) @ _A)
 
 
-# Each stage takes a tile, a lane, the row k of a coordinate's first stage acceleration (its next ones
-# lie three rows apart), the step length, and the coordinate's angle and rate at the start of the
-# step. It returns its angle and rate at the stage; the last one is the end of the step.
+# Each stage takes a tile, a lane, the row k of a coordinate's first stage acceleration (its next
+# ones lie three rows apart), the step length, and the coordinate's angle and rate at the start of
+# the step. It returns its angle and rate at the stage; the last one is the end of the step.
 
 
 @inlined
 def _stage_1(tile, lane, k, h, angle, rate):
-    a, b = RATE[1], ANGLE[1]
+    a = RATE[1]
     k1 = get(tile, k + 0, lane)
     new_rate = a[0] * k1
     shift = 0.0 * k1

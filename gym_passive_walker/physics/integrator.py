@@ -49,7 +49,6 @@ MOST_STEPS = 20_000
 @inlined
 def accelerations(phase, tile, lane, q0, q1, q2, w0, w1, w2):
     """Accelerations of the phase, with the lane's own constants."""
-    c = _CONSTANT * WIDTH + lane
     sin_slope, cos_slope = get(tile, _SIN, lane), get(tile, _COS, lane)
     torque = get(tile, _TORQUE, lane)
     if phase == E.SIMPLEST:

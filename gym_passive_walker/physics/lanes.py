@@ -31,7 +31,7 @@ from numba import types
 from numba.extending import intrinsic
 
 GROUP = 8
-"""Lanes are filled in multiples of this: one 512-bit vector, two 256-bit ones, four 128-bit ones."""
+"""Lanes are filled in multiples of this: one 512-bit vector, or two of 256 bits."""
 
 WIDTH = 16
 """Walkers in a tile: enough to hide the latency of one vector behind another, few enough that a
@@ -117,7 +117,7 @@ def kernel(function: Function) -> Function:
 
 
 def _entry(context, builder, array_type, array, row, lane):  # type: ignore[no-untyped-def]
-    """Address of a tile's entry, without the check for negative indices that stops the vectoriser."""
+    """Address of a tile's entry: no check for negative indices, which stops the vectoriser."""
     data = context.make_array(array_type)(context, builder, array).data
     word = ir.IntType(64)
     index = builder.add(builder.mul(row, ir.Constant(word, WIDTH)), lane)

@@ -12,6 +12,7 @@ import math
 import os
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import numba
@@ -96,6 +97,7 @@ def strike_heel(record, c, kind):
     record[I.RATES + 1] = thigh_rate
     record[I.RATES + 2] = shank_rate
     record[I.HEEL_LOSS] = loss
+    record[I.PHASE] = float(E.FREE if kind == 0 else E.LOCKED)
 
 
 @inlined
@@ -201,7 +203,7 @@ def advance(
         _crew(os.cpu_count() or 1).submit(
             run, records[a:b], constants[a:b] if len(constants) > 1 else constants, *settings
         )
-        for a, b in zip(bounds, bounds[1:], strict=False)
+        for a, b in pairwise(bounds)
     ]
     for job in jobs:
         job.result()
@@ -233,9 +235,7 @@ def kinetic_energy(kind, c, state):
 
 @inlined
 def advance_of_contact(c, start, end):
-    """Step length / l: from one point of contact to the next, with stance angles start and end
-    just after the two heelstrikes.
-    """
+    """Step length / l between two heelstrikes, by the stance angles just after them."""
     sine, _ = sine_cosine(end)
     return 2.0 * c[K.LEG] * sine + c[K.FOOT_RADIUS] * (start + end)
 
@@ -307,7 +307,7 @@ class Stride(NamedTuple):
 
     @property
     def cost_of_transport(self) -> NDArray[np.float64]:
-        """Energy lost at the strikes over weight times step length; sin(slope) on a passive gait."""
+        """Energy lost over weight times step length: sin(slope) on a passive gait."""
         return self.collision_loss / (self.weight * self.step_length)
 
 
