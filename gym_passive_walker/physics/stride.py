@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from itertools import pairwise
@@ -161,6 +162,33 @@ def _crew(threads: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(threads, thread_name_prefix="walkers")
 
 
+def in_parts(job: Callable[[int, int], object], count: int, threads: int | None = None) -> None:
+    """Call ``job(first, last)`` until all of `count` walkers are covered, on several threads.
+
+    Args:
+        job: Does the walkers from `first` to before `last`; releases Python's lock.
+        count: How many walkers there are.
+        threads: How many threads to use, where there is enough to do; numba's number when None.
+    """
+    if threads is None:
+        threads = numba.get_num_threads()
+    threads = min(threads, count // _WORTH_A_THREAD)
+    if threads < 2:
+        job(0, count)
+        return
+    pieces = 4 * threads
+    bounds = [count * i // pieces for i in range(pieces + 1)]
+    for done in [_crew(os.cpu_count() or 1).submit(job, a, b) for a, b in pairwise(bounds)]:
+        done.result()
+
+
+def step_control(tolerance: float, *, real: bool = True) -> tuple[float, float, float]:
+    """What a kernel is told of a tolerance: a step's error, its end's shift, its first length."""
+    # A step's end is moved by up to `landing` of its length by its Taylor series of second order.
+    landing = 0.1 * math.sqrt(tolerance) if real else 1e-13
+    return _SHARE * tolerance, landing, 0.5 * tolerance**0.125
+
+
 def advance(
     kind: Kind,
     constants: NDArray,
@@ -186,27 +214,18 @@ def advance(
         from_section: Whether records stand just after heelstrike; else at their PHASE.
         threads: How many threads to use; numba's number when None. It changes no result.
     """
-    real = records.dtype == np.float64
-    # A step's end is moved by up to `landing` of its length by its Taylor series of second order.
-    landing = 0.1 * math.sqrt(tolerance) if real else 1e-13
-    settings = (_SHARE * tolerance, landing, 0.5 * tolerance**0.125, int(stub), from_section)
-    run = _KERNELS[kind]
-    if threads is None:
-        threads = numba.get_num_threads()
-    threads = min(threads, len(records) // _WORTH_A_THREAD)
-    if threads < 2:
-        run(records, constants, *settings)
-        return
-    pieces = 4 * threads
-    bounds = [len(records) * i // pieces for i in range(pieces + 1)]
-    jobs = [
-        _crew(os.cpu_count() or 1).submit(
-            run, records[a:b], constants[a:b] if len(constants) > 1 else constants, *settings
+    settings = step_control(tolerance, real=records.dtype == np.float64)
+
+    def job(first: int, last: int) -> None:
+        _KERNELS[kind](
+            records[first:last],
+            constants[first:last] if len(constants) > 1 else constants,
+            *settings,
+            int(stub),
+            from_section,
         )
-        for a, b in pairwise(bounds)
-    ]
-    for job in jobs:
-        job.result()
+
+    in_parts(job, len(records), threads)
 
 
 @inlined
