@@ -1,5 +1,7 @@
 """Exact passive walkers for reinforcement learning and gait analysis."""
 
+from gym_passive_walker.gaits.fixed_point import Gait, GaitNotFound, find_gait, find_gaits
+from gym_passive_walker.gaits.stability import stride_jacobian
 from gym_passive_walker.physics.events import Outcome
 from gym_passive_walker.physics.stride import Stride, stride
 from gym_passive_walker.walkers import (
@@ -17,6 +19,8 @@ from gym_passive_walker.walkers import (
 
 __all__ = [
     "WALKERS",
+    "Gait",
+    "GaitNotFound",
     "Outcome",
     "Part",
     "Stride",
@@ -25,8 +29,11 @@ __all__ = [
     "WalkerError",
     "assemble",
     "blend",
+    "find_gait",
+    "find_gaits",
     "lab_walker_from_parts",
     "stride",
+    "stride_jacobian",
     "tune",
     "tuning_errors",
 ]

@@ -12,7 +12,7 @@ numbers are dimensionless (see `constants`); `sin_slope` and `cos_slope` are gra
 from __future__ import annotations
 
 from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics.lanes import inlined, sine_cosine
+from gym_passive_walker.physics.lanes import inlined, reciprocal, sine_cosine
 
 
 @inlined
@@ -30,7 +30,7 @@ def weight_moment(back, up, sin_slope, cos_slope):
 @inlined
 def solve(m11, m12, m22, f1, f2):
     """Solve the symmetric 2x2 system m x = f."""
-    scale = 1.0 / (m11 * m22 - m12 * m12)
+    scale = reciprocal(m11 * m22 - m12 * m12)
     return (m22 * f1 - m12 * f2) * scale, (m11 * f2 - m12 * f1) * scale
 
 
@@ -154,9 +154,10 @@ def stance_collision(c, stance, swing_rate, velocity_back, velocity_up):
     sine, cosine = sine_cosine(-stance)
     hip_back, hip_up = c[K.LEG] * sine, c[K.FOOT_RADIUS] + c[K.LEG] * cosine
     square = hip_back * hip_back + hip_up * hip_up
+    per_square = reciprocal(square)
     # A turn with unit rate moves a point at (back, up) from the contact with (up, -back).
-    turn = (velocity_back * hip_up - velocity_up * hip_back) / square
-    along_hip = (velocity_back * hip_back + velocity_up * hip_up) / square
+    turn = (velocity_back * hip_up - velocity_up * hip_back) * per_square
+    along_hip = (velocity_back * hip_back + velocity_up * hip_up) * per_square
     com_back, com_up = turned(c[K.LEG_COM_ALONG], c[K.LEG_COM_ACROSS], sine, cosine)
     com_up = com_up + c[K.FOOT_RADIUS]
     excess_back = velocity_back - turn * com_up

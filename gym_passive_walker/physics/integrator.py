@@ -17,7 +17,7 @@ import numpy as np
 from gym_passive_walker.physics import compass, dormand_prince, kneed, simplest
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import events as E
-from gym_passive_walker.physics.lanes import GROUP, WIDTH, get, inlined, jitted, put
+from gym_passive_walker.physics.lanes import GROUP, WIDTH, get, inlined, jitted, put, reciprocal
 
 # A walker's record.
 ANGLES, RATES = 0, 3  # stance, thigh, shank
@@ -368,7 +368,7 @@ def land(tile, lane, phase, stub, landing):
         low = h.real
     else:
         high = h.real
-    correction = -g / speed if speed.real != 0.0 else 0.0 * g
+    correction = -g * reciprocal(speed) if speed.real != 0.0 else 0.0 * g
     close = np.abs(correction.real) <= landing * larger(h.real, 1e-3)
     narrow = high - low <= 4e-16 * high
     inside = low <= h.real + correction.real <= high or close

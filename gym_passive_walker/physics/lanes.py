@@ -28,7 +28,7 @@ import numpy as np
 from llvmlite import binding as llvm
 from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic
+from numba.extending import intrinsic, overload
 
 GROUP = 8
 """Lanes are filled in multiples of this: one 512-bit vector, or two of 256 bits."""
@@ -145,6 +145,23 @@ def put(typing_context, tile, row, lane, value):  # type: ignore[no-untyped-def]
         return context.get_dummy_value()
 
     return types.void(tile, types.int64, types.int64, tile.dtype), code
+
+
+def reciprocal(x: Any) -> Any:
+    """1 / x, also for dual numbers (numba's complex division raises, and cannot be a vector)."""
+    return 1.0 / x
+
+
+@overload(reciprocal, inline="always")
+def _reciprocal(x):  # type: ignore[no-untyped-def]
+    if isinstance(x, types.Complex):
+
+        def dual(x):  # type: ignore[no-untyped-def]
+            inverse = 1.0 / x.real
+            return complex(inverse, -x.imag * inverse * inverse)
+
+        return dual
+    return lambda x: 1.0 / x
 
 
 _INVERSE_PI = 0.3183098861837907

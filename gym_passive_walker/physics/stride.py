@@ -154,6 +154,13 @@ def run_simplest(records, constants, tolerance, landing, first_step, stub, from_
     finish(records, constants, 2)
 
 
+@kernel
+def strike_heels(records, constants, kind):
+    """Exchange the legs of walkers that stand on the verge of heelstrike, in place."""
+    for i in range(len(records)):
+        strike_heel(records[i], constants[i if len(constants) > 1 else 0], kind)
+
+
 _KERNELS = {Kind.KNEED: run_kneed, Kind.COMPASS: run_compass, Kind.SIMPLEST: run_simplest}
 
 

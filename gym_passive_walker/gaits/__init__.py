@@ -1,0 +1,1 @@
+"""Gait analysis on top of the stride."""
