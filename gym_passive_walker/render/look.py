@@ -1,0 +1,24 @@
+"""What a walker looks like, whoever draws it: colours that the colour-blind tell apart."""
+
+from __future__ import annotations
+
+Colour = tuple[int, int, int]
+
+# Blue and orange of Okabe and Ito's palette, for the leg that stands at stride 0 and the other.
+LEGS: tuple[Colour, Colour] = ((0, 96, 160), (224, 138, 22))
+HIP: Colour = (38, 42, 50)
+SKY: Colour = (250, 250, 247)
+GROUND: Colour = (226, 222, 212)
+GROUND_LINE: Colour = (92, 88, 80)
+
+
+def unit(colour: Colour) -> tuple[float, float, float]:
+    """A colour by parts from 0 to 1, as matplotlib takes it."""
+    red, green, blue = colour
+    return red / 255, green / 255, blue / 255
+
+
+def shaded(colour: Colour, towards: Colour, share: float) -> Colour:
+    """A colour with a share of another mixed in."""
+    red, green, blue = (round(a + share * (b - a)) for a, b in zip(colour, towards, strict=True))
+    return red, green, blue

@@ -1,0 +1,129 @@
+"""Where the parts of a walker are: the geometry of Fig. 4.1, and nothing else.
+
+Points are (x, y): x along the slope, positive downhill; y away from the ground. Lengths are in the
+walker's own units, and all functions take whole arrays of states.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gym_passive_walker.physics.stride import check_state
+from gym_passive_walker.walkers import Walker, as_walker
+
+SOLE_SPAN = 0.5
+"""Half the angle in rad that a foot's arc spans; gaits roll through about half of it."""
+
+SOLE_POINTS = 21
+"""Points along a foot's arc; the middle one lies on the line from the hip through its centre."""
+
+
+class Leg(NamedTuple):
+    """A leg below the hip; each point has shape (..., 2).
+
+    Attributes:
+        knee: The knee.
+        foot: Centre of the foot's arc.
+        tip: Where the shank's line meets the sole: a shank's length from the knee.
+        sole: Points along the foot's arc from heel to toe, shape (..., SOLE_POINTS, 2).
+    """
+
+    knee: NDArray[np.float64]
+    foot: NDArray[np.float64]
+    tip: NDArray[np.float64]
+    sole: NDArray[np.float64]
+
+
+class Pose(NamedTuple):
+    """A walker's posture.
+
+    Attributes:
+        contact: Where the stance foot touches the ground, shape (..., 2).
+        hip: The hip, shape (..., 2).
+        stance: The stance leg.
+        swing: The swing leg.
+    """
+
+    contact: NDArray[np.float64]
+    hip: NDArray[np.float64]
+    stance: Leg
+    swing: Leg
+
+
+def _turned(along: float | NDArray, across: float | NDArray, angle: NDArray) -> NDArray:
+    """A vector fixed to a leg: `along` it from foot to hip, `across` it backwards, as (x, y)."""
+    sine, cosine = np.sin(angle), np.cos(angle)
+    return np.stack([-along * sine - across * cosine, along * cosine - across * sine], axis=-1)
+
+
+def _leg(walker: Walker, hip: NDArray, thigh: NDArray, shank: NDArray) -> Leg:
+    """A leg that hangs from a hip."""
+    radius, bend = walker.foot_radius, walker.shank_angle
+    reach = walker.shank_length - radius
+    knee = hip + _turned(
+        -walker.thigh_length * math.cos(walker.foot_angle),
+        walker.thigh_length * math.sin(walker.foot_angle),
+        thigh,
+    )
+    down = _turned(-math.cos(bend), -math.sin(bend), shank)
+    foot = knee + reach * down
+    spread = np.linspace(-SOLE_SPAN, SOLE_SPAN, SOLE_POINTS)
+    arc = _turned(-radius * np.cos(spread), -radius * np.sin(spread), shank[..., None])
+    return Leg(knee, foot, foot + radius * down, foot[..., None, :] + arc)
+
+
+def pose(walker: Walker | str, state: ArrayLike, contact_x: ArrayLike = 0.0) -> Pose:
+    """Where the parts of a walker are.
+
+    Args:
+        walker: The walker, or a preset's name.
+        state: [stance, thigh, shank] angles in rad, then their rates (which change nothing), shape
+            (6,) or (..., 6). A straight-legged walker's shank is ignored.
+        contact_x: Where the stance foot touches the ground, a number or of the states' shape.
+
+    Returns:
+        The `Pose`.
+
+    Raises:
+        ValueError: if the state has another shape or is not finite.
+    """
+    walker = as_walker(walker)
+    state = check_state(state)
+    stance, thigh = state[..., 0], state[..., 1]
+    shank = state[..., 2] if walker.knees else thigh
+    x = np.broadcast_to(np.asarray(contact_x, dtype=float), stance.shape)
+    foot = np.stack([x, np.full(stance.shape, walker.foot_radius)], axis=-1)
+    hip = foot + _turned(leg_line(walker), 0.0, stance)
+    return Pose(
+        contact=np.stack([x, np.zeros(stance.shape)], axis=-1),
+        hip=hip,
+        stance=_leg(walker, hip, stance, stance),
+        swing=_leg(walker, hip, thigh, shank),
+    )
+
+
+def leg_line(walker: Walker) -> float:
+    """Length of the line from the foot's centre to the hip, leg straight."""
+    reach = walker.shank_length - walker.foot_radius
+    return walker.thigh_length * math.cos(walker.foot_angle) + reach * math.cos(walker.shank_angle)
+
+
+def level(points: ArrayLike, slope: float) -> NDArray[np.float64]:
+    """Turn points given along the slope so that gravity points down: (right, up).
+
+    Args:
+        points: (x, y) along and off the slope, shape (..., 2).
+        slope: Slope in rad; a walker goes down it to the right.
+    """
+    points = np.asarray(points, dtype=float)
+    sine, cosine = math.sin(slope), math.cos(slope)
+    return points @ np.array([[cosine, -sine], [sine, cosine]])
+
+
+def legs_by_identity(pose: Pose, strides: int) -> tuple[Leg, Leg]:
+    """The two legs in an order that outlasts heelstrikes: first the one that stood at stride 0."""
+    return (pose.swing, pose.stance) if strides % 2 else (pose.stance, pose.swing)

@@ -1,0 +1,108 @@
+"""Figures of a gait need no display, and show what was walked."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from gym_passive_walker.physics.trajectory import trajectory
+from gym_passive_walker.render import phase_portrait, pose, strobe, strobe_of
+from gym_passive_walker.render.pose import level
+
+pytest.importorskip("matplotlib")
+
+SLOPE = 0.036
+GAIT = np.array([0.24395, -0.24395, -0.24395, -1.0491, -0.3015, -1.4831])
+SHORT = [0.20031, -0.20031, -0.20031, -0.62589, -0.57633, -0.57633]
+
+
+def hips(figure):
+    """Where the hips of a strobe picture are."""
+    return next(line.get_xydata() for line in figure.axes[0].lines if line.get_marker() == "o")
+
+
+def test_a_strobe_picture_has_one_posture_for_each_flash():
+    figure = strobe("lab", SLOPE, GAIT, strides=2, flashes=5)
+    assert len(hips(figure)) == 2 * 5 - 1  # the heelstrike between them is one posture
+
+
+def test_a_strobe_picture_stands_on_its_slope():
+    figure = strobe("lab", SLOPE, GAIT, strides=1, flashes=3)
+    walk = trajectory("lab", SLOPE, GAIT, samples=3)
+    expected = level(pose("lab", walk.states, walk.contact_x).hip, SLOPE)
+    np.testing.assert_allclose(hips(figure), expected)
+
+
+def test_a_recorded_walk_gives_the_same_picture():
+    walk = trajectory("lab", SLOPE, GAIT, samples=6)
+    recorded = strobe_of("lab", walk.states, walk.contact_x, SLOPE)
+    simulated = strobe("lab", SLOPE, GAIT, strides=1, flashes=6)
+    for one, other in zip(recorded.axes[0].lines, simulated.axes[0].lines, strict=True):
+        np.testing.assert_array_equal(one.get_xydata(), other.get_xydata())
+        assert one.get_color() == other.get_color()
+
+
+def test_a_fall_can_be_pictured():
+    figure = strobe("lab", SLOPE, [0.3, -0.3, -0.3, -0.1, 0.0, 0.0], flashes=4)
+    assert len(hips(figure)) == 4
+
+
+def test_a_strobe_picture_goes_into_given_axes():
+    from matplotlib.figure import Figure
+
+    figure = Figure()
+    axes = figure.subplots(1, 2)
+    assert strobe("D", 0.009, SHORT, flashes=3, ax=axes[1]) is figure
+    assert axes[1].lines and not axes[0].lines
+
+
+@pytest.mark.parametrize(("name", "slope", "start"), [("lab", SLOPE, GAIT), ("D", 0.009, SHORT)])
+def test_pictures_are_written_to_files(name, slope, start, tmp_path):
+    strobe(name, slope, start, flashes=3, path=tmp_path / "strobe.png")
+    phase_portrait(name, slope, start, samples=20, path=tmp_path / "portrait.svg")
+    assert (tmp_path / "strobe.png").read_bytes().startswith(b"\x89PNG")
+    assert "<svg" in (tmp_path / "portrait.svg").read_text()
+
+
+def test_a_phase_portrait_follows_each_leg_through_both_its_roles():
+    figure = phase_portrait("lab", SLOPE, GAIT, strides=2, samples=50)
+    over_time, portrait = figure.axes
+    curves = {line.get_label(): line for line in over_time.lines}
+    walk = trajectory("lab", SLOPE, GAIT, strides=2, samples=50)
+    np.testing.assert_array_equal(
+        curves["first leg, thigh"].get_ydata(), np.append(walk.states[:50, 0], walk.states[50:, 1])
+    )
+    np.testing.assert_array_equal(
+        curves["other leg, shank"].get_ydata(), np.append(walk.states[:50, 2], walk.states[50:, 0])
+    )
+    # Two kneestrikes and a heelstrike, for two segments of two legs.
+    assert sum(line.get_linestyle() == ":" for line in portrait.lines) == 3 * 4
+
+
+def test_a_straight_leg_has_one_curve():
+    labels = [line.get_label() for line in phase_portrait("D", 0.009, SHORT).axes[0].lines]
+    assert {"first leg", "other leg"} <= set(labels)
+    assert not any("shank" in label for label in labels)
+
+
+def test_states_of_another_shape_are_refused():
+    with pytest.raises(ValueError, match=r"shape \(n, 6\)"):
+        strobe_of("lab", GAIT, 0.0, SLOPE)
+
+
+def test_without_matplotlib_the_error_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    with pytest.raises(ImportError, match=r'pip install "gym-passive-walker\[figures\]"'):
+        strobe("lab", SLOPE, GAIT)
+
+
+def test_pictures_load_no_more_than_they_need():
+    code = (
+        "import sys, gym_passive_walker.render as render\n"
+        "assert not {'pygame', 'matplotlib'} & set(sys.modules), 'loaded by the import'\n"
+        f"render.phase_portrait('lab', {SLOPE}, {GAIT.tolist()}, samples=9)\n"
+        "assert not {'pygame', 'matplotlib.pyplot'} & set(sys.modules), 'loaded by a figure'\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
