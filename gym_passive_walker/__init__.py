@@ -1,6 +1,8 @@
 """Exact passive walkers for reinforcement learning and gait analysis."""
 
-from gym_passive_walker.gaits.fixed_point import Gait, GaitNotFound, find_gait, find_gaits
+from gym_passive_walker.gaits.family import GaitFamily, gait_family, parameter_family
+from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
+from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.stability import stride_jacobian
 from gym_passive_walker.physics.events import Outcome
 from gym_passive_walker.physics.stride import Stride, stride
@@ -20,6 +22,7 @@ from gym_passive_walker.walkers import (
 __all__ = [
     "WALKERS",
     "Gait",
+    "GaitFamily",
     "GaitNotFound",
     "Outcome",
     "Part",
@@ -31,7 +34,9 @@ __all__ = [
     "blend",
     "find_gait",
     "find_gaits",
+    "gait_family",
     "lab_walker_from_parts",
+    "parameter_family",
     "stride",
     "stride_jacobian",
     "tune",

@@ -11,103 +11,24 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.gaits.section import Section, section_of, split, strides, with_derivatives
+from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
+from gym_passive_walker.gaits.newton import LONGEST_SEARCHED, newton
+from gym_passive_walker.gaits.section import Section, section_of, strides
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import integrator as I
 from gym_passive_walker.physics.events import Outcome
 from gym_passive_walker.physics.stride import (
-    LONGEST_STRIDE,
-    Stride,
     check_slope,
     check_state,
     frame_of,
     new_records,
-    stride,
     strike_heels,
 )
 from gym_passive_walker.walkers import Walker, as_walker, describe
-
-GaitKind = Literal["long", "short"]
-
-
-class GaitNotFound(Exception):
-    """No such gait; the message says for which walker and slope, and what was tried."""
-
-
-@dataclass(frozen=True)
-class Gait:
-    """A periodic walk, in the walker's own units.
-
-    Attributes:
-        walker: Who walks.
-        slope: Slope in rad.
-        kind: "long" or "short" step.
-        period: Strides until the motion repeats.
-        state: Section state (6,): angles in rad and rates, just after heelstrike.
-        multipliers: Eigenvalues of the stride map's derivative over one period, largest modulus
-            first. One of a kneed walker's four, and of the simplest walker's three, is zero: the
-            walker forgets it at kneestrike (at heelstrike), where two rates become one.
-        stride: The first stride of the gait with its ledger.
-        step_period: Mean time of a stride.
-        step_length: Mean distance between contacts along the slope.
-    """
-
-    walker: Walker
-    slope: float
-    kind: str
-    period: int
-    state: NDArray[np.float64]
-    multipliers: NDArray[np.complex128]
-    stride: Stride
-    step_period: float
-    step_length: float
-
-    @property
-    def stance_angle(self) -> float:
-        """Stance angle in rad just after heelstrike."""
-        return float(self.state[0])
-
-    @property
-    def speed(self) -> float:
-        """Mean speed along the slope."""
-        return self.step_length / self.step_period
-
-    @property
-    def froude_speed(self) -> float:
-        """Speed over sqrt(g l), the square root of the Froude number (Eq. 4.6)."""
-        return self.speed / math.sqrt(self.walker.gravity * self.walker.leg_length)
-
-    @property
-    def cost_of_transport(self) -> float:
-        """Energy lost at collisions over weight times distance (Eq. 4.3)."""
-        return float(self.stride.cost_of_transport) if self.period == 1 else math.sin(self.slope)
-
-    @property
-    def kneestrike_time(self) -> float:
-        """Time from heelstrike to kneestrike in the first stride; NaN without knees."""
-        return float(self.stride.kneestrike_time)
-
-    @property
-    def kneestrike_loss(self) -> float:
-        """Energy lost at kneestrike in the first stride."""
-        return float(self.stride.kneestrike_loss)
-
-    @property
-    def heelstrike_loss(self) -> float:
-        """Energy lost at heelstrike in the first stride."""
-        return float(self.stride.heelstrike_loss)
-
-    @property
-    def stable(self) -> bool:
-        """Whether small disturbances die out: all multipliers inside the unit circle."""
-        return bool(np.abs(self.multipliers[0]) < 1.0)
-
 
 # Ratios to the step angle, just before heelstrike: of the stance leg's rate, and of the swing
 # leg's rate in excess of it (zero where the foot meets the ground without sliding).
@@ -117,8 +38,6 @@ _LOSS_SHARES = {K.Kind.KNEED: (1.0, 0.6, 0.3), K.Kind.COMPASS: (1.0,), K.Kind.SI
 _ANGLES = np.geomspace(1e-10, 0.7, 80)
 _BATCHES = (12, 24, 96)  # promising starts tried by Newton's method, as long as need be
 _APART = 0.03  # starts closer than this are tried once
-_MOST_ITERATIONS = 40
-_LONGEST = 20.0  # time in sqrt(l/g) after which a stride is given up in a search
 
 
 def starts(section: Section, slope: float) -> NDArray:
@@ -143,113 +62,6 @@ def starts(section: Section, slope: float) -> NDArray:
             if log_loss[0] < goal < log_loss[-1]:
                 found.append([np.interp(goal, log_loss, column) for column in points[i].T])
     return np.array(found).reshape(-1, section.dimension)
-
-
-def equations(
-    section: Section,
-    points: NDArray,
-    *,
-    period: int,
-    torque: float,
-    tolerance: float,
-    longest: float = LONGEST_STRIDE,
-) -> tuple[NDArray, NDArray, NDArray]:
-    """What vanishes on a gait, with its exact derivative.
-
-    The equation for the stance leg's rate is replaced by the balance of energy, which says the
-    same on a gait but keeps its digits at small slopes, where the map is nearly the identity along
-    one direction.
-
-    Args:
-        section: The section.
-        points: Points and slope, shape (n, dimension + 1).
-        period: Strides of the gait.
-        torque: Dimensionless hip torque.
-        tolerance: Of the integration.
-        longest: Time after which a stride is given up.
-
-    Returns:
-        Values (n, dimension), derivatives (n, dimension, dimension + 1) and the multipliers'
-        matrix (n, dimension, dimension); NaN where a walker did not complete its strides.
-    """
-    columns = points.shape[1]
-    dual = with_derivatives(points)
-    section = section._replace(
-        constants=np.repeat(section.constants, columns, axis=0)
-        if len(section.constants) > 1
-        else section.constants
-    )
-    u, slope = dual[:, :-1], dual[:, -1]
-    result = strides(
-        section, u, slope, count=period, torque=torque, tolerance=tolerance, longest=longest
-    )
-    gap = result.end - u
-    _, map_derivative = split(result.end, columns)
-    gap[:, 1] = result.imbalance
-    value, derivative = split(gap, columns)
-    dead = ~result.alive.reshape(-1, columns)[:, 0]
-    value[dead] = np.nan
-    return value, derivative, map_derivative[..., :-1]
-
-
-def _size(value: NDArray) -> NDArray:
-    with np.errstate(all="ignore"):
-        size = np.abs(value).max(axis=1)
-    return np.where(np.isfinite(size), size, np.inf)
-
-
-def newton(
-    section: Section,
-    u: NDArray,
-    slope: float,
-    *,
-    period: int,
-    torque: float,
-    tolerance: float,
-    accuracy: float,
-) -> tuple[NDArray, NDArray]:
-    """Damped Newton iterations from many points at once, as lanes.
-
-    Returns:
-        Final points (n, dimension) and the size of the equations' violation there (n,).
-    """
-    u = u.copy()
-    options = {
-        "period": period, "torque": torque, "tolerance": tolerance, "longest": _LONGEST
-    }  # fmt: skip
-
-    def at(points: NDArray) -> tuple[NDArray, NDArray]:
-        full = np.column_stack([points, np.full(len(points), slope)])
-        value, derivative, _ = equations(section, full, **options)
-        return value, derivative
-
-    value, derivative = at(u)
-    size = _size(value)
-    damping = np.ones(len(u))
-    for _ in range(_MOST_ITERATIONS):
-        active = np.flatnonzero(np.isfinite(size) & (size > accuracy) & (damping > 1e-2))
-        if len(active) == 0:
-            break
-        step = np.empty((len(active), section.dimension))
-        for j, i in enumerate(active):
-            try:
-                step[j] = np.linalg.solve(derivative[i][:, :-1], -value[i])
-            except np.linalg.LinAlgError:
-                step[j] = np.nan
-        length = np.abs(step).max(axis=1)
-        limit = np.minimum(1.0, 0.7 / np.maximum(length, 1e-300))
-        trial = u[active] + step * (damping[active] * limit)[:, None]
-        sane = np.all(np.isfinite(trial), axis=1) & (trial[:, 0] < math.log(1.4))
-        trial[~sane] = u[active][~sane]
-        new_value, new_derivative = at(trial)
-        new_size = np.where(sane, _size(new_value), np.inf)
-        better = new_size < size[active]
-        won, lost = active[better], active[~better]
-        u[won], value[won] = trial[better], new_value[better]
-        derivative[won], size[won] = new_derivative[better], new_size[better]
-        damping[won] = np.minimum(1.0, 4.0 * damping[won])
-        damping[lost] *= np.where(size[lost] < 1e-9, 0.0, 0.25)  # at rounding there is no better
-    return u, size
 
 
 def _distinct_first(u: NDArray, apart: float) -> NDArray:
@@ -279,7 +91,7 @@ def _search(
     options = {"period": period, "torque": torque}
     slopes = np.full(len(u), slope)
     first = strides(
-        section, u, slopes, count=period, torque=torque, tolerance=1e-6, longest=_LONGEST
+        section, u, slopes, count=period, torque=torque, tolerance=1e-6, longest=LONGEST_SEARCHED
     )
     for outcome in first.records[:, I.OUTCOME].astype(int):
         ends[Outcome(outcome).name if outcome else Outcome.STALLED.name] += 1
@@ -302,49 +114,11 @@ def _search(
                 once = _smallest_period(section, point, slope, period, torque) == period
                 if once and _human(section, point, slope, torque):
                     found.append(point)
-                    gaits.append(_gait(walker, section, point, slope, period, torque))
+                    gaits.append(measure(walker, section, point, slope, period, torque))
         if enough(gaits) or (gaits and tried > _BATCHES[0]):
             break
     gaits.sort(key=lambda gait: -gait.stance_angle)
     return gaits, ends
-
-
-def _index(map_derivative: NDArray) -> int:
-    """Sign of det(1 - D): a branch keeps it until it folds. Positive on long-step branches."""
-    return int(np.sign(np.linalg.det(np.eye(len(map_derivative)) - map_derivative)))
-
-
-def multipliers_of(map_derivative: NDArray) -> NDArray[np.complex128]:
-    """Eigenvalues of the stride map's derivative, largest modulus first."""
-    values = np.linalg.eigvals(map_derivative).astype(complex)
-    return values[np.argsort(-np.abs(values), kind="stable")]
-
-
-def _gait(
-    walker: Walker, section: Section, u: NDArray, slope: float, period: int, torque: float
-) -> Gait:
-    """Measure the gait at a fixed point."""
-    frame = frame_of(walker)
-    point = np.append(u, slope)[None]
-    _, _, derivative = equations(section, point, period=period, torque=torque, tolerance=1e-13)
-    state = section.state(u[None])[0]
-    state[3:] *= frame.rate
-    first = walk = stride(walker, slope, state, hip_torque=torque * frame.torque, tolerance=1e-13)
-    time, length = float(walk.duration), float(walk.step_length)
-    for _ in range(period - 1):
-        walk = stride(walker, slope, walk.state, hip_torque=torque * frame.torque, tolerance=1e-13)
-        time, length = time + float(walk.duration), length + float(walk.step_length)
-    return Gait(
-        walker=walker,
-        slope=slope,
-        kind="long" if _index(derivative[0]) > 0 else "short",
-        period=period,
-        state=state,
-        multipliers=multipliers_of(derivative[0]),
-        stride=first,
-        step_period=time / period,
-        step_length=length / period,
-    )
 
 
 def _smallest_period(section: Section, u: NDArray, slope: float, period: int, torque: float) -> int:
@@ -445,7 +219,8 @@ def find_gait(
     tried = ", ".join(f"{count} {name}" for name, count in ends.most_common()) or "none"
     others = f"; only a {gaits[0].kind}-step gait was found" if gaits else ""
     raise GaitNotFound(
-        f"no {kind}-step gait of period {period} for {describe(walker)} at slope {slope} rad{others}. "
+        f"no {kind}-step gait of period {period} for {describe(walker)} at slope {slope} rad"
+        f"{others}. "
         f"First strides of the {sum(ends.values())} starts ended so: {tried}. "
         "A passive gait needs a downhill slope that suits the walker; `gait_family` shows where "
         "its gaits begin and end, and `guess=` starts the search from a state of your own."

@@ -1,0 +1,240 @@
+"""Families of gaits: how a gait changes with slope, or with the walker, to where it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from types import SimpleNamespace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker.gaits.continuation import Curve, End, follow
+from gym_passive_walker.gaits.fixed_point import find_gait
+from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, multipliers_of
+from gym_passive_walker.gaits.section import section_of, strides
+from gym_passive_walker.physics import constants as K
+from gym_passive_walker.physics.stride import check_slope, frame_of
+from gym_passive_walker.walkers import Walker, WalkerError, as_walker, describe
+
+
+@dataclass(frozen=True)
+class GaitFamily:
+    """A curve of gaits, in order along the curve; arrays have one entry per gait.
+
+    Attributes:
+        walker: Who walks (at the first gait, if a parameter of the walker is varied).
+        parameter: "slope", or the walker's parameter that is varied.
+        value: The varied quantity.
+        slope: Slope in rad.
+        state: Section states, shape (n, 6), in the walker's own units.
+        stance_angle: rad.
+        step_period: In the walker's units of time.
+        step_length: Along the slope.
+        multipliers: Shape (n, m), largest modulus first.
+        folds: Values of the varied quantity where the family turns back.
+        period_doublings: Values where a multiplier passes -1.
+        ends: The first and the last gait's end of the curve, with the reason of each.
+    """
+
+    walker: Walker
+    parameter: str
+    value: NDArray[np.float64]
+    slope: NDArray[np.float64]
+    state: NDArray[np.float64]
+    stance_angle: NDArray[np.float64]
+    step_period: NDArray[np.float64]
+    step_length: NDArray[np.float64]
+    multipliers: NDArray[np.complex128]
+    folds: tuple[float, ...]
+    period_doublings: tuple[float, ...]
+    ends: tuple[End, End]
+
+    @property
+    def speed(self) -> NDArray[np.float64]:
+        """Speed along the slope."""
+        return self.step_length / self.step_period
+
+    @property
+    def froude_speed(self) -> NDArray[np.float64]:
+        """Speed over sqrt(g l) of `walker`."""
+        return self.speed / np.sqrt(self.walker.gravity * self.walker.leg_length)
+
+    @property
+    def stable(self) -> NDArray[np.bool_]:
+        """Whether each gait is stable."""
+        return np.abs(self.multipliers[:, 0]) < 1.0
+
+    def __len__(self) -> int:
+        return len(self.value)
+
+
+def _family(
+    walker: Walker,
+    parameter: str,
+    curve: Curve,
+    gait: Gait,
+    value: float,
+    bounds: tuple[float, float],
+    encode: Callable[[float], float],
+    resolution: float,
+) -> GaitFamily:
+    frame = frame_of(gait.walker)
+    state = gait.state.copy()[None]
+    state[:, 3:] *= frame.time
+    y = np.append(curve.section.point(state)[0], encode(value))
+    across = np.zeros_like(y)
+    across[-1] = 1.0
+    start = curve.correct(y, across)
+    if start is None:
+        raise GaitNotFound(f"the gait of {describe(gait.walker)} at {value} could not be followed")
+    low, high = encode(bounds[0]), encode(bounds[1])
+    up = follow(curve, start, low, high, resolution)
+    down = follow(curve, start._replace(tangent=-start.tangent), low, high, resolution)
+    points = down.points[:0:-1] + up.points
+    ys = np.array([point.y for point in points])
+    values = curve.decode(ys[:, -1])
+    section, slopes = curve.section, values
+    lengths = np.full(len(ys), frame.length)
+    times = np.full(len(ys), frame.time)
+    if curve.setting is not None:
+        constants, slopes = curve.setting(values.astype(complex))
+        section, slopes = section._replace(constants=constants.real), slopes.real
+        for i, value_ in enumerate(values):
+            varied = _varied(walker, parameter, value_)
+            length = varied.thigh_length + varied.shank_length
+            lengths[i], times[i] = length, np.sqrt(length / varied.gravity)
+    result = strides(section, ys[:, :-1], slopes, count=curve.period, tolerance=1e-12)
+    one = strides(section, ys[:, :-1], slopes, tolerance=1e-12)
+    c = section.constants
+    angle, end = np.exp(ys[:, 0]), np.exp(one.end[:, 0])
+    step = 2.0 * c[:, K.LEG] * np.sin(end) + c[:, K.FOOT_RADIUS] * (angle + end)
+    states = section.state(ys[:, :-1])
+    states[:, 3:] /= times[:, None]
+    return GaitFamily(
+        walker=walker,
+        parameter=parameter,
+        value=values,
+        slope=slopes,
+        state=states,
+        stance_angle=angle,
+        step_period=result.duration / curve.period * times,
+        step_length=step * lengths,
+        multipliers=np.array([multipliers_of(point.map) for point in points]),
+        folds=tuple(sorted(down.folds + up.folds)),
+        period_doublings=tuple(sorted(down.doublings + up.doublings)),
+        ends=(down.end, up.end),
+    )
+
+
+def _some_gait(walker: Walker, slopes: NDArray, kind: GaitKind) -> Gait:
+    last: GaitNotFound | None = None
+    for slope in slopes:
+        try:
+            return find_gait(walker, float(slope), kind)
+        except GaitNotFound as error:
+            last = error
+    raise GaitNotFound(
+        f"no {kind}-step gait of {describe(walker)} at any of {len(slopes)} slopes from "
+        f"{min(slopes):.3g} to {max(slopes):.3g} rad. The last search said: {last}"
+    )
+
+
+def gait_family(
+    walker: Walker | str,
+    slope_min: float,
+    slope_max: float,
+    kind: GaitKind = "long",
+    *,
+    start: Gait | None = None,
+    resolution: float = 0.05,
+) -> GaitFamily:
+    """Follow a gait over slopes, through folds and to its ends.
+
+    Begins at the lowest slope of the range where such a gait is found. Some walkers have further
+    gaits at steep slopes on a curve of their own: reach those with another `slope_min`.
+
+    Args:
+        walker: The walker, or a preset's name.
+        slope_min: Lowest slope in rad, positive.
+        slope_max: Highest slope in rad.
+        kind: Which gait to begin with, "long" or "short".
+        start: A gait to begin with instead; of any period.
+        resolution: Longest step along the curve, in ln(angle), rates over angle and ln(slope).
+
+    Returns:
+        The family: both directions from the gait it began with, in order along the curve.
+
+    Raises:
+        GaitNotFound: if no gait to begin with is found in the range.
+    """
+    walker = as_walker(walker)
+    low, high = float(check_slope(slope_min)), float(check_slope(slope_max))
+    if not 0.0 < low < high:
+        raise ValueError(f"slopes must be 0 < slope_min < slope_max, not {slope_min}, {slope_max}")
+    if start is None:
+        start = _some_gait(walker, np.geomspace(low, high, 16), kind)
+    elif not low <= start.slope <= high:
+        raise ValueError(f"the gait to start with stands at slope {start.slope}, out of the range")
+    curve = Curve(section_of(walker), np.exp, None, start.period)
+    return _family(
+        walker, "slope", curve, start, start.slope, (low, high), lambda x: float(np.log(x)),
+        resolution,
+    )  # fmt: skip
+
+
+def _varied(walker: Walker, parameter: str, value: complex) -> SimpleNamespace:
+    values = asdict(walker)
+    values[parameter] = value
+    return SimpleNamespace(**values)
+
+
+def parameter_family(
+    walker: Walker | str,
+    parameter: str,
+    low: float,
+    high: float,
+    *,
+    slope: float,
+    kind: GaitKind = "long",
+    resolution: float = 0.05,
+) -> GaitFamily:
+    """Follow a gait at a fixed slope as one of the walker's parameters changes.
+
+    Args:
+        walker: The walker to begin with; its own parameter must lie in the range.
+        parameter: A numerical parameter of `Walker`, such as "shank_offset".
+        low: Lowest value.
+        high: Highest value.
+        slope: Slope in rad.
+        kind: Which gait to begin with.
+        resolution: Longest step along the curve; the range counts as one.
+
+    Raises:
+        GaitNotFound: if the walker has no such gait at this slope.
+        ValueError: if there is no such parameter, or the range is empty or leaves it out.
+    """
+    walker = as_walker(walker)
+    slope = float(check_slope(slope))
+    names = [name for name in asdict(walker) if name != "knees"]
+    if parameter not in names:
+        raise ValueError(f"no parameter {parameter!r} to vary: choose from {', '.join(names)}")
+    here = getattr(walker, parameter)
+    if not low < high or not low <= here <= high:
+        raise ValueError(f"{parameter} of this walker is {here}: give low <= {here} <= high")
+    for value in (low, high):
+        try:
+            Walker(**{**asdict(walker), parameter: value})
+        except WalkerError as error:
+            raise ValueError(f"the range leaves what a walker can be: {error}") from error
+    start = find_gait(walker, slope, kind)
+    span = high - low
+
+    def setting(values: NDArray) -> tuple[NDArray, NDArray]:
+        rows = [K.constants_from(_varied(walker, parameter, v), knees=walker.knees) for v in values]
+        return np.array(rows, dtype=complex), np.full(len(values), slope + 0j)
+
+    curve = Curve(section_of(walker), lambda p: p * span + low, setting, 1)
+    return _family(
+        walker, parameter, curve, start, here, (low, high), lambda x: (x - low) / span, resolution
+    )

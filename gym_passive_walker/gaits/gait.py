@@ -1,0 +1,128 @@
+"""What a gait is, and its measures."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker.gaits.newton import equations
+from gym_passive_walker.gaits.section import Section
+from gym_passive_walker.physics.stride import Stride, frame_of, stride
+from gym_passive_walker.walkers import Walker
+
+GaitKind = Literal["long", "short"]
+
+
+class GaitNotFound(Exception):
+    """No such gait; the message says for which walker and slope, and what was tried."""
+
+
+@dataclass(frozen=True)
+class Gait:
+    """A periodic walk, in the walker's own units.
+
+    Attributes:
+        walker: Who walks.
+        slope: Slope in rad.
+        kind: "long" or "short" step.
+        period: Strides until the motion repeats.
+        state: Section state (6,): angles in rad and rates, just after heelstrike.
+        multipliers: Eigenvalues of the stride map's derivative over one period, largest modulus
+            first. One of a kneed walker's four, and of the simplest walker's three, is zero: the
+            walker forgets it at kneestrike (at heelstrike), where two rates become one.
+        stride: The first stride of the gait with its ledger.
+        step_period: Mean time of a stride.
+        step_length: Mean distance between contacts along the slope.
+    """
+
+    walker: Walker
+    slope: float
+    kind: str
+    period: int
+    state: NDArray[np.float64]
+    multipliers: NDArray[np.complex128]
+    stride: Stride
+    step_period: float
+    step_length: float
+
+    @property
+    def stance_angle(self) -> float:
+        """Stance angle in rad just after heelstrike."""
+        return float(self.state[0])
+
+    @property
+    def speed(self) -> float:
+        """Mean speed along the slope."""
+        return self.step_length / self.step_period
+
+    @property
+    def froude_speed(self) -> float:
+        """Speed over sqrt(g l), the square root of the Froude number (Eq. 4.6)."""
+        return self.speed / math.sqrt(self.walker.gravity * self.walker.leg_length)
+
+    @property
+    def cost_of_transport(self) -> float:
+        """Energy lost at collisions over weight times distance (Eq. 4.3)."""
+        return float(self.stride.cost_of_transport) if self.period == 1 else math.sin(self.slope)
+
+    @property
+    def kneestrike_time(self) -> float:
+        """Time from heelstrike to kneestrike in the first stride; NaN without knees."""
+        return float(self.stride.kneestrike_time)
+
+    @property
+    def kneestrike_loss(self) -> float:
+        """Energy lost at kneestrike in the first stride."""
+        return float(self.stride.kneestrike_loss)
+
+    @property
+    def heelstrike_loss(self) -> float:
+        """Energy lost at heelstrike in the first stride."""
+        return float(self.stride.heelstrike_loss)
+
+    @property
+    def stable(self) -> bool:
+        """Whether small disturbances die out: all multipliers inside the unit circle."""
+        return bool(np.abs(self.multipliers[0]) < 1.0)
+
+
+def _index(map_derivative: NDArray) -> int:
+    """Sign of det(1 - D): a branch keeps it until it folds. Positive on long-step branches."""
+    return int(np.sign(np.linalg.det(np.eye(len(map_derivative)) - map_derivative)))
+
+
+def multipliers_of(map_derivative: NDArray) -> NDArray[np.complex128]:
+    """Eigenvalues of the stride map's derivative, largest modulus first."""
+    values = np.linalg.eigvals(map_derivative).astype(complex)
+    return values[np.argsort(-np.abs(values), kind="stable")]
+
+
+def measure(
+    walker: Walker, section: Section, u: NDArray, slope: float, period: int, torque: float
+) -> Gait:
+    """Measure the gait at a fixed point."""
+    frame = frame_of(walker)
+    point = np.append(u, slope)[None]
+    _, _, derivative = equations(section, point, period=period, torque=torque, tolerance=1e-13)
+    state = section.state(u[None])[0]
+    state[3:] *= frame.rate
+    first = walk = stride(walker, slope, state, hip_torque=torque * frame.torque, tolerance=1e-13)
+    time, length = float(walk.duration), float(walk.step_length)
+    for _ in range(period - 1):
+        walk = stride(walker, slope, walk.state, hip_torque=torque * frame.torque, tolerance=1e-13)
+        time, length = time + float(walk.duration), length + float(walk.step_length)
+    return Gait(
+        walker=walker,
+        slope=slope,
+        kind="long" if _index(derivative[0]) > 0 else "short",
+        period=period,
+        state=state,
+        multipliers=multipliers_of(derivative[0]),
+        stride=first,
+        step_period=time / period,
+        step_length=length / period,
+    )
