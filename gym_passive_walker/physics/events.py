@@ -103,9 +103,10 @@ def derivative(p):
 def root(p):
     """A root in [0, 1] of a polynomial whose ends differ in sign, by bracketed Newton steps."""
     low, high = 0.0, 1.0
-    rising = value(p, 1.0) > 0.0
+    first, last = value(p, 0.0), value(p, 1.0)
+    rising = last > 0.0
     d = derivative(p)
-    x = 0.5
+    x = first / (first - last) if first != last else 0.5
     for _ in range(60):
         g = value(p, x)
         if (g > 0.0) == rising:
@@ -116,7 +117,7 @@ def root(p):
         new = x - g / slope if slope != 0.0 else 0.5 * (low + high)
         if not low < new < high:
             new = 0.5 * (low + high)
-        if abs(new - x) < 1e-14:
+        if np.abs(new - x) < 1e-12:
             return new
         x = new
     return x

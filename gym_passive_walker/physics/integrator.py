@@ -176,6 +176,14 @@ def passed(before, rate_before, after, rate_after):
 
 
 @inlined
+def growth(error):
+    """Factor to the next step length, from the error of this one over its tolerance."""
+    factor = 0.9 / np.sqrt(np.sqrt(np.sqrt(error + 1e-30)))  # the pair's order is 8
+    factor = factor if factor < 6.0 else 6.0
+    return factor if factor > 0.2 else 0.2
+
+
+@inlined
 def judge(phase, tile, lanes, stub):
     """Settle the ordinary case in every lane; mark the lanes that `attend` must look at."""
     for lane in range(lanes):
@@ -206,11 +214,8 @@ def judge(phase, tile, lanes, stub):
             | (h.real < 1e-12)
             | (get(tile, _STEPS, lane).real >= MOST_STEPS)
         )
-        factor = 0.9 / np.sqrt(np.sqrt(np.sqrt(error + 1e-30)))
-        factor = factor if factor < 6.0 else 6.0
-        factor = factor if factor > 0.2 else 0.2
         plain = (error <= 1.0) & (not alert)
-        following = h * factor
+        following = h * growth(error)
         rest = rest - h if plain else rest
         put(tile, _ALERT, lane, 1.0 if alert else 0.0)
         put(tile, _STEPS, lane, get(tile, _STEPS, lane) + 1.0)
@@ -296,6 +301,24 @@ def watched(event, phase, stub):
 
 
 @inlined
+def candidates(tile, lane, phase, stub):
+    """One past the last event that can have happened in the step: most need no look."""
+    s0, s1 = get(tile, _ANGLE, lane).real, get(tile, _NEW_ANGLE, lane).real
+    t0, t1 = get(tile, _ANGLE + 1, lane).real, get(tile, _NEW_ANGLE + 1, lane).real
+    if (
+        stub
+        and phase == E.LOCKED
+        and ((t0 - s0) * (t1 - s1) <= 0.0 or (s0 + t0) * (s1 + t1) <= 0.0)
+    ):
+        return E.EVENTS
+    if np.abs(s1) >= 0.5 * np.pi or np.abs(t1) >= np.pi:
+        return E.FIRST_STUB
+    if phase == E.FREE and np.abs(get(tile, _NEW_ANGLE + 2, lane).real) >= np.pi:
+        return E.FIRST_STUB
+    return E.FIRST_BOUND
+
+
+@inlined
 def fell(event, tile, lane):
     """Whether an event function fell through zero over the step."""
     constant = E.FUNCTIONS[event, 3]
@@ -343,9 +366,8 @@ def go_on(tile, lane):
 
 
 @inlined
-def aim(event, tile, lane, high):
+def aim(event, fraction, tile, lane, high):
     """Repeat the step from its start, with the length that leads to an event's first estimate."""
-    fraction = E.root(course(event, tile, lane))
     put(tile, _EVENT, lane, float(event))
     put(tile, _LOW, lane, 0.0)
     put(tile, _HIGH, lane, high)
@@ -380,10 +402,10 @@ def land(tile, lane, phase, stub, landing):
         return 0
     if narrow and not close:
         correction = 0.0 * correction
-    for other in range(1, E.EVENTS):  # does another one come first?
+    for other in range(1, candidates(tile, lane, phase, stub)):  # does another one come first?
         if other != event and watched(other, phase, stub) and fell(other, tile, lane):
             if along(other, tile, lane, _NEW_ANGLE).real + E.FUNCTIONS[other, 3] < 0.0:
-                aim(other, tile, lane, h.real)
+                aim(other, E.root(course(other, tile, lane)), tile, lane, h.real)
                 return 0
     for i in range(3):
         rate, acceleration = get(tile, _NEW_RATE + i, lane), get(tile, _NEW_STAGE + i, lane)
@@ -410,8 +432,7 @@ def attend(tile, lane, phase, stub, landing):
     if not h.real * 0.0 == 0.0 or get(tile, _STEPS, lane).real > MOST_STEPS:
         return -2
     if not error <= 1.0 and get(tile, _EVENT, lane).real == 0.0:
-        factor = 0.9 / error**0.125 if error > 1.0 else 0.1
-        put(tile, _H, lane, h * larger(factor if factor < 0.9 else 0.9, 0.1))
+        put(tile, _H, lane, h * (growth(error) if error > 1.0 else 0.1))
         put(tile, _NEXT, lane, get(tile, _H, lane))
         return -2 if h.real < 1e-13 else 0
     if get(tile, _EVENT, lane).real != 0.0:
@@ -423,27 +444,25 @@ def attend(tile, lane, phase, stub, landing):
         put(tile, _H, lane, turned * h)
         return 0
     first, event = 2.0, 0
-    for candidate in range(1, E.EVENTS):
+    for candidate in range(1, candidates(tile, lane, phase, stub)):
         if watched(candidate, phase, stub) and fell(candidate, tile, lane):
             fraction = E.root(course(candidate, tile, lane))
             if fraction < first:
                 first, event = fraction, candidate
     if event > 0:
         put(tile, _NEXT, lane, h)
-        aim(event, tile, lane, h.real)
+        aim(event, first, tile, lane, h.real)
         return 0
     event = E.KNEESTRIKE if phase == E.FREE else E.HEELSTRIKE
-    path = course(event, tile, lane)
-    slope = E.derivative(path)
-    if E.value(slope, 0.0) * E.value(slope, 1.0) < 0.0:
-        fraction = E.root(slope)
+    if along(event, tile, lane, _RATE).real * along(event, tile, lane, _NEW_RATE).real < 0.0:
+        path = course(event, tile, lane)
+        fraction = E.root(E.derivative(path))
         extreme = E.value(path, fraction)
         if 1e-3 < fraction < 1.0 - 1e-3 and (extreme > 0.0) != (path[0] > 0.0):
             put(tile, _NEXT, lane, h)  # a pair of roots may hide: stop between them
             put(tile, _H, lane, fraction * h)
             return 0
-    growth = 0.9 / (error + 1e-30) ** 0.125
-    following = h * (6.0 if growth > 6.0 else growth)
+    following = h * growth(error)
     if following.real > get(tile, _NEXT, lane).real or error > 0.1:
         put(tile, _NEXT, lane, following)
     commit(tile, lane, h)
@@ -454,8 +473,9 @@ def attend(tile, lane, phase, stub, landing):
 
 
 @jitted
-def load(phase, tile, lane, record, constants, first_step):
+def load(phase, tile, lane, records, constants, index, first_step):
     """Put a walker into a lane."""
+    record = records[index]
     for i in range(3):
         put(tile, _ANGLE + i, lane, record[ANGLES + i])
         put(tile, _RATE + i, lane, record[RATES + i])
@@ -468,8 +488,9 @@ def load(phase, tile, lane, record, constants, first_step):
     put(tile, _STEPS, lane, 0.0)
     put(tile, _TURN, lane, 0.0)
     if phase != E.SIMPLEST:
+        row = index if len(constants) > 1 else 0
         for i in range(_TILE_CONSTANTS):
-            put(tile, _CONSTANT + i, lane, constants[i])
+            put(tile, _CONSTANT + i, lane, constants[row, i])
     q0, q1, q2 = record[ANGLES], record[ANGLES + 1], record[ANGLES + 2]
     w0, w1, w2 = record[RATES], record[RATES + 1], record[RATES + 2]
     if phase == E.FREE:
@@ -514,9 +535,21 @@ def unload(phase, tile, lane, record, event):
 
 @jitted
 def move(tile, source, target):
-    """Move a walker from one lane to another."""
-    for row in range(ROWS):
+    """Move a walker from one lane to another; the stages between a step's ends are spent."""
+    for row in range(_STAGE + 3):
         put(tile, row, target, get(tile, row, source))
+    for row in range(_NEW_STAGE, ROWS):
+        put(tile, row, target, get(tile, row, source))
+
+
+@inlined
+def next_waiting(records, index, phase):
+    """The first record from an index on that waits for a phase; their number if none does."""
+    while index < len(records):
+        if records[index, PHASE].real == phase and records[index, OUTCOME].real == 0.0:
+            break
+        index += 1
+    return index
 
 
 def _advance(phase: int):  # type: ignore[no-untyped-def]
@@ -532,15 +565,15 @@ def _advance(phase: int):  # type: ignore[no-untyped-def]
     @jitted
     def advance(records, constants, tile, tolerance, landing, first_step, stub):
         owner = np.empty(WIDTH, np.int64)
-        count = len(records)
         waiting, used = 0, 0
         while True:
-            while used < WIDTH and waiting < count:
-                if records[waiting, PHASE].real == phase and records[waiting, OUTCOME].real == 0.0:
-                    constant = constants[waiting if len(constants) > 1 else 0]
-                    load(phase, tile, used, records[waiting], constant, first_step)
-                    owner[used] = waiting
-                    used += 1
+            while used < WIDTH:
+                waiting = next_waiting(records, waiting, phase)
+                if waiting == len(records):
+                    break
+                load(phase, tile, used, records, constants, waiting, first_step)
+                owner[used] = waiting
+                used += 1
                 waiting += 1
             if used == 0:
                 return
@@ -555,6 +588,13 @@ def _advance(phase: int):  # type: ignore[no-untyped-def]
                     lane += 1
                     continue
                 unload(phase, tile, lane, records[owner[lane]], event)
+                waiting = next_waiting(records, waiting, phase)
+                if waiting < len(records):
+                    load(phase, tile, lane, records, constants, waiting, first_step)
+                    owner[lane] = waiting
+                    waiting += 1
+                    lane += 1
+                    continue
                 used -= 1
                 if lane < used:
                     move(tile, used, lane)

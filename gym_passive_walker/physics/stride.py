@@ -34,7 +34,7 @@ LONGEST_STRIDE = 100.0
 
 FINEST_TOLERANCE, COARSEST_TOLERANCE = 1e-15, 0.1
 _SHARE = 0.25  # of the tolerance, for the error of one step: a stride takes several
-_CHUNK = 128  # records carried through a stride together, so that they stay in the cache
+_CHUNK = 256  # records carried through a stride together, so that they stay in the cache
 _WORTH_A_THREAD = 512  # records below which a second thread costs more than it saves
 
 
@@ -193,7 +193,7 @@ def step_control(tolerance: float, *, real: bool = True) -> tuple[float, float, 
     """What a kernel is told of a tolerance: a step's error, its end's shift, its first length."""
     # A step's end is moved by up to `landing` of its length by its Taylor series of second order.
     landing = 0.1 * math.sqrt(tolerance) if real else 1e-13
-    return _SHARE * tolerance, landing, 0.5 * tolerance**0.125
+    return _SHARE * tolerance, landing, tolerance**0.125
 
 
 def advance(
