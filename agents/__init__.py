@@ -1,0 +1,1 @@
+"""Everything that acts: baselines, algorithms and their presets, training and evaluation."""

@@ -1,0 +1,149 @@
+"""What a run is: a preset, a scene, and what the user changed. Kept beside the run as YAML."""
+
+from __future__ import annotations
+
+import ast
+from dataclasses import asdict, dataclass, field, fields
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+ALGORITHMS = ("ppo", "sac")
+DEFAULT_SCENE = "level"
+EVALUATIONS = 20
+"""How often a run stops to evaluate and to save, unless told otherwise."""
+
+_PRESETS = Path(__file__).parent / "presets"
+# What a preset says about the run rather than to the algorithm.
+_OF_THE_RUN = ("n_envs", "n_timesteps", "normalize")
+
+
+class ConfigError(ValueError):
+    """A run cannot be set up so; the message says what is wrong, and what is allowed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Config:
+    """Everything that decides how a run goes.
+
+    Attributes:
+        algo: "ppo" or "sac".
+        scene: Name of the scene.
+        env: Arguments of the environment that differ from the scene's own.
+        n_envs: Environments side by side.
+        steps: Environment steps to train for, all environments together.
+        seed: Seed of the environments, of the initial weights and of the exploration.
+        every: Steps from one evaluation and checkpoint to the next.
+        normalize: Arguments of VecNormalize; None trains on the bare environment.
+        hyperparams: Arguments of the algorithm.
+    """
+
+    algo: str
+    scene: str
+    env: dict[str, Any] = field(default_factory=dict)
+    n_envs: int
+    steps: int
+    seed: int = 0
+    every: int
+    normalize: dict[str, Any] | None
+    hyperparams: dict[str, Any]
+
+    def save(self, path: Path) -> None:
+        """Write the run's YAML."""
+        path.write_text(yaml.safe_dump(asdict(self), sort_keys=False), encoding="utf-8")
+
+    @classmethod
+    def load(cls, path: Path) -> Config:
+        """Read a run's YAML.
+
+        Raises:
+            ConfigError: if it is missing, or not what `save` writes.
+        """
+        if not path.is_file():
+            raise ConfigError(f"{path.parent} is not a run: it has no {path.name}")
+        try:
+            values = yaml.safe_load(path.read_text(encoding="utf-8"))
+            config = cls(**values)
+        except (yaml.YAMLError, TypeError) as error:
+            raise ConfigError(f"{path} is not a run's configuration: {error}") from None
+        return config
+
+    def differences(self, other: Config, *, ignore: tuple[str, ...] = ()) -> list[str]:
+        """What another configuration says otherwise, one line each."""
+        return [
+            f"{name}: {getattr(self, name)!r} here, {getattr(other, name)!r} asked for"
+            for name in (f.name for f in fields(self))
+            if name not in ignore and getattr(self, name) != getattr(other, name)
+        ]
+
+
+@cache
+def presets(algo: str) -> dict[str, dict[str, Any]]:
+    """An algorithm's presets, by scene and by control."""
+    if algo not in ALGORITHMS:
+        raise ConfigError(f"no algorithm {algo!r}: choose from {', '.join(ALGORITHMS)}")
+    return yaml.safe_load((_PRESETS / f"{algo}.yml").read_text(encoding="utf-8"))
+
+
+def configure(
+    algo: str = "ppo",
+    scene: str = DEFAULT_SCENE,
+    *,
+    env: dict[str, Any] | None = None,
+    steps: int | None = None,
+    n_envs: int | None = None,
+    seed: int = 0,
+    every: int | None = None,
+) -> Config:
+    """A run's configuration: the preset of a scene, with what is given put over it.
+
+    Args:
+        algo: "ppo" or "sac".
+        scene: Name of the scene.
+        env: Arguments of the environment that differ from the scene's own. A control of its own
+            brings that control's preset with it.
+        steps: Environment steps; the preset's when None.
+        n_envs: Environments side by side; the preset's when None. PPO keeps the size of its update.
+        seed: Seed of everything.
+        every: Steps from one evaluation and checkpoint to the next; a twentieth of all when None.
+
+    Raises:
+        ConfigError: if a name or a number is out of range.
+    """
+    env = {name: value for name, value in (env or {}).items() if value is not None}
+    of_algo = presets(algo)
+    name = env.get("control", scene)
+    if name not in of_algo:
+        raise ConfigError(f"no preset for {name!r} in {algo}.yml: it has {', '.join(of_algo)}")
+    preset = dict(of_algo[name])
+    count, total, normalize = (preset.pop(key) for key in _OF_THE_RUN)
+    if n_envs is not None and algo == "ppo" and n_envs > 0:
+        preset["n_steps"] = max(2, round(preset["n_steps"] * count / n_envs))
+        preset["batch_size"] = min(preset["batch_size"], preset["n_steps"] * n_envs)
+    n_envs = count if n_envs is None else n_envs
+    steps = total if steps is None else steps
+    for label, number in (("envs", n_envs), ("steps", steps), ("every", every)):
+        if number is not None and number < 1:
+            raise ConfigError(f"{label} must be at least 1, not {number}")
+    if not 0 <= seed < 2**31:
+        raise ConfigError(f"seed must lie between 0 and {2**31 - 1}, not {seed}")
+    return Config(
+        algo=algo,
+        scene=scene,
+        env=env,
+        n_envs=n_envs,
+        steps=steps,
+        seed=seed,
+        every=max(1, steps // EVALUATIONS) if every is None else every,
+        normalize=_normalizer(normalize),
+        hyperparams=preset,
+    )
+
+
+def _normalizer(entry: bool | str | dict[str, Any]) -> dict[str, Any] | None:
+    """VecNormalize's arguments from rl_zoo3's notation: a truth value, or a dict as a string."""
+    if isinstance(entry, str):
+        entry = ast.literal_eval(entry)
+    return {} if entry is True else (entry or None)  # type: ignore[return-value]

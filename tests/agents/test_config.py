@@ -1,0 +1,77 @@
+"""A run's configuration: presets, and what the user puts over them."""
+
+import pytest
+import yaml
+
+from agents.config import ALGORITHMS, Config, ConfigError, configure, presets
+
+SCENES = ("level", "steep", "rolling", "lab")
+
+
+@pytest.mark.parametrize("algo", ALGORITHMS)
+@pytest.mark.parametrize("scene", SCENES)
+def test_each_scene_has_a_preset(algo, scene):
+    config = configure(algo, scene)
+    assert config.steps >= 100_000 and config.n_envs >= 8
+
+
+def test_the_default_is_large_batch_ppo_on_the_level():
+    config = configure()
+    assert (config.algo, config.scene, config.n_envs) == ("ppo", "level", 64)
+    assert config.hyperparams["n_steps"] * config.n_envs in (4096, 8192)
+    assert config.hyperparams["batch_size"] == 2048
+    assert config.hyperparams["policy_kwargs"]["log_std_init"] == -1.0
+
+
+def test_a_stride_of_one_torque_starts_with_less_noise():
+    assert configure("ppo", "steep").hyperparams["policy_kwargs"]["log_std_init"] == -2.0
+
+
+def test_a_control_of_ones_own_brings_its_preset():
+    config = configure("ppo", "level", env={"control": "stride", "walker": None})
+    assert config.env == {"control": "stride"}
+    assert config.hyperparams == configure("ppo", "steep").hyperparams
+
+
+def test_ppo_keeps_the_size_of_its_update_when_environments_change():
+    usual, few = configure(), configure(n_envs=4)
+    assert few.hyperparams["n_steps"] * 4 == usual.hyperparams["n_steps"] * usual.n_envs
+
+
+def test_presets_name_the_gymnasium_id_too_for_rl_zoo3():
+    for algo in ALGORITHMS:
+        assert presets(algo)["PassiveWalker-v0"] == presets(algo)["level"]
+
+
+def test_a_configuration_survives_its_file(tmp_path):
+    config = configure("sac", "rolling", env={"slope": [0.0, 0.02]}, seed=3)
+    config.save(tmp_path / "config.yml")
+    assert Config.load(tmp_path / "config.yml") == config
+    assert yaml.safe_load((tmp_path / "config.yml").read_text())["scene"] == "rolling"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"algo": "dqn"}, "ppo, sac"),
+        ({"scene": "moon"}, "level"),
+        ({"steps": 0}, "steps must be at least 1"),
+        ({"n_envs": -1}, "envs must be at least 1"),
+        ({"seed": -1}, "seed"),
+    ],
+)
+def test_nonsense_is_refused_with_what_is_allowed(arguments, words):
+    with pytest.raises(ConfigError, match=words):
+        configure(**arguments)
+
+
+@pytest.mark.parametrize("text", ["", "[1, 2]", "algo: ppo", "a: {", "colour: red"])
+def test_a_file_that_is_no_configuration_is_refused(tmp_path, text):
+    (tmp_path / "config.yml").write_text(text)
+    with pytest.raises(ConfigError, match=r"config\.yml"):
+        Config.load(tmp_path / "config.yml")
+
+
+def test_differences_say_what_is_kept_and_what_was_asked():
+    here, asked = configure(seed=1), configure(seed=2, steps=10)
+    assert here.differences(asked, ignore=("steps", "every")) == ["seed: 1 here, 2 asked for"]
