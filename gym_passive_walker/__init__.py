@@ -1,5 +1,6 @@
 """Exact passive walkers for reinforcement learning and gait analysis."""
 
+from gym_passive_walker.envs.registration import register as _register
 from gym_passive_walker.gaits.family import GaitFamily, gait_family, parameter_family
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
@@ -42,3 +43,5 @@ __all__ = [
     "tune",
     "tuning_errors",
 ]
+
+_register()

@@ -1,0 +1,314 @@
+"""Any number of walkers in a scene: what the single and the vector environments have in common."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from gym_passive_walker.envs import task as T
+from gym_passive_walker.envs.scene import Scene, SceneError
+from gym_passive_walker.envs.starts import Starts, checked_state
+from gym_passive_walker.physics import constants as K
+from gym_passive_walker.physics import integrator as I
+from gym_passive_walker.physics.constants import Kind
+from gym_passive_walker.physics.events import Outcome
+from gym_passive_walker.physics.lanes import cache_directory
+from gym_passive_walker.physics.stride import check_slope, in_parts, step_control
+from gym_passive_walker.walkers import Walker
+
+OPTIONS = ("state", "slope")
+"""What `reset` may be asked for."""
+
+OUTCOMES = tuple(outcome.name.lower() for outcome in Outcome)
+"""Names of outcomes in `info`."""
+
+EVERY_STEP = ("distance", "energy", "episode_distance", "episode_energy", "strides")
+"""Names in `info` of the ledger's columns from 0 on, at every step."""
+
+EVERY_STRIDE = (
+    "step_length",
+    "step_period",
+    "speed",
+    "cost_of_transport",
+    "gravity_cost",
+    "hip_cost",
+    "net_hip_cost",
+    "collision_cost",
+    "kneestrike_time",
+)
+"""Names in `info` of the columns that follow, at each stride's end."""
+
+
+def observation_space() -> spaces.Box:
+    """What an agent sees: the same for every walker and every scene."""
+    low = -T.BOUNDS
+    low[6] = 0.0
+    return spaces.Box(low.astype(np.float32), T.BOUNDS.astype(np.float32), dtype=np.float32)
+
+
+def action_space() -> spaces.Box:
+    """What an agent does: the hip torque, as a share of the largest."""
+    return spaces.Box(-1.0, 1.0, (1,), np.float32)
+
+
+def _rules(scene: Scene, step_limit: float) -> NDArray[np.float64]:
+    """A scene's rules, as the kernel reads them."""
+    rules = np.empty(T.RULES)
+    rules[T.TICK] = scene.tick if scene.control == "tick" else math.inf
+    rules[T.LONGEST_STRIDE] = scene.longest_stride
+    rules[T.MAX_HIP_TORQUE] = scene.max_hip_torque
+    rules[T.ENERGY_WEIGHT] = scene.energy_weight
+    rules[T.CHARGED] = T.ENERGIES.index(scene.energy)
+    rules[T.STEP_LIMIT] = step_limit
+    rules[[T.TOLERANCE, T.LANDING, T.FIRST_STEP]] = step_control(scene.tolerance)
+    rules[T.STUB] = scene.stub
+    return rules
+
+
+def _kernel(kind: Kind) -> Any:
+    """The step of a kind of walker; says so where compiling it will take a while."""
+    kernel = T.KERNELS[kind]
+    name = f"task.{kernel.py_func.__name__}-*.nbi"
+    if not kernel.signatures and not any(cache_directory().rglob(name)):
+        print(
+            "gym_passive_walker: compiling the walker's equations, once; a minute or so",
+            file=sys.stderr,
+            flush=True,
+        )
+    return kernel
+
+
+class Batch:
+    """Walkers side by side: their records and ledger, starts and steps.
+
+    Args:
+        scene: What is simulated.
+        count: How many walkers.
+        walkers: A walker for each, of one kind, instead of the scene's.
+        slopes: A slope for each, instead of the scene's.
+        step_limit: Steps after which an episode is truncated.
+        threads: How many threads large batches use; numba's number when None.
+
+    Attributes:
+        kind: Which equations the walkers obey.
+        walkers: The walker in each place.
+        records: See `physics.integrator`; shape (count, FIELDS).
+        ledger: See `envs.task`; shape (count, COLUMNS).
+        randoms: Each walker's own source of random numbers.
+
+    Raises:
+        SceneError: if the walkers are of different kinds, or a count does not fit.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        count: int = 1,
+        *,
+        walkers: Sequence[Walker] | None = None,
+        slopes: Sequence[float] | None = None,
+        step_limit: float = math.inf,
+        threads: int | None = None,
+    ) -> None:
+        if count < 1:
+            raise SceneError(f"there must be at least one walker, not {count!r}")
+        for name, given in (("walkers", walkers), ("slopes", slopes)):
+            if given is not None and len(given) != count:
+                raise SceneError(f"{name}: {len(given)} of them for {count} environments")
+        self.scene, self.count, self.threads = scene, count, threads
+        self.walkers = [scene.walker] * count if walkers is None else list(walkers)
+        kinds = {K.kind_of(walker) for walker in self.walkers}
+        if len(kinds) > 1:
+            raise SceneError(
+                "walkers of one batch must be of one kind: all with knees, all with straight legs, "
+                "or all with legs without mass"
+            )
+        self.kind = kinds.pop()
+        slope_of = [None] * count if slopes is None else check_slope(slopes).tolist()
+        shared: dict[Any, Starts] = {}
+        self._starts = [
+            shared.setdefault((walker, slope), Starts(scene, walker, slope))
+            for walker, slope in zip(self.walkers, slope_of, strict=True)
+        ]
+        self._alike = walkers is None and not scene.randomise
+        self.constants = np.array(
+            [K.constants(w) for w in self.walkers[: 1 if self._alike else None]]
+        )
+        self.records = np.zeros((count, I.FIELDS))
+        self.records[:, I.COS_SLOPE] = 1.0
+        self.ledger = np.zeros((count, T.COLUMNS))
+        self.rules = _rules(scene, step_limit)
+        self.randoms: list[np.random.Generator] = []
+        self.step_kernel = _kernel(self.kind)
+
+    def start(self, lanes: Iterable[int], options: Mapping[str, Any] | None = None) -> None:
+        """Begin a new episode for some of the walkers.
+
+        Args:
+            lanes: Which.
+            options: "state" (one for each walker of the batch, or one for all) and "slope"
+                (likewise), in the walker's own units, instead of those drawn.
+
+        Raises:
+            ValueError: if an option is unknown or out of its range; nothing has changed then
+                but the random numbers taken.
+        """
+        lanes = list(lanes)
+        states, slopes = self._asked(options or {})
+        drawn = []
+        for i in lanes:
+            slope = None if slopes is None else slopes[i]
+            walker, slope, state = self._starts[i].draw(self.randoms[i], slope, gait=states is None)
+            if states is not None:
+                state = checked_state(states[i], walker)
+            drawn.append((walker, slope, state))
+        for i, (walker, _, _) in zip(lanes, drawn, strict=True):
+            if walker is not self.walkers[i]:
+                self.walkers[i] = walker
+                self.constants[i] = K.constants(walker)
+        slope = np.array([slope for _, slope, _ in drawn])
+        records = np.zeros((len(lanes), I.FIELDS))
+        records[:, :6] = [state for _, _, state in drawn]
+        records[:, I.SIN_SLOPE], records[:, I.COS_SLOPE] = np.sin(slope), np.cos(slope)
+        rows = np.zeros((len(lanes), T.COLUMNS))
+        rows[:, T.SLOPE] = slope
+        rows[:, T.START : T.START + 3] = records[:, :3]
+        radius = self.constants[lanes if len(self.constants) > 1 else 0, K.FOOT_RADIUS]
+        rows[:, T.ORIGIN] = radius * records[:, 0]
+        self.records[lanes], self.ledger[lanes] = records, rows
+
+    def _asked(
+        self, options: Mapping[str, Any]
+    ) -> tuple[NDArray[np.float64] | None, list[float] | None]:
+        """The states and slopes that options ask for, one for each walker."""
+        unknown = set(options) - set(OPTIONS)
+        if unknown:
+            raise ValueError(
+                f"reset knows no option {', '.join(map(repr, sorted(unknown)))}; "
+                f"it knows {', '.join(map(repr, OPTIONS))}"
+            )
+        states, slopes = None, None
+        try:
+            if options.get("state") is not None:
+                given = np.asarray(options["state"], dtype=float)
+                states = np.broadcast_to(given, (self.count, 6))
+            if options.get("slope") is not None:
+                given = check_slope(options["slope"])
+                slopes = np.broadcast_to(given, (self.count,)).tolist()
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"reset options {dict(options)!r}: {error}") from None
+        return states, slopes
+
+    def observe(self, lanes: Iterable[int], observations: NDArray[np.float32]) -> None:
+        """Write some walkers' observations into the flat array of all."""
+        where = np.fromiter(lanes, np.int64)
+        T.observe(self.records, self.ledger, int(self.kind), where, observations)
+
+    def step(
+        self,
+        actions: NDArray[np.float64],
+        observations: NDArray[np.float32],
+        rewards: NDArray[np.float64],
+        terminated: NDArray[np.bool_],
+        truncated: NDArray[np.bool_],
+    ) -> None:
+        """A step of every walker whose episode goes on; the others get a reward of 0.
+
+        Args:
+            actions: Shape (count,).
+            observations: Filled, flat: shape (count * SIZE,).
+            rewards: Filled; shape (count,).
+            terminated: Filled; shape (count,).
+            truncated: Filled; shape (count,).
+
+        Raises:
+            ValueError: if an action is no finite number; nothing has changed then.
+        """
+        if not np.isfinite(actions).all():  # before any thread has begun
+            wrong = np.flatnonzero(~np.isfinite(actions) & ~self.over)
+            if len(wrong):
+                refuse(actions[wrong[0]], wrong[0] if self.count > 1 else None)
+
+        def job(first: int, last: int) -> None:
+            self.step_kernel(
+                self.records[first:last],
+                self.constants[first:last] if len(self.constants) > 1 else self.constants,
+                self.ledger[first:last],
+                self.rules,
+                actions[first:last],
+                observations[first * T.SIZE : last * T.SIZE],
+                rewards[first:last],
+                terminated[first:last],
+                truncated[first:last],
+            )
+
+        in_parts(job, self.count, self.threads)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "step_kernel": None}  # compiled code stays at home
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self.step_kernel = _kernel(self.kind)
+
+    @property
+    def over(self) -> NDArray[np.bool_]:
+        """Which walkers' episodes have ended."""
+        return (self.ledger[:, T.ENDING] != 0.0) | (self.ledger[:, T.TRUNCATED] != 0.0)
+
+    @property
+    def states(self) -> NDArray[np.float64]:
+        """States in the walkers' own units, shape (count, 6)."""
+        states = self.records[:, :6].copy()
+        states[:, 3:] /= np.array([walker.time_unit for walker in self.walkers])[:, None]
+        return states
+
+    def contact(self, lane: int) -> float:
+        """Where a walker's stance foot touches the ground, in its own units of length."""
+        row = self.constants[lane if len(self.constants) > 1 else 0]
+        rolled = row[K.FOOT_RADIUS] * self.records[lane, I.ANGLES]
+        return float(self.ledger[lane, T.ORIGIN] - rolled) * self.walkers[lane].leg_length
+
+    def get_state(self) -> dict[str, Any]:
+        """All that decides what comes next; a copy."""
+        return {
+            "records": self.records.copy(),
+            "ledger": self.ledger.copy(),
+            "walkers": list(self.walkers),
+            "random": [deepcopy(r.bit_generator.state) for r in self.randoms],
+        }
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Go back to a state that `get_state` gave.
+
+        Raises:
+            ValueError: if it is of another batch.
+        """
+        records, ledger = np.array(state["records"]), np.array(state["ledger"])
+        if records.shape != self.records.shape or ledger.shape != self.ledger.shape:
+            raise ValueError(f"this state is of {len(records)} walkers, and here are {self.count}")
+        if self._alike and list(state["walkers"]) != self.walkers:
+            raise ValueError("this state is of another walker")
+        self.records[:], self.ledger[:] = records, ledger
+        if not self._alike:
+            self.walkers = list(state["walkers"])
+            self.constants[:] = [K.constants(walker) for walker in self.walkers]
+        for random, saved in zip(self.randoms, state["random"], strict=True):
+            random.bit_generator.state = saved
+
+
+def refuse(action: Any, lane: int | None = None) -> None:
+    """Say what is wrong with an action.
+
+    Raises:
+        ValueError: always.
+    """
+    where = "" if lane is None else f" of environment {lane}"
+    raise ValueError(f"the action{where} must be one finite number from -1 to 1, not {action!r}")

@@ -1,0 +1,232 @@
+"""The native batch as a vectorised environment of stable-baselines3.
+
+    from stable_baselines3 import PPO
+    from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
+
+    PPO("MlpPolicy", PassiveWalkerVecEnv(64)).learn(1_000_000)
+
+It does what a `DummyVecEnv` of as many monitored single environments does, at the cost of one
+kernel call: the step that ends an episode returns the next one's first observation, and the info of
+that environment holds "terminal_observation", "TimeLimit.truncated" and the "episode".
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnv
+
+from gym_passive_walker.envs import batch as B
+from gym_passive_walker.envs import task as T
+from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
+from gym_passive_walker.envs.scene import Scene
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.walkers import Walker
+
+
+class Lane:
+    """One of the walkers, for `get_attr` and `env_method`."""
+
+    def __init__(self, vec_env: PassiveWalkerVecEnv, index: int) -> None:
+        self._vec_env, self._index = vec_env, index
+
+    @property
+    def scene(self) -> Scene:
+        """What is simulated."""
+        return self._vec_env.scene
+
+    @property
+    def render_mode(self) -> str | None:
+        """How it is drawn."""
+        return self._vec_env._native.render_mode
+
+    @property
+    def spec(self) -> None:
+        """No environment of Gymnasium stands behind it."""
+
+    @property
+    def walker(self) -> Walker:
+        """The walker of this episode."""
+        return self._vec_env.batch.walkers[self._index]
+
+    @property
+    def slope(self) -> float:
+        """The slope of this episode, in rad."""
+        return float(self._vec_env.batch.ledger[self._index, T.SLOPE])
+
+    @property
+    def state(self) -> NDArray[np.float64]:
+        """Angles and rates in the walker's own units."""
+        return self._vec_env.batch.states[self._index]
+
+
+class PassiveWalkerVecEnv(VecEnv):
+    """Walkers for stable-baselines3.
+
+    Args:
+        num_envs: How many walkers.
+        scene: As of `PassiveWalkerEnv`.
+        max_episode_steps: Steps after which an episode is truncated; -1 or None for never.
+        seed: Seeds the first reset; a later one is seeded with `seed()`.
+        walkers: As of `PassiveWalkerVectorEnv`.
+        slopes: As of `PassiveWalkerVectorEnv`.
+        threads: As of `PassiveWalkerVectorEnv`.
+        render_mode: "rgb_array", or None.
+        **changes: As of `PassiveWalkerEnv`.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        scene: Scene | str | Mapping[str, Any] = "level",
+        *,
+        max_episode_steps: int | None = MAX_EPISODE_STEPS,
+        seed: int | None = None,
+        walkers: Sequence[Walker | str | Mapping[str, Any]] | None = None,
+        slopes: Sequence[float] | None = None,
+        threads: int | None = None,
+        render_mode: str | None = None,
+        **changes: Any,
+    ) -> None:
+        self._native = PassiveWalkerVectorEnv(
+            num_envs,
+            scene,
+            max_episode_steps=max_episode_steps,
+            walkers=walkers,
+            slopes=slopes,
+            threads=threads,
+            render_mode=render_mode,
+            **changes,
+        )
+        self.batch, self.scene = self._native.batch, self._native.scene
+        self.lanes = [Lane(self, i) for i in range(num_envs)]
+        super().__init__(num_envs, B.observation_space(), B.action_space())
+        self.metadata["render_fps"] = 30
+        if seed is not None:
+            self.seed(seed)
+        self._blank: list[dict[str, Any]] = [{} for _ in range(num_envs)]
+        self._actions = np.zeros(num_envs)
+        self._born = time.perf_counter()
+
+    def reset(self) -> NDArray[np.float32]:
+        """Begin an episode in every environment, with the seeds and options that were set."""
+        options = self._common_options()
+        seeds = None if all(seed is None for seed in self._seeds) else self._seeds
+        observations, _ = self._native.reset(seed=seeds, options=options)
+        self.reset_infos = [{} for _ in range(self.num_envs)]
+        self._reset_seeds()
+        self._reset_options()
+        return observations
+
+    def _common_options(self) -> dict[str, Any]:
+        """The options of all environments, one array for each."""
+        names = set().union(*self._options)
+        for name in names:
+            if not all(name in options for options in self._options):
+                raise ValueError(f"set option {name!r} for all environments or for none")
+        return {name: [options[name] for options in self._options] for name in names}
+
+    def step_async(self, actions: NDArray) -> None:
+        """Take note of the actions, shape (num_envs, 1)."""
+        actions = np.asarray(actions, dtype=np.float64)
+        if actions.shape != (self.num_envs, 1):
+            raise ValueError(f"actions must have shape ({self.num_envs}, 1), not {actions.shape}")
+        self._actions = actions.reshape(-1)
+
+    def step_wait(
+        self,
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
+        """A step of every environment, and the next episode's start where one has ended."""
+        observations = np.empty((self.num_envs, T.SIZE), np.float32)
+        rewards = np.empty(self.num_envs)
+        dones, truncated = np.empty((2, self.num_envs), bool)
+        flat = observations.reshape(-1)
+        self.batch.step(self._actions, flat, rewards, dones, truncated)
+        if any(self._blank):  # someone has written into an info: it is theirs now
+            self._blank = [info and {} for info in self._blank]
+        infos = self._blank.copy()
+        if truncated.any() or dones.any():
+            terminated = dones
+            dones = terminated | truncated
+            lanes = np.flatnonzero(dones).tolist()
+            for i in lanes:
+                infos[i] = self._last_info(i, observations[i].copy(), bool(terminated[i]))
+            self.batch.start(lanes)
+            self.batch.observe(lanes, flat)
+            for i in lanes:
+                self.reset_infos[i] = {}
+        return observations, rewards.astype(np.float32), dones, infos
+
+    def _last_info(
+        self, lane: int, observation: NDArray[np.float32], terminated: bool
+    ) -> dict[str, Any]:
+        """The info of an environment whose episode has ended."""
+        row = self.batch.ledger[lane].tolist()
+        ended = B.OUTCOMES[int(row[T.ENDING])] if terminated else "time_limit"
+        info: dict[str, Any] = dict(zip(B.EVERY_STEP, row, strict=False))
+        info["strides"] = int(info["strides"])
+        info["outcome"] = ended
+        info["TimeLimit.truncated"] = bool(row[T.TRUNCATED]) and not terminated
+        info["terminal_observation"] = observation
+        info["episode"] = {
+            "r": round(row[T.RETURN], 6),
+            "l": int(row[T.STEPS]),
+            "t": round(time.perf_counter() - self._born, 6),
+        }
+        return info
+
+    def close(self) -> None:
+        """Close what draws."""
+        self._native.close()
+
+    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
+        """A picture of each walker."""
+        frames = self._native.render()
+        return [None] * self.num_envs if frames is None else list(frames)
+
+    def get_attr(self, attr_name: str, indices: int | Iterable[int] | None = None) -> list[Any]:
+        """An attribute of some environments: a `Lane`'s, or the whole batch's."""
+        return [self._attribute(i, attr_name) for i in self._get_indices(indices)]
+
+    def _attribute(self, lane: int, name: str) -> Any:
+        if hasattr(self.lanes[lane], name):
+            return getattr(self.lanes[lane], name)
+        return getattr(self._native, name)
+
+    def set_attr(
+        self, attr_name: str, value: Any, indices: int | Iterable[int] | None = None
+    ) -> None:
+        """Set an attribute of some environments; it has no effect on what is simulated."""
+        for i in self._get_indices(indices):
+            setattr(self.lanes[i], attr_name, value)
+
+    def env_method(
+        self,
+        method_name: str,
+        *method_args: Any,
+        indices: int | Iterable[int] | None = None,
+        **method_kwargs: Any,
+    ) -> list[Any]:
+        """Call a method of some environments, which have those of `Lane`."""
+        return [
+            getattr(self.lanes[i], method_name)(*method_args, **method_kwargs)
+            for i in self._get_indices(indices)
+        ]
+
+    def env_is_wrapped(
+        self, wrapper_class: type, indices: int | Iterable[int] | None = None
+    ) -> list[bool]:
+        """No environment here is wrapped."""
+        return [False for _ in self._get_indices(indices)]
+
+    def get_state(self) -> dict[str, Any]:
+        """All that decides what comes next; a copy."""
+        return self._native.get_state()
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Go back to a state that `get_state` gave."""
+        self._native.set_state(state)

@@ -1,0 +1,225 @@
+"""Scenes: what is simulated, and by which rules."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+from gym_passive_walker.envs.task import ENERGIES
+from gym_passive_walker.physics.stride import check_slope, check_tolerance
+from gym_passive_walker.walkers import Walker, WalkerError, as_walker
+
+CONTROLS = ("tick", "stride")
+
+_MAX_HIP_TORQUE = {"tick": 0.05, "stride": 0.03}
+_PERTURBATION = {"tick": 0.10, "stride": 0.05}
+
+
+class SceneError(ValueError):
+    """The arguments describe no scene; the message says which, and what is allowed."""
+
+
+def _number(name: str, value: Any, low: float, high: float) -> float:
+    """The value as a finite number from `low` to `high`."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise SceneError(f"{name} must be a number, not {value!r}") from None
+    if not (math.isfinite(number) and low <= number <= high):
+        raise SceneError(f"{name} must be a number from {low:g} to {high:g}, not {value!r}")
+    return number
+
+
+def walker_from(value: Walker | str | Mapping[str, Any]) -> Walker:
+    """A walker as given, by a preset's name, or from a mapping of its parameters.
+
+    A mapping may name a preset to start from as ``{"preset": "C", "foot_radius": 0.25}``.
+
+    Raises:
+        WalkerError: if it describes no walker.
+    """
+    if not isinstance(value, Mapping):
+        return as_walker(value)
+    parameters = dict(value)
+    preset = parameters.pop("preset", None)
+    unknown = set(parameters) - {f.name for f in fields(Walker)}
+    if unknown:
+        known = ", ".join(f.name for f in fields(Walker))
+        raise WalkerError(f"a walker has no {', '.join(sorted(unknown))}; it has {known}")
+    if preset is not None:
+        return replace(as_walker(preset), **parameters)
+    try:
+        return Walker(**parameters)
+    except TypeError as error:
+        raise WalkerError(f"these parameters are no walker: {error}") from None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """What is simulated: a walker, its ground, its motor, and the rules of an episode.
+
+    Everything is in the dimensionless units of the walker: lengths by the leg length l, times by
+    sqrt(l/g), torques and energies by m g l (m the total mass). Where an argument is None, the
+    attribute afterwards is the value that was chosen for it.
+
+    Attributes:
+        walker: A `Walker`, a preset's name, or a mapping of parameters (see `walker_from`).
+        slope: Slope in rad, positive downhill; or (low, high), drawn anew at each reset.
+        control: "tick" for a new torque every `tick`, and at each heelstrike; "stride" for one
+            torque from heelstrike to heelstrike.
+        tick: Time for which a tick holds its torque; a heelstrike ends it early.
+        max_hip_torque: Torque of the action 1; 0 is a passive walker. None is 0.05 for ticks and
+            0.03 for strides. Of the simplest walker, torque per unit of foot mass.
+        energy_weight: What a unit of energy costs, in leg lengths of distance.
+        energy: What the motor is charged for: "absolute", "positive" or "net" hip work.
+        stub: Whether a locked swing leg below the ground ends the episode. None means where
+            there are knees; straight legs cannot but pass through the ground.
+        perturbation: How far a start may be from its gait, as a share of angle and rates. None is
+            0.10 for ticks and 0.05 for strides.
+        randomise: By how large a share walker parameters vary, drawn anew at each reset:
+            ``{"foot_radius": 0.1}``.
+        start: Section state to start from instead of the passive gait: [stance, thigh, shank]
+            angles in rad, then their rates in units of 1/sqrt(l/g).
+        longest_stride: Time after which a stride without heelstrike has stalled.
+        tolerance: Error of the dynamics of a step; see `stride`.
+    """
+
+    walker: Walker = "C"  # type: ignore[assignment]
+    slope: float | tuple[float, float] = 0.0
+    control: str = "tick"
+    tick: float = 0.1
+    max_hip_torque: float = None  # type: ignore[assignment]
+    energy_weight: float = 10.0
+    energy: str = "absolute"
+    stub: bool = None  # type: ignore[assignment]
+    perturbation: float = None  # type: ignore[assignment]
+    randomise: dict[str, float] = field(default_factory=dict)
+    start: tuple[float, ...] | None = None
+    longest_stride: float = 20.0
+    tolerance: float = 1e-8
+
+    def __post_init__(self) -> None:
+        """Check every argument, and choose what was left open."""
+
+        def put(name: str, value: Any) -> None:
+            object.__setattr__(self, name, value)
+
+        def bound(name: str, low: float, high: float) -> None:
+            put(name, _number(name, getattr(self, name), low, high))
+
+        put("walker", walker_from(self.walker))
+        put("slope", self._checked_slope())
+        for name, names in (("control", CONTROLS), ("energy", ENERGIES)):
+            if getattr(self, name) not in names:
+                allowed = " or ".join(map(repr, names))
+                raise SceneError(f"{name} must be {allowed}, not {getattr(self, name)!r}")
+        if self.max_hip_torque is None:
+            put("max_hip_torque", _MAX_HIP_TORQUE[self.control])
+        if self.perturbation is None:
+            put("perturbation", _PERTURBATION[self.control])
+        if self.stub is None:
+            put("stub", self.walker.knees)
+        if not isinstance(self.stub, bool):
+            raise SceneError(f"stub must be True, False or None, not {self.stub!r}")
+        if self.stub and not self.walker.knees:
+            raise SceneError("stub is a rule for walkers with knees: straight legs always scuff")
+        bound("tick", 1e-3, 1e3)
+        bound("max_hip_torque", 0.0, 1e3)
+        bound("energy_weight", 0.0, 1e6)
+        bound("perturbation", 0.0, 0.9)
+        bound("longest_stride", 0.1, 1e3)
+        try:
+            put("tolerance", check_tolerance(self.tolerance))
+        except (TypeError, ValueError) as error:
+            raise SceneError(str(error)) from None
+        put("randomise", self._checked_shares())
+        if self.start is not None:
+            put("start", self._checked_start())
+
+    def _checked_slope(self) -> float | tuple[float, float]:
+        """A slope, or a range of them."""
+        try:
+            bounds = tuple(float(s) for s in self.slope)  # type: ignore[union-attr]
+        except TypeError:
+            bounds = (self.slope,)  # type: ignore[assignment]
+        try:
+            check_slope(bounds)
+        except (TypeError, ValueError):
+            bounds = ()
+        if len(bounds) not in (1, 2) or bounds[0] > bounds[-1]:
+            raise SceneError(
+                "slope must be an angle in rad between -pi/2 and pi/2, or a range of them as "
+                f"(low, high), not {self.slope!r}"
+            )
+        return float(bounds[0]) if len(bounds) == 1 else bounds  # type: ignore[return-value]
+
+    def _checked_shares(self) -> dict[str, float]:
+        """Shares by which parameters of the walker may vary."""
+        known = [f.name for f in fields(Walker) if f.name != "knees"]
+        if not isinstance(self.randomise, Mapping):
+            raise SceneError(f"randomise must map parameters to shares, not {self.randomise!r}")
+        unknown = set(self.randomise) - set(known)
+        if unknown:
+            raise SceneError(
+                f"randomise: a walker has no {', '.join(sorted(unknown))}; "
+                f"it has {', '.join(known)}"
+            )
+        return {
+            name: _number(f"randomise[{name!r}]", share, 0.0, 0.5)
+            for name, share in sorted(self.randomise.items())
+        }
+
+    def _checked_start(self) -> tuple[float, ...]:
+        """A state to start from."""
+        try:
+            start = tuple(float(x) for x in self.start)  # type: ignore[union-attr]
+        except (TypeError, ValueError):
+            start = ()
+        if len(start) != 6 or not all(map(math.isfinite, start)):
+            raise SceneError(f"start must be 6 finite numbers, angles and rates: {self.start!r}")
+        return start
+
+
+SCENES: dict[str, dict[str, Any]] = {
+    "level": {},
+    "steep": {"slope": 0.11, "control": "stride"},
+    "rolling": {"slope": (0.0, 0.06)},
+    "lab": {"walker": "lab", "slope": 0.036},
+}
+"""Named scenes, and what they do passively.
+
+- "level", the default: walker C on level ground. It takes ever smaller steps for ever, a thousand
+  of them in a few leg lengths, so judge it by distance and speed, never by strides or survival.
+- "steep": walker C at a slope of 0.11, one torque a stride. Its gait there is unstable: it falls.
+- "rolling": walker C on a slope drawn from 0 to 0.06 at each reset.
+- "lab": the laboratory's walker at 0.036, where passive walking is stable.
+"""
+
+
+def make_scene(scene: Scene | str | Mapping[str, Any] = "level", **changes: Any) -> Scene:
+    """A scene as given, by name, or by its arguments, with changes.
+
+    Args:
+        scene: A `Scene`, one of `SCENES`, or a mapping of a scene's arguments.
+        **changes: Arguments of `Scene` that replace the scene's own.
+
+    Raises:
+        SceneError: if there is no such scene, or the arguments describe none.
+        WalkerError: if the walker is none.
+    """
+    known = [f.name for f in fields(Scene)]
+    if isinstance(scene, Scene):
+        arguments = {name: getattr(scene, name) for name in known}
+    elif isinstance(scene, Mapping):
+        arguments = dict(scene)
+    elif isinstance(scene, str) and scene in SCENES:
+        arguments = dict(SCENES[scene])
+    else:
+        raise SceneError(f"no scene {scene!r}: give a Scene, or one of {', '.join(SCENES)}")
+    arguments.update(changes)
+    unknown = set(arguments) - set(known)
+    if unknown:
+        raise SceneError(f"a scene has no {', '.join(sorted(unknown))}; it has {', '.join(known)}")
+    return Scene(**arguments)

@@ -1,0 +1,266 @@
+"""What an agent does, sees and is paid for: one kernel for a step of any number of walkers.
+
+A single environment is a batch of one, so it and every vector environment go through the same
+instructions and agree to the last bit. All numbers are dimensionless (see `physics.constants`).
+
+Each walker has its record, which the engine carries along (`physics.integrator`), and a row of the
+*ledger*, whose columns are named here: what the environment keeps of a stride and an episode.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gym_passive_walker.physics import constants as K
+from gym_passive_walker.physics import integrator as I
+from gym_passive_walker.physics.events import Outcome
+from gym_passive_walker.physics.lanes import inlined, jitted, kernel, sine_cosine
+from gym_passive_walker.physics.stride import (
+    advance_of_contact,
+    gravity_work,
+    run_compass,
+    run_kneed,
+    run_simplest,
+)
+
+# Columns of the ledger. What a step is told about in `info`, at every step:
+DISTANCE = 0  # progress of the hip along the slope in this step, in leg lengths
+ENERGY = 1  # what the motor is charged for in this step, / (m g l)
+EPISODE_DISTANCE, EPISODE_ENERGY = 2, 3
+STRIDES = 4  # heelstrikes since the episode began
+EVERY_STEP = 5
+# ... and at the end of a stride; zero at other steps:
+STEP_LENGTH, STEP_PERIOD, SPEED = 5, 6, 7
+COST_OF_TRANSPORT = 8  # gravity's work and the motor's charge, over weight and step length
+GRAVITY_COST, HIP_COST, NET_HIP_COST, COLLISION_COST = 9, 10, 11, 12
+KNEESTRIKE_TIME = 13
+EVERY_STRIDE = 14
+# Why the walker is where it is.
+REWARD = 14
+ENDING = 15  # outcome that ended the episode; 0 while it goes on
+TRUNCATED = 16
+STRUCK = 17  # whether the step ended with a heelstrike
+STEPS, RETURN = 18, 19  # of the episode
+SLOPE = 20
+ORIGIN = 21  # where the stance foot would touch the ground with its leg along the normal
+STANCE = 22  # stance angle before the step
+START = 23  # the stride's first angles: stance, thigh, shank
+NET_WORK, CHARGE = 26, 27  # of the motor since the stride began
+PROGRESS = 28  # of the hip since the stride began
+COLUMNS = 29
+
+# Entries of the rules.
+TICK, LONGEST_STRIDE, MAX_HIP_TORQUE, ENERGY_WEIGHT, CHARGED, STEP_LIMIT = range(6)
+TOLERANCE, LANDING, FIRST_STEP, STUB = range(6, 10)
+RULES = 10
+
+ENERGIES = ("absolute", "positive", "net")
+"""How the motor is charged for hip work; `CHARGED` is an index into this."""
+
+SIZE = 8
+"""Numbers in an observation."""
+
+RATE_BOUND = 10.0
+"""Rates are clipped to this; walking and falling stay well below."""
+
+BOUNDS = np.array([0.5 * math.pi, math.pi, math.pi, *[RATE_BOUND] * 3, 1.0, 0.5 * math.pi])
+"""Largest size of each number in an observation."""
+
+
+@inlined
+def clipped(value, bound):
+    """The value, no larger than a bound either way; not-a-number becomes the lower one."""
+    value = value if value > -bound else -bound
+    return value if value < bound else bound
+
+
+@inlined
+def over(row):
+    """Whether the walker's episode has ended."""
+    return row[ENDING] != 0.0 or row[TRUNCATED] != 0.0
+
+
+@jitted
+def hip_from_contact(c, stance):
+    """How far the hip is ahead of the point that the stance foot stands on at stance angle 0."""
+    sine, _ = sine_cosine(stance)
+    return -(c[K.FOOT_RADIUS] * stance + c[K.LEG] * sine)
+
+
+@jitted
+def see(record, row, kind, observations, first):
+    """Write a walker's observation."""
+    for i in range(6):
+        observations[first + i] = clipped(record[i], BOUNDS[i])
+    locked = kind != 0 or record[I.PHASE] == 1.0
+    observations[first + 6] = 1.0 if locked else 0.0
+    observations[first + 7] = clipped(row[SLOPE], BOUNDS[7])
+
+
+@kernel
+def observe(records, ledger, kind, lanes, observations):
+    """Write the observations of some walkers, flat, into the array of all."""
+    for i in lanes:
+        see(records[i], ledger[i], kind, observations, i * SIZE)
+
+
+@inlined
+def command(records, ledger, rules, actions):
+    """Set every walker's torque and the time to stop.
+
+    Returns:
+        The first walker with an action that is no number, before anything has changed; else -1.
+    """
+    for i in range(len(records)):
+        if not np.isfinite(actions[i]) and not over(ledger[i]):
+            return i
+    for i in range(len(records)):
+        record, row = records[i], ledger[i]
+        share = 0.0 if over(row) else clipped(actions[i], 1.0)
+        record[I.TORQUE] = rules[MAX_HIP_TORQUE] * share
+        record[I.HIP_NET] = 0.0
+        record[I.HIP_TURN] = 0.0
+        until = record[I.TIME] + rules[TICK]
+        record[I.END] = until if until < rules[LONGEST_STRIDE] else rules[LONGEST_STRIDE]
+        row[STANCE] = record[I.ANGLES]
+    return -1
+
+
+@jitted
+def charge(record, row, rules):
+    """Enter the step's hip work; a torque held constant works by the angle that it turns."""
+    net = record[I.TORQUE] * record[I.HIP_NET]
+    absolute = abs(record[I.TORQUE]) * record[I.HIP_TURN]
+    if rules[CHARGED] == 0.0:
+        row[ENERGY] = absolute
+    elif rules[CHARGED] == 1.0:
+        row[ENERGY] = 0.5 * (absolute + net)
+    else:
+        row[ENERGY] = net
+    row[NET_WORK] += net
+    row[CHARGE] += row[ENERGY]
+
+
+@jitted
+def end_stride(record, row, c, kind):
+    """Measure the stride that a heelstrike has just ended, and open the next one."""
+    end = (-record[0], -record[1], -record[2])  # before the legs changed roles
+    start = row[START : START + 3]
+    length = advance_of_contact(c, start[0], record[0])
+    work = gravity_work(kind, c, start, end, record[I.SIN_SLOPE], record[I.COS_SLOPE])
+    row[STRIDES] += 1.0
+    row[STEP_LENGTH] = length
+    row[STEP_PERIOD] = record[I.TIME]
+    row[SPEED] = length / record[I.TIME]
+    row[GRAVITY_COST] = work / length
+    row[HIP_COST] = row[CHARGE] / length
+    row[NET_HIP_COST] = row[NET_WORK] / length
+    row[COST_OF_TRANSPORT] = row[GRAVITY_COST] + row[HIP_COST]
+    row[COLLISION_COST] = (record[I.KNEE_LOSS] + record[I.HEEL_LOSS]) / length
+    row[KNEESTRIKE_TIME] = record[I.KNEE_TIME]
+    row[START : START + 3] = record[I.ANGLES : I.ANGLES + 3]
+    row[NET_WORK] = 0.0
+    row[CHARGE] = 0.0
+    row[PROGRESS] = 0.0
+    row[ORIGIN] -= 2.0 * hip_from_contact(c, record[0])
+    record[I.TIME] = 0.0
+    record[I.KNEE_TIME] = 0.0
+    record[I.KNEE_LOSS] = 0.0
+    record[I.HEEL_LOSS] = 0.0
+
+
+@jitted
+def progress(record, row, c):
+    """Enter how far the hip has come.
+
+    A stride without heelstrike does not count: what was paid for it in advance is taken back, or
+    agents learn to dive, which carries the hip a whole leg length at once.
+    """
+    struck = record[I.OUTCOME] == 1.0  # Outcome.HEELSTRIKE
+    stance = -record[I.ANGLES] if struck else record[I.ANGLES]  # before the legs changed roles
+    row[DISTANCE] = hip_from_contact(c, stance) - hip_from_contact(c, row[STANCE])
+    if row[ENDING] != 0.0:
+        row[DISTANCE] = 0.0 - row[PROGRESS]
+    row[PROGRESS] += row[DISTANCE]
+    row[EPISODE_DISTANCE] += row[DISTANCE]
+
+
+@inlined
+def settle(records, constants, ledger, rules, kind, observations, rewards, terminated, truncated):
+    """Work out what every walker's step has come to."""
+    for i in range(len(records)):
+        record, row = records[i], ledger[i]
+        c = constants[i if len(constants) > 1 else 0]
+        idle = over(row)
+        struck = record[I.OUTCOME] == 1.0  # Outcome.HEELSTRIKE
+        if record[I.OUTCOME] != 0.0 and not struck:
+            row[ENDING] = record[I.OUTCOME]
+        elif record[I.TIME] >= rules[LONGEST_STRIDE] and not struck:
+            row[ENDING] = float(Outcome.STALLED.value)
+        progress(record, row, c)
+        row[ENERGY] = 0.0
+        if rules[MAX_HIP_TORQUE] != 0.0 and kind != 2:  # feet without mass cost no work to move
+            charge(record, row, rules)
+        row[EPISODE_ENERGY] += row[ENERGY]
+        row[REWARD] = row[DISTANCE] - rules[ENERGY_WEIGHT] * row[ENERGY]
+        row[RETURN] += row[REWARD]
+        row[STEPS] += 1.0
+        row[STRUCK] = 1.0 if struck else 0.0
+        row[STEP_LENGTH:EVERY_STRIDE] = 0.0
+        if struck:
+            end_stride(record, row, c, kind)
+        if row[STEPS] >= rules[STEP_LIMIT]:
+            row[TRUNCATED] = 1.0
+        rewards[i] = 0.0 if idle else row[REWARD]
+        terminated[i] = row[ENDING] != 0.0 and not idle
+        truncated[i] = row[TRUNCATED] != 0.0 and not idle
+        see(record, row, kind, observations, i * SIZE)
+
+
+@kernel
+def step_kneed(
+    records, constants, ledger, rules, actions, observations, rewards, terminated, truncated
+):
+    """A step of kneed walkers; returns the first one without a valid action, or -1."""
+    wrong = command(records, ledger, rules, actions)
+    if wrong >= 0:
+        return wrong
+    stub = int(rules[STUB])
+    run_kneed(records, constants, rules[TOLERANCE], rules[LANDING], rules[FIRST_STEP], stub, False)
+    settle(records, constants, ledger, rules, 0, observations, rewards, terminated, truncated)
+    return -1
+
+
+@kernel
+def step_compass(
+    records, constants, ledger, rules, actions, observations, rewards, terminated, truncated
+):
+    """A step of straight-legged walkers; returns as `step_kneed` does."""
+    wrong = command(records, ledger, rules, actions)
+    if wrong >= 0:
+        return wrong
+    run_compass(records, constants, rules[TOLERANCE], rules[LANDING], rules[FIRST_STEP], 0, False)
+    settle(records, constants, ledger, rules, 1, observations, rewards, terminated, truncated)
+    return -1
+
+
+@kernel
+def step_simplest(
+    records, constants, ledger, rules, actions, observations, rewards, terminated, truncated
+):
+    """A step of simplest walkers; returns as `step_kneed` does."""
+    wrong = command(records, ledger, rules, actions)
+    if wrong >= 0:
+        return wrong
+    run_simplest(records, constants, rules[TOLERANCE], rules[LANDING], rules[FIRST_STEP], 0, False)
+    settle(records, constants, ledger, rules, 2, observations, rewards, terminated, truncated)
+    return -1
+
+
+KERNELS = {
+    K.Kind.KNEED: step_kneed,
+    K.Kind.COMPASS: step_compass,
+    K.Kind.SIMPLEST: step_simplest,
+}

@@ -1,0 +1,294 @@
+"""Many walkers in one kernel: `gymnasium.make_vec("PassiveWalker-v0", num_envs=...)`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from gymnasium.error import ResetNeeded
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+from gym_passive_walker.envs import batch as B
+from gym_passive_walker.envs import task as T
+from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
+from gym_passive_walker.envs.scene import Scene, make_scene, walker_from
+from gym_passive_walker.walkers import Walker
+
+
+class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
+    """A batch of `PassiveWalkerEnv`, each exactly what it would be alone.
+
+    Observations, rewards, endings and infos are those of as many single environments in a
+    `SyncVectorEnv`, seeded alike, to the last bit; the steps of all are one call of one kernel.
+
+    Args:
+        num_envs: How many walkers.
+        scene: As of `PassiveWalkerEnv`.
+        max_episode_steps: Steps after which an episode is truncated; -1 or None for never.
+        autoreset_mode: "NextStep" (the step after an ending is the reset), "SameStep" (the ending
+            step returns the next episode's first observation, and the last one in
+            ``infos["final_obs"]``), or "Disabled" (``reset(options={"reset_mask": ...})``).
+        walkers: A walker for each environment, of one kind, instead of the scene's.
+        slopes: A slope for each environment, instead of the scene's.
+        threads: How many threads large batches use; numba's number when None. It changes no result.
+        render_mode: "rgb_array", or None.
+        **changes: As of `PassiveWalkerEnv`.
+    """
+
+    metadata = {"render_modes": ["rgb_array"], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        scene: Scene | str | Mapping[str, Any] = "level",
+        *,
+        max_episode_steps: int | None = MAX_EPISODE_STEPS,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        walkers: Sequence[Walker | str | Mapping[str, Any]] | None = None,
+        slopes: Sequence[float] | None = None,
+        threads: int | None = None,
+        render_mode: str | None = None,
+        **changes: Any,
+    ) -> None:
+        if render_mode not in (None, *self.metadata["render_modes"]):
+            raise ValueError(f"render_mode must be 'rgb_array' or None, not {render_mode!r}")
+        if walkers is not None and len(walkers):
+            walkers = [walker_from(walker) for walker in walkers]
+            changes.setdefault("walker", walkers[0])
+        self.scene = make_scene(scene, **changes)
+        self.num_envs = num_envs
+        self.render_mode = render_mode
+        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
+        self.single_observation_space = B.observation_space()
+        self.single_action_space = B.action_space()
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.batch = B.Batch(
+            self.scene,
+            num_envs,
+            walkers=walkers,  # type: ignore[arg-type]
+            slopes=slopes,
+            step_limit=step_limit(max_episode_steps),
+            threads=threads,
+        )
+        self._ended = np.ones(num_envs, bool)
+        self._any_ended = True
+        self._begun = False
+        self._screens: dict[Walker, Any] = {}
+
+    def reset(  # type: ignore[override]
+        self,
+        *,
+        seed: int | Sequence[int | None] | None = None,
+        options: dict[str, Any] | None = None,
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Begin episodes.
+
+        Args:
+            seed: Seeds the environments with seed, seed + 1, ...; or one seed for each.
+            options: "reset_mask", a boolean array of which to reset; "state" and "slope" as of
+                `PassiveWalkerEnv`, one for all or one for each. It is left as it is.
+
+        Raises:
+            ValueError: if an option or the number of seeds is wrong.
+        """
+        options = dict(options or {})
+        lanes = np.arange(self.num_envs)
+        if "reset_mask" in options:
+            lanes = np.flatnonzero(self._checked_mask(options.pop("reset_mask")))
+            if not self._begun and len(lanes) < self.num_envs:
+                raise ResetNeeded("reset all environments before some of them")
+        seed_randoms(self.batch, seed, lanes.tolist())
+        self.batch.start(lanes.tolist(), options)
+        self._begun = True
+        self._ended[lanes] = False
+        self._any_ended = bool(self._ended.any())
+        observations = np.empty((self.num_envs, T.SIZE), np.float32)
+        self.batch.observe(range(self.num_envs), observations.reshape(-1))
+        return observations, {}
+
+    def step(self, actions: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray, dict[str, Any]]:
+        """A step of every environment; see the class for what happens at endings.
+
+        Args:
+            actions: Shape (num_envs, 1).
+
+        Raises:
+            ValueError: if an action is not one finite number; nothing has changed then.
+            ResetNeeded: if an environment must be reset first.
+        """
+        actions = np.asarray(actions, dtype=np.float64)
+        if actions.shape != (self.num_envs, 1):
+            raise ValueError(f"actions must have shape ({self.num_envs}, 1), not {actions.shape}")
+        if self._any_ended and (not self._begun or self.autoreset_mode == AutoresetMode.DISABLED):
+            raise ResetNeeded("some environments have ended, or never begun: reset them first")
+        observations = np.empty((self.num_envs, T.SIZE), np.float32)
+        rewards = np.empty(self.num_envs)
+        terminated, truncated = np.empty((2, self.num_envs), bool)
+        flat = observations.reshape(-1)
+        self.batch.step(actions.reshape(-1), flat, rewards, terminated, truncated)
+        stepped = np.ones(self.num_envs, bool)
+        if self._any_ended:  # NEXT_STEP: this step was their reset
+            stepped = ~self._ended
+            self._restart(flat)
+        self._ended = terminated | truncated
+        self._any_ended = bool(self._ended.any())
+        if not self._any_ended or self.autoreset_mode != AutoresetMode.SAME_STEP:
+            return observations, rewards, terminated, truncated, self._infos(stepped)
+        last = np.full(self.num_envs, None, object)
+        for i in np.flatnonzero(self._ended):
+            last[i] = observations[i].copy()
+        infos = {
+            "final_obs": last,
+            "_final_obs": self._ended,
+            "final_info": self._infos(self._ended),
+            "_final_info": self._ended.copy(),
+            **self._infos(~self._ended),
+        }
+        self._restart(flat)
+        self._ended, self._any_ended = np.zeros(self.num_envs, bool), False
+        return observations, rewards, terminated, truncated, infos
+
+    def _restart(self, observations: NDArray[np.float32]) -> None:
+        """Begin the next episodes of those that have ended."""
+        lanes = np.flatnonzero(self._ended).tolist()
+        self.batch.start(lanes)
+        self.batch.observe(lanes, observations)
+
+    def _infos(self, which: NDArray[np.bool_]) -> dict[str, Any]:
+        """What single environments would put into `info`, with masks of who did."""
+        ledger = self.batch.ledger
+        every = bool(which.all())
+        if not (every or which.any()):
+            return {}
+        struck = (ledger[:, T.STRUCK] != 0.0) & which
+        any_struck = bool(struck.any())
+        columns = ledger[:, : T.EVERY_STRIDE if any_struck else T.EVERY_STEP].T.copy()
+        if not every:
+            columns[:, ~which] = 0.0
+        infos: dict[str, Any] = {}
+        for name, column in zip(B.EVERY_STEP, columns, strict=False):
+            infos[name], infos["_" + name] = column, which
+        infos["strides"] = columns[T.STRIDES].astype(np.int64)
+        fallen = (ledger[:, T.ENDING] != 0.0) & which
+        if any_struck:
+            for name, column in zip(B.EVERY_STRIDE, columns[T.EVERY_STEP :], strict=True):
+                infos[name], infos["_" + name] = column, struck
+        if any_struck or fallen.any():
+            outcomes = np.full(self.num_envs, None, object)
+            outcomes[struck] = B.OUTCOMES[1]
+            for i in np.flatnonzero(fallen):
+                outcomes[i] = B.OUTCOMES[int(ledger[i, T.ENDING])]
+            infos["outcome"], infos["_outcome"] = outcomes, struck | fallen
+        return infos
+
+    def _checked_mask(self, mask: Any) -> NDArray[np.bool_]:
+        """A reset mask as Gymnasium defines it."""
+        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
+            raise TypeError(f"options['reset_mask'] must be a boolean array, not {mask!r}")
+        if mask.shape != (self.num_envs,):
+            raise ValueError(
+                f"options['reset_mask'] must have shape ({self.num_envs},), not {mask.shape}"
+            )
+        if not mask.any():
+            raise ValueError("options['reset_mask'] must ask for at least one reset")
+        return mask
+
+    def render(self) -> tuple[NDArray[np.uint8], ...] | None:
+        """A picture of each walker."""
+        if self.render_mode is None:
+            return None
+        from gym_passive_walker.render.screen import Screen
+
+        frames = []
+        for i, (walker, state) in enumerate(zip(self.walkers, self.states, strict=True)):
+            if walker not in self._screens:
+                self._screens[walker] = Screen(walker, self.render_mode)
+            row = self.batch.ledger[i]
+            frames.append(
+                self._screens[walker].draw(
+                    state, float(row[T.SLOPE]), self.batch.contact(i), int(row[T.STRIDES])
+                )
+            )
+        return tuple(frames)
+
+    def close_extras(self, **_: Any) -> None:
+        """Close what draws."""
+        for screen in self._screens.values():
+            screen.close()
+        self._screens = {}
+
+    @property
+    def walkers(self) -> list[Walker]:
+        """The walker of each environment's episode."""
+        return list(self.batch.walkers)
+
+    @property
+    def slopes(self) -> NDArray[np.float64]:
+        """The slope of each environment's episode, in rad."""
+        return self.batch.ledger[:, T.SLOPE].copy()
+
+    @property
+    def states(self) -> NDArray[np.float64]:
+        """States in the walkers' own units, shape (num_envs, 6)."""
+        return self.batch.states
+
+    @property
+    def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
+        """Each environment's source of random numbers."""
+        return tuple(self.batch.randoms)
+
+    def get_state(self) -> dict[str, Any]:
+        """All that decides what comes next, random numbers of later resets included; a copy."""
+        return {**self.batch.get_state(), "ended": self._ended.copy(), "begun": self._begun}
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Go back to a state that `get_state` gave, of this or an equal vector environment.
+
+        Raises:
+            ValueError: if it is of another one.
+        """
+        self.batch.set_state(state)
+        self._ended, self._begun = np.array(state["ended"]), bool(state["begun"])
+        self._any_ended = bool(self._ended.any())
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_screens": {}}
+
+
+def step_limit(max_episode_steps: int | None) -> float:
+    """Steps of an episode, where -1 and None mean without limit."""
+    if max_episode_steps is None or max_episode_steps == -1:
+        return math.inf
+    if max_episode_steps < 1:
+        raise ValueError(f"max_episode_steps must be positive, -1 or None: {max_episode_steps!r}")
+    return float(max_episode_steps)
+
+
+def seed_randoms(
+    batch: B.Batch, seed: int | Sequence[int | None] | None, lanes: Sequence[int]
+) -> None:
+    """Seed some walkers' random numbers as as many single environments would be.
+
+    Raises:
+        ValueError: if there is not one seed for each walker of the batch.
+    """
+    if seed is None:
+        seeds: Sequence[int | None] = [None] * batch.count
+    elif isinstance(seed, (int, np.integer)):
+        seeds = [int(seed) + i for i in range(batch.count)]
+    else:
+        seeds = seed
+    if len(seeds) != batch.count:
+        raise ValueError(f"{len(seeds)} seeds for {batch.count} environments")
+    if not batch.randoms:
+        batch.randoms = [None] * batch.count  # type: ignore[list-item]
+    for i in lanes:
+        if seeds[i] is not None or batch.randoms[i] is None:
+            batch.randoms[i], _ = seeding.np_random(seeds[i])

@@ -1,0 +1,317 @@
+"""`PassiveWalker-v0`: one walker, one agent."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.error import ResetNeeded
+from numpy.typing import NDArray
+
+from gym_passive_walker.envs import batch as B
+from gym_passive_walker.envs import task as T
+from gym_passive_walker.envs.scene import Scene, make_scene
+from gym_passive_walker.walkers import Walker
+
+
+class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
+    """A passive walker with a motor at its hip, on exact hybrid dynamics.
+
+    ## Description
+
+    A planar walker of two legs, with or without knees, goes down a slope or over level ground. Left
+    alone on a gentle slope it can walk with no motor at all: gravity pays for what the strikes of
+    knee and heel lose (McGeer; Garcia, Chatterjee and Ruina). Here a hip torque is added, and the
+    agent has to go far for little energy.
+
+    Between strikes the equations of motion are integrated with error control, and the moment of
+    each strike is found exactly; strikes are plastic collisions. All numbers that an agent sees are
+    dimensionless, with the leg length l, the total mass m and sqrt(l/g) as units, so that one agent
+    fits any walker.
+
+    ## Action Space
+
+    A `Box(-1.0, 1.0, (1,), float32)`: the hip torque between stance leg and swing thigh, as a share
+    of `max_hip_torque` (which is in units of m g l), positive when it swings the free leg forward.
+    Actions outside are clipped; an action that is not a finite number raises a `ValueError`.
+
+    With `control="tick"` it is held for `tick`, or until the heelstrike if that comes first, so
+    that the agent's clock starts anew with each stride. With `control="stride"` it is held from one
+    heelstrike to the next. For the simplest walker, whose legs have no mass, a torque is per unit
+    of foot mass, and costs nothing.
+
+    ## Observation Space
+
+    A `Box` of shape (8,), float32, the same for all walkers and controls:
+
+    | Num | Observation                                    | Min   | Max  |
+    | --- | ---------------------------------------------- | ----- | ---- |
+    | 0   | stance leg's angle (rad)                       | -pi/2 | pi/2 |
+    | 1   | swing thigh's angle (rad)                      | -pi   | pi   |
+    | 2   | swing shank's angle (rad)                      | -pi   | pi   |
+    | 3   | stance leg's rate, times sqrt(l/g)             | -10   | 10   |
+    | 4   | swing thigh's rate, times sqrt(l/g)            | -10   | 10   |
+    | 5   | swing shank's rate, times sqrt(l/g)            | -10   | 10   |
+    | 6   | 1 if the swing knee is locked, 0 if it is free | 0     | 1    |
+    | 7   | slope (rad), positive downhill                 | -pi/2 | pi/2 |
+
+    Angles are measured from the ground's normal, positive where the hip is uphill of the foot; the
+    stance angle falls as the walker goes. Rates beyond their bounds are clipped. The legs change
+    names at heelstrike: "stance" is always the one that stands.
+
+    ## Rewards
+
+    At each step: distance - `energy_weight` * energy.
+
+    - distance: how far the hip came along the slope, in leg lengths. A stride that ends without
+      heelstrike does not count: what was paid for it is taken back at the fall, so that the
+      distances of an episode add up to what was walked, and a dive is worth nothing.
+    - energy: what the motor is charged for, over m g l: absolute, positive or net hip work.
+
+    A fall has no other price. At every step `info` has "distance" and "energy", their sums
+    "episode_distance" and "episode_energy", and "strides" so far. At each stride's end it has
+    "step_length" / l, "step_period" / sqrt(l/g), "speed" / sqrt(g l), "kneestrike_time" since
+    the stride began (0 without knees), and, each as energy over weight and step length,
+    "gravity_cost" (what gravity paid), "hip_cost" (what the motor was charged for), their sum
+    "cost_of_transport", "net_hip_cost" (net work of the motor) and "collision_cost" (what the
+    strikes lost); and "outcome" is "heelstrike".
+
+    ## Starting State
+
+    Just after a heelstrike, at the walker's passive gait on the slope of the episode, or, where it
+    has none, at its gait on the nearest of a few gentle slopes. Angles, stance rate and swing rates
+    are each multiplied by a number drawn from 1 - `perturbation` to 1 + `perturbation`. The slope
+    is drawn first, if it is a range. `reset(options={"state": ..., "slope": ...})` gives either of
+    them instead: the state [stance, thigh, shank] angles and their rates in the walker's own units.
+
+    ## Episode End
+
+    Termination, with its reason in `info["outcome"]`:
+
+    - "fell_forward", "fell_backward": the stance leg lies on the ground.
+    - "over_the_top": the swing leg has gone round beyond upright.
+    - "stubbed_toe": a locked swing leg is below the ground (if `stub`; a free knee may let the foot
+      scuff by a fraction of a percent of the leg, as in the source document). Without this rule
+      agents learn to snap the knee shut and sweep a stiff leg through the floor.
+    - "bent_knee": the foot came down in front before the knee had locked.
+    - "stalled": no heelstrike within `longest_stride`.
+    - "diverged": the motion left the range of numbers; no ordinary action gets there.
+
+    Truncation: after 4000 steps (`max_episode_steps` of `gymnasium.make`).
+
+    ## Arguments
+
+    ```python
+    >>> import gymnasium as gym
+    >>> import gym_passive_walker
+    >>> env = gym.make("PassiveWalker-v0")  # walker C on level ground
+    >>> env = gym.make("PassiveWalker-v0", walker="lab", slope=(0.02, 0.04), control="stride")
+    >>> env = gym.make("gym_passive_walker:PassiveWalker-v0", scene="steep")  # imports by itself
+
+    ```
+
+    `scene` names a scene (`gym_passive_walker.envs.scene.SCENES`) whose arguments the others
+    change: "level" (the default), "steep", "rolling" or "lab".
+
+    | Argument         | Default             | What                                       |
+    | ---------------- | ------------------- | ------------------------------------------ |
+    | `walker`         | "C"                 | preset, `Walker`, or mapping of parameters |
+    | `slope`          | 0.0                 | rad, positive downhill; or (low, high)     |
+    | `control`        | "tick"              | "tick" or "stride"                         |
+    | `tick`           | 0.1                 | how long a tick's torque is held           |
+    | `max_hip_torque` | 0.05 (stride: 0.03) | torque of action 1; 0 is passive           |
+    | `energy_weight`  | 10.0                | leg lengths that a unit of energy is worth |
+    | `energy`         | "absolute"          | "absolute", "positive" or "net" hip work   |
+    | `stub`           | True with knees     | whether a stubbed toe ends the episode     |
+    | `perturbation`   | 0.10 (stride: 0.05) | how far starts are from the gait           |
+    | `randomise`      | {}                  | parameter: share by which it varies        |
+    | `start`          | None                | dimensionless state instead of the gait    |
+    | `longest_stride` | 20.0                | when a stride has stalled                  |
+    | `tolerance`      | 1e-8                | error of the dynamics                      |
+    | `render_mode`    | None                | "human", "rgb_array" or None               |
+
+    `gymnasium.make_vec` takes the same, and runs all environments in one kernel.
+
+    ## Version History
+
+    - v0: first version.
+
+    ## References
+
+    - M. Garcia, A. Chatterjee, A. Ruina, "Efficiency, speed, and scaling of two-dimensional
+      passive-dynamic walking", Dynamics and Stability of Systems 15 (2000) 75-99.
+    - T. McGeer, "Passive dynamic walking", Int. J. Robotics Research 9 (1990) 62-82.
+    """
+
+    metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 30}  # noqa: RUF012
+
+    def __init__(
+        self,
+        scene: Scene | str | Mapping[str, Any] = "level",
+        *,
+        render_mode: str | None = None,
+        **changes: Any,
+    ) -> None:
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise ValueError(
+                f"render_mode must be one of {self.metadata['render_modes']} or None, "
+                f"not {render_mode!r}"
+            )
+        self.scene = make_scene(scene, **changes)
+        self.render_mode = render_mode
+        self.observation_space = B.observation_space()
+        self.action_space = B.action_space()
+        self.batch = B.Batch(self.scene)
+        self.metadata = {**self.metadata, "render_fps": self._frames_per_second()}
+        self._prepare()
+
+    def _prepare(self) -> None:
+        """Keep at hand what each step needs."""
+        batch = self.batch
+        self._row = batch.ledger[0]
+        self._results = np.zeros(1), np.zeros(1, bool), np.zeros(1, bool)
+        self._ready = False
+        self._screen: Any = None
+        self._names = list(zip(B.EVERY_STRIDE, range(T.EVERY_STEP, T.EVERY_STRIDE), strict=True))
+
+    def _frames_per_second(self) -> int:
+        """Frames a second for which a film runs at the walker's own pace."""
+        if self.scene.control == "stride":
+            return 2
+        return max(1, round(1.0 / (self.scene.tick * self.scene.walker.time_unit)))
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[NDArray[np.float32], dict[str, Any]]:
+        """Begin an episode.
+
+        Args:
+            seed: Seeds the random numbers of this and the following episodes.
+            options: "state" to start from ([stance, thigh, shank] angles in rad and their rates
+                in rad per unit of the walker's time, just after a heelstrike), and "slope" in rad,
+                instead of those drawn.
+
+        Raises:
+            ValueError: if an option is unknown or out of its range.
+        """
+        super().reset(seed=seed)
+        self.batch.randoms = [self.np_random]
+        self.batch.start((0,), options)
+        self._ready = True
+        observation = np.empty(T.SIZE, np.float32)
+        self.batch.observe((0,), observation)
+        if self.render_mode == "human":
+            self.render()
+        return observation, {}
+
+    def step(
+        self, action: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], float, bool, bool, dict[str, Any]]:
+        """Hold a torque for a tick or a stride.
+
+        Raises:
+            ValueError: if the action is not one finite number; nothing has changed then.
+            ResetNeeded: if no episode is under way.
+        """
+        actions = np.asarray(action, dtype=np.float64)
+        if actions.shape != (1,):
+            raise ValueError(f"the action must have shape (1,), not {actions.shape}")
+        if not self._ready:
+            raise ResetNeeded("no episode is under way: call reset first")
+        batch = self.batch
+        observation = np.empty(T.SIZE, np.float32)
+        wrong = batch.step_kernel(
+            batch.records,
+            batch.constants,
+            batch.ledger,
+            batch.rules,
+            actions,
+            observation,
+            *self._results,
+        )
+        if wrong >= 0:
+            B.refuse(action)
+        row = self._row.tolist()
+        info: dict[str, Any] = {
+            "distance": row[T.DISTANCE],
+            "energy": row[T.ENERGY],
+            "episode_distance": row[T.EPISODE_DISTANCE],
+            "episode_energy": row[T.EPISODE_ENERGY],
+            "strides": int(row[T.STRIDES]),
+        }
+        terminated = False
+        if row[T.STRUCK]:
+            for name, column in self._names:
+                info[name] = row[column]
+            info["outcome"] = B.OUTCOMES[1]
+        elif row[T.ENDING]:
+            terminated = True
+            info["outcome"] = B.OUTCOMES[int(row[T.ENDING])]
+            self._ready = False
+        if self.render_mode == "human":
+            self.render()
+        return observation, row[T.REWARD], terminated, False, info
+
+    def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
+        """Draw the walker as it stands, in a window ("human") or as an array ("rgb_array")."""
+        if self.render_mode is None:
+            gymnasium.logger.warn("render() needs a render_mode: gym.make(..., render_mode=...)")
+            return None
+        if self._screen is None or self._screen.walker != self.walker:
+            from gym_passive_walker.render.screen import Screen
+
+            self.close()
+            fps = self.metadata["render_fps"]
+            self._screen = Screen(self.walker, self.render_mode, fps)
+        return self._screen.draw(
+            self.state, self.slope, self.batch.contact(0), int(self._row[T.STRIDES])
+        )
+
+    def close(self) -> None:
+        """Close the window, if there is one."""
+        if self._screen is not None:
+            self._screen.close()
+            self._screen = None
+
+    @property
+    def walker(self) -> Walker:
+        """The walker of this episode."""
+        return self.batch.walkers[0]
+
+    @property
+    def slope(self) -> float:
+        """The slope of this episode, in rad."""
+        return float(self._row[T.SLOPE])
+
+    @property
+    def state(self) -> NDArray[np.float64]:
+        """[stance, thigh, shank] angles in rad and their rates, in the walker's own units."""
+        return self.batch.states[0]
+
+    def get_state(self) -> dict[str, Any]:
+        """All that decides what comes next, random numbers of later resets included; a copy."""
+        return {**self.batch.get_state(), "ready": self._ready}
+
+    def set_state(self, state: Mapping[str, Any]) -> None:
+        """Go back to a state that `get_state` gave, of this or an equal environment.
+
+        The time limit is a wrapper's, and goes on counting.
+
+        Raises:
+            ValueError: if it is of another environment.
+        """
+        if not self.batch.randoms:
+            self.batch.randoms = [self.np_random]
+        self.batch.set_state(state)
+        self._ready = state["ready"]
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_screen": None, "_row": None}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._row = self.batch.ledger[0]
+        if self.batch.randoms:
+            self.batch.randoms = [self.np_random]
