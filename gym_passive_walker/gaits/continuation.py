@@ -71,7 +71,7 @@ class Curve:
         # The chart's own derivative: exact for the exponential and the identity.
         scale = self.decode(p + 1j * INFINITESIMAL).imag / INFINITESIMAL
         value, derivative, map_derivative = equations(
-            self.section, point, period=self.period, torque=0.0, tolerance=1e-13,
+            self.section, point, period=self.period, torque=0.0, tolerance=1e-12,
             longest=LONGEST_SEARCHED,
             setting=self.setting,
         )  # fmt: skip
@@ -79,7 +79,7 @@ class Curve:
         derivative[:, -1] *= scale[0]
         return value[0], derivative, map_derivative[0]
 
-    def correct(self, guess: NDArray, tangent: NDArray, accuracy: float = 1e-12) -> Point | None:
+    def correct(self, guess: NDArray, tangent: NDArray, accuracy: float = 1e-10) -> Point | None:
         """The gait nearest to a guess across the tangent, by Newton's method; None if lost."""
         y, size, before = guess.copy(), np.inf, np.inf
         for _ in range(8):
@@ -121,7 +121,7 @@ def _locate(
     chord = chord / length
 
     def at(s: float) -> Point:
-        point = curve.correct(a.y + s * chord, chord)
+        point = curve.correct(a.y + s * chord, chord, accuracy=1e-13)
         if point is None:
             raise ArithmeticError
         return point
@@ -139,8 +139,8 @@ def _why(curve: Curve, y: NDArray) -> str:
     value = curve.decode(y[-1:])
     section, slope = curve.section, value
     if curve.setting is not None:
-        constants, slope = curve.setting(value.astype(complex))
-        section, slope = section._replace(constants=constants.real), slope.real
+        constants, slope = curve.setting(value)
+        section = section._replace(constants=constants)
     result = strides(section, y[None, :-1], slope, count=curve.period, tolerance=1e-12)
     record = result.records[0]
     time = record[I.TIME]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.gaits.continuation import Curve, End, follow
-from gym_passive_walker.gaits.fixed_point import find_gait
+from gym_passive_walker.gaits.fixed_point import find_gait, glance
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.section import section_of, strides
 from gym_passive_walker.physics import constants as K
@@ -98,8 +98,8 @@ def _family(
     lengths = np.full(len(ys), frame.length)
     times = np.full(len(ys), frame.time)
     if curve.setting is not None:
-        constants, slopes = curve.setting(values.astype(complex))
-        section, slopes = section._replace(constants=constants.real), slopes.real
+        constants, slopes = curve.setting(values)
+        section = section._replace(constants=constants)
         for i, value_ in enumerate(values):
             varied = _varied(walker, parameter, value_)
             length = varied.thigh_length + varied.shank_length
@@ -128,15 +128,18 @@ def _family(
 
 
 def _some_gait(walker: Walker, slopes: NDArray, kind: GaitKind) -> Gait:
-    last: GaitNotFound | None = None
-    for slope in slopes:
-        try:
-            return find_gait(walker, float(slope), kind)
-        except GaitNotFound as error:
-            last = error
+    """The gait at the lowest of some slopes that has one; searched thoroughly only if need be."""
+    for search in (glance, find_gait):
+        for slope in slopes:
+            try:
+                gait = search(walker, float(slope), kind)
+            except GaitNotFound:
+                continue
+            if gait is not None:
+                return gait
     raise GaitNotFound(
         f"no {kind}-step gait of {describe(walker)} at any of {len(slopes)} slopes from "
-        f"{min(slopes):.3g} to {max(slopes):.3g} rad. The last search said: {last}"
+        f"{min(slopes):.3g} to {max(slopes):.3g} rad"
     )
 
 
@@ -232,7 +235,7 @@ def parameter_family(
 
     def setting(values: NDArray) -> tuple[NDArray, NDArray]:
         rows = [K.constants_from(_varied(walker, parameter, v), knees=walker.knees) for v in values]
-        return np.array(rows, dtype=complex), np.full(len(values), slope + 0j)
+        return np.array(rows), np.full(len(values), slope)
 
     curve = Curve(section_of(walker), lambda p: p * span + low, setting, 1)
     return _family(

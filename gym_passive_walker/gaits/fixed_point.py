@@ -80,6 +80,7 @@ def _search(
     period: int,
     torque: float,
     enough: Callable[[list[Gait]], bool],
+    batches: tuple[int, ...] = _BATCHES,
 ) -> tuple[list[Gait], Counter]:
     """Gaits that Newton's method reaches from some starts; and how the starts' strides ended."""
     ends: Counter = Counter()
@@ -99,7 +100,7 @@ def _search(
     gap = np.abs(first.end - u).max(axis=1)[alive]
     ranked = _distinct_first(u[alive[np.argsort(gap, kind="stable")]], _APART)
     tried = 0
-    for batch in _BATCHES:
+    for batch in batches:
         chosen, tried = ranked[tried : tried + batch], tried + batch
         if len(chosen) == 0:
             break
@@ -159,6 +160,17 @@ def _starts(walker: Walker, slope: float, guess: ArrayLike | None) -> NDArray:
     if guess is not None:
         return _as_points(section, walker, guess)
     return starts(section, slope) if slope > 0.0 else np.empty((0, section.dimension))
+
+
+def glance(walker: Walker, slope: float, kind: GaitKind) -> Gait | None:
+    """A gait of a kind if a quick search finds one: for looking over many slopes."""
+
+    def enough(gaits: list[Gait]) -> bool:
+        return any(gait.kind == kind for gait in gaits)
+
+    u = _starts(walker, slope, None)
+    gaits, _ = _search(walker, slope, u, 1, 0.0, enough, _BATCHES[:1])
+    return next((gait for gait in gaits if gait.kind == kind), None)
 
 
 def find_gaits(

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.gaits.section import Section, split, strides, with_derivatives
+from gym_passive_walker.gaits.section import Return, Section, split, strides, with_derivatives
 from gym_passive_walker.physics.stride import LONGEST_STRIDE
 
 Setting = Callable[[NDArray], tuple[NDArray, NDArray]]
@@ -49,22 +49,36 @@ def equations(
         Values (n, dimension), derivatives (n, dimension, dimension + 1) and the multipliers'
         matrix (n, dimension, dimension); NaN where a walker did not complete its strides.
     """
-    columns = points.shape[1]
-    dual = with_derivatives(points)
-    u, slope = dual[:, :-1], dual[:, -1]
-    if setting is not None:
-        constants, slope = setting(slope)
-        section = section._replace(constants=constants)
-    result = strides(
-        section, u, slope, count=period, torque=torque, tolerance=tolerance, longest=longest
-    )
-    gap = result.end - u
-    _, map_derivative = split(result.end, columns)
-    gap[:, 1] = result.imbalance
-    value, derivative = split(gap, columns)
-    dead = ~result.alive.reshape(-1, columns)[:, 0]
-    value[dead] = np.nan
-    return value, derivative, map_derivative[..., :-1]
+    count, columns = points.shape
+    m = columns - 1
+    values = np.full((count, m), np.nan)
+    derivatives = np.full((count, m, columns), np.nan)
+    map_derivatives = np.full((count, m, m), np.nan)
+
+    def follow(p: NDArray) -> tuple[NDArray, Return]:
+        u, slope, own = p[:, :-1], p[:, -1], section
+        if setting is not None:
+            constants, slope = setting(slope)
+            own = own._replace(constants=constants)
+        return u, strides(
+            own, u, slope, count=period, torque=torque, tolerance=tolerance, longest=longest
+        )
+
+    # Without derivatives first: strides that fail cost as much as many that do not.
+    _, plain = follow(points.astype(float))
+    alive = plain.alive
+    if np.any(alive):
+        u, result = follow(with_derivatives(points[alive]))
+        gap = result.end - u
+        _, map_derivative = split(result.end, columns)
+        gap[:, 1] = result.imbalance
+        values[alive], derivatives[alive] = split(gap, columns)
+        map_derivatives[alive] = map_derivative[..., :-1]
+        # Whether a stride exists at all may differ by a rounding; then there is none.
+        broken = alive.copy()
+        broken[alive] = ~result.alive.reshape(-1, columns).all(axis=1)
+        values[broken] = np.nan
+    return values, derivatives, map_derivatives
 
 
 def _size(value: NDArray) -> NDArray:
