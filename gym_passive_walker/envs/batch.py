@@ -9,16 +9,15 @@ from copy import deepcopy
 from typing import Any
 
 import numpy as np
-from gymnasium import spaces
 from numpy.typing import NDArray
 
 from gym_passive_walker.envs import task as T
+from gym_passive_walker.envs.interface import refuse
 from gym_passive_walker.envs.scene import Scene, SceneError
 from gym_passive_walker.envs.starts import Starts, checked_state
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import integrator as I
 from gym_passive_walker.physics.constants import Kind
-from gym_passive_walker.physics.events import Outcome
 from gym_passive_walker.physics.lanes import cache_directory
 from gym_passive_walker.physics.stride import check_slope, in_parts, step_control
 from gym_passive_walker.walkers import Walker
@@ -26,36 +25,7 @@ from gym_passive_walker.walkers import Walker
 OPTIONS = ("state", "slope")
 """What `reset` may be asked for."""
 
-OUTCOMES = tuple(outcome.name.lower() for outcome in Outcome)
-"""Names of outcomes in `info`."""
-
-EVERY_STEP = ("distance", "energy", "episode_distance", "episode_energy", "strides")
-"""Names in `info` of the ledger's columns from 0 on, at every step."""
-
-EVERY_STRIDE = (
-    "step_length",
-    "step_period",
-    "speed",
-    "cost_of_transport",
-    "gravity_cost",
-    "hip_cost",
-    "net_hip_cost",
-    "collision_cost",
-    "kneestrike_time",
-)
-"""Names in `info` of the columns that follow, at each stride's end."""
-
-
-def observation_space() -> spaces.Box:
-    """What an agent sees: the same for every walker and every scene."""
-    low = -T.BOUNDS
-    low[6] = 0.0
-    return spaces.Box(low.astype(np.float32), T.BOUNDS.astype(np.float32), dtype=np.float32)
-
-
-def action_space() -> spaces.Box:
-    """What an agent does: the hip torque, as a share of the largest."""
-    return spaces.Box(-1.0, 1.0, (1,), np.float32)
+_CROWD = 1024  # walkers from which on threads may share the work
 
 
 def _rules(scene: Scene, step_limit: float) -> NDArray[np.float64]:
@@ -137,22 +107,28 @@ class Batch:
             shared.setdefault((walker, slope), Starts(scene, walker, slope))
             for walker, slope in zip(self.walkers, slope_of, strict=True)
         ]
+        self._kind = int(self.kind)
         self._alike = walkers is None and not scene.randomise
-        self.constants = np.array(
-            [K.constants(w) for w in self.walkers[: 1 if self._alike else None]]
-        )
+        known = {walker: K.constants(walker) for walker in set(self.walkers)}
+        shown = self.walkers[:1] if self._alike else self.walkers
+        self.constants = np.array([known[walker] for walker in shown])
         self.records = np.zeros((count, I.FIELDS))
-        self.records[:, I.COS_SLOPE] = 1.0
         self.ledger = np.zeros((count, T.COLUMNS))
         self.rules = _rules(scene, step_limit)
         self.randoms: list[np.random.Generator] = []
         self.step_kernel = _kernel(self.kind)
 
-    def start(self, lanes: Iterable[int], options: Mapping[str, Any] | None = None) -> None:
+    def start(
+        self,
+        lanes: Iterable[int],
+        observations: NDArray[np.float32],
+        options: Mapping[str, Any] | None = None,
+    ) -> None:
         """Begin a new episode for some of the walkers.
 
         Args:
             lanes: Which.
+            observations: Theirs are filled, in the flat array of all: shape (count * SIZE,).
             options: "state" (one for each walker of the batch, or one for all) and "slope"
                 (likewise), in the walker's own units, instead of those drawn.
 
@@ -160,29 +136,23 @@ class Batch:
             ValueError: if an option is unknown or out of its range; nothing has changed then
                 but the random numbers taken.
         """
-        lanes = list(lanes)
-        states, slopes = self._asked(options or {})
-        drawn = []
-        for i in lanes:
+        where = np.fromiter(lanes, np.int64)
+        states, slopes = self._asked(options) if options else (None, None)
+        starts, changed = [], []
+        for i in where.tolist():
             slope = None if slopes is None else slopes[i]
-            walker, slope, state = self._starts[i].draw(self.randoms[i], slope, gait=states is None)
+            walker, *start = self._starts[i].draw(self.randoms[i], slope, gait=states is None)
             if states is not None:
-                state = checked_state(states[i], walker)
-            drawn.append((walker, slope, state))
-        for i, (walker, _, _) in zip(lanes, drawn, strict=True):
+                start[1:] = checked_state(states[i], walker)
+            starts.append(start)
             if walker is not self.walkers[i]:
-                self.walkers[i] = walker
-                self.constants[i] = K.constants(walker)
-        slope = np.array([slope for _, slope, _ in drawn])
-        records = np.zeros((len(lanes), I.FIELDS))
-        records[:, :6] = [state for _, _, state in drawn]
-        records[:, I.SIN_SLOPE], records[:, I.COS_SLOPE] = np.sin(slope), np.cos(slope)
-        rows = np.zeros((len(lanes), T.COLUMNS))
-        rows[:, T.SLOPE] = slope
-        rows[:, T.START : T.START + 3] = records[:, :3]
-        radius = self.constants[lanes if len(self.constants) > 1 else 0, K.FOOT_RADIUS]
-        rows[:, T.ORIGIN] = radius * records[:, 0]
-        self.records[lanes], self.ledger[lanes] = records, rows
+                changed.append((i, walker))
+        for i, walker in changed:
+            self.walkers[i], self.constants[i] = walker, K.constants(walker)
+        T.begin(
+            self.records, self.constants, self.ledger, self._kind,
+            where, np.array(starts), observations,
+        )  # fmt: skip
 
     def _asked(
         self, options: Mapping[str, Any]
@@ -206,10 +176,9 @@ class Batch:
             raise ValueError(f"reset options {dict(options)!r}: {error}") from None
         return states, slopes
 
-    def observe(self, lanes: Iterable[int], observations: NDArray[np.float32]) -> None:
-        """Write some walkers' observations into the flat array of all."""
-        where = np.fromiter(lanes, np.int64)
-        T.observe(self.records, self.ledger, int(self.kind), where, observations)
+    def observe(self, observations: NDArray[np.float32]) -> None:
+        """Write all walkers' observations, flat: shape (count * SIZE,)."""
+        T.observe(self.records, self.ledger, self._kind, observations)
 
     def step(
         self,
@@ -218,7 +187,7 @@ class Batch:
         rewards: NDArray[np.float64],
         terminated: NDArray[np.bool_],
         truncated: NDArray[np.bool_],
-    ) -> None:
+    ) -> tuple[int, int]:
         """A step of every walker whose episode goes on; the others get a reward of 0.
 
         Args:
@@ -228,28 +197,36 @@ class Batch:
             terminated: Filled; shape (count,).
             truncated: Filled; shape (count,).
 
+        Returns:
+            How many strides, and how many episodes have ended.
+
         Raises:
             ValueError: if an action is no finite number; nothing has changed then.
         """
-        if not np.isfinite(actions).all():  # before any thread has begun
-            wrong = np.flatnonzero(~np.isfinite(actions) & ~self.over)
-            if len(wrong):
-                refuse(actions[wrong[0]], wrong[0] if self.count > 1 else None)
+        records, constants, ledger = self.records, self.constants, self.ledger
+        if self.count < _CROWD:
+            wrong, strides, endings = self.step_kernel(
+                records, constants, ledger, self.rules,
+                actions, observations, rewards, terminated, truncated,
+            )  # fmt: skip
+            if wrong >= 0:
+                refuse(actions[wrong], wrong)
+            return strides, endings
+        for wrong in np.flatnonzero(~np.isfinite(actions) & ~self.over):  # before anyone steps
+            refuse(actions[wrong], wrong)
+        ended = []
 
-        def job(first: int, last: int) -> None:
-            self.step_kernel(
-                self.records[first:last],
-                self.constants[first:last] if len(self.constants) > 1 else self.constants,
-                self.ledger[first:last],
-                self.rules,
-                actions[first:last],
-                observations[first * T.SIZE : last * T.SIZE],
-                rewards[first:last],
-                terminated[first:last],
-                truncated[first:last],
-            )
+        def job(a: int, b: int) -> None:
+            own = constants[a:b] if len(constants) > 1 else constants
+            seen = observations[a * T.SIZE : b * T.SIZE]
+            counts = self.step_kernel(
+                records[a:b], own, ledger[a:b], self.rules,
+                actions[a:b], seen, rewards[a:b], terminated[a:b], truncated[a:b],
+            )  # fmt: skip
+            ended.append(counts[1:])
 
         in_parts(job, self.count, self.threads)
+        return sum(strides for strides, _ in ended), sum(endings for _, endings in ended)
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "step_kernel": None}  # compiled code stays at home
@@ -302,13 +279,3 @@ class Batch:
             self.constants[:] = [K.constants(walker) for walker in self.walkers]
         for random, saved in zip(self.randoms, state["random"], strict=True):
             random.bit_generator.state = saved
-
-
-def refuse(action: Any, lane: int | None = None) -> None:
-    """Say what is wrong with an action.
-
-    Raises:
-        ValueError: always.
-    """
-    where = "" if lane is None else f" of environment {lane}"
-    raise ValueError(f"the action{where} must be one finite number from -1 to 1, not {action!r}")

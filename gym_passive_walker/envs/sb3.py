@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
-from gym_passive_walker.envs import batch as B
+from gym_passive_walker.envs import interface
 from gym_passive_walker.envs import task as T
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import Scene
@@ -104,7 +104,7 @@ class PassiveWalkerVecEnv(VecEnv):
         )
         self.batch, self.scene = self._native.batch, self._native.scene
         self.lanes = [Lane(self, i) for i in range(num_envs)]
-        super().__init__(num_envs, B.observation_space(), B.action_space())
+        super().__init__(num_envs, interface.observation_space(), interface.action_space())
         self.metadata["render_fps"] = 30
         if seed is not None:
             self.seed(seed)
@@ -145,20 +145,17 @@ class PassiveWalkerVecEnv(VecEnv):
         rewards = np.empty(self.num_envs)
         dones, truncated = np.empty((2, self.num_envs), bool)
         flat = observations.reshape(-1)
-        self.batch.step(self._actions, flat, rewards, dones, truncated)
+        _, endings = self.batch.step(self._actions, flat, rewards, dones, truncated)
         if any(self._blank):  # someone has written into an info: it is theirs now
             self._blank = [info and {} for info in self._blank]
         infos = self._blank.copy()
-        if truncated.any() or dones.any():
+        if endings:
             terminated = dones
             dones = terminated | truncated
             lanes = np.flatnonzero(dones).tolist()
             for i in lanes:
                 infos[i] = self._last_info(i, observations[i].copy(), bool(terminated[i]))
-            self.batch.start(lanes)
-            self.batch.observe(lanes, flat)
-            for i in lanes:
-                self.reset_infos[i] = {}
+            self.batch.start(lanes, flat)
         return observations, rewards.astype(np.float32), dones, infos
 
     def _last_info(
@@ -166,8 +163,8 @@ class PassiveWalkerVecEnv(VecEnv):
     ) -> dict[str, Any]:
         """The info of an environment whose episode has ended."""
         row = self.batch.ledger[lane].tolist()
-        ended = B.OUTCOMES[int(row[T.ENDING])] if terminated else "time_limit"
-        info: dict[str, Any] = dict(zip(B.EVERY_STEP, row, strict=False))
+        ended = interface.OUTCOMES[int(row[T.ENDING])] if terminated else "time_limit"
+        info: dict[str, Any] = dict(zip(interface.EVERY_STEP, row, strict=False))
         info["strides"] = int(info["strides"])
         info["outcome"] = ended
         info["TimeLimit.truncated"] = bool(row[T.TRUNCATED]) and not terminated

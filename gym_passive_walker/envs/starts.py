@@ -11,6 +11,7 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -78,22 +79,23 @@ class Starts:
 
     def draw(
         self, rng: np.random.Generator, slope: float | None = None, *, gait: bool = True
-    ) -> tuple[Walker, float, State]:
+    ) -> tuple[Any, ...]:
         """A walker, a slope, and a section state near the walker's gait there.
 
         Args:
             rng: Where random numbers come from; the same count of them whatever is asked.
             slope: A slope that was asked for, instead of one drawn.
-            gait: Whether the state is wanted; without, it is empty.
+            gait: Whether the state is wanted.
 
         Returns:
-            The walker, the slope in rad, and the state with rates in units of 1/sqrt(l/g).
+            The walker, the slope in rad, and the six numbers of the state if they are wanted,
+            rates in units of 1/sqrt(l/g).
         """
         where, *shifts = rng.random(DRAWS).tolist()
         walker = self._varied(rng)
         asked, slope = slope, self.low + (self.high - self.low) * where if slope is None else slope
         if not gait:
-            return walker, slope, ()
+            return walker, slope
         if self.scene.start is not None:
             nominal = self.scene.start
         elif asked is None:
@@ -101,11 +103,10 @@ class Starts:
         else:
             nominal = gait_near(self.walker, slope)
         size = self.scene.perturbation
-        a, b, c = (1.0 + size * (2.0 * shift - 1.0) for shift in shifts)
-        stance, thigh, shank, stance_rate, thigh_rate, shank_rate = nominal
+        a, b, c = [1.0 + size * (2.0 * shift - 1.0) for shift in shifts]
         # Thigh and shank share a factor: the knee of a leg that has just left the ground opens.
-        state = (a * stance, a * thigh, a * shank, b * stance_rate, c * thigh_rate, c * shank_rate)
-        return walker, slope, state
+        q0, q1, q2, w0, w1, w2 = nominal
+        return walker, slope, a * q0, a * q1, a * q2, b * w0, c * w1, c * w2
 
     def _varied(self, rng: np.random.Generator) -> Walker:
         """The walker with its parameters varied, if the scene asks for it."""

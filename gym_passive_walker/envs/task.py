@@ -25,23 +25,24 @@ from gym_passive_walker.physics.stride import (
     run_simplest,
 )
 
-# Columns of the ledger. What a step is told about in `info`, at every step:
+# Columns of the ledger. What `info` tells at every step:
 DISTANCE = 0  # progress of the hip along the slope in this step, in leg lengths
 ENERGY = 1  # what the motor is charged for in this step, / (m g l)
 EPISODE_DISTANCE, EPISODE_ENERGY = 2, 3
 STRIDES = 4  # heelstrikes since the episode began
 EVERY_STEP = 5
-# ... and at the end of a stride; zero at other steps:
-STEP_LENGTH, STEP_PERIOD, SPEED = 5, 6, 7
-COST_OF_TRANSPORT = 8  # gravity's work and the motor's charge, over weight and step length
-GRAVITY_COST, HIP_COST, NET_HIP_COST, COLLISION_COST = 9, 10, 11, 12
-KNEESTRIKE_TIME = 13
-EVERY_STRIDE = 14
-# Why the walker is where it is.
-REWARD = 14
-ENDING = 15  # outcome that ended the episode; 0 while it goes on
-TRUNCATED = 16
-STRUCK = 17  # whether the step ended with a heelstrike
+# ... and when a stride or the episode ends; zero at other steps:
+OUTCOME = 5
+MEASURES = 6
+STEP_LENGTH, STEP_PERIOD, SPEED = 6, 7, 8
+COST_OF_TRANSPORT = 9  # gravity's work and the motor's charge, over weight and step length
+GRAVITY_COST, HIP_COST, NET_HIP_COST, COLLISION_COST = 10, 11, 12, 13
+KNEESTRIKE_TIME = 14
+TOLD = 15
+# What is kept besides:
+REWARD = 15
+ENDING = 16  # outcome that ended the episode; 0 while it goes on
+TRUNCATED = 17
 STEPS, RETURN = 18, 19  # of the episode
 SLOPE = 20
 ORIGIN = 21  # where the stance foot would touch the ground with its leg along the normal
@@ -100,10 +101,27 @@ def see(record, row, kind, observations, first):
 
 
 @kernel
-def observe(records, ledger, kind, lanes, observations):
-    """Write the observations of some walkers, flat, into the array of all."""
-    for i in lanes:
+def observe(records, ledger, kind, observations):
+    """Write all walkers' observations, flat."""
+    for i in range(len(records)):
         see(records[i], ledger[i], kind, observations, i * SIZE)
+
+
+@kernel
+def begin(records, constants, ledger, kind, lanes, starts, observations):
+    """Begin the episodes of some walkers, each from a slope and a section state."""
+    for j in range(len(lanes)):
+        i = lanes[j]
+        record, row = records[i], ledger[i]
+        record[:] = 0.0
+        row[:] = 0.0
+        row[SLOPE] = starts[j, 0]
+        record[I.SIN_SLOPE], record[I.COS_SLOPE] = sine_cosine(starts[j, 0])
+        record[:6] = starts[j, 1:]
+        row[START : START + 3] = record[:3]
+        radius = constants[i if len(constants) > 1 else 0, K.FOOT_RADIUS]
+        row[ORIGIN] = radius * record[I.ANGLES]
+        see(record, row, kind, observations, i * SIZE)
 
 
 @inlined
@@ -111,7 +129,7 @@ def command(records, ledger, rules, actions):
     """Set every walker's torque and the time to stop.
 
     Returns:
-        The first walker with an action that is no number, before anything has changed; else -1.
+        The first walker whose action is no finite number, before anything has changed; else -1.
     """
     for i in range(len(records)):
         if not np.isfinite(actions[i]) and not over(ledger[i]):
@@ -189,16 +207,22 @@ def progress(record, row, c):
 
 @inlined
 def settle(records, constants, ledger, rules, kind, observations, rewards, terminated, truncated):
-    """Work out what every walker's step has come to."""
+    """Work out what every walker's step has come to.
+
+    Returns:
+        How many strides, and how many episodes have ended.
+    """
+    strides, endings = 0, 0
     for i in range(len(records)):
         record, row = records[i], ledger[i]
         c = constants[i if len(constants) > 1 else 0]
         idle = over(row)
         struck = record[I.OUTCOME] == 1.0  # Outcome.HEELSTRIKE
-        if record[I.OUTCOME] != 0.0 and not struck:
-            row[ENDING] = record[I.OUTCOME]
-        elif record[I.TIME] >= rules[LONGEST_STRIDE] and not struck:
-            row[ENDING] = float(Outcome.STALLED.value)
+        row[OUTCOME:TOLD] = 0.0
+        row[OUTCOME] = record[I.OUTCOME]
+        if record[I.OUTCOME] == 0.0 and record[I.TIME] >= rules[LONGEST_STRIDE]:
+            row[OUTCOME] = float(Outcome.STALLED.value)
+        row[ENDING] = 0.0 if struck else row[OUTCOME]
         progress(record, row, c)
         row[ENERGY] = 0.0
         if rules[MAX_HIP_TORQUE] != 0.0 and kind != 2:  # feet without mass cost no work to move
@@ -207,30 +231,40 @@ def settle(records, constants, ledger, rules, kind, observations, rewards, termi
         row[REWARD] = row[DISTANCE] - rules[ENERGY_WEIGHT] * row[ENERGY]
         row[RETURN] += row[REWARD]
         row[STEPS] += 1.0
-        row[STRUCK] = 1.0 if struck else 0.0
-        row[STEP_LENGTH:EVERY_STRIDE] = 0.0
         if struck:
             end_stride(record, row, c, kind)
+            strides += 1
         if row[STEPS] >= rules[STEP_LIMIT]:
             row[TRUNCATED] = 1.0
         rewards[i] = 0.0 if idle else row[REWARD]
         terminated[i] = row[ENDING] != 0.0 and not idle
         truncated[i] = row[TRUNCATED] != 0.0 and not idle
+        endings += terminated[i] or truncated[i]
         see(record, row, kind, observations, i * SIZE)
+    return strides, endings
 
 
 @kernel
 def step_kneed(
     records, constants, ledger, rules, actions, observations, rewards, terminated, truncated
 ):
-    """A step of kneed walkers; returns the first one without a valid action, or -1."""
+    """A step of kneed walkers; returns `command`'s and `settle`'s answers."""
     wrong = command(records, ledger, rules, actions)
     if wrong >= 0:
-        return wrong
-    stub = int(rules[STUB])
-    run_kneed(records, constants, rules[TOLERANCE], rules[LANDING], rules[FIRST_STEP], stub, False)
-    settle(records, constants, ledger, rules, 0, observations, rewards, terminated, truncated)
-    return -1
+        return wrong, 0, 0
+    run_kneed(
+        records,
+        constants,
+        rules[TOLERANCE],
+        rules[LANDING],
+        rules[FIRST_STEP],
+        int(rules[STUB]),
+        False,
+    )
+    strides, endings = settle(
+        records, constants, ledger, rules, 0, observations, rewards, terminated, truncated
+    )
+    return wrong, strides, endings
 
 
 @kernel
@@ -240,10 +274,12 @@ def step_compass(
     """A step of straight-legged walkers; returns as `step_kneed` does."""
     wrong = command(records, ledger, rules, actions)
     if wrong >= 0:
-        return wrong
+        return wrong, 0, 0
     run_compass(records, constants, rules[TOLERANCE], rules[LANDING], rules[FIRST_STEP], 0, False)
-    settle(records, constants, ledger, rules, 1, observations, rewards, terminated, truncated)
-    return -1
+    strides, endings = settle(
+        records, constants, ledger, rules, 1, observations, rewards, terminated, truncated
+    )
+    return wrong, strides, endings
 
 
 @kernel
@@ -253,10 +289,12 @@ def step_simplest(
     """A step of simplest walkers; returns as `step_kneed` does."""
     wrong = command(records, ledger, rules, actions)
     if wrong >= 0:
-        return wrong
+        return wrong, 0, 0
     run_simplest(records, constants, rules[TOLERANCE], rules[LANDING], rules[FIRST_STEP], 0, False)
-    settle(records, constants, ledger, rules, 2, observations, rewards, terminated, truncated)
-    return -1
+    strides, endings = settle(
+        records, constants, ledger, rules, 2, observations, rewards, terminated, truncated
+    )
+    return wrong, strides, endings
 
 
 KERNELS = {

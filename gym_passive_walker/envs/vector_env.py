@@ -13,11 +13,15 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from gym_passive_walker.envs import batch as B
+from gym_passive_walker.envs import interface
 from gym_passive_walker.envs import task as T
+from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import Scene, make_scene, walker_from
+from gym_passive_walker.physics.events import Outcome
 from gym_passive_walker.walkers import Walker
+
+_OUTCOMES = np.array(interface.OUTCOMES, object)
 
 
 class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
@@ -65,11 +69,11 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         self.render_mode = render_mode
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
-        self.single_observation_space = B.observation_space()
-        self.single_action_space = B.action_space()
+        self.single_observation_space = interface.observation_space()
+        self.single_action_space = interface.action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self.batch = B.Batch(
+        self.batch = Batch(
             self.scene,
             num_envs,
             walkers=walkers,  # type: ignore[arg-type]
@@ -105,12 +109,12 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             if not self._begun and len(lanes) < self.num_envs:
                 raise ResetNeeded("reset all environments before some of them")
         seed_randoms(self.batch, seed, lanes.tolist())
-        self.batch.start(lanes.tolist(), options)
+        observations = np.empty((self.num_envs, T.SIZE), np.float32)
+        self.batch.observe(observations.reshape(-1))
+        self.batch.start(lanes, observations.reshape(-1), options)
         self._begun = True
         self._ended[lanes] = False
         self._any_ended = bool(self._ended.any())
-        observations = np.empty((self.num_envs, T.SIZE), np.float32)
-        self.batch.observe(range(self.num_envs), observations.reshape(-1))
         return observations, {}
 
     def step(self, actions: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray, dict[str, Any]]:
@@ -132,60 +136,60 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         rewards = np.empty(self.num_envs)
         terminated, truncated = np.empty((2, self.num_envs), bool)
         flat = observations.reshape(-1)
-        self.batch.step(actions.reshape(-1), flat, rewards, terminated, truncated)
-        stepped = np.ones(self.num_envs, bool)
+        strides, endings = self.batch.step(
+            actions.reshape(-1), flat, rewards, terminated, truncated
+        )
+        stepped = None
         if self._any_ended:  # NEXT_STEP: this step was their reset
             stepped = ~self._ended
-            self._restart(flat)
-        self._ended = terminated | truncated
-        self._any_ended = bool(self._ended.any())
-        if not self._any_ended or self.autoreset_mode != AutoresetMode.SAME_STEP:
-            return observations, rewards, terminated, truncated, self._infos(stepped)
+            self.batch.start(np.flatnonzero(self._ended), flat)
+        told = bool(strides or endings)
+        if not endings or self.autoreset_mode != AutoresetMode.SAME_STEP:
+            if self._any_ended or endings:
+                self._ended, self._any_ended = terminated | truncated, endings > 0
+            infos = self._infos(stepped, told)
+            return observations, rewards, terminated, truncated, infos
+        ended = terminated | truncated
         last = np.full(self.num_envs, None, object)
-        for i in np.flatnonzero(self._ended):
+        for i in np.flatnonzero(ended):
             last[i] = observations[i].copy()
         infos = {
             "final_obs": last,
-            "_final_obs": self._ended,
-            "final_info": self._infos(self._ended),
-            "_final_info": self._ended.copy(),
-            **self._infos(~self._ended),
+            "_final_obs": ended,
+            "final_info": self._infos(ended, told),
+            "_final_info": ended.copy(),
+            **self._infos(~ended, told),
         }
-        self._restart(flat)
-        self._ended, self._any_ended = np.zeros(self.num_envs, bool), False
+        self.batch.start(np.flatnonzero(ended), flat)
         return observations, rewards, terminated, truncated, infos
 
-    def _restart(self, observations: NDArray[np.float32]) -> None:
-        """Begin the next episodes of those that have ended."""
-        lanes = np.flatnonzero(self._ended).tolist()
-        self.batch.start(lanes)
-        self.batch.observe(lanes, observations)
+    def _infos(self, which: NDArray[np.bool_] | None, told: bool) -> dict[str, Any]:
+        """What single environments would put into `info`, with masks of who did.
 
-    def _infos(self, which: NDArray[np.bool_]) -> dict[str, Any]:
-        """What single environments would put into `info`, with masks of who did."""
-        ledger = self.batch.ledger
-        every = bool(which.all())
-        if not (every or which.any()):
-            return {}
-        struck = (ledger[:, T.STRUCK] != 0.0) & which
-        any_struck = bool(struck.any())
-        columns = ledger[:, : T.EVERY_STRIDE if any_struck else T.EVERY_STEP].T.copy()
-        if not every:
+        Args:
+            which: Who makes this step; None for all.
+            told: Whether someone ended a stride or an episode.
+        """
+        columns = self.batch.ledger.T[: T.TOLD if told else T.EVERY_STEP].copy()
+        mask = np.ones(self.num_envs, bool) if which is None else which
+        if which is not None:
             columns[:, ~which] = 0.0
+            if not which.any():
+                return {}
         infos: dict[str, Any] = {}
-        for name, column in zip(B.EVERY_STEP, columns, strict=False):
-            infos[name], infos["_" + name] = column, which
+        for name, column in zip(interface.EVERY_STEP, columns[: T.EVERY_STEP], strict=True):
+            infos[name], infos["_" + name] = column, mask
         infos["strides"] = columns[T.STRIDES].astype(np.int64)
-        fallen = (ledger[:, T.ENDING] != 0.0) & which
-        if any_struck:
-            for name, column in zip(B.EVERY_STRIDE, columns[T.EVERY_STEP :], strict=True):
-                infos[name], infos["_" + name] = column, struck
-        if any_struck or fallen.any():
-            outcomes = np.full(self.num_envs, None, object)
-            outcomes[struck] = B.OUTCOMES[1]
-            for i in np.flatnonzero(fallen):
-                outcomes[i] = B.OUTCOMES[int(ledger[i, T.ENDING])]
-            infos["outcome"], infos["_outcome"] = outcomes, struck | fallen
+        if not told:
+            return infos
+        outcomes = columns[T.OUTCOME].astype(np.intp)
+        mask = outcomes != 0
+        if mask.any():
+            infos["outcome"], infos["_outcome"] = _OUTCOMES.take(outcomes), mask
+        mask = outcomes == Outcome.HEELSTRIKE.value
+        if mask.any():
+            for name, column in zip(interface.EVERY_STRIDE, columns[T.MEASURES :], strict=True):
+                infos[name], infos["_" + name] = column, mask
         return infos
 
     def _checked_mask(self, mask: Any) -> NDArray[np.bool_]:
@@ -272,7 +276,7 @@ def step_limit(max_episode_steps: int | None) -> float:
 
 
 def seed_randoms(
-    batch: B.Batch, seed: int | Sequence[int | None] | None, lanes: Sequence[int]
+    batch: Batch, seed: int | Sequence[int | None] | None, lanes: Sequence[int]
 ) -> None:
     """Seed some walkers' random numbers as as many single environments would be.
 

@@ -10,8 +10,9 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from gym_passive_walker.envs import batch as B
+from gym_passive_walker.envs import interface
 from gym_passive_walker.envs import task as T
+from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.walkers import Walker
 
@@ -161,9 +162,9 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             )
         self.scene = make_scene(scene, **changes)
         self.render_mode = render_mode
-        self.observation_space = B.observation_space()
-        self.action_space = B.action_space()
-        self.batch = B.Batch(self.scene)
+        self.observation_space = interface.observation_space()
+        self.action_space = interface.action_space()
+        self.batch = Batch(self.scene)
         self.metadata = {**self.metadata, "render_fps": self._frames_per_second()}
         self._prepare()
 
@@ -174,7 +175,6 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._results = np.zeros(1), np.zeros(1, bool), np.zeros(1, bool)
         self._ready = False
         self._screen: Any = None
-        self._names = list(zip(B.EVERY_STRIDE, range(T.EVERY_STEP, T.EVERY_STRIDE), strict=True))
 
     def _frames_per_second(self) -> int:
         """Frames a second for which a film runs at the walker's own pace."""
@@ -198,10 +198,9 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """
         super().reset(seed=seed)
         self.batch.randoms = [self.np_random]
-        self.batch.start((0,), options)
-        self._ready = True
         observation = np.empty(T.SIZE, np.float32)
-        self.batch.observe((0,), observation)
+        self.batch.start((0,), observation, options)
+        self._ready = True
         if self.render_mode == "human":
             self.render()
         return observation, {}
@@ -222,7 +221,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise ResetNeeded("no episode is under way: call reset first")
         batch = self.batch
         observation = np.empty(T.SIZE, np.float32)
-        wrong = batch.step_kernel(
+        wrong, struck, ended = batch.step_kernel(
             batch.records,
             batch.constants,
             batch.ledger,
@@ -232,7 +231,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             *self._results,
         )
         if wrong >= 0:
-            B.refuse(action)
+            interface.refuse(action)
         row = self._row.tolist()
         info: dict[str, Any] = {
             "distance": row[T.DISTANCE],
@@ -241,18 +240,14 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             "episode_energy": row[T.EPISODE_ENERGY],
             "strides": int(row[T.STRIDES]),
         }
-        terminated = False
-        if row[T.STRUCK]:
-            for name, column in self._names:
-                info[name] = row[column]
-            info["outcome"] = B.OUTCOMES[1]
-        elif row[T.ENDING]:
-            terminated = True
-            info["outcome"] = B.OUTCOMES[int(row[T.ENDING])]
-            self._ready = False
+        if struck:
+            info.update(zip(interface.EVERY_STRIDE, row[T.MEASURES : T.TOLD], strict=True))
+        if struck or ended:
+            info["outcome"] = interface.OUTCOMES[int(row[T.OUTCOME])]
+            self._ready = not ended
         if self.render_mode == "human":
             self.render()
-        return observation, row[T.REWARD], terminated, False, info
+        return observation, row[T.REWARD], bool(ended), False, info
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
         """Draw the walker as it stands, in a window ("human") or as an array ("rgb_array")."""

@@ -1,0 +1,50 @@
+"""What the outside sees of the task: spaces, and the names of what stands in `info`."""
+
+from __future__ import annotations
+
+import numpy as np
+from gymnasium import spaces
+
+from gym_passive_walker.envs import task as T
+from gym_passive_walker.physics.events import Outcome
+
+OUTCOMES = (None, *(outcome.name.lower() for outcome in Outcome if outcome))
+"""Names of outcomes, by their number."""
+
+EVERY_STEP = ("distance", "energy", "episode_distance", "episode_energy", "strides")
+"""Names of the ledger's columns before `task.EVERY_STEP`."""
+
+EVERY_STRIDE = (
+    "step_length",
+    "step_period",
+    "speed",
+    "cost_of_transport",
+    "gravity_cost",
+    "hip_cost",
+    "net_hip_cost",
+    "collision_cost",
+    "kneestrike_time",
+)
+"""Names of the ledger's columns from `task.MEASURES` on."""
+
+
+def observation_space() -> spaces.Box:
+    """What an agent sees: the same for every walker and every scene."""
+    low = -T.BOUNDS
+    low[6] = 0.0
+    return spaces.Box(low.astype(np.float32), T.BOUNDS.astype(np.float32), dtype=np.float32)
+
+
+def action_space() -> spaces.Box:
+    """What an agent does: the hip torque, as a share of the largest."""
+    return spaces.Box(-1.0, 1.0, (1,), np.float32)
+
+
+def refuse(action: object, lane: int | None = None) -> None:
+    """Say what is wrong with an action.
+
+    Raises:
+        ValueError: always.
+    """
+    where = "" if lane is None else f" of environment {lane}"
+    raise ValueError(f"the action{where} must be one finite number from -1 to 1, not {action!r}")
