@@ -25,12 +25,13 @@ class GaitFamily:
     Attributes:
         walker: Who walks (at the first gait, if a parameter of the walker is varied).
         parameter: "slope", or the walker's parameter that is varied.
+        period: Strides until each motion repeats.
         value: The varied quantity.
         slope: Slope in rad.
         state: Section states, shape (n, 6), in the walker's own units.
         stance_angle: rad.
-        step_period: In the walker's units of time.
-        step_length: Along the slope.
+        step_period: Mean over the period, in the walker's units of time.
+        step_length: Mean over the period, along the slope.
         multipliers: Shape (n, m), largest modulus first.
         folds: Values of the varied quantity where the family turns back.
         period_doublings: Values where a multiplier passes -1.
@@ -39,6 +40,7 @@ class GaitFamily:
 
     walker: Walker
     parameter: str
+    period: int
     value: NDArray[np.float64]
     slope: NDArray[np.float64]
     state: NDArray[np.float64]
@@ -105,21 +107,18 @@ def _family(
             length = varied.thigh_length + varied.shank_length
             lengths[i], times[i] = length, np.sqrt(length / varied.gravity)
     result = strides(section, ys[:, :-1], slopes, count=curve.period, tolerance=1e-12)
-    one = strides(section, ys[:, :-1], slopes, tolerance=1e-12)
-    c = section.constants
-    angle, end = np.exp(ys[:, 0]), np.exp(one.end[:, 0])
-    step = 2.0 * c[:, K.LEG] * np.sin(end) + c[:, K.FOOT_RADIUS] * (angle + end)
     states = section.state(ys[:, :-1])
     states[:, 3:] /= times[:, None]
     return GaitFamily(
         walker=walker,
         parameter=parameter,
+        period=curve.period,
         value=values,
         slope=slopes,
         state=states,
-        stance_angle=angle,
+        stance_angle=np.exp(ys[:, 0]),
         step_period=result.duration / curve.period * times,
-        step_length=step * lengths,
+        step_length=result.length / curve.period * lengths,
         multipliers=np.array([multipliers_of(point.map) for point in points]),
         folds=tuple(sorted(down.folds + up.folds)),
         period_doublings=tuple(sorted(down.doublings + up.doublings)),

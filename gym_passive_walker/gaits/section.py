@@ -80,6 +80,7 @@ class Return(NamedTuple):
             the small difference of two states would not be.
         records: The engine's record of the last stride, (n, FIELDS).
         duration: Of all strides, (n,).
+        length: Of all steps along the slope, over the leg length, (n,).
         alive: Whether every stride ended with a heelstrike, (n,).
     """
 
@@ -87,6 +88,7 @@ class Return(NamedTuple):
     imbalance: NDArray
     records: NDArray
     duration: NDArray
+    length: NDArray
     alive: NDArray
 
 
@@ -118,6 +120,7 @@ def strides(
     lost = np.zeros(len(u), dtype)
     gained = np.zeros(len(u), dtype)
     duration = np.zeros(len(u), dtype)
+    length = np.zeros(len(u), dtype)
     alive = np.ones(len(u), bool)
     records = new_records(state, slope, torque)
     for _ in range(count):
@@ -129,15 +132,16 @@ def strides(
         alive &= records[:, I.OUTCOME].real == Outcome.HEELSTRIKE
         state = records[:, :6]
         end = state[:, 0]
-        length = 2.0 * c[:, K.LEG] * np.sin(end) + c[:, K.FOOT_RADIUS] * (start + end)
+        step = 2.0 * c[:, K.LEG] * np.sin(end) + c[:, K.FOOT_RADIUS] * (start + end)
+        length += step
         lost += records[:, I.KNEE_LOSS] + records[:, I.HEEL_LOSS]
-        gained += np.sin(slope) * length
+        gained += np.sin(slope) * step
         if section.kind != Kind.SIMPLEST:
             gained += torque * records[:, I.HIP_NET]
         duration += records[:, I.TIME]
     state = np.where(alive[:, None], state, section.state(u.astype(dtype)))
     imbalance = np.where(alive, 2.0 * (lost - gained) / np.where(alive, lost + gained, 1.0), 2.0)
-    return Return(section.point(state), imbalance, records, duration, alive)
+    return Return(section.point(state), imbalance, records, duration, length, alive)
 
 
 def with_derivatives(points: NDArray) -> NDArray:
