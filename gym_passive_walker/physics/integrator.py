@@ -17,7 +17,16 @@ import numpy as np
 from gym_passive_walker.physics import compass, dormand_prince, kneed, simplest
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import events as E
-from gym_passive_walker.physics.lanes import GROUP, WIDTH, get, inlined, jitted, put, reciprocal
+from gym_passive_walker.physics.lanes import (
+    GROUP,
+    WIDTH,
+    get,
+    inlined,
+    jitted,
+    made_for,
+    put,
+    reciprocal,
+)
 
 # A walker's record.
 ANGLES, RATES = 0, 3  # stance, thigh, shank
@@ -91,6 +100,7 @@ def _stage(index: int, phase: int):  # type: ignore[no-untyped-def]
     trial = dormand_prince.STAGE[index]
 
     @inlined
+    @made_for(phase, index)
     def stage(tile, groups):
         for lane in range(GROUP * groups):
             h = get(tile, _H, lane)
@@ -248,6 +258,7 @@ def _sweep(phase: int):  # type: ignore[no-untyped-def]
     )
 
     @jitted
+    @made_for(phase)
     def sweep(tile, groups, tolerance, stub):
         s1(tile, groups)
         s2(tile, groups)
@@ -563,6 +574,7 @@ def _advance(phase: int):  # type: ignore[no-untyped-def]
     sweep = _sweep(phase)
 
     @jitted
+    @made_for(phase)
     def advance(records, constants, tile, tolerance, landing, first_step, stub):
         owner = np.empty(WIDTH, np.int64)
         waiting, used = 0, 0

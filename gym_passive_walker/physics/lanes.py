@@ -105,6 +105,22 @@ def inlined(function: Function) -> Function:
     return numba.njit(forceinline=True, **_OPTIONS)(function)
 
 
+def made_for(*what: object) -> Callable[[Function], Function]:
+    """Name a function that a factory makes after what it was made for.
+
+    Kernels cached by different processes are linked by name, and closures of one factory share
+    theirs: without a name of its own one would silently be called in place of another.
+    """
+
+    def rename(function: Function) -> Function:
+        suffix = "_".join(str(part) for part in what)
+        function.__name__ = f"{function.__name__}_{suffix}"
+        function.__qualname__ = f"{function.__qualname__}_{suffix}"
+        return function
+
+    return rename
+
+
 def jitted(function: Function) -> Function:
     """Compile a piece of bookkeeping that kernels call now and then."""
     return numba.njit(**_OPTIONS)(function)
