@@ -15,6 +15,7 @@ from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import integrator as I
 from gym_passive_walker.physics.constants import Kind
 from gym_passive_walker.physics.events import Outcome
+from gym_passive_walker.physics.forces import forces
 from gym_passive_walker.physics.stride import (
     advance,
     check_state,
@@ -27,6 +28,8 @@ from gym_passive_walker.walkers import Walker, as_walker
 
 COARSEST_SAMPLES = 1e-4
 """Largest tolerance at which the instant before a strike can still be told from the strike."""
+
+_VERGE = 1e-8  # of the time until a strike: its square is nothing
 
 
 class Trajectory(NamedTuple):
@@ -134,3 +137,65 @@ def _sampled(
     records[:, I.END] = times / frame.time
     advance(kind, K.constants(walker)[None], records, tolerance=tolerance)
     return records[:, :6] / scale, records[:, I.PHASE].astype(np.int64)
+
+
+def states_at(
+    walker: Walker | str,
+    slope: float,
+    state: ArrayLike,
+    times: ArrayLike,
+    *,
+    hip_torque: float = 0.0,
+    tolerance: float = 1e-10,
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """States inside one stride at any instants.
+
+    Args:
+        walker: The walker, or a preset's name.
+        slope: Slope in rad.
+        state: Where the stride starts, shape (6,).
+        times: Since the start, shape (n,), in any order; later ones than the stride's end give
+            the state that the stride ends with.
+        hip_torque: Torque, as for `stride`.
+        tolerance: As for `stride`.
+
+    Returns:
+        States (n, 6) and phases (n,).
+    """
+    start, instants = np.array(state, dtype=float), np.asarray(times, dtype=float)
+    return _sampled(as_walker(walker), slope, start, hip_torque, instants, tolerance)
+
+
+def just_before(
+    walker: Walker | str,
+    slope: float,
+    state: ArrayLike,
+    strike: float,
+    *,
+    hip_torque: float = 0.0,
+    tolerance: float = 1e-13,
+) -> NDArray[np.float64]:
+    """The state on the verge of a strike, before the collision, exact to rounding.
+
+    A state is taken so short before the strike that its accelerations lead there.
+
+    Args:
+        walker: The walker, or a preset's name.
+        slope: Slope in rad.
+        state: Where the stride starts, shape (6,).
+        strike: Time of the kneestrike or the heelstrike since the start.
+        hip_torque: Torque, as for `stride`.
+        tolerance: As for `stride`.
+
+    Returns:
+        State (6,).
+    """
+    walker = as_walker(walker)
+    time = np.array([strike * (1.0 - _VERGE)])
+    states, phases = states_at(
+        walker, slope, state, time, hip_torque=hip_torque, tolerance=tolerance
+    )
+    left = strike - time[0]
+    change = forces(walker, slope, states, phases, hip_torque=hip_torque).accelerations[0] * left
+    angles, rates = states[0, :3], states[0, 3:]
+    return np.concatenate([angles + (rates + 0.5 * change) * left, rates + change])

@@ -5,7 +5,7 @@ import pytest
 
 from gym_passive_walker import Outcome, stride
 from gym_passive_walker.physics import events
-from gym_passive_walker.physics.trajectory import trajectory
+from gym_passive_walker.physics.trajectory import just_before, states_at, trajectory
 
 SLOPE = 0.036
 GAIT = np.array([0.24395, -0.24395, -0.24395, -1.0491, -0.3015, -1.4831])
@@ -82,3 +82,29 @@ def test_what_cannot_be_followed_is_refused(change, message):
     arguments = {"walker": "lab", "slope": SLOPE, "state": GAIT} | change
     with pytest.raises(ValueError, match=message):
         trajectory(**arguments)
+
+
+def test_states_can_be_had_at_any_instants_in_any_order():
+    walk = trajectory("lab", SLOPE, GAIT, samples=5)
+    states, phases = states_at("lab", SLOPE, GAIT, walk.times[::-1])
+    np.testing.assert_array_equal(states[::-1], walk.states)
+    np.testing.assert_array_equal(phases[::-1], walk.phases)
+
+
+@pytest.mark.parametrize("name", ["lab", "A", "D"])
+def test_the_verge_of_heelstrike_has_the_angles_of_the_next_section(name):
+    state = np.array([0.2, -0.2, -0.2, -0.95, -0.8, -0.8]) if name != "lab" else GAIT
+    state = state * ([1, 1, 1, 0.67, 0.72, 0.72] if name == "D" else 1.0)
+    end = stride(name, 0.01 if name != "lab" else SLOPE, state, tolerance=1e-13)
+    verge = just_before(name, 0.01 if name != "lab" else SLOPE, state, end.duration)
+    np.testing.assert_allclose(verge[:3], -end.state[:3], rtol=1e-12)
+
+
+def test_rates_on_the_verge_of_a_strike_lie_on_the_line_that_leads_there():
+    strike = float(stride("lab", SLOPE, GAIT, tolerance=1e-13).kneestrike_time)
+    verge = just_before("lab", SLOPE, GAIT, strike)
+    assert verge[1] == pytest.approx(verge[2], abs=1e-13)
+    near, _ = states_at("lab", SLOPE, GAIT, strike - np.array([1e-4, 2e-4, 3e-4]), tolerance=1e-13)
+    beyond = 3.0 * near[0] - 3.0 * near[1] + near[2]  # extrapolates through three samples
+    np.testing.assert_allclose(verge, beyond, atol=1e-9)
+    assert verge[5] > verge[4]  # the shank is still swinging forward
