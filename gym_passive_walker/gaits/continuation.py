@@ -107,12 +107,12 @@ class Curve:
         return Point(y, new if new @ tangent >= 0.0 else -new, map_derivative)
 
 
-def _doubling(point: Point) -> float:
+def doubling_test(point: Point) -> float:
     """Changes sign where a multiplier passes -1."""
     return float(np.linalg.det(np.eye(len(point.map)) + point.map))
 
 
-def _locate(
+def locate(
     curve: Curve, a: Point, b: Point, test: Callable[[Point], float]
 ) -> tuple[float, Point] | None:
     """The point between two where a test function vanishes, by Brent's method along the chord."""
@@ -194,17 +194,17 @@ def follow(curve: Curve, start: Point, low: float, high: float, resolution: floa
             last = curve.correct(guess, across)
             reason = BOUND
             if last is not None:
-                if _doubling(here) * _doubling(last) < 0.0:
-                    located = _locate(curve, here, last, _doubling)
+                if doubling_test(here) * doubling_test(last) < 0.0:
+                    located = locate(curve, here, last, doubling_test)
                     doublings += [located[0]] if located else []
                 points.append(last)
                 here = last
             break
         if here.tangent[-1] * there.tangent[-1] < 0.0:
-            located = _locate(curve, here, there, lambda point: float(point.tangent[-1]))
+            located = locate(curve, here, there, lambda point: float(point.tangent[-1]))
             folds += [located[0]] if located else []
-        if _doubling(here) * _doubling(there) < 0.0:
-            located = _locate(curve, here, there, _doubling)
+        if doubling_test(here) * doubling_test(there) < 0.0:
+            located = locate(curve, here, there, doubling_test)
             doublings += [located[0]] if located else []
         here = there
         points.append(here)

@@ -1,0 +1,320 @@
+"""What becomes of a gait that has lost its stability: settled walks, doublings, chaos, crisis.
+
+A settled walk is found by walking; lanes take many slopes at once. The doublings themselves are
+not read off a diagram but located on the unstable gaits, by Newton's method with exact derivatives.
+
+References:
+    M. J. Feigenbaum, "Quantitative universality for a class of nonlinear transformations",
+    J. Stat. Phys. 19 (1978) 25-52.
+    G. Benettin, L. Galgani, A. Giorgilli, J.-M. Strelcyn, Meccanica 15 (1980) 9-20, for the
+    exponents.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gym_passive_walker.gaits.family import GaitFamily, gait_family
+from gym_passive_walker.gaits.gait import GaitKind
+from gym_passive_walker.gaits.section import INFINITESIMAL, Section, section_of
+from gym_passive_walker.gaits.walk import take_stride, walk_on
+from gym_passive_walker.physics.events import Outcome
+from gym_passive_walker.physics.stride import check_slope, check_state, check_tolerance
+from gym_passive_walker.walkers import Walker, as_walker
+
+_NUDGE = 1e-4  # off the gait, which a walker would otherwise stay on though it be unstable
+
+
+@dataclass(frozen=True)
+class BifurcationDiagram:
+    """Settled walks over slopes.
+
+    Attributes:
+        walker: Who walks.
+        slope: Slopes in rad, (n,).
+        stance_angle: Stance angles of successive strides once settled, rad, (n, keep); NaN where
+            the walker fell.
+        period: Strides after which the settled walk repeats, (n,); 0 where it does not, for the
+            longest period looked for, or where the walker fell.
+        state: The last section state, (n, 6), in the walker's own units.
+    """
+
+    walker: Walker
+    slope: NDArray[np.float64]
+    stance_angle: NDArray[np.float64]
+    period: NDArray[np.int64]
+    state: NDArray[np.float64]
+
+    @property
+    def walks(self) -> NDArray[np.bool_]:
+        """Where the walker still walks."""
+        return np.isfinite(self.stance_angle[:, -1])
+
+
+def period_of(values: ArrayLike, longest: int, tolerance: float = 1e-6) -> NDArray[np.int64]:
+    """The smallest period with which sequences repeat; 0 where none does.
+
+    Args:
+        values: Sequences, shape (..., count), longer than `longest`.
+        longest: Longest period looked for.
+        tolerance: How nearly they repeat, relative to their size.
+    """
+    values = np.asarray(values, dtype=float)
+    if not 1 <= longest < values.shape[-1]:
+        raise ValueError(f"a period from 1 to below {values.shape[-1]}, not {longest}")
+    with np.errstate(invalid="ignore"):
+        size = tolerance * np.abs(values).max(axis=-1)
+        period = np.zeros(values.shape[:-1], dtype=np.int64)
+        for p in range(longest, 0, -1):
+            gap = np.abs(values[..., p:] - values[..., :-p]).max(axis=-1)
+            period[gap <= size] = p
+    return period
+
+
+def nearest_on(family: GaitFamily, slopes: NDArray) -> NDArray[np.float64]:
+    """States on a family at given slopes, by interpolation; NaN where it has none.
+
+    Where a family passes a slope more than once, the gait nearest to being stable is taken.
+
+    Args:
+        family: A family over slopes.
+        slopes: rad, (n,).
+
+    Returns:
+        Section states, (n, 6), in the walker's own units.
+    """
+    here, there = family.slope[:-1], family.slope[1:]
+    size = np.abs(family.multipliers[:, 0])
+    size = np.maximum(size[:-1], size[1:])
+    states = np.full((len(slopes), 6), np.nan)
+    for i, slope in enumerate(slopes):
+        low, high = np.minimum(here, there), np.maximum(here, there)
+        passed = np.flatnonzero((low <= slope) & (slope <= high) & (low < high))
+        if len(passed):
+            j = passed[np.argmin(size[passed])]
+            share = (slope - here[j]) / (there[j] - here[j])
+            states[i] = family.state[j] + share * (family.state[j + 1] - family.state[j])
+    return states
+
+
+def _beginnings(
+    walker: Walker, slopes: NDArray, kind: GaitKind, start: ArrayLike | None
+) -> NDArray[np.float64]:
+    """Dimensionless states to begin to walk from, one for each slope."""
+    if start is not None:
+        states = np.broadcast_to(check_state(start), (len(slopes), 6)).copy()
+    else:
+        low, high = float(slopes.min()), float(slopes.max())
+        family = gait_family(walker, low * (1.0 - 1e-9), high * (1.0 + 1e-9), kind)
+        states = nearest_on(family, slopes)
+        states[:, :3] *= 1.0 + _NUDGE
+    states[:, 3:] *= walker.time_unit
+    return states
+
+
+def _slopes(slopes: ArrayLike) -> NDArray[np.float64]:
+    values = np.atleast_1d(check_slope(slopes))
+    if values.ndim != 1 or len(values) == 0 or np.any(values <= 0.0):
+        raise ValueError("slopes must be one or more angles in rad above 0, in one row")
+    return values
+
+
+def _settle(
+    section: Section, states: NDArray, slopes: NDArray, settle: int, keep: int, tolerance: float
+) -> tuple[NDArray, NDArray]:
+    """Stance angles of the strides kept, (n, keep), and the states at their end."""
+    states = walk_on(section, states, slopes, settle, tolerance=tolerance)
+    angles = np.empty((len(slopes), keep))
+    for i in range(keep):
+        states = walk_on(section, states, slopes, 1, tolerance=tolerance)
+        angles[:, i] = states[:, 0]
+    angles[np.isnan(angles[:, -1])] = np.nan
+    return angles, states
+
+
+def bifurcation_diagram(
+    walker: Walker | str,
+    slopes: ArrayLike,
+    *,
+    settle: int = 1000,
+    keep: int = 128,
+    start: ArrayLike | None = None,
+    kind: GaitKind = "long",
+    sweep: bool = False,
+    longest_period: int = 32,
+    tolerance: float = 1e-10,
+) -> BifurcationDiagram:
+    """Where walks settle, slope by slope (Fig. 4.10).
+
+    Args:
+        walker: The walker, or a preset's name.
+        slopes: Slopes in rad, in the order in which a sweep takes them.
+        settle: Strides taken before any is kept.
+        keep: Strides kept.
+        start: A section state to begin with, or one for each slope. If not given, each slope is
+            begun just beside its period-one gait, stable or not.
+        kind: Which gait to begin beside.
+        sweep: Begin each slope from where the one before has settled, as long as that walks. One
+            slope after the other is slow; all of them as lanes is not.
+        longest_period: Longest period looked for.
+        tolerance: Of the integration.
+
+    Returns:
+        The diagram; rows without a walk are NaN.
+
+    Raises:
+        GaitNotFound: if there is no gait in the range of slopes to begin with.
+    """
+    walker, values = as_walker(walker), _slopes(slopes)
+    tolerance = check_tolerance(tolerance)
+    if settle < 0 or not longest_period < keep:
+        raise ValueError(f"keep more strides than the longest period {longest_period}")
+    section = section_of(walker)
+    states = _beginnings(walker, values, kind, start)
+    if sweep:
+        angles = np.full((len(values), keep), np.nan)
+        for i in range(len(values)):
+            if i > 0 and np.all(np.isfinite(states[i - 1])):
+                states[i] = states[i - 1]
+            one = slice(i, i + 1)
+            angles[one], states[one] = _settle(
+                section, states[one], values[one], settle, keep, tolerance
+            )
+    else:
+        angles, states = _settle(section, states, values, settle, keep, tolerance)
+    period = period_of(angles, longest_period)
+    states[:, 3:] /= walker.time_unit
+    return BifurcationDiagram(walker, values, angles, period, states)
+
+
+def lyapunov_exponents(
+    walker: Walker | str,
+    slopes: ArrayLike,
+    *,
+    count: int = 1,
+    strides: int = 2000,
+    settle: int = 500,
+    start: ArrayLike | None = None,
+    kind: GaitKind = "long",
+    tolerance: float = 1e-10,
+) -> NDArray[np.float64]:
+    """Lyapunov exponents of the settled walk, per stride, from exact derivatives of each stride.
+
+    A positive one means chaos: neighbouring walks part by its exponential at each stride. On a
+    stable gait of period n they are ln|multipliers| / n.
+
+    Args:
+        walker: The walker, or a preset's name.
+        slopes: Slopes in rad.
+        count: How many exponents, from the largest on; at most the section's dimension.
+        strides: Strides averaged over.
+        settle: Strides taken before.
+        start: A section state to begin with, or one for each slope; beside the gait if None.
+        kind: Which gait to begin beside.
+        tolerance: Of the integration.
+
+    Returns:
+        Shape (n, count), largest first; NaN where the walker falls.
+    """
+    walker, values = as_walker(walker), _slopes(slopes)
+    tolerance = check_tolerance(tolerance)
+    section = section_of(walker)
+    if not 1 <= count <= section.dimension:
+        raise ValueError(f"count must be from 1 to {section.dimension}, not {count}")
+    states = _beginnings(walker, values, kind, start)
+    states = walk_on(section, states, values, settle, tolerance=tolerance)
+    exponents = np.full((len(values), count), np.nan)
+    walking = np.flatnonzero(np.all(np.isfinite(states), axis=1))
+    u = section.point(states[walking])
+    frames = np.broadcast_to(np.eye(section.dimension)[:, :count], (len(u), *u.shape[1:], count))
+    sums = np.zeros((len(u), count))
+    for _ in range(strides):
+        if len(walking) == 0:
+            break
+        duals = u[:, None, :] + 1j * INFINITESIMAL * np.swapaxes(frames, 1, 2)
+        ends, outcome = take_stride(
+            section,
+            section.state(duals.reshape(-1, section.dimension)),
+            np.repeat(values[walking], count),
+            tolerance=tolerance,
+        )
+        ends = section.point(ends).reshape(len(u), count, -1)
+        on = np.all(outcome.reshape(-1, count) == Outcome.HEELSTRIKE, axis=1)
+        walking, u, sums = walking[on], ends[on, 0].real, sums[on]
+        frames, triangle = np.linalg.qr(np.swapaxes(ends[on].imag, 1, 2) / INFINITESIMAL)
+        with np.errstate(divide="ignore"):  # a direction that a strike forgets: minus infinity
+            sums = sums + np.log(np.abs(np.diagonal(triangle, axis1=1, axis2=2)))
+    exponents[walking] = sums / strides
+    return exponents
+
+
+def crisis_slope(
+    walker: Walker | str,
+    low: float,
+    high: float,
+    *,
+    start: ArrayLike | None = None,
+    strides: int = 3000,
+    walkers: int = 64,
+    kind: GaitKind = "long",
+    accuracy: float = 1e-7,
+    tolerance: float = 1e-10,
+) -> float:
+    """The slope at which settled walking ends.
+
+    Walkers spread over the settled walk at `low` are taken to steeper slopes as long as none of
+    them falls. Just beyond the crisis walks last long before they end, so the slope found is
+    slightly too high, the less so the more strides and walkers; near it a gap may be missed that
+    is narrower than the search's steps.
+
+    Args:
+        walker: The walker, or a preset's name.
+        low: A slope in rad at which the walk begun settles.
+        high: A slope beyond the crisis.
+        start: A section state to begin with at `low`; beside the gait if None.
+        strides: How long all of them have to walk.
+        walkers: How many walk at each slope.
+        kind: Which gait to begin beside.
+        accuracy: In rad.
+        tolerance: Of the integration.
+
+    Raises:
+        ValueError: if the walker falls at `low`, or walks on at `high`.
+    """
+    walker = as_walker(walker)
+    section = section_of(walker)
+    low, high = (float(x) for x in _slopes([low, high]))
+    if not low < high:
+        raise ValueError(f"low must be below high, not {low}, {high}")
+    states = _beginnings(walker, np.array([low]), kind, start)
+    states = walk_on(section, states, np.array([low]), strides, tolerance=tolerance)
+    if not np.all(np.isfinite(states)):
+        raise ValueError(f"the walker falls at slope {low}")
+    crowd = np.repeat(states, walkers, axis=0)
+    for i in range(1, walkers):  # spread along the settled walk
+        crowd[i] = walk_on(section, crowd[i - 1 : i], np.array([low]), 1, tolerance=tolerance)[0]
+    if np.all(np.isfinite(_all_walk(section, crowd, high, strides, tolerance))):
+        raise ValueError(f"walking has not ended at slope {high}")
+    step = (high - low) / 64.0
+    while step > accuracy:
+        there = _all_walk(section, crowd, low + step, strides, tolerance)
+        if np.all(np.isfinite(there)):
+            low, crowd = low + step, there
+        else:
+            step *= 0.5
+    return low
+
+
+def _all_walk(
+    section: Section, states: NDArray, slope: float, strides: int, tolerance: float
+) -> NDArray:
+    """Where walkers stand after some strides, given up as soon as one falls."""
+    slopes = np.full(len(states), slope)
+    for _ in range(0, strides, 50):
+        states = walk_on(section, states, slopes, 50, tolerance=tolerance)
+        if not np.all(np.isfinite(states)):
+            break
+    return states

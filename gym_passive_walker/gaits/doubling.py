@@ -1,0 +1,143 @@
+"""The period-doubling route to chaos, located on the gaits themselves.
+
+Where a multiplier of a gait of period n passes -1, a gait of period 2n branches off along that
+multiplier's eigenvector. Following the branch by continuation leads to where it doubles in turn,
+and so on: each slope is a root found to rounding, stable or not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker.gaits.continuation import Curve, Point, doubling_test, locate
+from gym_passive_walker.gaits.family import gait_family
+from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
+from gym_passive_walker.gaits.section import Section, section_of
+from gym_passive_walker.walkers import Walker, as_walker, describe
+
+FEIGENBAUM = 4.669201609102990
+"""What the ratios of successive distances between doublings tend to (Feigenbaum, 1978)."""
+
+_FIRST_STEP, _LONGEST_STEP = 2e-3, 0.03  # in the section's logarithmic coordinates
+_SHRINK = 2.5  # each branch is so much smaller than the one before
+_MOST_STEPS = 400
+
+
+@dataclass(frozen=True)
+class Cascade:
+    """Period doublings one after the other.
+
+    Attributes:
+        walker: Who walks.
+        periods: Strides after which the gait repeats that doubles: 1, 2, 4, ...
+        slopes: Slope in rad at which it does.
+        gaits: The gait itself there, with a multiplier at -1.
+    """
+
+    walker: Walker
+    periods: tuple[int, ...]
+    slopes: tuple[float, ...]
+    gaits: tuple[Gait, ...]
+
+    @property
+    def ratios(self) -> tuple[float, ...]:
+        """Distances between successive doublings, each over the next; they tend to FEIGENBAUM."""
+        gaps = np.diff(self.slopes)
+        return tuple(float(x) for x in gaps[:-1] / gaps[1:])
+
+    @property
+    def limit(self) -> float:
+        """Where the doublings accumulate, by the universal ratio from the last two."""
+        if len(self.slopes) < 2:
+            return float("nan")
+        return self.slopes[-1] + (self.slopes[-1] - self.slopes[-2]) / (FEIGENBAUM - 1.0)
+
+
+def doubling_cascade(
+    walker: Walker | str,
+    slope_min: float,
+    slope_max: float,
+    *,
+    kind: GaitKind = "long",
+    doublings: int = 5,
+) -> Cascade:
+    """Locate a gait's successive period doublings.
+
+    Args:
+        walker: The walker, or a preset's name.
+        slope_min: A slope in rad where the period-one gait is followed from.
+        slope_max: Steepest slope looked at.
+        kind: Which gait.
+        doublings: How many to locate; the last gait has period 2 ** (doublings - 1).
+
+    Returns:
+        The cascade, with fewer doublings if a branch ends before the next one.
+
+    Raises:
+        GaitNotFound: if there is no gait in the range, or its period does not double there.
+    """
+    walker = as_walker(walker)
+    if int(doublings) != doublings or doublings < 1:
+        raise ValueError(f"doublings must be a whole number from 1 on, not {doublings!r}")
+    family = gait_family(walker, slope_min, slope_max, kind)
+    if not family.period_doublings:
+        raise GaitNotFound(
+            f"the {kind}-step gait of {describe(walker)} does not double its period from "
+            f"{slope_min} to {slope_max} rad"
+        )
+    section = section_of(walker)
+    slope = family.period_doublings[0]
+    nearest = int(np.argmin(np.abs(family.slope - slope)))
+    state = family.state[nearest : nearest + 1].copy()
+    state[:, 3:] *= section.time
+    curve = Curve(section, np.exp, None, 1)
+    across = np.zeros(section.dimension + 1)
+    across[-1] = 1.0
+    here = curve.correct(np.append(section.point(state)[0], np.log(slope)), across)
+    slopes: list[float] = []
+    gaits: list[Gait] = []
+    while here is not None:
+        slopes.append(float(np.exp(here.y[-1])))
+        gaits.append(measure(walker, section, here.y[:-1], slopes[-1], curve.period, 0.0))
+        if len(slopes) == doublings:
+            break
+        here = _next_doubling(section, here, 2 * curve.period, np.log(slope_max))
+        curve = Curve(section, np.exp, None, 2 * curve.period)
+    periods = tuple(gait.period for gait in gaits)
+    return Cascade(walker, periods, tuple(slopes), tuple(gaits))
+
+
+def _next_doubling(section: Section, birth: Point, period: int, high: float) -> Point | None:
+    """Where the branch of this period that is born at a doubling doubles in turn."""
+    curve = Curve(section, np.exp, None, period)
+    values, vectors = np.linalg.eig(birth.map)
+    direction = np.append(vectors[:, np.argmin(np.abs(values + 1.0))].real, 0.0)
+    direction /= np.linalg.norm(direction)
+    shrink = _SHRINK ** -np.log2(period / 2)
+    step, longest = _FIRST_STEP * shrink, _LONGEST_STEP * shrink
+    here = curve.correct(birth.y + step * direction, direction)
+    if here is None:
+        return None
+    here = _away(here, here.y - birth.y)
+    for _ in range(_MOST_STEPS):
+        there = curve.correct(here.y + step * here.tangent, here.tangent)
+        if there is None or there.tangent @ here.tangent < 0.8:
+            step *= 0.4
+            if step < 1e-9:
+                return None
+            continue
+        if there.y[-1] > high:
+            return None
+        if doubling_test(here) * doubling_test(there) < 0.0:
+            located = locate(curve, here, there, doubling_test)
+            return located[1] if located else None
+        here, step = there, min(1.5 * step, longest)
+    return None
+
+
+def _away(point: Point, direction: NDArray) -> Point:
+    """A point whose tangent leads away along a direction."""
+    return point if point.tangent @ direction > 0.0 else point._replace(tangent=-point.tangent)
