@@ -1,0 +1,1 @@
+"""What walkers do, as statements that can fail."""

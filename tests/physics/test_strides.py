@@ -1,0 +1,280 @@
+"""Whole strides agree with a slow, independent integration, and with the laws of mechanics."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gym_passive_walker import WALKERS, Outcome, stride
+from gym_passive_walker.physics import constants as K
+from gym_passive_walker.physics import events as E
+from gym_passive_walker.physics import integrator as I
+from gym_passive_walker.physics.stride import advance, frame_of, new_records
+from tests.physics import bodies, kernels, oracle
+from tests.physics.examples import GAITS, KNEED, LONG_GAITS, Gait, random_walker
+
+
+def units(walker) -> np.ndarray:
+    """What makes a state's rates dimensionless."""
+    return np.array([1.0] * 3 + [walker.time_unit] * 3)
+
+
+def assert_same_stride(walker, slope, state, torque, **precision) -> oracle.Walk:
+    """Compare every number of a stride with the oracle's, at the engine's best."""
+    expected = oracle.walk(walker, slope, state, torque=torque)
+    found = stride(walker, slope, state, hip_torque=torque, tolerance=1e-14)
+    time, energy = walker.time_unit, frame_of(walker).energy
+    assert found.outcome == expected.outcome
+    np.testing.assert_allclose(
+        found.state * units(walker), expected.state * units(walker), rtol=0.0, **precision
+    )
+    for name, unit in [
+        ("duration", time),
+        ("kneestrike_time", time),
+        ("kneestrike_loss", energy),
+        ("heelstrike_loss", energy),
+    ]:
+        np.testing.assert_allclose(
+            getattr(found, name) / unit, getattr(expected, name) / unit, rtol=0.0, **precision
+        )
+    return expected
+
+
+@pytest.mark.parametrize("torque", [0.0, 0.01, -0.002], ids=["passive", "driven", "braked"])
+@pytest.mark.parametrize("gait", GAITS, ids=str)
+def test_a_stride_is_what_an_independent_integration_says(gait, torque):
+    walker = WALKERS[gait.walker]
+    state = gait.state * [1.0, 1.0, 1.0, 0.997, 0.995, 0.995]
+    expected = assert_same_stride(
+        walker, gait.slope, state, torque * frame_of(walker).torque, atol=1e-12
+    )
+    assert expected.outcome == Outcome.HEELSTRIKE
+
+
+def kicked(rng: np.random.Generator, name: str):
+    """A walker of some kind, thrown: a walker, its slope, its state and a torque."""
+    walker = WALKERS[name]
+    if not walker.massless_legs and rng.random() < 0.5:
+        walker = random_walker(rng, knees=walker.knees)
+    gait = LONG_GAITS[name]
+    state = gait.state * (1.0 + rng.normal(size=6) * rng.choice([0.1, 0.3]))
+    state[1:3] = -state[0]
+    state[3:] *= WALKERS[name].time_unit / walker.time_unit
+    if not walker.knees:
+        state[5] = state[4]
+    torque = rng.choice([0.0, 0.02]) * rng.normal() * frame_of(walker).torque
+    return walker, gait.slope + 0.02 * rng.normal(), state, torque
+
+
+@pytest.mark.parametrize("name", WALKERS)
+def test_a_thrown_walker_ends_as_an_independent_integration_says(name):
+    """Falls, turns over the top and strides alike."""
+    rng = np.random.default_rng(3)
+    for _ in range(8):
+        assert_same_stride(*kicked(rng, name), atol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", WALKERS)
+def test_a_thousand_thrown_walkers_end_as_an_independent_integration_says(name):
+    rng = np.random.default_rng(4)
+    for _ in range(1000):
+        assert_same_stride(*kicked(rng, name), atol=1e-8)
+
+
+@pytest.mark.parametrize("gait", GAITS, ids=str)
+def test_a_gait_repeats_itself(gait):
+    walker = WALKERS[gait.walker]
+    after = stride(walker, gait.slope, gait.state, tolerance=1e-14).state
+    np.testing.assert_allclose(
+        after * units(walker), gait.state * units(walker), rtol=0.0, atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("gait", GAITS, ids=str)
+def test_on_a_gait_collisions_cost_the_sine_of_the_slope(gait):
+    """Energy lost per weight and distance along the slope (equation 4.4)."""
+    found = stride(gait.walker, gait.slope, gait.state)
+    assert found.cost_of_transport == pytest.approx(np.sin(gait.slope), rel=1e-9)
+    assert found.gravity_work == pytest.approx(
+        found.weight * found.step_length * np.sin(gait.slope), rel=1e-9
+    )
+
+
+@pytest.mark.parametrize("name", WALKERS)
+def test_a_stride_starts_and_ends_with_both_feet_on_the_ground(name):
+    gait = LONG_GAITS[name]
+    after = stride(name, gait.slope, gait.state * [1.0, 1.0, 1.0, 1.03, 1.0, 1.0]).state
+    assert after[0] > 0.0
+    assert after[0] == -after[1] == -after[2]
+
+
+@pytest.mark.parametrize("name", WALKERS)
+def test_a_step_is_as_long_as_the_way_from_contact_to_contact(name):
+    gait, walker = LONG_GAITS[name], WALKERS[name]
+    start = gait.state * [1.0, 1.0, 1.0, 1.03, 1.0, 1.0]
+    found = stride(walker, gait.slope, start)
+    end = -found.state[:3]
+    stance, swing = bodies.Bodies(walker, end).legs
+    rolled = walker.foot_radius * (start[0] - end[0])
+    assert found.step_length == pytest.approx(rolled + (swing.foot - stance.foot).real, rel=1e-13)
+
+
+def energy(walker, slope, state) -> float:
+    """Total energy over the present contact."""
+    return bodies.kinetic_energy(walker, state) + bodies.potential_energy(walker, slope, state[:3])
+
+
+@pytest.mark.parametrize("name", [name for name in WALKERS if name != "D"])
+def test_energy_is_conserved_between_impacts(name):
+    gait, walker = LONG_GAITS[name], WALKERS[name]
+    whole = stride(name, gait.slope, gait.state)
+    start = energy(walker, gait.slope, gait.state)
+    scale = bodies.kinetic_energy(walker, gait.state)
+    for share in (0.1, 0.4, 0.7, 0.95):
+        longest = share * whole.duration / walker.time_unit
+        part = stride(name, gait.slope, gait.state, longest=longest, tolerance=1e-14)
+        assert part.outcome == Outcome.STALLED
+        assert part.duration == pytest.approx(share * whole.duration, rel=1e-15)
+        now = energy(walker, gait.slope, part.state)
+        assert now + part.kneestrike_loss == pytest.approx(start, rel=0.0, abs=1e-13 * scale)
+
+
+def test_the_energy_of_the_simplest_walker_is_its_hips_between_impacts():
+    gait, walker = LONG_GAITS["D"], replace(WALKERS["D"], hip_mass=3.0, gravity=2.0)
+    state = gait.state * ([1.0] * 3 + [WALKERS["D"].time_unit / walker.time_unit] * 3)
+
+    def total(state):
+        hip = walker.leg_length * np.array([-np.sin(state[0]), np.cos(state[0])])
+        height = hip @ [-np.sin(gait.slope), np.cos(gait.slope)]
+        return oracle.kinetic_energy(walker, state) + walker.hip_mass * walker.gravity * height
+
+    for longest in (0.5, 2.0, 3.5):
+        part = stride(walker, gait.slope, state, longest=longest, tolerance=1e-14)
+        assert total(part.state) == pytest.approx(total(state), rel=1e-14)
+
+
+def flow(walker, slope, state, time, phase, tolerance=1e-14) -> np.ndarray:
+    """A dimensionless state after some time in one phase."""
+    records = new_records(np.array([state]), np.array([slope]), end=time)
+    records[:, I.PHASE] = phase
+    kind, constants = K.kind_of(walker), K.constants(walker)[None]
+    advance(kind, constants, records, tolerance=tolerance, from_section=False)
+    assert records[0, I.OUTCOME] == Outcome.RUNNING
+    assert records[0, I.PHASE] == phase
+    assert records[0, I.TIME] == time
+    return records[0, :6]
+
+
+BACKWARDS = np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0])
+
+
+@pytest.mark.parametrize(
+    ("name", "phase"),
+    [*((name, E.FREE) for name in KNEED), *((name, E.LOCKED) for name in WALKERS)],
+)
+def test_a_walker_filmed_and_played_backwards_obeys_the_same_laws(name, phase):
+    walker = WALKERS[name]
+    if walker.massless_legs:
+        phase = E.SIMPLEST
+    state = np.array([0.5, -0.2, -0.2 if phase != E.FREE else -0.5, -0.6, 0.8, 0.8])
+    there = flow(walker, 0.05, state, 0.7, phase)
+    back = flow(walker, 0.05, there * BACKWARDS, 0.7, phase)
+    np.testing.assert_allclose(back * BACKWARDS, state, rtol=0.0, atol=1e-13)
+    assert np.abs(there - state).max() > 0.1
+
+
+@pytest.mark.parametrize("name", WALKERS)
+def test_a_stride_in_ticks_is_a_stride(name):
+    """Stopping the clock ever so often changes nothing but the last digits."""
+    walker, gait = WALKERS[name], LONG_GAITS[name]
+    state = kernels.dimensionless(walker, gait.state)[None]
+    kind, constants = K.kind_of(walker), K.constants(walker)[None]
+    whole = new_records(state, np.array([gait.slope]), 0.01)
+    advance(kind, constants, whole, tolerance=1e-14)
+    ticks = new_records(state, np.array([gait.slope]), 0.01, end=0.1)
+    advance(kind, constants, ticks, tolerance=1e-14)
+    count = 1
+    while ticks[0, I.OUTCOME] == Outcome.RUNNING:
+        ticks[0, I.END] += 0.1
+        advance(kind, constants, ticks, tolerance=1e-14, from_section=False)
+        count += 1
+    assert ticks[0, I.OUTCOME] == Outcome.HEELSTRIKE
+    assert count == np.ceil(whole[0, I.TIME] / 0.1)
+    fields = [*range(7), I.HIP_NET, I.HIP_TURN, I.KNEE_TIME, I.KNEE_LOSS, I.HEEL_LOSS]
+    np.testing.assert_allclose(ticks[0, fields], whole[0, fields], rtol=0.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("gait", GAITS, ids=str)
+def test_units_do_not_matter(gait: Gait):
+    """A giant of another metal on another planet walks the same dimensionless walk."""
+    walker = WALKERS[gait.walker]
+    length, mass, gravity = 7.3, 0.19, 1.62 / 9.81
+    lengths = {
+        name: length * getattr(walker, name)
+        for name in (
+            "thigh_length", "thigh_offset", "thigh_gyration", "thigh_com", "shank_length",
+            "shank_offset", "shank_gyration", "shank_com", "foot_radius",
+        )
+    }  # fmt: skip
+    masses = {
+        name: mass * getattr(walker, name) for name in ("thigh_mass", "shank_mass", "hip_mass")
+    }
+    giant = replace(walker, gravity=gravity * walker.gravity, **lengths, **masses)
+    time = np.sqrt(length / gravity)
+    work = mass * gravity * length
+    torque = 0.003 * frame_of(walker).torque
+    force = work if not walker.massless_legs else gravity * length
+    here = stride(walker, gait.slope, gait.state, hip_torque=torque)
+    there = stride(
+        giant, gait.slope, gait.state / ([1.0] * 3 + [time] * 3), hip_torque=torque * force
+    )
+    assert there.outcome == here.outcome
+    np.testing.assert_allclose(
+        there.state * units(giant), here.state * units(walker), rtol=0.0, atol=1e-13
+    )
+    for name, unit in {
+        "duration": time,
+        "kneestrike_time": time,
+        "step_length": length,
+        "hip_work": work,
+        "hip_work_absolute": work,
+        "gravity_work": work,
+        "collision_loss": work,
+    }.items():
+        np.testing.assert_allclose(getattr(there, name), unit * getattr(here, name), rtol=1e-11)
+
+
+@pytest.mark.parametrize("name", WALKERS)
+def test_a_hip_mass_may_as_well_be_shared_between_the_thighs(name):
+    """A point mass on the axis belongs to whichever leg one likes."""
+    walker, gait = WALKERS[name], LONG_GAITS[name]
+    if walker.massless_legs:
+        walker = replace(walker, shank_mass=0.01, shank_com=0.5)
+    loaded = replace(walker, hip_mass=walker.hip_mass + 0.8)
+    mass = walker.thigh_mass + 0.4
+    com = walker.thigh_mass * walker.thigh_com / mass
+    offset = walker.thigh_mass * walker.thigh_offset / mass
+    square = walker.thigh_mass / mass * (
+        walker.thigh_gyration**2 + walker.thigh_com**2 + walker.thigh_offset**2
+    ) - (com**2 + offset**2)
+    shared = replace(
+        walker,
+        thigh_mass=mass,
+        thigh_com=com,
+        thigh_offset=offset,
+        thigh_gyration=np.sqrt(max(0.0, square)),
+    )
+    one = stride(loaded, gait.slope, gait.state, tolerance=1e-13)
+    other = stride(shared, gait.slope, gait.state, tolerance=1e-13)
+    assert other.outcome == one.outcome == Outcome.HEELSTRIKE
+    np.testing.assert_allclose(other.state, one.state, rtol=0.0, atol=1e-12)
+
+
+def test_the_rates_of_a_straight_legged_walkers_shank_are_ignored():
+    gait = LONG_GAITS["A"]
+    usual = stride("A", gait.slope, gait.state)
+    odd = stride("A", gait.slope, np.add(gait.state, [0.0, 0.0, 1.0, 0.0, 0.0, -7.0]))
+    np.testing.assert_array_equal(odd.state, usual.state)

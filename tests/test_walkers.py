@@ -1,0 +1,401 @@
+"""What a walker is: which parameters make one, which do not, and how walkers come of others."""
+
+from __future__ import annotations
+
+import copy
+import math
+import pickle
+from dataclasses import FrozenInstanceError, asdict, fields, replace
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+import gym_passive_walker as gpw
+from gym_passive_walker import (
+    WALKERS,
+    Part,
+    Walker,
+    WalkerError,
+    assemble,
+    blend,
+    lab_walker_from_parts,
+    tune,
+    tuning_errors,
+)
+from gym_passive_walker.walkers import as_walker, combine
+from tests.physics.bodies import Bodies
+from tests.physics.examples import random_walker
+
+NUMBERS = [field.name for field in fields(Walker) if field.name != "knees"]
+LAB = WALKERS["lab"]
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_every_parameter_is_finite(name, value):
+    with pytest.raises(WalkerError, match=f"{name} must be finite, not {value}"):
+        replace(LAB, **{name: value})
+
+
+@pytest.mark.parametrize("name", NUMBERS)
+@pytest.mark.parametrize("value", [None, "long", [1.0, 2.0]])
+def test_every_parameter_is_a_number(name, value):
+    with pytest.raises(WalkerError, match=f"{name} must be a number"):
+        replace(LAB, **{name: value})
+
+
+@pytest.mark.parametrize("knees", [1, 0, None, "yes"])
+def test_knees_are_there_or_not(knees):
+    with pytest.raises(WalkerError, match="knees must be True or False"):
+        replace(LAB, knees=knees)
+
+
+@pytest.mark.parametrize("name", ["thigh_length", "shank_length", "gravity"])
+@pytest.mark.parametrize("value", [0.0, -1.0])
+def test_lengths_and_gravity_are_positive(name, value):
+    with pytest.raises(WalkerError, match=f"{name} must be positive, not {value}"):
+        replace(LAB, **{name: value})
+
+
+@pytest.mark.parametrize(
+    "name", ["thigh_mass", "shank_mass", "hip_mass", "thigh_gyration", "shank_gyration"]
+)
+def test_masses_and_radii_of_gyration_are_not_negative(name):
+    with pytest.raises(WalkerError, match=f"{name} must not be negative, but is -0.1"):
+        replace(LAB, **{name: -0.1})
+
+
+@pytest.mark.parametrize("radius", [-0.01, 0.46, 0.5])
+def test_the_foots_centre_is_below_the_knee(radius):
+    with pytest.raises(WalkerError, match=f"foot_radius must lie .* it is {radius}"):
+        replace(LAB, foot_radius=radius)
+
+
+@pytest.mark.parametrize("angle", [0.84, -0.84, 2.0, 0.5 * math.pi, math.pi])
+def test_the_shank_reaches_the_foots_centre(angle):
+    """At the lab walker's lengths the sine of the angle must be below 0.26 / 0.35."""
+    with pytest.raises(WalkerError, match=r"foot_angle .* must be below 0.83"):
+        replace(LAB, foot_angle=angle)
+
+
+def test_the_limit_of_the_foots_angle_is_the_one_that_the_error_names():
+    limit = math.asin(0.26 / 0.35)
+    assert replace(LAB, foot_angle=limit - 1e-9).shank_angle < 0.5 * math.pi
+    with pytest.raises(WalkerError, match=f"{limit:.6g}"):
+        replace(LAB, foot_angle=limit + 1e-9)
+
+
+def test_a_walker_has_mass():
+    with pytest.raises(WalkerError, match="a walker needs mass"):
+        replace(WALKERS["D"], hip_mass=0.0)
+
+
+@pytest.mark.parametrize("changes", [{"knees": True}, {"foot_radius": 0.1}])
+def test_legs_without_mass_are_the_simplest_walkers_alone(changes):
+    with pytest.raises(WalkerError, match="simplest walker, which has point feet and no knees"):
+        replace(WALKERS["D"], **changes)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"shank_mass": 0.0}, {"shank_com": 0.0, "shank_offset": 0.0, "shank_gyration": 0.0}],
+)
+def test_a_free_shank_resists_turning(changes):
+    with pytest.raises(WalkerError, match="a free shank needs a moment of inertia"):
+        replace(LAB, **changes)
+    assert not replace(LAB, knees=False, **changes).knees
+
+
+def test_a_swing_leg_resists_turning():
+    at_the_hip = {"thigh_com": 0.0, "thigh_offset": 0.0, "thigh_gyration": 0.0}
+    with pytest.raises(WalkerError, match="a swing leg needs a moment of inertia about the hip"):
+        replace(LAB, knees=False, shank_mass=0.0, **at_the_hip)
+
+
+def test_an_error_about_walkers_is_an_error_about_values():
+    assert issubclass(WalkerError, ValueError)
+
+
+def test_a_walker_does_not_change():
+    with pytest.raises(FrozenInstanceError):
+        LAB.gravity = 1.62
+
+
+def test_parameters_become_floats():
+    walker = replace(LAB, hip_mass=1, thigh_length=np.float32(0.5))
+    assert type(walker.hip_mass) is float
+    assert type(walker.thigh_length) is float
+
+
+def test_walkers_of_the_same_parameters_are_the_same():
+    assert replace(LAB) == LAB
+    assert hash(replace(LAB)) == hash(LAB)
+    assert pickle.loads(pickle.dumps(LAB)) == copy.deepcopy(LAB) == LAB
+    assert replace(LAB, hip_mass=1.0) != LAB
+
+
+def test_leg_length_mass_and_time_of_the_laboratorys_walker():
+    assert LAB.leg_length == 0.81
+    assert LAB.total_mass == pytest.approx(2.0 * (2.345 + 1.013))
+    assert replace(LAB, hip_mass=0.5).total_mass == pytest.approx(2.0 * (2.345 + 1.013) + 0.5)
+    assert LAB.time_unit == pytest.approx(math.sqrt(0.81 / 9.81))
+
+
+@pytest.mark.parametrize("name", WALKERS)
+def test_a_straight_leg_goes_from_hip_to_foot_centre(name):
+    walker = WALKERS[name]
+    foot = Bodies(walker, (0.0, 0.0, 0.0)).legs[0].foot
+    assert foot.real == pytest.approx(0.0, abs=1e-16)
+    assert foot.imag < 0.0
+    reach = walker.shank_length - walker.foot_radius
+    sides = walker.thigh_length * math.sin(walker.foot_angle), reach * math.sin(walker.shank_angle)
+    assert sides[0] == pytest.approx(sides[1], rel=1e-15)
+
+
+TABLE = """
+      A       B    C       D    E
+l_t   0.35    0.5  0.35    0.5  0.5
+w_t   -0.023  0    -0.023  0    0
+r_t   0.1882  0    0.1882  0    0
+c_t   0.084   0    0.084   0    0
+l_s   0.46    0.5  0.46    0.5  0.5
+w_s   0.022   0    0.022   0    0
+r_s   0.1226  0    0.1226  0    0
+R     0.2     0.2  0.2     0    0
+eps_T 0.097   0    0.097   0    0
+"""
+WORDS = {
+    "l_t": "thigh_length",
+    "w_t": "thigh_offset",
+    "r_t": "thigh_gyration",
+    "c_t": "thigh_com",
+    "l_s": "shank_length",
+    "w_s": "shank_offset",
+    "r_s": "shank_gyration",
+    "R": "foot_radius",
+    "eps_T": "foot_angle",
+}
+
+
+def test_the_tabulated_walkers_are_those_of_table_4_1():
+    header, *rows = (line.split() for line in TABLE.strip().splitlines())
+    for symbol, *values in rows:
+        for name, value in zip(header, values, strict=True):
+            assert getattr(WALKERS[name], WORDS[symbol]) == float(value), (name, symbol)
+
+
+@pytest.mark.parametrize(
+    ("name", "thigh", "shank"),
+    [("A", 2.345, 1.013), ("B", 0.4, 0.1), ("C", 2.345, 1.013), ("E", 0.4, 0.1), ("F", 0.45, 0.05)],
+)
+def test_the_masses_of_the_tabulated_walkers(name, thigh, shank):
+    walker = WALKERS[name]
+    assert (walker.thigh_mass, walker.shank_mass, walker.hip_mass) == (thigh, shank, 0.0)
+
+
+def test_only_c_and_the_lab_walker_have_knees():
+    assert [name for name, walker in WALKERS.items() if walker.knees] == ["C", "lab"]
+    assert replace(WALKERS["lab-straight"], knees=True) == LAB
+    assert replace(WALKERS["A"], knees=True) == WALKERS["C"]
+
+
+def test_only_d_has_legs_without_mass():
+    assert [name for name, walker in WALKERS.items() if walker.massless_legs] == ["D"]
+
+
+@pytest.mark.parametrize("name", ["B", "D", "E", "F"])
+def test_masses_on_the_line_from_hip_to_foot_are_tuned_as_they_are(name):
+    assert tuning_errors(WALKERS[name]) == (0.0, 0.0, 0.0, 0.0)
+    assert tune(WALKERS[name]) == WALKERS[name]
+
+
+@pytest.mark.parametrize("name", ["A", "C"])
+def test_the_table_is_tuned_to_its_two_digits(name):
+    tuned = tune(WALKERS[name])
+    assert tuned.thigh_offset == pytest.approx(WALKERS[name].thigh_offset, abs=5e-4)
+    assert tuned.shank_offset == pytest.approx(WALKERS[name].shank_offset, abs=5e-4)
+    assert 0.0 < max(abs(error) for error in tuning_errors(WALKERS[name])) < 1e-3
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("knees", [False, True])
+def test_a_tuned_walker_stands_at_zero_slope(seed, knees):
+    """Its centre of mass is over the contact; with knees, the shank hangs straight by itself."""
+    walker = random_walker(np.random.default_rng(seed), knees=knees)
+    for one in (walker, tune(walker)):
+        standing = Bodies(one, (0.0, 0.0, 0.0))
+        leg = standing.legs[0]
+        moment = sum(m * z.real for m, z in zip(standing.masses, standing.centres, strict=True))
+        errors = tuning_errors(one)
+        ahead = moment / one.total_mass / one.leg_length
+        assert errors.static_equilibrium == pytest.approx(ahead, abs=1e-14)
+        assert errors.collinearity == errors.static_equilibrium
+        assert errors.hip_over_contact == 0.0
+        under_knee = (leg.shank - leg.knee).real / one.leg_length if knees else 0.0
+        assert errors.shank_under_knee == pytest.approx(under_knee, abs=1e-14)
+    np.testing.assert_allclose(tuning_errors(tune(walker)), 0.0, atol=1e-15)
+    assert abs(tuning_errors(walker).static_equilibrium) > 1e-4
+
+
+@pytest.mark.parametrize("name", ["A", "C", "lab", "lab-straight"])
+def test_tuning_moves_the_two_offsets_and_nothing_else(name):
+    before, after = asdict(WALKERS[name]), asdict(tune(WALKERS[name]))
+    changed = {key for key in before if before[key] != after[key]}
+    assert changed == {"thigh_offset", "shank_offset"}
+    assert tune(tune(WALKERS[name])) == tune(WALKERS[name])
+
+
+def test_a_thigh_without_mass_cannot_balance_an_angled_foot():
+    light = replace(LAB, thigh_mass=0.0)
+    with pytest.raises(WalkerError, match="thigh's mass"):
+        tune(light)
+    np.testing.assert_allclose(tuning_errors(tune(replace(light, foot_angle=0.0))), 0.0, atol=1e-15)
+
+
+def test_a_blend_goes_from_one_walker_to_the_other():
+    a, b = tune(LAB), LAB
+    assert blend(a, b, 0.0) == a
+    assert blend(a, b, 1.0) == b
+    half = blend(a, b, 0.5)
+    for name in NUMBERS:
+        assert getattr(half, name) == pytest.approx(
+            0.5 * (getattr(a, name) + getattr(b, name)), rel=1e-15
+        )
+    beyond = blend(a, b, 1.5)
+    assert beyond.thigh_offset == pytest.approx(1.5 * b.thigh_offset - 0.5 * a.thigh_offset)
+
+
+def test_a_blend_detunes_in_proportion():
+    """Tuning errors of walkers that differ in their offsets are linear in them (Fig. 4.8)."""
+    whole = np.array(tuning_errors(LAB))
+    part = np.array(tuning_errors(blend(tune(LAB), LAB, 0.3)))
+    np.testing.assert_allclose(part, 0.3 * whole, rtol=0.0, atol=1e-15)
+
+
+def test_a_blend_of_knees_and_none_is_refused():
+    with pytest.raises(WalkerError, match="knees"):
+        blend(WALKERS["A"], WALKERS["C"], 0.5)
+
+
+def test_a_blend_that_is_no_walker_is_refused():
+    with pytest.raises(WalkerError):
+        blend(WALKERS["E"], WALKERS["F"], 10.0)
+    with pytest.raises(WalkerError, match="finite"):
+        blend(WALKERS["E"], WALKERS["F"], math.nan)
+
+
+def test_the_laboratorys_parts_make_the_captions_walker():
+    """Figure 4.3 lumps half the hip's mass with each thigh and rounds."""
+    walker = lab_walker_from_parts()
+    half_hip = Part(mass=0.5 * walker.hip_mass, com=0.0)
+    thigh = combine(
+        [
+            half_hip,
+            Part(
+                mass=walker.thigh_mass,
+                com=walker.thigh_com,
+                offset=walker.thigh_offset,
+                inertia=walker.thigh_mass * walker.thigh_gyration**2,
+            ),
+        ]
+    )
+    lumped = replace(
+        walker,
+        hip_mass=0.0,
+        thigh_mass=thigh.mass,
+        thigh_com=thigh.com,
+        thigh_offset=thigh.offset,
+        thigh_gyration=math.sqrt(thigh.inertia / thigh.mass),
+    )
+    for name in NUMBERS:
+        assert getattr(lumped, name) == pytest.approx(getattr(LAB, name), abs=5.1e-4), name
+
+
+def test_the_appendix_defines_the_angles_of_the_foot():
+    """Etat and etaf of subsection 4.10.1: together they are the angle of the straight knee."""
+    walker = lab_walker_from_parts()
+    expected = math.atan(0.26 * math.sin(0.228) / (0.26 * math.cos(0.228) + 0.35))
+    assert walker.foot_angle == pytest.approx(expected, rel=1e-15)
+    assert walker.foot_angle + walker.shank_angle == pytest.approx(0.228, rel=1e-14)
+
+
+PARTS = st.lists(
+    st.builds(
+        Part,
+        mass=st.floats(0.01, 10.0),
+        com=st.floats(-2.0, 2.0),
+        offset=st.floats(-2.0, 2.0),
+        inertia=st.floats(0.0, 5.0),
+    ),
+    min_size=1,
+    max_size=5,
+)
+
+
+@given(parts=PARTS)
+def test_combined_parts_keep_mass_first_and_second_moments(parts):
+    whole = combine(parts)
+
+    def moments(pieces):
+        return [
+            sum(p.mass for p in pieces),
+            sum(p.mass * p.com for p in pieces),
+            sum(p.mass * p.offset for p in pieces),
+            sum(p.inertia + p.mass * (p.com**2 + p.offset**2) for p in pieces),
+        ]
+
+    np.testing.assert_allclose(moments([whole]), moments(parts), rtol=1e-12, atol=1e-12)
+
+
+@given(parts=PARTS)
+def test_it_does_not_matter_in_which_order_parts_are_combined(parts):
+    assume(len(parts) > 1)
+    stepwise = parts[0]
+    for part in parts[1:]:
+        stepwise = combine([stepwise, part])
+    np.testing.assert_allclose(stepwise, combine(parts[::-1]), rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("parts", [[], [Part(mass=0.0, com=0.1)]])
+def test_a_segment_of_nothing_is_refused(parts):
+    with pytest.raises(WalkerError, match="need some mass"):
+        combine(parts)
+
+
+def test_assembled_shanks_are_where_the_workbench_had_them():
+    """Down along the straight leg from the knee, and forward of it."""
+    walker = assemble(
+        thigh=[Part(mass=2.0, com=0.1, offset=-0.01, inertia=0.02)],
+        shank=[Part(mass=1.0, com=0.2, offset=0.03, inertia=0.01)],
+        thigh_length=0.4,
+        shank_length=0.5,
+        foot_radius=0.15,
+        knee_angle=0.2,
+        hip_mass=0.7,
+        knees=False,
+        gravity=1.62,
+    )
+    upright = walker.foot_angle  # puts the thigh's own line along the vertical
+    leg = Bodies(walker, (upright, upright, upright)).legs[0]
+    assert leg.thigh == pytest.approx(complex(0.01, -0.1))
+    assert leg.knee == pytest.approx(-0.4j)
+    assert leg.shank == pytest.approx(complex(0.03, -0.6))
+    assert (walker.thigh_mass, walker.shank_mass, walker.hip_mass) == (2.0, 1.0, 0.7)
+    assert (walker.knees, walker.gravity) == (False, 1.62)
+    assert walker.thigh_mass * walker.thigh_gyration**2 == pytest.approx(0.02)
+    assert walker.shank_mass * walker.shank_gyration**2 == pytest.approx(0.01)
+
+
+def test_a_name_stands_for_its_walker():
+    assert as_walker("lab") is LAB
+    assert as_walker(LAB) is LAB
+    with pytest.raises(WalkerError, match=r"no walker 'nobody': .* A, B, C, D, E, F, lab"):
+        as_walker("nobody")
+
+
+@pytest.mark.parametrize("name", ["Walker", "WALKERS", "tune", "blend", "stride", "Outcome"])
+def test_the_package_offers_its_public_names(name):
+    assert name in gpw.__all__
+    assert hasattr(gpw, name)
