@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.gaits.family import GaitFamily, gait_family
 from gym_passive_walker.gaits.gait import GaitKind
 from gym_passive_walker.gaits.section import INFINITESIMAL, Section, section_of
-from gym_passive_walker.gaits.walk import take_stride, walk_on
+from gym_passive_walker.gaits.walk import period_of, take_stride, walk_on
 from gym_passive_walker.physics.events import Outcome
 from gym_passive_walker.physics.stride import check_slope, check_state, check_tolerance
 from gym_passive_walker.walkers import Walker, as_walker
@@ -52,26 +52,6 @@ class BifurcationDiagram:
     def walks(self) -> NDArray[np.bool_]:
         """Where the walker still walks."""
         return np.isfinite(self.stance_angle[:, -1])
-
-
-def period_of(values: ArrayLike, longest: int, tolerance: float = 1e-6) -> NDArray[np.int64]:
-    """The smallest period with which sequences repeat; 0 where none does.
-
-    Args:
-        values: Sequences, shape (..., count), longer than `longest`.
-        longest: Longest period looked for.
-        tolerance: How nearly they repeat, relative to their size.
-    """
-    values = np.asarray(values, dtype=float)
-    if not 1 <= longest < values.shape[-1]:
-        raise ValueError(f"a period from 1 to below {values.shape[-1]}, not {longest}")
-    with np.errstate(invalid="ignore"):
-        size = tolerance * np.abs(values).max(axis=-1)
-        period = np.zeros(values.shape[:-1], dtype=np.int64)
-        for p in range(longest, 0, -1):
-            gap = np.abs(values[..., p:] - values[..., :-p]).max(axis=-1)
-            period[gap <= size] = p
-    return period
 
 
 def nearest_on(family: GaitFamily, slopes: NDArray) -> NDArray[np.float64]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.physics import integrator as I
@@ -67,3 +67,23 @@ def walk_on(
         states[walking] = ends
         walking = walking[outcome == Outcome.HEELSTRIKE]
     return states
+
+
+def period_of(values: ArrayLike, longest: int, tolerance: float = 1e-6) -> NDArray[np.int64]:
+    """The smallest period with which sequences repeat; 0 where none does.
+
+    Args:
+        values: Sequences, shape (..., count), longer than `longest`.
+        longest: Longest period looked for.
+        tolerance: How nearly they repeat, relative to their size.
+    """
+    values = np.asarray(values, dtype=float)
+    if not 1 <= longest < values.shape[-1]:
+        raise ValueError(f"a period from 1 to below {values.shape[-1]}, not {longest}")
+    with np.errstate(invalid="ignore"):
+        size = tolerance * np.abs(values).max(axis=-1)
+        period = np.zeros(values.shape[:-1], dtype=np.int64)
+        for p in range(longest, 0, -1):
+            gap = np.abs(values[..., p:] - values[..., :-p]).max(axis=-1)
+            period[gap <= size] = p
+    return period

@@ -1,0 +1,245 @@
+"""From where a walker finds its gait, from where it falls, and how hard a push it survives.
+
+A section has more coordinates than a picture, so a basin is shown on a slice through a gait: stance
+angle and stance rate are free, and the swing leg's rates are those with which a heelstrike leaves
+them if the legs strike with the gait's own ratio of rates. Such states are ones that a walk can
+come through; for the simplest walker they are all of them.
+
+References:
+    A. L. Schwab, M. Wisse, "Basin of attraction of the simplest walking model", ASME DETC (2001).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gym_passive_walker.gaits.attractors import (
+    FELL,
+    UNSETTLED,
+    Attractors,
+    stable_gaits,
+    walk_until_settled,
+)
+from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
+from gym_passive_walker.gaits.gait import Gait, GaitNotFound
+from gym_passive_walker.gaits.section import Section, section_of
+from gym_passive_walker.physics.stride import (
+    check_slope,
+    check_tolerance,
+    new_records,
+    strike_heels,
+)
+from gym_passive_walker.physics.trajectory import just_before
+from gym_passive_walker.walkers import Walker, as_walker, describe
+
+_CHUNK = 1 << 16  # cells walked together
+_SPAN = 2.2  # a default slice reaches from 0 to so many times the gait's angle and rate
+
+
+@dataclass(frozen=True)
+class Basin:
+    """Where walks lead from a slice of the section.
+
+    Attributes:
+        walker: Who walks.
+        slope: Slope in rad.
+        stance_angle: The slice's stance angles in rad, (n,).
+        stance_rate: Its stance rates, (m,), in the walker's own units.
+        gaits: Stable gaits that walks settle on.
+        settled: Index into `gaits`, shape (m, n): FELL (-1) where the walker fell, UNSETTLED (-2)
+            where it still walked at the end on none of them.
+        outcome: How the last stride ended, an `Outcome`, (m, n); HEELSTRIKE unless it fell.
+        strides: Strides completed until it fell or had settled, (m, n).
+    """
+
+    walker: Walker
+    slope: float
+    stance_angle: NDArray[np.float64]
+    stance_rate: NDArray[np.float64]
+    gaits: tuple[Gait, ...]
+    settled: NDArray[np.int8]
+    outcome: NDArray[np.int8]
+    strides: NDArray[np.int32]
+
+    @property
+    def walks(self) -> NDArray[np.bool_]:
+        """Where the walker walks on, shape (m, n)."""
+        return self.settled != FELL
+
+
+class Push(NamedTuple):
+    """The largest changes of the stance rate, just after heelstrike, that a gait survives.
+
+    Every smaller change is survived as well, as finely as was looked. Infinite if none was found
+    that is not.
+
+    Attributes:
+        forward: The largest that speeds the walker up, positive.
+        backward: The largest that slows it down, positive.
+    """
+
+    forward: float
+    backward: float
+
+
+def _slice(
+    walker: Walker, section: Section, gait: Gait | None, angles: NDArray, rates: NDArray,
+    ratios: tuple[float, float] | None,
+) -> NDArray:  # fmt: skip
+    """Dimensionless section states at pairs of stance angle and rate, (n, 6)."""
+    states = np.column_stack([angles, -angles, -angles, rates, rates, rates])
+    if ratios is not None:
+        states[:, 4] *= ratios[0]
+        states[:, 5] *= ratios[1] if section.dimension == 4 else ratios[0]
+        return states
+    assert gait is not None
+    before = just_before(walker, gait.slope, gait.state, float(gait.stride.duration))
+    struck = np.column_stack([-angles, angles, angles, *[np.full(len(angles), x) for x in (
+        before[3], before[4], before[4])]])  # fmt: skip
+    records = new_records(struck, np.zeros(len(angles)))
+    strike_heels(records, section.constants, int(section.kind))
+    # The collision is linear in the rates, so any stance rate belongs to one strength of it.
+    states[:, 4:] = records[:, 4:6] * (rates / records[:, 3])[:, None]
+    return states
+
+
+def basin_of_attraction(
+    walker: Walker | str,
+    slope: float,
+    *,
+    stance_angles: ArrayLike | None = None,
+    stance_rates: ArrayLike | None = None,
+    resolution: int = 200,
+    ratios: tuple[float, float] | None = None,
+    strides: int = 300,
+    near: float = 1e-4,
+    tolerance: float = 1e-8,
+) -> Basin:
+    """Where walks lead from a slice of the section, cell by cell as lanes.
+
+    Args:
+        walker: The walker, or a preset's name.
+        slope: Slope in rad.
+        stance_angles: Stance angles in rad; from near 0 to 2.2 times the long gait's if None.
+        stance_rates: Stance rates; from 2.2 times the long gait's to near 0 if None.
+        resolution: How many angles and rates, where they are not given.
+        ratios: Thigh and shank rate over the stance rate. None leaves them to a heelstrike with
+            the long gait's ratio of rates, which is the slice described above.
+        strides: Strides after which a walk counts as unsettled.
+        near: A walk has settled when it is this close to a gait in the section's logarithmic
+            coordinates.
+        tolerance: Of the integration.
+
+    Returns:
+        The basin.
+
+    Raises:
+        GaitNotFound: if the walker has no gait at this slope and something above rests on one.
+        ValueError: if an argument is out of range.
+    """
+    walker, slope = as_walker(walker), float(check_slope(slope))
+    tolerance = check_tolerance(tolerance)
+    section = section_of(walker)
+    known = find_gaits(walker, slope)
+    gait = known[0] if known else None
+    if gait is None and (stance_angles is None or stance_rates is None or ratios is None):
+        raise GaitNotFound(
+            f"no gait of {describe(walker)} at slope {slope} rad to lay a slice through: give "
+            "stance_angles, stance_rates and ratios"
+        )
+    share = np.linspace(_SPAN / resolution, _SPAN, resolution)
+    angles = _axis(stance_angles, share * (gait.stance_angle if gait else 0.0), "stance_angles")
+    rates = _axis(stance_rates, share[::-1] * (gait.state[3] if gait else 0.0), "stance_rates")
+    if np.any(angles <= 0.0):
+        raise ValueError("stance_angles must be positive: they are those just after heelstrike")
+    grid = np.meshgrid(angles, rates * section.time)
+    states = _slice(walker, section, gait, grid[0].ravel(), grid[1].ravel(), ratios)
+    stable = [x for x in known if x.stable]
+    stable += _others(walker, section, slope, states, stable)
+    attractors = Attractors(section, stable, slope, near)
+    parts = [
+        walk_until_settled(section, states[i : i + _CHUNK], slope, attractors, strides, tolerance)
+        for i in range(0, len(states), _CHUNK)
+    ]
+    settled, outcome, taken = (
+        np.concatenate([part[i] for part in parts]).reshape(grid[0].shape) for i in range(3)
+    )
+    return Basin(walker, slope, angles, rates, tuple(stable), settled, outcome, taken)
+
+
+def _axis(given: ArrayLike | None, otherwise: NDArray, name: str) -> NDArray[np.float64]:
+    values = otherwise if given is None else np.atleast_1d(np.asarray(given, dtype=float))
+    if values.ndim != 1 or len(values) == 0 or not np.all(np.isfinite(values)):
+        raise ValueError(f"{name} must be one or more finite numbers in one row")
+    return values
+
+
+def _others(
+    walker: Walker, section: Section, slope: float, states: NDArray, stable: list[Gait]
+) -> list[Gait]:
+    """Stable gaits besides those known, from a sample of a slice."""
+    sample = states[:: max(1, len(states) // 4096)]
+    attractors = Attractors(section, stable, slope, 1e-2)
+    settled, _, _, ends = walk_until_settled(section, sample, slope, attractors, 60, 1e-8)
+    left = ends[settled == UNSETTLED]
+    left[:, 3:] /= section.time
+    return stable_gaits(walker, slope, left) if len(left) else []
+
+
+def largest_push(
+    walker: Walker | str,
+    slope: float,
+    *,
+    gait: Gait | None = None,
+    strides: int = 300,
+    accuracy: float = 1e-9,
+    tolerance: float = 1e-10,
+) -> Push:
+    """How far the stance rate may be changed just after heelstrike and the walker walks on.
+
+    Pushes are tried as lanes, from small to large, and the first that is not survived is
+    narrowed down.
+
+    Args:
+        walker: The walker, or a preset's name.
+        slope: Slope in rad.
+        gait: The gait that is pushed; the long-step gait if None.
+        strides: A push is survived if the walker makes so many strides after it, or is back on
+            the gait before.
+        accuracy: Relative to the gait's stance rate.
+        tolerance: Of the integration.
+
+    Returns:
+        The largest changes, in the walker's own units; 0 for a gait that is not walked on at all.
+    """
+    walker, slope = as_walker(walker), float(check_slope(slope))
+    gait = find_gait(walker, slope) if gait is None else gait
+    section = section_of(walker)
+    attractors = Attractors(section, [gait] if gait.stable else [], slope, 1e-5)
+    start = gait.state.copy()
+    start[3:] *= section.time
+
+    def survived(changes: NDArray) -> NDArray[np.bool_]:
+        states = np.repeat(start[None], len(changes), axis=0)
+        states[:, 3] += changes
+        settled, *_ = walk_until_settled(section, states, slope, attractors, strides, tolerance)
+        return settled != FELL
+
+    def limit(direction: float) -> float:
+        low, high = 0.0, 3.0 * abs(start[3])
+        lanes = 512
+        while high - low > accuracy * abs(start[3]):
+            tried = low + (high - low) * np.arange(1, lanes + 1) / lanes
+            lost = np.flatnonzero(~survived(direction * tried))
+            if len(lost) == 0:
+                return np.inf if low == 0.0 and lanes == 512 else high
+            low, high = (tried[lost[0] - 1] if lost[0] else low), tried[lost[0]]
+            lanes = 64
+        return low
+
+    # A stance leg falls forward with a negative rate.
+    return Push(limit(-1.0) / section.time, limit(1.0) / section.time)
