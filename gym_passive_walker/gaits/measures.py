@@ -1,0 +1,169 @@
+"""Measures of a gait: what it costs, how fast it is, and how its foot lands (4.3.3, 4.3.4)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gym_passive_walker.gaits.gait import Gait
+from gym_passive_walker.gaits.section import INFINITESIMAL
+from gym_passive_walker.physics import compass, kneed
+from gym_passive_walker.physics import constants as K
+from gym_passive_walker.physics.constants import Kind
+from gym_passive_walker.physics.forces import impulses
+from gym_passive_walker.physics.lanes import kernel
+from gym_passive_walker.physics.stride import check_state, frame_of
+from gym_passive_walker.physics.trajectory import just_before
+from gym_passive_walker.walkers import Walker, as_walker
+
+
+class FootVelocity(NamedTuple):
+    """Velocity of the landing foot where it touches the ground, just before heelstrike (Fig. 4.4).
+
+    Attributes:
+        tangential: Along the slope, positive downhill.
+        normal: Away from the ground: negative when the foot comes down.
+    """
+
+    tangential: NDArray[np.float64]
+    normal: NDArray[np.float64]
+
+
+class Measures(NamedTuple):
+    """How well a gait walks, in the walker's own units.
+
+    Attributes:
+        step_period: Mean time of a stride.
+        step_length: Mean distance between contacts along the slope.
+        speed: Along the slope.
+        froude_speed: Speed over sqrt(g l) (Eq. 4.6).
+        cost_of_transport: Energy lost over weight times distance (Eq. 4.3).
+        kneestrike_loss: Energy lost at kneestrike, in the first stride.
+        heelstrike_loss: Energy lost at heelstrike, in the first stride.
+        foot_velocity: Of the landing foot, at the end of the first stride.
+    """
+
+    step_period: float
+    step_length: float
+    speed: float
+    froude_speed: float
+    cost_of_transport: float
+    kneestrike_loss: float
+    heelstrike_loss: float
+    foot_velocity: FootVelocity
+
+
+@kernel
+def _striking_velocities(c, states, velocity):
+    for i in range(len(states)):
+        velocity[i, 0], velocity[i, 1] = compass.striking_velocity(
+            c, states[i, 0], states[i, 3], states[i, 4]
+        )
+
+
+@kernel
+def _mass_matrix(c, stance, knees, matrix):
+    """Upper triangle of the mass matrix just after heelstrike."""
+    if knees:
+        m11, m12, m13, m22, m23, m33 = kneed.inertia(c, stance, -stance, -stance)
+        matrix[0, 2], matrix[1, 2], matrix[2, 2] = m13, m23, m33
+    else:
+        m11, m12, m22 = compass.inertia(c, stance, -stance)
+    matrix[0, 0], matrix[0, 1], matrix[1, 1] = m11, m12, m22
+
+
+@kernel
+def _clearances(c, knees, angles, clearance):
+    for i in range(len(angles)):
+        if knees:
+            clearance[i] = kneed.foot_clearance(c, angles[i, 0], angles[i, 1], angles[i, 2])
+        else:
+            clearance[i] = compass.foot_clearance(c, angles[i, 0], angles[i, 1])
+
+
+def foot_clearance(walker: Walker, states: NDArray) -> tuple[NDArray, NDArray]:
+    """Height of the swing foot over the ground, and the height's rate, at states (n, 6).
+
+    The foot is a whole circle here.
+    """
+    # Angles that move by infinitesimal rates move the height by as much of its own rate.
+    angles = states[:, :3] + 1j * INFINITESIMAL * states[:, 3:]
+    clearance = np.empty(len(states), complex)
+    _clearances(K.constants(walker).astype(complex), walker.knees, angles, clearance)
+    clearance *= walker.leg_length
+    return clearance.real, clearance.imag / INFINITESIMAL
+
+
+def foot_velocity(walker: Walker | str, state: ArrayLike) -> FootVelocity:
+    """Velocity of the landing foot at contact (Eq. 4.10).
+
+    The equation's signs, taken with the source's own angles, count the tangential velocity
+    positive uphill; here it is positive downhill, as its text says.
+
+    Args:
+        walker: The walker, or a preset's name.
+        state: States just *before* heelstrike, shape (6,) or (n, 6): the stance angle negative and
+            the swing angle its opposite. `trajectory.just_before` finds them.
+    """
+    walker = as_walker(walker)
+    states = check_state(state)
+    velocity = np.empty((states.size // 6, 2))
+    _striking_velocities(K.constants(walker), states.reshape(-1, 6), velocity)
+    velocity = velocity.reshape(*states.shape[:-1], 2) * walker.leg_length
+    return FootVelocity(-velocity[..., 0], velocity[..., 1])
+
+
+def collision_matrix(walker: Walker | str, stance_angle: float) -> NDArray[np.float64]:
+    """The matrix M of Eq. 4.7: a heelstrike at foot velocity v loses the energy v.M.v / 2.
+
+    Before the collision the walker moves as one that rolls on its new foot, with a translation v
+    besides. The ground's impulse takes the translation away, and the joints give way to it: what
+    it meets is the mass of the whole less what the joints yield, the Schur complement of the mass
+    matrix in the matrix of the walker lifted off the ground. M v is the impulse, but for its sign.
+    The old stance knee yields as well, if there is one; the simplest walker's leg lets pass all
+    but the part of v along it.
+
+    Args:
+        walker: The walker, or a preset's name.
+        stance_angle: In rad just after heelstrike, as `Gait.stance_angle`; 0 for M(0).
+
+    Returns:
+        Shape (2, 2), masses in the walker's unit, for velocities (downhill, away from the ground);
+        symmetric and positive semidefinite, precise to rounding of the total mass.
+    """
+    walker = as_walker(walker)
+    kind = K.kind_of(walker)
+    if kind == Kind.SIMPLEST:
+        leg = np.array([-np.sin(stance_angle), np.cos(stance_angle)])
+        return walker.total_mass * np.outer(leg, leg)
+    count = 3 if kind == Kind.KNEED else 2
+    mass = np.zeros((count, count))
+    _mass_matrix(K.constants(walker), stance_angle, kind == Kind.KNEED, mass)
+    frame = frame_of(walker)
+    mass = (np.triu(mass) + np.triu(mass, 1).T) * walker.total_mass * frame.length**2
+    jumps = np.eye(3)[:count]
+    if kind == Kind.COMPASS:
+        jumps[1, 2] = 1.0
+    angles = np.tile([stance_angle, -stance_angle, -stance_angle], (count, 1))
+    given = impulses(walker, angles, jumps)
+    momentum = np.stack([given.tangential, given.normal])
+    matrix = walker.total_mass * np.eye(2) - momentum @ np.linalg.solve(mass, momentum.T)
+    return 0.5 * (matrix + matrix.T)
+
+
+def measures(gait: Gait) -> Measures:
+    """Every measure of a gait."""
+    verge = just_before(gait.walker, gait.slope, gait.state, float(gait.stride.duration))
+    velocity = foot_velocity(gait.walker, verge)
+    return Measures(
+        step_period=gait.step_period,
+        step_length=gait.step_length,
+        speed=gait.speed,
+        froude_speed=gait.froude_speed,
+        cost_of_transport=gait.cost_of_transport,
+        kneestrike_loss=gait.kneestrike_loss,
+        heelstrike_loss=gait.heelstrike_loss,
+        foot_velocity=FootVelocity(float(velocity.tangential), float(velocity.normal)),
+    )

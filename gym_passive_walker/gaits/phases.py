@@ -1,0 +1,168 @@
+"""What happens inside a stride: its phases as series in time, and the collisions between them."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial import Chebyshev
+from numpy.typing import NDArray
+
+from gym_passive_walker.gaits.measures import foot_clearance, foot_velocity
+from gym_passive_walker.gaits.series import Extreme, fit
+from gym_passive_walker.gaits.stability import NoStride
+from gym_passive_walker.physics.forces import Reactions, forces, impulses
+from gym_passive_walker.physics.stride import Stride, frame_of
+from gym_passive_walker.physics.trajectory import states_at
+from gym_passive_walker.walkers import Walker
+
+_SHORTEST = 1e-12  # share of a stride below which a phase is none
+
+
+class Impulse(NamedTuple):
+    """What the ground gives the stance foot in a collision.
+
+    Attributes:
+        normal: Away from the ground.
+        tangential: Along the slope, positive downhill.
+        time: When.
+    """
+
+    normal: float
+    tangential: float
+    time: float
+
+    @property
+    def friction(self) -> Extreme:
+        """Coefficient of friction needed; infinite if the ground would have to pull."""
+        if np.isnan(self.normal):
+            return Extreme(np.nan, self.time)
+        ratio = abs(self.tangential) / self.normal if self.normal > 0.0 else np.inf
+        return Extreme(ratio, self.time)
+
+
+class Collision(NamedTuple):
+    """Impulses of a collision.
+
+    Attributes:
+        ground: On the stance foot.
+        knee: On the stance knee's stop, positive when it is pressed.
+    """
+
+    ground: Impulse
+    knee: Extreme
+
+
+NO_COLLISION = Collision(Impulse(np.nan, np.nan, np.nan), Extreme(np.nan, np.nan))
+
+
+class Phase(NamedTuple):
+    """Quantities over one phase as series in time, in the walker's own units.
+
+    Attributes:
+        state: Angles and rates, six series.
+        flexion: Thigh less shank angle.
+        clearance: Height of the swing foot over the ground.
+        normal: Force of the ground, as in `forces.Reactions`.
+        tangential: Likewise.
+        stance_knee: Torque on the stop, likewise, but 0 without knees.
+        swing_knee: Likewise.
+    """
+
+    state: list[Chebyshev]
+    flexion: Chebyshev
+    clearance: Chebyshev
+    normal: Chebyshev
+    tangential: Chebyshev
+    stance_knee: Chebyshev
+    swing_knee: Chebyshev
+
+    @property
+    def start(self) -> float:
+        """When it starts."""
+        return float(self.clearance.domain[0])
+
+    @property
+    def end(self) -> float:
+        """When it ends."""
+        return float(self.clearance.domain[1])
+
+    def state_at(self, time: float) -> NDArray[np.float64]:
+        """The state (6,)."""
+        return np.array([series(time) for series in self.state])
+
+
+def phases_of(
+    walker: Walker,
+    slope: float,
+    start: NDArray,
+    end: Stride,
+    *,
+    offset: float,
+    hip_torque: float,
+    tolerance: float,
+) -> list[Phase]:
+    """The phases of one stride, two with knees and one without.
+
+    Args:
+        walker: The walker.
+        slope: Slope in rad.
+        start: Where the stride starts, shape (6,).
+        end: How it ends: with a heelstrike.
+        offset: Time at its start.
+        hip_torque: Torque, as for `stride`.
+        tolerance: As for `stride`.
+
+    Raises:
+        NoStride: if one of two phases takes no time.
+    """
+    frame = frame_of(walker)
+    weight = frame.energy / frame.length
+    units = np.repeat(
+        [1.0, frame.rate, 1.0, frame.length, weight, frame.energy], [3, 3, 1, 1, 2, 2]
+    )
+
+    def samples(times: NDArray) -> NDArray:
+        states, phases = states_at(
+            walker, slope, start, times, hip_torque=hip_torque, tolerance=tolerance
+        )
+        carried = forces(walker, slope, states, phases, hip_torque=hip_torque)
+        knees = np.nan_to_num(np.stack([carried.stance_knee, carried.swing_knee]))
+        flexion, clearance = states[:, 1] - states[:, 2], foot_clearance(walker, states)[0]
+        ground = [carried.normal, carried.tangential]
+        return np.column_stack([states, flexion, clearance, *ground, *knees])
+
+    instants = [0.0, float(end.duration)]
+    if walker.knees:
+        instants.insert(1, float(end.kneestrike_time))
+    phases = []
+    for first, last in pairwise(instants):
+        if last - first < _SHORTEST * instants[-1]:
+            raise NoStride("kneestrike and heelstrike coincide: the swing leg is never straight")
+        series = fit(samples, first, last, units=units, accuracy=10.0 * tolerance)
+        for piece in series:
+            piece.domain = piece.domain + offset
+        phases.append(Phase(series[:6], *series[6:]))
+    return phases
+
+
+def _collision(given: Reactions, time: float) -> Collision:
+    return Collision(
+        Impulse(float(given.normal[0]), float(given.tangential[0]), time),
+        Extreme(float(given.stance_knee[0]), time),
+    )
+
+
+def kneestrike(walker: Walker, free: Phase, locked: Phase) -> Collision:
+    """Impulses on the stance leg at kneestrike."""
+    before, after = free.state_at(free.end), locked.state_at(locked.start)
+    return _collision(impulses(walker, after[None, :3], (after - before)[None, 3:]), free.end)
+
+
+def heelstrike(walker: Walker, last: Phase, after: NDArray) -> Collision:
+    """Impulses on the new stance leg at heelstrike, which leads to the section state `after`."""
+    before = last.state_at(last.end)
+    velocity = np.array(foot_velocity(walker, before))
+    jump = after[3:] - before[[4, 3, 3]]  # the legs exchange their roles
+    return _collision(impulses(walker, after[None, :3], jump[None], -velocity), last.end)

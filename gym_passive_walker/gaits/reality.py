@@ -1,0 +1,277 @@
+"""Whether a walk could happen: what the model takes of ground and knees unasked (4.3.2).
+
+The stride map holds the stance foot to the ground and the stance knee straight whatever that
+takes, lets the swing foot pass through the ground, and the new swing knee bend either way. Here
+strides are looked at again, and each of these liberties is measured.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gym_passive_walker.gaits.measures import foot_clearance
+from gym_passive_walker.gaits.phases import (
+    NO_COLLISION,
+    Collision,
+    Impulse,
+    Phase,
+    heelstrike,
+    kneestrike,
+    phases_of,
+)
+from gym_passive_walker.gaits.series import Extreme, greatest, least, ratio_turns, turns
+from gym_passive_walker.gaits.stability import NoStride
+from gym_passive_walker.physics.events import Outcome
+from gym_passive_walker.physics.stride import (
+    check_slope,
+    check_state,
+    check_tolerance,
+    frame_of,
+    stride,
+)
+from gym_passive_walker.walkers import Walker, as_walker, describe
+
+
+@dataclass(frozen=True)
+class RealityCheck:
+    """What a walk takes of ground and knees, in the walker's own units. Print it for a table.
+
+    Times count from the walk's start. Of several strides it holds the worst. NaN stands for what
+    does not exist, such as a straight leg's knee torque.
+
+    Attributes:
+        walker: Who walks.
+        slope: Slope in rad.
+        strides: Strides looked at.
+        duration: Time that they take.
+        friction: Coefficient of friction that foot and ground have.
+        clearance: Least height of the swing foot over the ground as it passes: where it turns up
+            again, after it rose behind. Negative when it scuffs; 0 at heelstrike if it never turns
+            up. The foot is a whole circle here.
+        stance_knee_torque: Least torque on the stance knee's stop between collisions. Positive
+            presses the knee against its stop; a negative one would flex it.
+        stance_knee_at_kneestrike: Impulse on the stance knee's stop then, likewise.
+        stance_knee_at_heelstrike: Impulse on the new stance knee's stop then, likewise.
+        swing_knee_torque: Least torque on the swing knee's stop from kneestrike to heelstrike:
+            a negative one takes suction, as in the source's machine.
+        least_normal_force: Of the ground on the stance foot; negative where it would have to pull.
+        greatest_normal_force: Likewise.
+        stance_friction: Greatest coefficient of friction needed between collisions.
+        kneestrike_impulse: Of the ground on the stance foot at kneestrike.
+        heelstrike_impulse: Of the ground on the new stance foot at heelstrike.
+        knee_flexion: Least flexion in rad of the new swing knee from heelstrike to kneestrike:
+            negative when it hyperextends.
+        release_velocity: Velocity of the old stance foot away from the ground just after
+            heelstrike, that is where a stride starts; negative when it would go into the ground.
+        release_depth: How far the old stance foot then goes below the ground, as a clearance: 0 or
+            negative.
+    """
+
+    walker: Walker
+    slope: float
+    strides: int
+    duration: float
+    friction: float
+    clearance: Extreme
+    stance_knee_torque: Extreme
+    stance_knee_at_kneestrike: Extreme
+    stance_knee_at_heelstrike: Extreme
+    swing_knee_torque: Extreme
+    least_normal_force: Extreme
+    greatest_normal_force: Extreme
+    stance_friction: Extreme
+    kneestrike_impulse: Impulse
+    heelstrike_impulse: Impulse
+    knee_flexion: Extreme
+    release_velocity: Extreme
+    release_depth: Extreme
+
+    @property
+    def passed(self) -> dict[str, bool]:
+        """Whether each item of 4.3.2 holds; suction at the swing knee is taken for granted."""
+        knee, heel = self.kneestrike_impulse, self.heelstrike_impulse
+
+        def never_negative(*values: float) -> bool:
+            return not any(value < 0.0 for value in values)  # what does not exist is no failure
+
+        return {
+            "scuffing": never_negative(self.clearance.value),
+            "knee lock": never_negative(
+                self.stance_knee_torque.value,
+                self.stance_knee_at_kneestrike.value,
+                self.stance_knee_at_heelstrike.value,
+            ),
+            "contact": never_negative(self.least_normal_force.value, knee.normal, heel.normal),
+            "friction": never_negative(
+                self.friction - self.stance_friction.value,
+                self.friction - knee.friction.value,
+                self.friction - heel.friction.value,
+            ),
+            "hyperextension": never_negative(self.knee_flexion.value),
+            "release": never_negative(self.release_velocity.value),
+        }
+
+    @property
+    def holds(self) -> bool:
+        """Whether every item holds."""
+        return all(self.passed.values())
+
+    def __str__(self) -> str:
+        frame = frame_of(self.walker)
+        length, torque, time = frame.length, frame.energy, frame.time
+        weight = torque / length
+        knee, heel = self.kneestrike_impulse, self.heelstrike_impulse
+        knee_normal, heel_normal = Extreme(knee.normal, knee.time), Extreme(heel.normal, heel.time)
+        table: dict[str, list[tuple[str, Extreme, float, str]]] = {
+            "scuffing": [("swing foot's least clearance", self.clearance, length, "l")],
+            "knee lock": [
+                ("stance knee's least torque", self.stance_knee_torque, torque, "m g l"),
+                ("  impulse at kneestrike", self.stance_knee_at_kneestrike, torque * time, "m l v"),
+                ("  impulse at heelstrike", self.stance_knee_at_heelstrike, torque * time, "m l v"),
+                ("swing knee's least torque", self.swing_knee_torque, torque, "m g l"),
+            ],
+            "contact": [
+                ("least normal force", self.least_normal_force, weight, "m g"),
+                ("greatest normal force", self.greatest_normal_force, weight, "m g"),
+                ("normal impulse at kneestrike", knee_normal, weight * time, "m v"),
+                ("normal impulse at heelstrike", heel_normal, weight * time, "m v"),
+            ],
+            "friction": [
+                ("needed between collisions", self.stance_friction, 1.0, ""),
+                ("needed at kneestrike", knee.friction, 1.0, ""),
+                ("needed at heelstrike", heel.friction, 1.0, ""),
+            ],
+            "hyperextension": [("swing knee's least flexion", self.knee_flexion, 1.0, "rad")],
+            "release": [
+                ("old stance foot's velocity", self.release_velocity, length / time, "v"),
+                ("  its depth below the ground", self.release_depth, length, "l"),
+            ],
+        }
+        plural = "s" if self.strides > 1 else ""
+        lines = [
+            f"{self.strides} stride{plural} of {describe(self.walker)} "
+            f"at slope {self.slope:.6g} rad, taking {self.duration:.6g}",
+            f"{'':50}{'value':>12}{'at time':>11}{'scaled':>12}",
+        ]
+        for item, rows in table.items():
+            head = f"{item:15}{'ok' if self.passed[item] else 'FAILS':6}"
+            for what, (value, when), unit, name in rows:
+                numbers = f"{value:>12.4g}{when:>11.4g}{value / unit:>12.4g} {name}"
+                numbers = f"{'-':>12}" if np.isnan(value) else numbers.rstrip()
+                lines.append(f"{head:21}{what:29}{numbers}")
+                head = ""
+        lines.append(f"m, l: mass and leg length; v = sqrt(g l); friction up to {self.friction:g}")
+        return "\n".join(lines)
+
+
+def _release_and_passing(heights: list[Extreme], rising: bool) -> tuple[Extreme, Extreme]:
+    """Where the swing foot is lowest behind, as it leaves the ground, and where as it passes.
+
+    Args:
+        heights: Its clearance over a stride where it turns.
+        rising: Whether it leaves the ground upwards.
+    """
+    heights = [h for i, h in enumerate(heights) if i == 0 or h.time > heights[i - 1].time]
+    values = [height.value for height in heights]
+    inner = range(1, len(values) - 1)
+    peak = next((i for i in inner if values[i - 1] < values[i] >= values[i + 1]), 0)
+    release = heights[0]._replace(value=0.0) if rising else least(heights[: peak + 1])
+    dips = [i for i in inner if values[i - 1] > values[i] <= values[i + 1]]
+    passing = least(heights[i] for i in dips if i > peak)
+    if np.isnan(passing.value):  # one dip for both, or none at all
+        passing = heights[-1]._replace(value=0.0) if rising else release
+    return release, passing
+
+
+def reality_check(
+    walker: Walker | str,
+    slope: float,
+    state: ArrayLike,
+    *,
+    strides: int = 1,
+    friction: float = 0.8,
+    hip_torque: float = 0.0,
+    tolerance: float = 1e-13,
+) -> RealityCheck:
+    """Measure what a walk takes of the ground and the knees that the model does not ask for.
+
+    Args:
+        walker: The walker, or a preset's name.
+        slope: Slope in rad, positive downhill.
+        state: Section state, just after heelstrike, shape (6,).
+        strides: How many strides to look at: the period of a gait.
+        friction: Coefficient of friction of foot and ground; 0.8 is the source's example.
+        hip_torque: Torque held all along, as for `stride`.
+        tolerance: As for `stride`.
+
+    Returns:
+        The `RealityCheck`.
+
+    Raises:
+        NoStride: if a stride does not end with a heelstrike, or has no time for its straight leg.
+        ValueError: if a number is not finite or out of its range.
+    """
+    walker, slope = as_walker(walker), float(check_slope(slope))
+    tolerance, state = check_tolerance(tolerance), check_state(state)
+    if state.shape != (6,):
+        raise ValueError(f"reality_check takes one walker: state must be (6,), not {state.shape}")
+    if int(strides) != strides or strides < 1:
+        raise ValueError(f"strides must be a whole number from 1 on, not {strides!r}")
+    time = 0.0
+    phases: list[Phase] = []
+    knees, heels = [], []
+    velocities, depths, clearances, flexions = [], [], [], []
+    for number in range(int(strides)):
+        end = stride(walker, slope, state, hip_torque=hip_torque, tolerance=tolerance)
+        if end.outcome != Outcome.HEELSTRIKE:
+            raise NoStride(
+                f"stride {number + 1} does not end with a heelstrike but with "
+                f"{Outcome(end.outcome).name}, so there is nothing to check"
+            )
+        here = phases_of(
+            walker, slope, state, end, offset=time, hip_torque=hip_torque, tolerance=tolerance
+        )
+        velocity = float(foot_clearance(walker, state[None])[1][0])
+        depth, clearance = _release_and_passing(
+            turns(phase.clearance for phase in here), rising=velocity >= 0.0
+        )
+        velocities.append(Extreme(velocity, time))
+        depths.append(depth)
+        clearances.append(clearance)
+        if walker.knees:
+            bends = state[4] >= state[5]
+            flexions.append(Extreme(0.0, time) if bends else least(turns([here[0].flexion])))
+            knees.append(kneestrike(walker, *here))
+        heels.append(heelstrike(walker, here[-1], end.state))
+        phases += here
+        time, state = time + float(end.duration), end.state
+
+    def worst(collisions: Iterable[Collision]) -> Impulse:
+        return max(collisions, key=lambda c: c.ground.friction.value, default=NO_COLLISION).ground
+
+    normal = turns(phase.normal for phase in phases)
+    ratios = ratio_turns((phase.tangential, phase.normal) for phase in phases)
+    return RealityCheck(
+        walker=walker,
+        slope=slope,
+        strides=int(strides),
+        duration=time,
+        friction=friction,
+        clearance=least(clearances),
+        stance_knee_torque=least(turns(p.stance_knee for p in phases if walker.knees)),
+        stance_knee_at_kneestrike=least(collision.knee for collision in knees),
+        stance_knee_at_heelstrike=least(collision.knee for collision in heels),
+        swing_knee_torque=least(turns(p.swing_knee for p in phases[1::2] if walker.knees)),
+        least_normal_force=least(normal),
+        greatest_normal_force=greatest(normal),
+        stance_friction=greatest(e._replace(value=abs(e.value)) for e in ratios),
+        kneestrike_impulse=worst(knees),
+        heelstrike_impulse=worst(heels),
+        knee_flexion=least(flexions),
+        release_velocity=least(velocities),
+        release_depth=least(depths),
+    )

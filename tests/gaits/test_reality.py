@@ -1,0 +1,277 @@
+"""Reality checks of subsection 4.3.2."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from gym_passive_walker import (
+    WALKERS,
+    collision_matrix,
+    find_gait,
+    measures,
+    reality_check,
+    stride,
+    tune,
+)
+from gym_passive_walker.gaits.measures import foot_clearance
+from gym_passive_walker.gaits.phases import Impulse
+from gym_passive_walker.gaits.stability import NoStride
+from gym_passive_walker.physics.forces import forces
+from gym_passive_walker.physics.trajectory import states_at
+
+SLOPE = 0.036
+START = np.array([0.25, -0.25, -0.25, -1.06, -0.35, -1.5])
+"""A walk of the lab walker that is no gait."""
+
+GAITS = [
+    ("lab", 0.036, "long"),
+    ("lab", 0.05, "short"),
+    ("C", 0.01, "long"),
+    ("C", 0.003, "short"),
+    ("A", 0.01, "long"),
+    ("lab-straight", 0.036, "long"),
+    ("E", 1e-3, "short"),
+    ("D", 0.009, "long"),
+]
+
+
+def checked(name, slope, kind="long", **options):
+    gait = find_gait(name, slope, kind)
+    return reality_check(gait.walker, slope, gait.state, **options)
+
+
+def looked_at(name, slope, state, count=4001, hip_torque=0.0):
+    """A stride's clearance and forces at many instants, its strikes left out."""
+    end = stride(name, slope, state, hip_torque=hip_torque)
+    times = np.linspace(0.0, 1.0 - 1e-9, count) * end.duration
+    states, phases = states_at(name, slope, state, times, hip_torque=hip_torque)
+    walker = WALKERS[name]
+    carried = forces(walker, slope, states, phases, hip_torque=hip_torque)
+    return times, states, phases, foot_clearance(walker, states)[0], carried
+
+
+@pytest.mark.parametrize(("name", "slope", "kind"), GAITS)
+def test_the_ground_carries_the_weight_over_a_gait(name, slope, kind):
+    """A periodic walk keeps its momentum: force and impulses together balance gravity."""
+    gait = find_gait(name, slope, kind)
+    check, walker = reality_check(name, slope, gait.state), WALKERS[name]
+    given = np.nansum([check.kneestrike_impulse, check.heelstrike_impulse], axis=0)[:2]
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    instants = [0.0, float(gait.stride.duration)]
+    if walker.knees:
+        instants.insert(1, gait.kneestrike_time)
+    for start, end in pairwise(instants):
+        times = 0.5 * (start + end) + 0.5 * (end - start) * nodes
+        states, phases = states_at(name, slope, gait.state, times, tolerance=1e-13)
+        carried = forces(walker, slope, states, phases)
+        given += 0.5 * (end - start) * np.array([carried.normal, carried.tangential]) @ weights
+    weight = walker.total_mass * walker.gravity * float(gait.stride.duration)
+    expected = [weight * np.cos(slope), -weight * np.sin(slope)]
+    np.testing.assert_allclose(given, expected, rtol=1e-10, atol=1e-10 * weight)
+
+
+@pytest.mark.parametrize(("name", "slope", "kind"), GAITS)
+def test_the_heelstrike_impulse_is_what_the_collision_matrix_gives(name, slope, kind):
+    gait = find_gait(name, slope, kind)
+    check = reality_check(name, slope, gait.state)
+    velocity = np.array(measures(gait).foot_velocity)
+    expected = -collision_matrix(name, gait.stance_angle) @ velocity
+    found = [check.heelstrike_impulse.tangential, check.heelstrike_impulse.normal]
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+
+
+def test_the_lab_walker_s_gait_unlocks_its_stance_knee_slightly_at_kneestrike():
+    """As the text beside Fig. 4.3 says, which also supposes that the stop is pressed at once."""
+    check = checked("lab", SLOPE)
+    walker = check.walker
+    scale = walker.total_mass * walker.leg_length**2 / walker.time_unit
+    assert -0.003 * scale < check.stance_knee_at_kneestrike.value < -0.001 * scale
+    assert check.stance_knee_at_heelstrike.value > 0.0
+    assert check.stance_knee_torque.value > 0.0
+    gait = find_gait("lab", SLOPE)
+    after = [gait.kneestrike_time + 1e-6]
+    states, phases = states_at("lab", SLOPE, gait.state, after)
+    pressed = forces(walker, SLOPE, states, phases).stance_knee[0]
+    assert -check.stance_knee_at_kneestrike.value / pressed < 0.02 * gait.step_period
+    assert [item for item, passed in check.passed.items() if not passed] == ["knee lock"]
+    assert not check.holds
+
+
+@pytest.mark.parametrize(("name", "slope", "kind"), GAITS)
+def test_the_ground_never_pulls_at_a_foot(name, slope, kind):
+    """Speeds stay far below sqrt(g l), where tension would be needed."""
+    check = checked(name, slope, kind)
+    weight = check.walker.total_mass * check.walker.gravity
+    assert 0.7 * weight < check.least_normal_force.value < weight * np.cos(slope)
+    assert weight * 0.99 < check.greatest_normal_force.value < 1.1 * weight
+    assert check.heelstrike_impulse.normal > 0.0
+    assert check.passed["contact"]
+
+
+@pytest.mark.parametrize(
+    ("name", "slope", "kind"), [gait for gait in GAITS if not WALKERS[gait[0]].knees]
+)
+def test_straight_legs_always_scuff_and_ask_nothing_of_knees(name, slope, kind):
+    check = checked(name, slope, kind)
+    assert check.clearance.value < 0.0 and not check.passed["scuffing"]
+    assert 0.2 < check.clearance.time / check.duration < 0.8
+    assert np.isnan(check.stance_knee_torque.value) and check.passed["knee lock"]
+    assert np.isnan(check.knee_flexion.value) and check.passed["hyperextension"]
+    assert np.isnan(check.kneestrike_impulse.normal)
+
+
+def test_the_lab_walker_clears_the_ground_on_its_usual_slope_and_scuffs_on_its_shallowest():
+    assert 0.01 < checked("lab", SLOPE).clearance.value / 0.81 < 0.02
+    assert checked("lab", 0.02).clearance.value < 0.0
+
+
+@pytest.mark.parametrize("slope", [0.003, 0.02, 0.05])
+@pytest.mark.parametrize("kind", ["long", "short"])
+def test_the_foot_of_c_dips_a_little(slope, kind):
+    assert -0.008 < checked("C", slope, kind).clearance.value / 0.81 < -0.001
+
+
+def test_knees_hyperextend_a_little_at_near_zero_slopes():
+    """Subsection 4.3.2, item 4."""
+    tuned = tune(WALKERS["C"])
+    for slope in (1e-4, 1e-3):
+        check = checked(tuned, slope, "short")
+        assert -1e-3 < check.knee_flexion.value < 0.0
+        assert 0.0 < check.knee_flexion.time < 0.1 * check.duration
+        assert not check.passed["hyperextension"]
+    assert checked(tuned, 0.02, "short").knee_flexion == (0.0, 0.0)
+
+
+def test_short_steps_on_shallow_slopes_need_more_friction_than_there_is():
+    """At heelstrike only, and against what the source says in general."""
+    check = checked("E", 1e-3, "short")
+    assert check.stance_friction.value < 0.03
+    assert check.heelstrike_impulse.friction.value > 2.0
+    assert not check.passed["friction"]
+    assert checked("E", 1e-3, "short", friction=3.0).passed["friction"]
+
+
+@pytest.mark.parametrize(("name", "hip_torque"), [("lab", 0.0), ("lab", 0.05), ("A", 0.02)])
+def test_extremes_are_the_extremes_of_the_motion(name, hip_torque):
+    state = START if name == "lab" else find_gait("A", SLOPE).state
+    check = reality_check(name, SLOPE, state, hip_torque=hip_torque)
+    times, states, phases, clearance, carried = looked_at(name, SLOPE, state, hip_torque=hip_torque)
+    ratio = np.abs(carried.tangential / carried.normal)
+    pairs = [
+        (check.least_normal_force, carried.normal, np.argmin),
+        (check.greatest_normal_force, carried.normal, np.argmax),
+        (check.stance_friction, ratio, np.argmax),
+    ]
+    if name == "lab":
+        locked = np.where(phases == 1, carried.swing_knee, np.inf)
+        flexion = np.where(phases == 0, states[:, 1] - states[:, 2], np.inf)
+        assert flexion.min() >= 0.0 and check.knee_flexion.value == 0.0
+        pairs += [
+            (check.stance_knee_torque, carried.stance_knee, np.argmin),
+            (check.swing_knee_torque, locked, np.argmin),
+        ]
+    for extreme, values, where in pairs:
+        seen = values[where(values)]
+        assert extreme.time == pytest.approx(times[where(values)], abs=2.0 * times[1])
+        assert extreme.value == pytest.approx(seen, rel=2e-3)
+        beyond = extreme.value - seen if where is np.argmax else seen - extreme.value
+        assert beyond >= -1e-9 * abs(seen)
+    middle = (times > 0.3 * check.duration) & (times < 0.8 * check.duration)
+    lowest = clearance[middle].min()
+    assert check.clearance.value == pytest.approx(lowest, abs=1e-6)
+    assert check.clearance.value <= lowest + 1e-12
+
+
+def test_a_foot_that_is_not_released_goes_into_the_ground():
+    state = np.array([0.32, -0.32, -0.32, -0.92, 2.53, 2.56])
+    check = reality_check("lab", SLOPE, state)
+    times, _, _, clearance, _ = looked_at("lab", SLOPE, state)
+    assert check.release_velocity.value < 0.0 and not check.passed["release"]
+    assert check.release_velocity.value == pytest.approx(clearance[1] / times[1], rel=0.01)
+    assert check.release_depth.value == pytest.approx(clearance[: len(times) // 3].min(), abs=1e-7)
+    assert check.release_depth.value < 0.0
+    released = reality_check("lab", SLOPE, START)
+    assert released.release_velocity.value > 0.0 and released.release_depth.value == 0.0
+
+
+def test_several_strides_give_the_worst_of_each():
+    second = stride("lab", SLOPE, START, tolerance=1e-13)
+    both = reality_check("lab", SLOPE, START, strides=2)
+    one, two = reality_check("lab", SLOPE, START), reality_check("lab", SLOPE, second.state)
+    assert both.duration == pytest.approx(one.duration + two.duration, rel=1e-12)
+    for name in ("clearance", "stance_knee_torque", "least_normal_force", "release_velocity"):
+        found, a, b = (getattr(check, name) for check in (both, one, two))
+        assert found.value == pytest.approx(min(a.value, b.value), rel=1e-9)
+        late = b.value < a.value
+        when = b.time + one.duration if late else a.time
+        assert found.time == pytest.approx(when, abs=1e-6)
+    frictions = [check.heelstrike_impulse.friction.value for check in (one, two)]
+    assert both.heelstrike_impulse.friction.value == pytest.approx(max(frictions), rel=1e-9)
+
+
+def test_a_walk_far_from_any_gait_can_be_checked_as_well():
+    check = reality_check("lab", 0.05, [0.367, -0.367, -0.367, -1.714, -0.816, 4.638])
+    assert check.greatest_normal_force.value > check.least_normal_force.value
+    assert not check.holds
+
+
+def test_an_impulse_that_would_pull_needs_friction_without_end():
+    assert Impulse(-1.0, 0.2, 0.0).friction.value == np.inf
+    assert Impulse(2.0, -0.5, 0.0).friction.value == 0.25
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_a_walker_of_any_size_is_as_real(size):
+    lab = WALKERS["lab"]
+    lengths = {
+        name: size * getattr(lab, name)
+        for name in (
+            "thigh_length", "thigh_offset", "thigh_gyration", "thigh_com",
+            "shank_length", "shank_offset", "shank_gyration", "shank_com", "foot_radius",
+        )
+    }  # fmt: skip
+    walker = replace(lab, **lengths)
+    state = START / np.array([1.0, 1.0, 1.0, *[size**0.5] * 3])
+    check, plain = reality_check(walker, SLOPE, state), reality_check("lab", SLOPE, START)
+    assert check.clearance.value == pytest.approx(size * plain.clearance.value, rel=1e-9)
+    assert check.clearance.time == pytest.approx(size**0.5 * plain.clearance.time, rel=1e-6)
+    torques = check.stance_knee_torque.value, plain.stance_knee_torque.value
+    assert torques[0] == pytest.approx(size * torques[1], rel=1e-9)
+    blows = check.stance_knee_at_kneestrike.value, plain.stance_knee_at_kneestrike.value
+    assert blows[0] == pytest.approx(size**1.5 * blows[1], rel=1e-9)
+    assert check.passed == plain.passed
+
+
+@pytest.mark.parametrize("name", ["lab", "A", "D"])
+def test_a_check_prints_as_a_table(name):
+    slope = {"lab": SLOPE, "A": 0.01, "D": 0.009}[name]
+    check = checked(name, slope)
+    lines = str(check).splitlines()
+    assert f"walker '{name}'" in lines[0]
+    for item, passed in check.passed.items():
+        (line,) = [line for line in lines if line.startswith(item)]
+        assert line.split(item)[1].split()[0] == ("ok" if passed else "FAILS")
+    assert f"{check.least_normal_force.value:.4g}" in str(check)
+    assert max(map(len, lines)) <= 100
+
+
+def test_a_stride_that_fails_cannot_be_checked():
+    with pytest.raises(NoStride, match="FELL_BACKWARD"):
+        reality_check("lab", SLOPE, [0.3, -0.3, -0.3, -0.1, 0.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"state": np.tile(START, (2, 1))}, "one walker"),
+        ({"strides": 0}, "strides"),
+        ({"strides": 1.5}, "strides"),
+        ({"slope": np.nan}, "slope"),
+    ],
+)
+def test_what_cannot_be_checked_is_refused(change, message):
+    arguments = {"walker": "lab", "slope": SLOPE, "state": START} | change
+    with pytest.raises(ValueError, match=message):
+        reality_check(**arguments)
