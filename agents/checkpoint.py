@@ -1,0 +1,93 @@
+"""Everything a training needs to go on as if nothing had happened, saved between two updates."""
+
+from __future__ import annotations
+
+import json
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from stable_baselines3.common.base_class import BaseAlgorithm
+
+from agents import worlds
+from agents.files import replacing
+from agents.learner import MODEL, moments, restore_moments, restore_weights
+
+_ARRAYS, _REPLAY, _NOTES = "arrays.npz", "replay.npz", "notes.json"
+_COUNTERS = ("num_timesteps", "_n_updates", "_episode_num")
+_LAST = ("_last_obs", "_last_original_obs", "_last_episode_starts")
+_STORED = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
+
+
+def save(path: Path, model: BaseAlgorithm, notes: dict[str, Any]) -> None:
+    """Write a checkpoint as a folder, which appears whole or not at all.
+
+    Args:
+        path: The folder, not there yet.
+        model: The algorithm, between two updates.
+        notes: What else to keep; JSON.
+    """
+    arrays = {"torch": torch.get_rng_state().numpy()}
+    arrays |= {name: getattr(model, name) for name in _LAST if getattr(model, name) is not None}
+    normalizer = model.get_vec_normalize_env()
+    if normalizer is not None:
+        arrays |= moments(normalizer) | {"returns": normalizer.returns}
+    # The library shuffles by numpy's global generator.
+    kind, keys, *place = np.random.get_state()  # noqa: NPY002
+    arrays["numpy"] = keys
+    state = {
+        "counters": {name: getattr(model, name) for name in _COUNTERS},
+        "numpy": [kind, *place],
+        "action_space": model.action_space.np_random.bit_generator.state,
+        "episodes": [{k: float(v) for k, v in info.items()} for info in model.ep_info_buffer],
+        "notes": notes,
+    }
+    with replacing(path) as folder:
+        folder.mkdir()
+        model.save(folder / MODEL)
+        np.savez(folder / _ARRAYS, **arrays)
+        worlds.save_state(model.env, folder)
+        replay = getattr(model, "replay_buffer", None)
+        if replay is not None:
+            filled = replay.buffer_size if replay.full else replay.pos
+            stored = {name: getattr(replay, name)[:filled] for name in _STORED}
+            np.savez(folder / _REPLAY, position=replay.pos, full=replay.full, **stored)
+        (folder / _NOTES).write_text(json.dumps(state), encoding="utf-8")
+
+
+def restore(path: Path, model: BaseAlgorithm) -> dict[str, Any]:
+    """Put a checkpoint into an untrained algorithm of the same configuration.
+
+    Returns:
+        The notes that were saved with it.
+    """
+    restore_weights(model, path / MODEL)
+    state = json.loads((path / _NOTES).read_text(encoding="utf-8"))
+    for name, value in state["counters"].items():
+        setattr(model, name, value)
+    model.ep_info_buffer = deque(state["episodes"], maxlen=model._stats_window_size)
+    model.ep_success_buffer = deque(maxlen=model._stats_window_size)
+    # The environments first: what follows is the learner's side of the same moment.
+    worlds.restore_state(model.env, path)
+    with np.load(path / _ARRAYS) as arrays:
+        for name in _LAST:
+            setattr(model, name, arrays[name] if name in arrays else None)
+        normalizer = model.get_vec_normalize_env()
+        if normalizer is not None:
+            restore_moments(normalizer, arrays)
+            normalizer.returns = arrays["returns"]
+        keys: NDArray = arrays["numpy"]
+        torch.set_rng_state(torch.from_numpy(arrays["torch"]))
+    replay = getattr(model, "replay_buffer", None)
+    if replay is not None:
+        with np.load(path / _REPLAY) as stored:
+            for name in _STORED:
+                getattr(replay, name)[: len(stored[name])] = stored[name]
+            replay.pos, replay.full = int(stored["position"]), bool(stored["full"])
+    kind, *place = state["numpy"]
+    np.random.set_state((kind, keys, *place))  # noqa: NPY002
+    model.action_space.np_random.bit_generator.state = state["action_space"]
+    return state["notes"]

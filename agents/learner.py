@@ -1,0 +1,132 @@
+"""Algorithms of stable-baselines3 from a configuration, and policies back from their files.
+
+Nothing here unpickles: an algorithm is built afresh from its YAML, and only numbers are read from
+disk (tensors with `weights_only`, arrays without pickles).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from stable_baselines3 import PPO, SAC
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.save_util import load_from_zip_file
+from stable_baselines3.common.vec_env import VecEnv, VecNormalize
+
+from agents.config import Config, ConfigError
+from agents.files import CONFIG, replacing
+
+MODEL, NORMALIZER = "model.zip", "normalizer.npz"
+_CLASSES: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC}
+_MOMENTS = ("obs_rms", "ret_rms")
+
+
+def build(config: Config, worlds: VecEnv, **overrides: Any) -> BaseAlgorithm:
+    """An untrained algorithm on some environments, which it wraps in VecNormalize if so configured.
+
+    Args:
+        config: The run's configuration.
+        worlds: The environments.
+        overrides: Arguments of the algorithm that take the place of the configured ones.
+    """
+    if config.normalize is not None:
+        gamma = config.hyperparams.get("gamma", 0.99)
+        worlds = VecNormalize(worlds, gamma=gamma, **config.normalize)
+    arguments = config.hyperparams | overrides
+    arguments["learning_rate"] = _schedule(arguments["learning_rate"])
+    # Networks this small are faster on the CPU, and the same there on each run.
+    return _CLASSES[config.algo](env=worlds, seed=config.seed, device="cpu", **arguments)
+
+
+def _schedule(rate: float | str) -> float | Callable[[float], float]:
+    """A learning rate in rl_zoo3's notation: a number, or "lin_1e-3", which falls to zero."""
+    if not isinstance(rate, str):
+        return rate
+    start = float(rate.removeprefix("lin_"))
+    return lambda remaining: remaining * start
+
+
+def restore_weights(model: BaseAlgorithm, path: Path) -> None:
+    """Put the tensors of a file of stable-baselines3 into an algorithm of the same make."""
+    _, parameters, variables = load_from_zip_file(path, load_data=False, device="cpu")
+    model.set_parameters(parameters, exact_match=True, device="cpu")
+    for name, value in (variables or {}).items():  # SAC's temperature
+        getattr(model, name).data.copy_(value.data)
+
+
+def moments(normalizer: VecNormalize) -> dict[str, NDArray]:
+    """What a VecNormalize has seen, as arrays."""
+    return {
+        f"{name}.{key}": np.asarray(getattr(getattr(normalizer, name), key))
+        for name in _MOMENTS
+        if hasattr(normalizer, name)
+        for key in ("mean", "var", "count")
+    }
+
+
+def restore_moments(normalizer: VecNormalize, saved: Any) -> None:
+    """Put `moments` back."""
+    for name in _MOMENTS:
+        if hasattr(normalizer, name):
+            running = getattr(normalizer, name)
+            running.mean, running.var = saved[f"{name}.mean"], saved[f"{name}.var"]
+            running.count = float(saved[f"{name}.count"])
+
+
+class LearnedPolicy:
+    """A trained agent that takes observations as the environment gives them."""
+
+    def __init__(self, model: BaseAlgorithm, name: str) -> None:
+        self.model, self.name = model, name
+
+    def predict(
+        self,
+        observation: NDArray,
+        state: tuple[NDArray, ...] | None = None,
+        episode_start: NDArray | None = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray, tuple[NDArray, ...] | None]:
+        """Choose actions, for one observation or a batch, like stable-baselines3's `predict`."""
+        normalizer = self.model.get_vec_normalize_env()
+        if normalizer is not None:
+            observation = normalizer.normalize_obs(observation)
+        return self.model.predict(observation, state, episode_start, deterministic)
+
+    def save(self, run: Path) -> None:
+        """Write the policy's files into a run's folder."""
+        normalizer = self.model.get_vec_normalize_env()
+        if normalizer is not None:
+            with replacing(run / NORMALIZER) as path:
+                np.savez(path, **moments(normalizer))
+        with replacing(run / MODEL) as path:
+            self.model.save(path)
+
+
+def load_policy(run: Path, worlds: VecEnv, config: Config | None = None) -> LearnedPolicy:
+    """The policy that a run kept.
+
+    Args:
+        run: The run's folder.
+        worlds: Environments of the run's kind, which give the shapes.
+        config: The run's configuration, if it is at hand.
+
+    Raises:
+        ConfigError: if the folder holds no trained policy.
+    """
+    config = config or Config.load(run / CONFIG)
+    if not (run / MODEL).is_file():
+        raise ConfigError(f"{run} has no {MODEL}: train it first, by --resume {run}")
+    memory = {"buffer_size": 1} if config.algo == "sac" else {}
+    model = build(config, worlds, **memory)
+    try:
+        restore_weights(model, run / MODEL)
+        if config.normalize is not None:
+            with np.load(run / NORMALIZER) as saved:
+                restore_moments(model.get_vec_normalize_env(), saved)
+    except (OSError, ValueError, RuntimeError, KeyError) as error:
+        raise ConfigError(f"the files in {run} do not fit its {CONFIG}: {error}") from None
+    return LearnedPolicy(model, config.algo.upper())

@@ -1,0 +1,99 @@
+"""Pictures of a run: its learning curve, and the gait that it learned."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from matplotlib.figure import Figure
+
+from agents.evaluation import Policy
+from gym_passive_walker.physics.stride import frame_of
+from gym_passive_walker.render import strobe, strobe_of
+
+_QUANTITIES = (
+    ("distance", "distance walked / leg length", "tab:blue"),
+    ("strides", "strides", "tab:green"),
+    ("speed", "speed / √(g l)", "tab:orange"),
+    ("cost_of_transport", "cost of transport", "tab:red"),
+)
+
+_SETTLED, _SHOWN, _FLASHES = 20, 3, 8
+"""Strides before those that are drawn, how many are drawn, and postures of each."""
+
+
+def learning_curve(
+    path: Path, rows: Sequence[dict[str, Any]], passive: dict[str, float], title: str
+) -> None:
+    """Draw how evaluations went as training went on, with the passive walker as a dashed line.
+
+    Args:
+        path: The picture's file.
+        rows: The curve, a dict an evaluation, with "steps", "seconds" and each quantity.
+        passive: The passive walker's quantities.
+        title: What is on show.
+    """
+    figure = Figure(figsize=(9.0, 5.6), layout="constrained")
+    figure.suptitle(title)
+    millions = [row["steps"] / 1e6 for row in rows]
+    for ax, (name, label, colour) in zip(
+        figure.subplots(2, 2, sharex=True).flat, _QUANTITIES, strict=True
+    ):
+        ax.plot(millions, [row[name] for row in rows], "o-", color=colour, markersize=3)
+        ax.axhline(passive[name], color="grey", linestyle="--", linewidth=1.0, label="passive")
+        ax.set_ylabel(label)
+        ax.spines[["top", "right"]].set_visible(False)
+        ax.grid(alpha=0.25)
+        ax.set_ylim(bottom=0.0)
+    for ax in figure.axes[2:]:
+        seconds = rows[-1]["seconds"]
+        ax.set_xlabel(f"million steps ({seconds:.0f} s of training in all)")
+    figure.axes[0].legend(frameon=False)
+    figure.savefig(path, dpi=150)
+
+
+def gait(path: Path, policy: Policy, world: gymnasium.Env, *, seed: int, title: str) -> None:
+    """Draw a strobe picture of an agent's gait, once it has settled.
+
+    Args:
+        path: The picture's file.
+        policy: The agent.
+        world: One environment.
+        seed: Of its episode.
+        title: What is on show.
+    """
+    walker = world.unwrapped
+    observation, _ = world.reset(seed=seed)
+    memory, first, stride, over = None, np.ones(1, bool), 0, False
+    states, contacts, strides, torques = [], [], [], []
+    while not over and stride < _SETTLED + _SHOWN:
+        action, memory = policy.predict(observation[None], memory, first)
+        states.append(walker.state)
+        contacts.append(walker.batch.contact(0))
+        strides.append(stride)
+        torques.append(float(action[0, 0]))
+        observation, _, terminated, truncated, info = world.step(action[0])
+        first, stride, over = np.zeros(1, bool), info["strides"], terminated or truncated
+    begun = strides.index(max(0, strides[-1] + 1 - _SHOWN))
+    shown = slice(begun, None)
+    if walker.scene.control == "stride":
+        scale = frame_of(walker.walker).torque * walker.scene.max_hip_torque
+        torque = scale * np.array(torques[shown])
+        figure = strobe(
+            walker.walker, walker.slope, states[begun], strides=len(torque), hip_torque=torque
+        )
+    else:
+        pace = max(1, round(strides.count(strides[begun]) / _FLASHES))
+        shown = slice(begun, None, pace)
+        figure = strobe_of(
+            walker.walker,
+            np.array(states[shown]),
+            np.array(contacts[shown]),
+            walker.slope,
+            strides=np.array(strides[shown]),
+        )
+    figure.suptitle(title)
+    figure.savefig(path, dpi=150)

@@ -1,0 +1,110 @@
+"""A run from its configuration to its files, in one piece or in several."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
+
+from agents import checkpoint, files, worlds
+from agents.callbacks import Bar, Milestones, StopRequest
+from agents.config import Config, ConfigError
+from agents.evaluation import evaluate
+from agents.learner import LearnedPolicy, build
+from agents.report import write_rows
+
+EPISODES = 20
+"""Episodes of each evaluation."""
+
+EXAM_SEED = 1_000_000
+"""Of the evaluations while training; far from the episodes of the final one."""
+
+_THREADS = 2  # more only get in each other's way at these sizes, and would change the rounding
+
+
+class Run:
+    """A training that knows where its files are.
+
+    Args:
+        config: What to do.
+        folder: Where its files go; holds nothing yet, or a run of the same configuration.
+        tensorboard: Whether to write tensorboard's logs too.
+    """
+
+    def __init__(self, config: Config, folder: Path, *, tensorboard: bool = False) -> None:
+        torch.set_num_threads(_THREADS)
+        self.config, self.folder = config, folder
+        log = {"tensorboard_log": str(folder / "tensorboard")} if tensorboard else {}
+        self.model: BaseAlgorithm = build(config, worlds.training_worlds(config), **log)
+        self.exam = worlds.arena(config, EPISODES)
+        self.notes: dict[str, Any] = {"best": None, "seconds": 0.0, "curve": []}
+        newest = files.newest_checkpoint(folder)
+        self.resumed = newest is not None
+        if newest is not None:
+            try:
+                self.notes = checkpoint.restore(newest, self.model)
+            except (OSError, ValueError, RuntimeError, KeyError) as error:
+                raise ConfigError(f"{newest} does not fit its {files.CONFIG}: {error}") from None
+        with files.replacing(folder / files.CONFIG) as path:
+            config.save(path)
+
+    @property
+    def steps(self) -> int:
+        """Environment steps made so far."""
+        return self.model.num_timesteps
+
+    def train(self, *, progress: bool = True) -> bool:
+        """Train to the end, or until asked to stop.
+
+        Returns:
+            Whether the end was reached.
+        """
+        left = self.config.steps - self.steps
+        if left <= 0:
+            return True
+        bar = Bar(self.config.steps, show=progress)
+
+        def reach(seconds: float) -> None:
+            self._evaluate(seconds)
+            bar.tell(self._latest())
+            self._save()
+
+        with StopRequest() as stop:
+            milestones = Milestones(self.config.every, reach, stop)
+            logged = self.model.tensorboard_log is not None
+            self.model.learn(
+                left,
+                callback=[milestones, bar],
+                # Logging costs SAC more than it tells.
+                log_interval={"ppo": 1, "sac": 100}[self.config.algo] if logged else None,
+                reset_num_timesteps=not self.resumed,
+            )
+            if not milestones.stopped:
+                milestones.finish()
+        return not milestones.stopped
+
+    def _evaluate(self, seconds: float) -> None:
+        """Add a row to the learning curve, and keep the policy if it is the best so far."""
+        policy = LearnedPolicy(self.model, self.config.algo.upper())
+        walks = evaluate(policy, self.exam, seed=EXAM_SEED)
+        self.notes["seconds"] += seconds
+        row = {"steps": self.steps, "seconds": round(self.notes["seconds"], 2), **walks.summary()}
+        self.notes["curve"].append(row)
+        best = self.notes["best"]
+        if best is None or row["reward"] >= best:
+            self.notes["best"] = row["reward"]
+            policy.save(self.folder)
+        with files.replacing(self.folder / "learning_curve.csv") as path:
+            write_rows(path, self.notes["curve"])
+
+    def _latest(self) -> str:
+        row = self.notes["curve"][-1]
+        return f"walks {row['distance']:.1f} l, {row['strides']:.0f} strides"
+
+    def _save(self) -> None:
+        path = files.checkpoint_path(self.folder, self.steps)
+        if not path.exists():
+            checkpoint.save(path, self.model, self.notes)
+        files.drop_older_checkpoints(path)

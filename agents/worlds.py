@@ -1,0 +1,105 @@
+"""The environments of a run: where agents learn, and where they are judged."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from stable_baselines3.common.vec_env import VecEnv
+
+import gym_passive_walker
+from agents.config import Config, ConfigError
+from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
+from gym_passive_walker.envs.scene import Scene, make_scene, walker_from
+
+ID = "PassiveWalker-v0"
+_RECORDS, _RANDOMS = "worlds.npz", "worlds.json"
+
+
+def scene_of(config: Config) -> Scene:
+    """The scene of a run, checked.
+
+    Raises:
+        ConfigError: if it has a walker, a slope or a rule that is none.
+    """
+    try:
+        return make_scene(config.scene, **config.env)
+    except ValueError as error:
+        raise ConfigError(str(error)) from None
+
+
+def training_worlds(config: Config, count: int | None = None) -> PassiveWalkerVecEnv:
+    """Environments to learn in, as stable-baselines3 wants them; the configured number if None."""
+    return PassiveWalkerVecEnv(config.n_envs if count is None else count, scene_of(config))
+
+
+def arena(config: Config, count: int) -> gymnasium.vector.VectorEnv:
+    """Environments to be judged in, apart from those of the training."""
+    return gymnasium.make_vec(ID, num_envs=count, scene=scene_of(config))
+
+
+def single(config: Config) -> gymnasium.Env:
+    """One environment, to look at closely."""
+    return gymnasium.make(ID, scene=scene_of(config))
+
+
+def check(config: Config) -> None:
+    """Refuse a scene in which no episode can begin.
+
+    Raises:
+        ConfigError: if it is so.
+    """
+    try:
+        training_worlds(config, 1).reset()
+    except ValueError as error:
+        raise ConfigError(str(error)) from None
+
+
+def describe(config: Config) -> str:
+    """A scene in a few words."""
+    scene = scene_of(config)
+    walker = config.env.get("walker") or next(
+        (name for name, w in gym_passive_walker.WALKERS.items() if w == scene.walker), "of its own"
+    )
+    slope = (
+        f"slopes {scene.slope[0]:g} to {scene.slope[1]:g} rad"
+        if isinstance(scene.slope, tuple)
+        else f"slope {scene.slope:g} rad"
+    )
+    held = f"ticks of {scene.tick:g} √(l/g)" if scene.control == "tick" else "one torque a stride"
+    return f"{config.scene}: walker {walker}, {slope}, {held}, up to {scene.max_hip_torque:g} m g l"
+
+
+def save_state(worlds: VecEnv, folder: Path) -> None:
+    """Write where the walkers stand, and their random numbers."""
+    state = _native(worlds).get_state()
+    walkers, randoms = state.pop("walkers"), state.pop("random")
+    np.savez(folder / _RECORDS, **state)
+    # Walkers are many only where each differs from the others.
+    walkers = [asdict(walker) for walker in (walkers if len(set(walkers)) > 1 else walkers[:1])]
+    text = json.dumps({"walkers": walkers, "random": randoms})
+    (folder / _RANDOMS).write_text(text, encoding="utf-8")
+
+
+def restore_state(worlds: VecEnv, folder: Path) -> None:
+    """Put back what `save_state` wrote."""
+    native = _native(worlds)
+    rest: dict[str, Any] = json.loads((folder / _RANDOMS).read_text(encoding="utf-8"))
+    if not native.batch.randoms:
+        native.reset()  # gives each walker its own source of random numbers
+    walkers = [walker_from(parameters) for parameters in rest["walkers"]]
+    if len(walkers) == 1:
+        walkers *= native.num_envs
+    with np.load(folder / _RECORDS) as arrays:
+        native.set_state(dict(arrays) | {"walkers": walkers, "random": rest["random"]})
+
+
+def _native(worlds: VecEnv) -> PassiveWalkerVecEnv:
+    """The environment inside its wrappers."""
+    while not isinstance(worlds, PassiveWalkerVecEnv):
+        worlds = worlds.venv  # type: ignore[attr-defined]
+    return worlds

@@ -1,0 +1,72 @@
+"""Milestones, and the wish to stop."""
+
+import os
+import signal
+
+import pytest
+
+from agents.callbacks import Milestones, StopRequest
+
+
+class Model:
+    """As much of an algorithm as the callbacks see."""
+
+    num_timesteps = 0
+    logger = None
+
+    def get_env(self):
+        """No environment."""
+        return None
+
+
+def rollouts(milestones, model, steps):
+    """Go through updates after which the model has made these steps."""
+    for made in steps:
+        model.num_timesteps = made
+        milestones.on_rollout_start()
+
+
+def test_milestones_come_at_the_start_and_whenever_an_interval_has_passed():
+    reached, model = [], Model()
+    milestones = Milestones(100, lambda seconds: reached.append(model.num_timesteps), StopRequest())
+    milestones.init_callback(model)
+    rollouts(milestones, model, range(0, 360, 40))
+    assert reached == [0, 120, 200, 320]
+    milestones.finish()
+    milestones.finish()
+    assert reached == [0, 120, 200, 320]
+
+
+def test_a_resumed_run_does_not_repeat_its_milestone():
+    reached, model = [], Model()
+    model.num_timesteps = 120
+    milestones = Milestones(100, lambda seconds: reached.append(model.num_timesteps), StopRequest())
+    milestones.init_callback(model)
+    rollouts(milestones, model, (120, 160, 200))
+    assert reached == [200]
+
+
+def test_a_signal_is_a_wish_that_is_met_between_updates():
+    reached, model = [], Model()
+    with StopRequest() as stop:
+        milestones = Milestones(100, lambda seconds: reached.append(model.num_timesteps), stop)
+        milestones.init_callback(model)
+        rollouts(milestones, model, (0,))
+        os.kill(os.getpid(), signal.SIGINT)
+        assert milestones.on_step() is True
+        rollouts(milestones, model, (40,))
+        assert milestones.on_step() is False and milestones.stopped
+    assert reached == [0, 40]
+
+
+def test_a_second_signal_interrupts():
+    with pytest.raises(KeyboardInterrupt), StopRequest():
+        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), signal.SIGINT)
+
+
+def test_signals_are_as_before_afterwards():
+    before = signal.getsignal(signal.SIGINT)
+    with StopRequest():
+        assert signal.getsignal(signal.SIGINT) is not before
+    assert signal.getsignal(signal.SIGINT) is before

@@ -1,0 +1,146 @@
+"""Train an agent to walk, and judge it beside the passive walker.
+
+    python train.py                               PPO on the recommended scene
+    python train.py --scene steep --algo sac --steps 50000
+    python train.py --resume runs/level-ppo-1     go on with a run, to more steps with --steps
+    python train.py evaluate runs/level-ppo-1     judge its policy once more
+
+A run's folder keeps the policy (model.zip, normalizer.npz), its configuration (config.yml), the
+learning curve (CSV and PNG), the evaluation (CSV and table) and a strobe picture of the gait.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from agents import files, judging, worlds
+from agents.config import ALGORITHMS, DEFAULT_SCENE, Config, ConfigError, configure
+from agents.training import Run
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit status."""
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    try:
+        if arguments[:1] == ["evaluate"]:
+            return evaluate(evaluate_parser().parse_args(arguments[1:]))
+        return train(train_parser().parse_args(arguments))
+    except ConfigError as error:
+        print(f"train.py: error: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("\ntrain.py: stopped; --resume goes on from the last checkpoint", file=sys.stderr)
+        return 130
+
+
+def train_parser() -> argparse.ArgumentParser:
+    """The arguments of a training."""
+    parser = argparse.ArgumentParser(
+        prog="train.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    add = parser.add_argument
+    add("--algo", choices=ALGORITHMS, help="the algorithm (ppo)")
+    add("--scene", help=f"the scene: level, steep, rolling or lab ({DEFAULT_SCENE})")
+    add("--walker", metavar="NAME", help="another walker: A to F, lab, lab-straight")
+    add("--slope", type=float, nargs="+", metavar="RAD", help="another slope, or a range's ends")
+    add("--control", choices=("tick", "stride"), help="how long a torque is held")
+    add("--steps", type=whole, metavar="N", help="environment steps in all (the preset's)")
+    add("--envs", type=int, metavar="N", help="environments side by side (the preset's)")
+    add("--seed", type=int, help="seed of everything (0)")
+    add("--every", type=whole, metavar="N", help="steps between evaluations and checkpoints")
+    add("--out", type=Path, metavar="DIR", help="folder of the run (a new one under runs/)")
+    resumed = "go on with a run: this one, that of --out, or the latest under runs/"
+    add("--resume", nargs="?", const=True, metavar="DIR", help=resumed)
+    add("--tensorboard", action="store_true", help="write tensorboard's logs into the run's folder")
+    add("--quiet", action="store_true", help="no progress bar")
+    return parser
+
+
+def evaluate_parser() -> argparse.ArgumentParser:
+    """The arguments of an evaluation."""
+    parser = argparse.ArgumentParser(
+        prog="train.py evaluate", description="Judge a run's policy beside the passive walker."
+    )
+    add = parser.add_argument
+    add("run", type=Path, help="folder of the run")
+    add("--episodes", type=int, default=judging.EPISODES, metavar="N", help="(%(default)s)")
+    add("--seed", type=int, default=judging.SEED, help="of the episodes (%(default)s)")
+    return parser
+
+
+def whole(text: str) -> int:
+    """A whole number, as 250000 or 2.5e5."""
+    number = float(text)
+    if number != int(number):
+        raise argparse.ArgumentTypeError(f"{text} is not a whole number")
+    return int(number)
+
+
+def asked_for(args: argparse.Namespace, kept: Config | None = None) -> Config:
+    """The configuration that the command line asks for; a kept one's values where it is silent."""
+    env = dict(kept.env) if kept else {}
+    env |= {k: getattr(args, k) for k in ("walker", "control") if getattr(args, k) is not None}
+    if args.slope is not None:
+        if len(args.slope) > 2:
+            raise ConfigError("--slope takes one number, or the two ends of a range")
+        env["slope"] = args.slope[0] if len(args.slope) == 1 else list(args.slope)
+
+    def given(name: str, default: object) -> object:
+        value = getattr(args, name)
+        return default if value is None else value
+
+    return configure(
+        given("algo", kept.algo if kept else "ppo"),
+        given("scene", kept.scene if kept else DEFAULT_SCENE),
+        env=env,
+        steps=given("steps", kept.steps if kept else None),
+        n_envs=given("envs", kept.n_envs if kept else None),
+        seed=given("seed", kept.seed if kept else 0),
+        every=given("every", kept.every if kept else None),
+    )
+
+
+def run_to_resume(args: argparse.Namespace) -> tuple[Path, Config]:
+    """The folder to go on with, and its configuration with the new number of steps."""
+    folder = args.out if args.resume is True else Path(args.resume)
+    folder = folder or files.latest_run()
+    kept = Config.load(folder / files.CONFIG)
+    # A preset that has changed since does not matter: the run keeps its own.
+    asked = replace(asked_for(args, kept), hyperparams=kept.hyperparams, normalize=kept.normalize)
+    differences = kept.differences(asked, ignore=("steps", "every"))
+    if differences:
+        raise ConfigError(f"{folder} is another run:\n  " + "\n  ".join(differences))
+    return folder, asked
+
+
+def train(args: argparse.Namespace) -> int:
+    """Train, evaluate, and leave everything in the run's folder."""
+    if args.resume is not None:
+        folder, config = run_to_resume(args)
+    else:
+        config = asked_for(args)
+        worlds.check(config)  # refuses nonsense before there is a folder
+        folder = files.new_run(args.out, f"{config.scene}-{config.algo}")
+    run = Run(config, folder, tensorboard=args.tensorboard)
+    print(f"{worlds.describe(config)}: {config.algo.upper()}, {config.steps:,} steps, in {folder}")
+    finished = run.train(progress=not args.quiet)
+    if not finished:
+        print(f"Stopped after {run.steps:,} steps; go on with: python train.py --resume {folder}")
+    print(judging.judge(folder))
+    judging.draw(folder)
+    print(f"Saved in {folder}: {', '.join(sorted(p.name for p in folder.iterdir()))}")
+    return 0
+
+
+def evaluate(args: argparse.Namespace) -> int:
+    """Judge the policy of a run that is there."""
+    print(judging.judge(args.run, episodes=args.episodes, seed=args.seed))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
