@@ -27,8 +27,8 @@ class FootVelocity(NamedTuple):
         normal: Away from the ground: negative when the foot comes down.
     """
 
-    tangential: NDArray[np.float64]
-    normal: NDArray[np.float64]
+    tangential: NDArray[np.float64] | float
+    normal: NDArray[np.float64] | float
 
 
 class Measures(NamedTuple):
@@ -90,10 +90,10 @@ def foot_clearance(walker: Walker, states: NDArray) -> tuple[NDArray, NDArray]:
     """
     # Angles that move by infinitesimal rates move the height by as much of its own rate.
     angles = states[:, :3] + 1j * INFINITESIMAL * states[:, 3:]
-    clearance = np.empty(len(states), complex)
+    clearance: NDArray[np.complex128] = np.empty(len(states), np.complex128)
     _clearances(K.constants(walker).astype(complex), walker.knees, angles, clearance)
     clearance *= walker.leg_length
-    return clearance.real, clearance.imag / INFINITESIMAL
+    return np.real(clearance), np.imag(clearance) / INFINITESIMAL
 
 
 def foot_velocity(walker: Walker | str, state: ArrayLike) -> FootVelocity:

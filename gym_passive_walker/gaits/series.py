@@ -47,7 +47,7 @@ def fit(
     count, before = _FEWEST, np.full(len(units), np.inf)
     while True:
         values = samples(0.5 * (start + end) + 0.5 * (end - start) * chebpts1(count))
-        columns = chebinterpolate(lambda _, values=values: values, count - 1)
+        columns = chebinterpolate(lambda _, values=values: values, count - 1)  # type: ignore
         size, tail = np.abs(columns).max(axis=0), np.abs(columns[-4:]).max(axis=0)
         resolved = tail <= accuracy * size + _ROUNDING * units
         noisy = tail > 0.1 * before  # more samples bring no more digits
@@ -67,7 +67,7 @@ def _zeros(function: Callable[[NDArray], NDArray], series: Chebyshev) -> list[fl
     times = 0.5 * (start + end) + 0.5 * (end - start) * looks
     signs = np.signbit(function(times))
     return [
-        float(brentq(function, times[i], times[i + 1], xtol=1e-15 * (end - start), rtol=1e-15))
+        float(brentq(function, times[i], times[i + 1], xtol=1e-15 * (end - start)))  # type: ignore
         for i in np.flatnonzero(signs[1:] != signs[:-1])
     ]
 
