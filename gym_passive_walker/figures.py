@@ -13,7 +13,7 @@ import numpy as np
 
 from gym_passive_walker.gaits.family import GaitFamily, gait_family
 from gym_passive_walker.gaits.fixed_point import find_gait
-from gym_passive_walker.gaits.gait import GaitNotFound
+from gym_passive_walker.gaits.gait import GaitKind, GaitNotFound
 from gym_passive_walker.render.extras import extra
 from gym_passive_walker.render.strobe import phase_portrait, strobe
 from gym_passive_walker.walkers import WALKERS, Walker, blend, tune
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 # Okabe and Ito's colours, which the colour-blind tell apart.
 _COLOURS = {"A": "#0072B2", "B": "#D55E00", "C": "#009E73", "D": "#000000", "E": "#CC79A7"}
+_KINDS: tuple[tuple[GaitKind, str], ...] = (("long", "-"), ("short", "--"))
 _ANGLE, _SPEED = "stance angle (rad)", "speed / √(g l)"
 
 
@@ -60,7 +61,7 @@ def families(walker: Walker, low: float, high: float) -> list[GaitFamily]:
     """Every family of gaits met from the long and the short gaits of a range of slopes."""
     found: list[GaitFamily] = []
     for bottom in (low, 0.5 * (low + high)):
-        for kind in ("long", "short"):
+        for kind, _ in _KINDS:
             try:
                 family = gait_family(walker, bottom, high, kind)
             except GaitNotFound:
@@ -97,7 +98,7 @@ def transition(what: str = _ANGLE) -> Figure:
     """Figs. 4.5 and 4.11: the short step's change of scaling, for feet of two masses."""
     figure, (ax,) = _panels(1, 1, (6.0, 4.5))
     for name, ratio, colour in (("E", 0.125, "#CC79A7"), ("F", 0.05 / 0.9, "#0072B2")):
-        for kind, line in (("long", "-"), ("short", "--")):
+        for kind, line in _KINDS:
             family = gait_family(WALKERS[name], 1e-7, 0.2, kind)
             ax.plot(
                 family.slope,
@@ -140,7 +141,7 @@ def tuned_families(what: str = _ANGLE) -> Figure:
     """Figs. 4.9 and 4.13: five walkers that can walk at vanishing slope, linear and logarithmic."""
     figure, axes = _panels(1, 2, (10.0, 4.5))
     for name, colour in _COLOURS.items():
-        for kind, line in (("long", "-"), ("short", "--")):
+        for kind, line in _KINDS:
             family = gait_family(tune(WALKERS[name]), 1e-5, 0.1, kind)
             for ax in axes:
                 label = f"{name}, {kind} step"

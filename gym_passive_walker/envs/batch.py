@@ -143,7 +143,7 @@ class Batch:
             slope = None if slopes is None else slopes[i]
             walker, *start = self._starts[i].draw(self.randoms[i], slope, gait=states is None)
             if states is not None:
-                start[1:] = checked_state(states[i], walker)
+                start[1:] = checked_state(states[i].tolist(), walker)
             starts.append(start)
             if walker is not self.walkers[i]:
                 changed.append((i, walker))
@@ -210,10 +210,10 @@ class Batch:
                 actions, observations, rewards, terminated, truncated,
             )  # fmt: skip
             if wrong >= 0:
-                refuse(actions[wrong], wrong)
+                refuse(actions[wrong], int(wrong))
             return strides, endings
         for wrong in np.flatnonzero(~np.isfinite(actions) & ~self.over):  # before anyone steps
-            refuse(actions[wrong], wrong)
+            refuse(actions[wrong], int(wrong))
         ended = []
 
         def job(a: int, b: int) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from gymnasium import spaces
 
@@ -28,14 +30,14 @@ EVERY_STRIDE = (
 """Names of the ledger's columns from `task.MEASURES` on."""
 
 
-def observation_space() -> spaces.Box:
+def observation_space() -> Any:
     """What an agent sees: the same for every walker and every scene."""
     low = -T.BOUNDS
     low[6] = 0.0
     return spaces.Box(low.astype(np.float32), T.BOUNDS.astype(np.float32), dtype=np.float32)
 
 
-def action_space() -> spaces.Box:
+def action_space() -> Any:
     """What an agent does: the hip torque, as a share of the largest."""
     return spaces.Box(-1.0, 1.0, (1,), np.float32)
 

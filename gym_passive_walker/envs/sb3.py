@@ -105,7 +105,8 @@ class PassiveWalkerVecEnv(VecEnv):
         self.batch, self.scene = self._native.batch, self._native.scene
         self.lanes = [Lane(self, i) for i in range(num_envs)]
         super().__init__(num_envs, interface.observation_space(), interface.action_space())
-        self.metadata["render_fps"] = 30
+        metadata: dict[str, Any] = self.metadata
+        metadata["render_fps"] = 30
         if seed is not None:
             self.seed(seed)
         self._blank: list[dict[str, Any]] = [{} for _ in range(num_envs)]

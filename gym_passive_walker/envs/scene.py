@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
+import numpy as np
+
 from gym_passive_walker.envs.task import ENERGIES
 from gym_passive_walker.physics.stride import check_slope, check_tolerance
 from gym_passive_walker.walkers import Walker, WalkerError, as_walker
@@ -140,20 +142,17 @@ class Scene:
 
     def _checked_slope(self) -> float | tuple[float, float]:
         """A slope, or a range of them."""
+        bounds: list[float] = []
         try:
-            bounds = tuple(float(s) for s in self.slope)  # type: ignore[union-attr]
-        except TypeError:
-            bounds = (self.slope,)  # type: ignore[assignment]
-        try:
-            check_slope(bounds)
+            bounds = np.atleast_1d(check_slope(self.slope)).tolist()
         except (TypeError, ValueError):
-            bounds = ()
+            pass  # as bad as the wrong number of them
         if len(bounds) not in (1, 2) or bounds[0] > bounds[-1]:
             raise SceneError(
                 "slope must be an angle in rad between -pi/2 and pi/2, or a range of them as "
                 f"(low, high), not {self.slope!r}"
             )
-        return float(bounds[0]) if len(bounds) == 1 else bounds  # type: ignore[return-value]
+        return bounds[0] if len(bounds) == 1 else (bounds[0], bounds[1])
 
     def _checked_shares(self) -> dict[str, float]:
         """Shares by which parameters of the walker may vary."""

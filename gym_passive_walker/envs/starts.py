@@ -93,20 +93,20 @@ class Starts:
         """
         where, *shifts = rng.random(DRAWS).tolist()
         walker = self._varied(rng)
-        asked, slope = slope, self.low + (self.high - self.low) * where if slope is None else slope
+        drawn = self.low + (self.high - self.low) * where if slope is None else slope
         if not gait:
-            return walker, slope
+            return walker, drawn
         if self.scene.start is not None:
             nominal = self.scene.start
-        elif asked is None:
-            nominal = self._between(slope)
+        elif slope is None:
+            nominal = self._between(drawn)
         else:
             nominal = gait_near(self.walker, slope)
         size = self.scene.perturbation
         a, b, c = [1.0 + size * (2.0 * shift - 1.0) for shift in shifts]
         # Thigh and shank share a factor: the knee of a leg that has just left the ground opens.
         q0, q1, q2, w0, w1, w2 = nominal
-        return walker, slope, a * q0, a * q1, a * q2, b * w0, c * w1, c * w2
+        return walker, drawn, a * q0, a * q1, a * q2, b * w0, c * w1, c * w2
 
     def _varied(self, rng: np.random.Generator) -> Walker:
         """The walker with its parameters varied, if the scene asks for it."""

@@ -224,7 +224,7 @@ def lyapunov_exponents(
         ends = section.point(ends).reshape(len(u), count, -1)
         on = np.all(outcome.reshape(-1, count) == Outcome.HEELSTRIKE, axis=1)
         walking, u, sums = walking[on], ends[on, 0].real, sums[on]
-        frames, triangle = np.linalg.qr(np.swapaxes(ends[on].imag, 1, 2) / INFINITESIMAL)
+        frames, triangle = np.linalg.qr(np.swapaxes(np.imag(ends[on]), 1, 2) / INFINITESIMAL)
         with np.errstate(divide="ignore"):  # a direction that a strike forgets: minus infinity
             sums = sums + np.log(np.abs(np.diagonal(triangle, axis1=1, axis2=2)))
     exponents[walking] = sums / strides

@@ -9,7 +9,7 @@ ceases to be one.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,7 +69,7 @@ class Curve:
         p = np.array([y[-1]])
         point = np.append(y[:-1], self.decode(p))[None]
         # The chart's own derivative: exact for the exponential and the identity.
-        scale = self.decode(p + 1j * INFINITESIMAL).imag / INFINITESIMAL
+        scale = np.imag(self.decode(p + 1j * INFINITESIMAL)) / INFINITESIMAL
         value, derivative, map_derivative = equations(
             self.section, point, period=self.period, torque=0.0, tolerance=1e-12,
             longest=LONGEST_SEARCHED,
@@ -127,7 +127,7 @@ def locate(
         return point
 
     try:
-        s = brentq(lambda s: test(at(s)), 0.0, length, xtol=1e-13, rtol=1e-14)
+        s: Any = brentq(lambda s: test(at(s)), 0.0, length, xtol=1e-13, rtol=np.float64(1e-14))
         point = at(s)
     except (ArithmeticError, ValueError):
         return None

@@ -114,7 +114,7 @@ def _next_doubling(section: Section, birth: Point, period: int, high: float) -> 
     """Where the branch of this period that is born at a doubling doubles in turn."""
     curve = Curve(section, np.exp, None, period)
     values, vectors = np.linalg.eig(birth.map)
-    direction = np.append(vectors[:, np.argmin(np.abs(values + 1.0))].real, 0.0)
+    direction = np.append(np.real(vectors[:, np.argmin(np.abs(values + 1.0))]), 0.0)
     direction /= np.linalg.norm(direction)
     shrink = _SHRINK ** -np.log2(period / 2)
     step, longest = _FIRST_STEP * shrink, _LONGEST_STEP * shrink

@@ -129,7 +129,7 @@ def strides(
         records[~alive, I.END] = 0.0  # nothing to follow
         with np.errstate(all="ignore"):
             advance(section.kind, c, records, tolerance=tolerance)
-        alive &= records[:, I.OUTCOME].real == Outcome.HEELSTRIKE
+        alive &= np.real(records[:, I.OUTCOME]) == Outcome.HEELSTRIKE
         state = records[:, :6]
         end = state[:, 0]
         step = 2.0 * c[:, K.LEG] * np.sin(end) + c[:, K.FOOT_RADIUS] * (start + end)
@@ -169,5 +169,5 @@ def split(values: NDArray, columns: int) -> tuple[NDArray, NDArray]:
         Values of shape (n, k) and derivatives of shape (n, k, columns).
     """
     values = values.reshape(-1, columns, *values.shape[1:])
-    derivative = np.moveaxis(values.imag, 1, -1) / INFINITESIMAL
-    return values[:, 0].real, derivative
+    derivative = np.moveaxis(np.imag(values), 1, -1) / INFINITESIMAL
+    return np.real(values[:, 0]), derivative

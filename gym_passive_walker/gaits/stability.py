@@ -110,4 +110,4 @@ def stride_jacobian(
         )
     ends = records[:, [0, *range(3, 2 + m)]].copy()
     ends[:, 1:] /= np.array(times)[:, None]
-    return ends.imag.T / INFINITESIMAL
+    return np.imag(ends).T / INFINITESIMAL

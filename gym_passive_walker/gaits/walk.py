@@ -37,7 +37,7 @@ def take_stride(
     records = new_records(states, slopes, end=longest)
     with np.errstate(all="ignore"):
         advance(section.kind, section.constants.astype(records.dtype), records, tolerance=tolerance)
-    outcome = records[:, I.OUTCOME].real.astype(np.int8)
+    outcome = np.real(records[:, I.OUTCOME]).astype(np.int8)
     outcome[outcome == Outcome.RUNNING] = Outcome.STALLED
     return records[:, :6], outcome
 

@@ -14,6 +14,8 @@ References:
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from gym_passive_walker.physics.lanes import get, inlined
@@ -362,7 +364,7 @@ def _stage_12(tile, lane, k, h, angle, rate):
     return angle + h * (NODE[12] * rate + h * shift), rate + h * new_rate
 
 
-STAGE = (
+STAGE: tuple[Any, ...] = (
     None,
     _stage_1,
     _stage_2,

@@ -100,7 +100,7 @@ _OPTIONS: dict[str, Any] = {
 }
 
 
-def inlined(function: Function) -> Function:
+def inlined(function: Callable[..., Any]) -> Any:
     """Compile a piece of physics that always melts into the kernel that calls it."""
     return numba.njit(forceinline=True, **_OPTIONS)(function)
 
@@ -121,12 +121,12 @@ def made_for(*what: object) -> Callable[[Function], Function]:
     return rename
 
 
-def jitted(function: Function) -> Function:
+def jitted(function: Callable[..., Any]) -> Any:
     """Compile a piece of bookkeeping that kernels call now and then."""
     return numba.njit(**_OPTIONS)(function)
 
 
-def kernel(function: Function) -> Function:
+def kernel(function: Callable[..., Any]) -> Any:
     """Compile an entry point: cached on disk, free of Python's lock while it runs."""
     with _kernels_cached_here():
         return numba.njit(cache=True, nogil=True, **_OPTIONS)(function)
@@ -141,7 +141,7 @@ def _entry(context, builder, array_type, array, row, lane):  # type: ignore[no-u
 
 
 @intrinsic
-def get(typing_context, tile, row, lane):  # type: ignore[no-untyped-def]
+def _get(typing_context, tile, row, lane):  # type: ignore[no-untyped-def]
     """The tile's quantity `row` of the walker in `lane`."""
 
     def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
@@ -152,7 +152,7 @@ def get(typing_context, tile, row, lane):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
-def put(typing_context, tile, row, lane, value):  # type: ignore[no-untyped-def]
+def _put(typing_context, tile, row, lane, value):  # type: ignore[no-untyped-def]
     """Set the tile's quantity `row` of the walker in `lane`."""
 
     def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
@@ -161,6 +161,11 @@ def put(typing_context, tile, row, lane, value):  # type: ignore[no-untyped-def]
         return context.get_dummy_value()
 
     return types.void(tile, types.int64, types.int64, tile.dtype), code
+
+
+# Called as get(tile, row, lane) and put(tile, row, lane, value) in compiled code.
+get: Any = _get
+put: Any = _put
 
 
 def reciprocal(x: Any) -> Any:

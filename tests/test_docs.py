@@ -1,0 +1,18 @@
+"""What the documentation says can be done, can be done."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+DOCS = Path(__file__).parent.parent
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/tutorial.md"])
+def test_the_code_on_a_page_runs_from_top_to_bottom(page, monkeypatch, capsys):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    blocks = re.findall(r"```python\n(.*?)```", (DOCS / page).read_text(), re.S)
+    assert blocks
+    for name in set(re.findall(r'path="([^"]+)"', "".join(blocks))):
+        pytest.fail(f"{page} writes {name}: the pages' code must leave nothing behind")
+    exec(compile("\n".join(blocks), page, "exec"), {})
