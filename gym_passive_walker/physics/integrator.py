@@ -412,7 +412,7 @@ def land(tile, lane, phase, stub, landing):
         put(tile, _H, lane, new)
         return 0
     if narrow and not close:
-        correction = 0.0 * correction
+        correction = 0.0 * g  # the slope here may be too small to divide by
     for other in range(1, candidates(tile, lane, phase, stub)):  # does another one come first?
         if other != event and watched(other, phase, stub) and fell(other, tile, lane):
             if along(other, tile, lane, _NEW_ANGLE).real + E.FUNCTIONS[other, 3] < 0.0:
