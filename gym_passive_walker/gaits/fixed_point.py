@@ -1,14 +1,11 @@
 """Gaits: fixed points of the stride map, found without a guess.
 
-Just before a heelstrike a walker's motion is set by three numbers: the step's size and the ratios
-of the two legs' rates to it. A small grid of ratios, each with the step size at which the collision
-loses what the slope supplies, is a set of starts that suits every slope and every walker of human
-proportions. All starts are followed as lanes; the most promising go on to Newton's method.
+Many starts are followed as lanes; the most promising go on to Newton's method with the exact
+derivative, a batch at a time, the next batch away from the gaits already found.
 """
 
 from __future__ import annotations
 
-import math
 from collections import Counter
 from collections.abc import Callable
 
@@ -18,59 +15,56 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
 from gym_passive_walker.gaits.newton import LONGEST_SEARCHED, newton
 from gym_passive_walker.gaits.section import Section, section_of, strides
-from gym_passive_walker.physics import constants as K
+from gym_passive_walker.gaits.starts import returns, starts
 from gym_passive_walker.physics import integrator as I
 from gym_passive_walker.physics.events import Outcome
 from gym_passive_walker.physics.stride import (
+    advance,
     check_slope,
     check_state,
     frame_of,
     new_records,
-    strike_heels,
 )
 from gym_passive_walker.walkers import Walker, as_walker, describe
 
-# Ratios to the step angle, just before heelstrike: of the stance leg's rate, and of the swing
-# leg's rate in excess of it (zero where the foot meets the ground without sliding).
-_STANCE_RATIOS = -np.geomspace(1.005, 2.0, 16)
-_EXCESS_RATIOS = np.array([-1.5, -1.0, -0.7, -0.45, -0.25, -0.1, 0.0, 0.1, 0.3, 0.6, 1.0, 1.6])
-_LOSS_SHARES = {K.Kind.KNEED: (1.0, 0.6, 0.3), K.Kind.COMPASS: (1.0,), K.Kind.SIMPLEST: (1.0,)}
-_ANGLES = np.geomspace(1e-10, 0.7, 80)
 _BATCHES = (12, 24, 96)  # promising starts tried by Newton's method, as long as need be
 _APART = 0.03  # starts closer than this are tried once
+_LOOKS = 64  # at the swing leg during a stride
 
 
-def starts(section: Section, slope: float) -> NDArray:
-    """Points of the section that a gait at this slope may be near to, (n, dimension)."""
-    ratios = [(a, a + b) for a in _STANCE_RATIOS for b in _EXCESS_RATIOS]
-    angle = np.tile(_ANGLES, len(ratios))
-    stance_ratio, swing_ratio = np.repeat(ratios, len(_ANGLES), axis=0).T
-    state = np.column_stack(
-        [-angle, angle, angle, stance_ratio * angle, swing_ratio * angle, swing_ratio * angle]
-    )
-    records = new_records(state, np.zeros(len(state)))
-    strike_heels(records, section.constants, int(section.kind))
-    c = section.constants[0]
-    length = 2.0 * (c[K.LEG] * np.sin(angle) + c[K.FOOT_RADIUS] * angle)
-    loss = (records[:, I.HEEL_LOSS] / length).reshape(len(ratios), -1)
-    points = section.point(records[:, :6]).reshape(len(ratios), len(_ANGLES), -1)
-    found = []
-    for share in _LOSS_SHARES[section.kind]:
-        goal = math.log(share * math.sin(slope))
-        for i in range(len(ratios)):
-            log_loss = np.log(np.maximum(loss[i], 1e-300))
-            if log_loss[0] < goal < log_loss[-1]:
-                found.append([np.interp(goal, log_loss, column) for column in points[i].T])
-    return np.array(found).reshape(-1, section.dimension)
-
-
-def _distinct_first(u: NDArray, apart: float) -> NDArray:
-    """Points that differ from all before them by more than a distance."""
+def _distinct(u: NDArray, others: list[NDArray], apart: float) -> NDArray:
+    """Points that differ from others, and from all before them, by more than a distance."""
     kept: list[NDArray] = []
     for point in u:
-        if all(np.abs(point - other).max() > apart for other in kept):
+        if all(np.abs(point - other).max() > apart for other in kept + others):
             kept.append(point)
     return np.array(kept).reshape(-1, u.shape[1])
+
+
+class _Starts:
+    """Starts of a search, handed out the most promising first.
+
+    A start promises the more the less its strides move it, and what counts is that movement over
+    its distance from the gaits already found: near one of those every start moves little.
+    """
+
+    def __init__(self, u: NDArray, end: NDArray) -> None:
+        self.u, self.score = u, np.abs(end - u).max(axis=1)
+        self.left = np.ones(len(u), bool)
+
+    def avoid(self, point: NDArray) -> None:
+        """Turn away from a gait."""
+        distance = np.abs(self.u - point).max(axis=1)
+        self.score = self.score / np.clip(distance, 1e-6, 1.0)
+
+    def best(self, count: int) -> NDArray:
+        """The next starts, each apart from the others."""
+        chosen = []
+        while len(chosen) < count and np.any(self.left):
+            i = np.argmin(np.where(self.left, self.score, np.inf))
+            chosen.append(self.u[i])
+            self.left &= np.abs(self.u - self.u[i]).max(axis=1) > _APART
+        return np.array(chosen).reshape(-1, self.u.shape[1])
 
 
 def _search(
@@ -85,58 +79,65 @@ def _search(
     """Gaits that Newton's method reaches from some starts; and how the starts' strides ended."""
     ends: Counter = Counter()
     section = section_of(walker)
-    found: list[NDArray] = []
     gaits: list[Gait] = []
     if len(u) == 0:
         return gaits, ends
+    found: list[NDArray] = []
     options = {"period": period, "torque": torque}
-    slopes = np.full(len(u), slope)
     first = strides(
-        section, u, slopes, count=period, torque=torque, tolerance=1e-6, longest=LONGEST_SEARCHED
-    )
+        section, u, np.full(len(u), slope), count=period, torque=torque, tolerance=1e-6,
+        longest=LONGEST_SEARCHED,
+    )  # fmt: skip
     for outcome in first.records[:, I.OUTCOME].astype(int):
         ends[Outcome(outcome).name if outcome else Outcome.STALLED.name] += 1
-    alive = np.flatnonzero(first.alive)
-    gap = np.abs(first.end - u).max(axis=1)[alive]
-    ranked = _distinct_first(u[alive[np.argsort(gap, kind="stable")]], _APART)
-    tried = 0
+    candidates = _Starts(u[first.alive], first.end[first.alive])
     for batch in batches:
-        chosen, tried = ranked[tried : tried + batch], tried + batch
+        chosen = candidates.best(batch)
         if len(chosen) == 0:
             break
         rough, size = newton(section, chosen, slope, tolerance=1e-6, accuracy=1e-5, **options)
-        rough = _distinct_first(rough[size < 1e-5], 1e-3)
-        rough = np.array(
-            [x for x in rough if all(np.abs(x - y).max() > 1e-3 for y in found)]
-        ).reshape(-1, section.dimension)
+        rough = _distinct(rough[size < 1e-5], found, 1e-3)
         if len(rough):
             fine, size = newton(section, rough, slope, tolerance=1e-14, accuracy=1e-15, **options)
-            for point in _distinct_first(fine[size < 1e-9], 1e-6):
-                once = _smallest_period(section, point, slope, period, torque) == period
-                if once and _human(section, point, slope, torque):
-                    found.append(point)
+            for point in _distinct(fine[size < 1e-9], found, 1e-6):
+                if any(np.abs(point - other).max() < 1e-6 for other in found):
+                    continue  # another stride of a gait found in this batch
+                orbit = _orbit(section, point, slope, period, torque)
+                if len(orbit) == period and _human(walker, section, point, slope, torque):
                     gaits.append(measure(walker, section, point, slope, period, torque))
-        if enough(gaits) or (gaits and tried > _BATCHES[0]):
+                for stride in orbit:
+                    found.append(stride)
+                    candidates.avoid(stride)
+        if enough(gaits):
             break
     gaits.sort(key=lambda gait: -gait.stance_angle)
     return gaits, ends
 
 
-def _smallest_period(section: Section, u: NDArray, slope: float, period: int, torque: float) -> int:
-    for divisor in range(1, period):
-        if period % divisor == 0:
-            result = strides(
-                section, u[None], np.array([slope]), count=divisor, torque=torque, tolerance=1e-12
-            )
-            if result.alive[0] and np.abs(result.end[0] - u).max() < 1e-7:
-                return divisor
-    return period
+def _orbit(section: Section, u: NDArray, slope: float, period: int, torque: float) -> list[NDArray]:
+    """The points that a gait passes through, from one of them on until it repeats."""
+    orbit, slopes = [u], np.array([slope])
+    while len(orbit) < period:
+        result = strides(section, orbit[-1][None], slopes, torque=torque, tolerance=1e-12)
+        if period % len(orbit) == 0 and np.abs(result.end[0] - u).max() < 1e-7:
+            break
+        orbit.append(result.end[0])
+    return orbit
 
 
-def _human(section: Section, u: NDArray, slope: float, torque: float) -> bool:
-    """Whether the swing leg swings once: no walk of several swings or whole turns a step."""
-    records = strides(section, u[None], np.array([slope]), torque=torque, tolerance=1e-8).records[0]
-    return bool(records[I.HIP_TURN] < 2.0 * abs(records[I.HIP_NET]))
+def _human(walker: Walker, section: Section, u: NDArray, slope: float, torque: float) -> bool:
+    """Whether the swing leg swings forward once: no walk of several swings a step."""
+    slopes = np.full(_LOOKS, slope)
+    states = section.state(np.repeat(u[None], _LOOKS, axis=0))
+    whole = new_records(states[:1], slopes[:1], torque)
+    advance(section.kind, section.constants, whole, tolerance=1e-6)
+    records = new_records(states, slopes, torque)
+    records[:, I.END] = whole[0, I.TIME] * np.linspace(0.0, 1.0 - 1e-4, _LOOKS)
+    advance(section.kind, section.constants, records, tolerance=1e-6)
+    forward = walker.thigh_length * records[:, I.RATES + 1]
+    forward += walker.shank_length * records[:, I.RATES + 2]
+    swings = np.count_nonzero(np.diff(forward > 0.0, prepend=False) & (forward > 0.0))
+    return swings == 1
 
 
 def _as_points(section: Section, walker: Walker, guess: ArrayLike) -> NDArray:
@@ -155,11 +156,22 @@ def _check(walker: Walker | str, slope: float, period: int) -> tuple[Walker, flo
     return walker, slope
 
 
-def _starts(walker: Walker, slope: float, guess: ArrayLike | None) -> NDArray:
+def _starts(walker: Walker, slope: float, period: int, guess: ArrayLike | None) -> NDArray:
+    """Where a search begins: at a guess, or where gaits of this period may be."""
     section = section_of(walker)
     if guess is not None:
         return _as_points(section, walker, guess)
-    return starts(section, slope) if slope > 0.0 else np.empty((0, section.dimension))
+    if slope <= 0.0:
+        return np.empty((0, section.dimension))
+    u = starts(section, slope)
+    if period == 1:
+        return u
+    gaits, _ = _search(walker, slope, u, 1, 0.0, lambda gaits: len(gaits) >= 2)
+    if not gaits:
+        return u
+    states = np.array([gait.state for gait in gaits])
+    states[:, 3:] *= section.time
+    return np.concatenate([returns(section, slope, section.point(states)), u])
 
 
 def glance(walker: Walker, slope: float, kind: GaitKind) -> Gait | None:
@@ -168,7 +180,7 @@ def glance(walker: Walker, slope: float, kind: GaitKind) -> Gait | None:
     def enough(gaits: list[Gait]) -> bool:
         return any(gait.kind == kind for gait in gaits)
 
-    u = _starts(walker, slope, None)
+    u = _starts(walker, slope, 1, None)
     gaits, _ = _search(walker, slope, u, 1, 0.0, enough, _BATCHES[:1])
     return next((gait for gait in gaits if gait.kind == kind), None)
 
@@ -188,8 +200,8 @@ def find_gaits(
         Zero, one or two gaits for walkers like the published ones.
     """
     walker, slope = _check(walker, slope, period)
-    u = _starts(walker, slope, guess)
-    return _search(walker, slope, u, period, 0.0, lambda gaits: len(gaits) >= 2 * period)[0]
+    u = _starts(walker, slope, period, guess)
+    return _search(walker, slope, u, period, 0.0, lambda gaits: len(gaits) >= 2)[0]
 
 
 def find_gait(
@@ -220,7 +232,7 @@ def find_gait(
     walker, slope = _check(walker, slope, period)
     if kind not in ("long", "short"):
         raise ValueError(f'kind must be "long" or "short", not {kind!r}')
-    u = _starts(walker, slope, guess)
+    u = _starts(walker, slope, period, guess)
 
     def wanted(gaits: list[Gait]) -> list[Gait]:
         return [gait for gait in gaits if guess is not None or period > 1 or gait.kind == kind]

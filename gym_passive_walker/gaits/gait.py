@@ -37,6 +37,7 @@ class Gait:
         stride: The first stride of the gait with its ledger.
         step_period: Mean time of a stride.
         step_length: Mean distance between contacts along the slope.
+        collision_loss: Mean energy lost in a stride.
     """
 
     walker: Walker
@@ -48,6 +49,7 @@ class Gait:
     stride: Stride
     step_period: float
     step_length: float
+    collision_loss: float
 
     @property
     def stance_angle(self) -> float:
@@ -67,7 +69,7 @@ class Gait:
     @property
     def cost_of_transport(self) -> float:
         """Energy lost at collisions over weight times distance (Eq. 4.3)."""
-        return float(self.stride.cost_of_transport) if self.period == 1 else math.sin(self.slope)
+        return self.collision_loss / (self.stride.weight * self.step_length)
 
     @property
     def kneestrike_time(self) -> float:
@@ -110,11 +112,13 @@ def measure(
     _, _, derivative = equations(section, point, period=period, torque=torque, tolerance=1e-13)
     state = section.state(u[None])[0]
     state[3:] *= frame.rate
-    first = walk = stride(walker, slope, state, hip_torque=torque * frame.torque, tolerance=1e-13)
-    time, length = float(walk.duration), float(walk.step_length)
+    walks = [stride(walker, slope, state, hip_torque=torque * frame.torque, tolerance=1e-13)]
     for _ in range(period - 1):
-        walk = stride(walker, slope, walk.state, hip_torque=torque * frame.torque, tolerance=1e-13)
-        time, length = time + float(walk.duration), length + float(walk.step_length)
+        walks.append(
+            stride(
+                walker, slope, walks[-1].state, hip_torque=torque * frame.torque, tolerance=1e-13
+            )
+        )
     return Gait(
         walker=walker,
         slope=slope,
@@ -122,7 +126,8 @@ def measure(
         period=period,
         state=state,
         multipliers=multipliers_of(derivative[0]),
-        stride=first,
-        step_period=time / period,
-        step_length=length / period,
+        stride=walks[0],
+        step_period=sum(float(walk.duration) for walk in walks) / period,
+        step_length=sum(float(walk.step_length) for walk in walks) / period,
+        collision_loss=sum(float(walk.collision_loss) for walk in walks) / period,
     )

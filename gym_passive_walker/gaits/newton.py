@@ -17,7 +17,7 @@ Setting = Callable[[NDArray], tuple[NDArray, NDArray]]
 LONGEST_SEARCHED = 20.0
 """Time in sqrt(l/g) after which a stride is given up in a search."""
 
-_MOST_ITERATIONS = 40
+_MOST_ITERATIONS = 20
 
 
 def equations(
