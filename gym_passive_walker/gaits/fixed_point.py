@@ -217,8 +217,8 @@ def find_gait(
     Args:
         walker: The walker, or a preset's name.
         slope: Slope in rad.
-        kind: "long" or "short". Of two gaits the longer step is the long one; a gait alone is told
-            by the branch it belongs to, which the signs of 1 - multipliers reveal.
+        kind: "long" or "short", as `Gait.kind` has it. Of an untuned walker's two long-step gaits
+            at the lowest slopes, the one with the longer step.
         period: Strides until the motion repeats.
         guess: A section state to start from, instead of the search's own starts; the gait found
             from it is returned whatever its kind.
@@ -237,7 +237,10 @@ def find_gait(
     def wanted(gaits: list[Gait]) -> list[Gait]:
         return [gait for gait in gaits if guess is not None or period > 1 or gait.kind == kind]
 
-    gaits, ends = _search(walker, slope, u, period, 0.0, lambda gaits: bool(wanted(gaits)))
+    def enough(gaits: list[Gait]) -> bool:
+        return any(guess is not None or gait.beyond_fold == (kind == "short") for gait in gaits)
+
+    gaits, ends = _search(walker, slope, u, period, 0.0, lambda gaits: enough(wanted(gaits)))
     if wanted(gaits):
         return wanted(gaits)[0 if kind == "long" else -1]
     tried = ", ".join(f"{count} {name}" for name, count in ends.most_common()) or "none"

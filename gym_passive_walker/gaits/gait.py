@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.gaits.newton import equations
 from gym_passive_walker.gaits.section import Section
+from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics.stride import Stride, frame_of, stride
 from gym_passive_walker.walkers import Walker
 
@@ -28,7 +29,8 @@ class Gait:
     Attributes:
         walker: Who walks.
         slope: Slope in rad.
-        kind: "long" or "short" step.
+        kind: "long" or "short" step. An untuned walker's slowest gaits, beyond the fold at the
+            foot of its long-step curve, belong to that curve and are "long" like the rest of it.
         period: Strides until the motion repeats.
         state: Section state (6,): angles in rad and rates, just after heelstrike.
         multipliers: Eigenvalues of the stride map's derivative over one period, largest modulus
@@ -87,14 +89,30 @@ class Gait:
         return float(self.stride.heelstrike_loss)
 
     @property
+    def beyond_fold(self) -> bool:
+        """Whether one real multiplier exceeds 1: so on short-step gaits and the slowest ones."""
+        return bool(np.prod(1.0 - self.multipliers).real < 0.0)
+
+    @property
     def stable(self) -> bool:
         """Whether small disturbances die out: all multipliers inside the unit circle."""
         return bool(np.abs(self.multipliers[0]) < 1.0)
 
 
-def _index(map_derivative: NDArray) -> int:
-    """Sign of det(1 - D): a branch keeps it until it folds. Positive on long-step branches."""
-    return int(np.sign(np.linalg.det(np.eye(len(map_derivative)) - map_derivative)))
+def _kind(section: Section, map_derivative: NDArray, duration: float) -> GaitKind:
+    """Which gait this is, by the part of the curve of gaits that it lies on.
+
+    The sign of det(1 - D) changes where a curve folds, and it is positive on the long-step part.
+    Of the parts where it is negative, the short-step one swings its leg in less than about half a
+    period of the hanging leg, from 0.7 to 1.05 of it on the published walkers. The other is the
+    slow end of an untuned walker's long-step curve, from 1.2 to 1.9.
+    """
+    if np.linalg.det(np.eye(len(map_derivative)) - map_derivative) > 0.0:
+        return "long"
+    c = section.constants[0]
+    weight = math.hypot(c[K.SWING_ALONG], c[K.SWING_ACROSS])
+    half_swing = math.pi * (math.sqrt(c[K.SWING_INERTIA] / weight) if weight > 0.0 else 1.0)
+    return "short" if duration < 1.1 * half_swing else "long"
 
 
 def multipliers_of(map_derivative: NDArray) -> NDArray[np.complex128]:
@@ -119,15 +137,16 @@ def measure(
                 walker, slope, walks[-1].state, hip_torque=torque * frame.torque, tolerance=1e-13
             )
         )
+    duration = sum(float(walk.duration) for walk in walks) / period
     return Gait(
         walker=walker,
         slope=slope,
-        kind="long" if _index(derivative[0]) > 0 else "short",
+        kind=_kind(section, derivative[0], duration / frame.time),
         period=period,
         state=state,
         multipliers=multipliers_of(derivative[0]),
         stride=walks[0],
-        step_period=sum(float(walk.duration) for walk in walks) / period,
+        step_period=duration,
         step_length=sum(float(walk.step_length) for walk in walks) / period,
         collision_loss=sum(float(walk.collision_loss) for walk in walks) / period,
     )
