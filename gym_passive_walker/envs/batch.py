@@ -19,7 +19,7 @@ from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import integrator as I
 from gym_passive_walker.physics.constants import Kind
 from gym_passive_walker.physics.lanes import cache_directory
-from gym_passive_walker.physics.stride import check_slope, in_parts, step_control
+from gym_passive_walker.physics.stride import check_slope, check_state, in_parts, step_control
 from gym_passive_walker.walkers import Walker
 
 OPTIONS = ("state", "slope")
@@ -167,11 +167,9 @@ class Batch:
         states, slopes = None, None
         try:
             if options.get("state") is not None:
-                given = np.asarray(options["state"], dtype=float)
-                states = np.broadcast_to(given, (self.count, 6))
+                states = np.broadcast_to(check_state(options["state"]), (self.count, 6))
             if options.get("slope") is not None:
-                given = check_slope(options["slope"])
-                slopes = np.broadcast_to(given, (self.count,)).tolist()
+                slopes = np.broadcast_to(check_slope(options["slope"]), (self.count,)).tolist()
         except (TypeError, ValueError) as error:
             raise ValueError(f"reset options {dict(options)!r}: {error}") from None
         return states, slopes

@@ -45,10 +45,6 @@ class Lane:
         return self._vec_env._native.render_mode
 
     @property
-    def spec(self) -> None:
-        """No environment of Gymnasium stands behind it."""
-
-    @property
     def walker(self) -> Walker:
         """The walker of this episode."""
         return self._vec_env.batch.walkers[self._index]
@@ -62,6 +58,10 @@ class Lane:
     def state(self) -> NDArray[np.float64]:
         """Angles and rates in the walker's own units."""
         return self._vec_env.batch.states[self._index]
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """A picture of the walker."""
+        return self._vec_env.get_images()[self._index]
 
 
 class PassiveWalkerVecEnv(VecEnv):
@@ -106,7 +106,7 @@ class PassiveWalkerVecEnv(VecEnv):
         self.lanes = [Lane(self, i) for i in range(num_envs)]
         super().__init__(num_envs, interface.observation_space(), interface.action_space())
         metadata: dict[str, Any] = self.metadata
-        metadata["render_fps"] = 30
+        metadata["render_fps"] = self.scene.frames_per_second
         if seed is not None:
             self.seed(seed)
         self._blank: list[dict[str, Any]] = [{} for _ in range(num_envs)]
@@ -187,18 +187,20 @@ class PassiveWalkerVecEnv(VecEnv):
         return [None] * self.num_envs if frames is None else list(frames)
 
     def get_attr(self, attr_name: str, indices: int | Iterable[int] | None = None) -> list[Any]:
-        """An attribute of some environments: a `Lane`'s, or the whole batch's."""
-        return [self._attribute(i, attr_name) for i in self._get_indices(indices)]
-
-    def _attribute(self, lane: int, name: str) -> Any:
-        if hasattr(self.lanes[lane], name):
-            return getattr(self.lanes[lane], name)
-        return getattr(self._native, name)
+        """An attribute of some environments: one of `Lane`, or else of the vector environment."""
+        lanes = [self.lanes[i] for i in self._get_indices(indices)]
+        return [
+            getattr(lane if hasattr(lane, attr_name) else self._native, attr_name) for lane in lanes
+        ]
 
     def set_attr(
         self, attr_name: str, value: Any, indices: int | Iterable[int] | None = None
     ) -> None:
-        """Set an attribute of some environments; it has no effect on what is simulated."""
+        """Note something with some environments; what is simulated cannot be changed so.
+
+        Raises:
+            AttributeError: if it is one of what `Lane` tells.
+        """
         for i in self._get_indices(indices):
             setattr(self.lanes[i], attr_name, value)
 
@@ -209,7 +211,7 @@ class PassiveWalkerVecEnv(VecEnv):
         indices: int | Iterable[int] | None = None,
         **method_kwargs: Any,
     ) -> list[Any]:
-        """Call a method of some environments, which have those of `Lane`."""
+        """Call a method of `Lane` for some environments."""
         return [
             getattr(self.lanes[i], method_name)(*method_args, **method_kwargs)
             for i in self._get_indices(indices)

@@ -180,6 +180,13 @@ class Scene:
             raise SceneError(f"start must be 6 finite numbers, angles and rates: {self.start!r}")
         return start
 
+    @property
+    def frames_per_second(self) -> int:
+        """Steps a second at the walker's own pace; 2 where they are strides."""
+        if self.control == "stride":
+            return 2
+        return max(1, round(1.0 / (self.tick * self.walker.time_unit)))
+
 
 SCENES: dict[str, dict[str, Any]] = {
     "level": {},

@@ -20,8 +20,9 @@ from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.walkers import Walker, WalkerError
 
-REFERENCE_SLOPES = (0.01, 0.02, 0.036, 0.005, 0.06, 0.0025, 0.09)
-"""Slopes whose gait a walker may start with where its own slope has none."""
+REFERENCE_SLOPES = (0.01, 0.02, 0.036, 0.06, 0.09, 0.005, 0.0025)
+"""Slopes whose gait a walker may start with where its own slope has none; on level ground and
+uphill, the first that has one."""
 
 NODES = 13
 """Slopes of a range at which gaits are sought; between them, starts are interpolated."""
@@ -33,24 +34,38 @@ State = tuple[float, ...]
 
 
 @lru_cache(maxsize=4096)
-def passive_gait(walker: Walker, slope: float) -> State | None:
-    """Section state of the walker's passive gait, rates in units of 1/sqrt(l/g), if it has one."""
-    try:
-        state = np.array(find_gait(walker, slope, kind="long").state, dtype=float)
-    except GaitNotFound:
-        return None
-    state[3:] *= walker.time_unit
-    return tuple(state.tolist())
+def passive_gait(walker: Walker, slope: float, guess: State | None = None) -> State | None:
+    """The section state of a walker's long passive gait, if it has one.
+
+    Args:
+        walker: The walker.
+        slope: Slope in rad.
+        guess: A gait nearby, which saves most of the search.
+
+    Returns:
+        The state, rates in units of 1/sqrt(l/g) as in the guess.
+    """
+    units = np.array([1.0, 1.0, 1.0, *[walker.time_unit] * 3])
+    for start in (None,) if guess is None else (np.array(guess) / units, None):
+        try:
+            gait = find_gait(walker, slope, kind="long", guess=start)
+        except GaitNotFound:
+            continue
+        if gait.kind == "long":
+            return tuple((gait.state * units).tolist())
+    return None
 
 
-def gait_near(walker: Walker, slope: float) -> State:
+def gait_near(walker: Walker, slope: float, guess: State | None = None) -> State:
     """The passive gait at a slope, or else at the nearest reference slope that has one.
 
     Raises:
         SceneError: if the walker has no gait at any of them.
     """
-    for candidate in (slope, *sorted(REFERENCE_SLOPES, key=lambda s: abs(s - slope))):
-        state = passive_gait(walker, candidate)
+    gentle = max(slope, REFERENCE_SLOPES[0])
+    others = sorted(REFERENCE_SLOPES, key=lambda reference: abs(reference - gentle))
+    for candidate in (slope, *others):
+        state = passive_gait(walker, candidate, guess if candidate == slope else None)
         if state is not None:
             return state
     raise SceneError(
@@ -130,7 +145,10 @@ class Starts:
         if self._nodes is None:
             count = NODES if self.high > self.low else 1
             slopes = np.linspace(self.low, self.high, count).tolist()
-            self._nodes = slopes, [gait_near(self.walker, s) for s in slopes]
+            states: list[State] = []
+            for node in reversed(slopes):
+                states.insert(0, gait_near(self.walker, node, states[0] if states else None))
+            self._nodes = slopes, states
         slopes, states = self._nodes
         if len(slopes) == 1:
             return states[0]

@@ -252,15 +252,8 @@ def step_kneed(
     wrong = command(records, ledger, rules, actions)
     if wrong >= 0:
         return wrong, 0, 0
-    run_kneed(
-        records,
-        constants,
-        rules[TOLERANCE],
-        rules[LANDING],
-        rules[FIRST_STEP],
-        int(rules[STUB]),
-        False,
-    )
+    stub = int(rules[STUB])
+    run_kneed(records, constants, rules[TOLERANCE], rules[LANDING], rules[FIRST_STEP], stub, False)
     strides, endings = settle(
         records, constants, ledger, rules, 0, observations, rewards, terminated, truncated
     )

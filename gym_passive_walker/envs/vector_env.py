@@ -68,7 +68,11 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         self.num_envs = num_envs
         self.render_mode = render_mode
         self.autoreset_mode = AutoresetMode(autoreset_mode)
-        self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
+        self.metadata = {
+            "render_modes": ["rgb_array"],
+            "render_fps": self.scene.frames_per_second,
+            "autoreset_mode": self.autoreset_mode,
+        }
         self.single_observation_space = interface.observation_space()
         self.single_action_space = interface.action_space()
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -268,7 +272,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
 
 def step_limit(max_episode_steps: int | None) -> float:
     """Steps of an episode, where -1 and None mean without limit."""
-    if max_episode_steps is None or max_episode_steps == -1:
+    if max_episode_steps in (None, -1):
         return math.inf
     if max_episode_steps < 1:
         raise ValueError(f"max_episode_steps must be positive, -1 or None: {max_episode_steps!r}")

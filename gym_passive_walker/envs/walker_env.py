@@ -165,22 +165,10 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.observation_space = interface.observation_space()
         self.action_space = interface.action_space()
         self.batch = Batch(self.scene)
-        self.metadata = {**self.metadata, "render_fps": self._frames_per_second()}
-        self._prepare()
-
-    def _prepare(self) -> None:
-        """Keep at hand what each step needs."""
-        batch = self.batch
-        self._row = batch.ledger[0]
+        self.metadata = {**self.metadata, "render_fps": self.scene.frames_per_second}
         self._results = np.zeros(1), np.zeros(1, bool), np.zeros(1, bool)
         self._ready = False
         self._screen: Any = None
-
-    def _frames_per_second(self) -> int:
-        """Frames a second for which a film runs at the walker's own pace."""
-        if self.scene.control == "stride":
-            return 2
-        return max(1, round(1.0 / (self.scene.tick * self.scene.walker.time_unit)))
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -232,7 +220,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         )
         if wrong >= 0:
             interface.refuse(action)
-        row = self._row.tolist()
+        row = batch.ledger[0].tolist()
         info: dict[str, Any] = {
             "distance": row[T.DISTANCE],
             "energy": row[T.ENERGY],
@@ -261,7 +249,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             fps = self.metadata["render_fps"]
             self._screen = Screen(self.walker, self.render_mode, fps)
         return self._screen.draw(
-            self.state, self.slope, self.batch.contact(0), int(self._row[T.STRIDES])
+            self.state, self.slope, self.batch.contact(0), int(self.batch.ledger[0, T.STRIDES])
         )
 
     def close(self) -> None:
@@ -278,7 +266,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     @property
     def slope(self) -> float:
         """The slope of this episode, in rad."""
-        return float(self._row[T.SLOPE])
+        return float(self.batch.ledger[0, T.SLOPE])
 
     @property
     def state(self) -> NDArray[np.float64]:
@@ -303,10 +291,4 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self._ready = state["ready"]
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "_screen": None, "_row": None}
-
-    def __setstate__(self, state: dict[str, Any]) -> None:
-        self.__dict__.update(state)
-        self._row = self.batch.ledger[0]
-        if self.batch.randoms:
-            self.batch.randoms = [self.np_random]
+        return {**self.__dict__, "_screen": None}
