@@ -1,0 +1,226 @@
+"""The bridge to stable-baselines3 does what its own vectorised environments do."""
+
+import gymnasium
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3")
+from stable_baselines3 import PPO, SAC
+from stable_baselines3.common.env_util import make_vec_env
+from stable_baselines3.common.evaluation import evaluate_policy
+from stable_baselines3.common.monitor import Monitor
+from stable_baselines3.common.vec_env import (
+    DummyVecEnv,
+    SubprocVecEnv,
+    VecMonitor,
+    VecNormalize,
+)
+
+from gym_passive_walker import WALKERS
+from gym_passive_walker.envs.registration import ID
+from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
+from gym_passive_walker.envs.scene import SCENES
+
+
+def actions(count, steps, seed=0):
+    rng = np.random.default_rng(seed)
+    return rng.uniform(-1.0, 1.0, (steps, count, 1)).astype(np.float32)
+
+
+def zeros(count):
+    return np.zeros((count, 1), np.float32)
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_it_is_a_dummy_vec_env_of_monitored_walkers(scene):
+    count, limit = 5, 40
+    native = PassiveWalkerVecEnv(count, scene, max_episode_steps=limit)
+    dummy = DummyVecEnv(
+        [lambda: Monitor(gymnasium.make(ID, scene=scene, max_episode_steps=limit))] * count
+    )
+    assert native.seed(11) == dummy.seed(11)
+    np.testing.assert_array_equal(native.reset(), dummy.reset())
+    limits = falls = 0
+    for act in actions(count, 200):
+        (seen, paid, done, infos), (seen_d, paid_d, done_d, infos_d) = (
+            native.step(act),
+            dummy.step(act),
+        )
+        np.testing.assert_array_equal(seen, seen_d)
+        np.testing.assert_array_equal(paid, paid_d)
+        np.testing.assert_array_equal(done, done_d)
+        assert (seen.dtype, paid.dtype, done.dtype) == (seen_d.dtype, paid_d.dtype, done_d.dtype)
+        for i in range(count):
+            if not done[i]:
+                assert infos[i] == {}
+                continue
+            mine, theirs = infos[i], infos_d[i]
+            assert mine["TimeLimit.truncated"] is theirs["TimeLimit.truncated"]
+            np.testing.assert_array_equal(
+                mine["terminal_observation"], theirs["terminal_observation"]
+            )
+            assert mine["episode"]["r"] == theirs["episode"]["r"]
+            assert mine["episode"]["l"] == theirs["episode"]["l"]
+            assert mine["strides"] == theirs["strides"]
+            assert mine["episode_distance"] == theirs["episode_distance"]
+            assert mine["outcome"] == theirs.get("outcome", "time_limit")
+            limits += mine["TimeLimit.truncated"]
+            falls += not mine["TimeLimit.truncated"]
+    assert falls > 0 and limits + falls > count
+
+
+def test_a_time_limit_and_a_heelstrike_may_coincide():
+    env = PassiveWalkerVecEnv(1, "lab", control="stride", perturbation=0.0, max_episode_steps=3)
+    env.reset()
+    for _ in range(3):
+        _, _, done, infos = env.step(zeros(1))
+    assert done[0] and infos[0]["outcome"] == "time_limit" and infos[0]["strides"] == 3
+
+
+def test_what_others_write_into_infos_stays_there():
+    env = PassiveWalkerVecEnv(3)
+    env.reset()
+    infos = env.step(zeros(3))[-1]
+    infos[1]["mine"] = 1
+    later = env.step(zeros(3))[-1]
+    assert later == [{}, {}, {}] and infos[1] == {"mine": 1}
+    assert len({id(info) for info in later}) == 3
+
+
+def test_a_seed_is_used_once_and_makes_runs_alike():
+    runs = []
+    for _ in range(2):
+        env = PassiveWalkerVecEnv(4, seed=5, max_episode_steps=20)
+        course = [env.reset()]
+        course += [env.step(act)[0] for act in actions(4, 50)]
+        course.append(env.reset())
+        runs.append(course)
+    np.testing.assert_array_equal(*runs)
+    assert not np.array_equal(runs[0][0], runs[0][-1])
+
+
+def test_options_go_to_the_next_reset_only():
+    env = PassiveWalkerVecEnv(2, "rolling")
+    state = [0.2, -0.2, -0.25, -1.0, -0.5, -1.0]
+    env.set_options({"slope": 0.03, "state": state})
+    env.reset()
+    assert env.get_attr("slope") == [0.03, 0.03]
+    np.testing.assert_allclose(env.get_attr("state"), [state, state])
+    env.reset()
+    assert 0.03 not in env.get_attr("slope")
+    env.set_options([{"slope": 0.03}, {}])
+    with pytest.raises(ValueError, match="for all environments or for none"):
+        env.reset()
+
+
+def test_attributes_are_told_and_noted():
+    env = PassiveWalkerVecEnv(3, walkers=["C", "lab", "C"], slope=0.036)
+    env.reset()
+    assert env.get_attr("walker", indices=[1, 2]) == [WALKERS["lab"], WALKERS["C"]]
+    assert env.get_attr("num_envs", indices=0) == [3]
+    assert env.has_attr("slope") and not env.has_attr("wings")
+    env.set_attr("note", "mine", indices=1)
+    assert env.get_attr("note", indices=1) == ["mine"]
+    with pytest.raises(AttributeError):
+        env.set_attr("slope", 0.1)
+    assert env.env_is_wrapped(Monitor) == [False] * 3
+    with pytest.raises(AttributeError):
+        env.env_method("fly")
+
+
+def test_pictures_are_tiled():
+    pytest.importorskip("pygame")
+    env = PassiveWalkerVecEnv(2, render_mode="rgb_array")
+    env.reset()
+    frames = env.get_images()
+    assert len(frames) == 2 and env.env_method("render", indices=1)[0].shape == frames[1].shape
+    assert env.render().shape[0] == 2 * frames[0].shape[0]
+    env.close()
+
+
+def test_actions_are_checked():
+    env = PassiveWalkerVecEnv(2)
+    env.reset()
+    with pytest.raises(ValueError, match="must have shape"):
+        env.step(np.zeros(2))
+    with pytest.raises(ValueError, match="finite number"):
+        env.step(np.full((2, 1), np.nan))
+
+
+def test_monitor_and_normalisation_wrap_it():
+    env = VecNormalize(VecMonitor(PassiveWalkerVecEnv(4, max_episode_steps=20, seed=0)))
+    env.reset()
+    ended = []
+    for act in actions(4, 60):
+        _, _, done, infos = env.step(act)
+        for i in np.flatnonzero(done):
+            ended.append(infos[i])
+            back = env.unnormalize_obs(infos[i]["terminal_observation"])
+            assert env.observation_space.contains(back.astype(np.float32))
+    assert len(ended) > 4 and all(info["episode"]["l"] <= 20 for info in ended)
+
+
+def test_its_state_can_be_saved():
+    env = PassiveWalkerVecEnv(3, max_episode_steps=15, seed=0)
+    env.reset()
+    env.step(zeros(3))
+    saved = env.get_state()
+    first = [env.step(act)[0] for act in actions(3, 40)]
+    env.set_state(saved)
+    np.testing.assert_array_equal(first, [env.step(act)[0] for act in actions(3, 40)])
+
+
+def test_ppo_takes_it_from_a_seed_to_the_same_policy():
+    def learned():
+        env = VecNormalize(PassiveWalkerVecEnv(8))
+        model = PPO("MlpPolicy", env, n_steps=32, batch_size=64, n_epochs=2, seed=3, device="cpu")
+        model.learn(1024)
+        assert len(model.ep_info_buffer) > 0
+        return model.predict(np.zeros((1, 8), np.float32), deterministic=True)[0]
+
+    np.testing.assert_array_equal(learned(), learned())
+
+
+def test_sac_takes_it_and_bootstraps_at_time_limits():
+    env = PassiveWalkerVecEnv(8, "lab", max_episode_steps=20)
+    small = {"net_arch": [16]}
+    model = SAC("MlpPolicy", env, learning_starts=100, seed=0, device="cpu", policy_kwargs=small)
+    model.learn(300)
+    buffer = model.replay_buffer
+    stored = slice(0, buffer.pos)
+    assert buffer.timeouts[stored].sum() > 0
+    assert np.all(buffer.dones[stored] >= buffer.timeouts[stored])
+    ends = buffer.dones[stored] > 0
+    after = np.roll(buffer.observations[stored], -1, axis=0)
+    assert not np.array_equal(buffer.next_observations[stored][ends], after[ends])
+
+
+def test_evaluation_counts_its_episodes():
+    env = PassiveWalkerVecEnv(4, "lab", perturbation=0.0, max_episode_steps=30, seed=0)
+    model = PPO("MlpPolicy", env, n_steps=8, batch_size=32, device="cpu")
+    returns, lengths = evaluate_policy(model, env, 6, return_episode_rewards=True, warn=False)
+    assert len(returns) == 6 and set(lengths) == {30}
+
+
+@pytest.mark.slow
+def test_the_plain_path_works_too():
+    for vec_env in (DummyVecEnv, SubprocVecEnv):
+        env = make_vec_env(f"gym_passive_walker:{ID}", n_envs=2, vec_env_cls=vec_env, seed=0)
+        model = PPO("MlpPolicy", env, n_steps=16, batch_size=32, device="cpu")
+        model.learn(64)
+        env.close()
+
+
+@pytest.mark.learning
+def test_ppo_walks_away_from_the_passive_walker():
+    env = VecNormalize(PassiveWalkerVecEnv(64), gamma=0.99)
+    model = PPO(
+        "MlpPolicy", env, n_steps=128, batch_size=2048, learning_rate=1e-3, seed=0, device="cpu"
+    )
+    model.learn(400_000)
+    env.training = False
+    seen, walked = env.reset(), []
+    while len(walked) < 64:
+        seen, _, _, infos = env.step(model.predict(seen, deterministic=True)[0])
+        walked += [info["episode_distance"] for info in infos if info]
+    assert np.median(walked) > 30.0

@@ -1,0 +1,98 @@
+"""Scenes say what is simulated, and refuse what cannot be."""
+
+import dataclasses
+import json
+
+import pytest
+
+from gym_passive_walker import WALKERS, WalkerError
+from gym_passive_walker.envs.scene import SCENES, Scene, SceneError, make_scene, walker_from
+
+
+def test_the_default_is_walker_c_on_level_ground_by_ticks():
+    scene = make_scene()
+    assert scene == make_scene("level") == Scene()
+    assert (scene.walker, scene.slope, scene.control) == (WALKERS["C"], 0.0, "tick")
+
+
+@pytest.mark.parametrize(
+    ("control", "torque", "perturbation"), [("tick", 0.05, 0.10), ("stride", 0.03, 0.05)]
+)
+def test_torque_and_perturbation_suit_the_control(control, torque, perturbation):
+    scene = Scene(control=control)
+    assert (scene.max_hip_torque, scene.perturbation) == (torque, perturbation)
+    assert Scene(control=control, max_hip_torque=0.01).max_hip_torque == 0.01
+
+
+@pytest.mark.parametrize("name", WALKERS)
+def test_only_walkers_with_knees_stub_their_toes(name):
+    assert Scene(walker=name).stub is WALKERS[name].knees
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_scene_is_made_of_what_json_can_hold(name):
+    described = json.loads(json.dumps(dataclasses.asdict(make_scene(name))))
+    assert make_scene(described) == make_scene(name)
+
+
+def test_arguments_change_a_named_scene():
+    scene = make_scene("steep", control="tick")
+    assert (scene.slope, scene.control, scene.max_hip_torque) == (0.11, "tick", 0.05)
+    assert make_scene(scene, slope=0.1).slope == 0.1
+
+
+@pytest.mark.parametrize(
+    "description",
+    ["lab", WALKERS["lab"], {"preset": "lab"}, dataclasses.asdict(WALKERS["lab"])],
+    ids=["name", "walker", "preset", "parameters"],
+)
+def test_a_walker_is_told_in_several_ways(description):
+    assert walker_from(description) == WALKERS["lab"]
+
+
+def test_a_preset_is_told_with_changes():
+    assert walker_from({"preset": "C", "foot_radius": 0.25}).foot_radius == 0.25
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"slope": float("nan")}, "slope must be an angle"),
+        ({"slope": (0.05, 0.01)}, "as \\(low, high\\)"),
+        ({"slope": (0.0, 0.1, 0.2)}, "slope must be"),
+        ({"slope": "steep"}, "slope must be"),
+        ({"control": "foot"}, "control must be 'tick' or 'stride'"),
+        ({"energy": "none"}, "energy must be"),
+        ({"tick": 0.0}, "tick must be a number from"),
+        ({"max_hip_torque": -1.0}, "max_hip_torque must be"),
+        ({"max_hip_torque": "big"}, "max_hip_torque must be a number"),
+        ({"perturbation": 1.0}, "perturbation must be"),
+        ({"longest_stride": float("inf")}, "longest_stride must be"),
+        ({"tolerance": 1.0}, "tolerance must lie between"),
+        ({"walker": "A", "stub": True}, "straight legs always scuff"),
+        ({"stub": 1}, "stub must be"),
+        ({"randomise": {"knee_mass": 0.1}}, "no knee_mass"),
+        ({"randomise": {"foot_radius": 0.9}}, "randomise\\['foot_radius'\\] must be"),
+        ({"randomise": 0.1}, "randomise must map"),
+        ({"start": [0.2, -0.2]}, "start must be 6"),
+        ({"gravity": 1.6}, "a scene has no gravity; it has walker"),
+        ({"scene": "moon"}, "no scene 'moon'"),
+    ],
+)
+def test_what_is_no_scene_is_refused_in_words(arguments, message):
+    with pytest.raises(SceneError, match=message):
+        make_scene(**arguments)
+
+
+@pytest.mark.parametrize(
+    ("walker", "message"),
+    [
+        ("Z", "no walker 'Z'"),
+        ({"knee": 1}, "a walker has no knee"),
+        ({"thigh_length": 0.5}, "these parameters are no walker"),
+        ({"preset": "C", "gravity": -1.0}, "gravity must be positive"),
+    ],
+)
+def test_what_is_no_walker_is_refused_in_words(walker, message):
+    with pytest.raises(WalkerError, match=message):
+        make_scene(walker=walker)

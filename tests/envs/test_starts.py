@@ -1,0 +1,92 @@
+"""Episodes start near the passive gait."""
+
+import numpy as np
+import pytest
+
+from gym_passive_walker import WALKERS, find_gait
+from gym_passive_walker.envs.scene import Scene, SceneError
+from gym_passive_walker.envs.starts import REFERENCE_SLOPES, Starts, checked_state, gait_near
+
+
+def draws(scene, count=200, seed=0):
+    starts, rng = Starts(scene), np.random.default_rng(seed)
+    return np.array([starts.draw(rng)[1:] for _ in range(count)])
+
+
+@pytest.mark.parametrize("name", ["A", "C", "D", "lab"])
+def test_without_perturbation_the_start_is_the_passive_gait(name):
+    walker, slope = WALKERS[name], 0.036 if name == "lab" else 0.009
+    (start,) = draws(Scene(walker=name, slope=slope, perturbation=0.0), 1)
+    gait = find_gait(walker, slope).state.copy()
+    gait[3:] *= walker.time_unit
+    assert start[0] == slope
+    np.testing.assert_allclose(start[1:], gait, rtol=1e-14)
+
+
+def test_where_no_gait_exists_the_start_is_that_of_a_gentle_slope():
+    gentle = gait_near(WALKERS["C"], REFERENCE_SLOPES[0])
+    assert gait_near(WALKERS["C"], 0.0) == gait_near(WALKERS["C"], -0.2) == gentle
+    assert gait_near(WALKERS["lab"], 0.11) == gait_near(WALKERS["lab"], 0.09)
+
+
+def test_starts_stay_within_the_perturbation_and_fill_it():
+    exact = draws(Scene(slope=0.02, perturbation=0.0), 1)[0, 1:]
+    ratios = draws(Scene(slope=0.02, perturbation=0.1))[:, 1:] / exact
+    assert 0.9 <= ratios.min() < 0.91 and 1.09 < ratios.max() <= 1.1
+
+
+def test_the_knee_of_every_start_opens():
+    states = draws(Scene(slope=0.001, perturbation=0.5))[:, 1:]
+    assert np.all(states[:, 2] == states[:, 1]) and np.all(states[:, 5] <= states[:, 4])
+
+
+def test_slopes_are_drawn_from_their_range_and_gaits_go_with_them():
+    scene = Scene(slope=(0.01, 0.06), perturbation=0.0)
+    slopes, angles = draws(scene)[:, :2].T
+    assert 0.01 <= slopes.min() < 0.011 and 0.059 < slopes.max() <= 0.06
+    order = np.argsort(slopes)
+    assert np.all(np.diff(angles[order]) > 0.0)  # the steeper, the longer the step
+    middle = np.argmin(abs(slopes - 0.04))
+    exact = find_gait("C", slopes[middle]).state[0]
+    assert angles[middle] == pytest.approx(exact, rel=5e-3)
+
+
+def test_varied_walkers_stay_within_their_shares():
+    scene = Scene(slope=0.02, randomise={"foot_radius": 0.2, "hip_mass": 0.1})
+    starts, rng = Starts(scene), np.random.default_rng(0)
+    walkers = [starts.draw(rng)[0] for _ in range(50)]
+    ratios = np.array([w.foot_radius for w in walkers]) / WALKERS["C"].foot_radius
+    assert 0.8 <= ratios.min() < 0.85 and 1.15 < ratios.max() <= 1.2
+    assert {w.thigh_mass for w in walkers} == {WALKERS["C"].thigh_mass}
+
+
+def test_a_start_may_be_given_instead():
+    start = (0.2, -0.2, -0.2, -0.3, -0.1, -0.4)
+    (drawn,) = draws(Scene(start=start, perturbation=0.0), 1)
+    assert tuple(drawn[1:]) == start
+
+
+def test_a_walker_without_any_gait_says_so(monkeypatch):
+    monkeypatch.setattr("gym_passive_walker.envs.starts.passive_gait", lambda *_: None)
+    with pytest.raises(SceneError, match="give the scene a start"):
+        gait_near(WALKERS["C"], 0.0)
+
+
+@pytest.mark.parametrize(
+    ("state", "message"),
+    [
+        ([0.2, -0.2, -0.2], "6 finite numbers"),
+        ([0.2, -0.2, -0.2, -1.0, float("nan"), 0.0], "6 finite numbers"),
+        ([1.6, -0.2, -0.2, -1.0, 0.0, 0.0], "has fallen"),
+        ([0.2, -0.2, -0.1, -1.0, 0.0, 0.0], "bends the knee backwards"),
+        ([0.2, -0.2, -0.2, -1.0, 0.0, 0.1], "bends the knee backwards"),
+    ],
+)
+def test_what_is_no_upright_walker_is_refused(state, message):
+    with pytest.raises(ValueError, match=message):
+        checked_state(state, WALKERS["C"])
+
+
+def test_the_shank_of_a_straight_leg_is_ignored():
+    state = checked_state([0.2, -0.2, 9.0, -1.0, 0.5, 9.0], WALKERS["A"])
+    assert state[2] == state[1] and state[5] == state[4]

@@ -1,0 +1,306 @@
+"""What an agent does, sees and is paid for."""
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from gym_passive_walker import WALKERS, find_gait, stride, tune
+from gym_passive_walker.envs.batch import Batch
+from gym_passive_walker.envs.scene import Scene
+from gym_passive_walker.physics import integrator as I
+from gym_passive_walker.physics.events import Outcome
+
+SCENES = {
+    "C": {"walker": "C", "slope": 0.02},
+    "lab": {"walker": "lab", "slope": 0.036},
+    "A": {"walker": "A", "slope": 0.02},
+    "D": {"walker": "D", "slope": 0.009},
+}
+WHOLE_MOTION = {"tolerance": 1e-12, "perturbation": 0.0}
+
+
+def strides(course):
+    """The infos of completed strides."""
+    return [info for *_, info in course if info.get("outcome") == "heelstrike"]
+
+
+def until_heelstrike(env, torque):
+    """Ticks with one torque, up to the heelstrike."""
+    ticks = 0
+    while True:
+        *_, terminated, _, info = env.step(np.array([torque]))
+        ticks += 1
+        if terminated or "outcome" in info:
+            return ticks, info
+
+
+@pytest.mark.parametrize("torque", [0.0, 0.3])
+@pytest.mark.parametrize("name", SCENES)
+def test_ticks_with_one_torque_make_a_stride_with_that_torque(make, name, torque):
+    env = make(**SCENES[name], **WHOLE_MOTION, max_hip_torque=0.01)
+    env.reset(seed=0)
+    walker, state = env.walker, env.state
+    per_unit = walker.gravity * walker.leg_length
+    per_unit *= 1.0 if walker.massless_legs else walker.total_mass
+    whole = stride(walker, env.slope, state, hip_torque=torque * 0.01 * per_unit, tolerance=1e-12)
+    _, info = until_heelstrike(env, torque)
+    np.testing.assert_allclose(env.state, whole.state, atol=1e-10 / walker.time_unit)
+    length = walker.leg_length
+    assert info["step_length"] == pytest.approx(whole.step_length / length, abs=1e-10)
+    assert info["step_period"] == pytest.approx(whole.duration / walker.time_unit, abs=1e-10)
+    assert info["speed"] == pytest.approx(info["step_length"] / info["step_period"])
+    weight = whole.weight * whole.step_length
+    assert info["gravity_cost"] == pytest.approx(whole.gravity_work / weight, abs=1e-10)
+    assert info["collision_cost"] == pytest.approx(whole.collision_loss / weight, abs=1e-10)
+    charge = 0.0 if walker.massless_legs else whole.hip_work_absolute / weight
+    assert info["hip_cost"] == pytest.approx(charge, abs=1e-10)
+    assert info["net_hip_cost"] == pytest.approx(whole.hip_work / weight, abs=1e-10)
+    assert info["cost_of_transport"] == info["gravity_cost"] + info["hip_cost"]
+    if walker.knees:
+        since = whole.kneestrike_time / walker.time_unit
+        assert info["kneestrike_time"] == pytest.approx(since, abs=1e-10)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_stride_control_is_the_stride_map(make, name):
+    env = make(**SCENES[name], **WHOLE_MOTION, control="stride")
+    env.reset(seed=0)
+    for torque in (0.0, 0.02, -0.01):
+        walker, state = env.walker, env.state
+        unit = walker.gravity * walker.leg_length
+        unit *= 1.0 if walker.massless_legs else walker.total_mass
+        whole = stride(walker, env.slope, state, hip_torque=torque * 0.03 * unit, tolerance=1e-12)
+        *_, info = env.step(np.array([torque]))
+        assert info["outcome"] == Outcome(whole.outcome).name.lower() == "heelstrike"
+        np.testing.assert_allclose(env.state, whole.state, atol=1e-12)
+
+
+def test_the_clock_starts_anew_at_each_heelstrike(make):
+    env = make(**SCENES["C"], **WHOLE_MOTION)
+    env.reset(seed=0)
+    for _ in range(5):
+        ticks, info = until_heelstrike(env, 0.0)
+        assert ticks == math.ceil(info["step_period"] / 0.1)
+        assert env.batch.records[0, I.TIME] == 0.0
+    # ... so that a gait is a periodic sequence of observations.
+    first = [env.step(np.zeros(1))[0] for _ in range(ticks)]
+    second = [env.step(np.zeros(1))[0] for _ in range(ticks)]
+    np.testing.assert_allclose(first, second, atol=1e-6)
+
+
+def test_only_a_heelstrike_shortens_a_tick(make):
+    env = make(**SCENES["C"], tick=0.1, perturbation=0.0)
+    env.reset(seed=0)
+    before = 0.0
+    for k in range(200):
+        *_, info = env.step(np.array([0.1 * math.sin(k)]))
+        now = env.batch.records[0, I.TIME]
+        if info.get("outcome") == "heelstrike":
+            assert 0.0 < info["step_period"] - before <= 0.1 + 1e-12
+        else:
+            assert now - before == pytest.approx(0.1, abs=1e-12)
+        before = now
+
+
+@pytest.mark.parametrize("energy", ["absolute", "positive", "net"])
+@pytest.mark.parametrize("name", SCENES)
+def test_reward_is_distance_less_the_weight_of_energy(make, play, name, energy):
+    env = make(**SCENES[name], energy=energy, energy_weight=3.0)
+    course = play(env, lambda k, _: math.cos(0.3 * k), steps=400, seed=1)
+    rewards = [reward for _, reward, *_ in course]
+    infos = [info for *_, info in course]
+    for reward, info in zip(rewards, infos, strict=True):
+        terms = info["distance"] - 3.0 * info["energy"]
+        assert type(reward) is float and reward == pytest.approx(terms, abs=1e-15)
+    last = infos[-1]
+    assert last["episode_distance"] == pytest.approx(sum(i["distance"] for i in infos))
+    assert last["episode_energy"] == pytest.approx(sum(i["energy"] for i in infos))
+    assert sum(rewards) == pytest.approx(
+        last["episode_distance"] - 3.0 * last["episode_energy"], abs=1e-12
+    )
+
+
+def test_energies_are_parts_of_one_ledger(make, play):
+    def infos(energy):
+        env = make(**SCENES["C"], energy=energy)
+        return [i for *_, i in play(env, lambda k, _: math.cos(0.3 * k), steps=100, seed=1)]
+
+    for a, p, n in zip(infos("absolute"), infos("positive"), infos("net"), strict=True):
+        assert p["energy"] == pytest.approx(0.5 * (a["energy"] + n["energy"]), abs=1e-15)
+        assert 0.0 <= p["energy"] <= a["energy"] and abs(n["energy"]) <= a["energy"] + 1e-15
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_gravity_pays_the_cost_of_transport_of_a_passive_gait(make, play, name):
+    env = make(**SCENES[name], **WHOLE_MOTION, max_hip_torque=0.0)
+    done = strides(play(env, steps=150, seed=1))
+    assert len(done) > 2
+    for info in done:  # the kinetic energy comes back, so all that gravity gives is lost
+        for cost in ("cost_of_transport", "gravity_cost", "collision_cost"):
+            assert info[cost] == pytest.approx(math.sin(env.slope), rel=1e-6)
+
+
+def test_a_motor_pays_with_gravity_for_what_a_stride_loses_and_gains(make):
+    env = make(**SCENES["C"], **WHOLE_MOTION, control="stride")
+    env.reset(seed=0)
+    *_, first = env.step(np.array([0.02]))
+    *_, second = env.step(np.array([0.02]))
+    for _ in range(200):  # settles on a gait with a motor
+        before, second = second, env.step(np.array([0.02]))[-1]
+    assert second["step_length"] == pytest.approx(before["step_length"], rel=1e-6)
+    assert second["step_length"] != pytest.approx(first["step_length"], rel=1e-3)
+    paid = second["gravity_cost"] + second["net_hip_cost"]
+    assert paid == pytest.approx(second["collision_cost"], rel=1e-5)
+    assert abs(second["net_hip_cost"]) > 1e-4
+
+
+def test_the_simplest_walker_pays_nothing_for_its_torque(make, play):
+    course = play(make(**SCENES["D"], max_hip_torque=0.05), 1.0, steps=50, seed=0)
+    assert all(info["energy"] == 0.0 for *_, info in course)
+    passive = play(make(**SCENES["D"], max_hip_torque=0.0), 1.0, steps=50, seed=0)
+    assert not np.array_equal(course[-1][0], passive[-1][0])
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_without_a_motor_actions_change_nothing(make, play, assert_same, name):
+    env = make(**SCENES[name], max_hip_torque=0.0)
+    idle = play(env, 0.0, steps=100, seed=3)
+    assert_same(play(env, 1.0, steps=100, seed=3), idle)
+    assert all(info["energy"] == 0.0 for *_, info in idle)
+
+
+def test_the_hip_goes_on_through_heelstrikes(make, play):
+    env = make(**SCENES["lab"], perturbation=0.0)
+    course = play(env, steps=200, seed=0)
+    moved = [info["distance"] for *_, info in course]
+    per_time = [d / 0.1 for d, (*_, i) in zip(moved, course, strict=True) if "outcome" not in i]
+    assert min(per_time) > 0.0
+    done = strides(course)
+    before = [i["episode_distance"] for i in done]
+    np.testing.assert_allclose(np.diff(before), [i["step_length"] for i in done[1:]], rtol=1e-6)
+
+
+@pytest.mark.parametrize("torque", [1.0, -1.0])
+def test_a_stride_that_ends_in_a_fall_counts_for_nothing(make, play, torque):
+    env = make(walker="C", slope=0.05, max_hip_torque=0.3, stub=False)
+    course = play(env, torque, seed=2)
+    *_, terminated, truncated, info = course[-1]
+    assert terminated and not truncated and info["outcome"] != "heelstrike"
+    kept = strides(course)[-1]["episode_distance"] if strides(course) else 0.0
+    assert info["episode_distance"] == pytest.approx(kept, abs=1e-12)
+
+
+def test_truncation_takes_nothing_back(make, play):
+    env = make(**SCENES["C"])
+    course = play(env, steps=15, seed=0)
+    assert course[-1][-1]["episode_distance"] > 0.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "state", "outcome"),
+    [
+        ({"walker": "A"}, [-1.2, -1.2, -1.2, -1.0, 0.0, 0.0], "fell_forward"),
+        ({"walker": "A"}, [1.2, -1.2, -1.2, 1.0, 0.0, 0.0], "fell_backward"),
+        ({"walker": "A"}, [0.2, 2.9, 2.9, -1.0, 9.0, 9.0], "over_the_top"),
+        ({"stub": False}, [-0.18, 0.14, 0.12, -2.9, 1.1, 1.6], "bent_knee"),
+        ({"longest_stride": 0.5}, None, "stalled"),
+        ({"longest_stride": 0.5, "control": "stride"}, None, "stalled"),
+    ],
+)
+def test_an_episode_ends_as_what_it_is(make, play, arguments, state, outcome):
+    options = None if state is None else {"state": state}
+    course = play(make(**arguments), seed=0, options=options)
+    *_, terminated, truncated, info = course[-1]
+    assert terminated and not truncated
+    assert info["outcome"] == outcome
+    assert not any(step[2] for step in course[:-1])
+
+
+def test_a_locked_leg_below_the_ground_is_a_stubbed_toe(make, play):
+    """The exploit: snap the knee shut at once, and sweep a stiff leg through the floor."""
+    state = find_gait("C", 0.02).state
+    snapped = np.array([*state[:2], state[1] - 1e-3, *state[3:5], state[4] + 1.0])
+    options = {"state": snapped, "slope": 0.02}
+    course = play(make(), seed=0, options=options)
+    assert course[0][0][6] == 1.0  # locked within the first tick, with the foot behind
+    assert course[-1][-1]["outcome"] == "stubbed_toe" and course[-1][-1]["strides"] == 0
+    allowed = play(make(stub=False), steps=len(course) + 5, seed=0, options=options)
+    assert len(allowed) > len(course)
+
+
+def test_straight_legs_pass_through_the_ground(make, play):
+    assert len(strides(play(make(**SCENES["A"], perturbation=0.02), steps=200, seed=0))) > 3
+
+
+def test_an_observation_is_the_state_in_dimensionless_numbers(make):
+    env = make(**SCENES["lab"])
+    observation, _ = env.reset(seed=0)
+    state = env.state
+    state[3:] *= env.walker.time_unit
+    np.testing.assert_array_equal(observation[:6], state.astype(np.float32))
+    assert observation[6] == 0.0 and observation[7] == np.float32(0.036)
+    locked = False
+    while not locked:
+        observation, *_, info = env.step(np.zeros(1))
+        assert "outcome" not in info
+        locked = bool(observation[6])
+    assert observation[1] == observation[2] and observation[4] == observation[5]
+
+
+@pytest.mark.parametrize("name", ["lab", "lab-straight", "B", "E"])
+def test_one_agent_fits_walkers_of_any_size(make, play, name):
+    """A walker on the moon, a hundred times as large, is the same to its agent."""
+    walker = WALKERS[name]
+    lengths = [f for f in vars(walker) if f.split("_")[-1] in ("length", "offset", "com", "radius")]
+    lengths += ["thigh_gyration", "shank_gyration"]
+    masses = ["thigh_mass", "shank_mass", "hip_mass"]
+    large = replace(
+        walker,
+        gravity=1.62,
+        **{f: 100.0 * getattr(walker, f) for f in lengths},
+        **{f: 7.0 * getattr(walker, f) for f in masses},
+    )
+    act = lambda k, _: math.sin(0.2 * k)  # noqa: E731
+    start = [0.2, -0.2, -0.2, -0.3, -0.2, -0.4]
+    here = play(make(walker=walker, slope=0.01, start=start), act, steps=60, seed=0)
+    there = play(make(walker=large, slope=0.01, start=start), act, steps=60, seed=0)
+    assert len(here) == len(there)
+    for (seen, *_), (seen_there, *_) in zip(here, there, strict=True):
+        np.testing.assert_allclose(seen, seen_there, atol=1e-5)
+
+
+def test_level_ground_takes_ever_smaller_passive_steps(make, play):
+    """Of the tuned walker for ever; C as printed is mistuned, and stubs its toe in the end."""
+    env = make(walker=tune(WALKERS["C"]), perturbation=0.0)
+    done = strides(play(env, steps=3000, seed=0))
+    lengths = [i["step_length"] for i in done]
+    assert len(lengths) > 80 and lengths[-1] < 0.35 * lengths[0]
+    assert all(later < earlier for earlier, later in pairwise(lengths[2:]))
+    assert done[-1]["speed"] < 0.35 * done[0]["speed"]
+
+
+def test_the_steep_slope_fells_most_within_ten_strides():
+    count = 200
+    batch = Batch(Scene(slope=0.11, control="stride"), count)
+    batch.randoms = [np.random.default_rng(i) for i in range(count)]
+    observations = np.empty(8 * count, np.float32)
+    batch.start(range(count), observations)
+    for _ in range(10):
+        batch.step(np.zeros(count), observations, np.empty(count), *np.empty((2, count), bool))
+    assert batch.over.mean() > 0.9
+
+
+def test_the_lab_walker_walks_on_and_settles_on_its_gait(make, play):
+    done = strides(play(make(scene="lab", perturbation=0.02), steps=2000, seed=0))
+    assert len(done) > 60
+    gait = find_gait("lab", 0.036)
+    length = gait.step_length / WALKERS["lab"].leg_length
+    assert done[-1]["step_length"] == pytest.approx(length, rel=1e-6)
+
+
+def test_actions_beyond_the_box_are_clipped(make, play, assert_same):
+    env = make()
+    assert_same(play(env, 1.0, steps=20, seed=0), play(env, 7.0, steps=20, seed=0))

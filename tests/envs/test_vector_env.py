@@ -1,0 +1,337 @@
+"""Many walkers at once are each what they would be alone."""
+
+import copy
+import pickle
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.error import ResetNeeded
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+from gymnasium.wrappers import vector as wrappers
+
+from gym_passive_walker import WALKERS, blend
+from gym_passive_walker.envs.registration import ID
+from gym_passive_walker.envs.scene import SCENES, SceneError
+
+EVERY_SCENE = [
+    *({"scene": name} for name in SCENES),
+    {"walker": "A", "control": "stride"},
+    {"walker": "D", "slope": 0.01},
+    {"scene": "lab", "randomise": {"foot_radius": 0.05, "thigh_mass": 0.1}},
+    {"scene": "lab", "max_hip_torque": 0.0},
+]
+MODES = [mode.value for mode in AutoresetMode]
+
+
+@pytest.fixture
+def make_vec():
+    """Makes a native vector environment."""
+
+    def native(num_envs, **arguments):
+        return gymnasium.make_vec(ID, num_envs=num_envs, **arguments)
+
+    return native
+
+
+def actions(count, seed=0, size=1.2):
+    """Actions without end, some of them beyond the box."""
+    rng = np.random.default_rng(seed)
+    while True:
+        yield rng.uniform(-size, size, (count, 1)).astype(np.float32)
+
+
+def zeros(count):
+    return np.zeros((count, 1), np.float32)
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+@pytest.mark.parametrize("arguments", EVERY_SCENE, ids=str)
+def test_a_crowd_is_as_many_single_walkers(make_vec, assert_same, arguments, mode):
+    count, limit = 5, 40
+    native = make_vec(count, max_episode_steps=limit, autoreset_mode=mode, **arguments)
+    single = [lambda: gymnasium.make(ID, max_episode_steps=limit, **arguments)] * count
+    sync = SyncVectorEnv(single, autoreset_mode=mode)
+    assert_same(native.reset(seed=3), sync.reset(seed=3))
+    ended = 0
+    for _, act in zip(range(150), actions(count), strict=False):
+        mine, theirs = native.step(act), sync.step(act)
+        assert_same(mine, theirs)
+        ended += int((mine[2] | mine[3]).sum())
+    assert ended > count
+    assert_same(native.reset(seed=[5, None, 7, 8, None]), sync.reset(seed=[5, None, 7, 8, None]))
+
+
+def test_without_autoreset_a_mask_resets(make_vec, assert_same):
+    count = 5
+    native = make_vec(count, autoreset_mode="Disabled", max_episode_steps=40)
+    single = [lambda: gymnasium.make(ID, max_episode_steps=40)] * count
+    sync = SyncVectorEnv(single, autoreset_mode="Disabled")
+    assert_same(native.reset(seed=3), sync.reset(seed=3))
+    for _, act in zip(range(100), actions(count), strict=False):
+        mine, theirs = native.step(act), sync.step(act)
+        assert_same(mine, theirs)
+        ended = mine[2] | mine[3]
+        if ended.any():
+            with pytest.raises(ResetNeeded):
+                native.step(act)
+            options = {"reset_mask": ended}
+            assert_same(native.reset(options=options), sync.reset(options={"reset_mask": ended}))
+            assert set(options) == {"reset_mask"}
+
+
+@pytest.mark.parametrize("name", ["C", "A", "D"])
+@pytest.mark.parametrize("control", ["tick", "stride"])
+def test_a_walker_walks_alike_alone_and_at_any_place_in_any_crowd(make_vec, name, control):
+    scene = {"walker": name, "slope": 0.02, "control": control, "max_episode_steps": 30}
+    alone = make_vec(1, **scene)
+    crowds = [make_vec(23, **scene), make_vec(1300, **scene, threads=2)]
+    seeds = [1000 + i for i in range(1300)]
+    alone.reset(seed=[seeds[7]])
+    places = (7, 1299)
+    seeds[1299] = seeds[7]
+    for crowd in crowds:
+        crowd.reset(seed=seeds[: crowd.num_envs])
+    for act, _ in zip(actions(1), range(80), strict=False):
+        expected = alone.step(act)
+        for crowd in crowds:
+            results = crowd.step(np.repeat(act, crowd.num_envs, axis=0))
+            for place in places:
+                if place < crowd.num_envs:
+                    for a, b in zip(expected[:4], results[:4], strict=True):
+                        np.testing.assert_array_equal(a[0], b[place])
+
+
+def test_threads_change_no_result(make_vec, assert_same):
+    one, two = (make_vec(2500, scene="rolling", threads=threads) for threads in (1, 2))
+    assert_same(one.reset(seed=0), two.reset(seed=0))
+    for act, _ in zip(actions(2500), range(30), strict=False):
+        assert_same(one.step(act), two.step(act))
+
+
+def test_modes_are_told_in_the_metadata_of_each(make_vec):
+    for mode in AutoresetMode:
+        assert make_vec(2, autoreset_mode=mode).metadata["autoreset_mode"] is mode
+        assert make_vec(2, autoreset_mode=mode.value).metadata["autoreset_mode"] is mode
+    assert make_vec(2).metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
+
+
+@pytest.mark.parametrize("limit", [-1, None])
+def test_there_may_be_no_time_limit(make_vec, limit):
+    env = make_vec(2, max_episode_steps=limit, scene="lab", perturbation=0.0)
+    env.reset(seed=0)
+    assert not any(env.step(zeros(2))[3].any() for _ in range(4100))
+
+
+def test_the_time_limit_is_4000_steps(make_vec):
+    env = make_vec(2, scene="lab", perturbation=0.0)
+    env.reset(seed=0)
+    truncated = [env.step(zeros(2))[3].all() for _ in range(4000)]
+    assert truncated.index(True) == 3999
+
+
+def test_each_may_walk_its_own_slope(make_vec):
+    slopes = [0.01, 0.02, 0.03]
+    env = make_vec(3, slopes=slopes, perturbation=0.0)
+    observations, _ = env.reset(seed=0)
+    np.testing.assert_array_equal(env.slopes, slopes)
+    np.testing.assert_array_equal(observations[:, 7], np.float32(slopes))
+    for i, slope in enumerate(slopes):
+        single = gymnasium.make(ID, slope=slope, perturbation=0.0)
+        np.testing.assert_array_equal(single.reset(seed=i)[0], observations[i])
+
+
+def test_each_may_be_its_own_walker(make_vec, assert_same):
+    walkers = [WALKERS["C"], WALKERS["lab"], blend(WALKERS["C"], WALKERS["lab"], 0.5)]
+    env = make_vec(3, walkers=walkers, slope=0.036)
+    observations, _ = env.reset(seed=0)
+    assert env.walkers == walkers
+    singles = [gymnasium.make(ID, walker=walker, slope=0.036) for walker in walkers]
+    for i, single in enumerate(singles):
+        np.testing.assert_array_equal(single.reset(seed=i)[0], observations[i])
+    for _ in range(20):
+        observations, rewards, *_ = env.step(zeros(3))
+        for i, single in enumerate(singles):
+            observation, reward, *_ = single.step(np.zeros(1))
+            assert_same(observation, observations[i])
+            assert reward == rewards[i]
+
+
+def test_walkers_of_different_kinds_do_not_mix(make_vec):
+    with pytest.raises(SceneError, match="of one kind"):
+        make_vec(2, walkers=["C", "A"])
+
+
+@pytest.mark.parametrize("given", [{"walkers": ["C"]}, {"slopes": [0.1]}])
+def test_there_is_one_for_each_or_none(make_vec, given):
+    with pytest.raises(SceneError, match="1 of them for 2"):
+        make_vec(2, **given)
+
+
+def test_resets_start_where_they_are_asked_to(make_vec):
+    env = make_vec(3)
+    state = np.array([0.2, -0.2, -0.25, -1.0, -0.5, -1.0])
+    env.reset(seed=0, options={"state": state, "slope": 0.03})
+    np.testing.assert_allclose(env.states, [state] * 3)
+    np.testing.assert_array_equal(env.slopes, [0.03] * 3)
+    states, slopes = state * [[1.0], [1.1], [1.2]], [0.01, 0.02, 0.03]
+    env.reset(options={"state": states, "slope": slopes})
+    np.testing.assert_allclose(env.states, states)
+    np.testing.assert_array_equal(env.slopes, slopes)
+
+
+@pytest.mark.parametrize(
+    ("mask", "error"),
+    [
+        ([True, False], TypeError),
+        (np.array([1, 0]), TypeError),
+        (np.array([True]), ValueError),
+        (np.array([False, False]), ValueError),
+    ],
+)
+def test_a_mask_that_is_none_is_refused(make_vec, mask, error):
+    env = make_vec(2)
+    env.reset(seed=0)
+    with pytest.raises(error, match="reset_mask"):
+        env.reset(options={"reset_mask": mask})
+
+
+def test_all_are_reset_before_some_of_them(make_vec):
+    env = make_vec(2)
+    with pytest.raises(ResetNeeded):
+        env.step(zeros(2))
+    with pytest.raises(ResetNeeded):
+        env.reset(options={"reset_mask": np.array([True, False])})
+
+
+@pytest.mark.parametrize("count", [3, 2000])
+def test_an_action_that_is_no_number_is_refused_and_changes_nothing(make_vec, count, assert_same):
+    env = make_vec(count)
+    env.reset(seed=0)
+    before = env.get_state()
+    act = zeros(count)
+    act[2] = np.nan
+    with pytest.raises(ValueError, match="of environment 2 must be"):
+        env.step(act)
+    assert_same(env.get_state(), before)
+    with pytest.raises(ValueError, match="must have shape"):
+        env.step(act[:, 0])
+
+
+def test_the_action_of_a_reset_step_is_ignored(make_vec):
+    env = make_vec(2, longest_stride=0.2)
+    env.reset(seed=0)
+    while not env.step(zeros(2))[2].all():
+        pass
+    act = np.full((2, 1), np.nan, np.float32)
+    _, rewards, terminated, truncated, infos = env.step(act)
+    assert not (rewards.any() or terminated.any() or truncated.any() or infos)
+
+
+def test_seeds_must_be_as_many_as_walkers(make_vec):
+    with pytest.raises(ValueError, match="2 seeds for 3"):
+        make_vec(3).reset(seed=[1, 2])
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_a_crowd_goes_on_where_it_was_saved(make_vec, assert_same, mode):
+    def rest(env):
+        course = []
+        for act, _ in zip(actions(4, seed=1), range(60), strict=False):
+            course.append(env.step(act))
+            ended = course[-1][2] | course[-1][3]
+            if mode == "Disabled" and ended.any():
+                course.append(env.reset(options={"reset_mask": ended}))
+        return course
+
+    arguments = {"max_episode_steps": 25, "autoreset_mode": mode, "scene": "rolling"}
+    env = make_vec(4, **arguments)
+    env.reset(seed=0)
+    for act, _ in zip(actions(4), range(10), strict=False):
+        env.step(act)
+    saved, fresh = env.get_state(), make_vec(4, **arguments)
+    fresh.reset(seed=9)
+    fresh.set_state(saved)
+    others = [pickle.loads(pickle.dumps(env)), copy.deepcopy(env), fresh]
+    expected = rest(env)
+    for other in others:
+        assert_same(rest(other), expected)
+    with pytest.raises(ValueError, match="of 4 walkers, and here are 3"):
+        make_vec(3, **arguments).set_state(saved)
+
+
+def test_what_was_returned_is_the_callers_to_keep(make_vec):
+    env = make_vec(3)
+    first, _ = env.reset(seed=0)
+    results = env.step(zeros(3))
+    kept = copy.deepcopy((first, results))
+    env.step(zeros(3))
+    np.testing.assert_array_equal(kept[0], first)
+    for a, b in zip(kept[1][:4], results[:4], strict=True):
+        np.testing.assert_array_equal(a, b)
+    np.testing.assert_array_equal(kept[1][4]["distance"], results[4]["distance"])
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+def test_episode_statistics_are_those_of_the_ledger(make_vec, mode):
+    env = wrappers.RecordEpisodeStatistics(make_vec(4, max_episode_steps=30, autoreset_mode=mode))
+    env.reset(seed=0)
+    returns, lengths, returned = np.zeros(4), np.zeros(4, int), []
+    skip = np.zeros(4, bool)
+    for act, _ in zip(actions(4), range(120), strict=False):
+        _, rewards, terminated, truncated, infos = env.step(act)
+        returns, lengths = returns + rewards, lengths + ~skip
+        ended = terminated | truncated
+        for i in np.flatnonzero(ended):
+            assert infos["episode"]["r"][i] == pytest.approx(returns[i])
+            assert infos["episode"]["l"][i] == lengths[i] <= 30
+            returned.append(returns[i])
+        returns[ended], lengths[ended] = 0.0, 0
+        skip = ended if mode == "NextStep" else skip
+    assert len(returned) > 8
+    np.testing.assert_allclose(env.return_queue, returned)
+
+
+def test_normalisation_wraps_it(make_vec):
+    env = wrappers.NormalizeReward(wrappers.NormalizeObservation(make_vec(8)))
+    env.reset(seed=0)
+    for act, _ in zip(actions(8), range(20), strict=False):
+        observations, rewards, *_ = env.step(act)
+    assert np.isfinite(observations).all() and np.isfinite(rewards).all()
+
+
+def test_torch_wraps_it(make_vec):
+    torch = pytest.importorskip("torch")
+    pytest.importorskip("array_api_compat")
+    env = wrappers.NumpyToTorch(make_vec(8))
+    env.reset(seed=0)
+    observations, rewards, *_ = env.step(torch.zeros(8, 1))
+    assert observations.shape == (8, 8) and rewards.shape == (8,)
+
+
+def test_infos_become_lists(make_vec):
+    env = wrappers.DictInfoToList(make_vec(3))
+    env.reset(seed=0)
+    infos = env.step(zeros(3))[-1]
+    assert [set(info) for info in infos] == [set(infos[0])] * 3 and "distance" in infos[0]
+
+
+def test_pictures_show_every_walker(make_vec):
+    pytest.importorskip("pygame")
+    env = make_vec(2, render_mode="rgb_array", scene="lab")
+    env.reset(seed=0)
+    frames = env.render()
+    assert len(frames) == 2 and not np.array_equal(*frames)
+    env.close()
+    assert env.closed
+    with pytest.raises(ValueError, match="render_mode must be"):
+        make_vec(2, render_mode="human")
+
+
+def test_the_single_environment_makes_sync_and_async_crowds(assert_same):
+    sync = gymnasium.make_vec(ID, num_envs=2, vectorization_mode="sync")
+    native = gymnasium.make_vec(ID, num_envs=2)
+    assert_same(sync.reset(seed=0), native.reset(seed=0))
+    assert sync.single_observation_space == native.single_observation_space
+    assert sync.observation_space == native.observation_space
+    assert sync.action_space == native.action_space
