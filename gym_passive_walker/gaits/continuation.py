@@ -15,33 +15,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
+from gym_passive_walker.gaits.ends import BOUND, LOST, VANISHED, End, reason_of
 from gym_passive_walker.gaits.newton import LONGEST_SEARCHED, Setting, equations
-from gym_passive_walker.gaits.section import INFINITESIMAL, Section, strides
-from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import integrator as I
-
-KNEE_MEETS_HEEL = "kneestrike and heelstrike coincide"
-STANCE_STOPS = "the stance leg barely passes the vertical"
-TANGENTIAL = "heelstrike becomes tangential"
-BOUND = "end of the range asked for"
-VANISHED = "the step length goes to zero"
-LOST = "the family could not be followed further"
+from gym_passive_walker.gaits.section import INFINITESIMAL, Section
 
 _FIRST_STEP, _SHORTEST_STEP = 0.02, 1e-7
 _VANISHING = 10.0  # rate over angle of a walker that rocks rather than steps
 _MOST_POINTS = 4000
-
-
-class End(NamedTuple):
-    """Where a family ends.
-
-    Attributes:
-        value: Slope in rad, or the parameter's value.
-        reason: Why it ends there.
-    """
-
-    value: float
-    reason: str
+_LAST = 40  # points that tell of an end
+_CROWDED = 1e-3
 
 
 class Point(NamedTuple):
@@ -134,27 +116,20 @@ def locate(
     return float(curve.decode(point.y[-1:])[0]), point
 
 
-def _why(curve: Curve, y: NDArray) -> str:
-    """Which way a stride at the end of its family is about to fail."""
-    value = curve.decode(y[-1:])
-    section, slope = curve.section, value
-    if curve.setting is not None:
-        constants, slope = curve.setting(value)
-        section = section._replace(constants=constants)
-    result = strides(section, y[None, :-1], slope, count=curve.period, tolerance=1e-12)
-    record = result.records[0]
-    time = record[I.TIME]
-    signs = {STANCE_STOPS: 4.0 / max(time, 1e-9) if time > 5.0 else 1.0}
-    if section.kind == K.Kind.KNEED:
-        signs[KNEE_MEETS_HEEL] = (time - record[I.KNEE_TIME]) / time
-    # The rate at which the legs close at heelstrike, from the motion just before it.
-    records = strides(
-        section, y[None, :-1], slope, count=curve.period, tolerance=1e-12, longest=time - 1e-4
-    ).records[0]
-    closing = -(records[I.RATES] + records[I.RATES + 1])
-    signs[TANGENTIAL] = closing / max(abs(records[I.RATES]), abs(records[I.RATES + 1]))
-    reason, least = min(signs.items(), key=lambda item: item[1])
-    return reason if least < 0.3 else LOST
+def setting_at(curve: Curve, ys: NDArray) -> tuple[Section, NDArray, NDArray]:
+    """The section with its constants, the slopes and the parameter's values at points (n, d)."""
+    values = curve.decode(ys[:, -1])
+    if curve.setting is None:
+        return curve.section, values, values
+    constants, slopes = curve.setting(values)
+    return curve.section._replace(constants=constants), slopes, values
+
+
+def _end(curve: Curve, points: list[Point]) -> End:
+    """Why the curve ends after its last points, and where."""
+    ys = np.array([point.y for point in points[-_LAST:]])
+    section, slopes, values = setting_at(curve, ys)
+    return reason_of(section, ys[:, :-1], slopes, values, curve.period)
 
 
 class Branch(NamedTuple):
@@ -170,19 +145,19 @@ def follow(curve: Curve, start: Point, low: float, high: float, resolution: floa
     """Follow the curve from a point along its tangent to an end."""
     points, folds, doublings = [start], [], []
     step, here = min(_FIRST_STEP, resolution), start
-    reason = LOST
+    end = None
     while len(points) < _MOST_POINTS:
         there = curve.correct(here.y + step * here.tangent, here.tangent)
         # A turn too sharp for this step, or a leap to another branch: try a shorter one.
         if there is None or there.tangent @ here.tangent < 0.8:
             step *= 0.4
             if step < _SHORTEST_STEP:
-                reason = _why(curve, here.y)
+                end = _end(curve, points)
                 break
             continue
         p = there.y[-1]
         if abs(there.y[1]) > _VANISHING:
-            reason = VANISHED
+            end = End(float(curve.decode(here.y[-1:])[0]), VANISHED)
             break
         if not low <= p <= high:
             bound = low if p < low else high
@@ -192,13 +167,12 @@ def follow(curve: Curve, start: Point, low: float, high: float, resolution: floa
             guess = here.y + fraction * (there.y - here.y)
             guess[-1] = bound
             last = curve.correct(guess, across)
-            reason = BOUND
+            end = End(float(curve.decode(np.array([bound]))[0]), BOUND)
             if last is not None:
                 if doubling_test(here) * doubling_test(last) < 0.0:
                     located = locate(curve, here, last, doubling_test)
                     doublings += [located[0]] if located else []
                 points.append(last)
-                here = last
             break
         if here.tangent[-1] * there.tangent[-1] < 0.0:
             located = locate(curve, here, there, lambda point: float(point.tangent[-1]))
@@ -209,4 +183,15 @@ def follow(curve: Curve, start: Point, low: float, high: float, resolution: floa
         here = there
         points.append(here)
         step = min(1.5 * step, resolution)
-    return Branch(points, folds, doublings, End(float(curve.decode(here.y[-1:])[0]), reason))
+    if end is None:
+        end = End(float(curve.decode(here.y[-1:])[0]), LOST)
+    return Branch(_thinned(points), folds, doublings, end)
+
+
+def _thinned(points: list[Point]) -> list[Point]:
+    """The points without those that crowd before an end: short steps are for finding it."""
+    kept = points[:1]
+    for point in points[1:-1]:
+        if np.abs(point.y - kept[-1].y).max() > _CROWDED:
+            kept.append(point)
+    return kept + points[-1:] if len(points) > 1 else kept

@@ -9,7 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.gaits.continuation import Curve, End, follow
+from gym_passive_walker.gaits.continuation import Curve, Point, follow, locate, setting_at
+from gym_passive_walker.gaits.ends import BOUND, STANCE_STOPS, End, margins
 from gym_passive_walker.gaits.fixed_point import find_gait, glance
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.section import section_of, strides
@@ -35,6 +36,8 @@ class GaitFamily:
         multipliers: Shape (n, m), largest modulus first.
         folds: Values of the varied quantity where the family turns back.
         period_doublings: Values where a multiplier passes -1.
+        halts: Values where the stance leg stops in mid-stride, to about 1e-5 of them. On one side
+            of each it barely passes the vertical; on the other it turns back for a while first.
         ends: The first and the last gait's end of the curve, with the reason of each.
     """
 
@@ -50,6 +53,7 @@ class GaitFamily:
     multipliers: NDArray[np.complex128]
     folds: tuple[float, ...]
     period_doublings: tuple[float, ...]
+    halts: tuple[float, ...]
     ends: tuple[End, End]
 
     @property
@@ -95,18 +99,16 @@ def _family(
     down = follow(curve, start._replace(tangent=-start.tangent), low, high, resolution)
     points = down.points[:0:-1] + up.points
     ys = np.array([point.y for point in points])
-    values = curve.decode(ys[:, -1])
-    section, slopes = curve.section, values
+    section, slopes, values = setting_at(curve, ys)
     lengths = np.full(len(ys), frame.length)
     times = np.full(len(ys), frame.time)
     if curve.setting is not None:
-        constants, slopes = curve.setting(values)
-        section = section._replace(constants=constants)
         for i, value_ in enumerate(values):
             varied = _varied(walker, parameter, value_)
             length = varied.thigh_length + varied.shank_length
             lengths[i], times[i] = length, np.sqrt(length / varied.gravity)
     result = strides(section, ys[:, :-1], slopes, count=curve.period, tolerance=1e-12)
+    halts, ends = _halts(curve, points, (down.end, up.end))
     states = section.state(ys[:, :-1])
     states[:, 3:] /= times[:, None]
     return GaitFamily(
@@ -122,8 +124,35 @@ def _family(
         multipliers=np.array([multipliers_of(point.map) for point in points]),
         folds=tuple(sorted(down.folds + up.folds)),
         period_doublings=tuple(sorted(down.doublings + up.doublings)),
-        ends=(down.end, up.end),
+        halts=halts,
+        ends=ends,
     )
+
+
+def _halts(
+    curve: Curve, points: list[Point], ends: tuple[End, End]
+) -> tuple[tuple[float, ...], tuple[End, End]]:
+    """Where the stance leg stops in mid-stride, and the ends, said to lie beyond if they do."""
+
+    def pace(points: list[Point]) -> NDArray:
+        ys = np.array([point.y for point in points])
+        section, slopes, _ = setting_at(curve, ys)
+        return margins(section, ys[:, :-1], slopes, curve.period).pace
+
+    paces = pace(points)
+    halts = []
+    for i in np.flatnonzero(paces[:-1] * paces[1:] < 0.0):
+        located = locate(curve, points[i], points[i + 1], lambda point: float(pace([point])[0]))
+        if located:
+            halts.append(located[0])
+
+    def said(end: End, turned: bool, halt: float) -> End:
+        beyond = turned and end.reason != BOUND
+        return end._replace(reason=f"{end.reason}; {STANCE_STOPS} at {halt:.6g}") if beyond else end
+
+    if halts:
+        ends = (said(ends[0], paces[0] < 0.0, halts[0]), said(ends[1], paces[-1] < 0.0, halts[-1]))
+    return tuple(halts), ends
 
 
 def _some_gait(walker: Walker, slopes: NDArray, kind: GaitKind) -> Gait:

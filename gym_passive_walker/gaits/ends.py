@@ -1,0 +1,132 @@
+"""How a family of gaits ends, and where: what a stride at its end is about to lose.
+
+A family can only end where the stride map itself has an edge: where kneestrike comes as late as
+heelstrike, or where the foot no longer comes down at heelstrike but glides along the ground. What
+is lost goes to zero smoothly along the family, so the end is found by going there in steps and
+extrapolating the rest.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker.gaits.section import Section
+from gym_passive_walker.physics import integrator as I
+from gym_passive_walker.physics.constants import Kind
+from gym_passive_walker.physics.stride import advance, new_records
+
+KNEE_MEETS_HEEL = "kneestrike and heelstrike coincide"
+STANCE_STOPS = "the stance leg barely passes the vertical"
+TANGENTIAL = "heelstrike becomes tangential"
+BOUND = "end of the range asked for"
+VANISHED = "the step length goes to zero"
+LOST = "the family could not be followed further"
+
+_VERGE = 1e-9  # of a stride, before its heelstrike
+_LOOKS = 96  # at the stance leg during a stride
+_NEAR = 0.3  # a margin below this is about to be lost
+_ENDLESS = 12.0  # time in sqrt(l/g) of a stride that hardly gets over the vertical
+
+
+class End(NamedTuple):
+    """Where a family ends.
+
+    Attributes:
+        value: Slope in rad, or the parameter's value.
+        reason: Why it ends there.
+    """
+
+    value: float
+    reason: str
+
+
+class Margins(NamedTuple):
+    """How far strides are from failing, (n,) each; the least of a gait's several strides.
+
+    Attributes:
+        knee: Time from kneestrike to heelstrike over the stride's; infinite without knees.
+        landing: Rate at which the legs close just before heelstrike, over the larger of theirs.
+        pace: Least rate of the stance leg in mid-stride over its first; negative where it turns
+            back for a while.
+        time: Duration of the longest stride.
+    """
+
+    knee: NDArray[np.float64]
+    landing: NDArray[np.float64]
+    pace: NDArray[np.float64]
+    time: NDArray[np.float64]
+
+
+def margins(section: Section, u: NDArray, slopes: NDArray, period: int) -> Margins:
+    """How far gaits are from where their strides fail.
+
+    Args:
+        section: The section, with one row of constants or one for each gait.
+        u: Points of the section, (n, dimension).
+        slopes: rad, (n,).
+        period: Strides of each gait.
+    """
+    states = section.state(u)
+    knee, landing, pace = (np.full(len(u), np.inf) for _ in range(3))
+    time = np.zeros(len(u))
+    for _ in range(period):
+        whole = new_records(states, slopes)
+        advance(section.kind, section.constants, whole, tolerance=1e-12)
+        duration = whole[:, I.TIME]
+        late = new_records(states, slopes)
+        late[:, I.END] = duration * (1.0 - _VERGE)
+        advance(section.kind, section.constants, late, tolerance=1e-12)
+        rates = late[:, I.RATES : I.RATES + 2]
+        landing = np.minimum(landing, -rates.sum(axis=1) / np.abs(rates).max(axis=1))
+        if section.kind == Kind.KNEED:
+            knee = np.minimum(knee, 1.0 - whole[:, I.KNEE_TIME] / duration)
+        pace = np.minimum(pace, _pace(section, states, slopes, duration))
+        time = np.maximum(time, duration)
+        states = whole[:, :6]
+    return Margins(knee, landing, pace, time)
+
+
+def _pace(section: Section, states: NDArray, slopes: NDArray, duration: NDArray) -> NDArray:
+    """The stance leg's least rate during strides, over its first."""
+    many = new_records(np.repeat(states, _LOOKS, axis=0), np.repeat(slopes, _LOOKS))
+    share = np.linspace(0.0, 1.0 - _VERGE, _LOOKS)
+    many[:, I.END] = (duration[:, None] * share).ravel()
+    constants = section.constants
+    if len(constants) > 1:
+        constants = np.repeat(constants, _LOOKS, axis=0)
+    advance(section.kind, constants, many, tolerance=1e-9)
+    rates = many[:, I.RATES].reshape(-1, _LOOKS)
+    return np.min(rates / states[:, 3:4], axis=1)
+
+
+def reason_of(section: Section, u: NDArray, slopes: NDArray, values: NDArray, period: int) -> End:
+    """Why and where a family ends whose last gaits are given.
+
+    Args:
+        section: The section, with one row of constants or one for each gait.
+        u: Points of the last gaits, (n, dimension), the last one last.
+        slopes: rad, (n,).
+        values: The varied quantity, (n,).
+        period: Strides of each gait.
+    """
+    left = margins(section, u, slopes, period)
+    lost = {KNEE_MEETS_HEEL: left.knee, TANGENTIAL: left.landing}
+    reason = min(lost, key=lambda name: lost[name][-1])
+    margin = lost[reason]
+    if margin[-1] > _NEAR:
+        stopped = left.time[-1] > _ENDLESS
+        return End(float(values[-1]), STANCE_STOPS if stopped else LOST)
+    # A polynomial in the margin through gaits that differ by it; noise would spoil near ones.
+    chosen = [len(margin) - 1]
+    for i in range(len(margin) - 2, -1, -1):
+        if margin[i] > 1.4 * margin[chosen[-1]] + 1e-6 and margin[i] < 2.0 * _NEAR:
+            chosen.append(i)
+    chosen = chosen[:5]
+    if len(chosen) == 1:
+        return End(float(values[-1]), reason)
+    powers = np.vander(margin[chosen], increasing=True)
+    base = values[-1]
+    return End(float(base + np.linalg.solve(powers, values[chosen] - base)[0]), reason)
