@@ -1,6 +1,14 @@
 """Exact passive walkers for reinforcement learning and gait analysis."""
 
 from gym_passive_walker.envs.registration import register as _register
+from gym_passive_walker.gaits.basin import Basin, Push, basin_of_attraction, largest_push
+from gym_passive_walker.gaits.bifurcation import (
+    BifurcationDiagram,
+    bifurcation_diagram,
+    crisis_slope,
+    lyapunov_exponents,
+)
+from gym_passive_walker.gaits.doubling import Cascade, doubling_cascade
 from gym_passive_walker.gaits.family import GaitFamily, gait_family, parameter_family
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
@@ -13,6 +21,11 @@ from gym_passive_walker.gaits.measures import (
 )
 from gym_passive_walker.gaits.phases import Impulse
 from gym_passive_walker.gaits.reality import RealityCheck, reality_check
+from gym_passive_walker.gaits.scaling import (
+    exponent_crossings,
+    local_exponents,
+    transition_slope,
+)
 from gym_passive_walker.gaits.series import Extreme
 from gym_passive_walker.gaits.stability import stride_jacobian
 from gym_passive_walker.physics.events import Outcome
@@ -32,6 +45,9 @@ from gym_passive_walker.walkers import (
 
 __all__ = [
     "WALKERS",
+    "Basin",
+    "BifurcationDiagram",
+    "Cascade",
     "Extreme",
     "FootVelocity",
     "Gait",
@@ -41,24 +57,34 @@ __all__ = [
     "Measures",
     "Outcome",
     "Part",
+    "Push",
     "RealityCheck",
     "Stride",
     "TuningErrors",
     "Walker",
     "WalkerError",
     "assemble",
+    "basin_of_attraction",
+    "bifurcation_diagram",
     "blend",
     "collision_matrix",
+    "crisis_slope",
+    "doubling_cascade",
+    "exponent_crossings",
     "find_gait",
     "find_gaits",
     "foot_velocity",
     "gait_family",
     "lab_walker_from_parts",
+    "largest_push",
+    "local_exponents",
+    "lyapunov_exponents",
     "measures",
     "parameter_family",
     "reality_check",
     "stride",
     "stride_jacobian",
+    "transition_slope",
     "tune",
     "tuning_errors",
 ]
