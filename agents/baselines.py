@@ -27,7 +27,7 @@ class ConstantTorque:
 
     name = "constant torque"
 
-    def __init__(self, torque: float, scene: Scene | str | dict[str, Any] = "level") -> None:
+    def __init__(self, torque: float, scene: Scene | str | dict[str, Any]) -> None:
         self.torque = float(torque)
         self.scale = make_scene(scene).max_hip_torque
 
@@ -50,7 +50,7 @@ class Passive(ConstantTorque):
     name = "passive"
 
     def __init__(self) -> None:
-        super().__init__(0.0)
+        super().__init__(0.0, "level")
 
 
 class LinearFeedback:
@@ -73,7 +73,7 @@ class LinearFeedback:
         scene: Scene | str | dict[str, Any] = "level",
         method: Method = "lqr",
         *,
-        torque_weight: float = 1.0,
+        torque_weight: float = 100.0,
     ) -> None:
         scene = make_scene(scene)
         walker, self.name = scene.walker, {"lqr": "LQR", "deadbeat": "deadbeat"}.get(method, "")

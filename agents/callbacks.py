@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import signal
 import threading
 import time
@@ -10,6 +11,8 @@ from types import FrameType
 
 from stable_baselines3.common.callbacks import BaseCallback
 from tqdm import tqdm
+
+_EARLIEST = 1 / 64  # of an interval; no milestone comes sooner
 
 
 class StopRequest:
@@ -40,7 +43,10 @@ class StopRequest:
 class Milestones(BaseCallback):
     """Calls a function every so many steps, and when training is to stop, between two updates.
 
-    At that moment nothing is half done: what is saved then can go on as if uninterrupted.
+    Agents learn fastest in the beginning: before the first whole interval there are milestones at
+    a half of it, a quarter, and so on.
+
+    Between updates nothing is half done: what is saved there can go on as if uninterrupted.
 
     Args:
         every: Steps from one milestone to the next.
@@ -62,10 +68,16 @@ class Milestones(BaseCallback):
 
     def _on_rollout_start(self) -> None:
         steps = self.model.num_timesteps
-        due = self._reached is None or steps // self.every > self._reached // self.every
+        due = self._reached is None or self._rank(steps) > self._rank(self._reached)
         self.stopped = self.stop.made
         if due or self.stopped:
             self.finish()
+
+    def _rank(self, steps: int) -> int:
+        """Which milestone has been passed."""
+        if steps >= self.every:
+            return steps // self.every
+        return math.floor(math.log2(max(steps / self.every, _EARLIEST))) + 1
 
     def _on_step(self) -> bool:
         # The step that was just made is forgotten: the milestone before it holds everything.

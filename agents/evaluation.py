@@ -67,8 +67,8 @@ class Walks:
 
     @property
     def speed(self) -> NDArray:
-        """Mean speed over sqrt(g l); NaN without a stride."""
-        return _ratio(self.length, self.duration)
+        """Mean speed over sqrt(g l); 0 without a stride."""
+        return np.nan_to_num(_ratio(self.length, self.duration))
 
     @property
     def cost_of_transport(self) -> NDArray:
@@ -91,7 +91,7 @@ class Walks:
 
     def summary(self) -> dict[str, float]:
         """One row for a learning curve: medians, but the mean of the return."""
-        medians = {name: float(np.nanmedian(getattr(self, name))) for name in _MEDIANS}
+        medians = {name: _median(getattr(self, name)) for name in _MEDIANS}
         return {
             "reward": float(np.mean(self.reward)),
             **medians,
@@ -102,6 +102,12 @@ class Walks:
 
 def _ratio(amount: NDArray, whole: NDArray) -> NDArray:
     return np.divide(amount, whole, out=np.full(len(whole), np.nan), where=whole > 0.0)
+
+
+def _median(values: NDArray) -> float:
+    """The median of those that are numbers; NaN if none is."""
+    values = values[np.isfinite(values)]
+    return float(np.median(values)) if len(values) else float("nan")
 
 
 def evaluate(policy: Policy, worlds: VectorEnv, *, seed: int) -> Walks:

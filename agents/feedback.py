@@ -103,7 +103,7 @@ def _converged(walker: Walker, slope: float, state: NDArray, torque: float) -> N
     raise ValueError("Newton's method did not settle")
 
 
-def gains(gait: PoweredGait, method: Method = "lqr", *, torque_weight: float = 1.0) -> NDArray:
+def gains(gait: PoweredGait, method: Method = "lqr", *, torque_weight: float = 100.0) -> NDArray:
     """Row K of the feedback u = -K x.
 
     A stride forgets some directions of its start altogether, so the gains are found on those that
@@ -113,7 +113,8 @@ def gains(gait: PoweredGait, method: Method = "lqr", *, torque_weight: float = 1
         gait: The gait to hold.
         method: "lqr" weighs deviations against torque over all strides to come; "deadbeat" is back
             on the gait in as many strides as directions survive.
-        torque_weight: Of the torque's square, in units where A and B have comparable size.
+        torque_weight: Of the torque's square, in units where A and B have comparable size. Small
+            weights recover faster from small deviations, and stub the toe after large ones.
     """
     scale = np.max(np.abs(gait.by_torque))
     a, b = gait.map, gait.by_torque[:, None] / scale

@@ -120,7 +120,8 @@ def load_policy(run: Path, worlds: VecEnv, config: Config | None = None) -> Lear
     config = config or Config.load(run / CONFIG)
     if not (run / MODEL).is_file():
         raise ConfigError(f"{run} has no {MODEL}: train it first, by --resume {run}")
-    memory = {"buffer_size": 1} if config.algo == "sac" else {}
+    # To act takes no memory of steps.
+    memory = {"sac": {"buffer_size": 1}, "ppo": {"n_steps": 2, "batch_size": 2}}[config.algo]
     model = build(config, worlds, **memory)
     try:
         restore_weights(model, run / MODEL)

@@ -5,8 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numba
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.logger import Logger
 
 from agents import checkpoint, files, worlds
 from agents.callbacks import Bar, Milestones, StopRequest
@@ -21,8 +23,6 @@ EPISODES = 20
 EXAM_SEED = 1_000_000
 """Of the evaluations while training; far from the episodes of the final one."""
 
-_THREADS = 2  # more only get in each other's way at these sizes, and would change the rounding
-
 
 class Run:
     """A training that knows where its files are.
@@ -34,10 +34,12 @@ class Run:
     """
 
     def __init__(self, config: Config, folder: Path, *, tensorboard: bool = False) -> None:
-        torch.set_num_threads(_THREADS)
+        _single_thread()
         self.config, self.folder = config, folder
         log = {"tensorboard_log": str(folder / "tensorboard")} if tensorboard else {}
         self.model: BaseAlgorithm = build(config, worlds.training_worlds(config), **log)
+        if not tensorboard:  # the library would make an empty folder of logs for each run
+            self.model.set_logger(Logger(None, []))
         self.exam = worlds.arena(config, EPISODES)
         self.notes: dict[str, Any] = {"best": None, "seconds": 0.0, "curve": []}
         newest = files.newest_checkpoint(folder)
@@ -108,3 +110,13 @@ class Run:
         if not path.exists():
             checkpoint.save(path, self.model, self.notes)
         files.drop_older_checkpoints(path)
+
+
+def _single_thread() -> None:
+    """Keep torch to one thread: at these sizes a second one wins nothing.
+
+    On a busy machine threads that wait for each other make it fifty times slower, and their number
+    would change the rounding. Numba, where it starts its own, sets torch's anew: so it comes first.
+    """
+    numba.get_num_threads()
+    torch.set_num_threads(1)

@@ -31,10 +31,19 @@ def test_milestones_come_at_the_start_and_whenever_an_interval_has_passed():
     milestones = Milestones(100, lambda seconds: reached.append(model.num_timesteps), StopRequest())
     milestones.init_callback(model)
     rollouts(milestones, model, range(0, 360, 40))
-    assert reached == [0, 120, 200, 320]
+    assert reached == [0, 40, 80, 120, 200, 320]
+    model.num_timesteps = 340
     milestones.finish()
     milestones.finish()
-    assert reached == [0, 120, 200, 320]
+    assert reached == [0, 40, 80, 120, 200, 320, 340]
+
+
+def test_milestones_are_dense_in_the_beginning():
+    reached, model = [], Model()
+    milestones = Milestones(800, lambda seconds: reached.append(model.num_timesteps), StopRequest())
+    milestones.init_callback(model)
+    rollouts(milestones, model, range(0, 2000, 5))
+    assert reached == [0, 25, 50, 100, 200, 400, 800, 1600]
 
 
 def test_a_resumed_run_does_not_repeat_its_milestone():
@@ -54,9 +63,9 @@ def test_a_signal_is_a_wish_that_is_met_between_updates():
         rollouts(milestones, model, (0,))
         os.kill(os.getpid(), signal.SIGINT)
         assert milestones.on_step() is True
-        rollouts(milestones, model, (40,))
+        rollouts(milestones, model, (40,))  # a milestone, due or not
         assert milestones.on_step() is False and milestones.stopped
-    assert reached == [0, 40]
+    assert reached == [0, 40] and model.num_timesteps == 40
 
 
 def test_a_second_signal_interrupts():

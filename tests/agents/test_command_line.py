@@ -1,0 +1,104 @@
+"""What `train.py` makes of its arguments."""
+
+import shutil
+
+import pytest
+
+import train
+from agents import files
+from agents.config import Config
+
+TINY = ["--steps", "128", "--envs", "8", "--every", "64", "--quiet"]
+
+
+@pytest.fixture(scope="module")
+def trained(tmp_path_factory):
+    """A run of two small updates, with all that is said of it."""
+    folder = tmp_path_factory.mktemp("runs") / "steep"
+    arguments = ["--scene", "steep", "--algo", "sac", "--out", str(folder), *TINY]
+    assert train.main(arguments) == 0
+    return folder
+
+
+def test_a_run_leaves_everything_in_its_folder(trained):
+    names = {path.name for path in trained.iterdir()}
+    assert names == {
+        "config.yml", "checkpoints", "model.zip", "normalizer.npz", "evaluation.csv",
+        "evaluation.txt", "learning_curve.csv", "learning_curve.png", "gait.png",
+    }  # fmt: skip
+    for name in ("learning_curve.png", "gait.png"):
+        assert (trained / name).read_bytes().startswith(b"\x89PNG")
+    assert "passive" in (trained / "evaluation.txt").read_text()
+    assert len((trained / "evaluation.csv").read_text().splitlines()) == 1 + 2 * 20
+
+
+def test_an_evaluation_can_be_repeated(trained, capsys):
+    before = (trained / "evaluation.txt").read_text()
+    assert train.main(["evaluate", str(trained)]) == 0
+    assert capsys.readouterr().out == before
+
+
+def test_a_run_can_be_resumed_for_more(trained, tmp_path):
+    folder = tmp_path / "copy"
+    shutil.copytree(trained, folder)
+    assert train.main(["--resume", str(folder), "--steps", "256", "--quiet"]) == 0
+    assert Config.load(folder / files.CONFIG).steps == 256
+    assert files.newest_checkpoint(folder) == files.checkpoint_path(folder, 256)
+
+
+def test_arguments_reach_the_configuration():
+    text = (
+        "--algo sac --scene lab --walker C --slope 0 0.05 --control stride --steps 2.5e4 --seed 9"
+    )
+    config = train.asked_for(train.train_parser().parse_args([*text.split(), "--seed", "9"]))
+    assert (config.algo, config.scene, config.steps, config.seed) == ("sac", "lab", 25_000, 9)
+    assert config.env == {"walker": "C", "control": "stride", "slope": [0.0, 0.05]}
+
+
+REFUSED = {
+    "--walker Z": "no walker 'Z'",
+    "--slope 2": "slope",
+    "--slope 0.1 0.05": "slope",
+    "--slope 0 1 2": "--slope takes",
+    "--scene moon": "moon",
+    "--steps 0": "steps",
+    "--envs 0": "envs",
+    "--seed -4": "seed",
+    "--resume nowhere": "nowhere",
+    "--resume": "no run",
+    "evaluate nowhere": "nowhere",
+}
+
+
+@pytest.mark.parametrize("line", REFUSED)
+def test_nonsense_is_refused_before_anything_is_written(line, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert train.main(line.split()) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("train.py: error:") and REFUSED[line] in said
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("line", ["--algo dqn", "--control never", "--steps many", "--steps 1.5"])
+def test_words_that_are_not_known_end_with_the_usage(line, capsys):
+    with pytest.raises(SystemExit):
+        train.main(line.split())
+    assert "usage" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("change", ["--seed 4", "--scene level", "--algo ppo", "--slope 0.05"])
+def test_a_run_is_not_resumed_as_another(trained, change, capsys):
+    assert train.main(["--resume", str(trained), *change.split()]) == 2
+    assert "another run" in capsys.readouterr().err
+
+
+def test_a_run_is_not_written_over(trained, capsys):
+    assert train.main(["--out", str(trained)]) == 2
+    assert "--resume" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["evaluate", "--help"]])
+def test_help_helps(arguments, capsys):
+    with pytest.raises(SystemExit) as ended:
+        train.main(arguments)
+    assert ended.value.code == 0 and "usage" in capsys.readouterr().out

@@ -1,0 +1,191 @@
+"""Runs: learned in one piece, in several, stopped, spoilt."""
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import cloudpickle
+import gymnasium
+import numpy as np
+import pytest
+import stable_baselines3
+import torch
+
+import train
+from agents import checkpoint, files, worlds
+from agents.callbacks import Milestones
+from agents.config import ConfigError, configure
+from agents.learner import load_policy
+from agents.training import Run
+
+SMALL = {"n_envs": 8, "every": 128}
+PPO = {"n_steps": 16, "batch_size": 64, "n_epochs": 2}
+SAC = {"learning_starts": 64, "batch_size": 32, "buffer_size": 512}
+
+
+def small(algo="ppo", steps=256, scene="level", **changes):
+    """A configuration of a few hundred steps."""
+    config = configure(algo, scene, steps=steps, **{**SMALL, **changes})
+    config.hyperparams.update({"ppo": PPO, "sac": SAC}[algo])
+    return config
+
+
+def weights(run: Run) -> np.ndarray:
+    """All numbers that were learned, in one array."""
+    tensors = list(run.model.policy.state_dict().values())
+    if run.config.algo == "sac":
+        tensors.append(run.model.log_ent_coef)
+    return torch.cat([t.detach().reshape(-1) for t in tensors]).numpy()
+
+
+@pytest.fixture(autouse=True)
+def _short_exams(monkeypatch):
+    """Let evaluations while training cost little."""
+
+    def short(config, count):
+        scene = worlds.scene_of(config)
+        return gymnasium.make_vec(
+            worlds.ID, num_envs=min(count, 2), scene=scene, max_episode_steps=30
+        )
+
+    monkeypatch.setattr(worlds, "arena", short)
+
+
+@pytest.mark.parametrize(
+    ("algo", "scene"), [("ppo", "rolling"), ("sac", "level"), ("ppo", "steep")]
+)
+def test_a_resumed_run_goes_on_as_if_uninterrupted(tmp_path, algo, scene):
+    whole = Run(small(algo, 384, scene), tmp_path / "whole")
+    assert whole.train(progress=False)
+    part = Run(small(algo, 256, scene), tmp_path / "parts")
+    assert part.train(progress=False)
+    # What else the process does in between must not matter.
+    np.random.seed(5)  # noqa: NPY002
+    torch.manual_seed(5)
+    rest = Run(small(algo, 384, scene), tmp_path / "parts")
+    assert rest.resumed and rest.steps == 256
+    assert np.array_equal(weights(rest), weights(part))
+    assert rest.train(progress=False)
+    assert rest.steps == whole.steps
+    assert np.array_equal(weights(rest), weights(whole))
+    curves = [(tmp_path / name / "learning_curve.csv").read_text() for name in ("whole", "parts")]
+    steps = [[line.split(",")[0] for line in curve.splitlines()] for curve in curves]
+    assert steps[0] == steps[1]
+    normalizers = [run.model.get_vec_normalize_env() for run in (whole, rest)]
+    assert np.array_equal(normalizers[0].obs_rms.mean, normalizers[1].obs_rms.mean)
+    assert np.array_equal(normalizers[0].returns, normalizers[1].returns)
+
+
+def test_the_same_seed_learns_the_same(tmp_path):
+    runs = []
+    for i, seed in enumerate((1, 1, 2)):
+        runs.append(Run(small(seed=seed), tmp_path / str(i)))
+        runs[-1].train(progress=False)
+    first, second, other = map(weights, runs)
+    assert np.array_equal(first, second) and not np.array_equal(first, other)
+
+
+def test_only_the_newest_checkpoint_stays(tmp_path):
+    run = Run(small(), tmp_path)
+    run.train(progress=False)
+    left = list((tmp_path / "checkpoints").iterdir())
+    assert left == [files.checkpoint_path(tmp_path, run.steps)]
+    assert all(path.stat().st_size for path in left[0].iterdir())
+
+
+def test_a_kill_while_saving_costs_one_interval_at_most(tmp_path, monkeypatch):
+    def killed(path, model, notes):
+        if model.num_timesteps > 128:
+            with files.replacing(path) as folder:
+                folder.mkdir()
+                (folder / "model.zip").write_bytes(b"half")
+                raise KeyboardInterrupt
+        whole(path, model, notes)
+
+    whole = checkpoint.save
+    monkeypatch.setattr(checkpoint, "save", killed)
+    with pytest.raises(KeyboardInterrupt):
+        Run(small(), tmp_path).train(progress=False)
+    monkeypatch.setattr(checkpoint, "save", whole)
+    run = Run(small(), tmp_path)
+    assert run.steps == 128
+    assert run.train(progress=False) and run.steps == 256
+
+
+def test_a_wish_to_stop_saves_and_the_rest_can_follow(tmp_path, monkeypatch):
+    whole = Run(small(), tmp_path / "whole")
+    whole.train(progress=False)
+    part = Run(small(every=10_000), tmp_path / "part")
+    on_step = Milestones._on_step
+
+    def wish(self):
+        if self.model.num_timesteps == 64:  # in the middle of an update
+            os.kill(os.getpid(), signal.SIGINT)
+        return on_step(self)
+
+    monkeypatch.setattr(Milestones, "_on_step", wish)
+    assert part.train(progress=False) is False
+    assert files.newest_checkpoint(tmp_path / "part") == files.checkpoint_path(
+        tmp_path / "part", 128
+    )
+    rest = Run(small(every=10_000), tmp_path / "part")
+    assert rest.train(progress=False)
+    assert np.array_equal(weights(rest), weights(whole))
+
+
+def test_policies_are_loaded_without_unpickling(tmp_path, monkeypatch):
+    run = Run(small(), tmp_path)
+    run.train(progress=False)
+
+    def refuse(*arguments, **options):
+        raise AssertionError("something was unpickled")
+
+    monkeypatch.setattr(pickle, "loads", refuse)
+    monkeypatch.setattr(cloudpickle, "loads", refuse)
+    policy = load_policy(tmp_path, worlds.training_worlds(run.config, 1))
+    action, _ = policy.predict(np.zeros((3, 8), np.float32))
+    assert action.shape == (3, 1) and np.all(np.abs(action) <= 1.0)
+    action, _ = policy.predict(np.zeros(8, np.float32))
+    assert action.shape == (1,)
+
+
+def test_the_model_is_one_that_stable_baselines3_loads_by_itself(tmp_path):
+    run = Run(small(), tmp_path)
+    run.train(progress=False)
+    loaded = stable_baselines3.PPO.load(tmp_path / "model.zip", device="cpu")
+    assert loaded.n_envs == run.config.n_envs
+
+
+def test_a_folder_without_a_policy_is_refused(tmp_path):
+    config = small()
+    config.save(tmp_path / files.CONFIG)
+    with pytest.raises(ConfigError, match="--resume"):
+        load_policy(tmp_path, worlds.training_worlds(config, 1))
+
+
+def test_files_of_another_shape_are_refused(tmp_path):
+    run = Run(small(), tmp_path)
+    run.train(progress=False)
+    other = small()
+    other.hyperparams["policy_kwargs"] = {"net_arch": [16]}
+    with pytest.raises(ConfigError, match="do not fit"):
+        load_policy(tmp_path, worlds.training_worlds(other, 1), other)
+    with pytest.raises(ConfigError, match="does not fit"):
+        Run(other, tmp_path)
+
+
+@pytest.mark.slow
+def test_ctrl_c_saves_evaluates_and_ends_well(tmp_path):
+    script = Path(train.__file__)
+    command = [sys.executable, str(script), "--out", str(tmp_path / "run"), "--every", "8192"]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=tmp_path)
+    while not list((tmp_path / "run" / "checkpoints").glob("[0-9]*[1-9]*")):
+        assert process.poll() is None
+    process.send_signal(signal.SIGINT)
+    said, _ = process.communicate(timeout=300)
+    assert process.returncode == 0
+    assert "Stopped after" in said and "passive" in said
+    assert (tmp_path / "run" / "gait.png").stat().st_size > 0
