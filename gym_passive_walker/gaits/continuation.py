@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from gym_passive_walker.gaits.ends import BOUND, LOST, VANISHED, End, reason_of
+from gym_passive_walker.gaits.ends import BOUND, LOST, VANISHED, End, margins, reason_of
 from gym_passive_walker.gaits.newton import LONGEST_SEARCHED, Setting, equations
 from gym_passive_walker.gaits.section import INFINITESIMAL, Section
 
@@ -24,6 +24,7 @@ _VANISHING = 10.0  # rate over angle of a walker that rocks rather than steps
 _MOST_POINTS = 4000
 _LAST = 40  # points that tell of an end
 _CROWDED = 1e-3
+_GLIDING = 0.01
 
 
 class Point(NamedTuple):
@@ -132,6 +133,12 @@ def _end(curve: Curve, points: list[Point]) -> End:
     return reason_of(section, ys[:, :-1], slopes, values, curve.period)
 
 
+def _glides(curve: Curve, point: Point) -> bool:
+    """Whether the foot lands so nearly along the ground that the rest is better extrapolated."""
+    section, slopes, _ = setting_at(curve, point.y[None])
+    return bool(margins(section, point.y[None, :-1], slopes, curve.period).landing[0] < _GLIDING)
+
+
 class Branch(NamedTuple):
     """One direction of a curve: its points and what was located between them."""
 
@@ -151,7 +158,7 @@ def follow(curve: Curve, start: Point, low: float, high: float, resolution: floa
         # A turn too sharp for this step, or a leap to another branch: try a shorter one.
         if there is None or there.tangent @ here.tangent < 0.8:
             step *= 0.4
-            if step < _SHORTEST_STEP:
+            if step < _SHORTEST_STEP or (step < 0.02 * resolution and _glides(curve, here)):
                 end = _end(curve, points)
                 break
             continue

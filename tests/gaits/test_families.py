@@ -1,0 +1,193 @@
+"""Families of gaits: what was located along them, how they end, and that they are gaits."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from gym_passive_walker import (
+    WALKERS,
+    GaitNotFound,
+    find_gait,
+    find_gaits,
+    gait_family,
+    parameter_family,
+    stride,
+    tune,
+)
+from gym_passive_walker.gaits.ends import BOUND, KNEE_MEETS_HEEL, STANCE_STOPS, TANGENTIAL, VANISHED
+
+
+@pytest.fixture(scope="module")
+def lab():
+    return gait_family("lab", 0.018, 0.3)
+
+
+@pytest.fixture(scope="module")
+def straight():
+    return gait_family("lab-straight", 0.01, 0.3)
+
+
+def fold_by_search(walker, inside, outside, guess):
+    """Where two gaits become one: bisection on whether a gait is found beside the last one."""
+    while abs(outside - inside) > 2e-10:
+        middle = 0.5 * (inside + outside)
+        try:
+            gait = find_gait(walker, middle, guess=guess)
+        except GaitNotFound:
+            outside = middle
+        else:
+            inside, guess = middle, gait.state
+    return 0.5 * (inside + outside)
+
+
+def test_every_point_of_a_family_is_a_gait(lab):
+    ends = stride("lab", lab.slope, lab.state, tolerance=1e-14)
+    gap = np.abs(ends.state - lab.state).max(axis=1) / np.abs(lab.state).max(axis=1)
+    # Near its end a heelstrike turns tangential, and rounding is carried on by a large multiplier.
+    assert np.all(gap < 1e-11 * (3.0 + np.abs(lab.multipliers[:, 0])))
+    np.testing.assert_allclose(ends.cost_of_transport, np.sin(lab.slope), rtol=1e-8)
+
+
+def test_a_family_agrees_with_gaits_found_alone(lab):
+    for i in (40, 60, 80):
+        gaits = find_gaits("lab", lab.slope[i])
+        near = min(gaits, key=lambda gait: abs(gait.stance_angle - lab.stance_angle[i]))
+        assert near.stance_angle == pytest.approx(lab.stance_angle[i], rel=1e-11)
+        assert near.step_length == pytest.approx(lab.step_length[i], rel=1e-11)
+        assert near.step_period == pytest.approx(lab.step_period[i], rel=1e-11)
+        np.testing.assert_allclose(near.multipliers, lab.multipliers[i], atol=1e-8)
+
+
+def test_a_fold_is_where_a_search_stops_to_find_gaits(lab):
+    i = int(np.argmax(lab.slope))
+    found = fold_by_search("lab", 0.0529, 0.0532, lab.state[i])
+    assert lab.folds[-1] == pytest.approx(found, abs=1e-9)
+    i = int(np.argmin(lab.slope))
+    found = fold_by_search("lab", 0.0195, 0.0190, lab.state[i])
+    assert lab.folds[0] == pytest.approx(found, abs=1e-9)
+
+
+@pytest.mark.parametrize(("name", "low", "high"), [("D", 0.0145, 0.0155), ("F", 0.006, 0.0075)])
+def test_a_doubling_is_where_a_multiplier_passes_minus_one(name, low, high):
+    located = gait_family(name, low, high).period_doublings
+    found = brentq(lambda x: find_gait(name, x).multipliers.real.min() + 1.0, low, high, xtol=1e-12)
+    assert located == pytest.approx((found,), abs=1e-9)
+
+
+def test_stability_changes_at_the_doubling(lab):
+    family = gait_family("D", 0.01, 0.02)
+    np.testing.assert_array_equal(family.stable, family.slope < family.period_doublings[0])
+    assert lab.stable.any() and not lab.stable.all()
+
+
+def test_the_lab_walker_s_family_ends_as_the_document_says(lab):
+    slow, short = lab.ends
+    assert short.reason == KNEE_MEETS_HEEL
+    # The document stops where the stance leg barely passes the vertical; the curve goes on, with
+    # a stance leg that turns back for a while, until the foot glides along the ground.
+    assert slow.reason.startswith(TANGENTIAL) and STANCE_STOPS in slow.reason
+    assert len(lab.halts) == 1 and 0.0191 < lab.halts[0] < 0.0193
+
+
+def test_the_straight_lab_walker_s_families_end_as_the_document_says(straight):
+    slow, steep = straight.ends
+    assert slow.reason.startswith(VANISHED) and STANCE_STOPS in slow.reason
+    assert steep == (0.3, BOUND)
+    short = gait_family("lab-straight", 0.05, 0.3, "short")
+    assert short.ends[0].reason == TANGENTIAL
+    assert short.ends[0].value == pytest.approx(0.056118, abs=1e-5)  # "about 0.056"
+
+
+def test_an_end_does_not_depend_on_where_the_family_was_begun(lab):
+    other = gait_family("lab", 0.036, 0.052, "short")
+    assert other.ends[0].value == pytest.approx(lab.ends[1].value, abs=1e-9)
+    other = gait_family("lab-straight", 0.05, 0.08, "short", resolution=0.02)
+    again = gait_family("lab-straight", 0.05, 0.3, "short")
+    assert other.ends[0].value == pytest.approx(again.ends[0].value, abs=1e-7)
+
+
+def test_just_inside_an_end_the_last_margin_is_small(lab):
+    gait = find_gait("lab", lab.ends[1].value + 1e-7, "short")
+    late = gait.step_period - gait.kneestrike_time
+    assert 0.0 < late < 1e-3 * gait.step_period
+
+
+@pytest.mark.parametrize("name", ["D", "E", "F"])
+def test_tuned_walkers_walk_over_the_whole_range_asked_for(name):
+    for kind in ("long", "short"):
+        family = gait_family(name, 1e-8, 0.1, kind, resolution=0.3)
+        assert [end.reason for end in family.ends] == [BOUND, BOUND]
+        assert family.slope[[0, -1]] == pytest.approx([1e-8, 0.1], rel=1e-12)
+
+
+def test_the_table_s_walkers_are_tuned_but_roughly():
+    # Rounded to two digits, C's long and short gaits meet in a fold just above zero slope.
+    family = gait_family("C", 1e-4, 0.1)
+    assert [end.reason for end in family.ends] == [BOUND, BOUND]
+    assert len(family.folds) == 1 and family.folds[0] == pytest.approx(3.91174e-4, rel=1e-5)
+    assert gait_family(tune(WALKERS["C"]), 1e-6, 0.1).folds == ()
+
+
+def test_a_family_can_start_from_a_gait_of_any_period():
+    start = find_gait("D", 0.016, period=2)
+    family = gait_family("D", 0.0152, 0.0185, start=start)
+    assert family.period == 2
+    assert family.period_doublings == pytest.approx((0.017669374862452,), abs=1e-9)
+    i = len(family) // 2
+    gait = find_gait("D", family.slope[i], period=2, guess=family.state[i])
+    assert gait.step_length == pytest.approx(family.step_length[i], rel=1e-10)
+    assert gait.step_period == pytest.approx(family.step_period[i], rel=1e-10)
+
+
+def test_a_parameter_is_followed_at_a_fixed_slope():
+    family = parameter_family("lab", "shank_offset", 0.02, 0.028, slope=0.036)
+    assert family.parameter == "shank_offset" and np.all(family.slope == 0.036)
+    for i in (0, len(family) // 3, -1):
+        walker = replace(WALKERS["lab"], shank_offset=family.value[i])
+        end = stride(walker, 0.036, family.state[i], tolerance=1e-14)
+        np.testing.assert_allclose(end.state, family.state[i], rtol=1e-9)
+        assert end.step_length == pytest.approx(family.step_length[i], rel=1e-9)
+
+
+def test_a_length_is_followed_in_the_walker_s_own_units():
+    family = parameter_family("E", "shank_length", 0.4, 0.6, slope=0.01)
+    for i in (0, -1):
+        walker = replace(WALKERS["E"], shank_length=family.value[i])
+        gait = find_gait(walker, 0.01, guess=family.state[i])
+        assert family.step_period[i] == pytest.approx(gait.step_period, rel=1e-9)
+        assert family.step_length[i] == pytest.approx(gait.step_length, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"slope_min": 0.1, "slope_max": 0.01}, "slope_min < slope_max"),
+        ({"slope_min": 0.0, "slope_max": 0.01}, "slope_min < slope_max"),
+        ({"slope_min": 0.02, "slope_max": 0.03, "start": 0.01}, "out of the range"),
+    ],
+)
+def test_a_senseless_range_is_refused(arguments, message):
+    if "start" in arguments:
+        arguments = {**arguments, "start": find_gait("E", arguments["start"])}
+    with pytest.raises(ValueError, match=message):
+        gait_family("E", **arguments)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("weight", 0.0, 1.0), "no parameter 'weight'"),
+        (("hip_mass", 0.5, 1.0), "give low <="),
+        (("foot_radius", -1.0, 1.0), "what a walker can be"),
+    ],
+)
+def test_a_senseless_parameter_is_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        parameter_family("E", *arguments, slope=0.01)
+
+
+def test_a_range_without_gaits_says_so():
+    with pytest.raises(GaitNotFound, match="at any of 16 slopes"):
+        gait_family("lab", 0.001, 0.002)

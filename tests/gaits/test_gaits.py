@@ -1,0 +1,215 @@
+"""Every gait is found without a guess, exact, and known from the literature where it is known."""
+
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+
+from gym_passive_walker import (
+    WALKERS,
+    GaitNotFound,
+    Walker,
+    WalkerError,
+    find_gait,
+    find_gaits,
+    lab_walker_from_parts,
+    stride,
+    tune,
+)
+
+CASES = [
+    (name, slope, kind)
+    for name, slopes in {
+        "A": (0.002, 0.03),
+        "B": (0.001, 0.03),
+        "C": (0.005, 0.03),
+        "D": (1e-8, 0.00747, 0.009, 0.05, 0.23),
+        "E": (1e-8, 1e-4, 0.01),
+        "F": (1e-8, 1e-4, 0.01),
+        "lab": (0.04, 0.05),
+        "lab-straight": (0.07, 0.2),
+    }.items()
+    for slope in slopes
+    for kind in ("long", "short")
+]
+
+
+@pytest.mark.parametrize(("name", "slope", "kind"), CASES)
+def test_a_gait_comes_back_to_itself_and_costs_the_sine_of_the_slope(name, slope, kind):
+    gait = find_gait(name, slope, kind)
+    end = stride(name, slope, gait.state, tolerance=1e-14)
+    np.testing.assert_allclose(end.state, gait.state, rtol=2e-12)
+    assert gait.cost_of_transport == pytest.approx(np.sin(slope), rel=1e-12, abs=1e-12)
+    assert gait.kind == kind
+    assert gait.beyond_fold == (kind == "short")
+
+
+@pytest.mark.parametrize("name", ["A", "C"])
+@pytest.mark.parametrize("slope", [1e-8, 1e-6, 1e-4])
+def test_tuned_walkers_walk_at_the_smallest_slopes(name, slope):
+    long, short = find_gaits(tune(WALKERS[name]), slope)
+    assert (long.kind, short.kind) == ("long", "short")
+    for gait in (long, short):
+        end = stride(gait.walker, slope, gait.state, tolerance=1e-14)
+        np.testing.assert_allclose(end.state, gait.state, rtol=1e-11)
+        assert gait.cost_of_transport == pytest.approx(slope, rel=1e-10)
+
+
+def test_the_simplest_walker_at_009_is_that_of_the_literature():
+    long, short = find_gaits("D", 0.009)
+    assert long.state[[0, 3]] * [1, WALKERS["D"].time_unit] == pytest.approx(
+        [0.20031090, -0.19983247], abs=5e-9
+    )
+    assert short.state[[0, 3]] * [1, WALKERS["D"].time_unit] == pytest.approx(
+        [0.19393737, -0.20386693], abs=5e-9
+    )
+    assert long.multipliers[0] == pytest.approx(-0.190 + 0.558j, abs=5e-4)
+    assert short.multipliers[:2] == pytest.approx([4.00, 0.459], abs=5e-3)
+    assert long.stable and not short.stable
+
+
+def test_the_simplest_walker_s_small_steps_obey_the_series_of_the_literature():
+    long, short = find_gaits("D", 1e-9)
+    assert long.stance_angle / 1e-3 == pytest.approx(0.970956, abs=2e-6)
+    assert short.stance_angle / 1e-3 == pytest.approx(0.943976, abs=2e-6)
+    unit = WALKERS["D"].time_unit
+    assert long.step_period / unit == pytest.approx(3.812092, abs=2e-6)
+    assert short.step_period / unit == pytest.approx(np.pi, abs=2e-6)
+
+
+def test_the_compass_gait_is_that_of_the_literature():
+    compass = Walker(
+        thigh_length=0.5, thigh_mass=5.0, thigh_com=0.5, shank_length=0.5, shank_mass=0.0,
+        hip_mass=10.0, knees=False, gravity=9.8,
+    )  # fmt: skip
+    gait = find_gait(compass, np.radians(3.0))
+    assert np.degrees(gait.stance_angle) == pytest.approx(15.53, abs=0.02)
+    assert gait.step_period == pytest.approx(0.7347, abs=2e-4)
+    assert gait.stable
+
+
+def test_the_lab_walker_s_own_fixed_point_is_found():
+    # Appendix 4.10.1, to the accuracy of its computation; its angles are relative, so
+    # theta1dot + theta2dot is the thigh's rate.
+    gait = find_gait(lab_walker_from_parts(), 0.036)
+    rates = np.cumsum([-1.04911493167539, 0.74757611863057, -1.18161338966657])
+    np.testing.assert_allclose(gait.stance_angle, 0.24395121657117, atol=5e-6)
+    np.testing.assert_allclose(gait.state[3:], rates, atol=5e-5)
+
+
+def test_a_walker_in_other_units_has_the_same_gait():
+    giant = replace(
+        WALKERS["lab"],
+        **{
+            name: 100.0 * value
+            for name, value in asdict(WALKERS["lab"]).items()
+            if name.endswith(("length", "offset", "gyration", "com", "radius"))
+        },
+        gravity=1.6,
+    )
+    a, b = find_gait("lab", 0.03), find_gait(giant, 0.03)
+    assert b.stance_angle == pytest.approx(a.stance_angle, rel=1e-12)
+    assert b.froude_speed == pytest.approx(a.froude_speed, rel=1e-12)
+    np.testing.assert_allclose(b.multipliers, a.multipliers, atol=1e-10)
+
+
+def random_walkers(count):
+    """Tuned walkers with every proportion a tenth or two off a published one."""
+    random = np.random.default_rng(7)
+    while count:
+        base = tune(WALKERS[str(random.choice(["A", "B", "C", "E", "F"]))])
+        values = {
+            name: value * np.exp(0.15 * random.standard_normal())
+            for name, value in asdict(base).items()
+            if name not in ("knees", "gravity")
+        }
+        values["hip_mass"] += random.uniform(0.0, 0.5) * base.total_mass
+        try:
+            yield tune(replace(base, **values)), float(np.exp(random.uniform(-6.0, -3.0)))
+        except WalkerError:
+            continue
+        count -= 1
+
+
+@pytest.mark.parametrize(("walker", "slope"), list(random_walkers(12)), ids=range(12))
+def test_a_user_s_walker_is_solved_without_a_guess(walker, slope):
+    for kind in ("long", "short"):
+        gait = find_gait(walker, slope, kind)
+        end = stride(walker, slope, gait.state, tolerance=1e-14)
+        np.testing.assert_allclose(end.state, gait.state, rtol=1e-11)
+
+
+def test_a_tuned_lab_walker_has_no_gait_at_shallow_slopes():
+    # Tuning conditions are necessary, not sufficient: C differs from it in its gyration too.
+    assert find_gaits(tune(WALKERS["lab"]), 0.02) == []
+    halfway = replace(tune(WALKERS["lab"]), thigh_gyration=0.1882, shank_gyration=0.1226)
+    assert len(find_gaits(halfway, 0.02)) == 2
+
+
+def test_a_doubled_gait_repeats_after_two_strides_and_no_sooner():
+    gait = find_gait("D", 0.016, period=2)
+    once = stride("D", 0.016, gait.state, tolerance=1e-13)
+    twice = stride("D", 0.016, once.state, tolerance=1e-13)
+    np.testing.assert_allclose(twice.state, gait.state, rtol=1e-11)
+    assert abs(once.state[0] - gait.state[0]) > 1e-3
+    assert gait.cost_of_transport == pytest.approx(np.sin(0.016), rel=1e-12)
+    assert gait.stable and not find_gait("D", 0.016).stable
+    assert gait.step_period == pytest.approx(0.5 * float(once.duration + twice.duration), rel=1e-9)
+
+
+def test_gaits_of_one_orbit_are_one_gait():
+    gaits = find_gaits("D", 0.018, period=4)
+    angles = [gait.stance_angle for gait in gaits]
+    for gait in gaits:
+        state, orbit = gait.state, []
+        for _ in range(4):
+            state = stride("D", 0.018, state, tolerance=1e-12).state
+            orbit.append(state[0])
+        assert sum(np.isclose(angle, orbit, rtol=1e-6).any() for angle in angles) == 1
+
+
+def test_a_guess_is_followed_to_the_gait_beside_it():
+    short = find_gait("E", 0.01, "short")
+    assert find_gait("E", 0.01, guess=1.002 * short.state).kind == "short"
+
+
+def test_a_gait_that_is_not_there_says_what_was_tried():
+    with pytest.raises(GaitNotFound) as caught:
+        find_gait("lab", 0.001)
+    message = str(caught.value)
+    assert "walker 'lab'" in message and "0.001 rad" in message
+    assert "starts ended so" in message and "HEELSTRIKE" in message
+
+
+def test_a_missing_kind_says_which_gait_there_is():
+    with pytest.raises(GaitNotFound, match="only a long-step gait was found"):
+        find_gait("lab", 0.03, "short")
+
+
+@pytest.mark.parametrize("slope", [0.0, -0.01])
+def test_no_passive_gait_walks_on_the_level_or_uphill(slope):
+    assert find_gaits("E", slope) == []
+    with pytest.raises(GaitNotFound):
+        find_gait("E", slope)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"slope": np.nan}, "slope must be an angle"),
+        ({"slope": 2.0}, "slope must be an angle"),
+        ({"kind": "medium"}, 'kind must be "long" or "short"'),
+        ({"period": 0}, "period must be a whole number"),
+        ({"period": 1.5}, "period must be a whole number"),
+        ({"guess": [0.1, 0.2]}, "state must be"),
+        ({"guess": [-0.1, 0.1, 0.1, -0.1, 0.0, 0.0]}, "stance angle is positive"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        find_gait(**{"walker": "E", "slope": 0.01, **arguments})
+
+
+def test_an_unknown_walker_is_refused():
+    with pytest.raises(WalkerError, match="no walker 'Z'"):
+        find_gait("Z", 0.01)

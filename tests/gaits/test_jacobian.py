@@ -1,0 +1,132 @@
+"""The stride map's derivative is exact: by the state, the slope, the torque and every parameter."""
+
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+
+from gym_passive_walker import WALKERS, find_gait, lab_walker_from_parts, stride, stride_jacobian
+from gym_passive_walker.gaits.stability import NoStride
+from tests.physics.examples import LONG_GAITS
+
+STENCIL = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
+"""Central differences of order eight."""
+
+WALKED = {**WALKERS, "lab from its parts": lab_walker_from_parts()}
+
+
+def start(name):
+    """A slope and a state beside the long-step gait."""
+    gait = LONG_GAITS[name if name in LONG_GAITS else "lab"]
+    return gait.slope, gait.state * np.array([1.01, 1.01, 1.01, 1.02, 0.99, 1.0])
+
+
+def coordinates(states, walker):
+    """The section's coordinates of states."""
+    return states[..., [0, 3, 4, 5] if walker.knees else [0, 3, 4]]
+
+
+def state_of(point, walker):
+    """The state (6,) at coordinates."""
+    angle, rates = point[0], point[1:]
+    return np.array([angle, -angle, -angle, *rates, *([] if walker.knees else rates[-1:])])
+
+
+def next_point(walker, slope, point, torque=0.0):
+    end = stride(walker, slope, state_of(point, walker), hip_torque=torque, tolerance=1e-14)
+    return coordinates(end.state, walker)
+
+
+def differences(function, at, step):
+    return sum(
+        weight * (function(at + k * step) - function(at - k * step))
+        for k, weight in STENCIL.items()
+    ) / step  # fmt: skip
+
+
+def agree(found, expected):
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("name", WALKED)
+def test_the_derivative_by_the_state_is_that_of_the_map(name):
+    walker, (slope, state) = WALKED[name], start(name)
+    point = coordinates(state, walker)
+    found = stride_jacobian(walker, slope, state)
+    unit = np.eye(len(point))
+    expected = [
+        differences(lambda x, i=i: next_point(walker, slope, point + x * unit[i]), 0.0, 2e-4)
+        for i in range(len(point))
+    ]
+    agree(found, np.array(expected).T)
+
+
+@pytest.mark.parametrize("name", WALKED)
+def test_the_derivative_by_slope_and_torque_is_that_of_the_map(name):
+    walker, (slope, state) = WALKED[name], start(name)
+    point = coordinates(state, walker)
+    torque = 0.01 * walker.gravity * (1.0 if walker.massless_legs else walker.total_mass)
+    found = stride_jacobian(walker, slope, state, hip_torque=torque, wrt=["slope", "hip_torque"])
+    by_slope = differences(lambda x: next_point(walker, x, point, torque), slope, 2e-4)
+    by_torque = differences(lambda x: next_point(walker, slope, point, x), torque, 0.02 * torque)
+    agree(found[:, 0], by_slope)
+    agree(found[:, 1], by_torque)
+
+
+PARAMETERS = [
+    (name, parameter)
+    for name in ("lab", "lab-straight", "E")
+    for parameter in asdict(WALKERS[name])
+    if parameter != "knees"
+    # A radius of gyration at zero has no left-hand side.
+    and not (name == "E" and parameter.endswith(("gyration", "foot_radius")))
+]
+
+
+@pytest.mark.parametrize(("name", "parameter"), PARAMETERS)
+def test_the_derivative_by_a_parameter_is_that_of_the_map(name, parameter):
+    walker, (slope, state) = WALKERS[name], start(name)
+    if parameter == "hip_mass":
+        walker = replace(walker, hip_mass=0.1 * walker.total_mass)
+    point, value = coordinates(state, walker), getattr(walker, parameter)
+    found = stride_jacobian(walker, slope, state, wrt=parameter)[:, 0]
+    step = 3e-4 * max(abs(value), 0.3 * walker.leg_length)
+    expected = differences(
+        lambda x: next_point(replace(walker, **{parameter: x}), slope, point), value, step
+    )
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * max(1.0, np.abs(found).max()))
+
+
+@pytest.mark.parametrize("name", ["C", "lab", "lab from its parts"])
+def test_a_kneed_walker_forgets_one_number_at_kneestrike(name):
+    for slope in (0.03, 0.045):
+        assert abs(find_gait(WALKED[name], slope).multipliers[-1]) < 1e-12
+
+
+def test_the_simplest_walker_forgets_its_swing_rate_at_heelstrike():
+    jacobian = stride_jacobian("D", *start("D"))
+    assert abs(np.linalg.det(jacobian)) < 1e-13
+
+
+def test_multipliers_are_the_eigenvalues_of_the_derivative_in_any_coordinates():
+    gait = find_gait("lab", 0.036)
+    eigenvalues = np.linalg.eigvals(stride_jacobian("lab", 0.036, gait.state))
+    eigenvalues = eigenvalues[np.argsort(-np.abs(eigenvalues))]
+    np.testing.assert_allclose(np.abs(gait.multipliers), np.abs(eigenvalues), atol=1e-11)
+
+
+def test_columns_come_in_the_order_asked_for():
+    slope, state = start("E")
+    both = stride_jacobian("E", slope, state, wrt=["gravity", "state", "slope"])
+    assert both.shape == (3, 5)
+    np.testing.assert_array_equal(both[:, 1:4], stride_jacobian("E", slope, state))
+
+
+def test_an_unknown_parameter_is_refused_with_the_known_ones():
+    with pytest.raises(ValueError, match=r"cannot differentiate by 'weight'.*foot_radius"):
+        stride_jacobian("E", *start("E"), wrt="weight")
+
+
+def test_a_fall_has_no_derivative():
+    with pytest.raises(NoStride, match="FELL_BACKWARD"):
+        stride_jacobian("E", 0.01, [0.3, -0.3, -0.3, -0.1, -0.1, -0.1])
