@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -40,6 +41,15 @@ def observation_space() -> Any:
 def action_space() -> Any:
     """What an agent does: the hip torque, as a share of the largest."""
     return spaces.Box(-1.0, 1.0, (1,), np.float32)
+
+
+def step_limit(max_episode_steps: int | None) -> float:
+    """Steps of an episode, where -1 and None mean without limit."""
+    if max_episode_steps in (None, -1):
+        return math.inf
+    if max_episode_steps < 1:
+        raise ValueError(f"max_episode_steps must be positive, -1 or None: {max_episode_steps!r}")
+    return float(max_episode_steps)
 
 
 def refuse(action: object, lane: int | None = None) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -59,6 +58,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         render_mode: str | None = None,
         **changes: Any,
     ) -> None:
+        self._screens: dict[Walker, Any] = {}  # first: what was refused is closed as well
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode must be 'rgb_array' or None, not {render_mode!r}")
         if walkers is not None and len(walkers):
@@ -82,13 +82,12 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             num_envs,
             walkers=walkers,  # type: ignore[arg-type]
             slopes=slopes,
-            step_limit=step_limit(max_episode_steps),
+            step_limit=interface.step_limit(max_episode_steps),
             threads=threads,
         )
         self._ended = np.ones(num_envs, bool)
         self._any_ended = True
         self._begun = False
-        self._screens: dict[Walker, Any] = {}
 
     def reset(  # type: ignore[override]
         self,
@@ -268,15 +267,6 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_screens": {}}
-
-
-def step_limit(max_episode_steps: int | None) -> float:
-    """Steps of an episode, where -1 and None mean without limit."""
-    if max_episode_steps in (None, -1):
-        return math.inf
-    if max_episode_steps < 1:
-        raise ValueError(f"max_episode_steps must be positive, -1 or None: {max_episode_steps!r}")
-    return float(max_episode_steps)
 
 
 def seed_randoms(

@@ -1,6 +1,7 @@
 """Many walkers at once are each what they would be alone."""
 
 import copy
+import inspect
 import pickle
 
 import gymnasium
@@ -275,6 +276,8 @@ def test_what_was_returned_is_the_callers_to_keep(make_vec):
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 def test_episode_statistics_are_those_of_the_ledger(make_vec, mode):
     env = wrappers.RecordEpisodeStatistics(make_vec(4, max_episode_steps=30, autoreset_mode=mode))
+    if mode == "SameStep" and "SAME_STEP" not in inspect.getsource(type(env).step):
+        pytest.skip("this Gymnasium counts only what resets at the next step")
     env.reset(seed=0)
     returns, lengths, returned = np.zeros(4), np.zeros(4, int), []
     skip = np.zeros(4, bool)
