@@ -37,6 +37,7 @@ from gym_passive_walker.physics.trajectory import just_before
 from gym_passive_walker.walkers import Walker, as_walker, describe
 
 _CHUNK = 1 << 16  # cells walked together
+_PUSHES = 512  # tried at a time
 _SPAN = 2.2  # a default slice reaches from 0 to so many times the gait's angle and rate
 
 
@@ -201,8 +202,8 @@ def largest_push(
 ) -> Push:
     """How far the stance rate may be changed just after heelstrike and the walker walks on.
 
-    Pushes are tried as lanes, from small to large, and the first that is not survived is
-    narrowed down.
+    Pushes are tried as lanes, 512 at a time, below the least that was not survived so far, until
+    there is none among them; the edge is then narrowed down.
 
     Args:
         walker: The walker, or a preset's name.
@@ -230,15 +231,23 @@ def largest_push(
         return settled != FELL
 
     def limit(direction: float) -> float:
-        low, high = 0.0, 3.0 * abs(start[3])
-        lanes = 512
-        while high - low > accuracy * abs(start[3]):
-            tried = low + (high - low) * np.arange(1, lanes + 1) / lanes
+        share = np.arange(1, _PUSHES + 1) / _PUSHES
+        high, first = 3.0 * abs(start[3]), 0
+        while first < _PUSHES - 1:  # basins have ragged edges: look again below what was found
+            tried = high * share
             lost = np.flatnonzero(~survived(direction * tried))
             if len(lost) == 0:
-                return np.inf if low == 0.0 and lanes == 512 else high
+                return np.inf
+            first, high = lost[0], tried[lost[0]]
+            if high < accuracy * abs(start[3]):
+                return 0.0
+        low = tried[-2]
+        while high - low > accuracy * abs(start[3]):
+            tried = low + (high - low) * share
+            lost = np.flatnonzero(~survived(direction * tried))
+            if len(lost) == 0:  # the edge lies within rounding of the last one
+                break
             low, high = (tried[lost[0] - 1] if lost[0] else low), tried[lost[0]]
-            lanes = 64
         return low
 
     # A stance leg falls forward with a negative rate.

@@ -1,0 +1,127 @@
+"""From where walkers find their gait, and how hard a push they survive."""
+
+import numpy as np
+import pytest
+
+from gym_passive_walker import (
+    GaitNotFound,
+    Outcome,
+    basin_of_attraction,
+    find_gait,
+    largest_push,
+    stride,
+)
+from gym_passive_walker.gaits.attractors import FELL, UNSETTLED
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def basin():
+    return basin_of_attraction("lab", 0.036, resolution=60)
+
+
+def state_at(walker, slope, angle, rate):
+    """The state at a cell of the simplest walker's slice, where heelstrike sets the swing rate."""
+    swing = np.cos(2.0 * angle) * rate
+    return np.array([angle, -angle, -angle, rate, swing, swing])
+
+
+def test_every_cell_has_fallen_or_settled(basin):
+    assert basin.settled.shape == basin.outcome.shape == basin.strides.shape == (60, 60)
+    np.testing.assert_array_equal(basin.settled == FELL, basin.outcome != Outcome.HEELSTRIKE)
+    assert not np.any(basin.settled == UNSETTLED)
+    assert 0.02 < basin.walks.mean() < 0.5
+
+
+def test_the_gait_lies_in_its_own_basin(basin):
+    (gait,) = basin.gaits
+    assert gait.stable
+    angle = np.argmin(np.abs(basin.stance_angle - gait.stance_angle))
+    rate = np.argmin(np.abs(basin.stance_rate - gait.state[3]))
+    assert basin.settled[rate, angle] == 0
+
+
+def test_too_slow_a_walker_falls_back_and_one_without_a_step_forward(basin):
+    assert basin.outcome[-1, -1] == Outcome.FELL_BACKWARD
+    assert Outcome.FELL_FORWARD in basin.outcome
+
+
+def test_a_cell_says_what_walking_from_it_does():
+    basin = basin_of_attraction("D", 0.009, resolution=40)
+    random = np.random.default_rng(3)
+    rows, columns = random.integers(0, 40, (2, 30))
+    settled = np.argwhere(basin.walks)[:10].T
+    rows, columns = np.append(rows, settled[0]), np.append(columns, settled[1])
+    for row, column in zip(rows, columns, strict=True):
+        state = state_at("D", 0.009, basin.stance_angle[column], basin.stance_rate[row])
+        for _ in range(60):
+            end = stride("D", 0.009, state)
+            if end.outcome != Outcome.HEELSTRIKE:
+                break
+            state = end.state
+        assert (end.outcome == Outcome.HEELSTRIKE) == basin.walks[row, column]
+        if basin.walks[row, column]:
+            assert state[0] == pytest.approx(basin.gaits[0].stance_angle, rel=1e-4)
+
+
+def test_two_stable_gaits_share_a_basin_s_picture():
+    angles, rates = np.linspace(0.19, 0.26, 80), np.linspace(-0.75, -0.62, 80)
+    basin = basin_of_attraction("D", 0.0125, stance_angles=angles, stance_rates=rates)
+    assert [gait.period for gait in basin.gaits] == [1, 3]
+    assert np.any(basin.settled == 0) and np.any(basin.settled == 1)
+
+
+def test_a_slice_may_be_laid_by_given_ratios():
+    gait = find_gait("lab", 0.036)
+    ratios = (gait.state[4] / gait.state[3], gait.state[5] / gait.state[3])
+    basin = basin_of_attraction(
+        "lab", 0.036, ratios=ratios, stance_angles=[gait.stance_angle],
+        stance_rates=[gait.state[3], 0.2 * gait.state[3]],
+    )  # fmt: skip
+    assert basin.settled[:, 0].tolist() == [0, FELL]
+    assert basin.strides[0, 0] == 1
+
+
+def test_where_there_is_no_gait_a_slice_must_be_given():
+    with pytest.raises(GaitNotFound, match="give stance_angles"):
+        basin_of_attraction("lab", 0.001)
+    basin = basin_of_attraction(
+        "lab", 0.001, stance_angles=[0.1, 0.2], stance_rates=[-1.0, -0.5], ratios=(0.3, 1.4)
+    )
+    assert basin.gaits == () and not np.any(basin.walks)
+
+
+@pytest.mark.parametrize("bad", [{"stance_angles": [0.0]}, {"stance_rates": [[1.0]]}])
+def test_a_senseless_slice_is_refused(bad):
+    with pytest.raises(ValueError, match="stance_"):
+        basin_of_attraction("D", 0.009, **bad)
+
+
+@pytest.mark.parametrize(("name", "slope"), [("D", 0.009), ("lab", 0.036)])
+def test_the_largest_push_is_survived_and_a_larger_one_is_not(name, slope):
+    gait, push = find_gait(name, slope), largest_push(name, slope)
+    assert push.forward > 0.0 and push.backward > 0.0
+    for change in (-push.forward, push.backward):
+        for factor, walks in ((1.0 - 1e-6, True), (1.0 + 1e-6, False)):
+            state = gait.state.copy()
+            state[3] += factor * change
+            for _ in range(60):
+                end = stride(name, slope, state)
+                state = end.state
+                if end.outcome != Outcome.HEELSTRIKE:
+                    break
+            assert (end.outcome == Outcome.HEELSTRIKE) == walks
+
+
+def test_an_unstable_gait_survives_no_push():
+    gait = find_gait("E", 0.01, "short")
+    push = largest_push("E", 0.01, gait=gait)
+    assert min(push) < 1e-6
+
+
+@pytest.mark.slow
+def test_a_million_cells_take_a_minute_or_so():
+    basin = basin_of_attraction("lab", 0.036, resolution=1000)
+    assert basin.settled.size == 10**6
+    assert 0.1 < basin.walks.mean() < 0.2

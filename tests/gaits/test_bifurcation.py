@@ -1,0 +1,159 @@
+"""What becomes of a gait that loses its stability."""
+
+import numpy as np
+import pytest
+
+from gym_passive_walker import (
+    WALKERS,
+    GaitNotFound,
+    bifurcation_diagram,
+    crisis_slope,
+    doubling_cascade,
+    find_gait,
+    gait_family,
+    lyapunov_exponents,
+    tune,
+)
+from gym_passive_walker.gaits.doubling import FEIGENBAUM
+from gym_passive_walker.gaits.walk import period_of
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def cascade():
+    return doubling_cascade("D", 0.012, 0.02)
+
+
+def test_the_simplest_walker_first_doubles_where_it_is_known_to(cascade):
+    assert cascade.periods == (1, 2, 4, 8, 16)
+    assert cascade.slopes[0] == pytest.approx(0.0150884379, abs=1e-10)
+
+
+def test_tuned_c_first_doubles_below_the_printed_slope():
+    # Print has "about 0.084", for the table's rounded parameters read off a plot.
+    cascade = doubling_cascade(tune(WALKERS["C"]), 0.06, 0.1, doublings=1)
+    assert cascade.slopes == pytest.approx((0.0768533651,), abs=1e-10)
+
+
+def test_each_doubling_gait_has_a_multiplier_at_minus_one(cascade):
+    for gait in cascade.gaits:
+        assert np.abs(gait.multipliers + 1.0).min() < 1e-8
+
+
+def test_a_doubling_is_where_the_gait_of_that_period_loses_its_stability(cascade):
+    for gait in cascade.gaits[1:3]:
+        for side in (-1e-6, 1e-6):
+            near = find_gait("D", gait.slope + side, period=gait.period, guess=gait.state)
+            assert near.period == gait.period and near.stable == (side < 0)
+
+
+def test_distances_between_doublings_shrink_by_feigenbaum_s_number(cascade):
+    assert cascade.ratios[0] == pytest.approx(FEIGENBAUM, rel=0.15)
+    assert cascade.ratios[-1] == pytest.approx(FEIGENBAUM, rel=2e-3)
+    assert cascade.limit == pytest.approx(0.0182934, abs=1e-6)
+
+
+def test_walks_settle_on_the_period_that_the_cascade_predicts(cascade):
+    bounds = [0.014, *cascade.slopes[:4]]
+    slopes = 0.5 * (np.array(bounds[:-1]) + bounds[1:])
+    diagram = bifurcation_diagram("D", slopes)
+    np.testing.assert_array_equal(diagram.period, [1, 2, 4, 8])
+
+
+def test_a_diagram_shows_the_gait_where_the_gait_is_stable():
+    diagram = bifurcation_diagram("D", [0.005, 0.012], settle=200, keep=40)
+    for slope, angles in zip(diagram.slope, diagram.stance_angle, strict=True):
+        assert angles == pytest.approx(find_gait("D", slope).stance_angle, rel=1e-8)
+
+
+def test_beyond_the_crisis_walkers_fall():
+    diagram = bifurcation_diagram("D", [0.0185, 0.0195])
+    np.testing.assert_array_equal(diagram.walks, [True, False])
+    assert np.all(np.isnan(diagram.stance_angle[1])) and diagram.period[1] == 0
+
+
+def test_a_sweep_keeps_to_the_walk_it_is_on():
+    start = find_gait("D", 0.0125, period=3)
+    sweep = bifurcation_diagram(
+        "D", np.linspace(0.0125, 0.0124, 5), start=start.state, sweep=True, settle=150, keep=40
+    )
+    np.testing.assert_array_equal(sweep.period, 3)
+    np.testing.assert_array_equal(
+        bifurcation_diagram("D", sweep.slope, settle=150, keep=40).period, 1
+    )
+
+
+def test_the_simplest_walker_has_a_stable_gait_of_three_strides():
+    # Howell and Baillieul (1998), beside the stable gait of one stride.
+    gait = find_gait("D", 0.0125, period=3)
+    assert gait.stable and find_gait("D", 0.0125).stable
+    walk = bifurcation_diagram("D", [0.0125], start=gait.state * 1.0005, settle=300, keep=40)
+    assert walk.period[0] == 3
+    family = gait_family("D", 0.012, 0.0135, start=gait)
+    # Born in a fold, it doubles to period six.
+    assert 0.0120 < family.folds[0] < 0.0125 < family.period_doublings[-1] < 0.0130
+
+
+def test_exponents_of_a_stable_gait_are_the_logarithms_of_its_multipliers():
+    found = lyapunov_exponents("lab", 0.036, count=3, strides=400, settle=100)[0]
+    expected = np.log(np.abs(find_gait("lab", 0.036).multipliers[:3]))
+    np.testing.assert_allclose(found, expected, atol=0.02)
+
+
+def test_the_largest_exponent_is_zero_at_a_doubling_and_positive_in_chaos(cascade):
+    slopes = [cascade.slopes[1], 0.0188]
+    at_doubling, chaos = lyapunov_exponents("D", slopes, strides=1500)[:, 0]
+    assert abs(at_doubling) < 0.02
+    assert 0.2 < chaos < 0.5
+
+
+def test_a_walker_that_falls_has_no_exponent():
+    assert np.isnan(lyapunov_exponents("D", 0.03, strides=50))
+
+
+def test_two_neighbouring_walks_part_as_the_exponent_says():
+    slope, gap = 0.0188, 1e-9
+    start = bifurcation_diagram("D", [slope]).state[0]
+    starts = np.array([start, start * np.array([1 + gap, 1 + gap, 1 + gap, 1, 1, 1])])
+    walks = bifurcation_diagram(
+        "D", [slope, slope], start=starts, settle=0, keep=50, tolerance=1e-13
+    ).stance_angle
+    apart = np.abs(walks[1] - walks[0])
+    rate = np.polyfit(np.arange(5, 40), np.log(apart[5:40]), 1)[0]
+    assert rate == pytest.approx(lyapunov_exponents("D", slope, strides=3000)[0, 0], abs=0.12)
+
+
+@pytest.mark.slow
+def test_walking_ends_in_a_crisis():
+    # "the chaotic gait is at about 0.019".
+    assert crisis_slope("D", 0.0185, 0.02) == pytest.approx(0.01905, abs=3e-5)
+
+
+@pytest.mark.slow
+def test_the_cascade_of_the_tuned_kneed_walker_is_universal_too():
+    cascade = doubling_cascade(tune(WALKERS["C"]), 0.06, 0.12, doublings=6)
+    assert cascade.periods == (1, 2, 4, 8, 16, 32)
+    assert cascade.ratios[-1] == pytest.approx(FEIGENBAUM, rel=1e-3)
+
+
+@pytest.mark.parametrize("period", [1, 2, 3, 7])
+def test_a_sequence_s_period_is_its_smallest(period):
+    values = np.tile(np.arange(1.0, period + 1.0), 24)[:24]
+    assert period_of(values, 10) == period
+    assert period_of(values + np.linspace(0.0, 1e-3, 24), 10) == 0
+
+
+def test_what_makes_no_sense_is_refused():
+    with pytest.raises(GaitNotFound, match="does not double"):
+        doubling_cascade("D", 0.01, 0.012)
+    with pytest.raises(ValueError, match="keep more strides"):
+        bifurcation_diagram("D", [0.01], keep=10)
+    with pytest.raises(ValueError, match="slopes must be"):
+        bifurcation_diagram("D", [-0.01])
+    with pytest.raises(ValueError, match="count must be"):
+        lyapunov_exponents("D", 0.01, count=4)
+    with pytest.raises(ValueError, match="doublings must be"):
+        doubling_cascade("D", 0.01, 0.02, doublings=0)
+    with pytest.raises(ValueError, match="has not ended"):
+        crisis_slope("D", 0.01, 0.012, strides=200, walkers=4)
