@@ -4,6 +4,7 @@
     python train.py --scene steep --algo sac --steps 50000
     python train.py --resume runs/level-ppo-1     go on with a run, to more steps with --steps
     python train.py evaluate runs/level-ppo-1     judge its policy once more
+    python train.py optimal --scene level         gaits of least cost of transport
 
 A run's folder keeps the policy (model.zip, normalizer.npz), its configuration (config.yml), the
 learning curve (CSV and PNG), the evaluation (CSV and table) and a strobe picture of the gait.
@@ -17,7 +18,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from agents import files, judging, worlds
+from agents import commands, files, judging, worlds
 from agents.config import ALGORITHMS, DEFAULT_SCENE, Config, ConfigError, configure
 from agents.training import Run
 
@@ -26,8 +27,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     try:
-        if arguments[:1] == ["evaluate"]:
-            return evaluate(evaluate_parser().parse_args(arguments[1:]))
+        if arguments and arguments[0] in COMMANDS:
+            return COMMANDS[arguments[0]](arguments[1:])
         return train(train_parser().parse_args(arguments))
     except ConfigError as error:
         print(f"train.py: error: {error}", file=sys.stderr)
@@ -136,10 +137,14 @@ def train(args: argparse.Namespace) -> int:
     return 0
 
 
-def evaluate(args: argparse.Namespace) -> int:
+def evaluate(arguments: Sequence[str]) -> int:
     """Judge the policy of a run that is there."""
+    args = evaluate_parser().parse_args(arguments)
     print(judging.judge(args.run, episodes=args.episodes, seed=args.seed))
     return 0
+
+
+COMMANDS = {"evaluate": evaluate, "optimal": commands.find_optimal}
 
 
 if __name__ == "__main__":

@@ -6,13 +6,19 @@ stable-baselines3 does.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from agents.feedback import Method, coordinates, gains, powered_gait
+from agents import optimal
+from agents.feedback import Method, gains, powered_gait
+from agents.optimal import OptimalGait
+from agents.ticks import coordinates, section_point, ticked_stride
+from gym_passive_walker import Walker
 from gym_passive_walker.envs.scene import Scene, make_scene
+from gym_passive_walker.physics.stride import frame_of
 
 _STANDS = 1e-5  # rad, in single precision: legs that mirror each other have just changed roles
 
@@ -53,39 +59,25 @@ class Passive(ConstantTorque):
         super().__init__(0.0, "level")
 
 
-class LinearFeedback:
-    """One torque a stride, set at its start by how far the walker is from its gait.
+class StrideFeedback:
+    """The torques of a stride, set at its start by how far the walker is from a gait.
 
-    With `control="tick"` it is held through all ticks of the stride: `state` says which torque.
+    The policy's `state` says which torques a walker's stride has and how far it has come.
 
     Args:
-        scene: A `Scene`, its name, or a mapping of its arguments, with one slope: the gains belong
-            to the gait at the middle of a range.
-        method: "lqr" or "deadbeat".
-        torque_weight: Of "lqr"; see `feedback.gains`.
-
-    Raises:
-        GaitNotFound: if there is no gait to hold.
+        name: What the policy is called.
+        walker: The walker.
+        point: The gait on the section, dimensionless, (m,).
+        torques: The gait's torque in each step, as shares of the largest, (N,); the last one is
+            held until heelstrike.
+        rows: How the torques answer to deviations from the gait: -rows @ deviation; (N, m).
     """
 
     def __init__(
-        self,
-        scene: Scene | str | dict[str, Any] = "level",
-        method: Method = "lqr",
-        *,
-        torque_weight: float = 100.0,
+        self, name: str, walker: Walker, point: NDArray, torques: NDArray, rows: NDArray
     ) -> None:
-        scene = make_scene(scene)
-        walker, self.name = scene.walker, {"lqr": "LQR", "deadbeat": "deadbeat"}.get(method, "")
-        self.gait = powered_gait(walker, float(np.mean(scene.slope)))
-        row = gains(self.gait, method, torque_weight=torque_weight)
-        # In what the agent sees and does: dimensionless rates, and shares of the largest torque.
-        unit = walker.total_mass * walker.gravity * walker.leg_length * scene.max_hip_torque
+        self.name, self.point, self.torques, self.rows = name, point, torques, rows
         self._seen = coordinates(walker)
-        scale = np.array([1.0] + [walker.time_unit] * (len(self._seen) - 1))
-        self._row = row / scale / unit
-        self._point = self.gait.state[self._seen] * scale
-        self._nominal = self.gait.hip_torque / unit
 
     def predict(
         self,
@@ -94,7 +86,7 @@ class LinearFeedback:
         episode_start: ArrayLike | None = None,
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], tuple[NDArray, ...] | None]:
-        """The stride's action: a new one just after heelstrike, else the one under way.
+        """The action of a step: of new torques just after heelstrike, else of those under way.
 
         Args:
             observation: One observation or a batch.
@@ -103,12 +95,104 @@ class LinearFeedback:
             deterministic: There is no other way.
         """
         seen = np.atleast_2d(np.asarray(observation, dtype=float))
-        deviation = seen[:, self._seen] - self._point
-        action = np.clip(self._nominal - deviation @ self._row, -1.0, 1.0)
+        plan = np.clip(self.torques - (seen[:, self._seen] - self.point) @ self.rows.T, -1.0, 1.0)
+        step = np.zeros(len(seen), int)
         if state is not None:
             begun = np.max(np.abs(seen[:, :1] + seen[:, 1:3]), axis=1) < _STANDS
             if episode_start is not None:
                 begun |= np.asarray(episode_start, dtype=bool)
-            action = np.where(begun, action, state[0])
-        shaped = action.astype(np.float32).reshape(*np.shape(observation)[:-1], 1)
-        return shaped, (action,)
+            plan = np.where(begun[:, None], plan, state[0])
+            step = np.where(begun, 0, np.minimum(state[1] + 1, plan.shape[1] - 1))
+        action = np.take_along_axis(plan, step[:, None], axis=1).astype(np.float32)
+        return action.reshape(*np.shape(observation)[:-1], 1), (plan, step)
+
+
+class LinearFeedback(StrideFeedback):
+    """One or two torques a stride, which bring the walker back to its gait.
+
+    Args:
+        scene: A `Scene`, its name, or a mapping of its arguments; of a range of slopes, the gains
+            belong to the gait at its middle.
+        method: "lqr" or "deadbeat".
+        pieces: Torques a stride: 1, or 2 for its halves where torques are held for ticks.
+        torque_weight: Of "lqr"; see `feedback.gains`.
+
+    Attributes:
+        gait: The gait that is held.
+        closed_loop: Derivative of the stride map under the feedback, dimensionless, (m, m).
+
+    Raises:
+        GaitNotFound: if there is no gait to hold.
+        ValueError: if the number of pieces or the method is none.
+    """
+
+    def __init__(
+        self,
+        scene: Scene | str | dict[str, Any] = "level",
+        method: Method = "lqr",
+        *,
+        pieces: int = 1,
+        torque_weight: float = 100.0,
+    ) -> None:
+        scene = make_scene(scene)
+        if pieces not in (1, 2) or (pieces == 2 and scene.control == "stride"):
+            raise ValueError(
+                f'pieces must be 1, or 2 with control="tick", not {pieces!r} with '
+                f"control={scene.control!r}"
+            )
+        walker, slope = scene.walker, float(np.mean(scene.slope))
+        self.gait = powered_gait(walker, slope)
+        point = section_point(walker, self.gait.state)
+        torque = self.gait.hip_torque / frame_of(walker).torque
+        free = ticked_stride(walker, slope, point, np.array([torque]), tick=np.inf)
+        count = 1 if scene.control == "stride" else math.ceil(free.duration / scene.tick)
+        torques = np.full(count, torque)
+        walked = ticked_stride(walker, slope, point, torques, tick=scene.tick)
+        # Which ticks belong to which piece.
+        held = np.eye(pieces)[np.arange(count) * pieces // count]
+        by_torque = walked.by_torque @ held
+        answer = gains(walked.by_point, by_torque, method, torque_weight=torque_weight)
+        self.closed_loop = walked.by_point - by_torque @ answer
+        name = {"lqr": "LQR", "deadbeat": "deadbeat"}[method] + (", two torques" * (pieces - 1))
+        scale = scene.max_hip_torque
+        super().__init__(name, walker, point, torques / scale, held @ answer / scale)
+
+
+class Optimal(StrideFeedback):
+    """The torques of an optimal gait, with feedback that brings the walker back to it.
+
+    On the gait it plays exactly the gait's torques. Off it, LQR over all torques of the stride
+    changes them at its start, whether or not the gait is stable by itself.
+
+    Args:
+        scene: A `Scene`, its name, or a mapping of its arguments.
+        gait: The gait; None is the stored one that earns the scene's reward fastest.
+        torque_weight: See `feedback.gains`.
+
+    Attributes:
+        gait: The gait.
+        closed_loop: Derivative of the stride map under the feedback, dimensionless, (m, m).
+
+    Raises:
+        ValueError: if no gaits of the scene are stored.
+    """
+
+    def __init__(
+        self,
+        scene: Scene | str | dict[str, Any] = "level",
+        gait: OptimalGait | None = None,
+        *,
+        torque_weight: float = 10.0,
+    ) -> None:
+        name, scene = scene, make_scene(scene)
+        if gait is None:
+            known = optimal.load(name if isinstance(name, str) else optimal.stored_name(scene))
+            gait = max(known, key=lambda g: g.speed * (1.0 - scene.energy_weight * g.hip_cost))
+        self.gait = gait
+        point, torques = np.array(gait.point), np.array(gait.torques)
+        tick = scene.tick if scene.control == "tick" else np.inf
+        walked = ticked_stride(scene.walker, gait.slope, point, torques, tick=tick)
+        rows = gains(walked.by_point, walked.by_torque, torque_weight=torque_weight)
+        self.closed_loop = walked.by_point - walked.by_torque @ rows
+        scale = scene.max_hip_torque
+        super().__init__("optimal", scene.walker, point, torques / scale, rows / scale)

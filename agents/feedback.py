@@ -1,7 +1,7 @@
-"""Once-per-stride linear feedback: the hip torque of a stride from the state that it starts in.
+"""Once-per-stride linear feedback: the torques of a stride from the state that it starts in.
 
 Around a gait the stride map is x' = A x + B u, x being the deviation on the section and u that of
-the torque. Both matrices are the exact derivatives of the stride map.
+the torques held through the pieces of the stride. Both matrices are exact derivatives.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
+from agents.ticks import coordinates
 from gym_passive_walker import GaitNotFound, Walker, find_gait, stride, stride_jacobian
 
 Method = Literal["lqr", "deadbeat"]
@@ -31,19 +32,10 @@ class PoweredGait(NamedTuple):
     Attributes:
         state: Section state (6,), in the walker's own units.
         hip_torque: The torque, in the walker's own units.
-        map: A, derivative of the next section point by this one, (m, m).
-        by_torque: B, its derivative by the torque, (m,).
     """
 
     state: NDArray[np.float64]
     hip_torque: float
-    map: NDArray[np.float64]
-    by_torque: NDArray[np.float64]
-
-
-def coordinates(walker: Walker) -> list[int]:
-    """Which entries of a state are coordinates of the section."""
-    return [0, 3, 4, 5] if walker.knees else [0, 3, 4]
 
 
 def powered_gait(walker: Walker, slope: float) -> PoweredGait:
@@ -56,8 +48,7 @@ def powered_gait(walker: Walker, slope: float) -> PoweredGait:
         GaitNotFound: if the walker has no passive gait to begin with, or loses it on the way.
     """
     try:
-        gait = find_gait(walker, slope)
-        return _at(walker, slope, gait.state, 0.0)
+        return PoweredGait(find_gait(walker, slope).state, 0.0)
     except GaitNotFound:
         gait = find_gait(walker, _REFERENCE_SLOPE)
     if walker.massless_legs:
@@ -80,12 +71,7 @@ def powered_gait(walker: Walker, slope: float) -> PoweredGait:
                     f"no gait with a constant torque was found at slope {slope} rad: the gait of "
                     f"slope {_REFERENCE_SLOPE} rad was lost at {here:.4g} rad"
                 ) from None
-    return _at(walker, slope, state, torque)
-
-
-def _at(walker: Walker, slope: float, state: NDArray, torque: float) -> PoweredGait:
-    both = stride_jacobian(walker, slope, state, hip_torque=torque, wrt=["state", "hip_torque"])
-    return PoweredGait(state, torque, both[:, :-1], both[:, -1])
+    return PoweredGait(state, torque)
 
 
 def _converged(walker: Walker, slope: float, state: NDArray, torque: float) -> NDArray:
@@ -103,35 +89,53 @@ def _converged(walker: Walker, slope: float, state: NDArray, torque: float) -> N
     raise ValueError("Newton's method did not settle")
 
 
-def gains(gait: PoweredGait, method: Method = "lqr", *, torque_weight: float = 100.0) -> NDArray:
-    """Row K of the feedback u = -K x.
+def gains(
+    by_point: NDArray, by_torque: NDArray, method: Method = "lqr", *, torque_weight: float = 100.0
+) -> NDArray[np.float64]:
+    """Matrix K of the feedback u = -K x, in the coordinates of the section.
 
     A stride forgets some directions of its start altogether, so the gains are found on those that
     survive and say nothing about the others.
 
     Args:
-        gait: The gait to hold.
-        method: "lqr" weighs deviations against torque over all strides to come; "deadbeat" is back
-            on the gait in as many strides as directions survive.
-        torque_weight: Of the torque's square, in units where A and B have comparable size. Small
+        by_point: A, derivative of the next section point by this one, (m, m).
+        by_torque: B, its derivative by the torque of each piece of the stride, (m, pieces).
+        method: "lqr" weighs deviations against torques over all strides to come; "deadbeat" is back
+            on the gait in as few strides as can be: with one piece, as many as directions survive.
+        torque_weight: Of the torques' squares, in units where A and B have comparable size. Small
             weights recover faster from small deviations, and stub the toe after large ones.
+
+    Returns:
+        Shape (pieces, m).
+
+    Raises:
+        ValueError: if the method has another name.
     """
-    scale = np.max(np.abs(gait.by_torque))
-    a, b = gait.map, gait.by_torque[:, None] / scale
-    left, sizes, right = np.linalg.svd(a)
+    if method not in ("lqr", "deadbeat"):
+        raise ValueError(f'method must be "lqr" or "deadbeat", not {method!r}')
+    scale = np.max(np.abs(by_torque))
+    left, sizes, right = np.linalg.svd(by_point)
     survive = int(np.sum(sizes > _SURVIVES * sizes[0]))
     # Coordinates of a point along the map's range, parallel to what the map sends to zero.
     inside = np.linalg.inv(np.column_stack([left[:, :survive], right[survive:].T]))[:survive]
-    a_small, b_small = inside @ a @ left[:, :survive], inside @ b
-    if method == "lqr":
-        p = solve_discrete_are(a_small, b_small, np.eye(survive), [[torque_weight]])
-        k = np.linalg.solve(torque_weight + b_small.T @ p @ b_small, b_small.T @ p @ a_small)
-    elif method == "deadbeat":  # Ackermann's formula with all poles at zero
-        reach = np.column_stack(
-            [np.linalg.matrix_power(a_small, i) @ b_small for i in range(survive)]
-        )
-        last = np.linalg.solve(reach.T, np.eye(survive)[-1])
-        k = last[None] @ np.linalg.matrix_power(a_small, survive)
-    else:
-        raise ValueError(f'method must be "lqr" or "deadbeat", not {method!r}')
-    return (k @ inside)[0] / scale
+    a, b = inside @ by_point @ left[:, :survive], inside @ by_torque / scale
+    if method == "deadbeat":
+        return deadbeat(a, b) @ inside / scale
+    weight = torque_weight * np.eye(b.shape[1])
+    p = solve_discrete_are(a, b, np.eye(survive), weight)
+    return np.linalg.solve(weight + b.T @ p @ b, b.T @ p @ a) @ inside / scale
+
+
+def deadbeat(a: NDArray, b: NDArray) -> NDArray[np.float64]:
+    """Gains that bring x' = A x + B u to rest in as few steps as can be, with the least torques.
+
+    What no torque moves at once has to come to rest by way of what torques do move: a deadbeat
+    feedback of the smaller system says where that should go, and the torques bring it there.
+    """
+    reach = np.linalg.pinv(b)
+    left, sizes, _ = np.linalg.svd(b)
+    moved = int(np.sum(sizes > _SURVIVES * sizes[0]))
+    others = left[:, moved:].T
+    if len(others):
+        reach = reach - reach @ b @ -deadbeat(others @ a @ others.T, others @ a @ b) @ others
+    return reach @ a

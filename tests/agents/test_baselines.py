@@ -8,7 +8,7 @@ from agents import worlds
 from agents.baselines import ConstantTorque, LinearFeedback, Passive
 from agents.config import configure
 from agents.evaluation import WALKED_ON, evaluate
-from agents.feedback import gains, powered_gait
+from agents.feedback import powered_gait
 
 
 def walks(policy, scene, episodes=4, **env):
@@ -85,13 +85,35 @@ def test_a_powered_gait_returns_to_itself(name, slope):
     assert (gait.hip_torque > 0.0) == (slope == 0.0)
 
 
-def test_deadbeat_gains_bring_every_surviving_direction_home():
-    gait = powered_gait(gpw.WALKERS["C"], 0.11)
-    assert np.max(np.abs(np.linalg.eigvals(gait.map))) > 2.0
-    closed = gait.map - np.outer(gait.by_torque, gains(gait, "deadbeat"))
-    assert np.max(np.abs(np.linalg.matrix_power(closed, 4))) < 1e-9
-    closed = gait.map - np.outer(gait.by_torque, gains(gait, "lqr", torque_weight=1.0))
-    assert np.max(np.abs(np.linalg.eigvals(closed))) < 0.5
+def moduli(matrix):
+    """Sizes of a matrix's eigenvalues, the largest first."""
+    return np.sort(np.abs(np.linalg.eigvals(matrix)))[::-1]
+
+
+def test_one_torque_a_stride_tames_the_gait_that_steep_slopes_make_unstable():
+    assert abs(gpw.find_gait("C", 0.11).multipliers[0]) == pytest.approx(2.21, abs=0.01)
+    held = LinearFeedback("steep", "lqr", torque_weight=0.02)
+    assert moduli(held.closed_loop)[0] < 0.125
+
+
+@pytest.mark.parametrize("scene", ["level", {"slope": 0.11}])
+def test_two_torques_a_stride_recover_faster_than_one(scene):
+    one, two = (LinearFeedback(scene, torque_weight=0.1, pieces=n) for n in (1, 2))
+    assert moduli(two.closed_loop)[0] < moduli(one.closed_loop)[0]
+    assert len(np.unique(two.rows, axis=0)) == 2
+
+
+@pytest.mark.parametrize(("pieces", "strides"), [(1, 3), (2, 2)])
+def test_deadbeat_feedback_is_back_on_the_gait_in_a_few_strides(pieces, strides):
+    # A kneed walker forgets one of four directions at kneestrike: three are left to bring home.
+    closed = LinearFeedback("level", "deadbeat", pieces=pieces).closed_loop
+    assert np.max(np.abs(np.linalg.matrix_power(closed, strides))) < 1e-9
+    assert np.max(np.abs(np.linalg.matrix_power(closed, strides - 1))) > 1e-3
+
+
+def test_a_stride_of_one_torque_has_no_two_pieces():
+    with pytest.raises(ValueError, match="tick"):
+        LinearFeedback("steep", pieces=2)
 
 
 def test_feedback_methods_have_names():

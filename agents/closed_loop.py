@@ -1,0 +1,311 @@
+"""What a policy does to the walker: its periodic gait, its multipliers, and its basin."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from agents.evaluation import Policy
+from agents.ticks import section_point, section_state
+from gym_passive_walker import GaitNotFound
+from gym_passive_walker.envs.scene import Scene, make_scene
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.gaits.gait import multipliers_of
+from gym_passive_walker.gaits.section import section_of
+from gym_passive_walker.physics import integrator as I
+from gym_passive_walker.physics.stride import advance, new_records
+
+_SETTLING = 100  # strides before the search begins
+_NEWTON = 12
+_CLOSED = 1e-5  # observations are single numbers in single precision: no stride closes to rounding
+_SHIFT = 5e-4  # of a coordinate, for central differences through single precision
+_SAMPLES = 200  # of a stride, for its portrait
+_WORK = ("gravity_cost", "hip_cost", "net_hip_cost")
+_VERGE = 1e-8  # of a stride, before its end: the heelstrike has not yet come
+
+
+class Strides(NamedTuple):
+    """Some strides of each of n walkers under a policy, dimensionless.
+
+    Attributes:
+        ends: Where they end on the section, (n, m); NaN for walkers that fell before.
+        length: Distance walked, (n,).
+        duration: Time taken, (n,).
+        work: Of gravity, absolute and net work of the motor, over m g l, (3, n).
+        torques: The torques of the first stride's steps, in units of m g l, (steps, n); NaN once
+            it is over.
+    """
+
+    ends: NDArray[np.float64]
+    length: NDArray[np.float64]
+    duration: NDArray[np.float64]
+    work: NDArray[np.float64]
+    torques: NDArray[np.float64]
+
+
+class PolicyBasin(NamedTuple):
+    """From where a policy keeps its walker walking.
+
+    Attributes:
+        stance_angles: rad, (columns,).
+        stance_rates: In units of sqrt(g/l), (rows,).
+        survived: Whether a walker that starts there, and else like the gait, makes all the strides
+            asked for; shape (rows, columns).
+    """
+
+    stance_angles: NDArray[np.float64]
+    stance_rates: NDArray[np.float64]
+    survived: NDArray[np.bool_]
+
+
+def policy_strides(
+    policy: Policy, scene: Scene, slope: float, points: NDArray, count: int = 1
+) -> Strides:
+    """Take walkers through some strides under a policy.
+
+    Args:
+        policy: Who acts.
+        scene: A scene whose motor is charged for absolute work.
+        slope: Slope in rad.
+        points: Starts on the section, dimensionless, (n, m).
+        count: Strides.
+    """
+    n, walker = len(points), scene.walker
+    worlds = PassiveWalkerVectorEnv(n, scene, max_episode_steps=-1)
+    states = section_state(walker, points)
+    states[:, 3:] /= walker.time_unit
+    seen, _ = worlds.reset(seed=0, options={"state": states, "slope": slope})
+    ends, torques = np.full_like(points, np.nan), []
+    length, duration, work = np.zeros(n), np.zeros(n), np.zeros((3, n))
+    memory, first, left = None, np.ones(n, bool), np.full(n, count)
+    while (left > 0).any():
+        action, memory = policy.predict(seen, memory, first, deterministic=True)
+        if (left == count).any():
+            shares = np.clip(action[:, 0], -1.0, 1.0)
+            torques.append(np.where(left == count, shares * scene.max_hip_torque, np.nan))
+        seen, _, first, _, infos = worlds.step(action)
+        struck = (left > 0) & infos.get("_step_length", False)
+        if struck.any():
+            step = infos["step_length"][struck]
+            length[struck] += step
+            duration[struck] += infos["step_period"][struck]
+            work[:, struck] += step * [infos[name][struck] for name in _WORK]
+        left[struck] -= 1
+        there = struck & (left == 0)
+        ends[there] = section_point(walker, worlds.states[there])
+        left[first] = 0
+    return Strides(ends, length, duration, work, np.array(torques))
+
+
+@dataclass(frozen=True)
+class ClosedLoopGait:
+    """The periodic gait of a walker under a policy; dimensionless, energies over weight and length.
+
+    Attributes:
+        policy: Who acts.
+        scene: The scene, with the motor charged for absolute work.
+        slope: Slope in rad.
+        period: Strides until it repeats.
+        point: Where it starts on the section, (m,).
+        multipliers: Eigenvalues of the stride map under the policy over one period, largest modulus
+            first, (m,).
+        violation: Largest distance between the period's end and its start.
+        speed: Mean speed over sqrt(g l).
+        step_length: Mean step length over l.
+        step_period: Mean time of a stride over sqrt(l/g).
+        gravity_cost: What gravity pays.
+        hip_cost: Absolute work of the motor.
+        net_hip_cost: Its net work.
+        times: Instants of the first stride, from heelstrike to just before the next, (k,).
+        states: Angles in rad and dimensionless rates at these, (k, 6).
+        torques: The torque under which the walker came to each, in units of m g l, (k,).
+    """
+
+    policy: Policy
+    scene: Scene
+    slope: float
+    period: int
+    point: NDArray[np.float64]
+    multipliers: NDArray[np.complex128]
+    violation: float
+    speed: float
+    step_length: float
+    step_period: float
+    gravity_cost: float
+    hip_cost: float
+    net_hip_cost: float
+    times: NDArray[np.float64] = field(repr=False)
+    states: NDArray[np.float64] = field(repr=False)
+    torques: NDArray[np.float64] = field(repr=False)
+
+    @property
+    def stable(self) -> bool:
+        """Whether small disturbances die out."""
+        return bool(abs(self.multipliers[0]) < 1.0)
+
+    @property
+    def positive_hip_cost(self) -> float:
+        """Work of the motor where it drives."""
+        return 0.5 * (self.hip_cost + self.net_hip_cost)
+
+    @property
+    def cost_of_transport(self) -> float:
+        """Gravity's work and the motor's absolute work."""
+        return self.gravity_cost + self.hip_cost
+
+    def basin(self, *, resolution: int = 31, reach: float = 2.0, strides: int = 20) -> PolicyBasin:
+        """From where the policy keeps the walker walking, on a slice through the gait.
+
+        Stance angle and stance rate are free; the swing leg's rates keep the gait's own ratio to
+        the stance rate.
+
+        Args:
+            resolution: Points along each axis.
+            reach: How far the axes go, in multiples of the gait's angle and rate.
+            strides: How many strides count as walking.
+        """
+        shares = np.linspace(reach / resolution, reach, resolution)
+        rate, angle = np.meshgrid(shares, shares, indexing="ij")
+        points = np.column_stack([angle.ravel(), *[rate.ravel()] * (len(self.point) - 1)])
+        points *= self.point
+        ends = policy_strides(self.policy, self.scene, self.slope, points, strides).ends
+        survived = np.isfinite(ends).all(axis=1).reshape(resolution, resolution)
+        return PolicyBasin(shares * self.point[0], shares * self.point[1], survived)
+
+
+def closed_loop_gait(
+    policy: Policy,
+    scene: Scene | str | dict[str, Any] = "level",
+    *,
+    slope: float | None = None,
+    period: int = 1,
+    start: ArrayLike | None = None,
+) -> ClosedLoopGait:
+    """The periodic gait that a walker has under a policy.
+
+    ```python
+    >>> from agents import closed_loop_gait
+    >>> from agents.baselines import LinearFeedback
+    >>> gait = closed_loop_gait(LinearFeedback("steep"), "steep")
+    >>> gait.stable, round(gait.speed, 3)
+    (True, 0.325)
+
+    ```
+
+    The walker walks for a while, and Newton's method closes what remains; so gaits are found that
+    the policy holds, and unstable ones near the start. Derivatives are central differences through
+    the policy, whose observations are single numbers in single precision: multipliers are good to
+    about three digits.
+
+    Args:
+        policy: Who acts: a baseline, a learned policy, or a model of stable-baselines3. What it
+            remembers must start anew with each stride.
+        scene: A `Scene`, its name, or a mapping of its arguments.
+        slope: Slope in rad; the scene's, or the middle of its range, if None.
+        period: Strides until the gait repeats.
+        start: Where to start on the section, dimensionless, (m,); None is the scene's own start.
+
+    Raises:
+        GaitNotFound: if the walker falls at once, or no gait is found.
+        ValueError: if the period is not positive.
+    """
+    if period < 1:
+        raise ValueError(f"a gait repeats after 1 stride or more, not {period!r}")
+    scene = make_scene(scene, energy="absolute", perturbation=0.0, randomise={})
+    slope = float(np.mean(scene.slope)) if slope is None else float(slope)
+    scene = make_scene(scene, slope=slope)
+
+    def ends(points: NDArray, count: int = period) -> NDArray:
+        return policy_strides(policy, scene, slope, points, count).ends
+
+    if start is None:
+        world = PassiveWalkerVectorEnv(1, scene)
+        world.reset(seed=0)
+        point = section_point(scene.walker, world.states[0])
+    else:
+        point = np.array(start, dtype=float)
+    settled = ends(point[None], _SETTLING)[0]
+    if np.isfinite(settled).all():  # else it falls: the gait may be unstable, and near the start
+        point = settled
+    steps = _SHIFT * np.eye(len(point))
+    for _ in range(_NEWTON):
+        tried = ends(np.vstack([point, point + steps, point - steps]))
+        if not np.isfinite(tried).all():
+            raise GaitNotFound(
+                f"a walker under {getattr(policy, 'name', 'this policy')} does not make {period} "
+                "strides from near its start; give a start near the gait"
+            )
+        m = len(point)
+        by_point = (tried[1 : m + 1] - tried[m + 1 :]).T / (2.0 * _SHIFT)
+        violation = float(np.max(np.abs(tried[0] - point)))
+        if violation < _CLOSED:
+            break
+        point = point + np.linalg.solve(np.eye(m) - by_point, tried[0] - point)
+    else:
+        raise GaitNotFound(
+            f"no gait of period {period} under {getattr(policy, 'name', 'this policy')}: the best "
+            f"stride ends {violation:.1e} from where it began; try another period or start"
+        )
+    return _measured(policy, scene, slope, period, point, multipliers_of(by_point), violation)
+
+
+def _measured(
+    policy: Policy,
+    scene: Scene,
+    slope: float,
+    period: int,
+    point: NDArray,
+    multipliers: NDArray,
+    violation: float,
+) -> ClosedLoopGait:
+    """The gait at a fixed point."""
+    taken = policy_strides(policy, scene, slope, point[None], period)
+    length, duration = float(taken.length[0]), float(taken.duration[0])
+    gravity, hip, net = (taken.work[:, 0] / length).tolist()
+    one = policy_strides(policy, scene, slope, point[None])
+    times, states, torques = portrait(
+        scene, slope, point, one.torques[:, 0], float(one.duration[0])
+    )
+    return ClosedLoopGait(
+        policy, scene, slope, period, point, multipliers, violation,
+        speed=length / duration, step_length=length / period, step_period=duration / period,
+        gravity_cost=gravity, hip_cost=hip, net_hip_cost=net,
+        times=times, states=states, torques=torques,
+    )  # fmt: skip
+
+
+def portrait(
+    scene: Scene, slope: float, point: NDArray, torques: NDArray, duration: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """A stride under given torques as a fine series of states.
+
+    Args:
+        scene: The scene.
+        slope: Slope in rad.
+        point: Where it starts on the section, (m,).
+        torques: Torque of each step, in units of m g l.
+        duration: When it ends.
+
+    Returns:
+        Times (k,), states with dimensionless rates (k, 6), and torques (k,), the last one just
+        before heelstrike.
+    """
+    section = section_of(scene.walker)
+    tick = scene.tick if scene.control == "tick" else math.inf
+    edges = tick * np.arange(1, len(torques))
+    times = np.union1d(np.linspace(0.0, duration * (1.0 - _VERGE), _SAMPLES), edges)
+    record = new_records(section_state(scene.walker, point[None]), np.array([slope]))
+    states, held = [record[0, :6].copy()], [torques[0]]
+    for before, time in pairwise(times):
+        held.append(torques[np.searchsorted(edges, before, side="right")])
+        record[:, I.TORQUE], record[:, I.END] = held[-1], time
+        advance(
+            section.kind, section.constants, record, tolerance=1e-10, from_section=before == 0.0
+        )
+        states.append(record[0, :6].copy())
+    return times, np.array(states), np.array(held)

@@ -1,0 +1,66 @@
+"""What a policy does to the walker."""
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from agents.baselines import ConstantTorque, LinearFeedback, Passive
+from agents.closed_loop import closed_loop_gait
+
+
+def test_without_a_motor_it_is_the_passive_gait():
+    closed, passive = closed_loop_gait(Passive(), "lab"), gpw.find_gait("lab", 0.036)
+    assert closed.speed == pytest.approx(passive.froude_speed, rel=1e-6)
+    assert np.abs(closed.multipliers) == pytest.approx(np.abs(passive.multipliers), abs=1e-4)
+    assert closed.cost_of_transport == pytest.approx(np.sin(0.036), rel=1e-5)
+    assert closed.hip_cost == 0.0 and closed.stable
+
+
+@pytest.mark.parametrize("scene", ["steep", "level"])
+def test_feedback_has_the_multipliers_that_it_was_designed_for(scene):
+    policy = LinearFeedback(scene)
+    closed = closed_loop_gait(policy, scene)
+    designed = np.sort(np.abs(np.linalg.eigvals(policy.closed_loop)))[::-1]
+    assert np.abs(closed.multipliers) == pytest.approx(designed, abs=2e-3)
+
+
+def test_an_unstable_gait_is_found_near_its_start():
+    closed = closed_loop_gait(Passive(), "steep")
+    assert not closed.stable
+    assert abs(closed.multipliers[0]) == pytest.approx(2.21, abs=0.01)
+
+
+def test_on_level_ground_the_motor_pays_for_everything():
+    closed = closed_loop_gait(ConstantTorque(0.0025, "level"), "level")
+    assert closed.gravity_cost == pytest.approx(0.0, abs=1e-8)
+    assert closed.cost_of_transport == pytest.approx(closed.hip_cost)
+    assert closed.net_hip_cost < closed.positive_hip_cost < closed.hip_cost
+    assert closed.hip_cost == pytest.approx(0.0051, abs=1e-4)
+    assert closed.torques == pytest.approx(0.0025)
+
+
+def test_the_portrait_goes_from_heelstrike_to_heelstrike():
+    closed = closed_loop_gait(Passive(), "lab")
+    assert closed.times[0] == 0.0
+    assert closed.times[-1] == pytest.approx(closed.step_period)
+    first, last = closed.states[0], closed.states[-1]
+    assert first[0] == -first[1] == pytest.approx(-last[0], abs=1e-6)
+    assert last[1] == pytest.approx(first[0], abs=1e-6)
+
+
+def test_feedback_widens_the_basin_of_a_gait():
+    areas = [
+        closed_loop_gait(policy, "steep").basin(resolution=24, reach=1.5).survived.mean()
+        for policy in (Passive(), LinearFeedback("steep"))
+    ]
+    assert areas[0] < 0.01 < areas[1]
+
+
+def test_a_walker_that_only_falls_has_no_gait():
+    with pytest.raises(gpw.GaitNotFound, match="constant torque"):
+        closed_loop_gait(ConstantTorque(-0.05, "level"), "level")
+
+
+def test_periods_are_positive():
+    with pytest.raises(ValueError, match="1 stride or more"):
+        closed_loop_gait(Passive(), "lab", period=0)

@@ -1,0 +1,106 @@
+"""Gaits of least cost of transport, and who plays them."""
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from agents import closed_loop_gait, commands, optimal, worlds
+from agents.baselines import ConstantTorque, LinearFeedback, Optimal
+from agents.config import configure
+from agents.evaluation import WALKED_ON, evaluate
+from agents.ticks import ticked_stride
+from gym_passive_walker.envs.scene import make_scene
+
+STORED = [(scene, gait) for scene in commands.GRIDS for gait in optimal.load(scene)]
+
+
+@pytest.mark.parametrize(
+    ("scene", "gait"), STORED, ids=[f"{scene}-{gait.speed:.3f}" for scene, gait in STORED]
+)
+def test_a_stored_gait_closes_at_its_speed_and_cost(scene, gait):
+    scene = make_scene(scene)
+    tick = scene.tick if scene.control == "tick" else np.inf
+    torques = np.array(gait.torques)
+    assert np.max(np.abs(torques)) <= scene.max_hip_torque * (1.0 + 1e-12)
+    walked = ticked_stride(scene.walker, gait.slope, np.array(gait.point), torques, tick=tick)
+    assert walked.end == pytest.approx(gait.point, abs=1e-9)
+    assert walked.length / walked.duration == pytest.approx(gait.speed, rel=1e-9)
+    work = float(np.abs(torques) @ walked.turn)
+    assert work / walked.length == pytest.approx(gait.hip_cost, rel=1e-6)
+    assert not gait.stubs
+
+
+def test_level_walking_at_a_tenth_costs_a_third_of_a_percent():
+    gaits = optimal.load("level")
+    assert optimal.least_cost(gaits, 0.10) <= 0.00325
+    assert optimal.least_cost(gaits, 0.15) <= 0.01347
+    assert np.isnan(optimal.least_cost(gaits, 0.4))
+
+
+def test_a_gait_is_found_from_its_neighbour():
+    start = next(gait for gait in optimal.load("level") if gait.speed > 0.055)
+    found = optimal.optimal_gait("level", 0.055, start=start)
+    assert found.speed == pytest.approx(0.055) and found.violation < 1e-9
+    assert found.optimality < 0.01
+    assert found.hip_cost < optimal.least_cost(optimal.load("level"), 0.055)  # the curve is convex
+
+
+def test_the_optimum_costs_less_than_a_constant_torque():
+    constant = closed_loop_gait(ConstantTorque(0.0025, "level"), "level")
+    assert optimal.least_cost(optimal.load("level"), constant.speed) < 0.7 * constant.hip_cost
+
+
+def test_a_passive_gait_is_its_own_optimum_without_a_motor():
+    gait = gpw.find_gait("lab", 0.036)
+    scene = make_scene("lab", control="stride")
+    found = optimal.optimal_gait(scene, gait.froude_speed)
+    assert found.hip_cost == pytest.approx(0.0, abs=1e-9)
+    assert found.cost_of_transport == pytest.approx(np.sin(0.036))
+    assert found.multipliers[0] == pytest.approx(abs(gait.multipliers[0]), rel=1e-6)
+
+
+def test_the_optimal_policy_plays_its_gait_and_returns_to_it():
+    policy = Optimal("level")
+    closed = closed_loop_gait(policy, "level")
+    assert closed.speed == pytest.approx(policy.gait.speed, rel=1e-4)
+    assert closed.hip_cost == pytest.approx(policy.gait.hip_cost, rel=1e-3)
+    assert closed.stable
+    arena = worlds.arena(configure("ppo", "level"), 8)
+    walks, others = (evaluate(p, arena, seed=3) for p in (policy, LinearFeedback("level")))
+    assert walks.endings == [WALKED_ON] * 8
+    assert np.mean(walks.reward) > np.mean(others.reward)
+
+
+def test_stored_gaits_belong_to_a_scene_however_it_is_named():
+    assert Optimal(make_scene("steep")).gait == Optimal("steep").gait
+    with pytest.raises(ValueError, match="optimal_gait"):
+        Optimal(make_scene("level", slope=0.001))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("rolling", 0.1), "choose one by"),
+        (("level", -0.1), "speed must lie"),
+        (("level", float("nan")), "speed must lie"),
+    ],
+)
+def test_what_has_no_optimum_is_refused(arguments, words):
+    with pytest.raises(ValueError, match=words):
+        optimal.optimal_gait(*arguments)
+
+
+def test_a_speed_out_of_reach_is_said_to_be():
+    scene = make_scene("level", control="stride")
+    with pytest.raises(gpw.GaitNotFound, match=r"no gait at speed 1\.5"):
+        optimal.optimal_gait(scene, 1.5)
+
+
+def test_scenes_without_stored_gaits_say_how_to_get_them():
+    with pytest.raises(ValueError, match=r"train\.py optimal"):
+        optimal.load("moon")
+
+
+def test_the_table_has_a_line_for_each_gait(capsys):
+    assert commands.find_optimal(["--scene", "steep"]) == 0
+    assert len(capsys.readouterr().out.splitlines()) == 1 + len(optimal.load("steep"))

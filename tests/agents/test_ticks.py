@@ -1,0 +1,66 @@
+"""Strides under a torque that changes from tick to tick, and their derivatives."""
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from agents.feedback import powered_gait
+from agents.ticks import section_point, section_state, ticked_stride
+from gym_passive_walker.gaits.stability import NoStride
+
+WALKER = gpw.WALKERS["C"]
+TICK, TICKS = 0.1, 32
+
+
+@pytest.fixture(scope="module")
+def level():
+    """Where walker C's gait under a constant torque starts on level ground."""
+    return section_point(WALKER, powered_gait(WALKER, 0.0).state)
+
+
+def walk(point, torques):
+    """A stride's end and measures in one array, and their derivatives."""
+    walked = ticked_stride(WALKER, 0.0, point, torques, tick=TICK)
+    measures = [walked.duration, walked.length, *walked.swing, *walked.turn, walked.kneestrike]
+    return np.concatenate([walked.end, measures]), walked.by
+
+
+def test_derivatives_are_those_of_the_stride(level):
+    rng = np.random.default_rng(0)
+    torques = 0.0025 + rng.normal(0.0, 0.002, TICKS)
+    direction = np.concatenate([rng.normal(0.0, 1e-6, 4), rng.normal(0.0, 1e-8, TICKS)])
+    ahead, _ = walk(level + direction[:4], torques + direction[4:])
+    behind, _ = walk(level - direction[:4], torques - direction[4:])
+    _, by = walk(level, torques)
+    assert 0.5 * (ahead - behind) == pytest.approx(by @ direction, abs=1e-8 * 1e-6 + 1e-12)
+
+
+def test_equal_ticks_are_one_torque(level):
+    gait = powered_gait(WALKER, 0.0)
+    unit = WALKER.total_mass * WALKER.gravity * WALKER.leg_length
+    walked = ticked_stride(WALKER, 0.0, level, np.full(TICKS, gait.hip_torque / unit), tick=TICK)
+    assert walked.end == pytest.approx(level, abs=1e-9)
+    whole = gpw.stride(WALKER, 0.0, gait.state, hip_torque=gait.hip_torque)
+    assert walked.duration * WALKER.time_unit == pytest.approx(float(whole.duration))
+    assert gait.hip_torque * walked.turn.sum() == pytest.approx(float(whole.hip_work_absolute))
+    assert gait.hip_torque * walked.swing.sum() == pytest.approx(float(whole.hip_work))
+
+
+def test_torques_after_the_heelstrike_have_no_effect(level):
+    walked = ticked_stride(WALKER, 0.0, level, np.full(TICKS, 0.0025), tick=TICK)
+    taken = int(np.ceil(walked.duration / TICK))
+    assert np.all(walked.by_torque[:, taken:] == 0.0) and np.all(walked.turn[taken:] == 0.0)
+    assert np.all(np.abs(walked.by_torque[:, :taken]).max(axis=0) > 0.0)
+
+
+@pytest.mark.parametrize("name", ["lab", "lab-straight"])
+def test_a_section_point_is_its_state(name):
+    walker = gpw.WALKERS[name]
+    state = gpw.find_gait(walker, 0.02).state
+    rates = np.array([1.0] * 3 + [walker.time_unit] * 3)
+    assert section_state(walker, section_point(walker, state)) == pytest.approx(state * rates)
+
+
+def test_a_fall_is_no_stride(level):
+    with pytest.raises(NoStride, match="FELL"):
+        ticked_stride(WALKER, 0.0, level * 0.1, np.full(TICKS, -0.05), tick=TICK)
