@@ -13,9 +13,6 @@ from gym_passive_walker import (
 )
 from gym_passive_walker.gaits.attractors import FELL, UNSETTLED
 
-pytestmark = pytest.mark.slow
-
-
 @pytest.fixture(scope="module")
 def basin():
     return basin_of_attraction("lab", 0.036, resolution=60)

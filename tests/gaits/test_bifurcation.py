@@ -17,9 +17,6 @@ from gym_passive_walker import (
 from gym_passive_walker.gaits.doubling import FEIGENBAUM
 from gym_passive_walker.gaits.walk import period_of
 
-pytestmark = pytest.mark.slow
-
-
 @pytest.fixture(scope="module")
 def cascade():
     return doubling_cascade("D", 0.012, 0.02)

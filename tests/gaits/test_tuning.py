@@ -14,9 +14,6 @@ from gym_passive_walker import (
 )
 from gym_passive_walker.gaits.ends import KNEE_MEETS_HEEL
 
-pytestmark = pytest.mark.slow
-
-
 TUNED, LAB = tune(WALKERS["C"]), WALKERS["lab"]
 
 
