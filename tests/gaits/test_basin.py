@@ -13,6 +13,7 @@ from gym_passive_walker import (
 )
 from gym_passive_walker.gaits.attractors import FELL, UNSETTLED
 
+
 @pytest.fixture(scope="module")
 def basin():
     return basin_of_attraction("lab", 0.036, resolution=60)

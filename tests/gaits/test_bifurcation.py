@@ -17,6 +17,7 @@ from gym_passive_walker import (
 from gym_passive_walker.gaits.doubling import FEIGENBAUM
 from gym_passive_walker.gaits.walk import period_of
 
+
 @pytest.fixture(scope="module")
 def cascade():
     return doubling_cascade("D", 0.012, 0.02)

@@ -14,6 +14,7 @@ from gym_passive_walker import (
     tune,
 )
 
+
 def exponents(name, kind, slope=1e-7):
     family = gait_family(tune(WALKERS[name]), 0.5 * slope, 2.0 * slope, kind, resolution=0.2)
     local = local_exponents(family)

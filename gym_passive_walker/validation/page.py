@@ -1,0 +1,180 @@
+"""The validation page: its sections, how they are computed and how they are written down."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from gym_passive_walker.validation import (
+    de_tuning,
+    families,
+    kneed_chaos,
+    lab,
+    literature,
+    parameters,
+    point_feet,
+    simplest,
+    tuning,
+)
+from gym_passive_walker.validation.rows import Row
+
+
+class Section(NamedTuple):
+    """A part of the page.
+
+    Attributes:
+        title: Its heading.
+        rows: What computes it.
+        text: What to know of its rows.
+    """
+
+    title: str
+    rows: Callable[[], list[Row]]
+    text: str = ""
+
+
+SECTIONS = (
+    Section("The walkers (Table 4.1, Figs. 4.3, 4.5 and 4.7)", parameters.table),
+    Section("The laboratory's walker from its parts (4.10.1)", parameters.laboratory),
+    Section(
+        "Simulation and experiment (4.2, Table 4.2)",
+        lab.table,
+        "Computed for the walker of Fig. 4.3's caption. The experiment may differ by what the "
+        "document's own columns differ by, and 0.01.",
+    ),
+    Section("The return map (4.3.1)", lab.maps),
+    Section("What a machine would feel (4.3.2)", lab.reality),
+    Section("Costs, speeds and collisions (4.3.3, 4.3.4)", simplest.costs),
+    Section("The simplest walker (4.4)", simplest.simplest_walker, "Walker D."),
+    Section("The simplest walker's way to chaos (4.4)", simplest.chaos, "Walker D."),
+    Section(
+        "Point feet with mass (4.5.1, Figs. 4.5 and 4.11)",
+        point_feet.point_feet,
+        "Walkers E and F. A power of γ is the exact tangent d ln θ / d ln γ of the curve of gaits.",
+    ),
+    Section(
+        "Knees free and locked (4.5.2, Figs. 4.6 and 4.12)",
+        families.laboratory,
+        "Walkers lab and lab-straight.",
+    ),
+    Section(
+        "Tuned walkers (4.6.1, 4.6.2)",
+        tuning.tuned_walkers,
+        "Walkers A and C, their tuning made exact.",
+    ),
+    Section(
+        "De-tuning (Fig. 4.8)",
+        de_tuning.de_tuning,
+        "From C, exactly tuned, to the laboratory's walker.",
+    ),
+    Section("Families of tuned walkers (Figs. 4.9 and 4.13, 4.8)", tuning.observations),
+    Section("Energy and scaling (4.6.3)", point_feet.scaling),
+    Section(
+        "The tuned kneed walker's way to chaos (4.7, Fig. 4.10)",
+        kneed_chaos.kneed_chaos,
+        "Walker C, exactly tuned.",
+    ),
+    Section("Which gait is the faster (4.9, Figs. 4.11 to 4.13)", families.speeds),
+    Section("Other publications: the simplest walker", literature.simplest_walker),
+    Section("Other publications: the compass walker", literature.compass),
+)
+
+_HEAD = """# Validation
+
+Every number, and every statement with a number in it, of the source document, beside what this
+package computes; then numbers of other publications. Written by
+
+    python -m gym_passive_walker validate --out docs/validation.md
+
+No parameter was fitted. A printed number is met if the computed one rounds to it, or differs by no
+more than what stands in brackets behind the difference. Walkers are those of
+`gym_passive_walker.WALKERS`; slopes are in rad, and γ is the slope.
+"""
+
+_SOURCES = """## Sources
+
+- The document: M. Garcia, A. Chatterjee, A. Ruina, *Efficiency, speed, and scaling of
+  two-dimensional passive-dynamic walking*, Dynamics and Stability of Systems 15 (2000) 75–99, in
+  its form as chapter 4 of M. Garcia's thesis, whose numbers of sections, figures and tables are
+  given here.
+- M. Garcia, A. Chatterjee, A. Ruina, M. Coleman, *The simplest walking model: stability,
+  complexity, and scaling*, J. Biomech. Eng. 120 (1998) 281–288.
+- A. Goswami, B. Thuilot, B. Espiau, *A study of the passive gait of a compass-like biped robot:
+  symmetry and chaos*, Int. J. Robotics Research 17 (1998) 1282–1301.
+- G. W. Howell, J. Baillieul, *Simple controllable walking mechanisms which exhibit bifurcations*,
+  IEEE CDC (1998) 3027–3032.
+- M. J. Feigenbaum, *Quantitative universality for a class of nonlinear transformations*, J. Stat.
+  Phys. 19 (1978) 25–52.
+"""
+
+_COLUMNS = ("Where", "What", "Print", "Computed", "Difference", "Agrees", "Remark")
+
+
+def _table(cells: list[tuple[str, ...]], columns: tuple[str, ...]) -> str:
+    lines = [columns, ("---",) * len(columns), *cells]
+    return "\n".join(
+        "| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines
+    )
+
+
+def render(page: dict[str, list[Row]]) -> str:
+    """The page as Markdown.
+
+    Args:
+        page: Rows by the titles of their sections.
+    """
+    rows = [row for section in page.values() for row in section]
+    apart = [row for row in rows if not row.agrees]
+    parts = [
+        _HEAD,
+        "## Where print and computation differ\n",
+        f"{len(rows)} statements; {len(rows) - len(apart)} agree and {len(apart)} differ:\n",
+        _table(
+            [(row.where, row.what, row.printed, row.computed, row.remark) for row in apart],
+            ("Where", "What", "Print", "Computed", "Why"),
+        ),
+    ]
+    texts = {section.title: section.text for section in SECTIONS}
+    for title, section in page.items():
+        parts.append(f"\n## {title}\n")
+        if texts.get(title):
+            parts.append(texts[title] + "\n")
+        parts.append(
+            _table(
+                [
+                    (row.where, row.what, row.printed, row.computed, row.difference,
+                     "yes" if row.agrees else "**no**", row.remark)
+                    for row in section
+                ],
+                _COLUMNS,
+            )
+        )  # fmt: skip
+    return "\n".join([*parts, "", _SOURCES])
+
+
+def compute(progress: Callable[[str], None] = lambda title: None) -> dict[str, list[Row]]:
+    """Compute the page.
+
+    Args:
+        progress: Is told each section's title before it is computed.
+
+    Returns:
+        Rows by the titles of their sections.
+    """
+    page = {}
+    for section in SECTIONS:
+        progress(section.title)
+        page[section.title] = section.rows()
+    return page
+
+
+def write(path: str | Path, progress: Callable[[str], None] = lambda title: None) -> list[Row]:
+    """Compute the page and write it to a file.
+
+    Returns:
+        The rows that are not as they are known to be; none if all is well.
+    """
+    page = compute(progress)
+    Path(path).write_text(render(page), encoding="utf-8")
+    return [row for rows in page.values() for row in rows if not row.sound]
