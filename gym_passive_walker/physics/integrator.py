@@ -45,11 +45,14 @@ FIELDS = 20
 _ANGLE, _RATE, _NEW_ANGLE, _NEW_RATE, _STAGE = 0, 3, 6, 9, 12
 _NEW_STAGE = _STAGE + 3 * dormand_prince.STAGES
 _H = _NEW_STAGE + 3
-_NEXT, _TIME, _END, _ERROR, _ALERT, _EVENT, _LOW, _HIGH, _STEPS, _TURN = range(_H + 1, _H + 11)
-_SIN, _COS, _TORQUE = range(_H + 11, _H + 14)
-_CONSTANT = _H + 14
+_NEXT, _TIME, _END, _ERROR, _VERDICT, _EVENT, _LOW, _HIGH, _STEPS, _TURN = range(_H + 1, _H + 11)
+_FRESH, _SIN, _COS, _TORQUE = range(_H + 11, _H + 15)
+_CONSTANT = _H + 15
 _TILE_CONSTANTS = K.KNEE_SINE + 1
 ROWS = _CONSTANT + _TILE_CONSTANTS
+
+# What `judge` makes of a lane's step: nothing of note; something may have happened; time is up.
+_PLAIN, _ALERT, _UP = 0.0, 1.0, 2.0
 
 MOST_STEPS = 20_000
 """Integration steps a walker may take in one phase; no gait needs a hundredth of them."""
@@ -133,6 +136,27 @@ def _stage(index: int, phase: int):  # type: ignore[no-untyped-def]
     return stage
 
 
+def _begin(phase: int):  # type: ignore[no-untyped-def]
+    """Compile the first stage of lanes that have just been filled; others have it from before."""
+
+    @jitted
+    @made_for(phase)
+    def begin(tile, groups):
+        for lane in range(GROUP * groups):
+            a0, a1, a2 = accelerations(
+                phase, tile, lane,
+                get(tile, _ANGLE, lane), get(tile, _ANGLE + 1, lane), get(tile, _ANGLE + 2, lane),
+                get(tile, _RATE, lane), get(tile, _RATE + 1, lane), get(tile, _RATE + 2, lane),
+            )  # fmt: skip
+            fresh = get(tile, _FRESH, lane).real != 0.0
+            put(tile, _STAGE, lane, a0 if fresh else get(tile, _STAGE, lane))
+            put(tile, _STAGE + 1, lane, a1 if fresh else get(tile, _STAGE + 1, lane))
+            put(tile, _STAGE + 2, lane, a2 if fresh else get(tile, _STAGE + 2, lane))
+            put(tile, _FRESH, lane, 0.0)
+
+    return begin
+
+
 @inlined
 def larger(a, b):
     """The larger of two reals."""
@@ -195,7 +219,7 @@ def growth(error):
 
 @inlined
 def judge(phase, tile, lanes, stub):
-    """Settle the ordinary case in every lane; mark the lanes that `attend` must look at."""
+    """Settle the ordinary case in every lane; mark where `attend` must look, or time is up."""
     for lane in range(lanes):
         h, error = get(tile, _H, lane), get(tile, _ERROR, lane).real
         rest = get(tile, _END, lane) - get(tile, _TIME, lane)
@@ -218,18 +242,20 @@ def judge(phase, tile, lanes, stub):
             | (np.abs(s1) >= 0.5 * np.pi)
             | (np.abs(t1) >= np.pi)
             | (turning & (get(tile, _TORQUE, lane).real != 0.0))
-            | (h.real >= rest.real)
             | (get(tile, _EVENT, lane).real != 0.0)
             | (not (error <= 1e30))
             | (h.real < 1e-12)
             | (get(tile, _STEPS, lane).real >= MOST_STEPS)
         )
         plain = (error <= 1.0) & (not alert)
-        following = h * growth(error)
+        up = plain & (h.real >= rest.real)
+        following, proposed = h * growth(error), get(tile, _NEXT, lane)
         rest = rest - h if plain else rest
-        put(tile, _ALERT, lane, 1.0 if alert else 0.0)
+        put(tile, _VERDICT, lane, _UP if up else (_ALERT if alert else _PLAIN))
         put(tile, _STEPS, lane, get(tile, _STEPS, lane) + 1.0)
-        put(tile, _NEXT, lane, get(tile, _NEXT, lane) if alert else following)
+        # A step that the time cut short says little of the next one.
+        kept = alert | (up & (following.real <= proposed.real) & (error <= 0.1))
+        put(tile, _NEXT, lane, proposed if kept else following)
         next_h = following if 1.1 * following.real < rest.real else rest
         put(tile, _H, lane, h if alert else next_h)
         put(tile, _TIME, lane, get(tile, _TIME, lane) + (h if plain else 0.0 * h))
@@ -483,6 +509,13 @@ def attend(tile, lane, phase, stub, landing):
     return 0
 
 
+@inlined
+def equip(tile, lane, c):
+    """Give a lane its walker's constants."""
+    for i in range(_TILE_CONSTANTS):
+        put(tile, _CONSTANT + i, lane, c[i])
+
+
 @jitted
 def load(phase, tile, lane, records, constants, index, first_step):
     """Put a walker into a lane."""
@@ -498,21 +531,9 @@ def load(phase, tile, lane, records, constants, index, first_step):
     put(tile, _EVENT, lane, 0.0)
     put(tile, _STEPS, lane, 0.0)
     put(tile, _TURN, lane, 0.0)
-    if phase != E.SIMPLEST:
-        row = index if len(constants) > 1 else 0
-        for i in range(_TILE_CONSTANTS):
-            put(tile, _CONSTANT + i, lane, constants[row, i])
-    q0, q1, q2 = record[ANGLES], record[ANGLES + 1], record[ANGLES + 2]
-    w0, w1, w2 = record[RATES], record[RATES + 1], record[RATES + 2]
-    if phase == E.FREE:
-        a0, a1, a2 = accelerations(E.FREE, tile, lane, q0, q1, q2, w0, w1, w2)
-    elif phase == E.LOCKED:
-        a0, a1, a2 = accelerations(E.LOCKED, tile, lane, q0, q1, q1, w0, w1, w1)
-    else:
-        a0, a1, a2 = accelerations(E.SIMPLEST, tile, lane, q0, q1, q1, w0, w1, w1)
-    put(tile, _STAGE, lane, a0)
-    put(tile, _STAGE + 1, lane, a1)
-    put(tile, _STAGE + 2, lane, a2)
+    put(tile, _FRESH, lane, 1.0)
+    if phase != E.SIMPLEST and len(constants) > 1:
+        equip(tile, lane, constants[index])
     proposed = record[STEP]
     if proposed.real <= 0.0:
         proposed = 0.0 * proposed + first_step
@@ -571,13 +592,16 @@ def _advance(phase: int):  # type: ignore[no-untyped-def]
         end. Records with an outcome other than RUNNING are left alone; the outcome becomes an
         `Outcome`, or -1 where the time is up.
     """
-    sweep = _sweep(phase)
+    begin, sweep = _begin(phase), _sweep(phase)
 
     @jitted
     @made_for(phase)
     def advance(records, constants, tile, tolerance, landing, first_step, stub):
         owner = np.empty(WIDTH, np.int64)
-        waiting, used = 0, 0
+        waiting, used, fresh = 0, 0, False
+        if phase != E.SIMPLEST and len(constants) == 1:  # alike: they stay
+            for lane in range(WIDTH):
+                equip(tile, lane, constants[0])
         while True:
             while used < WIDTH:
                 waiting = next_waiting(records, waiting, phase)
@@ -585,17 +609,23 @@ def _advance(phase: int):  # type: ignore[no-untyped-def]
                     break
                 load(phase, tile, used, records, constants, waiting, first_step)
                 owner[used] = waiting
+                fresh = True
                 used += 1
                 waiting += 1
             if used == 0:
                 return
             groups = (used + GROUP - 1) // GROUP  # idle lanes compute along, unread
+            if fresh:
+                begin(tile, groups)
+                fresh = False
             sweep(tile, groups, tolerance, stub)
             lane = 0
             while lane < used:
-                event = 0
-                if get(tile, _ALERT, lane).real != 0.0:
+                event, verdict = 0, get(tile, _VERDICT, lane).real
+                if verdict == _ALERT:
                     event = attend(tile, lane, phase, stub, landing)
+                elif verdict == _UP:
+                    event = -1
                 if event == 0:
                     lane += 1
                     continue
@@ -604,6 +634,7 @@ def _advance(phase: int):  # type: ignore[no-untyped-def]
                 if waiting < len(records):
                     load(phase, tile, lane, records, constants, waiting, first_step)
                     owner[lane] = waiting
+                    fresh = True
                     waiting += 1
                     lane += 1
                     continue

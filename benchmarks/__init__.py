@@ -1,0 +1,1 @@
+"""Measurements of speed against error; each script answers one question (see README.md)."""

@@ -1,0 +1,211 @@
+"""What a user would pick instead: SciPy and heyoka, on the same equations and collisions."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.problem import Problem, motion, strikes
+from gym_passive_walker.physics.constants import Kind
+
+_LONGEST = 10.0
+
+
+def _phases(p: Problem) -> list[str]:
+    return ["free", "locked"] if p.kind == Kind.KNEED else ["locked"]
+
+
+def scipy_stride(p: Problem, method: str, tolerance: float) -> Callable[[NDArray], NDArray]:
+    """A function from a section state to the next by `scipy.integrate.solve_ivp`.
+
+    The right-hand sides are compiled by numba, as a careful user would have them.
+    """
+    import numba
+    from scipy.integrate import solve_ivp
+
+    from gym_passive_walker.physics import compass, kneed, simplest
+    from gym_passive_walker.physics import constants as K
+
+    c, sin, cos = p.c, math.sin(p.slope), math.cos(p.slope)
+    sizes = {"free": 3, "locked": 2}
+
+    @numba.njit(error_model="numpy")
+    def free(_, y):  # type: ignore[no-untyped-def]
+        a = kneed.accelerations(
+            y[0], y[1], y[2], y[3], y[4], y[5], c[K.FOOT_RADIUS], c[K.LEG], c[K.STANCE_ALONG],
+            c[K.STANCE_ACROSS], c[K.STANCE_INERTIA], c[K.THIGH_ALONG], c[K.THIGH_ACROSS],
+            c[K.THIGH_INERTIA], c[K.SHANK_ALONG], c[K.SHANK_ACROSS], c[K.SHANK_MOBILITY],
+            c[K.KNEE_COSINE], c[K.KNEE_SINE], sin, cos, 0.0,
+        )  # fmt: skip
+        return np.array([y[3], y[4], y[5], a[0], a[1], a[2]])
+
+    @numba.njit(error_model="numpy")
+    def straight(_, y):  # type: ignore[no-untyped-def]
+        a = compass.accelerations(
+            y[0], y[1], y[2], y[3], c[K.FOOT_RADIUS], c[K.LEG], c[K.STANCE_ALONG],
+            c[K.STANCE_ACROSS], c[K.STANCE_INERTIA], c[K.SWING_ALONG], c[K.SWING_ACROSS],
+            c[K.SWING_INERTIA], sin, cos, 0.0,
+        )  # fmt: skip
+        return np.array([y[2], y[3], a[0], a[1]])
+
+    @numba.njit(error_model="numpy")
+    def light(_, y):  # type: ignore[no-untyped-def]
+        a = simplest.accelerations(y[0], y[1], y[2], y[3], sin, cos, 0.0)
+        return np.array([y[2], y[3], a[0], a[1]])
+
+    def kneestrike_event(_, y):  # type: ignore[no-untyped-def]
+        return y[1] - y[2]
+
+    def heelstrike_event(_, y):  # type: ignore[no-untyped-def]
+        return y[0] + y[1] if y[0] < 0.0 else 1.0
+
+    for event in (kneestrike_event, heelstrike_event):
+        event.terminal, event.direction = True, -1.0  # type: ignore[attr-defined]
+    sides = {"free": free, "locked": light if p.kind == Kind.SIMPLEST else straight}
+    events = {"free": kneestrike_event, "locked": heelstrike_event}
+    knee, heel = strikes(p, lambda x: (math.sin(x), math.cos(x)))
+
+    def stride(start: NDArray) -> NDArray:
+        state = start
+        if p.kind != Kind.KNEED:
+            state = start[[0, 1, 3, 4]]
+        for phase in _phases(p):
+            found = solve_ivp(
+                sides[phase], (0.0, _LONGEST), state, method, events=events[phase],
+                rtol=max(tolerance, 2.5e-14), atol=0.1 * tolerance,
+            )  # fmt: skip
+            state = found.y_events[0][0]
+            state = np.array(knee(state) if phase == "free" else heel(state))
+            assert len(found.y_events[0]) == 1 and sizes[phase]
+        return state
+
+    return stride
+
+
+def _system(p: Problem, phase: str) -> tuple[list, Any]:
+    """The equations of a phase for heyoka, and its event function."""
+    import heyoka as hy
+
+    accelerations = motion(p, phase, lambda x: (hy.sin(x), hy.cos(x)))
+    links = 3 if phase == "free" else 2
+    variables = hy.make_vars(*[f"q{i}" for i in range(links)], *[f"w{i}" for i in range(links)])
+    q, w = variables[:links], variables[links:]
+    rates = [(q[i], w[i]) for i in range(links)]
+    forces = list(zip(w, accelerations(*q, *w), strict=True))
+    return rates + forces, (q[1] - q[2] if phase == "free" else q[0] + q[1])
+
+
+def heyoka_integrators(p: Problem, tolerance: float, number: type = float) -> list[Any]:
+    """Adaptive Taylor integrators of heyoka, one a phase."""
+    import heyoka as hy
+
+    found = []
+    for phase in _phases(p):
+        equations, event = _system(p, phase)
+        ending = hy.t_event(event, direction=hy.event_direction.negative, fp_type=number)
+        size = 2 * (3 if phase == "free" else 2)
+        found.append(
+            hy.taylor_adaptive(
+                equations, np.zeros(size, number), t_events=[ending], tol=number(tolerance),
+                fp_type=number, **({"fast_math": True} if number is float else {}),
+            )
+        )  # fmt: skip
+    return found
+
+
+def heyoka_stride(
+    p: Problem, tolerance: float, number: type = float
+) -> Callable[[NDArray], NDArray]:
+    """A function from a section state to the next by heyoka, one walker at a time."""
+    integrators = heyoka_integrators(p, tolerance, number)
+    sine, cosine = (math.sin, math.cos) if number is float else (np.sin, np.cos)
+    knee, heel = strikes(p, lambda x: (sine(x), cosine(x)))
+
+    def stride(start: NDArray) -> NDArray:
+        state = start.astype(number)
+        if p.kind != Kind.KNEED:
+            state = state[[0, 1, 3, 4]]
+        for phase, ta in zip(_phases(p), integrators, strict=True):
+            ta.time = number(0.0)
+            ta.reset_cooldowns()
+            ta.state[:] = state
+            while True:
+                outcome = ta.propagate_until(number(_LONGEST))[0]
+                if int(outcome) != -1:
+                    raise RuntimeError("heyoka missed an event")
+                if phase == "free" or ta.state[0] < 0.0:
+                    break
+            state = np.array((knee if phase == "free" else heel)(ta.state), dtype=number)
+        return state
+
+    return stride
+
+
+def heyoka_strides(p: Problem, tolerance: float, number: type = float) -> NDArray:
+    """Next section states of all the problem's starts by heyoka, one after the other."""
+    stride = heyoka_stride(p, tolerance, number)
+    return np.array([stride(start) for start in p.starts])
+
+
+def heyoka_batch(
+    p: Problem, tolerance: float, lanes: int, *, events: bool = True
+) -> Callable[[NDArray], NDArray]:
+    """A function from `lanes` section states to the next by heyoka's batch mode.
+
+    Without `events` it integrates each phase for as long as that phase of the gait takes: the floor
+    of what heyoka could do if events cost nothing. The states it returns are then not on events.
+    """
+    import heyoka as hy
+
+    integrators = []
+    for phase in _phases(p):
+        equations, event = _system(p, phase)
+        ending = hy.t_event_batch(event, direction=hy.event_direction.negative)
+        size = 2 * (3 if phase == "free" else 2)
+        integrators.append(
+            hy.taylor_adaptive_batch(
+                equations, np.zeros((size, lanes)), tol=tolerance, fast_math=True,
+                **({"t_events": [ending]} if events else {}),
+            )
+        )  # fmt: skip
+    knee, heel = strikes(p)
+    durations: list[NDArray] = []
+
+    def stride(starts: NDArray) -> NDArray:
+        state = starts.T if p.kind == Kind.KNEED else starts.T[[0, 1, 3, 4]]
+        for i, (phase, ta) in enumerate(zip(_phases(p), integrators, strict=True)):
+            ta.set_time(np.zeros(lanes))
+            ta.state[:] = state
+            if not events:
+                ta.propagate_until(durations[i])
+            else:
+                ta.reset_cooldowns()
+                until = np.full(lanes, _LONGEST)
+                running = np.ones(lanes, bool)
+                while running.any():
+                    ta.propagate_until(until)
+                    stopped = np.array([int(r[0]) == -1 for r in ta.propagate_res])
+                    if phase == "locked":
+                        stopped &= ta.state[0] < 0.0
+                    running &= ~stopped
+                    until[stopped] = ta.time[stopped]
+            state = (knee if phase == "free" else heel)(ta.state)
+        return state.T
+
+    if not events:
+        timed = heyoka_integrators(p, 1e-12)
+        state = p.starts[0] if p.kind == Kind.KNEED else p.starts[0][[0, 1, 3, 4]]
+        scalar_knee, _ = strikes(p, lambda x: (math.sin(x), math.cos(x)))
+        for phase, ta in zip(_phases(p), timed, strict=True):
+            ta.state[:] = state
+            ta.propagate_until(_LONGEST)
+            while phase == "locked" and ta.state[0] >= 0.0:
+                ta.propagate_until(_LONGEST)
+            durations.append(np.full(lanes, ta.time))
+            if phase == "free":
+                state = np.array(scalar_knee(ta.state))
+    return stride

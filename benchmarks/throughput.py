@@ -1,0 +1,272 @@
+"""How fast are many walkers? Strides and ticks a second, beside what a user would pick instead.
+
+    python -m benchmarks.throughput               all parts, some ten minutes
+    python -m benchmarks.throughput strides       one of them
+
+Each part prints its table and puts it into docs/benchmarks.md. Run it on a quiet machine.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+import gym_passive_walker  # noqa: F401  (registers the environment)
+from benchmarks import rivals
+from benchmarks.problem import Problem, crowd, ends, error, problem, reference
+from benchmarks.report import DOCS, keep, machine, seconds, table
+from gym_passive_walker.physics import stride as S
+from gym_passive_walker.physics.integrator import OUTCOME
+
+CORES = os.cpu_count() or 1
+SIZES = [10**k for k in range(7)]
+
+
+def _microseconds(p: Problem, count: int, tolerance: float, threads: int = 1) -> float:
+    """Time of a stride of one walker among `count`."""
+    fresh = crowd(p, count)
+    records = fresh.copy()
+
+    def job() -> None:
+        records[:] = fresh
+        S.advance(p.kind, p.c[None], records, tolerance=tolerance, threads=threads)
+
+    def copying() -> None:
+        records[:] = fresh
+
+    job()
+    assert np.all(records[:, OUTCOME] == 1.0)
+    return (seconds(job) - seconds(copying)) / count * 1e6
+
+
+def strides() -> None:
+    """One walker and a million: time of a stride, on one core and on all."""
+    text, curves = [], {}
+    for name, tolerance in (("kneed", 1e-4), ("kneed", 1e-6), ("kneed", 1e-12),
+                            ("straight", 1e-6), ("simplest", 1e-6)):  # fmt: skip
+        p = problem(name)
+        reached = error(ends(p, tolerance), reference(p)[0])
+        rows, alone = [], 0.0
+        for count in SIZES:
+            one = _microseconds(p, count, tolerance)
+            alone = alone or one
+            every = _microseconds(p, count, tolerance, CORES) if count >= 1000 else float("nan")
+            rows.append((count, one, 1e6 / one, alone / one, every, 1e6 / every, one / every))
+        curves[f"{name}, error {reached:.0e}"] = [row[1] for row in rows]
+        text += [
+            f"Walker {name}, tolerance {tolerance:.0e}: error reached {reached:.1e}",
+            table(
+                ["walkers", "µs a stride, one core", "strides/s, one core", "× one alone",
+                 f"µs, {CORES} cores", f"strides/s, {CORES} cores", "× one core"],
+                rows,
+            ),
+        ]  # fmt: skip
+    size = crowd(problem("kneed"), 2).nbytes // 2
+    text += [f"Memory: {size} bytes a walker. {machine()}."]
+    keep("strides", "\n\n".join(text))
+    _plot(curves)
+
+
+def _plot(curves: dict[str, list[float]]) -> None:
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")
+    for name, values in curves.items():
+        axes.loglog(SIZES, values, "o-", markersize=3, label=name)
+    axes.set(xlabel="walkers in the batch", ylabel="µs a stride and walker, one core")
+    axes.grid(alpha=0.3, which="both")
+    axes.legend(fontsize=8)
+    figure.savefig(DOCS / "images" / "throughput.png", dpi=130)
+    plt.close(figure)
+
+
+def against() -> None:
+    """The kneed walker's stride by SciPy and heyoka, and by the engine at no larger error."""
+    p = problem("kneed")
+    exact, _ = reference(p)
+    ours = []
+    for tolerance in 10.0 ** -np.arange(3.0, 15.0):
+        ours.append((error(ends(p, tolerance), exact), _microseconds(p, 4096, tolerance),
+                     _microseconds(p, 1, tolerance)))  # fmt: skip
+    rows = [(f"this engine, {n} at once" if n > 1 else "this engine, alone", f"{10.0 ** -k:.0e}",
+             ours[k - 3][0], ours[k - 3][1 if n > 1 else 2], "")
+            for n in (4096, 1) for k in (4, 6, 8, 10, 12, 14)]  # fmt: skip
+    makers: list[tuple[str, Callable[[float], tuple[float, float]]]] = [
+        (f"SciPy {method}", partial(_scipy, p, exact, method))
+        for method in ("DOP853", "RK45", "LSODA")
+    ]
+    makers += [("heyoka, alone", partial(_heyoka, p, exact))]
+    makers += [(f"heyoka, {n} lanes", partial(_heyoka_batch, p, exact, n)) for n in (8, 16, 32)]
+    makers += [("heyoka, 8 lanes, events left out", partial(_heyoka_floor, p))]
+    for name, make in makers:
+        for tolerance in (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14):
+            try:
+                reached, time = make(tolerance)
+            except ImportError:
+                rows.append((name, f"{tolerance:.0e}", float("nan"), float("nan"), "not installed"))
+                break
+            column = 2 if "alone" in name else 1
+            good = [o for o in ours if o[0] <= (reached if reached == reached else tolerance)]
+            best = min(o[column] for o in (good or ours[-1:]))
+            rows.append((name, f"{tolerance:.0e}", reached, time, f"{time / best:.3g}"))
+    text = table(
+        ["method", "tolerance", "error reached", "µs a stride", "times this engine's"], rows
+    )
+    keep(
+        "against",
+        f"{text}\n\nThe last column compares with the engine at an error no larger, alone with "
+        "alone and crowd with crowd; where no error can be told (events left out), at an error no "
+        f"larger than the tolerance. One core. {machine('scipy', 'heyoka')}.",
+    )
+
+
+def _scipy(p: Problem, exact: Any, method: str, tolerance: float) -> tuple[float, float]:
+    stride = rivals.scipy_stride(p, method, tolerance)
+    found = np.array([stride(start) for start in p.starts[:8]])
+    return error(found, exact[:8]), seconds(lambda: stride(p.starts[0]), repeats=3) * 1e6
+
+
+def _heyoka(p: Problem, exact: Any, tolerance: float) -> tuple[float, float]:
+    stride = rivals.heyoka_stride(p, tolerance)
+    found = np.array([stride(start) for start in p.starts])
+    return error(found, exact), seconds(lambda: stride(p.starts[0]), repeats=3) * 1e6
+
+
+def _heyoka_batch(p: Problem, exact: Any, lanes: int, tolerance: float) -> tuple[float, float]:
+    stride, starts = rivals.heyoka_batch(p, tolerance, lanes), p.starts[:lanes]
+    reached = error(stride(starts), exact[:lanes])
+    return reached, seconds(lambda: stride(starts), repeats=3) / lanes * 1e6
+
+
+def _heyoka_floor(p: Problem, tolerance: float) -> tuple[float, float]:
+    stride, starts = rivals.heyoka_batch(p, tolerance, 8, events=False), p.starts[:8]
+    return float("nan"), seconds(lambda: stride(starts), repeats=3) / 8 * 1e6
+
+
+def ticks() -> None:
+    """Control ticks of the environments, beside other environments of the field."""
+    rows: list[tuple] = []
+    walker = _one(gym.make("PassiveWalker-v0", perturbation=0.02))
+    bare = _one(gym.make("PassiveWalker-v0", perturbation=0.02).unwrapped)
+    pendulum = _one(gym.make("Pendulum-v1"))
+    pendulum_bare = _one(gym.make("Pendulum-v1").unwrapped)
+    rows += [
+        ("PassiveWalker-v0, as gym.make gives it", walker * 1e6, walker / pendulum),
+        ("PassiveWalker-v0, unwrapped", bare * 1e6, bare / pendulum_bare),
+        ("Pendulum-v1, as gym.make gives it", pendulum * 1e6, 1.0),
+        ("Pendulum-v1, unwrapped", pendulum_bare * 1e6, 1.0),
+    ]
+    text = [table(["one environment", "µs a step", "× Pendulum-v1"], rows)]
+    rows = []
+    native = {}
+    for count in (1, 10, 64, 1000, 1024, 10_000, 100_000, 1_000_000):
+        for threads in (1, CORES) if count >= 1000 else (1,):
+            envs = gym.make_vec("PassiveWalker-v0", num_envs=count, threads=threads)
+            native[count, threads] = _many(envs) / count
+            rows.append(
+                (
+                    f"PassiveWalker-v0, native batch, {threads} core{'s' * (threads > 1)}",
+                    count,
+                    native[count, threads] * 1e6,
+                    1.0 / native[count, threads],
+                    "",
+                )
+            )
+            envs.close()  # fmt: skip
+    fast = min(value for (count, _), value in native.items() if count in (64, 1024))
+    for count in (64, 1024):
+        own = min(value for (n, _), value in native.items() if n == count)
+        envs = gym.make_vec("CartPole-v1", num_envs=count, vectorization_mode="vector_entry_point")
+        time = _many(envs) / count
+        rows.append(("CartPole-v1, native batch (NumPy)", count, time * 1e6, 1 / time, time / own))
+        for name in ("BipedalWalker-v3", "Walker2d-v4"):
+            try:
+                time = _envpool(name, count) / count
+            except ImportError:
+                rows.append((f"EnvPool {name}", count, float("nan"), float("nan"), "absent"))
+                continue
+            rows.append((f"EnvPool {name}, {CORES} cores", count, time * 1e6, 1 / time, time / own))
+    text += [table(["environments", "number", "µs a step each", "steps/s", "times ours"], rows)]
+    scene = gym.make("PassiveWalker-v0").unwrapped.scene  # type: ignore[attr-defined]
+    text += [
+        f"A tick lasts {scene.tick} √(l/g), at a tolerance of {scene.tolerance:.0e}; actions are "
+        f"drawn beforehand. The fastest native tick here takes {fast * 1e9:.0f} ns. "
+        f"{machine('gymnasium', 'envpool', 'mujoco')}."
+    ]
+    keep("ticks", "\n\n".join(text))
+
+
+def _one(env: gym.Env) -> float:
+    """Time of a step of one environment, resets included where episodes end."""
+    env.reset(seed=0)
+    env.action_space.seed(0)
+    actions = [env.action_space.sample() for _ in range(256)]
+
+    def job() -> None:
+        for action in actions:
+            _, _, terminated, truncated, _ = env.step(action)
+            if terminated or truncated:
+                env.reset()
+
+    return seconds(job) / len(actions)
+
+
+def _many(envs: Any) -> float:
+    """Time of a step of a whole batch."""
+    envs.reset(seed=0)
+    envs.action_space.seed(0)
+    actions = [envs.action_space.sample() for _ in range(2 if envs.num_envs > 10_000 else 16)]
+
+    def job() -> None:
+        for action in actions:
+            envs.step(action)
+
+    return seconds(job) / len(actions)
+
+
+def _envpool(name: str, count: int) -> float:
+    import envpool
+
+    envs: Any = envpool.make_gymnasium(name, num_envs=count, num_threads=CORES)
+    envs.reset()
+    random = np.random.default_rng(0)
+    size = (count, *envs.action_space.shape)
+    actions = [random.uniform(-1.0, 1.0, size).astype(np.float32) for _ in range(16)]
+
+    def job() -> None:
+        for action in actions:
+            envs.step(action)
+
+    return seconds(job) / len(actions)
+
+
+PARTS = {"strides": strides, "against": against, "ticks": ticks}
+
+
+def main() -> int:
+    """Run the parts asked for."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("parts", nargs="*", help=f"of {', '.join(PARTS)}; all if none")
+    chosen = parser.parse_args().parts
+    for name in chosen:
+        if name not in PARTS:
+            parser.error(f"no part {name!r}: choose from {', '.join(PARTS)}")
+    for name in chosen or PARTS:
+        PARTS[name]()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
