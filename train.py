@@ -4,7 +4,11 @@
     python train.py --scene steep --algo sac --steps 50000
     python train.py --resume runs/level-ppo-1     go on with a run, to more steps with --steps
     python train.py evaluate runs/level-ppo-1     judge its policy once more
+    python train.py evaluate --policy level-ppo   or one that comes with the package
     python train.py optimal --scene level         gaits of least cost of transport
+    python train.py gait level-ppo --out gait.png the gait of a walker under a policy
+    python train.py benchmark --seeds 10          everyone beside everyone, resumable
+    python train.py export RUN FOLDER             a policy as tensors and YAML
 
 A run's folder keeps the policy (model.zip, normalizer.npz), its configuration (config.yml), the
 learning curve (CSV and PNG), the evaluation (CSV and table) and a strobe picture of the gait.
@@ -20,6 +24,7 @@ from pathlib import Path
 
 from agents import commands, files, judging, worlds
 from agents.config import ALGORITHMS, DEFAULT_SCENE, Config, ConfigError, configure
+from agents.roster import folder_of, shipped
 from agents.training import Run
 
 
@@ -67,7 +72,9 @@ def evaluate_parser() -> argparse.ArgumentParser:
         prog="train.py evaluate", description="Judge a run's policy beside the passive walker."
     )
     add = parser.add_argument
-    add("run", type=Path, help="folder of the run")
+    which = parser.add_mutually_exclusive_group(required=True)
+    which.add_argument("run", type=Path, nargs="?", help="folder of the run")
+    which.add_argument("--policy", metavar="NAME", help=f"or of these: {', '.join(shipped())}")
     add("--episodes", type=int, default=judging.EPISODES, metavar="N", help="(%(default)s)")
     add("--seed", type=int, default=judging.SEED, help="of the episodes (%(default)s)")
     return parser
@@ -132,6 +139,7 @@ def train(args: argparse.Namespace) -> int:
     if not finished:
         print(f"Stopped after {run.steps:,} steps; go on with: python train.py --resume {folder}")
     print(judging.judge(folder))
+    print(run.first_hundred())
     judging.draw(folder)
     print(f"Saved in {folder}: {', '.join(sorted(p.name for p in folder.iterdir()))}")
     return 0
@@ -140,11 +148,19 @@ def train(args: argparse.Namespace) -> int:
 def evaluate(arguments: Sequence[str]) -> int:
     """Judge the policy of a run that is there."""
     args = evaluate_parser().parse_args(arguments)
-    print(judging.judge(args.run, episodes=args.episodes, seed=args.seed))
+    folder = args.run or folder_of(args.policy)
+    keep = args.run is not None
+    print(judging.judge(folder, episodes=args.episodes, seed=args.seed, keep=keep))
     return 0
 
 
-COMMANDS = {"evaluate": evaluate, "optimal": commands.find_optimal}
+COMMANDS = {
+    "evaluate": evaluate,
+    "optimal": commands.find_optimal,
+    "gait": commands.show_gait,
+    "benchmark": commands.run_benchmark,
+    "export": commands.export,
+}
 
 
 if __name__ == "__main__":

@@ -77,12 +77,16 @@ def policy_strides(
     """
     n, walker = len(points), scene.walker
     worlds = PassiveWalkerVectorEnv(n, scene, max_episode_steps=-1)
-    states = section_state(walker, points)
+    # Where the knee would bend backwards, or a leg lies on the ground, no stride begins.
+    sound = (points[:, 0] > 0.0) & (points[:, 0] < 0.5 * math.pi)
+    if walker.knees:
+        sound &= points[:, 3] <= points[:, 2]
+    states = section_state(walker, np.where(sound[:, None], points, 0.0))
     states[:, 3:] /= walker.time_unit
     seen, _ = worlds.reset(seed=0, options={"state": states, "slope": slope})
     ends, torques = np.full_like(points, np.nan), []
     length, duration, work = np.zeros(n), np.zeros(n), np.zeros((3, n))
-    memory, first, left = None, np.ones(n, bool), np.full(n, count)
+    memory, first, left = None, np.ones(n, bool), np.where(sound, count, 0)
     while (left > 0).any():
         action, memory = policy.predict(seen, memory, first, deterministic=True)
         if (left == count).any():
@@ -99,7 +103,7 @@ def policy_strides(
         there = struck & (left == 0)
         ends[there] = section_point(walker, worlds.states[there])
         left[first] = 0
-    return Strides(ends, length, duration, work, np.array(torques))
+    return Strides(ends, length, duration, work, np.reshape(torques, (-1, n)))
 
 
 @dataclass(frozen=True)

@@ -4,10 +4,17 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 
-from agents import optimal
+from agents import benchmark, optimal, roster
+from agents.closed_loop import ClosedLoopGait, closed_loop_gait
+from agents.config import ConfigError
+from agents.evaluation import Policy
+from agents.files import replacing
+from gym_passive_walker import GaitNotFound
+from gym_passive_walker.envs.scene import SCENES, Scene, make_scene
 
 GRIDS = {"level": (0.05, 0.20, 0.01), "lab": (0.15, 0.23, 0.01), "steep": (0.31, 0.34, 0.005)}
 """Speeds of the stored optimal gaits of each scene: the first, the last and their distance."""
@@ -43,3 +50,127 @@ def optimal_table(gaits: Sequence[optimal.OptimalGait]) -> str:
             f"{gait.step_period:6.3f}  {gait.multipliers[0]:18.3f}  {gait.optimality:10.1e}"
         )
     return "\n".join(lines)
+
+
+def show_gait(arguments: Sequence[str]) -> int:
+    """Find the gait of a walker under a policy, print it, and draw it if asked."""
+    parser = argparse.ArgumentParser(
+        prog="train.py gait", description="The periodic gait of a walker under a policy."
+    )
+    add = parser.add_argument
+    known = ", ".join([*roster.BASELINES, *roster.shipped()])
+    add("policy", help=f"the folder of a run, or one of {known}")
+    add("--scene", choices=tuple(SCENES), help="(a learned policy's own; else level)")
+    add("--slope", type=float, metavar="RAD", help="of a range, or another one")
+    add("--period", type=int, default=1, help="strides until it repeats (%(default)s)")
+    add("--out", type=Path, metavar="PNG", help="draw it into this file")
+    args = parser.parse_args(arguments)
+    policy, scene = _policy_and_scene(args.policy, args.scene)
+    try:
+        gait = closed_loop_gait(policy, scene, slope=args.slope, period=args.period)
+    except GaitNotFound as error:
+        raise ConfigError(str(error)) from None
+    optimum = _optimum_near(scene, gait)
+    print(_described(gait, optimum))
+    if args.out is not None:
+        from agents import pictures
+
+        with replacing(args.out) as path:
+            pictures.closed_loop(path, gait, optimum)
+    return 0
+
+
+def _policy_and_scene(name: str, scene: str | None) -> tuple[Policy, Scene]:
+    """A policy by its name, and the scene in which it is looked at."""
+    if name in roster.BASELINES:
+        chosen = make_scene(scene or "level")
+        return roster.BASELINES[name](chosen), chosen
+    config, policy = roster.learned(name)
+    return policy, make_scene(scene) if scene else make_scene(config.scene, **config.env)
+
+
+def _optimum_near(scene: Scene, gait: ClosedLoopGait) -> optimal.OptimalGait | None:
+    """The stored optimal gait of a scene whose speed is nearest to a gait's."""
+    try:
+        known = optimal.load(optimal.stored_name(scene))
+    except ValueError:
+        return None
+    return min(known, key=lambda other: abs(other.speed - gait.speed))
+
+
+def _described(gait: ClosedLoopGait, optimum: optimal.OptimalGait | None) -> str:
+    """A gait's measures, a line each."""
+    rows = {
+        "speed / √(g l)": f"{gait.speed:.4f}",
+        "step period / √(l/g)": f"{gait.step_period:.4f}",
+        "step length / l": f"{gait.step_length:.4f}",
+        "cost of transport": f"{gait.cost_of_transport:.5f}",
+        "  gravity's": f"{gait.gravity_cost:.5f}",
+        "  positive hip work": f"{gait.positive_hip_cost:.5f}",
+        "  absolute hip work": f"{gait.hip_cost:.5f}",
+        "  net hip work": f"{gait.net_hip_cost:.5f}",
+        "multipliers' moduli": ", ".join(f"{size:.3f}" for size in np.abs(gait.multipliers)),
+        "stable": "yes" if gait.stable else "no",
+    }
+    if optimum is not None:
+        cost = f"{optimum.cost_of_transport:.5f} at {optimum.speed:.3f}"
+        rows["optimum near that speed"] = cost
+    return "\n".join(f"{name:<26}{value}" for name, value in rows.items())
+
+
+def run_benchmark(arguments: Sequence[str]) -> int:
+    """Compare agents in scenes, seed by seed; write scores, tables and a picture."""
+    parser = argparse.ArgumentParser(
+        prog="train.py benchmark",
+        description="Compare agents. What is done already is not done again, so it can be "
+        "interrupted at any time.",
+    )
+    add = parser.add_argument
+    add("--scenes", nargs="+", default=list(SCENES), metavar="SCENE", help="(all)")
+    add("--agents", nargs="+", default=list(benchmark.AGENTS), metavar="AGENT", help="(all)")
+    add("--seeds", type=int, default=10, metavar="N", help="of those that learn (%(default)s)")
+    add("--budget", type=float, default=1.0, metavar="SHARE", help="of the presets' steps (1)")
+    add("--out", type=Path, default=Path("runs/benchmark"), metavar="DIR", help="(%(default)s)")
+    add("--tables", action="store_true", help="only print what is there")
+    add("--document", type=Path, metavar="MD", help="write the tables between its marks, and the "
+        "raw scores and the picture beside it")  # fmt: skip
+    add("--quiet", action="store_true", help="no progress bar")
+    args = parser.parse_args(arguments)
+    if not args.budget > 0.0:
+        raise ConfigError(f"--budget must be positive, not {args.budget}")
+    todo = benchmark.units(args.scenes, args.agents, args.seeds)
+    if not args.tables:
+        benchmark.run(args.out, todo, budget=args.budget, progress=not args.quiet)
+    scores = benchmark.load_scores(args.out)
+    if not scores:
+        raise ConfigError(f"there are no scores in {args.out} yet: leave out --tables")
+    from agents import standings
+
+    text = standings.tables(scores)
+    print(text)
+    standings.write_csv(args.out / "scores.csv", scores)
+    if args.document is not None:
+        folder = args.document.parent
+        try:
+            standings.write_document(args.document, text)
+        except (OSError, ValueError) as error:
+            raise ConfigError(str(error)) from None
+        standings.write_csv(folder / "agents-scores.csv", scores)
+        standings.draw(folder / "images" / "agents-pareto.png", scores)
+    return 0
+
+
+def export(arguments: Sequence[str]) -> int:
+    """Write a run's policy as tensors and YAML, as those that come with the package."""
+    parser = argparse.ArgumentParser(
+        prog="train.py export", description="Write a run's policy as tensors and YAML."
+    )
+    parser.add_argument("run", help="folder of the run")
+    parser.add_argument("folder", type=Path, help="where to")
+    args = parser.parse_args(arguments)
+    from agents.learner import export
+
+    config, policy = roster.learned(args.run)
+    export(policy, config, args.folder)
+    print(f"Saved in {args.folder}: {', '.join(sorted(p.name for p in args.folder.iterdir()))}")
+    return 0

@@ -17,7 +17,8 @@ EVALUATIONS = 20
 
 _PRESETS = Path(__file__).parent / "presets"
 # What a preset says about the run rather than to the algorithm.
-_OF_THE_RUN = ("n_envs", "n_timesteps", "normalize")
+_OF_THE_RUN = ("n_envs", "n_timesteps", "normalize", "env_wrapper")
+_TIME_LIMIT = "gymnasium.wrappers.TimeLimit"
 
 
 class ConfigError(ValueError):
@@ -36,6 +37,8 @@ class Config:
         steps: Environment steps to train for, all environments together.
         seed: Seed of the environments, of the initial weights and of the exploration.
         every: Steps from one evaluation and checkpoint to the next.
+        episode_steps: Steps after which episodes are broken off while learning, so that there are
+            many starts; None is the environment's own limit. Evaluations always have that one.
         normalize: Arguments of VecNormalize; None trains on the bare environment.
         hyperparams: Arguments of the algorithm.
     """
@@ -47,6 +50,7 @@ class Config:
     steps: int
     seed: int = 0
     every: int
+    episode_steps: int | None = None
     normalize: dict[str, Any] | None
     hyperparams: dict[str, Any]
 
@@ -118,10 +122,13 @@ def configure(
     if name not in of_algo:
         raise ConfigError(f"no preset for {name!r} in {algo}.yml: it has {', '.join(of_algo)}")
     preset = dict(of_algo[name])
-    count, total, normalize = (preset.pop(key) for key in _OF_THE_RUN)
+    count, total, normalize, wrapper = (preset.pop(key, None) for key in _OF_THE_RUN)
     if n_envs is not None and algo == "ppo" and n_envs > 0:
-        preset["n_steps"] = max(2, round(preset["n_steps"] * count / n_envs))
-        preset["batch_size"] = min(preset["batch_size"], preset["n_steps"] * n_envs)
+        # Of an update as large, as many whole batches.
+        update = preset["n_steps"] * count
+        batches = max(1, update // preset["batch_size"])
+        preset["n_steps"] = batches * max(1, round(update / n_envs / batches))
+        preset["batch_size"] = preset["n_steps"] * n_envs // batches
     n_envs = count if n_envs is None else n_envs
     steps = total if steps is None else steps
     for label, number in (("envs", n_envs), ("steps", steps), ("every", every)):
@@ -137,6 +144,7 @@ def configure(
         steps=steps,
         seed=seed,
         every=max(1, steps // EVALUATIONS) if every is None else every,
+        episode_steps=(wrapper or {}).get(_TIME_LIMIT, {}).get("max_episode_steps"),
         normalize=_normalizer(normalize),
         hyperparams=preset,
     )

@@ -17,6 +17,7 @@ WALKED_ON = "walked on"
 """The ending of a walk that the time limit ended."""
 
 _MEDIANS = ("distance", "strides", "speed", "cost_of_transport")
+_WORK = {"hip_work": "hip_cost", "net_work": "net_hip_cost", "gravity_work": "gravity_cost"}
 _PER_EPISODE = ("seeds", "slopes", "reward", *_MEDIANS, "gravity_cost")
 
 
@@ -47,6 +48,7 @@ class Walks:
         length: Distance of the complete strides.
         duration: Time of the complete strides.
         hip_work: What the motor was charged for in them, over weight and leg length.
+        net_work: The motor's net work in them.
         gravity_work: What gravity paid in them.
         endings: How each ended: "walked on" to the time limit, or an outcome's name.
     """
@@ -59,6 +61,7 @@ class Walks:
     length: NDArray
     duration: NDArray
     hip_work: NDArray
+    net_work: NDArray
     gravity_work: NDArray
     endings: list[str]
 
@@ -79,6 +82,16 @@ class Walks:
     def gravity_cost(self) -> NDArray:
         """Gravity's share of the cost of transport."""
         return _ratio(self.gravity_work, self.length)
+
+    @property
+    def hip_cost(self) -> NDArray:
+        """What the motor was charged for, over weight and distance."""
+        return _ratio(self.hip_work, self.length)
+
+    @property
+    def net_hip_cost(self) -> NDArray:
+        """The motor's net work over weight and distance."""
+        return _ratio(self.net_work, self.length)
 
     def rows(self, agent: str) -> list[dict[str, Any]]:
         """One row an episode, for a table."""
@@ -123,7 +136,7 @@ def evaluate(policy: Policy, worlds: VectorEnv, *, seed: int) -> Walks:
         The walks, one for each environment.
     """
     count = worlds.num_envs
-    sums = {name: np.zeros(count) for name in ("length", "duration", "hip_work", "gravity_work")}
+    sums = {name: np.zeros(count) for name in ("length", "duration", *_WORK)}
     reward, distance, strides = np.zeros((3, count))
     endings = [""] * count
     observation, _ = worlds.reset(seed=seed)
@@ -138,8 +151,8 @@ def evaluate(policy: Policy, worlds: VectorEnv, *, seed: int) -> Walks:
             length = infos["step_length"][struck]
             sums["length"][struck] += length
             sums["duration"][struck] += infos["step_period"][struck]
-            sums["hip_work"][struck] += infos["hip_cost"][struck] * length
-            sums["gravity_work"][struck] += infos["gravity_cost"][struck] * length
+            for name, cost in _WORK.items():
+                sums[name][struck] += infos[cost][struck] * length
         first = terminated | truncated
         for i in np.flatnonzero(first & under_way):
             distance[i], strides[i] = infos["episode_distance"][i], infos["strides"][i]

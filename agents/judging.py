@@ -17,13 +17,14 @@ EPISODES = 20
 SEED = 1000
 
 
-def judge(run: Path, *, episodes: int = EPISODES, seed: int = SEED) -> str:
-    """Let a run's policy and the passive walker walk the same episodes, and write what came of it.
+def judge(run: Path, *, episodes: int = EPISODES, seed: int = SEED, keep: bool = True) -> str:
+    """Let a policy and the passive walker walk the same episodes.
 
     Args:
-        run: The run's folder; gets evaluation.csv and evaluation.txt.
+        run: The folder of a run or of an exported policy.
         episodes: How many episodes.
         seed: Of the first one.
+        keep: Whether evaluation.csv and evaluation.txt are written into the folder.
 
     Returns:
         The table.
@@ -35,6 +36,8 @@ def judge(run: Path, *, episodes: int = EPISODES, seed: int = SEED) -> str:
     arena = worlds.arena(config, episodes)
     columns = {agent.name: evaluate(agent, arena, seed=seed) for agent in (policy, Passive())}
     text = table(f"{worlds.describe(config)}; {episodes} episodes", columns)
+    if not keep:
+        return text
     with replacing(run / "evaluation.txt") as path:
         path.write_text(text + "\n", encoding="utf-8")
     with replacing(run / "evaluation.csv") as path:

@@ -11,7 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import torch
 from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.torch import load_file, save_file
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.save_util import load_from_zip_file
@@ -21,6 +24,8 @@ from agents.config import Config, ConfigError
 from agents.files import CONFIG, replacing
 
 MODEL, NORMALIZER = "model.zip", "normalizer.npz"
+POLICY = "policy.safetensors"
+"""A policy for keeps: all its tensors and its normaliser's moments, and no code."""
 _CLASSES: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC}
 _MOMENTS = ("obs_rms", "ret_rms")
 
@@ -107,10 +112,10 @@ class LearnedPolicy:
 
 
 def load_policy(run: Path, worlds: VecEnv, config: Config | None = None) -> LearnedPolicy:
-    """The policy that a run kept.
+    """The policy that a run kept, or that was exported.
 
     Args:
-        run: The run's folder.
+        run: The folder.
         worlds: Environments of the run's kind, which give the shapes.
         config: The run's configuration, if it is at hand.
 
@@ -118,16 +123,68 @@ def load_policy(run: Path, worlds: VecEnv, config: Config | None = None) -> Lear
         ConfigError: if the folder holds no trained policy.
     """
     config = config or Config.load(run / CONFIG)
-    if not (run / MODEL).is_file():
+    if not ((run / MODEL).is_file() or (run / POLICY).is_file()):
         raise ConfigError(f"{run} has no {MODEL}: train it first, by --resume {run}")
     # To act takes no memory of steps.
     memory = {"sac": {"buffer_size": 1}, "ppo": {"n_steps": 2, "batch_size": 2}}[config.algo]
     model = build(config, worlds, **memory)
     try:
-        restore_weights(model, run / MODEL)
-        if config.normalize is not None:
-            with np.load(run / NORMALIZER) as saved:
-                restore_moments(model.get_vec_normalize_env(), saved)
-    except (OSError, ValueError, RuntimeError, KeyError) as error:
+        if (run / POLICY).is_file():
+            restore_exported(model, run / POLICY)
+        else:
+            restore_weights(model, run / MODEL)
+            if config.normalize is not None:
+                with np.load(run / NORMALIZER) as saved:
+                    restore_moments(model.get_vec_normalize_env(), saved)
+    except (OSError, ValueError, RuntimeError, KeyError, SafetensorError) as error:
         raise ConfigError(f"the files in {run} do not fit its {CONFIG}: {error}") from None
     return LearnedPolicy(model, config.algo.upper())
+
+
+def export(policy: LearnedPolicy, config: Config, folder: Path) -> None:
+    """Write a policy as a folder of tensors and YAML.
+
+    Args:
+        policy: The policy.
+        config: The configuration that it was trained with.
+        folder: Where to; made if it is not there.
+    """
+    tensors = {name: tensor.detach().contiguous() for name, tensor in _tensors(policy.model)}
+    normalizer = policy.model.get_vec_normalize_env()
+    if normalizer is not None:
+        tensors |= {
+            f"normalizer.{name}": torch.as_tensor(np.atleast_1d(array))
+            for name, array in moments(normalizer).items()
+        }
+    with replacing(folder / POLICY) as path:
+        save_file(tensors, path)
+    with replacing(folder / CONFIG) as path:
+        config.save(path)
+
+
+def restore_exported(model: BaseAlgorithm, path: Path) -> None:
+    """Put the tensors of an exported policy into an algorithm of the same make."""
+    tensors = load_file(path, device="cpu")
+    saved = {
+        name.removeprefix("normalizer."): tensors.pop(name).numpy()
+        for name in list(tensors)
+        if name.startswith("normalizer.")
+    }
+    state = model.policy.state_dict()
+    wanted = {name for name, _ in _tensors(model)}
+    if set(tensors) != wanted:
+        raise ValueError(f"it holds {len(tensors)} tensors, and {len(wanted)} are wanted")
+    model.policy.load_state_dict(state | tensors)
+    normalizer = model.get_vec_normalize_env()
+    if normalizer is not None:
+        shapes = moments(normalizer)
+        restore_moments(normalizer, {k: v.reshape(shapes[k].shape) for k, v in saved.items()})
+
+
+def _tensors(model: BaseAlgorithm) -> list[tuple[str, torch.Tensor]]:
+    """The tensors that decide what a policy does; critics do not."""
+    return [
+        (name, tensor)
+        for name, tensor in model.policy.state_dict().items()
+        if "critic" not in name and "value" not in name
+    ]

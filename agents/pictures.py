@@ -1,4 +1,4 @@
-"""Pictures of a run: its learning curve, and the gait that it learned."""
+"""Pictures: a run's learning curve, and what an agent's gait is like."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ import gymnasium
 import numpy as np
 from matplotlib.figure import Figure
 
+from agents.closed_loop import ClosedLoopGait
 from agents.evaluation import Policy
+from agents.optimal import OptimalGait
 from gym_passive_walker.physics.stride import frame_of
 from gym_passive_walker.render import strobe, strobe_of
 
@@ -96,4 +98,47 @@ def gait(path: Path, policy: Policy, world: gymnasium.Env, *, seed: int, title: 
             strides=np.array(strides[shown]),
         )
     figure.suptitle(title)
+    figure.savefig(path, dpi=150)
+
+
+def closed_loop(path: Path, gait: ClosedLoopGait, optimum: OptimalGait | None) -> None:
+    """Draw a gait under a policy: phase portrait, torque over the stride, multipliers and basin.
+
+    Args:
+        path: The picture's file.
+        gait: The gait.
+        optimum: An optimal gait at about its speed, whose torque is drawn beside.
+    """
+    figure = Figure(figsize=(9.0, 7.0), layout="constrained")
+    phase, torque, circle, basin = figure.subplots(2, 2).flat
+    for i, name in enumerate(("stance leg", "swing thigh", "swing shank")):
+        phase.plot(gait.states[:, i], gait.states[:, 3 + i], label=name)
+        phase.plot(*gait.states[0, [i, 3 + i]], "o", color=phase.lines[-1].get_color())
+    phase.set(xlabel="angle (rad)", ylabel="rate / √(g/l)", title="phase portrait")
+    phase.legend(frameon=False)
+    torque.step(gait.times, gait.torques, where="pre", label="this policy")
+    if optimum is not None:
+        held = np.append(optimum.torques, optimum.torques[-1])
+        tick = gait.scene.tick if gait.scene.control == "tick" else optimum.step_period
+        edges = np.minimum(tick * np.arange(len(held)), optimum.step_period)
+        label = f"optimal at {optimum.speed:.3f}"
+        torque.step(edges, held, where="post", color="black", linestyle="--", label=label)
+    torque.set(
+        xlabel="time / √(l/g)", ylabel="hip torque / (m g l)", title="torque over the stride"
+    )
+    torque.legend(frameon=False)
+    turn = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 200))
+    circle.plot(turn.real, turn.imag, color="grey", linewidth=1.0)
+    circle.plot(gait.multipliers.real, gait.multipliers.imag, "x")
+    circle.set(aspect="equal", title="multipliers", xlabel="real", ylabel="imaginary")
+    found = gait.basin()
+    basin.pcolormesh(
+        found.stance_angles, found.stance_rates, found.survived, cmap="Blues", vmin=0, vmax=1.5
+    )
+    basin.plot(gait.point[0], gait.point[1], "k.")
+    basin.set(xlabel="stance angle (rad)", ylabel="stance rate / √(g/l)", title="basin")
+    name = getattr(gait.policy, "name", "policy")
+    figure.suptitle(
+        f"{name}: speed {gait.speed:.3f} √(g l), cost of transport {gait.cost_of_transport:.4f}"
+    )
     figure.savefig(path, dpi=150)

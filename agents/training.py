@@ -13,7 +13,7 @@ from stable_baselines3.common.logger import Logger
 from agents import checkpoint, files, worlds
 from agents.callbacks import Bar, Milestones, StopRequest
 from agents.config import Config, ConfigError
-from agents.evaluation import evaluate
+from agents.evaluation import HUNDRED, evaluate
 from agents.learner import LearnedPolicy, build
 from agents.report import write_rows
 
@@ -86,6 +86,16 @@ class Run:
             if not milestones.stopped:
                 milestones.finish()
         return not milestones.stopped
+
+    def first_hundred(self) -> str:
+        """When half of the evaluation walks first came to a hundred strides, in a sentence."""
+        for row in self.notes["curve"]:
+            if row["hundred_strides"] >= 0.5:
+                return (
+                    f"Half of the evaluation walks came to {HUNDRED} strides after "
+                    f"{row['seconds']:.1f} s of training, {row['steps']:,} steps"
+                )
+        return f"Never half of the evaluation walks came to {HUNDRED} strides"
 
     def _evaluate(self, seconds: float) -> None:
         """Add a row to the learning curve, and keep the policy if it is the best so far."""

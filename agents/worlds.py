@@ -13,6 +13,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 import gym_passive_walker
 from agents.config import Config, ConfigError
+from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.envs.scene import Scene, make_scene, walker_from
 
@@ -34,7 +35,11 @@ def scene_of(config: Config) -> Scene:
 
 def training_worlds(config: Config, count: int | None = None) -> PassiveWalkerVecEnv:
     """Environments to learn in, as stable-baselines3 wants them; the configured number if None."""
-    return PassiveWalkerVecEnv(config.n_envs if count is None else count, scene_of(config))
+    return PassiveWalkerVecEnv(
+        config.n_envs if count is None else count,
+        scene_of(config),
+        max_episode_steps=config.episode_steps or MAX_EPISODE_STEPS,
+    )
 
 
 def arena(config: Config, count: int) -> gymnasium.vector.VectorEnv:

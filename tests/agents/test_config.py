@@ -38,6 +38,13 @@ def test_ppo_keeps_the_size_of_its_update_when_environments_change():
     assert few.hyperparams["n_steps"] * 4 == usual.hyperparams["n_steps"] * usual.n_envs
 
 
+@pytest.mark.parametrize("n_envs", [1, 5, 7, 64, 1000, 5000])
+def test_an_update_is_a_number_of_whole_batches(n_envs):
+    config = configure(n_envs=n_envs)
+    assert config.hyperparams["n_steps"] * n_envs % config.hyperparams["batch_size"] == 0
+    assert config.hyperparams["batch_size"] >= 2
+
+
 def test_presets_name_the_gymnasium_id_too_for_rl_zoo3():
     for algo in ALGORITHMS:
         assert presets(algo)["PassiveWalker-v0"] == presets(algo)["level"]

@@ -23,6 +23,7 @@ def made_up(**changes):
         "length": np.array([10.0, 20.0, 0.0]),
         "duration": np.array([100.0, 100.0, 0.0]),
         "hip_work": np.array([0.1, 0.1, 0.0]),
+        "net_work": np.array([0.05, 0.1, 0.0]),
         "gravity_work": np.array([0.1, 0.2, 0.0]),
         "endings": [WALKED_ON, "fell forward", "fell forward"],
     }
@@ -34,6 +35,8 @@ def test_speed_and_cost_are_over_whole_strides():
     assert walks.speed.tolist() == [0.1, 0.2, 0.0]
     assert walks.cost_of_transport[:2] == pytest.approx([0.02, 0.015])
     assert np.isnan(walks.cost_of_transport[2])
+    assert walks.hip_cost[:2] == pytest.approx([0.01, 0.005])
+    assert walks.net_hip_cost[:2] == pytest.approx([0.005, 0.005])
     assert walks.gravity_cost[:2] == pytest.approx([0.01, 0.01])
 
 

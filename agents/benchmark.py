@@ -1,0 +1,200 @@
+"""Scenes, agents and seeds: everyone who acts, by the same measures.
+
+Each unit of work, an agent in a scene with a seed, leaves a file of scores when it is done; what is
+done is not done again.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from tqdm import tqdm
+
+from agents import optimal, worlds
+from agents.closed_loop import closed_loop_gait
+from agents.config import ALGORITHMS, Config, ConfigError, configure
+from agents.evaluation import HUNDRED, WALKED_ON, Policy, Walks, evaluate
+from agents.files import replacing
+from agents.learner import load_policy
+from agents.roster import BASELINES
+from agents.training import Run
+from agents.trials import kicks, rough_strides
+from gym_passive_walker import GaitNotFound
+from gym_passive_walker.envs.scene import SCENES, make_scene
+
+AGENTS = (*BASELINES, *ALGORITHMS)
+EPISODES = 100
+EPISODE_SEED = 1000
+"""Episodes that judge every agent, and the seed of the first."""
+
+EXAMS = 8
+"""Evaluations while an agent learns, besides the early ones."""
+
+SCORES = (
+    "distance", "strides", "speed", "cost_of_transport", "gravity_cost", "hip_cost",
+    "positive_hip_cost", "net_hip_cost", "reward", "walked_on", "hundred_strides",
+    "above_optimum", "kick_forward", "kick_backward", "rough_strides", "learning_steps",
+    "learning_seconds", "steps_to_hundred", "seconds_to_hundred",
+)  # fmt: skip
+
+
+class Unit(NamedTuple):
+    """An agent in a scene, with the seed of its learning; 0 where nothing is learned."""
+
+    scene: str
+    agent: str
+    seed: int
+
+    def __str__(self) -> str:
+        return f"{self.scene}-{self.agent}-{self.seed}"
+
+
+def units(scenes: Iterable[str], agents: Iterable[str], seeds: int) -> list[Unit]:
+    """What there is to do: seed after seed, so that whatever is done by then can be compared.
+
+    Args:
+        scenes: Names of scenes.
+        agents: Names of agents.
+        seeds: Of each agent that learns.
+
+    Raises:
+        ConfigError: if a name is unknown, or there is no seed.
+    """
+    scenes, agents = list(scenes), list(agents)
+    for what, names, known in (("scene", scenes, tuple(SCENES)), ("agent", agents, AGENTS)):
+        for name in names:
+            if name not in known:
+                raise ConfigError(f"no {what} {name!r}: choose from {', '.join(known)}")
+    if seeds < 1:
+        raise ConfigError(f"there must be at least one seed, not {seeds}")
+    found = []
+    for seed in range(seeds):
+        for scene in scenes:
+            for agent in agents:
+                one = agent == "optimal" and isinstance(make_scene(scene).slope, tuple)
+                if (agent in ALGORITHMS or seed == 0) and not one:
+                    found.append(Unit(scene, agent, seed))
+    return found
+
+
+def run(folder: Path, todo: Sequence[Unit], *, budget: float = 1.0, progress: bool = True) -> None:
+    """Do what is not done yet.
+
+    Args:
+        folder: Where scores and trainings are kept.
+        todo: What is to be done.
+        budget: Steps of each training, as a share of its preset's.
+        progress: Whether to show a bar.
+
+    Raises:
+        ConfigError: if a training of another length stands in the way.
+    """
+    left = [unit for unit in todo if not score_path(folder, unit).is_file()]
+    bar = tqdm(left, disable=not progress, unit="agent", dynamic_ncols=True)
+    for unit in bar:
+        bar.set_postfix_str(str(unit))
+        score = measure(folder, unit, budget)
+        with replacing(score_path(folder, unit)) as path:
+            path.write_text(json.dumps(score, indent=1), encoding="utf-8")
+
+
+def score_path(folder: Path, unit: Unit) -> Path:
+    """Where a unit's scores are kept."""
+    return folder / "scores" / f"{unit}.json"
+
+
+def load_scores(folder: Path) -> list[dict[str, Any]]:
+    """All scores that are there, each with its unit."""
+    paths = sorted((folder / "scores").glob("*.json"))
+    return [json.loads(path.read_text(encoding="utf-8")) for path in paths]
+
+
+def measure(folder: Path, unit: Unit, budget: float) -> dict[str, Any]:
+    """Train an agent if it learns, and judge it."""
+    config = configure("ppo", unit.scene)
+    learned: dict[str, Any] = {}
+    if unit.agent in ALGORITHMS:
+        config, learned = _learn(folder / "runs" / str(unit), unit, budget)
+        run_folder = folder / "runs" / str(unit)
+        policy: Policy = load_policy(run_folder, worlds.training_worlds(config, 1), config)
+    else:
+        policy = BASELINES[unit.agent](make_scene(unit.scene))
+    return {**unit._asdict(), **judge(policy, config), **learned}
+
+
+def _learn(folder: Path, unit: Unit, budget: float) -> tuple[Config, dict[str, Any]]:
+    """Train, or go on with a training that was interrupted; tell how fast it went."""
+    preset = configure(unit.agent, unit.scene, seed=unit.seed)
+    steps = max(1, round(preset.steps * budget))
+    config = replace(preset, steps=steps, every=max(1, steps // EXAMS))
+    training = Run(config, folder)
+    training.train(progress=False)
+    curve = training.notes["curve"]
+    first = next((row for row in curve if row["hundred_strides"] >= 0.5), None)
+    return config, {
+        "learning_steps": training.steps,
+        "learning_seconds": training.notes["seconds"],
+        "steps_to_hundred": first["steps"] if first else math.nan,
+        "seconds_to_hundred": first["seconds"] if first else math.nan,
+    }
+
+
+def judge(policy: Policy, config: Config) -> dict[str, Any]:
+    """An agent's scores in a scene: means over walks, but for the cost that of those with strides.
+
+    Args:
+        policy: The agent.
+        config: A configuration of the scene.
+    """
+    scene = worlds.scene_of(config)
+    walks = evaluate(policy, worlds.arena(config, EPISODES), seed=EPISODE_SEED)
+    # Over all the way that all walks went, so that a stumble does not weigh as much as a walk.
+    way = max(float(walks.length.sum()), 1e-300)
+    gravity, hip, net = (
+        float(work.sum()) / way for work in (walks.gravity_work, walks.hip_work, walks.net_work)
+    )
+    speed = way / max(float(walks.duration.sum()), 1e-300)
+    score: dict[str, Any] = {
+        "distance": float(walks.distance.mean()),
+        "strides": float(walks.strides.mean()),
+        "speed": speed if walks.strides.any() else 0.0,
+        "cost_of_transport": gravity + hip,
+        "gravity_cost": gravity,
+        "hip_cost": hip,
+        "positive_hip_cost": 0.5 * (hip + net),
+        "net_hip_cost": net,
+        "reward": float(walks.reward.mean()),
+        "walked_on": walks.endings.count(WALKED_ON) / len(walks),
+        "hundred_strides": float(np.mean(walks.strides >= HUNDRED)),
+        "endings": dict(Counter(walks.endings)),
+        "above_optimum": _above_optimum(config, walks, speed, gravity + hip),
+        "rough_strides": rough_strides(policy, scene),
+    }
+    try:
+        gait = closed_loop_gait(policy, scene)
+        score["kick_forward"], score["kick_backward"] = kicks(gait)
+        score["largest_multiplier"] = float(abs(gait.multipliers[0]))
+    except GaitNotFound:  # it creeps, or never walks alike
+        score["kick_forward"] = score["kick_backward"] = math.nan
+    return score
+
+
+def _above_optimum(config: Config, walks: Walks, speed: float, cost: float) -> float:
+    """How much walks cost above the optimum at their speed, as a share of it.
+
+    NaN where no optimum is known, or where most walks end in a fall: strides before a fall live on
+    what the start gave them.
+    """
+    if walks.endings.count(WALKED_ON) < 0.5 * len(walks):
+        return math.nan
+    try:
+        return cost / optimal.least_cost(optimal.load(config.scene), speed) - 1.0
+    except ValueError:
+        return math.nan

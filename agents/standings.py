@@ -1,0 +1,202 @@
+"""What a benchmark found: raw scores as CSV, tables in Markdown, and the picture."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.stats import bootstrap, trim_mean
+
+from agents import optimal
+from agents.benchmark import AGENTS, SCORES
+from agents.config import ALGORITHMS
+from agents.files import replacing
+from gym_passive_walker import GaitFamily, gait_family
+from gym_passive_walker.envs.scene import SCENES
+
+BEGIN, END = "<!-- benchmark: begin -->", "<!-- benchmark: end -->"
+"""Between these lines of a document stand the tables."""
+
+ROWS = (
+    ("distance", "distance / l", ".1f"),
+    ("speed", "speed / √(gl)", ".3f"),
+    ("cost_of_transport", "cost of transport, absolute work", ".4f"),
+    ("positive_hip_cost", "  of it positive hip work", ".4f"),
+    ("net_hip_cost", "  net hip work", ".4f"),
+    ("gravity_cost", "  gravity's share", ".4f"),
+    ("above_optimum", "cost above the optimum at that speed", ".0%"),
+    ("strides", "strides", ".0f"),
+    ("hundred_strides", "walks of 100 strides", ".0%"),
+    ("walked_on", "walks to the time limit", ".0%"),
+    ("kick_forward", "largest kick forward survived", ".0%"),
+    ("kick_backward", "largest kick backward survived", ".0%"),
+    ("rough_strides", "strides to a fall on rough ground", ".0f"),
+    ("steps_to_hundred", "steps until half the walks reach 100 strides", ",.0f"),
+    ("seconds_to_hundred", "  seconds of training", ".1f"),
+    ("learning_steps", "steps of training in all", ",.0f"),
+)
+_FEWEST = 3  # seeds that give an interval
+_RESAMPLES = 2000
+
+Score = dict[str, Any]
+
+
+def middle(values: NDArray, axis: int = -1) -> NDArray | float:
+    """Interquartile mean: of the middle half of the values."""
+    return trim_mean(values, 0.25, axis=axis)
+
+
+def interval(values: NDArray) -> tuple[float, float]:
+    """95 % bootstrap interval of the interquartile mean; NaN of too few values."""
+    if len(values) < _FEWEST:
+        return math.nan, math.nan
+    if np.ptp(values) == 0.0:
+        return float(values[0]), float(values[0])
+    found = bootstrap(
+        (values,), middle, n_resamples=_RESAMPLES, method="percentile",
+        rng=np.random.default_rng(0),
+    )  # fmt: skip
+    return float(found.confidence_interval.low), float(found.confidence_interval.high)
+
+
+def cell(values: Sequence[float], form: str) -> str:
+    """The interquartile mean of some seeds with its interval, or the one value there is."""
+    known = np.array([value for value in values if value is not None and math.isfinite(value)])
+    if not len(known):
+        return "–"
+    text = f"{middle(known):{form}}"
+    low, high = interval(known)
+    return text if math.isnan(low) else f"{text} [{low:{form}}, {high:{form}}]"
+
+
+def tables(scores: Sequence[Score]) -> str:
+    """A Markdown table for each scene, agents side by side."""
+    pieces = []
+    for scene in (name for name in SCENES if any(s["scene"] == name for s in scores)):
+        here = [score for score in scores if score["scene"] == scene]
+        columns = {
+            agent: [score for score in here if score["agent"] == agent]
+            for agent in AGENTS
+            if any(score["agent"] == agent for score in here)
+        }
+        heads = [
+            f"{agent} ({len(own)} seed{'s' * (len(own) > 1)})" if agent in ALGORITHMS else agent
+            for agent, own in columns.items()
+        ]
+        lines = ["| " + " | ".join([f"`{scene}`", *heads]) + " |", "|---" * (len(heads) + 1) + "|"]
+        for name, label, form in ROWS:
+            cells = [cell([s.get(name, math.nan) for s in own], form) for own in columns.values()]
+            if any(text != "–" for text in cells):
+                lines.append("| " + " | ".join([label, *cells]) + " |")
+        lines.append("| " + " | ".join(["falls", *map(falls, columns.values())]) + " |")
+        pieces.append("\n".join(lines))
+    return "\n\n".join([*pieces, equal_speeds(scores)])
+
+
+def falls(scores: Sequence[Score]) -> str:
+    """How often walks ended before the time limit, by cause."""
+    total: dict[str, int] = {}
+    for score in scores:
+        for ending, count in score["endings"].items():
+            total[ending] = total.get(ending, 0) + count
+    walks = sum(total.values())
+    causes = sorted(total.items(), key=lambda item: -item[1])
+    shares = [f"{cause} {count / walks:.0%}" for cause, count in causes if cause != "walked on"]
+    return ", ".join(shares) or "none"
+
+
+def equal_speeds(scores: Sequence[Score]) -> str:
+    """Who walks on the level, beside the optimum and the passive walker at the same speed."""
+    family = _passive()
+    lines = [
+        "| `level` | speed / √(gl) | cost of transport | optimum there | passive there, downhill |",
+        "|---|---|---|---|---|",
+    ]
+    level = [s for s in scores if s["scene"] == "level" and s["walked_on"] > 0.0]
+    for agent, own in groupby(sorted(level, key=lambda s: AGENTS.index(s["agent"])), _agent):
+        walked = list(own)
+        speed = float(middle(np.array([s["speed"] for s in walked])))
+        cost = float(middle(np.array([s["cost_of_transport"] for s in walked])))
+        best = optimal.least_cost(optimal.load("level"), speed)
+        lines.append(
+            f"| {agent} | {speed:.3f} | {cost:.4f} | {best:.4f} | {_cost_at(family, speed):.4f} |"
+        )
+    return "\n".join(lines)
+
+
+def _agent(score: Score) -> str:
+    return score["agent"]
+
+
+def _passive() -> GaitFamily:
+    return gait_family("C", 5e-4, 0.05)
+
+
+def _froude(family: GaitFamily) -> NDArray:
+    walker = family.walker
+    return family.speed / math.sqrt(walker.gravity * walker.leg_length)
+
+
+def _cost_at(family: GaitFamily, speed: float) -> float:
+    """The slope's sine on which the passive walker goes at a speed."""
+    order = np.argsort(_froude(family))
+    speeds, slopes = _froude(family)[order], family.slope[order]
+    return math.sin(float(np.interp(speed, speeds, slopes, left=math.nan, right=math.nan)))
+
+
+def write_csv(path: Path, scores: Sequence[Score]) -> None:
+    """Write the raw scores, a row a unit."""
+    with replacing(path) as aside, aside.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, ["scene", "agent", "seed", *SCORES], extrasaction="ignore")
+        writer.writeheader()
+        for score in sorted(scores, key=lambda s: (s["scene"], AGENTS.index(_agent(s)), s["seed"])):
+            writer.writerow(
+                {k: f"{v:.6g}" if isinstance(v, float) else v for k, v in score.items()}
+            )
+
+
+def write_document(path: Path, text: str) -> None:
+    """Put text between a document's marks.
+
+    Raises:
+        ValueError: if the document has no marks.
+    """
+    document = path.read_text(encoding="utf-8")
+    if BEGIN not in document or END not in document:
+        raise ValueError(f"{path} has no lines {BEGIN} and {END} to write between")
+    head, rest = document.split(BEGIN, 1)
+    tail = rest.split(END, 1)[1]
+    with replacing(path) as aside:
+        aside.write_text(f"{head}{BEGIN}\n{text}\n{END}{tail}", encoding="utf-8")
+
+
+def draw(path: Path, scores: Sequence[Score]) -> None:
+    """Draw cost against speed on the level: passive, optimal, and who walks."""
+    family, gaits = _passive(), optimal.load("level")
+    figure = Figure(figsize=(7.5, 5.0), layout="constrained")
+    ax = figure.subplots()
+    ax.plot(_froude(family), np.sin(family.slope), color="grey", label="passive, downhill")
+    ax.plot(
+        [g.speed for g in gaits], [g.cost_of_transport for g in gaits],
+        color="black", label="optimal, on the level",
+    )  # fmt: skip
+    level = [s for s in scores if s["scene"] == "level" and s["walked_on"] > 0.0]
+    for agent, own in groupby(sorted(level, key=lambda s: AGENTS.index(s["agent"])), _agent):
+        walked = list(own)
+        ax.plot(
+            [s["speed"] for s in walked], [s["cost_of_transport"] for s in walked],
+            "o", markersize=5, alpha=0.7, label=f"{agent}, on the level",
+        )  # fmt: skip
+    ax.set(xlabel="speed / √(g l)", ylabel="cost of transport (absolute work)", yscale="log")
+    ax.set(xlim=(0.04, 0.2), ylim=(3e-4, 0.1))
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.grid(alpha=0.25)
+    ax.legend(frameon=False)
+    figure.savefig(path, dpi=130)

@@ -1,0 +1,156 @@
+"""Everyone beside everyone."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+import train
+from agents import benchmark, standings
+from agents.baselines import LinearFeedback, Optimal, Passive
+from agents.benchmark import Unit
+from agents.closed_loop import closed_loop_gait
+from agents.config import ConfigError
+from agents.trials import kicks, rough_strides
+from gym_passive_walker.envs.scene import make_scene
+
+
+def score(agent="ppo", seed=0, scene="level", **changes):
+    """A made-up score."""
+    values = {name: 0.1 for name in benchmark.SCORES} | {"endings": {"walked on": 9, "stalled": 1}}
+    return {"scene": scene, "agent": agent, "seed": seed} | values | changes
+
+
+def test_feedback_survives_harder_kicks_than_nothing():
+    nothing, held = (
+        kicks(closed_loop_gait(p, "steep")) for p in (Passive(), LinearFeedback("steep"))
+    )
+    assert nothing.forward < held.forward and nothing.backward < held.backward
+
+
+def test_feedback_over_all_torques_goes_farther_on_rough_ground():
+    scene = make_scene("level")
+    nothing, optimal = (rough_strides(p, scene, walkers=30) for p in (Passive(), Optimal("level")))
+    assert nothing < 10 < 100 < optimal
+
+
+def test_rough_ground_is_the_same_for_everyone():
+    first, again = (rough_strides(Passive(), make_scene("lab"), walkers=10) for _ in range(2))
+    assert first == again
+
+
+def test_agents_that_learn_have_seeds_and_a_range_of_slopes_has_no_optimum():
+    todo = benchmark.units(["level", "rolling"], ["passive", "optimal", "sac"], 2)
+    assert todo == [
+        Unit("level", "passive", 0), Unit("level", "optimal", 0), Unit("level", "sac", 0),
+        Unit("rolling", "passive", 0), Unit("rolling", "sac", 0),
+        Unit("level", "sac", 1), Unit("rolling", "sac", 1),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("scenes", "agents", "seeds", "words"),
+    [(["moon"], ["sac"], 1, "level"), (["lab"], ["dqn"], 1, "deadbeat"), ([], [], 0, "seed")],
+)
+def test_nonsense_is_refused(scenes, agents, seeds, words):
+    with pytest.raises(ConfigError, match=words):
+        benchmark.units(scenes, agents, seeds)
+
+
+def test_what_is_done_is_not_done_again(tmp_path, monkeypatch):
+    measured = []
+
+    def measure(folder, unit, budget):
+        measured.append(unit)
+        if len(measured) == 2:
+            raise KeyboardInterrupt
+        return score(unit.agent, unit.seed, unit.scene)
+
+    monkeypatch.setattr(benchmark, "measure", measure)
+    todo = benchmark.units(["lab"], ["passive", "lqr", "constant"], 1)
+    with pytest.raises(KeyboardInterrupt):
+        benchmark.run(tmp_path, todo, progress=False)
+    benchmark.run(tmp_path, todo, progress=False)
+    assert measured == [todo[0], todo[1], todo[1], todo[2]]
+    assert len(benchmark.load_scores(tmp_path)) == 3
+
+
+def test_the_middle_of_some_seeds_forgets_the_odd_ones():
+    values = np.array([-100.0, 1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 100.0])
+    assert standings.middle(values) == pytest.approx(1.25)
+    low, high = standings.interval(values)
+    assert low < 1.25 < high
+    assert standings.interval(np.ones(5)) == (1.0, 1.0)
+    assert all(map(math.isnan, standings.interval(np.ones(2))))
+
+
+def test_cells_show_what_is_known():
+    assert standings.cell([0.5], ".0%") == "50%"
+    assert standings.cell([math.nan, None], ".1f") == "–"
+    assert standings.cell([1.0, 1.0, 1.0], ".1f") == "1.0 [1.0, 1.0]"
+
+
+def test_the_tables_name_agents_seeds_and_falls():
+    scores = [score("passive"), score("ppo", 0), score("ppo", 1)]
+    text = standings.tables(scores)
+    assert "| `level` | passive | ppo (2 seeds) |" in text
+    assert "| falls | stalled 10% | stalled 10% |" in text
+
+
+def test_a_document_keeps_what_stands_around_the_tables(tmp_path):
+    path = tmp_path / "agents.md"
+    path.write_text(f"before\n{standings.BEGIN}\nold\n{standings.END}\nafter\n")
+    standings.write_document(path, "new")
+    assert path.read_text() == f"before\n{standings.BEGIN}\nnew\n{standings.END}\nafter\n"
+    path.write_text("no marks")
+    with pytest.raises(ValueError, match="no lines"):
+        standings.write_document(path, "new")
+
+
+def test_the_command_compares_and_prints(tmp_path, capsys):
+    line = [
+        "benchmark",
+        "--scenes",
+        "lab",
+        "--agents",
+        "passive",
+        "--quiet",
+        "--out",
+        str(tmp_path),
+    ]
+    assert train.main(line) == 0
+    said = capsys.readouterr().out
+    assert "| `lab` | passive |" in said
+    kept = json.loads((tmp_path / "scores" / "lab-passive-0.json").read_text())
+    assert kept["hundred_strides"] > 0.5
+    assert (tmp_path / "scores.csv").read_text().startswith("scene,agent,seed,distance")
+    assert train.main([*line, "--tables"]) == 0
+    assert capsys.readouterr().out == said
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("benchmark --budget 0", "--budget"),
+        ("benchmark --tables", "no scores"),
+        ("benchmark --agents dqn", "dqn"),
+        ("gait nobody", "nobody"),
+        ("gait passive --scene level", "does not make"),
+        ("evaluate --policy nobody", "nobody"),
+        ("export nobody there", "nobody"),
+    ],
+)
+def test_commands_refuse_nonsense(line, words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert train.main(line.split()) == 2
+    assert words in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.learning
+def test_an_agent_learns_and_is_judged(tmp_path, capsys):
+    line = "benchmark --scenes steep --agents ppo --seeds 1 --budget 0.01 --quiet --out"
+    assert train.main([*line.split(), str(tmp_path)]) == 0
+    kept = json.loads((tmp_path / "scores" / "steep-ppo-0.json").read_text())
+    assert kept["learning_steps"] >= 8192 and kept["learning_seconds"] > 0.0
