@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gym_passive_walker.gaits.bifurcation import bifurcation_diagram
 from gym_passive_walker.gaits.family import GaitFamily, gait_family
-from gym_passive_walker.gaits.fixed_point import find_gait
-from gym_passive_walker.gaits.gait import GaitKind, GaitNotFound
+from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
+from gym_passive_walker.gaits.gait import Gait, GaitKind
 from gym_passive_walker.render.extras import extra
 from gym_passive_walker.render.strobe import phase_portrait, strobe
 from gym_passive_walker.walkers import WALKERS, Walker, blend, tune
@@ -57,29 +58,29 @@ def plot_family(ax: Axes, family: GaitFamily, what: str = _ANGLE, **style: Any) 
     ax.set_ylabel(what)
 
 
-def families(walker: Walker, low: float, high: float) -> list[GaitFamily]:
-    """Every family of gaits met from the long and the short gaits of a range of slopes."""
+def families(walker: Walker, low: float, high: float, looks: int = 8) -> list[GaitFamily]:
+    """Every family of gaits that passes one of some slopes, followed over their range.
+
+    Args:
+        walker: The walker.
+        low: Lowest slope in rad.
+        high: Highest slope in rad.
+        looks: At how many slopes gaits are looked for.
+    """
     found: list[GaitFamily] = []
-    for bottom in (low, 0.5 * (low + high)):
-        for kind, _ in _KINDS:
-            try:
-                family = gait_family(walker, bottom, high, kind)
-            except GaitNotFound:
-                continue
-            middle = len(family) // 2
-            known = any(
-                np.min(
-                    np.hypot(
-                        np.log(other.slope / family.slope[middle]),
-                        np.log(other.stance_angle / family.stance_angle[middle]),
-                    )
-                )
-                < 0.05
-                for other in found
-            )
-            if not known:
-                found.append(family)
+    for slope in np.linspace(low, high, looks):
+        for gait in find_gaits(walker, float(slope)):
+            if not any(_passes(family, gait) for family in found):
+                found.append(gait_family(walker, low, high, start=gait))
     return found
+
+
+def _passes(family: GaitFamily, gait: Gait) -> bool:
+    """Whether a family goes through a gait, as nearly as its points lie apart."""
+    apart = np.hypot(
+        np.log(family.slope / gait.slope), np.log(family.stance_angle / gait.stance_angle)
+    )
+    return bool(apart.min() < 0.05)
 
 
 def gait_cycle() -> Figure:
@@ -121,17 +122,22 @@ def lab_families(what: str = _ANGLE) -> Figure:
         for i, family in enumerate(families(WALKERS[name], 0.005, 0.1)):
             label = name if i == 0 else None
             plot_family(ax, family, what, linestyle=line, color="#0072B2", label=label)
+            slow = slice(0, int(np.argmin(family.slope)) + 1)
+            for halt in family.halts:
+                at = np.argmin(np.abs(family.slope[slow] - halt))
+                ax.plot(halt, _measure(family, what)[at], "o", color="#0072B2", fillstyle="none")
+    ax.set_title("o: the stance leg barely passes the vertical", fontsize="small")
     ax.set_xlim(0.0, 0.1)
     ax.legend(fontsize="small")
     return figure
 
 
-def detuning(fractions: tuple[float, ...] = (0.0, 0.05, 0.2, 0.4, 0.6, 1.0)) -> Figure:
+def detuning(fractions: tuple[float, ...] = (0.0, 0.05, 0.3, 0.6, 0.75, 1.0)) -> Figure:
     """Fig. 4.8: families of the tuned kneed walker as it is changed into the laboratory's."""
     figure, axes = _panels(2, 3, (9.0, 5.5))
     tuned, lab = tune(WALKERS["C"]), WALKERS["lab"]
     for ax, fraction in zip(axes, fractions, strict=True):
-        for family in families(blend(tuned, lab, fraction), 2e-4, 0.15):
+        for family in families(blend(tuned, lab, fraction), 1e-6, 0.15):
             plot_family(ax, family, color="#0072B2")
         ax.set(xlim=(0.0, 0.15), ylim=(0.0, 0.6), title=f"{fraction:.0%} de-tuned")
     return figure
@@ -153,6 +159,18 @@ def tuned_families(what: str = _ANGLE) -> Figure:
     return figure
 
 
+def period_doubling(slopes: int = 500) -> Figure:
+    """Fig. 4.10: where walks of the tuned kneed walker settle; thin, its gait of period one."""
+    figure, (ax,) = _panels(1, 1, (6.0, 4.5))
+    walker = tune(WALKERS["C"])
+    diagram = bifurcation_diagram(walker, np.linspace(0.07, 0.098, slopes), settle=500, keep=64)
+    family = gait_family(walker, 0.07, 0.1)
+    ax.plot(family.slope, family.stance_angle, color="#0072B2", linewidth=0.8)
+    ax.plot(diagram.slope, diagram.stance_angle, ".", color="#000000", markersize=0.8)
+    ax.set(xlabel="slope (rad)", ylabel=_ANGLE)
+    return figure
+
+
 FIGURES: dict[str, Callable[[], Figure]] = {
     "4.3-angles": gait_cycle,
     "4.3-strobe": gait_strobe,
@@ -160,11 +178,15 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "4.6": lab_families,
     "4.8": detuning,
     "4.9": tuned_families,
+    "4.10": period_doubling,
     "4.11": lambda: transition(_SPEED),
     "4.12": lambda: lab_families(_SPEED),
     "4.13": lambda: tuned_families(_SPEED),
 }
-"""The figures that can be drawn, by their numbers in the source document."""
+"""The figures that can be drawn, by their numbers in the source document.
+
+Figs. 4.1, 4.4 and 4.7 are sketches of definitions and Fig. 4.2 is a photograph: nothing to compute.
+"""
 
 
 def draw(name: str, folder: str | Path) -> Path:

@@ -107,10 +107,11 @@ class Flow:
 def derivative(function, at):
     """Matrix of derivatives of a smooth function, by differences."""
     step, unit = 5e-3, np.eye(len(at))
-    columns = [
-        sum(w * (function(at + k * step * e) - function(at - k * step * e)) for k, w in STENCIL.items())
-        for e in unit
-    ]  # fmt: skip
+
+    def change(by):
+        return function(at + by) - function(at - by)
+
+    columns = [sum(w * change(k * step * e) for k, w in STENCIL.items()) for e in unit]
     return np.array(columns, dtype=REAL).T / step
 
 

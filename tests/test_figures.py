@@ -1,0 +1,42 @@
+"""Every figure of the source document that has something to compute is drawn."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("matplotlib")
+
+from gym_passive_walker import figures
+from gym_passive_walker.figures import FIGURES, draw, families
+from gym_passive_walker.walkers import WALKERS, blend, tune
+
+
+def test_a_figure_is_drawn_to_a_file(tmp_path):
+    path = draw("4.5", tmp_path / "new")
+    assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_an_unknown_figure_is_refused_with_the_known_ones(tmp_path):
+    with pytest.raises(ValueError, match=r"no figure '4.2'.*4.10"):
+        draw("4.2", tmp_path)
+
+
+@pytest.mark.slow
+def test_the_stable_part_of_the_laboratory_s_curve_is_heavy():
+    (ax,) = figures.lab_families().axes
+    heavy = [line for line in ax.lines if line.get_linewidth() > 2.0]
+    slopes = np.concatenate([line.get_xdata()[np.isfinite(line.get_ydata())] for line in heavy])
+    # Between its two folds.
+    assert 0.01912 < slopes.min() < 0.0192 and 0.0529 < slopes.max() < 0.05304
+
+
+@pytest.mark.slow
+def test_de_tuning_s_upper_curve_is_found_beside_the_lower_one():
+    found = families(blend(tune(WALKERS["C"]), WALKERS["lab"], 0.75), 1e-3, 0.15)
+    lower, upper = sorted(found, key=lambda family: family.slope.min())
+    assert lower.slope.max() < 0.09 < 0.12 < upper.slope.min()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [name for name in FIGURES if name != "4.5"])
+def test_every_figure_is_drawn(name, tmp_path):
+    assert draw(name, tmp_path).stat().st_size > 10_000
