@@ -54,6 +54,10 @@ ROWS = _CONSTANT + _TILE_CONSTANTS
 # What `judge` makes of a lane's step: nothing of note; something may have happened; time is up.
 _PLAIN, _ALERT, _UP = 0.0, 1.0, 2.0
 
+_DOUBT = 0.05
+"""Share of what an event function changes by in a step within which its quintic cannot tell on
+which side of zero it turns: the quintic is of lower order than the step."""
+
 MOST_STEPS = 20_000
 """Integration steps a walker may take in one phase; no gait needs a hundredth of them."""
 
@@ -495,7 +499,9 @@ def attend(tile, lane, phase, stub, landing):
         path = course(event, tile, lane)
         fraction = E.root(E.derivative(path))
         extreme = E.value(path, fraction)
-        if 1e-3 < fraction < 1.0 - 1e-3 and (extreme > 0.0) != (path[0] > 0.0):
+        span = larger(np.abs(path[0] - extreme), np.abs(E.value(path, 1.0) - extreme))
+        hidden = (extreme > 0.0) != (path[0] > 0.0) or np.abs(extreme) < _DOUBT * span
+        if 1e-3 < fraction < 1.0 - 1e-3 and hidden:
             put(tile, _NEXT, lane, h)  # a pair of roots may hide: stop between them
             put(tile, _H, lane, fraction * h)
             return 0
