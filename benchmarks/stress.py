@@ -1,0 +1,60 @@
+"""How much does it take to make a walk go wrong? Try every statement about hard conditions.
+
+As ``python -m benchmarks.stress`` it takes half a minute; with ``--long``, ten million throws and a
+million strides.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+
+import numpy as np
+
+from benchmarks.report import DOCS, keep, machine, table
+from benchmarks.stress_cases.case import Case, Finding
+from benchmarks.stress_cases.everything import STATEMENTS
+
+PAGE = DOCS / "stability.md"
+
+
+def row(case: Case, finding: Finding) -> list[object]:
+    """A statement and what trying it showed."""
+    if np.isnan(case.bound):
+        error = ""
+    else:
+        error = f"{finding.error:.1e} of {case.bound:.0e} allowed ({case.unit})"
+    return [case.topic, case.statement, finding.tried, finding.failed, error]
+
+
+def main() -> int:
+    """Run from the command line; the exit status says whether everything held."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--long", action="store_true", help="try each a hundred times as often")
+    parser.add_argument("--only", default="", help="statements or topics that contain this")
+    parser.add_argument("--write", action="store_true", help=f"put the table into {PAGE.name}")
+    options = parser.parse_args()
+    rows, broken = [], 0
+    for case in STATEMENTS:
+        if options.only.lower() not in f"{case.topic} {case.statement}".lower():
+            continue
+        before = time.perf_counter()
+        finding = case.run(long=options.long)
+        held = case.holds(finding)
+        broken += not held
+        rows.append(row(case, finding))
+        mark = "    " if held else "NOT "
+        print(f"{mark}{time.perf_counter() - before:7.1f} s  {case.statement}", flush=True)
+    command = " ".join(["python -m benchmarks.stress", *sys.argv[1:]])
+    heads = ["topic", "statement", "tried", "failed", "largest error"]
+    text = f"`{command}`\n{machine('scipy')}\n\n{table(heads, rows)}"
+    if options.write:
+        keep("stress", text, PAGE)
+    else:
+        print(f"\n{text}")
+    return 1 if broken else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

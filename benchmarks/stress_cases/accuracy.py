@@ -1,0 +1,92 @@
+"""How errors fall with the step and with the tolerance."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.stress_cases.case import Finding, case
+from benchmarks.stress_cases.flight import Flock, flock
+from benchmarks.stress_cases.gaits import every_gait, start
+from gym_passive_walker import WALKERS, Outcome
+from gym_passive_walker.physics import events as E
+from gym_passive_walker.physics import integrator as I
+from gym_passive_walker.physics.dormand_prince import ORDER
+from gym_passive_walker.physics.stride import advance, new_records
+
+TOPIC = "Accuracy"
+WHOLE = 0.4  # time in sqrt(l/g) that the fixed steps cover
+ANY_ERROR = 1e12  # a tolerance that every step meets
+
+
+def fixed_steps(mine: Flock, states: NDArray, phase: int, count: int) -> NDArray[np.float64]:
+    """States after `WHOLE`, in so many equal steps."""
+    records = new_records(states, np.full(len(states), 0.05), end=0.0)
+    records[:, I.PHASE] = phase
+    for step in range(1, count + 1):
+        records[:, I.END], records[:, I.STEP] = WHOLE * step / count, 2.0 * WHOLE
+        advance(mine.kind, mine.constants, records, tolerance=ANY_ERROR, from_section=False)
+    states = records[:, :6]
+    states[records[:, I.STEPS] != count] = np.nan  # an event came and divided a step
+    return states
+
+
+@case(
+    TOPIC,
+    f"Halving fixed steps divides the error by 2 to the {ORDER}",
+    quick=30, long=3_000, bound=0.3, unit=f"order less {ORDER}, at the median",
+)  # fmt: skip
+def order(count: int, rng: np.random.Generator) -> Finding:
+    """In each phase, at steps so long that rounding is far below the error."""
+    tried, failed, worst = 0, 0, 0.0
+    for name, phase, steps in (("lab", E.FREE, 2), ("A", E.LOCKED, 1), ("D", E.SIMPLEST, 1)):
+        mine = flock(WALKERS[name])
+        states = np.zeros((count, 6))
+        states[:, 0] = rng.uniform(-0.2, 0.2, count)
+        states[:, 1] = rng.uniform(0.6, 0.9, count)
+        states[:, 2] = states[:, 1] - (1.2 if phase == E.FREE else 0.0)
+        states[:, 3:] = rng.normal(scale=0.1, size=(count, 3))
+        if phase != E.FREE:
+            states[:, 5] = states[:, 4]
+        exact = fixed_steps(mine, states, phase, 16 * steps)
+        whole, halved = (
+            np.abs(fixed_steps(mine, states, phase, n) - exact).max(axis=1)
+            for n in (steps, 2 * steps)
+        )
+        orders = np.log2(whole / halved)
+        orders = orders[np.isfinite(orders)]
+        tried += len(orders)
+        failed += int(len(orders) < 0.5 * count)
+        worst = max(worst, abs(float(np.median(orders)) - ORDER))
+    return Finding(tried, failed, worst)
+
+
+@case(
+    TOPIC,
+    "Over ten decades of tolerance, 10⁻³ to 10⁻¹³, the error of a stride falls in proportion",
+    quick=30, long=3_000, bound=0.25, unit="exponent less 1, for each gait",
+)  # fmt: skip
+def proportional(count: int, rng: np.random.Generator) -> Finding:
+    """Error of the next state, at the median over driven strides from near each gait."""
+    tried, worst = 0, 0.0
+    tolerances = 10.0 ** np.arange(-3.0, -13.5, -1.0)
+    medians = []
+    for name, gait in every_gait():
+        mine = flock(gait.walker)
+        states = start(gait) * (1.0 + 0.02 * rng.normal(size=(count, 6)))
+        states[:, 1:3] = -states[:, :1]
+        if not WALKERS[name].knees:
+            states[:, 5] = states[:, 4]
+        options = {"slope": gait.slope, "torque": 0.003}
+        exact = mine.follow(states, tolerance=1e-15, **options)
+        walked = exact[:, I.OUTCOME] == Outcome.HEELSTRIKE
+        errors = [
+            np.abs(mine.follow(states, tolerance=t, **options) - exact)[walked, :6].max(axis=1)
+            for t in tolerances
+        ]
+        medians.append(np.median(errors, axis=1))
+        exponent = np.polyfit(np.log(tolerances), np.log(medians[-1]), 1)[0]
+        tried += int(walked.sum()) * len(tolerances)
+        worst = max(worst, abs(float(exponent) - 1.0))
+    falling = np.diff(np.median(medians, axis=0)) < 0.0
+    return Finding(tried, int((~falling).sum()), worst)

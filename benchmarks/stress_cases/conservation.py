@@ -1,0 +1,204 @@
+"""What the motion must keep: energy, momenta, its course in reverse and in a mirror."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.stress_cases.bodies import Bodies
+from benchmarks.stress_cases.case import Finding, case
+from benchmarks.stress_cases.flight import (
+    BACKWARDS,
+    Flock,
+    flock,
+    flock_of,
+    mirrored,
+    random_shapes,
+    random_states,
+)
+from benchmarks.stress_cases.gaits import every_gait
+from gym_passive_walker import WALKERS, Outcome, stride
+from gym_passive_walker.physics import events as E
+from gym_passive_walker.physics import integrator as I
+from gym_passive_walker.physics.constants import Kind
+from gym_passive_walker.physics.stride import new_records, strike_heels
+
+TOPIC = "Conservation and symmetry"
+SIMPLEST = WALKERS["D"]
+
+
+def crowds(rng: np.random.Generator, count: int) -> list[Flock]:
+    """Walkers of each kind, of many shapes."""
+    n = max(1, count // 3)
+    return [
+        flock_of(random_shapes(rng, n, knees=True)),
+        flock_of(random_shapes(rng, n, knees=False)),
+        Flock(Kind.SIMPLEST, np.repeat(flock(SIMPLEST).constants, n, axis=0)),
+    ]
+
+
+def thrown(rng: np.random.Generator, mine: Flock) -> NDArray[np.float64]:
+    """Section states, near enough to a gait that many come to a heelstrike."""
+    n = len(mine.constants)
+    angle = rng.uniform(0.05, 0.5, n)
+    rates = rng.normal(size=(n, 3)) * 0.3 - np.stack([angle * 3.5 + 0.2, angle, angle], axis=1)
+    states = np.concatenate([np.outer(angle, [1.0, -1.0, -1.0]), rates], axis=1)
+    if mine.kind != Kind.KNEED:
+        states[:, 5] = states[:, 4]
+    return states
+
+
+@case(
+    TOPIC,
+    "The ledger of a stride closes: gravity's and the hip's work are motion gained and energy lost",
+    quick=3_000, long=300_000, bound=1e-12, unit="energy that moved",
+)  # fmt: skip
+def ledger(count: int, rng: np.random.Generator) -> Finding:
+    """Whatever the walker's shape, its torque and how the stride ends."""
+    tried, worst = 0, 0.0
+    for mine in crowds(rng, count):
+        starts = thrown(rng, mine)
+        n = len(starts)
+        torque = rng.choice([0.0, 0.1], n) * rng.normal(size=n)
+        ends = mine.follow(starts, slope=rng.uniform(-0.1, 0.3, n), torque=torque, tolerance=1e-14)
+        tried += n
+        worst = max(worst, float(mine.ledger(starts, ends).max()))
+    return Finding(tried, 0, worst)
+
+
+@case(
+    TOPIC,
+    "Heelstrike conserves angular momentum: the whole's about the new contact, the new swing leg's "
+    "about the hip, its free shank's about the knee",
+    quick=3_000, long=100_000, bound=1e-13, unit="m l² rate",
+)  # fmt: skip
+def heelstrike_momenta(count: int, rng: np.random.Generator) -> Finding:
+    """Summed over bodies, which share no equation with the engine."""
+    tried, worst = 0, 0.0
+    for knees in (True, False):
+        walkers = random_shapes(rng, max(1, count // 2), knees=knees)
+        mine, n = flock_of(walkers), len(walkers)
+        angle = rng.uniform(0.0, 1.0, n)
+        rates = rng.normal(size=(n, 3))
+        before = np.concatenate([np.outer(angle, [-1.0, 1.0, 1.0]), rates], axis=1)
+        before[:, 5] = before[:, 4]
+        records = new_records(before, np.zeros(n))
+        strike_heels(records, mine.constants, int(mine.kind))
+        old, new = Bodies(walkers, before), Bodies(walkers, records[:, :6])
+        kept = [
+            old.momentum(old.swing.contact) - new.momentum(0.0 * new.hip),
+            old.stance.momentum(old.hip) - new.swing.momentum(new.hip),
+        ]
+        if knees:
+            shank, same = old.stance, new.swing
+            kept.append(shank.shank.momentum(shank.knee) - same.shank.momentum(same.knee))
+        tried += n
+        worst = max(worst, float(np.abs(kept / old.scale()).max()))
+    return Finding(tried, 0, worst)
+
+
+@case(
+    TOPIC,
+    "Kneestrike conserves angular momentum: the whole's about the contact, the swing leg's about "
+    "the hip",
+    quick=3_000, long=100_000, bound=1e-13, unit="m l² rate",
+)  # fmt: skip
+def kneestrike_momenta(count: int, rng: np.random.Generator) -> Finding:
+    """A shank a rounding error from its stop reaches it before anything else has moved."""
+    walkers = random_shapes(rng, count, knees=True)
+    before = random_states(rng, count, straight=True, angle=1.0)
+    before[:, 2] -= 1e-15
+    before[:, 5] = before[:, 4] + rng.uniform(0.5, 2.0, count)
+    records = flock_of(walkers).follow(before, 1e-14, phase=E.FREE)
+    old, new = Bodies(walkers, before), Bodies(walkers, records[:, :6])
+    kept = [
+        old.momentum(0.0 * old.hip) - new.momentum(0.0 * new.hip),
+        old.swing.momentum(old.hip) - new.swing.momentum(new.hip),
+    ]
+    locked = (records[:, I.PHASE] == E.LOCKED) & (records[:, 5] == records[:, 4])
+    return Finding(count, int((~locked).sum()), float(np.abs(kept / old.scale()).max()))
+
+
+def in_flight(rng: np.random.Generator, mine: Flock) -> tuple[NDArray, int]:
+    """States that move for a while without an event, and their phase."""
+    n, free = len(mine.constants), mine.kind == Kind.KNEED
+    states = random_states(rng, n, straight=not free, angle=0.3, rate=0.3)
+    states[:, 1] = np.abs(states[:, 0]) + 0.6  # no strike is near
+    states[:, 2] = states[:, 1] - 0.5 if free else states[:, 1]
+    return states, E.FREE if free else mine.straight_phase
+
+
+@case(
+    TOPIC,
+    "A motion between events, filmed and played backwards, leads back to its start",
+    quick=3_000, long=300_000, bound=1e-12, unit="angles and rates",
+)  # fmt: skip
+def time_reversal(count: int, rng: np.random.Generator) -> Finding:
+    """With or without a torque, on any slope."""
+    tried, worst = 0, 0.0
+    for mine in crowds(rng, count):
+        states, phase = in_flight(rng, mine)
+        n = len(states)
+        options = {
+            "slope": rng.uniform(-0.3, 0.3, n), "torque": rng.uniform(-0.02, 0.02, n),
+            "phase": phase, "tolerance": 1e-14,
+        }  # fmt: skip
+        there = mine.follow(states, 0.7, **options)
+        back = mine.follow(there[:, :6] * BACKWARDS, 0.7, **options)
+        flown = np.all([r[:, I.OUTCOME] == Outcome.RUNNING for r in (there, back)], axis=0)
+        flown &= (there[:, I.PHASE] == phase) & (back[:, I.PHASE] == phase)
+        tried += int(flown.sum())
+        worst = max(worst, float(np.abs(back[:, :6] * BACKWARDS - states)[flown].max()))
+    return Finding(tried, 0, worst)
+
+
+@case(
+    TOPIC,
+    "A motion seen in a mirror is the motion of the mirrored walker",
+    quick=600, long=60_000, bound=1e-12, unit="angles and rates",
+)  # fmt: skip
+def mirror(count: int, rng: np.random.Generator) -> Finding:
+    """Slope and torque turn round as well."""
+    tried, worst = 0, 0.0
+    for knees in (True, False):
+        walkers = random_shapes(rng, max(1, count // 2), knees=knees)
+        here, there = flock_of(walkers), flock_of([mirrored(walker) for walker in walkers])
+        states, _ = in_flight(rng, here)
+        states[:, 2], states[:, 5] = states[:, 1], states[:, 4]  # a knee bends one way only
+        n = len(states)
+        slope, torque = rng.uniform(-0.3, 0.3, n), rng.uniform(-0.02, 0.02, n)
+        time, options = 0.4, {"phase": E.LOCKED, "tolerance": 1e-14}
+        one = here.follow(states, time, slope=slope, torque=torque, **options)
+        other = there.follow(-states, time, slope=-slope, torque=-torque, **options)
+        flown = np.all([r[:, I.OUTCOME] == Outcome.RUNNING for r in (one, other)], axis=0)
+        tried += int(flown.sum())
+        worst = max(worst, float(np.abs(one[:, :6] + other[:, :6])[flown].max()))
+    return Finding(tried, 0, worst)
+
+
+@case(
+    TOPIC,
+    "Legs have roles, not names: over many strides gravity's work is weight times descent",
+    quick=20, long=200, bound=1e-13, unit="gravity's work a stride",
+)  # fmt: skip
+def swapped_legs(count: int, rng: np.random.Generator) -> Finding:
+    """Each heelstrike gives the legs each other's role; the hip must not notice."""
+    tried, worst = 0, 0.0
+    for _, gait in every_gait():
+        if not gait.stable:
+            continue
+        state, height, work = gait.state, 0.0, 0.0
+        for _ in range(count):
+            found = stride(gait.walker, gait.slope, state, tolerance=1e-12)
+            height += found.step_length * np.sin(gait.slope)
+            work += found.gravity_work
+            state = found.state
+        descent = found.weight * height
+        mine = flock(gait.walker)
+        units = np.repeat([1.0, gait.walker.time_unit], 3)
+        starts = np.array([gait.state * units])
+        moved = new_records((state * units)[None], np.array([gait.slope]))
+        inside = mine.gravity_work(starts, moved)[0] * found.weight * gait.walker.leg_length
+        tried += count
+        worst = max(worst, abs(work - descent - inside) / found.gravity_work / np.sqrt(count))
+    return Finding(tried, 0, worst)

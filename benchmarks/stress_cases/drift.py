@@ -1,0 +1,100 @@
+"""What adds up over a hundred thousand swings, or a million strides."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from benchmarks.stress_cases.case import Finding, case
+from benchmarks.stress_cases.flight import flock
+from benchmarks.stress_cases.gaits import every_gait, start
+from gym_passive_walker import Outcome, Walker
+from gym_passive_walker.physics import events as E
+from gym_passive_walker.physics import integrator as I
+from gym_passive_walker.physics.stride import advance, new_records
+
+TOPIC = "Drift"
+TICK = 50.0  # time in sqrt(l/g) that a swinging walker is followed at once
+
+ROCKER = Walker(
+    thigh_length=0.05, shank_length=0.95, foot_radius=0.94, thigh_mass=0.01, shank_mass=1.0,
+    shank_com=0.6, shank_gyration=0.2, shank_offset=0.15, knees=False, gravity=1.0,
+)  # fmt: skip
+"""Set down on its round foot it rocks; its other leg hangs forward, so nothing ever strikes."""
+
+HANGER = Walker(
+    thigh_length=0.5, shank_length=0.5, thigh_mass=1.0, thigh_com=-0.3, thigh_gyration=0.2,
+    thigh_offset=-0.15, shank_mass=0.01, shank_com=0.3, knees=False, gravity=1.0,
+)  # fmt: skip
+"""Hung up by its foot it swings like a double pendulum: its legs weigh beyond the hip."""
+
+
+def swing_on(walker: Walker, gravity: float, angles: tuple[float, float], swings: int) -> Finding:
+    """Follow a locked walker, and compare its energy with the first at each tick.
+
+    Args:
+        walker: The walker.
+        gravity: 1 where it stands, -1 where it hangs.
+        angles: Of stance and swing leg, where it starts at rest.
+        swings: How often 2π √(l/g) passes.
+    """
+    mine = flock(walker)
+    state = np.array([[angles[0], angles[1], angles[1], 0.0, 0.0, 0.0]])
+    record = new_records(state, np.zeros(1), end=0.0)
+    record[:, I.PHASE], record[:, I.COS_SLOPE] = E.LOCKED, gravity
+    worst = largest = 0.0
+    for tick in range(1, int(swings * 2.0 * np.pi / TICK) + 2):
+        record[:, I.END] = TICK * tick
+        advance(mine.kind, mine.constants, record, tolerance=1e-15, from_section=False)
+        if record[0, I.OUTCOME] != Outcome.RUNNING:
+            return Finding(swings, 1)
+        kinetic = float(mine.kinetic_energy(record[:, :6])[0])
+        largest = max(largest, kinetic)
+        worst = max(worst, abs(kinetic - float(mine.gravity_work(state, record)[0])))
+    return Finding(swings, 0, worst / largest)
+
+
+@case(
+    TOPIC,
+    "A locked walker that rocks on its foot keeps its energy, swing after swing",
+    quick=200, long=100_000, bound=2e-11, unit="largest kinetic energy",
+)  # fmt: skip
+def rocking(count: int, rng: np.random.Generator) -> Finding:
+    """Set down off balance, the other leg swinging along."""
+    return swing_on(ROCKER, 1.0, (0.15, 0.4), count)
+
+
+@case(
+    TOPIC,
+    "A locked walker that hangs from its foot keeps its energy, swing after swing",
+    quick=200, long=100_000, bound=2e-11, unit="largest kinetic energy",
+)  # fmt: skip
+def hanging(count: int, rng: np.random.Generator) -> Finding:
+    """A double pendulum."""
+    return swing_on(HANGER, -1.0, (0.15, 0.6), count)
+
+
+@case(
+    TOPIC,
+    "A stable gait stays on its fixed point, stride after stride",
+    quick=1_000, long=1_000_000, bound=1e-12, unit="angles and rates",
+)  # fmt: skip
+def million_strides(count: int, rng: np.random.Generator) -> Finding:
+    """Each of the presets' stable gaits."""
+    tried, failed, worst = 0, 0, 0.0
+    for _, gait in every_gait():
+        if not gait.stable:
+            continue
+        mine, point = flock(gait.walker), start(gait)
+        record = new_records(point[None], np.array([gait.slope]))
+        least, most = point.copy(), point.copy()
+        for _ in range(count):
+            record[0, I.TIME] = record[0, I.OUTCOME] = 0.0
+            advance(mine.kind, mine.constants, record, tolerance=1e-14)
+            if record[0, I.OUTCOME] != Outcome.HEELSTRIKE:
+                failed += 1
+                break
+            np.minimum(least, record[0, :6], out=least)
+            np.maximum(most, record[0, :6], out=most)
+        tried += count
+        worst = max(worst, float((most - point).max()), float((point - least).max()))
+    return Finding(tried, failed, worst)

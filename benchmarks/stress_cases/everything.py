@@ -1,0 +1,20 @@
+"""All statements, in the order in which they are printed."""
+
+from __future__ import annotations
+
+from benchmarks.stress_cases import (  # noqa: F401
+    accuracy,
+    chaos,
+    coincidences,
+    conservation,
+    drift,
+    extremes,
+    strikes,
+    vertical,
+)
+from benchmarks.stress_cases.case import CASES, Case
+
+_ORDER = (strikes, coincidences, extremes, conservation, drift, chaos, accuracy)
+TOPICS = [module.TOPIC for module in _ORDER]
+
+STATEMENTS: list[Case] = sorted(CASES, key=lambda case: TOPICS.index(case.topic))

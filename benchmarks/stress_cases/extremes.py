@@ -1,0 +1,238 @@
+"""Walkers and slopes far from any workshop, and throws far from any gait."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.stress_cases.case import Finding, case
+from benchmarks.stress_cases.flight import flock
+from benchmarks.stress_cases.gaits import every_gait, gaits, start
+from gym_passive_walker import WALKERS, Outcome, Walker, stride
+from gym_passive_walker.physics import integrator as I
+from gym_passive_walker.physics.constants import Kind
+from gym_passive_walker.physics.stride import LONGEST_STRIDE
+
+TOPIC = "Extremes"
+LENGTHS = (
+    "thigh_length", "thigh_offset", "thigh_gyration", "thigh_com", "shank_length", "shank_offset",
+    "shank_gyration", "shank_com", "foot_radius",
+)  # fmt: skip
+MASSES = ("thigh_mass", "shank_mass", "hip_mass")
+ENDINGS = [int(o) for o in Outcome if o not in (Outcome.RUNNING, Outcome.KNEESTRIKE)]
+
+
+def resized(walker: Walker, length: float, mass: float, gravity: float) -> Walker:
+    """The same walker in another size, of another metal, on another planet."""
+    factor = dict.fromkeys(LENGTHS, length) | dict.fromkeys(MASSES, mass) | {"gravity": gravity}
+    changes = {
+        field.name: factor[field.name] * getattr(walker, field.name)
+        for field in fields(walker)
+        if field.name in factor
+    }
+    return replace(walker, **changes)
+
+
+def ended(records: NDArray) -> NDArray[np.bool_]:
+    """Whether each stride ended in a known way, in its time, at finite numbers."""
+    outcome = records[:, I.OUTCOME].copy()
+    outcome[outcome == Outcome.RUNNING] = Outcome.STALLED
+    in_time = (records[:, I.TIME] >= 0.0) & (records[:, I.TIME] <= LONGEST_STRIDE * (1.0 + 1e-15))
+    numbers = np.delete(records, I.STEP, axis=1)
+    return np.isin(outcome, ENDINGS) & in_time & np.all(np.isfinite(numbers), axis=1)
+
+
+def random_throws(rng: np.random.Generator, count: int, straight: bool):
+    """Any upright state at any pace, slope and torque: ordinary, wild, or almost at rest."""
+    pace = 10.0 ** rng.uniform(-6.0, 2.0, (count, 1))
+    angles = rng.uniform(-1.0, 1.0, (count, 3)) * [0.5 * np.pi, np.pi, np.pi]
+    angles *= np.minimum(1.0, 10.0 ** rng.uniform(-6.0, 1.0, (count, 1)))
+    states = np.concatenate([angles, pace * rng.normal(size=(count, 3))], axis=1)
+    section = rng.random(count) < 0.5
+    states[section, 1:3] = -states[section, :1]
+    if straight:
+        states[:, [2, 5]] = states[:, [1, 4]]
+    slope = rng.choice([1e-10, 1e-3, 0.1, 1.0, 1.5], count) * rng.uniform(-1.0, 1.0, count)
+    torque = rng.choice([0.0, 0.01, 1.0, 100.0], count) * rng.normal(size=count)
+    return states, slope, torque
+
+
+@case(
+    TOPIC,
+    "Any throw ends: an outcome for each, in bounded time, with finite numbers",
+    quick=100_000, long=10_000_000,
+)  # fmt: skip
+def any_throw(count: int, rng: np.random.Generator) -> Finding:
+    """Of every preset, with and without the rule on toes, at coarse and fine tolerances."""
+    tried = failed = 0
+    portion = 20_000
+    names = list(WALKERS)
+    for turn in range(max(1, count // portion)):
+        walker = WALKERS[names[turn % len(names)]]
+        mine, n = flock(walker), min(portion, count)
+        states, slope, torque = random_throws(rng, n, not walker.knees)
+        tolerance = float(rng.choice([1e-3, 1e-8, 1e-12]))
+        stub = bool(rng.random() < 0.5)
+        walks = mine.follow(
+            states, LONGEST_STRIDE, slope=slope, torque=torque, tolerance=tolerance, stub=stub
+        )
+        tried += n
+        failed += int((~ended(walks)).sum())
+    return Finding(tried, failed)
+
+
+@case(
+    TOPIC,
+    "A torque of a hundred times weight times leg: every stride ends, and its ledger closes",
+    quick=2_000, long=200_000, bound=1e-12, unit="energy that moved",
+)  # fmt: skip
+def huge_torque(count: int, rng: np.random.Generator) -> Finding:
+    """Turning the legs either way, from a gait."""
+    tried, failed, worst = 0, 0, 0.0
+    for name, gait in every_gait():
+        n = count // len(WALKERS)
+        states = start(gait) * (1.0 + 0.1 * rng.normal(size=(n, 6)))
+        states[:, 1:3] = -states[:, :1]
+        if not WALKERS[name].knees:
+            states[:, 5] = states[:, 4]
+        torque = rng.choice([-100.0, 100.0], n)
+        mine = flock(gait.walker)
+        walks = mine.follow(states, slope=gait.slope, torque=torque, tolerance=1e-14)
+        tried += n
+        failed += int((~ended(walks)).sum())
+        worst = max(worst, float(mine.ledger(states, walks).max()))
+    return Finding(tried, failed, worst)
+
+
+@case(
+    TOPIC,
+    "A swing leg thrown over the top is followed to the upright, with its energy",
+    quick=2_000, long=200_000, bound=1e-12, unit="rad, energy that moved",
+)  # fmt: skip
+def over_the_top(count: int, rng: np.random.Generator) -> Finding:
+    """Forward or backward, at three to a hundred times the pace of a walk."""
+    tried, failed, worst = 0, 0, 0.0
+    for walker in WALKERS.values():
+        mine, n = flock(walker), count // len(WALKERS)
+        states = np.zeros((n, 6))
+        states[:, 0] = rng.uniform(-0.2, 0.2, n)
+        states[:, 1] = states[:, 2] = rng.uniform(0.3, 0.6, n)
+        states[:, 4] = states[:, 5] = rng.choice([-1.0, 1.0], n) * 10.0 ** rng.uniform(1.5, 2.0, n)
+        walks = mine.follow(states, slope=rng.uniform(-0.1, 0.1, n), tolerance=1e-14)
+        over = walks[:, I.OUTCOME] == Outcome.OVER_THE_TOP
+        tried += n
+        forward = states[:, 4] > 0.0  # backwards it may meet the ground first
+        failed += int((~over & forward).sum())
+        beyond = np.abs(np.abs(walks[over, 1:3]).max(axis=1) - np.pi)
+        worst = max(worst, float(beyond.max()))
+        if mine.kind != Kind.SIMPLEST:  # its ledger is its hip's, and all motion here the foot's
+            worst = max(worst, float(mine.ledger(states, walks).max()))
+    return Finding(tried, failed, worst)
+
+
+@case(
+    TOPIC,
+    "On slopes of 10⁻¹⁰ to 10⁻² gaits come back to themselves and lose weight × step × sin γ; from "
+    "10⁻⁷ on the long step is the cube root of the slope, within 15 %",
+    quick=5, long=80, bound=1e-12, unit="state, energy lost",
+)  # fmt: skip
+def shallow_slopes(count: int, rng: np.random.Generator) -> Finding:
+    """Of every walker that can stand upright on level ground."""
+    tried, failed, worst = 0, 0, 0.0
+    for name in ("B", "D", "E", "F"):
+        for slope in np.geomspace(1e-10, 1e-2, count):
+            found = gaits(name, float(slope))
+            long = found[0].stance_angle / np.cbrt(slope) if found else 0.0
+            tried += max(1, len(found))
+            failed += int(not found or (slope >= 1e-7 and not 0.85 < long < 1.15))
+            for gait in found:
+                end = stride(name, slope, gait.state, tolerance=1e-14)
+                failed += int(end.outcome != Outcome.HEELSTRIKE)
+                off = np.abs(end.state - gait.state).max() / np.abs(gait.state).max()
+                loss = abs(end.cost_of_transport / np.sin(slope) - 1.0)
+                worst = max(worst, float(off), float(loss))
+    return Finding(tried, failed, worst)
+
+
+@case(
+    TOPIC,
+    "On slopes of 10⁻¹⁰ to 0.5 every stride from near a gait ends, and its ledger closes",
+    quick=2_000, long=200_000, bound=1e-12, unit="energy that moved",
+)  # fmt: skip
+def slopes_without_gaits(count: int, rng: np.random.Generator) -> Finding:
+    """Downhill or uphill, whether or not the walker could walk there."""
+    tried, failed, worst = 0, 0, 0.0
+    for name, gait in every_gait():
+        n = count // len(WALKERS)
+        slope = 10.0 ** rng.uniform(-10.0, np.log10(0.5), n) * rng.choice([-1.0, 1.0], n)
+        states = start(gait) * (1.0 + 0.1 * rng.normal(size=(n, 6)))
+        states *= np.minimum(1.0, 3.0 * np.cbrt(np.abs(slope)))[:, None]  # how gaits shrink
+        states[:, 1:3] = -states[:, :1]
+        if not WALKERS[name].knees:
+            states[:, 5] = states[:, 4]
+        mine = flock(gait.walker)
+        walks = mine.follow(states, slope=slope, tolerance=1e-14)
+        tried += n
+        failed += int((~ended(walks)).sum())
+        worst = max(worst, float(mine.ledger(states, walks).max()))
+    return Finding(tried, failed, worst)
+
+
+@case(
+    TOPIC,
+    "Feet of 10⁻¹² to 1 of the hip's mass walk as near to the simplest walker as they are light",
+    quick=25, long=400, bound=30.0, unit="mass of the foot / mass of the hip",
+)  # fmt: skip
+def vanishing_feet(count: int, rng: np.random.Generator) -> Finding:
+    """Below the rounding of the motion itself, 10⁻¹³, the difference cannot be seen."""
+    walker, gait = WALKERS["D"], gaits("D")[0]
+    time, failed, worst = np.repeat([1.0, walker.time_unit], 3), 0, 0.0
+    exact = stride(walker, gait.slope, gait.state, hip_torque=0.1, tolerance=1e-14)
+    for mass in np.geomspace(1e-12, 1.0, count):
+        feet = replace(walker, shank_mass=mass, shank_com=walker.shank_length)
+        torque = 0.1 * mass
+        found = stride(feet, gait.slope, gait.state, hip_torque=torque, tolerance=1e-14)
+        off = np.abs((found.state - exact.state) * time).max()
+        if found.outcome == Outcome.HEELSTRIKE:
+            worst = max(worst, float(off) / (mass + 1e-13))
+        elif mass < 1e-3:
+            failed += 1
+    return Finding(count, failed, worst)
+
+
+@case(
+    TOPIC,
+    "Legs of 10⁻³ to 10³, masses of 10⁻⁶ to 10⁶, gravity of 10⁻³ to 10³ walk the same walk",
+    quick=20, long=1_000, bound=1e-12, unit="dimensionless state and energies",
+)  # fmt: skip
+def sizes(count: int, rng: np.random.Generator) -> Finding:
+    """To rounding, which the stride map of an unstable gait magnifies."""
+    tried, failed, worst = 0, 0, 0.0
+    for _, gait in every_gait():
+        walker = gait.walker
+        here = walked(walker, gait.slope, start(gait))
+        for _ in range(count):
+            length, mass, gravity = 10.0 ** (rng.uniform(-1.0, 1.0, 3) * [3.0, 6.0, 3.0])
+            giant = resized(walker, length, mass, gravity)
+            there = walked(giant, gait.slope, start(gait))
+            tried += 1
+            if here[0] != there[0]:
+                failed += 1
+            worst = max(worst, float(np.abs(there - here).max()))
+    return Finding(tried, failed, worst)
+
+
+def walked(walker: Walker, slope: float, state: NDArray) -> NDArray[np.float64]:
+    """A driven stride in dimensionless numbers: outcome, state, times, lengths and energies."""
+    units = np.repeat([1.0, walker.time_unit], 3)
+    energy = walker.total_mass * walker.gravity * walker.leg_length
+    torque = 0.003 * (walker.gravity * walker.leg_length if walker.massless_legs else energy)
+    found = stride(walker, slope, state / units, hip_torque=torque, tolerance=1e-13)
+    numbers = [
+        float(found.outcome), found.duration / walker.time_unit,
+        found.step_length / walker.leg_length, found.hip_work / energy,
+        found.collision_loss / energy, found.gravity_work / energy,
+    ]  # fmt: skip
+    return np.concatenate([numbers, found.state * units])

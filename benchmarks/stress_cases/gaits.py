@@ -1,0 +1,34 @@
+"""Gaits that walks start from, in dimensionless units."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker import WALKERS, find_gaits
+from gym_passive_walker.gaits.gait import Gait
+
+SLOPES = {
+    "A": 0.01, "B": 0.01, "C": 0.03, "D": 0.009, "E": 0.01, "F": 0.01, "lab": 0.036,
+    "lab-straight": 0.04,
+}  # fmt: skip
+"""A slope that each walker has a gait on."""
+
+
+@lru_cache
+def gaits(name: str, slope: float | None = None) -> list[Gait]:
+    """A preset's gaits, the longest step first."""
+    found = find_gaits(name, SLOPES[name] if slope is None else slope)
+    return sorted(found, key=lambda gait: -gait.stance_angle)
+
+
+def start(gait: Gait) -> NDArray[np.float64]:
+    """The gait's dimensionless section state."""
+    return np.asarray(gait.state) * np.repeat([1.0, gait.walker.time_unit], 3)
+
+
+def every_gait() -> list[tuple[str, Gait]]:
+    """Long and short gaits of every preset."""
+    return [(name, gait) for name in WALKERS for gait in gaits(name)]
