@@ -189,8 +189,9 @@ def _lateral(walker: Walker) -> tuple[float, float]:
     return moment / leg_mass, shank_ahead
 
 
-def tuning_errors(walker: Walker) -> TuningErrors:
+def tuning_errors(walker: Walker | str) -> TuningErrors:
     """Say which of Fig. 4.7's conditions for zero-slope walking a walker fails, and by how much."""
+    walker = as_walker(walker)
     leg_ahead, shank_ahead = _lateral(walker)
     length = walker.leg_length
     share = 2.0 * (walker.thigh_mass + walker.shank_mass) / walker.total_mass
@@ -202,7 +203,7 @@ def tuning_errors(walker: Walker) -> TuningErrors:
     )
 
 
-def tune(walker: Walker) -> Walker:
+def tune(walker: Walker | str) -> Walker:
     """The nearest walker that can stand at zero slope, and so may walk there (Fig. 4.7).
 
     Moves the two offsets `thigh_offset` and `shank_offset` and nothing else: the shank's centre of
@@ -212,6 +213,7 @@ def tune(walker: Walker) -> Walker:
     Raises:
         WalkerError: if the thigh has no mass to balance an angled foot with.
     """
+    walker = as_walker(walker)
     if walker.massless_legs:
         return walker
     if walker.thigh_mass == 0.0 and walker.foot_angle != 0.0:
@@ -229,17 +231,18 @@ def tune(walker: Walker) -> Walker:
     )
 
 
-def blend(a: Walker, b: Walker, fraction: float) -> Walker:
+def blend(a: Walker | str, b: Walker | str, fraction: float) -> Walker:
     """A walker between two: every parameter at `fraction` of the way from a to b (Fig. 4.8).
 
     Args:
-        a: The walker at fraction 0.
-        b: The walker at fraction 1.
+        a: The walker at fraction 0, or a preset's name.
+        b: The walker at fraction 1, likewise.
         fraction: Usually between 0 and 1; beyond them is allowed while it is still a walker.
 
     Raises:
         WalkerError: if one has knees and the other has not, or the result is no walker.
     """
+    a, b = as_walker(a), as_walker(b)
     if a.knees != b.knees:
         raise WalkerError("cannot blend a walker with knees and one without")
     values = {

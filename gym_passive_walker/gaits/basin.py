@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker.gaits.arguments import number, one_slope, whole
 from gym_passive_walker.gaits.attractors import (
     FELL,
     UNSETTLED,
@@ -28,7 +29,6 @@ from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.section import Section, section_of
 from gym_passive_walker.physics.stride import (
-    check_slope,
     check_tolerance,
     new_records,
     strike_heels,
@@ -142,8 +142,11 @@ def basin_of_attraction(
         GaitNotFound: if the walker has no gait at this slope and something above rests on one.
         ValueError: if an argument is out of range.
     """
-    walker, slope = as_walker(walker), float(check_slope(slope))
-    tolerance = check_tolerance(tolerance)
+    walker, slope = as_walker(walker), one_slope(slope)
+    tolerance, near = check_tolerance(tolerance), number(near, "near", above=0.0)
+    resolution, strides = whole(resolution, "resolution"), whole(strides, "strides")
+    if ratios is not None and np.shape(ratios) != (2,):
+        raise ValueError(f"ratios must be two numbers, thigh and shank over stance, not {ratios!r}")
     section = section_of(walker)
     known = find_gaits(walker, slope)
     gait = known[0] if known else None
@@ -217,7 +220,8 @@ def largest_push(
     Returns:
         The largest changes, in the walker's own units; 0 for a gait that is not walked on at all.
     """
-    walker, slope = as_walker(walker), float(check_slope(slope))
+    walker, slope = as_walker(walker), one_slope(slope)
+    strides, accuracy = whole(strides, "strides"), number(accuracy, "accuracy", above=0.0)
     gait = find_gait(walker, slope) if gait is None else gait
     section = section_of(walker)
     attractors = Attractors(section, [gait] if gait.stable else [], slope, 1e-5)

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker.gaits.arguments import number, one_slope, whole
 from gym_passive_walker.gaits.family import GaitFamily, gait_family
 from gym_passive_walker.gaits.gait import GaitKind
 from gym_passive_walker.gaits.section import INFINITESIMAL, Section, section_of
@@ -96,7 +97,11 @@ def _beginnings(
 
 
 def _slopes(slopes: ArrayLike) -> NDArray[np.float64]:
-    values = np.atleast_1d(check_slope(slopes))
+    try:
+        values = np.atleast_1d(np.asarray(slopes, dtype=float))
+    except (TypeError, ValueError):
+        raise ValueError(f"slopes must be angles in rad, not {slopes!r}") from None
+    check_slope(values)
     if values.ndim != 1 or len(values) == 0 or np.any(values <= 0.0):
         raise ValueError("slopes must be one or more angles in rad above 0, in one row")
     return values
@@ -150,7 +155,9 @@ def bifurcation_diagram(
     """
     walker, values = as_walker(walker), _slopes(slopes)
     tolerance = check_tolerance(tolerance)
-    if settle < 0 or not longest_period < keep:
+    settle, keep = whole(settle, "settle", 0), whole(keep, "keep")
+    longest_period = whole(longest_period, "longest_period")
+    if not longest_period < keep:
         raise ValueError(f"keep more strides than the longest period {longest_period}")
     section = section_of(walker)
     states = _beginnings(walker, values, kind, start)
@@ -201,8 +208,9 @@ def lyapunov_exponents(
     """
     walker, values = as_walker(walker), _slopes(slopes)
     tolerance = check_tolerance(tolerance)
+    strides, settle = whole(strides, "strides"), whole(settle, "settle", 0)
     section = section_of(walker)
-    if not 1 <= count <= section.dimension:
+    if not 1 <= whole(count, "count") <= section.dimension:
         raise ValueError(f"count must be from 1 to {section.dimension}, not {count}")
     states = _beginnings(walker, values, kind, start)
     states = walk_on(section, states, values, settle, tolerance=tolerance)
@@ -266,7 +274,9 @@ def crisis_slope(
     """
     walker = as_walker(walker)
     section = section_of(walker)
-    low, high = (float(x) for x in _slopes([low, high]))
+    low, high = (float(x) for x in _slopes([one_slope(low, "low"), one_slope(high, "high")]))
+    strides, walkers = whole(strides, "strides"), whole(walkers, "walkers")
+    accuracy = number(accuracy, "accuracy", above=0.0)
     if not low < high:
         raise ValueError(f"low must be below high, not {low}, {high}")
     states = _beginnings(walker, np.array([low]), kind, start)

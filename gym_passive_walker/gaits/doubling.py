@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gym_passive_walker.gaits.arguments import whole
 from gym_passive_walker.gaits.continuation import Curve, Point, doubling_test, locate
 from gym_passive_walker.gaits.family import gait_family
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
@@ -80,8 +81,7 @@ def doubling_cascade(
         GaitNotFound: if there is no gait in the range, or its period does not double there.
     """
     walker = as_walker(walker)
-    if int(doublings) != doublings or doublings < 1:
-        raise ValueError(f"doublings must be a whole number from 1 on, not {doublings!r}")
+    doublings = whole(doublings, "doublings")
     family = gait_family(walker, slope_min, slope_max, kind)
     if not family.period_doublings:
         raise GaitNotFound(

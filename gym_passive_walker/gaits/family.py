@@ -9,13 +9,14 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.typing import NDArray
 
+from gym_passive_walker.gaits.arguments import gait_kind, number, one_slope
 from gym_passive_walker.gaits.continuation import Curve, Point, follow, locate, setting_at
 from gym_passive_walker.gaits.ends import BOUND, STANCE_STOPS, End, margins
 from gym_passive_walker.gaits.fixed_point import find_gait, glance
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.section import section_of, strides
 from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics.stride import check_slope, frame_of
+from gym_passive_walker.physics.stride import frame_of
 from gym_passive_walker.walkers import Walker, WalkerError, as_walker, describe
 
 
@@ -200,7 +201,9 @@ def gait_family(
         GaitNotFound: if no gait to begin with is found in the range.
     """
     walker = as_walker(walker)
-    low, high = float(check_slope(slope_min)), float(check_slope(slope_max))
+    low, high = one_slope(slope_min, "slope_min"), one_slope(slope_max, "slope_max")
+    kind = gait_kind(kind)
+    resolution = number(resolution, "resolution", above=0.0)
     if not 0.0 < low < high:
         raise ValueError(f"slopes must be 0 < slope_min < slope_max, not {slope_min}, {slope_max}")
     if start is None:
@@ -246,7 +249,8 @@ def parameter_family(
         ValueError: if there is no such parameter, or the range is empty or leaves it out.
     """
     walker = as_walker(walker)
-    slope = float(check_slope(slope))
+    slope, resolution = one_slope(slope), number(resolution, "resolution", above=0.0)
+    low, high = number(low, "low"), number(high, "high")
     names = [name for name in asdict(walker) if name != "knees"]
     if parameter not in names:
         raise ValueError(f"no parameter {parameter!r} to vary: choose from {', '.join(names)}")

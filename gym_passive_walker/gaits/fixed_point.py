@@ -12,6 +12,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker.gaits.arguments import gait_kind, one_slope, whole
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
 from gym_passive_walker.gaits.newton import LONGEST_SEARCHED, newton
 from gym_passive_walker.gaits.section import Section, section_of, strides
@@ -20,7 +21,6 @@ from gym_passive_walker.physics import integrator as I
 from gym_passive_walker.physics.events import Outcome
 from gym_passive_walker.physics.stride import (
     advance,
-    check_slope,
     check_state,
     frame_of,
     new_records,
@@ -148,12 +148,9 @@ def _as_points(section: Section, walker: Walker, guess: ArrayLike) -> NDArray:
     return section.point(states)
 
 
-def _check(walker: Walker | str, slope: float, period: int) -> tuple[Walker, float]:
+def _check(walker: Walker | str, slope: float, period: int) -> tuple[Walker, float, int]:
     walker = as_walker(walker)
-    slope = float(check_slope(slope))
-    if int(period) != period or period < 1:
-        raise ValueError(f"period must be a whole number of strides from 1 on, not {period!r}")
-    return walker, slope
+    return walker, one_slope(slope), whole(period, "period")
 
 
 def _starts(walker: Walker, slope: float, period: int, guess: ArrayLike | None) -> NDArray:
@@ -199,7 +196,7 @@ def find_gaits(
     Returns:
         Zero, one or two gaits for walkers like the published ones.
     """
-    walker, slope = _check(walker, slope, period)
+    walker, slope, period = _check(walker, slope, period)
     u = _starts(walker, slope, period, guess)
     return _search(walker, slope, u, period, 0.0, lambda gaits: len(gaits) >= 2)[0]
 
@@ -229,9 +226,8 @@ def find_gait(
     Raises:
         GaitNotFound: if there is none; the message says what was tried and how it ended.
     """
-    walker, slope = _check(walker, slope, period)
-    if kind not in ("long", "short"):
-        raise ValueError(f'kind must be "long" or "short", not {kind!r}')
+    walker, slope, period = _check(walker, slope, period)
+    kind = gait_kind(kind)
     u = _starts(walker, slope, period, guess)
 
     def wanted(gaits: list[Gait]) -> list[Gait]:

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker.gaits.arguments import one_slope
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.section import INFINITESIMAL
 from gym_passive_walker.physics import compass, kneed
@@ -133,7 +134,7 @@ def collision_matrix(walker: Walker | str, stance_angle: float) -> NDArray[np.fl
         Shape (2, 2), masses in the walker's unit, for velocities (downhill, away from the ground);
         symmetric and positive semidefinite, precise to rounding of the total mass.
     """
-    walker = as_walker(walker)
+    walker, stance_angle = as_walker(walker), one_slope(stance_angle, "stance_angle")
     kind = K.kind_of(walker)
     if kind == Kind.SIMPLEST:
         leg = np.array([-np.sin(stance_angle), np.cos(stance_angle)])

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gym_passive_walker.gaits.arguments import number, one_slope, whole
 from gym_passive_walker.gaits.measures import foot_clearance
 from gym_passive_walker.gaits.phases import (
     NO_COLLISION,
@@ -27,7 +28,6 @@ from gym_passive_walker.gaits.series import Extreme, greatest, least, ratio_turn
 from gym_passive_walker.gaits.stability import NoStride
 from gym_passive_walker.physics.events import Outcome
 from gym_passive_walker.physics.stride import (
-    check_slope,
     check_state,
     check_tolerance,
     frame_of,
@@ -215,21 +215,20 @@ def reality_check(
         NoStride: if a stride does not end with a heelstrike, or has no time for its straight leg.
         ValueError: if a number is not finite or out of its range.
     """
-    walker, slope = as_walker(walker), float(check_slope(slope))
+    walker, slope = as_walker(walker), one_slope(slope)
+    strides, friction = whole(strides, "strides"), number(friction, "friction", least=0.0)
     tolerance, state = check_tolerance(tolerance), check_state(state)
     if state.shape != (6,):
         raise ValueError(f"reality_check takes one walker: state must be (6,), not {state.shape}")
-    if int(strides) != strides or strides < 1:
-        raise ValueError(f"strides must be a whole number from 1 on, not {strides!r}")
     time = 0.0
     phases: list[Phase] = []
     knees, heels = [], []
     velocities, depths, clearances, flexions = [], [], [], []
-    for number in range(int(strides)):
+    for count in range(1, strides + 1):
         end = stride(walker, slope, state, hip_torque=hip_torque, tolerance=tolerance)
         if end.outcome != Outcome.HEELSTRIKE:
             raise NoStride(
-                f"stride {number + 1} does not end with a heelstrike but with "
+                f"stride {count} does not end with a heelstrike but with "
                 f"{Outcome(end.outcome).name}, so there is nothing to check"
             )
         here = phases_of(
@@ -258,7 +257,7 @@ def reality_check(
     return RealityCheck(
         walker=walker,
         slope=slope,
-        strides=int(strides),
+        strides=strides,
         duration=time,
         friction=friction,
         clearance=least(clearances),

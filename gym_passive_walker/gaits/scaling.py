@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from gym_passive_walker.gaits.arguments import number
 from gym_passive_walker.gaits.family import GaitFamily
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.newton import equations
@@ -109,5 +110,6 @@ def transition_slope(walker: Walker | str, *, cube_root: float = CUBE_ROOT) -> f
     Raises:
         GaitNotFound: if the walker has no short-step gait at vanishing slopes.
     """
+    cube_root = number(cube_root, "cube_root", above=0.0)
     gait = find_gait(as_walker(walker), _SMALL_SLOPE, "short")
     return float((cube_root * _SMALL_SLOPE / gait.stance_angle) ** 1.5)

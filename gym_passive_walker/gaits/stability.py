@@ -9,13 +9,13 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker.gaits.arguments import number, one_slope
 from gym_passive_walker.gaits.section import INFINITESIMAL, section_of
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import integrator as I
 from gym_passive_walker.physics.events import Outcome
 from gym_passive_walker.physics.stride import (
     advance,
-    check_slope,
     check_state,
     check_tolerance,
     new_records,
@@ -63,8 +63,9 @@ def stride_jacobian(
         NoStride: if the stride does not end with a heelstrike.
         ValueError: if an argument is out of range.
     """
-    walker, slope = as_walker(walker), float(check_slope(slope))
-    tolerance = check_tolerance(tolerance)
+    walker, slope = as_walker(walker), one_slope(slope)
+    tolerance = check_tolerance(number(tolerance, "tolerance"))
+    hip_torque = number(hip_torque, "hip_torque")
     names = [wrt] if isinstance(wrt, str) else list(wrt)
     section = section_of(walker)
     m = section.dimension

@@ -1,0 +1,96 @@
+"""What makes no sense is refused with a sentence, whichever function it is given to."""
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from tests.physics.examples import LONG_GAITS
+
+STATE = LONG_GAITS["lab"].state
+AT_A_SLOPE = {
+    "find_gait": lambda slope: gpw.find_gait("E", slope),
+    "find_gaits": lambda slope: gpw.find_gaits("E", slope),
+    "gait_family, lowest": lambda slope: gpw.gait_family("E", slope, 0.1),
+    "gait_family, highest": lambda slope: gpw.gait_family("E", 0.01, slope),
+    "parameter_family": lambda slope: gpw.parameter_family("E", "hip_mass", 0, 0.1, slope=slope),
+    "stride_jacobian": lambda slope: gpw.stride_jacobian("lab", slope, STATE),
+    "reality_check": lambda slope: gpw.reality_check("lab", slope, STATE),
+    "bifurcation_diagram": lambda slope: gpw.bifurcation_diagram("E", slope),
+    "lyapunov_exponents": lambda slope: gpw.lyapunov_exponents("E", slope),
+    "crisis_slope": lambda slope: gpw.crisis_slope("D", slope, 0.02),
+    "basin_of_attraction": lambda slope: gpw.basin_of_attraction("E", slope),
+    "largest_push": lambda slope: gpw.largest_push("E", slope),
+    "collision_matrix": lambda angle: gpw.collision_matrix("E", angle),
+}
+OF_A_WALKER = {
+    "find_gait": lambda walker: gpw.find_gait(walker, 0.01),
+    "find_gaits": lambda walker: gpw.find_gaits(walker, 0.01),
+    "gait_family": lambda walker: gpw.gait_family(walker, 0.01, 0.02),
+    "stride_jacobian": lambda walker: gpw.stride_jacobian(walker, 0.036, STATE),
+    "reality_check": lambda walker: gpw.reality_check(walker, 0.036, STATE),
+    "collision_matrix": lambda walker: gpw.collision_matrix(walker, 0.1),
+    "transition_slope": gpw.transition_slope,
+    "tune": gpw.tune,
+    "tuning_errors": gpw.tuning_errors,
+    "blend": lambda walker: gpw.blend("C", walker, 0.5),
+}
+
+
+@pytest.mark.parametrize("slope", [np.nan, np.inf, 2.0, -2.0, "steep", None], ids=str)
+@pytest.mark.parametrize("what", AT_A_SLOPE)
+def test_a_senseless_slope_is_refused(what, slope):
+    with pytest.raises(ValueError, match="must be"):
+        AT_A_SLOPE[what](slope)
+
+
+@pytest.mark.parametrize("what", [w for w in AT_A_SLOPE if "diagram" not in w and "lyap" not in w])
+def test_several_slopes_are_refused_where_one_is_asked_for(what):
+    with pytest.raises(ValueError, match="must be one number"):
+        AT_A_SLOPE[what]([0.01, 0.02])
+
+
+@pytest.mark.parametrize("what", [w for w in AT_A_SLOPE if w != "collision_matrix"])
+def test_no_walk_down_an_upward_slope_is_promised(what):
+    try:
+        found = AT_A_SLOPE[what](-0.01)
+    except (gpw.GaitNotFound, ValueError):
+        return
+    assert what in ("stride_jacobian", "reality_check") or found == []
+
+
+@pytest.mark.parametrize("walker", ["Z", "", None, 3, {}], ids=repr)
+@pytest.mark.parametrize("what", OF_A_WALKER)
+def test_an_unknown_walker_is_refused_with_the_known_names(what, walker):
+    with pytest.raises(gpw.WalkerError, match=r"no walker .* lab-straight"):
+        OF_A_WALKER[what](walker)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: gpw.find_gait("E", 0.01, period=None), "period must be a whole number"),
+        (lambda: gpw.gait_family("E", 0.01, 0.02, "medium"), 'kind must be "long" or "short"'),
+        (lambda: gpw.gait_family("E", 0.01, 0.02, resolution=0.0), "resolution must be a number"),
+        (lambda: gpw.largest_push("E", 0.01, accuracy=-1.0), "accuracy must be a number above 0"),
+        (lambda: gpw.largest_push("E", 0.01, strides=0), "strides must be a whole number"),
+        (lambda: gpw.basin_of_attraction("E", 0.01, resolution=1.5), "resolution must be a whole"),
+        (lambda: gpw.basin_of_attraction("E", 0.01, ratios=2.0), "ratios must be two numbers"),
+        (lambda: gpw.bifurcation_diagram("E", 0.01, settle=-1), "settle must be a whole number"),
+        (lambda: gpw.lyapunov_exponents("E", 0.01, strides=0), "strides must be a whole number"),
+        (lambda: gpw.crisis_slope("D", 0.018, 0.02, accuracy=0.0), "accuracy must be a number"),
+        (lambda: gpw.doubling_cascade("D", 0.01, 0.02, doublings=np.inf), "doublings must be"),
+        (lambda: gpw.reality_check("lab", 0.036, STATE, friction=-0.1), "friction must be"),
+        (lambda: gpw.stride_jacobian("lab", 0.036, STATE, hip_torque=np.nan), "hip_torque must be"),
+        (lambda: gpw.transition_slope("E", cube_root=-1.0), "cube_root must be"),
+        (lambda: gpw.parameter_family("E", "hip_mass", np.nan, 1, slope=0.01), "low must be"),
+    ],
+)
+def test_a_senseless_option_is_refused(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+def test_walkers_may_be_named_wherever_they_are_taken():
+    assert gpw.tune("C") == gpw.tune(gpw.WALKERS["C"])
+    assert gpw.blend("C", "lab", 1.0) == gpw.WALKERS["lab"]
+    assert gpw.tuning_errors("lab") == gpw.tuning_errors(gpw.WALKERS["lab"])
