@@ -62,6 +62,8 @@ def train_parser() -> argparse.ArgumentParser:
     resumed = "go on with a run: this one, that of --out, or the latest under runs/"
     add("--resume", nargs="?", const=True, metavar="DIR", help=resumed)
     add("--tensorboard", action="store_true", help="write tensorboard's logs into the run's folder")
+    searched = "try N sets of hyperparameters (needs Optuna), and keep the best as a preset"
+    add("--search", type=whole, metavar="N", help=searched)
     add("--quiet", action="store_true", help="no progress bar")
     return parser
 
@@ -132,6 +134,8 @@ def train(args: argparse.Namespace) -> int:
     else:
         config = asked_for(args)
         worlds.check(config)  # refuses nonsense before there is a folder
+        if args.search is not None:
+            return find_better(config, args)
         folder = files.new_run(args.out, f"{config.scene}-{config.algo}")
     run = Run(config, folder, tensorboard=args.tensorboard)
     print(f"{worlds.describe(config)}: {config.algo.upper()}, {config.steps:,} steps, in {folder}")
@@ -142,6 +146,19 @@ def train(args: argparse.Namespace) -> int:
     print(run.first_hundred())
     judging.draw(folder)
     print(f"Saved in {folder}: {', '.join(sorted(p.name for p in folder.iterdir()))}")
+    return 0
+
+
+def find_better(config: Config, args: argparse.Namespace) -> int:
+    """Search for better hyperparameters, or go on with a search in the same folder."""
+    if args.search < 1:
+        raise ConfigError(f"--search takes a number of trials from 1 on, not {args.search}")
+    from agents.search import BEST, search
+
+    folder = args.out or files.RUNS / f"search-{config.scene}-{config.algo}"
+    best = search(config, folder, args.search, progress=not args.quiet)
+    print("\n".join(f"{name}: {value}" for name, value in best.items()))
+    print(f"Saved in {folder / BEST}, in the layout of agents/presets")
     return 0
 
 

@@ -34,7 +34,7 @@ EPISODES = 100
 EPISODE_SEED = 1000
 """Episodes that judge every agent, and the seed of the first."""
 
-EXAMS = 8
+EXAMS = 4
 """Evaluations while an agent learns, besides the early ones."""
 
 SCORES = (

@@ -1,10 +1,12 @@
 """Runs: learned in one piece, in several, stopped, spoilt."""
 
+import dataclasses
 import os
 import pickle
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import cloudpickle
@@ -13,16 +15,18 @@ import numpy as np
 import pytest
 import stable_baselines3
 import torch
+import yaml
 
 import train
 from agents import checkpoint, files, worlds
 from agents.callbacks import Milestones
-from agents.config import ConfigError, configure
-from agents.learner import load_policy
+from agents.config import Config, ConfigError, configure
+from agents.learner import LearnedPolicy, export, load_policy
 from agents.training import Run
 
 SMALL = {"n_envs": 8, "every": 128}
-PPO = {"n_steps": 16, "batch_size": 64, "n_epochs": 2}
+# A rate that falls with the steps asked for would go on otherwise when more are asked for.
+PPO = {"n_steps": 16, "batch_size": 64, "n_epochs": 2, "learning_rate": 1e-3}
 SAC = {"learning_starts": 64, "batch_size": 32, "buffer_size": 512}
 
 
@@ -189,3 +193,76 @@ def test_ctrl_c_saves_evaluates_and_ends_well(tmp_path):
     assert process.returncode == 0
     assert "Stopped after" in said and "passive" in said
     assert (tmp_path / "run" / "gait.png").stat().st_size > 0
+
+
+@pytest.mark.learning
+def test_a_search_keeps_the_best_and_can_go_on(tmp_path, capsys):
+    pytest.importorskip("optuna")
+    line = ["--scene", "steep", "--steps", "128", "--envs", "8", "--every", "64", "--quiet"]
+    for trials in (1, 2):
+        assert train.main([*line, "--search", str(trials), "--out", str(tmp_path)]) == 0
+    assert sorted(path.name for path in tmp_path.glob("trial-*")) == ["trial-0", "trial-1"]
+    best = yaml.safe_load((tmp_path / "best.yml").read_text())["steep"]
+    assert best["n_envs"] == 8 and "learning_rate" in best
+    assert "best.yml" in capsys.readouterr().out
+
+
+def test_tensorboard_gets_its_logs_where_asked(tmp_path):
+    run = Run(small(), tmp_path, tensorboard=True)
+    run.train(progress=False)
+    assert list((tmp_path / "tensorboard").rglob("events.out.tfevents.*"))
+
+
+@pytest.mark.learning
+def test_a_killed_training_loses_one_interval_at_most(tmp_path):
+    folder, every = tmp_path / "run", 8192
+    script = Path(train.__file__)
+    command = [sys.executable, str(script), "--out", str(folder), "--every", str(every), "--quiet"]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, cwd=tmp_path)
+    while not list((folder / "checkpoints").glob("[0-9]*[1-9]*")):
+        assert process.poll() is None
+        time.sleep(0.05)
+    time.sleep(0.5)
+    process.kill()
+    process.wait()
+    curve = (folder / "learning_curve.csv").read_text().splitlines()
+    config = dataclasses.replace(Config.load(folder / files.CONFIG), every=every)
+    resumed = Run(config, folder)
+    assert resumed.resumed and resumed.steps > 0
+    assert int(curve[-1].split(",")[0]) - resumed.steps <= every
+    load_policy(folder, worlds.training_worlds(config, 1))
+
+
+def test_an_exported_policy_acts_as_it_did(tmp_path):
+    for algo in ("ppo", "sac"):
+        run = Run(small(algo), tmp_path / algo)
+        run.train(progress=False)
+        own = LearnedPolicy(run.model, algo)
+        export(own, run.config, tmp_path / f"{algo}-exported")
+        world = worlds.training_worlds(run.config, 1)
+        back = load_policy(tmp_path / f"{algo}-exported", world)
+        seen = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 8)).astype(np.float32)
+        assert np.array_equal(own.predict(seen)[0], back.predict(seen)[0])
+        assert {path.suffix for path in (tmp_path / f"{algo}-exported").iterdir()} == {
+            ".safetensors", ".yml",
+        }  # fmt: skip
+
+
+def test_an_exported_policy_of_another_shape_is_refused(tmp_path):
+    run = Run(small(), tmp_path / "run")
+    export(LearnedPolicy(run.model, "PPO"), run.config, tmp_path / "out")
+    other = small()
+    other.hyperparams["policy_kwargs"] = {"net_arch": [16]}
+    with pytest.raises(ConfigError, match="do not fit"):
+        load_policy(tmp_path / "out", worlds.training_worlds(other, 1), other)
+
+
+def test_a_training_says_when_it_first_walked(tmp_path):
+    run = Run(small(), tmp_path)
+    run.notes["curve"] = [
+        {"steps": 64, "seconds": 0.5, "hundred_strides": 0.4},
+        {"steps": 1024, "seconds": 1.5, "hundred_strides": 0.5},
+    ]
+    assert "1.5 s of training, 1,024 steps" in run.first_hundred()
+    run.notes["curve"].pop()
+    assert run.first_hundred().startswith("Never")
