@@ -10,8 +10,10 @@ from gym_passive_walker import (
     GaitNotFound,
     Walker,
     WalkerError,
+    blend,
     find_gait,
     find_gaits,
+    gait_family,
     lab_walker_from_parts,
     stride,
     tune,
@@ -139,11 +141,54 @@ def test_a_user_s_walker_is_solved_without_a_guess(walker, slope):
         np.testing.assert_allclose(end.state, gait.state, rtol=1e-11)
 
 
-def test_a_tuned_lab_walker_has_no_gait_at_shallow_slopes():
+def test_a_tuned_lab_walker_walks_on_steep_slopes_only():
     # Tuning conditions are necessary, not sufficient: C differs from it in its gyration too.
-    assert find_gaits(tune(WALKERS["lab"]), 0.02) == []
-    halfway = replace(tune(WALKERS["lab"]), thigh_gyration=0.1882, shank_gyration=0.1226)
+    tuned = tune("lab")
+    assert find_gaits(tuned, 0.02) == []
+    halfway = replace(tuned, thigh_gyration=0.1882, shank_gyration=0.1226)
     assert len(find_gaits(halfway, 0.02)) == 2
+    steep = gait_family(tuned, 0.2, 0.4)
+    assert steep.folds == pytest.approx((0.24076687,), abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("slope", "fraction"), [(1e-6, 0.260997), (1e-3, 0.258570), (0.02, 0.221198)]
+)
+def test_on_the_way_to_the_tuned_lab_walker_the_gaits_of_c_meet_and_end(slope, fraction):
+    tuned, lab = tune("C"), tune("lab")
+    long, short = find_gaits(blend(tuned, lab, fraction - 1e-4), slope)
+    assert (long.kind, short.kind) == ("long", "short")
+    assert short.stance_angle > 0.9 * long.stance_angle
+    assert find_gaits(blend(tuned, lab, fraction + 1e-4), slope) == []
+
+
+def changed_walkers(count):
+    """Walkers with every parameter up to a quarter off a published one's, tuned or not, by name."""
+    random = np.random.default_rng(11)
+    for i in range(count):
+        name = ("lab", "C", "lab-straight", "A", "E", "B")[i % 6]
+        values = {
+            key: value * random.uniform(0.75, 1.25)
+            for key, value in asdict(WALKERS[name]).items()
+            if key not in ("knees", "gravity")
+        }
+        yield name, replace(WALKERS[name], **values)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "walker"), list(changed_walkers(12)), ids=range(12))
+def test_what_a_gait_becomes_as_its_walker_is_changed_is_found_without_a_guess(name, walker):
+    slope = {"lab": 0.036, "lab-straight": 0.06}.get(name, 0.02)
+    for gait in find_gaits(name, slope):
+        for fraction in np.linspace(0.0, 1.0, 21)[1:]:
+            changed = blend(WALKERS[name], walker, fraction)
+            near = find_gaits(changed, slope, guess=gait.state)
+            if not near or abs(np.log(near[0].stance_angle / gait.stance_angle)) > 0.2:
+                break  # it has ended on the way
+            gait = near[0]
+        else:
+            found = [other.stance_angle for other in find_gaits(walker, slope)]
+            assert np.abs(np.array(found) / gait.stance_angle - 1.0).min() < 1e-9
 
 
 def test_a_doubled_gait_repeats_after_two_strides_and_no_sooner():
