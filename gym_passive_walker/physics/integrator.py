@@ -58,6 +58,10 @@ _DOUBT = 0.05
 """Share of what an event function changes by in a step within which its quintic cannot tell on
 which side of zero it turns: the quintic is of lower order than the step."""
 
+_BRINK = 1e-6
+"""Share of a step beside its ends in which a turn hides nothing: it reaches no deeper than
+rounding."""
+
 MOST_STEPS = 20_000
 """Integration steps a walker may take in one phase; no gait needs a hundredth of them."""
 
@@ -234,7 +238,9 @@ def judge(phase, tile, lanes, stub):
         if phase == E.FREE:
             k0, k1 = get(tile, _ANGLE + 2, lane).real, get(tile, _NEW_ANGLE + 2, lane).real
             x0, x1 = get(tile, _RATE + 2, lane).real, get(tile, _NEW_RATE + 2, lane).real
-            alert = passed(t0 - k0, v0 - x0, t1 - k1, v1 - x1) | (np.abs(k1) >= np.pi)
+            alert = passed(t0 - k0, v0 - x0, t1 - k1, v1 - x1) | (
+                np.abs(k1) + h.real * larger(np.abs(x0), np.abs(x1)) >= np.pi
+            )
         else:
             alert = passed(s0 + t0, u0 + v0, s1 + t1, u1 + v1)
         if phase == E.LOCKED:
@@ -243,8 +249,8 @@ def judge(phase, tile, lanes, stub):
         turning = (v0 - u0) * (v1 - u1) < 0.0
         alert = (
             alert
-            | (np.abs(s1) >= 0.5 * np.pi)
-            | (np.abs(t1) >= np.pi)
+            | (np.abs(s1) + h.real * larger(np.abs(u0), np.abs(u1)) >= 0.5 * np.pi)
+            | (np.abs(t1) + h.real * larger(np.abs(v0), np.abs(v1)) >= np.pi)
             | (turning & (get(tile, _TORQUE, lane).real != 0.0))
             | (get(tile, _EVENT, lane).real != 0.0)
             | (not (error <= 1e30))
@@ -381,6 +387,23 @@ def turning(tile, lane):
 
 
 @inlined
+def hiding(event, tile, lane):
+    """Where in the step an event function turns back so near zero that it may pass it twice.
+
+    Returns:
+        A fraction of the step; -1 if there is nothing to hide, or the step ends there already.
+    """
+    if along(event, tile, lane, _RATE).real * along(event, tile, lane, _NEW_RATE).real >= 0.0:
+        return -1.0
+    path = course(event, tile, lane)
+    fraction = E.root(E.derivative(path))
+    extreme = E.value(path, fraction)
+    span = larger(np.abs(path[0] - extreme), np.abs(E.value(path, 1.0) - extreme))
+    unsure = (extreme > 0.0) != (path[0] > 0.0) or np.abs(extreme) < _DOUBT * span
+    return fraction if unsure and _BRINK < fraction < 1.0 - _BRINK else -1.0
+
+
+@inlined
 def commit(tile, lane, h):
     """Accept the step of length h: its end is the new start."""
     gap = E.FIRST_STUB
@@ -434,7 +457,8 @@ def land(tile, lane, phase, stub, landing):
     correction = -g * reciprocal(speed) if speed.real != 0.0 else 0.0 * g
     close = np.abs(correction.real) <= landing * larger(h.real, 1e-3)
     narrow = high - low <= 4e-16 * high
-    inside = low <= h.real + correction.real <= high or close
+    # Where the function rises, or touches zero, Newton leads to the way out or nowhere.
+    inside = speed.real < 0.0 and (low <= h.real + correction.real <= high or close)
     if not ((close and speed.real < 0.0) or narrow):
         put(tile, _LOW, lane, low)
         put(tile, _HIGH, lane, high)
@@ -490,21 +514,17 @@ def attend(tile, lane, phase, stub, landing):
             fraction = E.root(course(candidate, tile, lane))
             if fraction < first:
                 first, event = fraction, candidate
+    for candidate in range(1, E.FIRST_STUB):
+        if watched(candidate, phase, stub) and not fell(candidate, tile, lane):
+            fraction = hiding(candidate, tile, lane)
+            if 0.0 < fraction < first:  # a pair of roots may hide: stop between them
+                put(tile, _NEXT, lane, h)
+                put(tile, _H, lane, fraction * h)
+                return 0
     if event > 0:
         put(tile, _NEXT, lane, h)
         aim(event, first, tile, lane, h.real)
         return 0
-    event = E.KNEESTRIKE if phase == E.FREE else E.HEELSTRIKE
-    if along(event, tile, lane, _RATE).real * along(event, tile, lane, _NEW_RATE).real < 0.0:
-        path = course(event, tile, lane)
-        fraction = E.root(E.derivative(path))
-        extreme = E.value(path, fraction)
-        span = larger(np.abs(path[0] - extreme), np.abs(E.value(path, 1.0) - extreme))
-        hidden = (extreme > 0.0) != (path[0] > 0.0) or np.abs(extreme) < _DOUBT * span
-        if 1e-3 < fraction < 1.0 - 1e-3 and hidden:
-            put(tile, _NEXT, lane, h)  # a pair of roots may hide: stop between them
-            put(tile, _H, lane, fraction * h)
-            return 0
     following = h * growth(error)
     if following.real > get(tile, _NEXT, lane).real or error > 0.1:
         put(tile, _NEXT, lane, following)
