@@ -59,7 +59,7 @@ def knee_and_heel(heights: NDArray, outcome: Outcome, rng: np.random.Generator) 
 @case(
     TOPIC,
     "A knee that strikes with the foot 10⁻² to 10⁻¹¹ above the ground is followed by heelstrike",
-    quick=200, long=20_000, bound=20.0, unit="tolerance",
+    quick=200, long=20_000, bound=100.0, unit="tolerance",
 )  # fmt: skip
 def knee_then_heel(count: int, rng: np.random.Generator) -> Finding:
     """Both strikes at their times."""
@@ -69,7 +69,7 @@ def knee_then_heel(count: int, rng: np.random.Generator) -> Finding:
 @case(
     TOPIC,
     "A knee that strikes with the foot 10⁻² to 10⁻¹¹ below the ground has been bent there",
-    quick=200, long=20_000, bound=20.0, unit="tolerance",
+    quick=200, long=20_000, bound=100.0, unit="tolerance",
 )  # fmt: skip
 def heel_then_knee(count: int, rng: np.random.Generator) -> Finding:
     """The foot came down before the knee locked."""
@@ -79,7 +79,7 @@ def heel_then_knee(count: int, rng: np.random.Generator) -> Finding:
 @case(
     TOPIC,
     "Kneestrike and heelstrike at the same instant: one of both, then",
-    quick=200, long=20_000, bound=20.0, unit="tolerance",
+    quick=200, long=20_000, bound=100.0, unit="tolerance",
 )  # fmt: skip
 def knee_with_heel(count: int, rng: np.random.Generator) -> Finding:
     """To within rounding; which of both is a matter of the last digit."""
@@ -103,7 +103,7 @@ def knee_with_heel(count: int, rng: np.random.Generator) -> Finding:
 @case(
     TOPIC,
     "Heelstrike and a fall within one step: the earlier ends the stride",
-    quick=200, long=20_000, bound=20.0, unit="tolerance",
+    quick=200, long=20_000, bound=100.0, unit="tolerance",
 )  # fmt: skip
 def strike_or_fall(count: int, rng: np.random.Generator) -> Finding:
     """Legs flat on the ground; which event comes first is asked where it can be told."""

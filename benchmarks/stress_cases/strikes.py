@@ -15,6 +15,7 @@ from benchmarks.stress_cases.flight import BACKWARDS, STRAIGHT, Flock, flock
 from gym_passive_walker import Outcome
 from gym_passive_walker.physics import integrator as I
 from gym_passive_walker.physics.constants import Kind
+from gym_passive_walker.physics.stride import advance
 
 TOPIC = "Glancing strikes"
 LEAD = 0.3
@@ -169,3 +170,41 @@ def mere_touch(count: int, rng: np.random.Generator) -> Finding:
             failed += int((early & ~struck).sum())
             worst = max(worst, float(off[early & struck].max(initial=0.0)))
     return Finding(tried, failed, worst)
+
+
+@case(
+    TOPIC,
+    "A stance leg that dips below the horizontal within one step, lifted by a torque, has fallen",
+    quick=200, long=5_000,
+)  # fmt: skip
+def grazing_fall(count: int, rng: np.random.Generator) -> Finding:
+    """Held against the same walk looked at a thousand times a unit of time."""
+    tried = failed = 0
+    for walker in STRAIGHT.values():
+        mine = flock(walker)
+        if mine.kind == Kind.SIMPLEST:  # its torque does not act on the stance leg
+            continue
+        states = np.zeros((count, 6))
+        states[:, 0] = -0.5 * np.pi + 0.02
+        states[:, 1] = states[:, 2] = rng.uniform(2.0, 2.6, count)
+        torque = -rng.uniform(1.0, 3.0, count)
+        options = {"torque": torque, "phase": mine.straight_phase}
+        lift = mine.follow(states, 1e-4, **options)[:, 3] / 1e-4
+        depth = rng.choice([-1.0, 1.0], count) * 10.0 ** rng.uniform(-5.0, -2.0, count)
+        states[:, 3] = -np.sqrt(np.maximum(0.0, 2.0 * lift * (0.02 + depth)))
+        closely = mine.follow(states, 1e-3, **options)
+        lowest = closely[:, 0].copy()
+        for tick in range(2, 601):
+            closely[:, I.END] = 1e-3 * tick
+            advance(mine.kind, mine.constants, closely, tolerance=1e-13, from_section=False)
+            lowest = np.minimum(lowest, closely[:, 0])
+        fell = closely[:, I.OUTCOME] == Outcome.FELL_FORWARD
+        deeper = closely[:, 3] ** 2 / (2.0 * lift)  # it would go on to
+        margin = np.where(fell, deeper, lowest + 0.5 * np.pi)
+        for tolerance in TOLERANCES:
+            walks = mine.follow(states, 0.6, tolerance=tolerance, **options)
+            seen = margin > 1e-5 + 100.0 * tolerance
+            also = walks[:, I.OUTCOME] == Outcome.FELL_FORWARD
+            tried += int(seen.sum())
+            failed += int((seen & (also != fell)).sum())
+    return Finding(tried, failed)
