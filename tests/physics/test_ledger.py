@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, Outcome, stride
-from gym_passive_walker.physics.stride import frame_of
-from tests.physics import bodies, oracle
-from tests.physics.examples import GAITS, LONG_GAITS, MASSIVE
+from gym_passive_walker.physics import constants as K
+from gym_passive_walker.physics.stride import _kinetic_energies, frame_of
+from tests.physics import bodies, kernels, oracle
+from tests.physics.examples import GAITS, LONG_GAITS, MASSIVE, random_state
 
 TORQUES = [0.0, 0.01, -0.01, 0.02]
 
@@ -63,6 +64,17 @@ def test_the_ledger_of_a_fall_closes(name):
         assert np.isnan(found.step_length)
         assert found.heelstrike_loss == 0.0
     assert outcomes <= {Outcome.FELL_BACKWARD, Outcome.FELL_FORWARD, Outcome.OVER_THE_TOP}
+
+
+@pytest.mark.parametrize("name", WALKERS)
+def test_the_motion_in_the_ledger_is_that_of_the_bodies(name):
+    walker, rng = WALKERS[name], np.random.default_rng(1)
+    states = [random_state(rng, walker, locked=not walker.knees) for _ in range(20)]
+    energies = np.empty(len(states))
+    scaled = np.array([kernels.dimensionless(walker, state) for state in states])
+    _kinetic_energies(int(K.kind_of(walker)), K.constants(walker)[None], scaled, energies)
+    expected = [oracle.kinetic_energy(walker, state) for state in states]
+    np.testing.assert_allclose(energies * frame_of(walker).energy, expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize("name", MASSIVE)
