@@ -92,9 +92,6 @@ def run(folder: Path, todo: Sequence[Unit], *, budget: float = 1.0, progress: bo
         todo: What is to be done.
         budget: Steps of each training, as a share of its preset's.
         progress: Whether to show a bar.
-
-    Raises:
-        ConfigError: if a training of another length stands in the way.
     """
     left = [unit for unit in todo if not score_path(folder, unit).is_file()]
     bar = tqdm(left, disable=not progress, unit="agent", dynamic_ncols=True)

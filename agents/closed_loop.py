@@ -4,29 +4,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from agents.evaluation import Policy
-from agents.ticks import section_point, section_state
+from agents.ticks import course, section_point, section_state
 from gym_passive_walker import GaitNotFound
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.gait import multipliers_of
-from gym_passive_walker.gaits.section import section_of
-from gym_passive_walker.physics import integrator as I
-from gym_passive_walker.physics.stride import advance, new_records
 
 _SETTLING = 100  # strides before the search begins
 _NEWTON = 12
 _CLOSED = 1e-5  # observations are single numbers in single precision: no stride closes to rounding
 _SHIFT = 5e-4  # of a coordinate, for central differences through single precision
-_SAMPLES = 200  # of a stride, for its portrait
 _WORK = ("gravity_cost", "hip_cost", "net_hip_cost")
-_VERGE = 1e-8  # of a stride, before its end: the heelstrike has not yet come
 
 
 class Strides(NamedTuple):
@@ -272,8 +266,9 @@ def _measured(
     length, duration = float(taken.length[0]), float(taken.duration[0])
     gravity, hip, net = (taken.work[:, 0] / length).tolist()
     one = policy_strides(policy, scene, slope, point[None])
-    times, states, torques = portrait(
-        scene, slope, point, one.torques[:, 0], float(one.duration[0])
+    tick = scene.tick if scene.control == "tick" else math.inf
+    times, states, torques = course(
+        scene.walker, slope, point, one.torques[:, 0], tick=tick, duration=float(one.duration[0])
     )
     return ClosedLoopGait(
         policy, scene, slope, period, point, multipliers, violation,
@@ -281,35 +276,3 @@ def _measured(
         gravity_cost=gravity, hip_cost=hip, net_hip_cost=net,
         times=times, states=states, torques=torques,
     )  # fmt: skip
-
-
-def portrait(
-    scene: Scene, slope: float, point: NDArray, torques: NDArray, duration: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """A stride under given torques as a fine series of states.
-
-    Args:
-        scene: The scene.
-        slope: Slope in rad.
-        point: Where it starts on the section, (m,).
-        torques: Torque of each step, in units of m g l.
-        duration: When it ends.
-
-    Returns:
-        Times (k,), states with dimensionless rates (k, 6), and torques (k,), the last one just
-        before heelstrike.
-    """
-    section = section_of(scene.walker)
-    tick = scene.tick if scene.control == "tick" else math.inf
-    edges = tick * np.arange(1, len(torques))
-    times = np.union1d(np.linspace(0.0, duration * (1.0 - _VERGE), _SAMPLES), edges)
-    record = new_records(section_state(scene.walker, point[None]), np.array([slope]))
-    states, held = [record[0, :6].copy()], [torques[0]]
-    for before, time in pairwise(times):
-        held.append(torques[np.searchsorted(edges, before, side="right")])
-        record[:, I.TORQUE], record[:, I.END] = held[-1], time
-        advance(
-            section.kind, section.constants, record, tolerance=1e-10, from_section=before == 0.0
-        )
-        states.append(record[0, :6].copy())
-    return times, np.array(states), np.array(held)

@@ -7,6 +7,7 @@ shank rate] for a kneed walker and [angle, stance rate, swing rate] for a straig
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,8 @@ LONGEST = 20.0
 """Time after which a stride is given up."""
 
 
+_SAMPLES = 200  # of a stride, for a picture
+_VERGE = 1e-8  # of a stride, before its end: the heelstrike has not yet come
 _BACK = 1e-9  # rad by which a hip must turn back within a tick to be noticed
 
 
@@ -156,6 +159,44 @@ def ticked_stride(
         kneestrike=float(values[-1]),
         by=told.imag.T / INFINITESIMAL,
     )
+
+
+def course(
+    walker: Walker,
+    slope: float,
+    point: NDArray,
+    torques: NDArray,
+    *,
+    tick: float,
+    duration: float,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """What a walker passes through in a stride under given torques, for pictures.
+
+    Args:
+        walker: The walker.
+        slope: Slope in rad.
+        point: Where the stride starts on the section, (m,).
+        torques: Torques, (N,).
+        tick: How long a torque is held.
+        duration: When the stride ends.
+
+    Returns:
+        Times (k,), from the start to just before heelstrike; states with dimensionless rates
+        (k, 6); and the torque under which the walker came to each, (k,).
+    """
+    section = section_of(walker)
+    edges = tick * np.arange(1, len(torques))
+    times = np.union1d(np.linspace(0.0, duration * (1.0 - _VERGE), _SAMPLES), edges)
+    record = new_records(section_state(walker, point[None]), np.array([slope]))
+    states, held = [record[0, :6].copy()], [torques[0]]
+    for before, time in pairwise(times):
+        held.append(torques[np.searchsorted(edges, before, side="right")])
+        record[:, I.TORQUE], record[:, I.END] = held[-1], time
+        advance(
+            section.kind, section.constants, record, tolerance=1e-10, from_section=before == 0.0
+        )
+        states.append(record[0, :6].copy())
+    return times, np.array(states), np.array(held)
 
 
 def _reversal(on: Callable[[NDArray, float], NDArray], record: NDArray, end: float) -> float:
