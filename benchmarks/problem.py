@@ -126,7 +126,7 @@ class _Late:
         return self._reread(self._entry)(*arguments)
 
 
-def motion(p: Problem, phase: str, sine_cosine: Callable) -> Callable:
+def motion(p: Problem, phase: str, sine_cosine: Callable, torque: float = 0.0) -> Callable:
     """Accelerations of a phase ("free" or "locked") as a function of angles and rates."""
     c, slope = [float(value) for value in p.c], (math.sin(p.slope), math.cos(p.slope))
     common = c[K.FOOT_RADIUS : K.STANCE_INERTIA + 1]
@@ -139,7 +139,7 @@ def motion(p: Problem, phase: str, sine_cosine: Callable) -> Callable:
     else:
         own = c[K.SWING_ALONG : K.SWING_INERTIA + 1]
         function = plain(compass.accelerations, sine_cosine)
-    return lambda *state: function(*state, *common, *own, *slope, 0.0)
+    return lambda *state: function(*state, *common, *own, *slope, torque)
 
 
 def strikes(p: Problem, sine_cosine: Callable | None = None) -> tuple[Callable, Callable]:

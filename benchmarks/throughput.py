@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -111,14 +112,14 @@ def against() -> None:
     for name, make in makers:
         for tolerance in (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14):
             try:
-                reached, time = make(tolerance)
+                reached, took = make(tolerance)
             except ImportError:
                 rows.append((name, f"{tolerance:.0e}", float("nan"), float("nan"), "not installed"))
                 break
             column = 2 if "alone" in name else 1
             good = [o for o in ours if o[0] <= (reached if reached == reached else tolerance)]
             best = min(o[column] for o in (good or ours[-1:]))
-            rows.append((name, f"{tolerance:.0e}", reached, time, f"{time / best:.3g}"))
+            rows.append((name, f"{tolerance:.0e}", reached, took, f"{took / best:.3g}"))
     text = table(
         ["method", "tolerance", "error reached", "µs a stride", "times this engine's"], rows
     )
@@ -187,15 +188,16 @@ def ticks() -> None:
     for count in (64, 1024):
         own = min(value for (n, _), value in native.items() if n == count)
         envs = gym.make_vec("CartPole-v1", num_envs=count, vectorization_mode="vector_entry_point")
-        time = _many(envs) / count
-        rows.append(("CartPole-v1, native batch (NumPy)", count, time * 1e6, 1 / time, time / own))
+        took = _many(envs) / count
+        rows.append(("CartPole-v1, native batch (NumPy)", count, took * 1e6, 1 / took, took / own))
         for name in ("BipedalWalker-v3", "Walker2d-v4"):
             try:
-                time = _envpool(name, count) / count
+                took = _envpool(name, count) / count
             except ImportError:
                 rows.append((f"EnvPool {name}", count, float("nan"), float("nan"), "absent"))
                 continue
-            rows.append((f"EnvPool {name}, {CORES} cores", count, time * 1e6, 1 / time, time / own))
+            took_each = (took * 1e6, 1 / took, took / own)
+            rows.append((f"EnvPool {name}, {CORES} cores", count, *took_each))
     text += [table(["environments", "number", "µs a step each", "steps/s", "times ours"], rows)]
     scene = gym.make("PassiveWalker-v0").unwrapped.scene  # type: ignore[attr-defined]
     text += [
@@ -250,7 +252,100 @@ def _envpool(name: str, count: int) -> float:
     return seconds(job) / len(actions)
 
 
-PARTS = {"strides": strides, "against": against, "ticks": ticks}
+def learning() -> None:
+    """Frames a second of PPO with this environment, and with one that costs nothing."""
+    import torch
+    from stable_baselines3.common.logger import Logger
+    from stable_baselines3.common.vec_env import VecEnv
+
+    from agents.config import configure
+    from agents.learner import build
+    from agents.worlds import training_worlds
+
+    torch.set_num_threads(1)
+    config = configure("ppo", "level")
+    worlds = training_worlds(config)
+
+    class Free(VecEnv):
+        """The same spaces, and nothing behind them."""
+
+        def __init__(self) -> None:
+            super().__init__(worlds.num_envs, worlds.observation_space, worlds.action_space)
+            self._zeros = np.zeros((worlds.num_envs, *worlds.observation_space.shape), np.float32)
+            self._answer = np.zeros(worlds.num_envs), np.zeros(worlds.num_envs, bool)
+            self._infos: list[dict] = [{} for _ in range(worlds.num_envs)]
+
+        def reset(self) -> Any:
+            return self._zeros
+
+        def step_async(self, actions: Any) -> None:
+            pass
+
+        def step_wait(self) -> Any:
+            return self._zeros, *self._answer, self._infos
+
+        def close(self) -> None:
+            pass
+
+        def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+            return [None] * self.num_envs
+
+        def set_attr(self, *_: Any, **__: Any) -> None:
+            pass
+
+        def env_method(self, *_: Any, **__: Any) -> list[Any]:
+            return []
+
+        def env_is_wrapped(self, *_: Any, **__: Any) -> list[bool]:
+            return [False] * self.num_envs
+
+    frames = config.hyperparams["n_steps"] * worlds.num_envs
+    learners = [build(config, environment) for environment in (worlds, Free())]
+    rates: list[list[float]] = [[], []]
+    for model in learners:
+        model.set_logger(Logger(None, []))
+        model.learn(4 * frames)
+    for _ in range(8):  # by turns, so that both see the same machine
+        for model, rate in zip(learners, rates, strict=True):
+            began = time.perf_counter()
+            model.learn(2 * frames, reset_num_timesteps=False)
+            rate.append(2 * frames / (time.perf_counter() - began))
+    own, floor = (float(np.median(rate)) for rate in rates)
+    share = float(np.median(np.array(rates[0]) / np.array(rates[1])))
+
+    native = training_worlds(config)
+    native.reset()
+    random = np.random.default_rng(0)
+    actions = [random.uniform(-0.1, 0.1, (native.num_envs, 1)) for _ in range(64)]
+    env_only = seconds(lambda: [native.step(action) for action in actions]) / 64 / native.num_envs
+    model = learners[0]
+    model.env.reset()
+    observations = [model.env.observation_space.sample() for _ in range(1)]
+    batch = np.repeat(observations, native.num_envs, axis=0)
+
+    def acting() -> None:
+        for _ in range(16):
+            action, _ = model.predict(batch)
+            model.env.step(action)
+
+    env_policy = seconds(acting) / 16 / native.num_envs
+    rows = [
+        ("environment only", 1.0 / env_only),
+        ("environment and policy", 1.0 / env_policy),
+        ("environment, policy and training", own),
+        ("the same with an environment that costs nothing", floor),
+    ]
+    text = table([f"PPO, preset level, {native.num_envs} environments", "frames/s"], rows)
+    text += (
+        f"\n\nTraining reaches {100 * share:.1f} % of the frames/s that the free environment "
+        f"allows (median of {len(rates[0])} pairs, by turns); the environment's own steps take "
+        f"{100 * env_only * own:.1f} % of the time of training. One thread of torch. "
+        f"{machine('stable-baselines3', 'torch')}."
+    )
+    keep("learning", text)
+
+
+PARTS = {"strides": strides, "against": against, "ticks": ticks, "learning": learning}
 
 
 def main() -> int:

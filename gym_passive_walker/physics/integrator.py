@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gym_passive_walker.physics import compass, dormand_prince, kneed, simplest
+from gym_passive_walker.physics import compass, kneed, runge_kutta, simplest
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import events as E
 from gym_passive_walker.physics.lanes import (
@@ -43,7 +43,7 @@ FIELDS = 20
 
 # A tile's rows. Stage accelerations: three rows for each of the stages, and for the step's end.
 _ANGLE, _RATE, _NEW_ANGLE, _NEW_RATE, _STAGE = 0, 3, 6, 9, 12
-_NEW_STAGE = _STAGE + 3 * dormand_prince.STAGES
+_NEW_STAGE = _STAGE + 3 * runge_kutta.STAGES
 _H = _NEW_STAGE + 3
 _NEXT, _TIME, _END, _ERROR, _VERDICT, _EVENT, _LOW, _HIGH, _STEPS, _TURN = range(_H + 1, _H + 11)
 _FRESH, _SIN, _COS, _TORQUE = range(_H + 11, _H + 15)
@@ -61,6 +61,10 @@ which side of zero it turns: the quintic is of lower order than the step."""
 _BRINK = 1e-6
 """Share of a step beside its ends in which a turn hides nothing: it reaches no deeper than
 rounding."""
+
+LONGEST_STEP = 1.0
+"""A leg swings to and fro within six of these: longer steps, however exact, could jump over both a
+heelstrike and the foot's return."""
 
 MOST_STEPS = 20_000
 """Integration steps a walker may take in one phase; no gait needs a hundredth of them."""
@@ -108,7 +112,7 @@ def accelerations(phase, tile, lane, q0, q1, q2, w0, w1, w2):
 
 def _stage(index: int, phase: int):  # type: ignore[no-untyped-def]
     """Compile one stage of the step in every lane."""
-    trial = dormand_prince.STAGE[index]
+    trial = runge_kutta.STAGE[index]
 
     @inlined
     @made_for(phase, index)
@@ -133,7 +137,7 @@ def _stage(index: int, phase: int):  # type: ignore[no-untyped-def]
             put(tile, _STAGE + 3 * index, lane, a0)
             put(tile, _STAGE + 3 * index + 1, lane, a1)
             put(tile, _STAGE + 3 * index + 2, lane, a2)
-            if index == dormand_prince.STAGES:
+            if index == runge_kutta.STAGES:
                 put(tile, _NEW_ANGLE, lane, q0)
                 put(tile, _NEW_ANGLE + 1, lane, q1)
                 put(tile, _NEW_ANGLE + 2, lane, q2)
@@ -199,13 +203,11 @@ def estimate(phase, tile, lanes, tolerance):
             scale = larger(scale, extent(tile, lane, 2))
         # Scale before squaring: the squares of tiny errors must not vanish.
         weight = h / (tolerance * scale + 1e-290)
-        fifth, third = dormand_prince.error(tile, lane, _STAGE, h, weight)
-        f, t = dormand_prince.error(tile, lane, _STAGE + 1, h, weight)
-        fifth, third = fifth + f, third + t
+        square = runge_kutta.error(tile, lane, _STAGE, h, weight)
+        square += runge_kutta.error(tile, lane, _STAGE + 1, h, weight)
         if phase == E.FREE:
-            f, t = dormand_prince.error(tile, lane, _STAGE + 2, h, weight)
-            fifth, third = fifth + f, third + t
-        put(tile, _ERROR, lane, fifth / np.sqrt(fifth + 0.01 * third + 1e-60))
+            square += runge_kutta.error(tile, lane, _STAGE + 2, h, weight)
+        put(tile, _ERROR, lane, np.sqrt(square))
 
 
 @inlined
@@ -220,9 +222,16 @@ def passed(before, rate_before, after, rate_after):
 @inlined
 def growth(error):
     """Factor to the next step length, from the error of this one over its tolerance."""
-    factor = 0.9 / np.sqrt(np.sqrt(np.sqrt(error + 1e-30)))  # the pair's order is 8
+    factor = 0.85 / np.sqrt(np.sqrt(np.sqrt(error + 1e-30)))  # the estimate's order is 8
     factor = factor if factor < 6.0 else 6.0
     return factor if factor > 0.2 else 0.2
+
+
+@inlined
+def proposal(h, error):
+    """Length of the next step after an accepted one."""
+    following = h * growth(error)
+    return following if following.real < LONGEST_STEP else 0.0 * following + LONGEST_STEP
 
 
 @inlined
@@ -259,7 +268,7 @@ def judge(phase, tile, lanes, stub):
         )
         plain = (error <= 1.0) & (not alert)
         up = plain & (h.real >= rest.real)
-        following, proposed = h * growth(error), get(tile, _NEXT, lane)
+        following, proposed = proposal(h, error), get(tile, _NEXT, lane)
         rest = rest - h if plain else rest
         put(tile, _VERDICT, lane, _UP if up else (_ALERT if alert else _PLAIN))
         put(tile, _STEPS, lane, get(tile, _STEPS, lane) + 1.0)
@@ -289,8 +298,8 @@ def settle(tile, lane, i, plain):
 
 def _sweep(phase: int):  # type: ignore[no-untyped-def]
     """Compile one step in every lane of a phase, with its judgement."""
-    s1, s2, s3, s4, s5, s6, s7, s8, s9, s10, s11, s12 = (
-        _stage(index, phase) for index in range(1, dormand_prince.STAGES + 1)
+    s1, s2, s3, s4, s5, s6, s7, s8, s9, s10, s11, s12, s13, s14, s15, s16 = (
+        _stage(index, phase) for index in range(1, runge_kutta.STAGES + 1)
     )
 
     @jitted
@@ -308,6 +317,10 @@ def _sweep(phase: int):  # type: ignore[no-untyped-def]
         s10(tile, groups)
         s11(tile, groups)
         s12(tile, groups)
+        s13(tile, groups)
+        s14(tile, groups)
+        s15(tile, groups)
+        s16(tile, groups)
         estimate(phase, tile, GROUP * groups, tolerance)
         judge(phase, tile, GROUP * groups, stub)
 
@@ -485,6 +498,28 @@ def land(tile, lane, phase, stub, landing):
 
 
 @jitted
+def earliest(tile, lane, phase, stub):
+    """What comes first within a lane's step.
+
+    Returns:
+        A fraction of the step, and the event that falls there; or -1 for a turn there that may
+        hide one; or 0 for nothing.
+    """
+    first, event = 2.0, 0
+    for candidate in range(1, candidates(tile, lane, phase, stub)):
+        if watched(candidate, phase, stub) and fell(candidate, tile, lane):
+            fraction = E.root(course(candidate, tile, lane))
+            if fraction < first:
+                first, event = fraction, candidate
+    for candidate in range(1, E.FIRST_STUB):
+        if watched(candidate, phase, stub) and not fell(candidate, tile, lane):
+            fraction = hiding(candidate, tile, lane)
+            if 0.0 < fraction < first:
+                first, event = fraction, -1
+    return first, event
+
+
+@jitted
 def attend(tile, lane, phase, stub, landing):
     """Look at one lane after its step: reject it, shorten it, land on an event, or accept it.
 
@@ -496,36 +531,34 @@ def attend(tile, lane, phase, stub, landing):
     error = get(tile, _ERROR, lane).real
     if not h.real * 0.0 == 0.0 or get(tile, _STEPS, lane).real > MOST_STEPS:
         return -2
-    if not error <= 1.0 and get(tile, _EVENT, lane).real == 0.0:
-        put(tile, _H, lane, h * (growth(error) if error > 1.0 else 0.1))
-        put(tile, _NEXT, lane, get(tile, _H, lane))
-        return -2 if h.real < 1e-13 else 0
     if get(tile, _EVENT, lane).real != 0.0:
         return land(tile, lane, phase, stub, landing)
+
+    if not error <= 1.0:
+        shorter = growth(error) if error > 1.0 else 0.1
+        put(tile, _NEXT, lane, h * shorter)
+        put(tile, _H, lane, h * shorter)
+        if error < 1e3:  # near enough to tell where an event cuts the next step short
+            first, event = earliest(tile, lane, phase, stub)
+            if event > 0 and first < 0.8 * shorter:
+                aim(event, first, tile, lane, h.real)
+        return -2 if h.real < 1e-13 else 0
 
     turned = turning(tile, lane)
     if 0.02 < turned < 0.98:  # end a step where the hip turns, so that its work is exact
         put(tile, _NEXT, lane, h)
         put(tile, _H, lane, turned * h)
         return 0
-    first, event = 2.0, 0
-    for candidate in range(1, candidates(tile, lane, phase, stub)):
-        if watched(candidate, phase, stub) and fell(candidate, tile, lane):
-            fraction = E.root(course(candidate, tile, lane))
-            if fraction < first:
-                first, event = fraction, candidate
-    for candidate in range(1, E.FIRST_STUB):
-        if watched(candidate, phase, stub) and not fell(candidate, tile, lane):
-            fraction = hiding(candidate, tile, lane)
-            if 0.0 < fraction < first:  # a pair of roots may hide: stop between them
-                put(tile, _NEXT, lane, h)
-                put(tile, _H, lane, fraction * h)
-                return 0
+    first, event = earliest(tile, lane, phase, stub)
+    if event < 0:  # stop where a pair of roots may hide, between them
+        put(tile, _NEXT, lane, h)
+        put(tile, _H, lane, first * h)
+        return 0
     if event > 0:
         put(tile, _NEXT, lane, h)
         aim(event, first, tile, lane, h.real)
         return 0
-    following = h * growth(error)
+    following = proposal(h, error)
     if following.real > get(tile, _NEXT, lane).real or error > 0.1:
         put(tile, _NEXT, lane, following)
     commit(tile, lane, h)

@@ -20,7 +20,7 @@ import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.physics import compass, integrator, kneed, simplest
+from gym_passive_walker.physics import compass, integrator, kneed, runge_kutta, simplest
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import events as E
 from gym_passive_walker.physics import integrator as I
@@ -33,7 +33,6 @@ LONGEST_STRIDE = 100.0
 """Time in sqrt(l/g) after which a stride without heelstrike has stalled; a usual one takes 3."""
 
 FINEST_TOLERANCE, COARSEST_TOLERANCE = 1e-15, 0.1
-_SHARE = 0.25  # of the tolerance, for the error of one step: a stride takes several
 _CHUNK = 256  # records carried through a stride together, so that they stay in the cache
 _WORTH_A_THREAD = 512  # records below which a second thread costs more than it saves
 
@@ -194,7 +193,7 @@ def step_control(tolerance: float, *, real: bool = True) -> tuple[float, float, 
     # A step's end is moved by up to `landing` of its length by its Taylor series of second order.
     # Derivatives need it smaller, but where a foot comes down slowly 1e-13 drowns in rounding.
     landing = 0.1 * math.sqrt(tolerance) if real else 1e-11
-    return _SHARE * tolerance, landing, tolerance**0.125
+    return tolerance, landing, tolerance ** (1.0 / runge_kutta.ORDER)
 
 
 def advance(

@@ -1,0 +1,298 @@
+"""Which Runge-Kutta pair should carry the walkers? Time against error of some, over lanes.
+
+    python -m benchmarks.integrators
+
+Each pair is compiled into the same loop over lanes, with the engine's accelerations and
+second-order form, and takes the lab walker through its swing with the knee free, without events.
+Beside them: heyoka's Taylor method in batch mode, the best of its kind. The table lands in
+docs/benchmarks.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import DOP853, RK45
+
+from benchmarks.problem import Problem, problem
+from benchmarks.report import keep, machine, seconds, table
+from benchmarks.rivals import heyoka_integrators
+from gym_passive_walker.physics import constants as K
+from gym_passive_walker.physics import kneed
+from gym_passive_walker.physics.lanes import WIDTH, get, inlined, jitted, put
+
+HORIZON = 1.2
+COUNT = 1024
+ERRORS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-13)
+
+
+class Pair(NamedTuple):
+    """An explicit Runge-Kutta pair.
+
+    Attributes:
+        name: Whose it is.
+        lower: Order of the error estimate.
+        a: Matrix, shape (stages, stages).
+        b: Weights of the result.
+        e: Weights of the error estimate, of the stages and (if longer) of the step's end.
+        e3: Weights of a second estimate, of order 3, as in DOP853; zeros without.
+    """
+
+    name: str
+    lower: int
+    a: NDArray
+    b: NDArray
+    e: NDArray
+    e3: NDArray
+
+
+def pairs() -> list[Pair]:
+    """The pairs tried."""
+    found = [
+        Pair(
+            "Dormand-Prince 5(4)", 4, np.pad(RK45.A, ((0, 0), (0, 1))), RK45.B, RK45.E, 0.0 * RK45.E
+        ),
+        Pair("Dormand-Prince 8(5,3)", 7, DOP853.A, DOP853.B, DOP853.E5, DOP853.E3),
+    ]
+    text = (Path(__file__).parent / "tableaus.json").read_text(encoding="utf-8")
+    for name, t in json.loads(text).items():
+        a = np.zeros((len(t["b"]), len(t["b"])))
+        for i, row in enumerate(t["A"]):
+            a[i, :i] = row
+        b, e = np.array(t["b"]), np.array(t["e"])
+        if np.array_equal(a[-1], b):  # the last stage is the step's end
+            a, b = a[:-1, :-1], b[:-1]
+        found.append(Pair(name, t["lower"], a, b, e, 0.0 * e))
+    return found
+
+
+def _sum(weights: NDArray, coordinate: int) -> str:
+    """Code for a weighted sum of stage accelerations."""
+    terms = [f"{float(w)!r} * k{j}_{coordinate}" for j, w in enumerate(weights) if w != 0.0]
+    return " + ".join(terms) or "0.0"
+
+
+def _source(pair: Pair) -> str:
+    """Python code of one step of every lane: a loop for each stage, as the engine has it."""
+    stages = len(pair.b)
+    rows = [*pair.a, pair.b]
+    lines = ["def step(tile, tolerance, end):"]
+    for i in range(stages + 1):
+        weights = rows[i][: min(i, stages)]
+        lines += ["    for lane in range(WIDTH):", "        h = get(tile, H, lane)"]
+        lines += [f"        k{j}_{q} = get(tile, {_k(j, q)}, lane)"
+                  for j, w in enumerate(weights) for q in range(3)
+                  if w != 0.0 or np.any(weights @ pair.a[: len(weights), j : j + 1])]  # fmt: skip
+        for q in range(3):
+            twice = weights @ pair.a[: len(weights), : len(weights)]
+            node = float(weights.sum())
+            lines += [
+                f"        w{q} = get(tile, {3 + q}, lane)",
+                f"        shift = {node!r} * w{q} + h * ({_sum(twice, q)})",
+                f"        q{q} = get(tile, {q}, lane) + h * shift",
+                f"        w{q} = w{q} + h * ({_sum(weights, q)})",
+            ]
+        lines += ["        a0, a1, a2 = accelerations(q0, q1, q2, w0, w1, w2)"]
+        lines += [f"        put(tile, {_k(i, q)}, lane, a{q})" for q in range(3)]
+        if i == stages:
+            lines += [f"        put(tile, {6 + q}, lane, q{q})" for q in range(3)]
+            lines += [f"        put(tile, {9 + q}, lane, w{q})" for q in range(3)]
+    lines += [
+        "    for lane in range(WIDTH):",
+        "        h = get(tile, H, lane)",
+        "        scale = 1e-290",
+    ]
+    for row in range(12):
+        lines.append(f"        scale = max(scale, abs(get(tile, {row}, lane)))")
+    lines += [
+        "        weight = h / (tolerance * scale)",
+        "        fifth = 1e-60",
+        "        third = 0.0",
+    ]
+    for q in range(3):
+        needed = [j for j in range(len(pair.e)) if pair.e[j] != 0.0 or pair.e3[j] != 0.0]
+        matrix = np.vstack([pair.a, pair.b])[: len(pair.e), :stages]
+        for weights, name in ((pair.e, "fifth"), (pair.e3, "third")):
+            if not weights.any():
+                continue
+            twice = weights @ matrix
+            used = sorted({*needed, *np.flatnonzero(twice).tolist()})
+            lines += [f"        k{j}_{q} = get(tile, {_k(j, q)}, lane)" for j in used]
+            lines += [
+                f"        r = weight * ({_sum(weights, q)})",
+                f"        s = weight * h * ({_sum(twice, q)})",
+                f"        {name} = {name} + r * r + s * s",
+            ]
+    estimate = "fifth / np.sqrt(fifth + 0.01 * third)" if pair.e3.any() else "np.sqrt(fifth)"
+    lines += [
+        f"        error = {estimate}",
+        f"        factor = 0.9 * np.exp(-np.log(error) / {pair.lower + 1}.0)",
+        "        factor = min(6.0, max(0.2, factor))",
+        "        good = error <= 1.0",
+        "        for row in range(6):",
+        "            old, new = get(tile, row, lane), get(tile, row + 6, lane)",
+        "            put(tile, row, lane, new if good else old)",
+        "        for q in range(3):",
+        f"            first = get(tile, {_k(0, 0)} + q, lane)",
+        f"            last = get(tile, {_k(stages, 0)} + q, lane)",
+        f"            put(tile, {_k(0, 0)} + q, lane, last if good else first)",
+        "        time = get(tile, TIME, lane) + (h if good else 0.0)",
+        "        put(tile, TIME, lane, time)",
+        "        put(tile, H, lane, min(h * factor, end - time))",
+    ]
+    return "\n".join(lines)
+
+
+_H, _TIME, _STAGE = 12, 13, 14
+
+
+def _k(stage: int, coordinate: int) -> int:
+    return _STAGE + 3 * stage + coordinate
+
+
+def compiled(p: Problem, pair: Pair) -> Callable[[NDArray, float], NDArray]:
+    """A function that carries starts to the horizon, at a tolerance."""
+    c = p.c
+    constants = (
+        *c[K.FOOT_RADIUS : K.STANCE_INERTIA + 1], *c[K.THIGH_ALONG : K.THIGH_INERTIA + 1],
+        c[K.SHANK_ALONG], c[K.SHANK_ACROSS], *c[K.SHANK_MOBILITY : K.KNEE_SINE + 1],
+        np.sin(p.slope), np.cos(p.slope), 0.0,
+    )  # fmt: skip
+    (r, leg, sa, sc, si, ta, tc, ti, ha, hc, hm, kc, ks, sin, cos, torque) = map(float, constants)
+
+    @inlined
+    def accelerations(q0, q1, q2, w0, w1, w2):  # type: ignore[no-untyped-def]
+        return kneed.accelerations(
+            q0, q1, q2, w0, w1, w2, r, leg, sa, sc, si, ta, tc, ti, ha, hc, hm, kc, ks,
+            sin, cos, torque,
+        )  # fmt: skip
+
+    names: dict[str, Any] = {
+        "WIDTH": WIDTH, "H": _H, "TIME": _TIME, "get": get, "put": put, "np": np,
+        "accelerations": accelerations,
+    }  # fmt: skip
+    exec(_source(pair), names)
+    step, rows, first = jitted(names["step"]), _k(len(pair.b) + 1, 0), 1.0 / (pair.lower + 1)
+
+    @jitted
+    def run(starts, tolerance, ends):  # type: ignore[no-untyped-def]
+        tile = np.zeros(rows * WIDTH)
+        owner = np.full(WIDTH, -1)
+        waiting, left = 0, len(starts)
+        while left > 0:
+            for lane in range(WIDTH):
+                done = owner[lane] >= 0 and get(tile, _TIME, lane) >= HORIZON
+                if done:
+                    for row in range(6):
+                        ends[owner[lane], row] = get(tile, row, lane)
+                    owner[lane] = -1
+                    left -= 1
+                if owner[lane] < 0 and waiting < len(starts):
+                    owner[lane] = waiting
+                    s = starts[waiting]
+                    waiting += 1
+                    for row in range(6):
+                        put(tile, row, lane, s[row])
+                    a0, a1, a2 = accelerations(s[0], s[1], s[2], s[3], s[4], s[5])
+                    put(tile, _STAGE, lane, a0)
+                    put(tile, _STAGE + 1, lane, a1)
+                    put(tile, _STAGE + 2, lane, a2)
+                    put(tile, _TIME, lane, 0.0)
+                    put(tile, _H, lane, min(0.5 * tolerance**first, HORIZON))
+            step(tile, tolerance, HORIZON)
+
+    def ends(starts: NDArray, tolerance: float) -> NDArray:
+        found = np.empty_like(starts)
+        run(starts, tolerance, found)
+        return found
+
+    return ends
+
+
+def _taylor(p: Problem) -> Callable[[NDArray, float], NDArray]:
+    """Heyoka's batch mode over the same horizon."""
+    import heyoka as hy
+
+    from benchmarks.rivals import _system
+
+    lanes, known = 8, {}
+
+    def ends(starts: NDArray, tolerance: float) -> NDArray:
+        if tolerance not in known:
+            known[tolerance] = hy.taylor_adaptive_batch(
+                _system(p, "free")[0], np.zeros((6, lanes)), tol=tolerance, fast_math=True
+            )
+        ta, found = known[tolerance], np.empty_like(starts)
+        until = np.full(lanes, HORIZON)
+        for i in range(0, len(starts), lanes):
+            ta.set_time(np.zeros(lanes))
+            ta.state[:] = starts[i : i + lanes].T
+            ta.propagate_until(until)
+            found[i : i + lanes] = ta.state.T
+        return found
+
+    return ends
+
+
+def _exact(p: Problem) -> NDArray:
+    """The starts' states at the horizon, in 80-bit arithmetic."""
+    number = np.longdouble
+    ta = heyoka_integrators(p, 1e-19, number)[0]
+    ends = []
+    for start in p.starts:
+        ta.time, ta.state[:] = number(0.0), start
+        ta.reset_cooldowns()
+        while ta.time < HORIZON:
+            ta.propagate_until(number(HORIZON))  # a kneestrike on the way only interrupts
+        ends.append(ta.state.copy())
+    return np.array(ends)
+
+
+def at_errors(ends: Callable[[NDArray, float], NDArray], p: Problem, exact: NDArray) -> list[float]:
+    """Microseconds a walker at each of ERRORS, between tolerances by the logarithms."""
+    crowd = np.resize(p.starts, (COUNT, 6))
+    errors, times = [], []
+    for tolerance in 10.0 ** -np.arange(2.0, 16.0, 0.5):
+        found = ends(p.starts, tolerance)
+        difference = np.abs(np.asarray(found - exact, float)).max(axis=1)
+        errors.append(float((difference / np.abs(np.asarray(exact, float)).max(axis=1)).max()))
+        times.append(seconds(lambda t=tolerance: ends(crowd, t), at_least=0.05, repeats=3) / COUNT)
+    best = []
+    for error in ERRORS:
+        usable = [i for i, e in enumerate(errors) if e <= error]
+        if not usable:
+            best.append(float("nan"))
+            continue
+        i = usable[0]
+        if i == 0 or errors[i - 1] <= errors[i]:
+            best.append(times[i] * 1e6)
+            continue
+        share = np.log(error / errors[i]) / np.log(errors[i - 1] / errors[i])
+        best.append(float(times[i] ** (1.0 - share) * times[i - 1] ** share * 1e6))
+    return best
+
+
+def main() -> None:
+    """Print the table and keep it."""
+    shape = argparse.RawTextHelpFormatter
+    argparse.ArgumentParser(description=__doc__, formatter_class=shape).parse_args()
+    p = problem("kneed")
+    exact = _exact(p)
+    rows: list[tuple] = []
+    for pair in pairs():
+        stages = f"{len(pair.b)} stages"
+        rows.append((pair.name, stages, *at_errors(compiled(p, pair), p, exact)))
+        print(rows[-1], flush=True)
+    rows.append(("Taylor, heyoka, 8 lanes", "", *at_errors(_taylor(p), p, exact)))
+    heads = ["method", "", *(f"µs at error {error:.0e}" for error in ERRORS)]
+    keep("integrators", f"{table(heads, rows)}\n\nOne core. {machine('heyoka')}.")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,152 @@
+"""What does a scene pay for? The price of each thing that may be simulated, a stride and a tick.
+
+    python -m benchmarks.scene_cost
+
+Prices are ratios to the leanest scene that can express the walker, measured by turns in one run.
+The table lands in docs/benchmarks.md.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+
+import gymnasium as gym
+import numpy as np
+
+import gym_passive_walker as gpw
+from benchmarks.problem import crowd, problem
+from benchmarks.report import keep, machine, seconds, table
+from gym_passive_walker.physics import stride as S
+from gym_passive_walker.physics.integrator import TORQUE
+from gym_passive_walker.physics.trajectory import trajectory
+
+COUNT = 2048
+ROUNDS = 5
+
+
+def by_turns(jobs: dict[str, Callable[[], object]]) -> dict[str, float]:
+    """Time of each job: the least of some rounds, in each of which all have a turn."""
+    best = dict.fromkeys(jobs, float("inf"))
+    for _ in range(ROUNDS):
+        for name, job in jobs.items():
+            best[name] = min(best[name], seconds(job, at_least=0.1, repeats=2))
+    return best
+
+
+def kinds() -> str:
+    """A stride of each kind of walker, passive and with a torque held."""
+    jobs: dict[str, Callable[[], object]] = {}
+    for name in ("simplest", "straight", "kneed"):
+        p = problem(name)
+        for torque in (0.0, 1e-3):
+            fresh = crowd(p, COUNT)
+            fresh[:, TORQUE] = torque
+            records = fresh.copy()
+
+            def job(p=p, fresh=fresh, records=records) -> None:  # type: ignore[no-untyped-def]
+                records[:] = fresh
+                S.advance(p.kind, p.c[None], records, tolerance=1e-8, threads=1)
+
+            jobs[f"{name}, {'torque' if torque else 'passive'}"] = job
+    stub = crowd(problem("kneed"), COUNT)
+    spare, p = stub.copy(), problem("kneed")
+
+    def stubbing() -> None:
+        spare[:] = stub
+        S.advance(p.kind, p.c[None], spare, tolerance=1e-8, stub=True, threads=1)
+
+    jobs["kneed, passive, watched for stubbed toes"] = stubbing
+    times = by_turns(jobs)
+    lean = times["simplest, passive"]
+    rows = []
+    for name, time in times.items():
+        own = times[f"{name.split(',')[0]}, passive"]
+        rows.append((name, time / COUNT * 1e6, time / lean, time / own))
+    heads = ["a stride, tolerance 1e-08", "µs", "× simplest", "× own passive"]
+    return table(heads, rows)
+
+
+def analysis() -> str:
+    """What is asked for on top of a stride: its ledger, its trajectory, its reality check."""
+    gait = gpw.find_gait("lab", 0.036)
+    walker = gpw.WALKERS["lab"]
+    p = problem("kneed")
+    fresh = crowd(p, 1)
+    records = fresh.copy()
+
+    def bare() -> None:
+        records[:] = fresh
+        S.advance(p.kind, p.c[None], records, tolerance=1e-10, threads=1)
+
+    times = by_turns(
+        {
+            "kernel alone": bare,
+            "stride(), with its ledger and units": lambda: gpw.stride(walker, 0.036, gait.state),
+            "trajectory()": lambda: trajectory(walker, 0.036, gait.state),
+            "reality_check()": lambda: gpw.reality_check(walker, 0.036, gait.state),
+        }
+    )
+    base = times["kernel alone"]
+    return table(
+        ["one stride of lab, tolerance 1e-10", "µs", "× kernel"],
+        [(name, time * 1e6, time / base) for name, time in times.items()],
+    )
+
+
+def environments() -> str:
+    """A tick of the environment, with each switch of the scene."""
+    scenes = {
+        "simplest, passive": {"walker": "D", "slope": 0.009, "max_hip_torque": 0.0},
+        "straight, passive": {"walker": "A", "slope": 0.03, "max_hip_torque": 0.0},
+        "kneed, passive": {"walker": "lab", "slope": 0.036, "max_hip_torque": 0.0, "stub": False},
+        "kneed, motor": {"walker": "lab", "slope": 0.036, "stub": False},
+        "kneed, motor, stub": {"walker": "lab", "slope": 0.036, "stub": True},
+        "kneed, motor, stub, random slope": {"walker": "lab", "slope": (0.03, 0.04)},
+        "kneed, motor, stub, random walker": {
+            "walker": "lab", "slope": 0.036, "randomise": {"foot_radius": 0.01},
+        },
+    }  # fmt: skip
+    jobs: dict[str, Callable[[], object]] = {}
+    actions = np.zeros((COUNT, 1))
+    for name, scene in scenes.items():
+        envs = gym.make_vec(
+            "PassiveWalker-v0", num_envs=COUNT, perturbation=0.01, threads=1,
+            max_episode_steps=-1, **scene,
+        )  # fmt: skip
+        envs.reset(seed=0)
+        jobs[name] = lambda envs=envs: envs.step(actions)
+    times = by_turns(jobs)
+    lean = times["simplest, passive"]
+    text = table(
+        [f"a tick, {COUNT} environments, zero action", "µs each", "× simplest, passive"],
+        [(name, time / COUNT * 1e6, time / lean) for name, time in times.items()],
+    )
+    kneed = {"scene": "lab", "max_episode_steps": -1}
+    bare, drawn = gym.make("PassiveWalker-v0", **kneed), None
+    bare.reset(seed=0)
+    single = {"no picture": lambda: bare.step(np.zeros(1))}
+    try:
+        drawn = gym.make("PassiveWalker-v0", render_mode="rgb_array", **kneed)
+        drawn.reset(seed=0)
+        single["render_mode given, no picture asked for"] = lambda: drawn.step(np.zeros(1))
+        single["a picture at each tick"] = lambda: (drawn.step(np.zeros(1)), drawn.render())
+    except ImportError:
+        pass
+    times = by_turns(single)
+    return f"{text}\n\n" + table(
+        ["a tick, one environment", "µs", "× no picture"],
+        [(name, time * 1e6, time / times["no picture"]) for name, time in times.items()],
+    )
+
+
+def main() -> None:
+    """Print the tables and keep them."""
+    shape = argparse.RawTextHelpFormatter
+    argparse.ArgumentParser(description=__doc__, formatter_class=shape).parse_args()
+    text = "\n\n".join([kinds(), analysis(), environments()])
+    keep("scene cost", f"{text}\n\nOne core. {machine('gymnasium')}.")
+
+
+if __name__ == "__main__":
+    main()
