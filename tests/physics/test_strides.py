@@ -270,7 +270,7 @@ def test_units_do_not_matter(gait: Gait):
     work = mass * gravity * length
     torque = 0.003 * frame_of(walker).torque
     force = work if not walker.massless_legs else gravity * length
-    # Rounding decides when Newton's method is near enough to an event: ask for less than is checked.
+    # Rounding decides when an event is near enough, so ask for a smaller error than is checked.
     here = stride(walker, gait.slope, gait.state, hip_torque=torque, tolerance=1e-14)
     there = stride(
         giant, gait.slope, gait.state / ([1.0] * 3 + [time] * 3), hip_torque=torque * force,
