@@ -11,7 +11,7 @@ from benchmarks.stress_cases.gaits import every_gait, start
 from gym_passive_walker import WALKERS, Outcome
 from gym_passive_walker.physics import events as E
 from gym_passive_walker.physics import integrator as I
-from gym_passive_walker.physics.dormand_prince import ORDER
+from gym_passive_walker.physics.runge_kutta import ORDER
 from gym_passive_walker.physics.stride import advance, new_records
 
 TOPIC = "Accuracy"

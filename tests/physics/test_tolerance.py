@@ -39,7 +39,7 @@ def test_the_error_stays_within_a_hundred_tolerances(name, torque):
 @pytest.mark.parametrize("name", WALKERS)
 def test_a_finer_tolerance_buys_a_smaller_error(name):
     found = errors(name, 0.0)
-    assert found[0] > 1e3 * found[5] > 1e3 * found[9]
+    assert found[0] > 1e2 * found[5] > 1e4 * found[9]  # steps of whole swings err little already
 
 
 POISED = {
