@@ -36,7 +36,7 @@ def time_over(delta: float, first: float, last: float) -> float:
     quick=50, long=2_000, bound=1.0, unit="10⁻¹⁵ / energy left",
 )  # fmt: skip
 def barely_over(count: int, rng: np.random.Generator) -> Finding:
-    """Half of ln(1 / energy left), and uncertain as what rounding makes of the energy."""
+    """About ln(1 / energy left), and as uncertain as rounding makes the energy."""
     mine = flock(WALKERS["D"])
     left = 10.0 ** rng.uniform(-12.0, -1.0, count)
     angle, slope = rng.uniform(0.1, 0.4, count), rng.uniform(-0.05, 0.05, count)

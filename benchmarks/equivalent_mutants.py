@@ -1,0 +1,17 @@
+"""Changes that no test can notice, and why: they change no walk, or only its cost."""
+
+EQUIVALENT: dict[str, str] = {
+    "events.root: low + high -> low - high": (
+        "leaves the bracket where the slope is exactly 0; the next line then takes its middle"
+    ),
+    "integrator.extent: _NEW_RATE + coordinate -> _NEW_RATE - coordinate": (
+        "weighs an error by the rates of fewer legs: within the hundred tolerances promised"
+    ),
+    "integrator.candidates: phase == E.FREE and np.abs(get(tile, _NEW_ANGLE + 2, lane).real) >= "
+    "np.pi -> phase == E.FREE or np.abs(get(tile, _NEW_ANGLE + 2, lane).real) >= np.pi": (
+        "looks at more events, none of which has happened"
+    ),
+    "stride.module: _WORTH_A_THREAD = 512 -> _WORTH_A_THREAD = 513": (
+        "threads change no result, only when a second one is worth its start"
+    ),
+}
