@@ -11,6 +11,9 @@ EQUIVALENT: dict[str, str] = {
     "np.pi -> phase == E.FREE or np.abs(get(tile, _NEW_ANGLE + 2, lane).real) >= np.pi": (
         "looks at more events, none of which has happened"
     ),
+    "integrator.judge: error <= 0.1 -> error > 0.1": (
+        "proposes another length for the first step after a tick, which is tried like any other"
+    ),
     "stride.module: _WORTH_A_THREAD = 512 -> _WORTH_A_THREAD = 513": (
         "threads change no result, only when a second one is worth its start"
     ),

@@ -24,7 +24,7 @@ def row(case: Case, finding: Finding) -> list[object]:
     if np.isnan(case.bound):
         error = ""
     else:
-        error = f"{finding.error:.1e} of {case.bound:.0e} allowed ({case.unit})"
+        error = f"{finding.error:.1e} of {case.bound:g} allowed ({case.unit})"
     return [case.topic, case.statement, finding.tried, finding.failed, error]
 
 

@@ -21,7 +21,8 @@ LENGTHS = (
     "shank_gyration", "shank_com", "foot_radius",
 )  # fmt: skip
 MASSES = ("thigh_mass", "shank_mass", "hip_mass")
-ENDINGS = [int(o) for o in Outcome if o not in (Outcome.RUNNING, Outcome.KNEESTRIKE)]
+NO_ENDINGS = (Outcome.RUNNING, Outcome.KNEESTRIKE, Outcome.DIVERGED)
+ENDINGS = [int(outcome) for outcome in Outcome if outcome not in NO_ENDINGS]
 
 
 def resized(walker: Walker, length: float, mass: float, gravity: float) -> Walker:
@@ -61,7 +62,7 @@ def random_throws(rng: np.random.Generator, count: int, straight: bool):
 
 @case(
     TOPIC,
-    "Any throw ends: an outcome for each, in bounded time, with finite numbers",
+    "Any throw ends: an outcome for each, in bounded time, with finite numbers; none diverges",
     quick=100_000, long=10_000_000,
 )  # fmt: skip
 def any_throw(count: int, rng: np.random.Generator) -> Finding:
@@ -135,7 +136,7 @@ def over_the_top(count: int, rng: np.random.Generator) -> Finding:
 @case(
     TOPIC,
     "On slopes of 10⁻¹⁰ to 10⁻² gaits come back to themselves and lose weight × step × sin γ; from "
-    "10⁻⁷ on the long step is the cube root of the slope, within 15 %",
+    "10⁻⁶ on the long step is the cube root of the slope, within 15 %",
     quick=5, long=80, bound=1e-12, unit="state, energy lost",
 )  # fmt: skip
 def shallow_slopes(count: int, rng: np.random.Generator) -> Finding:
@@ -146,7 +147,7 @@ def shallow_slopes(count: int, rng: np.random.Generator) -> Finding:
             found = gaits(name, float(slope))
             long = found[0].stance_angle / np.cbrt(slope) if found else 0.0
             tried += max(1, len(found))
-            failed += int(not found or (slope >= 1e-7 and not 0.85 < long < 1.15))
+            failed += int(not found or (slope >= 1e-6 and not 0.85 < long < 1.15))
             for gait in found:
                 end = stride(name, slope, gait.state, tolerance=1e-14)
                 failed += int(end.outcome != Outcome.HEELSTRIKE)

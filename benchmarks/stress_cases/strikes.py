@@ -84,7 +84,7 @@ def touches(rng: np.random.Generator, count: int) -> list[Touch]:
 @case(
     TOPIC,
     "A foot that comes down at a rate of 10⁻¹ to 10⁻⁶, about to lift again, lands when it must",
-    quick=600, long=60_000, bound=20.0, unit="tolerance / rate",
+    quick=6_000, long=60_000, bound=20.0, unit="tolerance / rate",
 )  # fmt: skip
 def almost_tangential(count: int, rng: np.random.Generator) -> Finding:
     """The time of a strike is as uncertain as the angle, over the rate at which it closes."""
@@ -108,7 +108,7 @@ def almost_tangential(count: int, rng: np.random.Generator) -> Finding:
 @case(
     TOPIC,
     "A foot that dips into the ground and out within one step, 10⁻² to 10⁻¹¹ deep, strikes it",
-    quick=600, long=60_000, bound=20.0, unit="tolerance / rate",
+    quick=6_000, long=60_000, bound=20.0, unit="tolerance / rate",
 )  # fmt: skip
 def pair_of_roots(count: int, rng: np.random.Generator) -> Finding:
     """In and out again: the way in counts, at the rate it is taken with."""
@@ -132,7 +132,7 @@ def pair_of_roots(count: int, rng: np.random.Generator) -> Finding:
 @case(
     TOPIC,
     "A foot that stays above the ground by 10⁻² to 10⁻¹¹ at its lowest does not strike it there",
-    quick=600, long=60_000,
+    quick=6_000, long=60_000,
 )  # fmt: skip
 def near_miss(count: int, rng: np.random.Generator) -> Finding:
     """It may strike later, when it comes down again."""
@@ -153,7 +153,7 @@ def near_miss(count: int, rng: np.random.Generator) -> Finding:
 @case(
     TOPIC,
     "A foot that just touches the ground strikes it, if at all, at the touch",
-    quick=600, long=60_000, bound=3.0, unit="√(tolerance / lift)",
+    quick=6_000, long=60_000, bound=3.0, unit="√(tolerance / lift)",
 )  # fmt: skip
 def mere_touch(count: int, rng: np.random.Generator) -> Finding:
     """Whether it strikes is below the tolerance; when it does is known to its square root only."""
@@ -199,7 +199,7 @@ def grazing_fall(count: int, rng: np.random.Generator) -> Finding:
             advance(mine.kind, mine.constants, closely, tolerance=1e-13, from_section=False)
             lowest = np.minimum(lowest, closely[:, 0])
         fell = closely[:, I.OUTCOME] == Outcome.FELL_FORWARD
-        deeper = closely[:, 3] ** 2 / (2.0 * lift)  # it would go on to
+        deeper = closely[:, 3] ** 2 / (2.0 * lift)  # the depth that it would reach
         margin = np.where(fell, deeper, lowest + 0.5 * np.pi)
         for tolerance in TOLERANCES:
             walks = mine.follow(states, 0.6, tolerance=tolerance, **options)

@@ -1,0 +1,159 @@
+"""Every change of one sign, number, operator or comparison that a module's source admits."""
+
+from __future__ import annotations
+
+import ast
+import copy
+import random
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from itertools import zip_longest
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = "gym_passive_walker"
+
+NOT_MOTION = {
+    "_use_full_vectors", "cache_directory", "_kernels_cached_here", "_entry", "_get", "_put",
+    "_reciprocal", "in_parts", "_crew", "__post_init__", "_check_masses",
+}  # fmt: skip
+"""Functions about compiling, caching, threads and messages: no walker moves by them."""
+
+_SWAPS: dict[type, type] = {
+    ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult,
+    ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd, ast.And: ast.Or, ast.Or: ast.And,
+    ast.Lt: ast.GtE, ast.GtE: ast.Lt, ast.Gt: ast.LtE, ast.LtE: ast.Gt,
+    ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
+}  # fmt: skip
+
+
+class Mutant(NamedTuple):
+    """One change.
+
+    Attributes:
+        file: Module, without its suffix.
+        line: Where, in the original.
+        scope: The function around it.
+        before: The expression changed, as source.
+        after: What it became.
+        source: The whole module with the change.
+    """
+
+    file: str
+    line: int
+    scope: str
+    before: str
+    after: str
+    source: str
+
+    @property
+    def name(self) -> str:
+        """What identifies it though lines may move."""
+        return f"{self.file}.{self.scope}: {self.before} -> {self.after}"
+
+
+def changes(node: ast.AST) -> Iterator[ast.AST]:
+    """What may stand in an expression's place, one change each."""
+    new: ast.AST
+    if isinstance(node, ast.BinOp | ast.BoolOp) and type(node.op) in _SWAPS:
+        new = copy.deepcopy(node)
+        new.op = _SWAPS[type(node.op)]()  # type: ignore[attr-defined]
+        yield new
+    elif isinstance(node, ast.AugAssign) and type(node.op) in _SWAPS:
+        new = copy.deepcopy(node)
+        new.op = _SWAPS[type(node.op)]()  # type: ignore[assignment]
+        yield new
+    elif isinstance(node, ast.Compare) and type(node.ops[0]) in _SWAPS:
+        new = copy.deepcopy(node)
+        new.ops[0] = _SWAPS[type(node.ops[0])]()
+        yield new
+    elif isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        yield copy.deepcopy(node.operand)
+    elif isinstance(node, ast.Constant) and type(node.value) is float:
+        yield ast.Constant(node.value * 1.01 if node.value else 0.01)
+    elif isinstance(node, ast.Constant) and type(node.value) is int:
+        yield ast.Constant(node.value + 1)
+
+
+class Finder(ast.NodeVisitor):
+    """Every place of a module where a number, a sign or a comparison stands."""
+
+    def __init__(self, file: str, tree: ast.Module) -> None:
+        self.file, self.tree = file, tree
+        self.scopes: list[str] = []
+        self.found: list[Mutant] = []
+
+    def visit_FunctionDef(self, node: ast.FunctionDef) -> None:
+        """Enter a function's body; leave its decorators and annotations."""
+        if node.name not in NOT_MOTION:
+            self.scopes.append(node.name)
+            for statement in node.body:
+                self.visit(statement)
+            self.scopes.pop()
+
+    def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
+        """A type is no number."""
+        if node.value is not None:
+            self.visit(node.value)
+
+    def generic_visit(self, node: ast.AST) -> None:
+        """Look at each child for changes, and then inside it."""
+        for field, value in ast.iter_fields(node):
+            children = value if isinstance(value, list) else [value]
+            for index, child in enumerate(children):
+                if not isinstance(child, ast.AST):
+                    continue
+                for new in changes(child):
+                    self.add(node, field, index if isinstance(value, list) else None, child, new)
+                self.visit(child)
+
+    def add(self, parent: ast.AST, field: str, index: int | None, old: ast.AST, new: ast.AST):
+        """Write the module down with one change, and undo it."""
+
+        def put(node: ast.AST) -> None:
+            if index is None:
+                setattr(parent, field, node)
+            else:
+                getattr(parent, field)[index] = node
+
+        context = ast.unparse(parent) if isinstance(old, ast.Constant) else ast.unparse(old)
+        put(new)
+        try:
+            after = ast.unparse(parent) if isinstance(old, ast.Constant) else ast.unparse(new)
+            source = ast.unparse(ast.fix_missing_locations(self.tree))
+        finally:
+            put(old)
+        scope = ".".join(self.scopes) or "module"
+        line = getattr(old, "lineno", 0)
+        short = [" ".join(text.split())[:100] for text in (context, after)]
+        self.found.append(Mutant(self.file, line, scope, *short, source))
+
+
+def path_of(file: str) -> Path:
+    """A module's path within the tree."""
+    return Path(PACKAGE) / ("" if file == "walkers" else "physics") / f"{file}.py"
+
+
+def mutants(file: str) -> list[Mutant]:
+    """All mutants of a module."""
+    finder = Finder(file, ast.parse((ROOT / path_of(file)).read_text()))
+    finder.visit(finder.tree)
+    seen: Counter[str] = Counter()
+    unique = []
+    for mutant in finder.found:
+        seen[mutant.name] += 1
+        if (count := seen[mutant.name]) > 1:
+            mutant = mutant._replace(after=f"{mutant.after} ({count})")
+        unique.append(mutant)
+    return unique
+
+
+def sample(files: Sequence[str], seed: int) -> list[Mutant]:
+    """Mutants in random order, the files in turn, so that short ones are looked at as closely."""
+    random_order = random.Random(seed)
+    pools = [mutants(file) for file in files]
+    for pool in pools:
+        random_order.shuffle(pool)
+    turns = zip_longest(*pools)
+    return [mutant for turn in turns for mutant in turn if mutant is not None]
