@@ -70,13 +70,17 @@ def show_gait(arguments: Sequence[str]) -> int:
         gait = closed_loop_gait(policy, scene, slope=args.slope, period=args.period)
     except GaitNotFound as error:
         raise ConfigError(str(error)) from None
-    optimum = _optimum_near(scene, gait)
-    print(_described(gait, optimum))
+    try:
+        known = optimal.load(optimal.stored_name(scene))
+    except ValueError:
+        known = []
+    print(_described(gait, optimal.least_cost(known, gait.speed) if known else float("nan")))
     if args.out is not None:
         from agents import pictures
 
+        near = min(known, key=lambda other: abs(other.speed - gait.speed), default=None)
         with replacing(args.out) as path:
-            pictures.closed_loop(path, gait, optimum)
+            pictures.closed_loop(path, gait, near)
     return 0
 
 
@@ -89,17 +93,8 @@ def _policy_and_scene(name: str, scene: str | None) -> tuple[Policy, Scene]:
     return policy, make_scene(scene) if scene else make_scene(config.scene, **config.env)
 
 
-def _optimum_near(scene: Scene, gait: ClosedLoopGait) -> optimal.OptimalGait | None:
-    """The stored optimal gait of a scene whose speed is nearest to a gait's."""
-    try:
-        known = optimal.load(optimal.stored_name(scene))
-    except ValueError:
-        return None
-    return min(known, key=lambda other: abs(other.speed - gait.speed))
-
-
-def _described(gait: ClosedLoopGait, optimum: optimal.OptimalGait | None) -> str:
-    """A gait's measures, a line each."""
+def _described(gait: ClosedLoopGait, least: float) -> str:
+    """A gait's measures, a line each, and the least cost at its speed, if it is known."""
     rows = {
         "speed / √(g l)": f"{gait.speed:.4f}",
         "step period / √(l/g)": f"{gait.step_period:.4f}",
@@ -112,9 +107,9 @@ def _described(gait: ClosedLoopGait, optimum: optimal.OptimalGait | None) -> str
         "multipliers' moduli": ", ".join(f"{size:.3f}" for size in np.abs(gait.multipliers)),
         "stable": "yes" if gait.stable else "no",
     }
-    if optimum is not None:
-        cost = f"{optimum.cost_of_transport:.5f} at {optimum.speed:.3f}"
-        rows["optimum near that speed"] = cost
+    if np.isfinite(least):
+        above = gait.cost_of_transport / least - 1.0
+        rows["optimum at that speed"] = f"{least:.5f}; this is {above:.0%} above"
     return "\n".join(f"{name:<26}{value}" for name, value in rows.items())
 
 
