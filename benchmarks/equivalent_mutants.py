@@ -14,6 +14,10 @@ EQUIVALENT: dict[str, str] = {
     "integrator.judge: error <= 0.1 -> error > 0.1": (
         "proposes another length for the first step after a tick, which is tried like any other"
     ),
+    "stride.kinetic_energy: state[1] -> state[2] (2)": (
+        "the thigh's and the shank's angle of a straight leg are the same"
+    ),
+    "runge_kutta._table: STAGES + 1 -> STAGES + 2": "leaves a row of zeros that nothing reads",
     "stride.module: _WORTH_A_THREAD = 512 -> _WORTH_A_THREAD = 513": (
         "threads change no result, only when a second one is worth its start"
     ),
