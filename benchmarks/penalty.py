@@ -1,0 +1,241 @@
+"""What do exact events buy? The straight-legged walker on a penalty contact, in MuJoCo.
+
+    python -m benchmarks.penalty
+
+The walker is that of the "straight" problem, in the engine's units (leg length, whole mass,
+pendulum time). A general engine knows no stride: feet meet the ground where a time step happens to
+find them, and a collision is a stiff spring and damper that acts over some steps.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.problem import WALKS, Problem, crowd, problem
+from benchmarks.report import machine, seconds, table
+from gym_passive_walker import WALKERS, Gait, find_gait, stride, stride_jacobian
+from gym_passive_walker.gaits.gait import multipliers_of
+from gym_passive_walker.physics import constants as K
+from gym_passive_walker.physics import stride as S
+
+TRIED = {"implicitfast": (1e-2, 3e-3, 1e-3, 3e-4, 1e-4), "RK4": (1e-2, 1e-3)}
+TOLERANCE = 1e-8
+STRIDES, SETTLED = 40, 20  # the slowest multiplier is 0.3: twenty strides forget any start
+SPREAD, SAMPLES = 0.01, 60  # wider, and the fit of multipliers feels that the map is curved
+
+# Columns of what is noted of a walker at an instant.
+STANCE, SWING, STANCE_RATE, SWING_RATE, CLEARANCE, TIME = range(6)
+
+
+class Contact:
+    """The walker in MuJoCo: x and z of the hip, the first leg's angle, the other's from it."""
+
+    def __init__(self, p: Problem, time_step: float, integrator: str) -> None:
+        """Build the model; the time step is in units of sqrt(l/g)."""
+        import mujoco
+
+        # A leg hangs from the hip at the origin; "across" is backwards, and x points forward.
+        c = [float(value) for value in p.c]
+        self.step, self._radius, self._leg = mujoco.mj_step, c[K.FOOT_RADIUS], c[K.LEG]
+        across, along = c[K.LEG_COM_ACROSS], c[K.LEG_COM_ALONG] - c[K.LEG]
+        spin = f"{c[K.LEG_SPIN]} " * 3
+        leg = f"""
+          <joint axis="0 -1 0"/>
+          <inertial pos="{-across} 0 {along}" mass="{c[K.LEG_MASS]}" diaginertia="{spin}"/>
+          <geom type="sphere" size="{self._radius}" pos="0 0 {-self._leg}" conaffinity="0"/>"""
+        hip = max(0.0, 1.0 - 2.0 * c[K.LEG_MASS])
+        # A time constant of two steps is the stiffest contact that MuJoCo takes. Softer or more
+        # damped ones, where tried, changed no error beyond its scatter.
+        self.model = mujoco.MjModel.from_xml_string(f"""
+          <mujoco>
+            <option timestep="{time_step}" integrator="{integrator}" cone="elliptic" impratio="10"
+              tolerance="1e-12" gravity="{math.sin(p.slope)} 0 {-math.cos(p.slope)}"/>
+            <default><geom friction="5 0 0" solref="{2.0 * time_step} 1"/></default>
+            <worldbody>
+              <geom type="plane" size="1 1 1" contype="0"/>
+              <body>
+                <joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>{leg}
+                <body>{leg}</body>
+                <body><inertial pos="0 0 0" mass="{hip}" diaginertia="0 0 0"/></body>
+              </body>
+            </worldbody>
+          </mujoco>""")
+        self.data = mujoco.MjData(self.model)
+
+    def place(self, state: NDArray) -> None:
+        """Stand rolling on the first leg, by angles of stance and swing leg and their rates."""
+        angle, swing, rate, swing_rate = state
+        sine, cosine = self._leg * math.sin(angle), self._leg * math.cos(angle)
+        self.data.time = 0.0
+        self.data.qpos[:] = 0.0, self._radius + cosine, angle, swing - angle
+        self.data.qvel[:] = -(self._radius + cosine) * rate, -sine * rate, rate, swing_rate - rate
+        self.data.qacc_warmstart[:] = 0.0
+        self._lean_on(0)
+
+    def walk(self, state: NDArray, strides: int) -> tuple[NDArray, NDArray]:
+        """Walk from a state to the mid-stance after that many heelstrikes, or to a fall.
+
+        Returns:
+            What was seen just before each heelstrike, and at each mid-stance, where the stance leg
+            passes the normal of the ground.
+        """
+        self.place(state)
+        strikes: list[NDArray] = []
+        middles: list[NDArray] = []
+        stance, landing, old = 0, False, self._seen(0)
+        while len(strikes) < strides or not middles or middles[-1][TIME] < strikes[-1][TIME]:
+            self.step(self.model, self.data)
+            new = self._seen(stance)
+            # A stride takes three time units.
+            if not (abs(new[STANCE]) < 1.0 and new[TIME] < 10.0 * (strides + 1)):
+                break
+            if old[STANCE] > 0.0 >= new[STANCE]:
+                middles.append(_between(old, new, STANCE))
+            # Straight legs scuff as they pass: the swing foot meets the ground only once it is
+            # above it in front. When it lands the trailing foot lets go and gives no impulse.
+            ahead = new[STANCE] < 0.0 and new[SWING] > new[STANCE]
+            if not landing and ahead and new[CLEARANCE] > 0.0:
+                landing = True
+                self.model.geom_contype[1:] = 1
+            elif landing and new[CLEARANCE] <= 0.0:
+                strikes.append(_between(old, new, CLEARANCE))
+                stance, landing = 1 - stance, False
+                self._lean_on(stance)
+                new = self._seen(stance)
+            old = new
+        return np.reshape(strikes, (-1, 6)), np.reshape(middles, (-1, 6))
+
+    def _lean_on(self, stance: int) -> None:
+        """Let only that leg's foot meet the ground."""
+        self.model.geom_contype[1:] = stance == 0, stance == 1
+
+    def _seen(self, stance: int) -> NDArray:
+        _, height, angle, between = self.data.qpos
+        rate, rate_between = self.data.qvel[2:]
+        legs = (angle, rate), (angle + between, rate + rate_between)
+        (a, u), (b, v) = legs[stance], legs[1 - stance]
+        clearance = height - self._leg * math.cos(b) - self._radius
+        return np.array([a, b, u, v, clearance, self.data.time])
+
+
+def _between(old: NDArray, new: NDArray, column: int) -> NDArray:
+    """The instant at which a column crosses zero, on the chord of a time step."""
+    return old + old[column] / (old[column] - new[column]) * (new - old)
+
+
+def _multipliers(contact: Contact, middle: NDArray) -> NDArray:
+    """Multipliers of the map from mid-stance to mid-stance.
+
+    A landing falls anywhere within a time step, which scatters single strides: the derivative is
+    the linear fit through many of them, from all over a neighbourhood of the fixed point.
+    """
+    random = np.random.default_rng(1)
+    moves = SPREAD * random.uniform(-1.0, 1.0, (SAMPLES // 2, 3))
+    moves = np.concatenate([moves, -moves])
+    ends = []
+    for move in moves:
+        _, middles = contact.walk(np.array([0.0, *(middle + move)]), 1)
+        if not len(middles):
+            return np.array([math.nan])
+        ends.append(middles[0][SWING : SWING_RATE + 1])
+    design = np.column_stack([np.ones(len(moves)), moves])
+    derivative = np.linalg.lstsq(design, np.array(ends), rcond=None)[0][1:].T
+    return multipliers_of(derivative)
+
+
+def _result(
+    gait: Gait, periods: NDArray, angles: NDArray, multipliers: NDArray, took: float
+) -> list[float]:
+    """Errors of settled strides against the exact gait, and microseconds: the table's columns."""
+    period, angle = periods[-SETTLED:] / gait.step_period, angles[-SETTLED:] / gait.stance_angle
+    gap = np.abs(multipliers / gait.multipliers[0] - 1.0).min()
+    means = abs(period.mean() - 1.0), abs(angle.mean() - 1.0)
+    return [STRIDES, means[0], period.std(), means[1], angle.std(), gap, took * 1e6]
+
+
+def _penalty(p: Problem, gait: Gait, time_step: float, integrator: str) -> list[float]:
+    """MuJoCo's walk."""
+    unit = gait.walker.time_unit
+    contact = Contact(p, time_step, integrator)
+    start = gait.state[[0, 1, 3, 4]] * [1.0, 1.0, unit, unit]
+    strikes, middles = contact.walk(start, STRIDES)
+    if len(middles) <= STRIDES:
+        return [len(strikes), *[math.nan] * 6]
+    periods = np.diff(strikes[:, TIME], prepend=0.0) * unit
+    middle = middles[-SETTLED:, SWING : SWING_RATE + 1].mean(axis=0)
+    multipliers = _multipliers(contact, middle)
+    # The swing up to just before heelstrike, whole in C: our watching it costs no time here.
+    steps = int(0.95 * gait.step_period / unit / time_step)
+
+    def swing() -> None:
+        contact.place(start)
+        contact.step(contact.model, contact.data, steps)
+
+    took = seconds(swing, repeats=3) / 0.95
+    return _result(gait, periods, -strikes[:, STANCE], multipliers, took)
+
+
+def _exact(p: Problem, gait: Gait) -> list[float]:
+    """The engine's walk, at a tolerance that is coarse for it."""
+    state, taken = gait.state, []
+    for _ in range(STRIDES):
+        taken.append(stride(gait.walker, gait.slope, state, tolerance=TOLERANCE))
+        state = taken[-1].state
+    periods, angles = np.array([(t.duration, t.state[0]) for t in taken]).T
+    derivative = stride_jacobian(gait.walker, gait.slope, state, tolerance=TOLERANCE)
+    fresh = crowd(p, 1)
+    records = fresh.copy()
+
+    def job() -> None:
+        records[:] = fresh
+        S.advance(p.kind, p.c[None], records, tolerance=TOLERANCE, threads=1)
+
+    return _result(gait, periods, angles, multipliers_of(derivative), seconds(job))
+
+
+def report() -> str:
+    """The table and what it says, as markdown."""
+    p = problem("straight")
+    walker, slope = WALKS["straight"]
+    gait = find_gait(WALKERS[walker], slope)
+    rows = [
+        (f"MuJoCo, {integrator}", f"{time_step:.0e}", _penalty(p, gait, time_step, integrator))
+        for integrator, time_steps in TRIED.items()
+        for time_step in time_steps
+    ]
+    rows.append(("this engine, alone", f"tolerance {TOLERANCE:.0e}", _exact(p, gait)))
+    cells = []
+    for name, setting, (strides, *errors, took) in rows:
+        walked = f"{strides}, then it fell" if math.isnan(took) else strides
+        shown = ("—" if math.isnan(e) else f"{e:.0e}" for e in errors)
+        cells.append((name, setting, walked, *shown, took))
+    heads = [
+        "method", "time step", "strides", "step period", "± a stride", "stance angle",
+        "± a stride", "multipliers", "µs a stride",
+    ]  # fmt: skip
+    return f"""{table(heads, cells)}
+
+Walker {walker} at slope {slope} on a penalty contact: relative errors of the mean of the last
+{SETTLED} of {STRIDES} strides, and the scatter from stride to stride; times in √(l/g). Both are
+the same model: straight legs, feet that roll, a swing foot that meets the ground only once it is
+above it in front, a trailing foot that lets go as the other lands. MuJoCo's contact is as stiff as
+its time step allows, and a landing falls anywhere within a time step: so strides scatter, and
+multipliers are a linear fit through {SAMPLES} strides, from up to {SPREAD} around the fixed point
+at mid-stance. Of MuJoCo's integrators implicitfast is the more accurate: RK4 costs more, and its
+step period does not converge on a contact this stiff."""
+
+
+def main() -> int:
+    """Print the report."""
+    argparse.ArgumentParser(description="Print what a penalty contact costs.").parse_args()
+    print(f"{report()}\n\n{machine('mujoco')}.")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
