@@ -132,7 +132,8 @@ def _learn(folder: Path, unit: Unit, budget: float) -> tuple[Config, dict[str, A
     steps = max(1, round(preset.steps * budget))
     config = replace(preset, steps=steps, every=max(1, steps // EXAMS))
     training = Run(config, folder)
-    training.train(progress=False)
+    if not training.train(progress=False):
+        raise KeyboardInterrupt  # half a training is not to be judged; it goes on the next time
     curve = training.notes["curve"]
     first = next((row for row in curve if row["hundred_strides"] >= 0.5), None)
     return config, {

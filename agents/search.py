@@ -75,7 +75,8 @@ def search(config: Config, folder: Path, trials: int, *, progress: bool = True) 
             hyperparams |= {name: draw(trial) for name, draw in _SPACES[config.algo].items()}
         trial.set_user_attr("hyperparams", hyperparams)
         run = Run(replace(config, hyperparams=hyperparams), folder / f"trial-{trial.number}")
-        run.train(progress=False)
+        if not run.train(progress=False):
+            raise KeyboardInterrupt  # half a trial says nothing
         if progress:
             print(f"trial {trial.number}: return {run.notes['best']:.3f}", flush=True)
         return float(run.notes["best"])

@@ -226,7 +226,8 @@ the same model: straight legs, feet that roll, a swing foot that meets the groun
 above it in front, a trailing foot that lets go as the other lands. MuJoCo's contact is as stiff as
 its time step allows, and a landing falls anywhere within a time step: so strides scatter, and
 multipliers are a linear fit through {SAMPLES} strides, from up to {SPREAD} around the fixed point
-at mid-stance, the width with which MuJoCo does best. Of MuJoCo's integrators implicitfast is the more accurate: RK4 costs more, and its
+at mid-stance, the width with which MuJoCo does best. Of its integrators implicitfast is the more
+accurate: RK4 costs more, and its
 step period does not converge on a contact this stiff."""
 
 

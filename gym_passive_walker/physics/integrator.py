@@ -220,6 +220,13 @@ def passed(before, rate_before, after, rate_after):
 
 
 @inlined
+def bulges(angle, rate_before, rate_after, h, bound):
+    """Whether an angle may have been beyond a bound within a step, and turned back."""
+    reach = np.abs(angle) + h * larger(np.abs(rate_before), np.abs(rate_after))
+    return (rate_before * rate_after < 0.0) & (reach >= bound)
+
+
+@inlined
 def growth(error):
     """Factor to the next step length, from the error of this one over its tolerance."""
     factor = 0.85 / np.sqrt(np.sqrt(np.sqrt(error + 1e-30)))  # the estimate's order is 8
@@ -248,7 +255,7 @@ def judge(phase, tile, lanes, stub):
             k0, k1 = get(tile, _ANGLE + 2, lane).real, get(tile, _NEW_ANGLE + 2, lane).real
             x0, x1 = get(tile, _RATE + 2, lane).real, get(tile, _NEW_RATE + 2, lane).real
             alert = passed(t0 - k0, v0 - x0, t1 - k1, v1 - x1) | (
-                np.abs(k1) + h.real * larger(np.abs(x0), np.abs(x1)) >= np.pi
+                (np.abs(k1) >= np.pi) | bulges(k1, x0, x1, h.real, np.pi)
             )
         else:
             alert = passed(s0 + t0, u0 + v0, s1 + t1, u1 + v1)
@@ -258,8 +265,10 @@ def judge(phase, tile, lanes, stub):
         turning = (v0 - u0) * (v1 - u1) < 0.0
         alert = (
             alert
-            | (np.abs(s1) + h.real * larger(np.abs(u0), np.abs(u1)) >= 0.5 * np.pi)
-            | (np.abs(t1) + h.real * larger(np.abs(v0), np.abs(v1)) >= np.pi)
+            | (np.abs(s1) >= 0.5 * np.pi)
+            | (np.abs(t1) >= np.pi)
+            | bulges(s1, u0, u1, h.real, 0.5 * np.pi)
+            | bulges(t1, v0, v1, h.real, np.pi)
             | (turning & (get(tile, _TORQUE, lane).real != 0.0))
             | (get(tile, _EVENT, lane).real != 0.0)
             | (not (error <= 1e30))

@@ -76,6 +76,13 @@ def test_what_is_done_is_not_done_again(tmp_path, monkeypatch):
     assert len(benchmark.load_scores(tmp_path)) == 3
 
 
+def test_a_training_that_was_stopped_is_not_judged(tmp_path, monkeypatch):
+    monkeypatch.setattr(benchmark.Run, "train", lambda *_, **__: False)
+    with pytest.raises(KeyboardInterrupt):
+        benchmark.run(tmp_path, [Unit("steep", "ppo", 0)], budget=0.01, progress=False)
+    assert not benchmark.load_scores(tmp_path)
+
+
 def test_the_middle_of_some_seeds_forgets_the_odd_ones():
     values = np.array([-100.0, 1.0, 1.1, 1.2, 1.3, 1.4, 1.5, 100.0])
     assert standings.middle(values) == pytest.approx(1.25)
