@@ -18,7 +18,7 @@ from agents.optimal import OptimalGait
 from agents.ticks import coordinates, section_point, ticked_stride
 from gym_passive_walker import Walker
 from gym_passive_walker.envs.scene import Scene, make_scene
-from gym_passive_walker.physics.stride import frame_of
+from gym_passive_walker.physics.frame import frame_of
 
 _STANDS = 1e-5  # rad, in single precision: legs that mirror each other have just changed roles
 

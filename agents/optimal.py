@@ -17,7 +17,7 @@ from agents.optimum import OptimalGait, Problem
 from agents.ticks import section_point, ticked_stride
 from gym_passive_walker import GaitNotFound
 from gym_passive_walker.envs.scene import Scene, make_scene
-from gym_passive_walker.physics.stride import frame_of
+from gym_passive_walker.physics.frame import frame_of
 
 STORE = Path(__file__).parent / "gaits"
 """Where the optimal gaits of named scenes are kept."""

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from agents.closed_loop import ClosedLoopGait
 from agents.evaluation import Policy
 from agents.optimal import OptimalGait
-from gym_passive_walker.physics.stride import frame_of
+from gym_passive_walker.physics.frame import frame_of
 from gym_passive_walker.render import strobe, strobe_of
 
 _QUANTITIES = (

@@ -17,9 +17,10 @@ from scipy.optimize import brentq
 from gym_passive_walker.gaits.section import INFINITESIMAL, section_of
 from gym_passive_walker.gaits.stability import NoStride
 from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import integrator as I
+from gym_passive_walker.physics import record as R
+from gym_passive_walker.physics.engine import advance
 from gym_passive_walker.physics.events import Outcome
-from gym_passive_walker.physics.stride import advance, new_records
+from gym_passive_walker.physics.record import new_records
 from gym_passive_walker.walkers import Walker
 
 LONGEST = 20.0
@@ -120,24 +121,24 @@ def ticked_stride(
 
     def on(records: NDArray, until: float) -> NDArray:
         """Carry records on to a time, and return how far the hip has opened since."""
-        records[:, [I.HIP_NET, I.HIP_TURN]] = 0.0
-        records[:, I.END] = until
+        records[:, [R.HIP_NET, R.HIP_TURN]] = 0.0
+        records[:, R.END] = until
         own = section.constants.astype(records.dtype)
-        fresh = bool(np.all(records[:, I.TIME] == 0.0))
+        fresh = bool(np.all(records[:, R.TIME] == 0.0))
         with np.errstate(all="ignore"):
             advance(section.kind, own, records, tolerance=tolerance, stub=stub, from_section=fresh)
-        return records[:, I.HIP_NET].copy()
+        return records[:, R.HIP_NET].copy()
 
     swing, turn = np.zeros((2, count, m + count), complex)
     for k in range(count):
-        records[:, I.TORQUE] = varied[:, m + k]
+        records[:, R.TORQUE] = varied[:, m + k]
         before, until = records.copy(), LONGEST if k == count - 1 else (k + 1) * tick
         swing[k] = on(records, until)
         turn[k] = np.sign(swing[k].real) * swing[k]
-        outcome = Outcome(int(records[0, I.OUTCOME].real))
-        if records[0, I.HIP_TURN].real > abs(swing[k, 0]) + _BACK:
+        outcome = Outcome(int(records[0, R.OUTCOME].real))
+        if records[0, R.HIP_TURN].real > abs(swing[k, 0]) + _BACK:
             # Where the hip turns back its rate is zero, so the moment's own shift is nothing.
-            there = _reversal(on, before[:1].real, float(records[0, I.TIME].real))
+            there = _reversal(on, before[:1].real, float(records[0, R.TIME].real))
             pieces = [on(before, there), on(before, until)]
             turn[k] = sum(np.sign(piece.real) * piece for piece in pieces)
         if outcome != Outcome.RUNNING:
@@ -147,8 +148,8 @@ def ticked_stride(
     end = records[:, 0]
     leg, radius = section.constants[0, [K.LEG, K.FOOT_RADIUS]]
     length = 2.0 * leg * np.sin(end) + radius * (starts[:, 0] + end)
-    ends, knee = records[:, coordinates(walker)], records[:, I.KNEE_TIME]
-    told = np.column_stack([ends, records[:, I.TIME], length, swing.T, turn.T, knee])
+    ends, knee = records[:, coordinates(walker)], records[:, R.KNEE_TIME]
+    told = np.column_stack([ends, records[:, R.TIME], length, swing.T, turn.T, knee])
     values = told[0].real
     return TickedStride(
         end=values[:m],
@@ -191,7 +192,7 @@ def course(
     states, held = [record[0, :6].copy()], [torques[0]]
     for before, time in pairwise(times):
         held.append(torques[np.searchsorted(edges, before, side="right")])
-        record[:, I.TORQUE], record[:, I.END] = held[-1], time
+        record[:, R.TORQUE], record[:, R.END] = held[-1], time
         advance(
             section.kind, section.constants, record, tolerance=1e-10, from_section=before == 0.0
         )
@@ -205,9 +206,9 @@ def _reversal(on: Callable[[NDArray, float], NDArray], record: NDArray, end: flo
     def rate(time: float) -> float:
         there = record.copy()
         on(there, time)
-        return float(there[0, I.RATES + 1] - there[0, I.RATES])
+        return float(there[0, R.RATES + 1] - there[0, R.RATES])
 
-    start = float(record[0, I.TIME])
+    start = float(record[0, R.TIME])
     margin = 1e-9 * (end - start)
     if rate(start + margin) * rate(end - margin) >= 0.0:  # it turns back twice, by next to nothing
         return start

@@ -11,7 +11,7 @@ from agents.evaluation import Policy
 from gym_passive_walker.envs import task as T
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.physics import integrator as I
+from gym_passive_walker.physics import record as R
 
 KICKS = 0.01 * np.arange(1, 101)
 """Changes of the stance rate that are tried, as shares of it."""
@@ -83,7 +83,7 @@ def rough_strides(policy: Policy, scene: Scene, *, walkers: int = 100, seed: int
         slopes = rng.normal(middle, ROUGHNESS, walkers)  # as many each time, whoever strikes
         if struck.any():
             batch.ledger[struck, T.SLOPE] = slopes[struck]
-            batch.records[struck, I.SIN_SLOPE] = np.sin(slopes[struck])
-            batch.records[struck, I.COS_SLOPE] = np.cos(slopes[struck])
+            batch.records[struck, R.SIN_SLOPE] = np.sin(slopes[struck])
+            batch.records[struck, R.COS_SLOPE] = np.cos(slopes[struck])
             seen[struck, 7] = slopes[struck]
     return float(strides.mean())

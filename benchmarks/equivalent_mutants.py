@@ -4,21 +4,21 @@ EQUIVALENT: dict[str, str] = {
     "events.root: low + high -> low - high": (
         "leaves the bracket where the slope is exactly 0; the next line then takes its middle"
     ),
-    "integrator.extent: _NEW_RATE + coordinate -> _NEW_RATE - coordinate": (
+    "integrator.extent: T.NEW_RATE + coordinate -> T.NEW_RATE - coordinate": (
         "weighs an error by the rates of fewer legs: within the hundred tolerances promised"
     ),
-    "integrator.candidates: phase == E.FREE and np.abs(get(tile, _NEW_ANGLE + 2, lane).real) >= "
-    "np.pi -> phase == E.FREE or np.abs(get(tile, _NEW_ANGLE + 2, lane).real) >= np.pi": (
+    "landing.candidates: phase == E.FREE and np.abs(k1) >= np.pi -> phase == E.FREE or "
+    "np.abs(k1) >= np.pi": (
         "looks at more events, none of which has happened"
     ),
     "integrator.judge: error <= 0.1 -> error > 0.1": (
         "proposes another length for the first step after a tick, which is tried like any other"
     ),
-    "stride.kinetic_energy: state[1] -> state[2] (2)": (
+    "ledger.kinetic_energy: state[1] -> state[2] (2)": (
         "the thigh's and the shank's angle of a straight leg are the same"
     ),
     "runge_kutta._table: STAGES + 1 -> STAGES + 2": "leaves a row of zeros that nothing reads",
-    "stride.module: _WORTH_A_THREAD = 512 -> _WORTH_A_THREAD = 513": (
+    "engine.module: _WORTH_A_THREAD = 512 -> _WORTH_A_THREAD = 513": (
         "threads change no result, only when a second one is worth its start"
     ),
 }

@@ -44,7 +44,14 @@ TESTS = {
     "verner": ["test_tolerance", *_ENGINE],
     "runge_kutta": ["test_tolerance", *_ENGINE],
     "events": _ENGINE,
+    "record": _ENGINE,
+    "tile": _ENGINE,
+    "landing": _ENGINE,
     "integrator": _ENGINE,
+    "engine": _ENGINE,
+    "ledger": _ENGINE,
+    "frame": _ENGINE,
+    "arguments": _ENGINE,
     "stride": _ENGINE,
 }
 """Fast tests in the order in which they are likely to notice a change of a file."""

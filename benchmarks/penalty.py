@@ -21,7 +21,7 @@ from benchmarks.report import machine, seconds, table
 from gym_passive_walker import WALKERS, Gait, find_gait, stride, stride_jacobian
 from gym_passive_walker.gaits.gait import multipliers_of
 from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import stride as S
+from gym_passive_walker.physics.engine import advance
 
 TRIED = {"implicitfast": (1e-2, 3e-3, 1e-3, 3e-4, 1e-4), "RK4": (1e-2, 1e-3)}
 TOLERANCE = 1e-8
@@ -193,7 +193,7 @@ def _exact(p: Problem, gait: Gait) -> list[float]:
 
     def job() -> None:
         records[:] = fresh
-        S.advance(p.kind, p.c[None], records, tolerance=TOLERANCE, threads=1)
+        advance(p.kind, p.c[None], records, tolerance=TOLERANCE, threads=1)
 
     return _result(gait, periods, angles, multipliers_of(derivative), seconds(job))
 

@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 from gym_passive_walker import WALKERS, find_gait
 from gym_passive_walker.physics import compass, kneed, simplest
 from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import integrator as I
-from gym_passive_walker.physics import stride as S
+from gym_passive_walker.physics import record as R
 from gym_passive_walker.physics.constants import Kind
+from gym_passive_walker.physics.engine import advance
 from gym_passive_walker.physics.events import Outcome
+from gym_passive_walker.physics.record import new_records
 
 REFERENCES = Path(__file__).parent / "references"
 STARTS = 64
@@ -67,14 +68,14 @@ def problem(name: str) -> Problem:
 
 def crowd(p: Problem, count: int) -> NDArray:
     """Records of `count` walkers, which begin at the problem's starts in turn."""
-    return S.new_records(np.resize(p.starts, (count, 6)), np.full(count, p.slope))
+    return new_records(np.resize(p.starts, (count, 6)), np.full(count, p.slope))
 
 
 def ends(p: Problem, tolerance: float, count: int = STARTS, threads: int = 1) -> NDArray:
     """Next section states by the engine, shape (count, 6)."""
     records = crowd(p, count)
-    S.advance(p.kind, p.c[None], records, tolerance=tolerance, threads=threads)
-    if not np.all(records[:, I.OUTCOME] == Outcome.HEELSTRIKE):
+    advance(p.kind, p.c[None], records, tolerance=tolerance, threads=threads)
+    if not np.all(records[:, R.OUTCOME] == Outcome.HEELSTRIKE):
         raise RuntimeError("a walker of the benchmark fell")
     return records[:, :6]
 

@@ -17,8 +17,8 @@ import numpy as np
 import gym_passive_walker as gpw
 from benchmarks.problem import crowd, problem
 from benchmarks.report import keep, machine, seconds, table
-from gym_passive_walker.physics import stride as S
-from gym_passive_walker.physics.integrator import TORQUE
+from gym_passive_walker.physics.engine import advance
+from gym_passive_walker.physics.record import TORQUE
 from gym_passive_walker.physics.trajectory import trajectory
 
 COUNT = 2048
@@ -46,7 +46,7 @@ def kinds() -> str:
 
             def job(p=p, fresh=fresh, records=records) -> None:  # type: ignore[no-untyped-def]
                 records[:] = fresh
-                S.advance(p.kind, p.c[None], records, tolerance=1e-8, threads=1)
+                advance(p.kind, p.c[None], records, tolerance=1e-8, threads=1)
 
             jobs[f"{name}, {'torque' if torque else 'passive'}"] = job
     stub = crowd(problem("kneed"), COUNT)
@@ -54,7 +54,7 @@ def kinds() -> str:
 
     def stubbing() -> None:
         spare[:] = stub
-        S.advance(p.kind, p.c[None], spare, tolerance=1e-8, stub=True, threads=1)
+        advance(p.kind, p.c[None], spare, tolerance=1e-8, stub=True, threads=1)
 
     jobs["kneed, passive, watched for stubbed toes"] = stubbing
     times = by_turns(jobs)
@@ -77,7 +77,7 @@ def analysis() -> str:
 
     def bare() -> None:
         records[:] = fresh
-        S.advance(p.kind, p.c[None], records, tolerance=1e-10, threads=1)
+        advance(p.kind, p.c[None], records, tolerance=1e-10, threads=1)
 
     times = by_turns(
         {

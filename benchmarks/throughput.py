@@ -23,8 +23,8 @@ import gym_passive_walker  # noqa: F401  (registers the environment)
 from benchmarks import rivals
 from benchmarks.problem import Problem, crowd, ends, error, problem, reference
 from benchmarks.report import DOCS, keep, machine, seconds, table
-from gym_passive_walker.physics import stride as S
-from gym_passive_walker.physics.integrator import OUTCOME
+from gym_passive_walker.physics.engine import advance
+from gym_passive_walker.physics.record import OUTCOME
 
 CORES = os.cpu_count() or 1
 SIZES = [10**k for k in range(7)]
@@ -37,7 +37,7 @@ def _microseconds(p: Problem, count: int, tolerance: float, threads: int = 1) ->
 
     def job() -> None:
         records[:] = fresh
-        S.advance(p.kind, p.c[None], records, tolerance=tolerance, threads=threads)
+        advance(p.kind, p.c[None], records, tolerance=tolerance, threads=threads)
 
     def copying() -> None:
         records[:] = fresh

@@ -22,8 +22,9 @@ from numpy.typing import NDArray
 from benchmarks import rivals
 from benchmarks.problem import WALKS, Problem, crowd, ends, error, problem, reference
 from benchmarks.report import DOCS, keep, machine, seconds, table
-from gym_passive_walker.physics import integrator as I
-from gym_passive_walker.physics import stride as S
+from gym_passive_walker.physics import record as R
+from gym_passive_walker.physics.engine import advance
+from gym_passive_walker.physics.record import new_records
 
 TOLERANCES = 10.0 ** -np.arange(3.0, 15.0)
 LEVELS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
@@ -77,7 +78,7 @@ def _engine(p: Problem, exact: NDArray, count: int, tolerance: float) -> tuple[f
 
     def job() -> None:
         records[:] = fresh
-        S.advance(p.kind, p.c[None], records, tolerance=tolerance, threads=1)
+        advance(p.kind, p.c[None], records, tolerance=tolerance, threads=1)
 
     return reached, seconds(job, at_least=0.05, repeats=3) / count * 1e6
 
@@ -133,8 +134,8 @@ def _walk(p: Problem, count: int, tolerance: float) -> NDArray:
     records = crowd(p, len(p.starts))
     for _ in range(count):
         states = records[:, :6].copy()
-        records = S.new_records(states, np.full(len(states), p.slope))
-        S.advance(p.kind, p.c[None], records, tolerance=tolerance, threads=1)
+        records = new_records(states, np.full(len(states), p.slope))
+        advance(p.kind, p.c[None], records, tolerance=tolerance, threads=1)
     return records[:, :6]
 
 
@@ -161,22 +162,22 @@ def ticks() -> None:
 
     def records(count: int) -> NDArray:
         states = np.resize(p.starts, (count, 6))
-        return S.new_records(states, np.full(count, p.slope), torque, end=end)
+        return new_records(states, np.full(count, p.slope), torque, end=end)
 
     exact = _tick_reference(p, torque, end)
     rows = []
     for tolerance in (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14):
         few = records(len(p.starts))
-        S.advance(p.kind, p.c[None], few, tolerance=tolerance, threads=1)
+        advance(p.kind, p.c[None], few, tolerance=tolerance, threads=1)
         fresh = records(CROWD)
         many = fresh.copy()
 
         def job(tolerance=tolerance, many=many, fresh=fresh) -> None:  # type: ignore[no-untyped-def]
             many[:] = fresh
-            S.advance(p.kind, p.c[None], many, tolerance=tolerance, threads=1)
+            advance(p.kind, p.c[None], many, tolerance=tolerance, threads=1)
 
         took = seconds(job, at_least=0.05) / CROWD * 1e6
-        mean = float(few[:, I.STEPS].mean())
+        mean = float(few[:, R.STEPS].mean())
         rows.append((f"{tolerance:.0e}", error(few[:, :6], exact), took, mean))
     text = table(["tolerance", "error", f"µs a walker, {CROWD} at once", "integration steps"], rows)
     keep("tick", f"{text}\n\nA tick of 0.1 √(l/g) with a hip torque of 0.02 m g l. {machine()}.")

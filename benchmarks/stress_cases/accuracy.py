@@ -10,9 +10,10 @@ from benchmarks.stress_cases.flight import Flock, flock
 from benchmarks.stress_cases.gaits import every_gait, start
 from gym_passive_walker import WALKERS, Outcome
 from gym_passive_walker.physics import events as E
-from gym_passive_walker.physics import integrator as I
+from gym_passive_walker.physics import record as R
+from gym_passive_walker.physics.engine import advance
+from gym_passive_walker.physics.record import new_records
 from gym_passive_walker.physics.runge_kutta import ORDER
-from gym_passive_walker.physics.stride import advance, new_records
 
 TOPIC = "Accuracy"
 WHOLE = 0.4  # time in sqrt(l/g) that the fixed steps cover
@@ -22,12 +23,12 @@ ANY_ERROR = 1e12  # a tolerance that every step meets
 def fixed_steps(mine: Flock, states: NDArray, phase: int, count: int) -> NDArray[np.float64]:
     """States after `WHOLE`, in so many equal steps."""
     records = new_records(states, np.full(len(states), 0.05), end=0.0)
-    records[:, I.PHASE] = phase
+    records[:, R.PHASE] = phase
     for step in range(1, count + 1):
-        records[:, I.END], records[:, I.STEP] = WHOLE * step / count, 2.0 * WHOLE
+        records[:, R.END], records[:, R.STEP] = WHOLE * step / count, 2.0 * WHOLE
         advance(mine.kind, mine.constants, records, tolerance=ANY_ERROR, from_section=False)
     states = records[:, :6]
-    states[records[:, I.STEPS] != count] = np.nan  # an event came and divided a step
+    states[records[:, R.STEPS] != count] = np.nan  # an event came and divided a step
     return states
 
 
@@ -82,7 +83,7 @@ def proportional(count: int, rng: np.random.Generator) -> Finding:
             states[:, 5] = states[:, 4]
         options = {"slope": gait.slope, "torque": 0.003}
         exact = mine.follow(states, tolerance=1e-15, **options)
-        walked = exact[:, I.OUTCOME] == Outcome.HEELSTRIKE
+        walked = exact[:, R.OUTCOME] == Outcome.HEELSTRIKE
         errors = [
             np.abs(mine.follow(states, tolerance=t, **options) - exact)[walked, :6].max(axis=1)
             for t in tolerances

@@ -19,9 +19,10 @@ from benchmarks.stress_cases.flight import (
 from benchmarks.stress_cases.gaits import every_gait
 from gym_passive_walker import WALKERS, Outcome, stride
 from gym_passive_walker.physics import events as E
-from gym_passive_walker.physics import integrator as I
+from gym_passive_walker.physics import record as R
 from gym_passive_walker.physics.constants import Kind
-from gym_passive_walker.physics.stride import new_records, strike_heels
+from gym_passive_walker.physics.engine import strike_heels
+from gym_passive_walker.physics.record import new_records
 
 TOPIC = "Conservation and symmetry"
 SIMPLEST = WALKERS["D"]
@@ -115,7 +116,7 @@ def kneestrike_momenta(count: int, rng: np.random.Generator) -> Finding:
         old.momentum(0.0 * old.hip) - new.momentum(0.0 * new.hip),
         old.swing.momentum(old.hip) - new.swing.momentum(new.hip),
     ]
-    locked = (records[:, I.PHASE] == E.LOCKED) & (records[:, 5] == records[:, 4])
+    locked = (records[:, R.PHASE] == E.LOCKED) & (records[:, 5] == records[:, 4])
     return Finding(count, int((~locked).sum()), float(np.abs(kept / old.scale()).max()))
 
 
@@ -145,8 +146,8 @@ def time_reversal(count: int, rng: np.random.Generator) -> Finding:
         }  # fmt: skip
         there = mine.follow(states, 0.7, **options)
         back = mine.follow(there[:, :6] * BACKWARDS, 0.7, **options)
-        flown = np.all([r[:, I.OUTCOME] == Outcome.RUNNING for r in (there, back)], axis=0)
-        flown &= (there[:, I.PHASE] == phase) & (back[:, I.PHASE] == phase)
+        flown = np.all([r[:, R.OUTCOME] == Outcome.RUNNING for r in (there, back)], axis=0)
+        flown &= (there[:, R.PHASE] == phase) & (back[:, R.PHASE] == phase)
         tried += int(flown.sum())
         worst = max(worst, float(np.abs(back[:, :6] * BACKWARDS - states)[flown].max()))
     return Finding(tried, 0, worst)
@@ -170,7 +171,7 @@ def mirror(count: int, rng: np.random.Generator) -> Finding:
         time, options = 0.4, {"phase": E.LOCKED, "tolerance": 1e-14}
         one = here.follow(states, time, slope=slope, torque=torque, **options)
         other = there.follow(-states, time, slope=-slope, torque=-torque, **options)
-        flown = np.all([r[:, I.OUTCOME] == Outcome.RUNNING for r in (one, other)], axis=0)
+        flown = np.all([r[:, R.OUTCOME] == Outcome.RUNNING for r in (one, other)], axis=0)
         tried += int(flown.sum())
         worst = max(worst, float(np.abs(one[:, :6] + other[:, :6])[flown].max()))
     return Finding(tried, 0, worst)

@@ -9,8 +9,9 @@ from benchmarks.stress_cases.flight import flock
 from benchmarks.stress_cases.gaits import every_gait, start
 from gym_passive_walker import Outcome, Walker
 from gym_passive_walker.physics import events as E
-from gym_passive_walker.physics import integrator as I
-from gym_passive_walker.physics.stride import advance, new_records
+from gym_passive_walker.physics import record as R
+from gym_passive_walker.physics.engine import advance
+from gym_passive_walker.physics.record import new_records
 
 TOPIC = "Drift"
 TICK = 50.0  # time in sqrt(l/g) that a swinging walker is followed at once
@@ -40,12 +41,12 @@ def swing_on(walker: Walker, gravity: float, angles: tuple[float, float], swings
     mine = flock(walker)
     state = np.array([[angles[0], angles[1], angles[1], 0.0, 0.0, 0.0]])
     record = new_records(state, np.zeros(1), end=0.0)
-    record[:, I.PHASE], record[:, I.COS_SLOPE] = E.LOCKED, gravity
+    record[:, R.PHASE], record[:, R.COS_SLOPE] = E.LOCKED, gravity
     worst = largest = 0.0
     for tick in range(1, int(swings * 2.0 * np.pi / TICK) + 2):
-        record[:, I.END] = TICK * tick
+        record[:, R.END] = TICK * tick
         advance(mine.kind, mine.constants, record, tolerance=1e-15, from_section=False)
-        if record[0, I.OUTCOME] != Outcome.RUNNING:
+        if record[0, R.OUTCOME] != Outcome.RUNNING:
             return Finding(swings, 1)
         kinetic = float(mine.kinetic_energy(record[:, :6])[0])
         largest = max(largest, kinetic)
@@ -88,9 +89,9 @@ def million_strides(count: int, rng: np.random.Generator) -> Finding:
         record = new_records(point[None], np.array([gait.slope]))
         least, most = point.copy(), point.copy()
         for _ in range(count):
-            record[0, I.TIME] = record[0, I.OUTCOME] = 0.0
+            record[0, R.TIME] = record[0, R.OUTCOME] = 0.0
             advance(mine.kind, mine.constants, record, tolerance=1e-14)
-            if record[0, I.OUTCOME] != Outcome.HEELSTRIKE:
+            if record[0, R.OUTCOME] != Outcome.HEELSTRIKE:
                 failed += 1
                 break
             np.minimum(least, record[0, :6], out=least)

@@ -11,9 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker import WALKERS, Walker
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import events as E
-from gym_passive_walker.physics import integrator as I
+from gym_passive_walker.physics import record as R
 from gym_passive_walker.physics.constants import Kind
-from gym_passive_walker.physics.stride import _kinetic_energies, _ledgers, advance, new_records
+from gym_passive_walker.physics.engine import advance
+from gym_passive_walker.physics.ledger import kinetic_energies, ledgers
+from gym_passive_walker.physics.record import new_records
 
 BACKWARDS = np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0])
 """Turns a state into the one of a film played backwards."""
@@ -41,14 +43,14 @@ class Flock(NamedTuple):
     def kinetic_energy(self, states: NDArray) -> NDArray[np.float64]:
         """Kinetic energies / (m g l) of states (n, 6)."""
         energy = np.empty(len(states))
-        _kinetic_energies(int(self.kind), self.constants, np.ascontiguousarray(states), energy)
+        kinetic_energies(int(self.kind), self.constants, np.ascontiguousarray(states), energy)
         return energy
 
     def gravity_work(self, starts: NDArray, records: NDArray) -> NDArray[np.float64]:
         """Work of gravity / (m g l) since the starts."""
         work, length = np.empty(len(starts)), np.empty(len(starts))
         starts = np.ascontiguousarray(starts)
-        _ledgers(int(self.kind), self.constants, starts, records, work, length)
+        ledgers(int(self.kind), self.constants, starts, records, work, length)
         return work
 
     def follow(
@@ -74,9 +76,9 @@ class Flock(NamedTuple):
             stub: As for `stride`.
         """
         records = new_records(states, np.asarray(slope, dtype=float), np.asarray(torque))
-        records[:, I.END] = time
+        records[:, R.END] = time
         if phase is not None:
-            records[:, I.PHASE] = phase
+            records[:, R.PHASE] = phase
         with np.errstate(all="ignore"):
             advance(
                 self.kind, self.constants, records,
@@ -90,9 +92,9 @@ class Flock(NamedTuple):
         ends = np.ascontiguousarray(records[:, :6])
         gained = self.kinetic_energy(ends) - before
         gravity = self.gravity_work(starts, records)
-        torque = 0.0 if self.kind == Kind.SIMPLEST else records[:, I.TORQUE]
-        hip, turned = torque * records[:, I.HIP_NET], np.abs(torque) * records[:, I.HIP_TURN]
-        lost = records[:, I.KNEE_LOSS] + records[:, I.HEEL_LOSS]
+        torque = 0.0 if self.kind == Kind.SIMPLEST else records[:, R.TORQUE]
+        hip, turned = torque * records[:, R.HIP_NET], np.abs(torque) * records[:, R.HIP_TURN]
+        lost = records[:, R.KNEE_LOSS] + records[:, R.HEEL_LOSS]
         missing = np.abs(gravity + hip - gained - lost)
         return missing / (before + np.abs(gained) + np.abs(gravity) + turned + lost)
 

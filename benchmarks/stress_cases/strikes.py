@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from benchmarks.stress_cases.case import Finding, case
 from benchmarks.stress_cases.flight import BACKWARDS, STRAIGHT, Flock, flock
 from gym_passive_walker import Outcome
-from gym_passive_walker.physics import integrator as I
+from gym_passive_walker.physics import record as R
 from gym_passive_walker.physics.constants import Kind
-from gym_passive_walker.physics.stride import advance
+from gym_passive_walker.physics.engine import advance
 
 TOPIC = "Glancing strikes"
 LEAD = 0.3
@@ -53,7 +53,7 @@ class Touch(NamedTuple):
             phase=self.flock.straight_phase,
         )  # fmt: skip
         states = back[:, :6] * BACKWARDS
-        states[back[:, I.OUTCOME] != Outcome.RUNNING] = np.nan
+        states[back[:, R.OUTCOME] != Outcome.RUNNING] = np.nan
         return states
 
     def walk(self, states: NDArray, tolerance: float) -> NDArray[np.float64]:
@@ -97,8 +97,8 @@ def almost_tangential(count: int, rng: np.random.Generator) -> Finding:
         for tolerance in TOLERANCES:
             walks = falling.walk(starts, tolerance)
             deep = rate**2 / (2.0 * touch.lift) > 100.0 * tolerance
-            struck = walks[:, I.OUTCOME] == Outcome.HEELSTRIKE
-            off = np.abs(walks[:, I.TIME] - LEAD) * rate / tolerance
+            struck = walks[:, R.OUTCOME] == Outcome.HEELSTRIKE
+            off = np.abs(walks[:, R.TIME] - LEAD) * rate / tolerance
             tried += int(deep.sum())
             failed += int((deep & ~struck).sum())
             worst = max(worst, float(off[deep & struck].max(initial=0.0)))
@@ -121,8 +121,8 @@ def pair_of_roots(count: int, rng: np.random.Generator) -> Finding:
         for tolerance in TOLERANCES:
             seen = depth > 100.0 * tolerance
             walks = touch.walk(starts, tolerance)
-            struck = walks[:, I.OUTCOME] == Outcome.HEELSTRIKE
-            off = np.abs(walks[:, I.TIME] - LEAD) * rate / tolerance
+            struck = walks[:, R.OUTCOME] == Outcome.HEELSTRIKE
+            off = np.abs(walks[:, R.TIME] - LEAD) * rate / tolerance
             tried += int(seen.sum())
             failed += int((seen & ~struck).sum())
             worst = max(worst, float(off[seen & struck].max(initial=0.0)))
@@ -144,9 +144,9 @@ def near_miss(count: int, rng: np.random.Generator) -> Finding:
         for tolerance in TOLERANCES:
             seen = height > 100.0 * tolerance
             walks = passing.walk(starts, tolerance)
-            struck = walks[:, I.OUTCOME] == Outcome.HEELSTRIKE
+            struck = walks[:, R.OUTCOME] == Outcome.HEELSTRIKE
             tried += int(seen.sum())
-            failed += int((seen & struck & (walks[:, I.TIME] < 1.1 * LEAD)).sum())
+            failed += int((seen & struck & (walks[:, R.TIME] < 1.1 * LEAD)).sum())
     return Finding(tried, failed)
 
 
@@ -163,9 +163,9 @@ def mere_touch(count: int, rng: np.random.Generator) -> Finding:
         starts = touch.before(LEAD)
         for tolerance in TOLERANCES[1:]:
             walks = touch.walk(starts, tolerance)
-            early = walks[:, I.TIME] < 1.5 * LEAD
-            struck = walks[:, I.OUTCOME] == Outcome.HEELSTRIKE
-            off = np.abs(walks[:, I.TIME] - LEAD) / np.sqrt(tolerance / touch.lift)
+            early = walks[:, R.TIME] < 1.5 * LEAD
+            struck = walks[:, R.OUTCOME] == Outcome.HEELSTRIKE
+            off = np.abs(walks[:, R.TIME] - LEAD) / np.sqrt(tolerance / touch.lift)
             tried += len(walks)
             failed += int((early & ~struck).sum())
             worst = max(worst, float(off[early & struck].max(initial=0.0)))
@@ -195,16 +195,16 @@ def grazing_fall(count: int, rng: np.random.Generator) -> Finding:
         closely = mine.follow(states, 1e-3, **options)
         lowest = closely[:, 0].copy()
         for tick in range(2, 601):
-            closely[:, I.END] = 1e-3 * tick
+            closely[:, R.END] = 1e-3 * tick
             advance(mine.kind, mine.constants, closely, tolerance=1e-13, from_section=False)
             lowest = np.minimum(lowest, closely[:, 0])
-        fell = closely[:, I.OUTCOME] == Outcome.FELL_FORWARD
+        fell = closely[:, R.OUTCOME] == Outcome.FELL_FORWARD
         deeper = closely[:, 3] ** 2 / (2.0 * lift)  # the depth that it would reach
         margin = np.where(fell, deeper, lowest + 0.5 * np.pi)
         for tolerance in TOLERANCES:
             walks = mine.follow(states, 0.6, tolerance=tolerance, **options)
             seen = margin > 1e-5 + 100.0 * tolerance
-            also = walks[:, I.OUTCOME] == Outcome.FELL_FORWARD
+            also = walks[:, R.OUTCOME] == Outcome.FELL_FORWARD
             tried += int(seen.sum())
             failed += int((seen & (also != fell)).sum())
     return Finding(tried, failed)

@@ -16,10 +16,11 @@ from gym_passive_walker.envs.interface import refuse
 from gym_passive_walker.envs.scene import Scene, SceneError
 from gym_passive_walker.envs.starts import Starts, checked_state
 from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import integrator as I
+from gym_passive_walker.physics import record as R
+from gym_passive_walker.physics.arguments import check_slope, check_state
 from gym_passive_walker.physics.constants import Kind
+from gym_passive_walker.physics.engine import in_parts, step_control
 from gym_passive_walker.physics.lanes import cache_directory
-from gym_passive_walker.physics.stride import check_slope, check_state, in_parts, step_control
 from gym_passive_walker.walkers import Walker
 
 OPTIONS = ("state", "slope")
@@ -69,7 +70,7 @@ class Batch:
     Attributes:
         kind: Which equations the walkers obey.
         walkers: The walker in each place.
-        records: See `physics.integrator`; shape (count, FIELDS).
+        records: See `physics.record`; shape (count, FIELDS).
         ledger: See `envs.task`; shape (count, COLUMNS).
         randoms: Each walker's own source of random numbers.
 
@@ -112,7 +113,7 @@ class Batch:
         known = {walker: K.constants(walker) for walker in set(self.walkers)}
         shown = self.walkers[:1] if self._alike else self.walkers
         self.constants = np.array([known[walker] for walker in shown])
-        self.records = np.zeros((count, I.FIELDS))
+        self.records = np.zeros((count, R.FIELDS))
         self.ledger = np.zeros((count, T.COLUMNS))
         self.rules = _rules(scene, step_limit)
         self.randoms: list[np.random.Generator] = []
@@ -248,7 +249,7 @@ class Batch:
     def contact(self, lane: int) -> float:
         """Where a walker's stance foot touches the ground, in its own units of length."""
         row = self.constants[lane if len(self.constants) > 1 else 0]
-        rolled = row[K.FOOT_RADIUS] * self.records[lane, I.ANGLES]
+        rolled = row[K.FOOT_RADIUS] * self.records[lane, R.ANGLES]
         return float(self.ledger[lane, T.ORIGIN] - rolled) * self.walkers[lane].leg_length
 
     def get_state(self) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 A single environment is a batch of one, so it and every vector environment go through the same
 instructions and agree to the last bit. All numbers are dimensionless (see `physics.constants`).
 
-Each walker has its record, which the engine carries along (`physics.integrator`), and a row of the
+Each walker has its record, which the engine carries along (`physics.record`), and a row of the
 *ledger*, whose columns are named here: what the environment keeps of a stride and an episode.
 """
 
@@ -14,16 +14,11 @@ import math
 import numpy as np
 
 from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import integrator as I
+from gym_passive_walker.physics import record as R
+from gym_passive_walker.physics.engine import run_compass, run_kneed, run_simplest
 from gym_passive_walker.physics.events import Outcome
 from gym_passive_walker.physics.lanes import inlined, jitted, kernel, sine_cosine
-from gym_passive_walker.physics.stride import (
-    advance_of_contact,
-    gravity_work,
-    run_compass,
-    run_kneed,
-    run_simplest,
-)
+from gym_passive_walker.physics.ledger import advance_of_contact, gravity_work
 
 # Columns of the ledger. What `info` tells at every step:
 DISTANCE = 0  # progress of the hip along the slope in this step, in leg lengths
@@ -95,7 +90,7 @@ def see(record, row, kind, observations, first):
     """Write a walker's observation."""
     for i in range(6):
         observations[first + i] = clipped(record[i], BOUNDS[i])
-    locked = kind != 0 or record[I.PHASE] == 1.0
+    locked = kind != 0 or record[R.PHASE] == 1.0
     observations[first + 6] = 1.0 if locked else 0.0
     observations[first + 7] = clipped(row[SLOPE], BOUNDS[7])
 
@@ -116,11 +111,11 @@ def begin(records, constants, ledger, kind, lanes, starts, observations):
         record[:] = 0.0
         row[:] = 0.0
         row[SLOPE] = starts[j, 0]
-        record[I.SIN_SLOPE], record[I.COS_SLOPE] = sine_cosine(starts[j, 0])
+        record[R.SIN_SLOPE], record[R.COS_SLOPE] = sine_cosine(starts[j, 0])
         record[:6] = starts[j, 1:]
         row[START : START + 3] = record[:3]
         radius = constants[i if len(constants) > 1 else 0, K.FOOT_RADIUS]
-        row[ORIGIN] = radius * record[I.ANGLES]
+        row[ORIGIN] = radius * record[R.ANGLES]
         see(record, row, kind, observations, i * SIZE)
 
 
@@ -137,20 +132,20 @@ def command(records, ledger, rules, actions):
     for i in range(len(records)):
         record, row = records[i], ledger[i]
         share = 0.0 if over(row) else clipped(actions[i], 1.0)
-        record[I.TORQUE] = rules[MAX_HIP_TORQUE] * share
-        record[I.HIP_NET] = 0.0
-        record[I.HIP_TURN] = 0.0
-        until = record[I.TIME] + rules[TICK]
-        record[I.END] = until if until < rules[LONGEST_STRIDE] else rules[LONGEST_STRIDE]
-        row[STANCE] = record[I.ANGLES]
+        record[R.TORQUE] = rules[MAX_HIP_TORQUE] * share
+        record[R.HIP_NET] = 0.0
+        record[R.HIP_TURN] = 0.0
+        until = record[R.TIME] + rules[TICK]
+        record[R.END] = until if until < rules[LONGEST_STRIDE] else rules[LONGEST_STRIDE]
+        row[STANCE] = record[R.ANGLES]
     return -1
 
 
 @jitted
 def charge(record, row, rules):
     """Enter the step's hip work; a torque held constant works by the angle that it turns."""
-    net = record[I.TORQUE] * record[I.HIP_NET]
-    absolute = abs(record[I.TORQUE]) * record[I.HIP_TURN]
+    net = record[R.TORQUE] * record[R.HIP_NET]
+    absolute = abs(record[R.TORQUE]) * record[R.HIP_TURN]
     if rules[CHARGED] == 0.0:
         row[ENERGY] = absolute
     elif rules[CHARGED] == 1.0:
@@ -167,26 +162,26 @@ def end_stride(record, row, c, kind):
     end = (-record[0], -record[1], -record[2])  # before the legs changed roles
     start = row[START : START + 3]
     length = advance_of_contact(c, start[0], record[0])
-    work = gravity_work(kind, c, start, end, record[I.SIN_SLOPE], record[I.COS_SLOPE])
+    work = gravity_work(kind, c, start, end, record[R.SIN_SLOPE], record[R.COS_SLOPE])
     row[STRIDES] += 1.0
     row[STEP_LENGTH] = length
-    row[STEP_PERIOD] = record[I.TIME]
-    row[SPEED] = length / record[I.TIME]
+    row[STEP_PERIOD] = record[R.TIME]
+    row[SPEED] = length / record[R.TIME]
     row[GRAVITY_COST] = work / length
     row[HIP_COST] = row[CHARGE] / length
     row[NET_HIP_COST] = row[NET_WORK] / length
     row[COST_OF_TRANSPORT] = row[GRAVITY_COST] + row[HIP_COST]
-    row[COLLISION_COST] = (record[I.KNEE_LOSS] + record[I.HEEL_LOSS]) / length
-    row[KNEESTRIKE_TIME] = record[I.KNEE_TIME]
-    row[START : START + 3] = record[I.ANGLES : I.ANGLES + 3]
+    row[COLLISION_COST] = (record[R.KNEE_LOSS] + record[R.HEEL_LOSS]) / length
+    row[KNEESTRIKE_TIME] = record[R.KNEE_TIME]
+    row[START : START + 3] = record[R.ANGLES : R.ANGLES + 3]
     row[NET_WORK] = 0.0
     row[CHARGE] = 0.0
     row[PROGRESS] = 0.0
     row[ORIGIN] -= 2.0 * hip_from_contact(c, record[0])
-    record[I.TIME] = 0.0
-    record[I.KNEE_TIME] = 0.0
-    record[I.KNEE_LOSS] = 0.0
-    record[I.HEEL_LOSS] = 0.0
+    record[R.TIME] = 0.0
+    record[R.KNEE_TIME] = 0.0
+    record[R.KNEE_LOSS] = 0.0
+    record[R.HEEL_LOSS] = 0.0
 
 
 @jitted
@@ -196,8 +191,8 @@ def progress(record, row, c):
     A stride without heelstrike does not count: what was paid for it in advance is taken back, or
     agents learn to dive, which carries the hip a whole leg length at once.
     """
-    struck = record[I.OUTCOME] == 1.0  # Outcome.HEELSTRIKE
-    stance = -record[I.ANGLES] if struck else record[I.ANGLES]  # before the legs changed roles
+    struck = record[R.OUTCOME] == 1.0  # Outcome.HEELSTRIKE
+    stance = -record[R.ANGLES] if struck else record[R.ANGLES]  # before the legs changed roles
     row[DISTANCE] = hip_from_contact(c, stance) - hip_from_contact(c, row[STANCE])
     if row[ENDING] != 0.0:
         row[DISTANCE] = 0.0 - row[PROGRESS]
@@ -217,10 +212,10 @@ def settle(records, constants, ledger, rules, kind, observations, rewards, termi
         record, row = records[i], ledger[i]
         c = constants[i if len(constants) > 1 else 0]
         idle = over(row)
-        struck = record[I.OUTCOME] == 1.0  # Outcome.HEELSTRIKE
+        struck = record[R.OUTCOME] == 1.0  # Outcome.HEELSTRIKE
         row[OUTCOME:TOLD] = 0.0
-        row[OUTCOME] = record[I.OUTCOME]
-        if record[I.OUTCOME] == 0.0 and record[I.TIME] >= rules[LONGEST_STRIDE]:
+        row[OUTCOME] = record[R.OUTCOME]
+        if record[R.OUTCOME] == 0.0 and record[R.TIME] >= rules[LONGEST_STRIDE]:
             row[OUTCOME] = float(Outcome.STALLED.value)
         row[ENDING] = 0.0 if struck else row[OUTCOME]
         progress(record, row, c)

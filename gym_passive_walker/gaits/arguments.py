@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from gym_passive_walker.physics.stride import check_slope
+from gym_passive_walker.physics.arguments import check_slope
 
 
 def _single(value: Any, name: str) -> float:

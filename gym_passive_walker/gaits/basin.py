@@ -28,11 +28,9 @@ from gym_passive_walker.gaits.attractors import (
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.section import Section, section_of
-from gym_passive_walker.physics.stride import (
-    check_tolerance,
-    new_records,
-    strike_heels,
-)
+from gym_passive_walker.physics.arguments import check_tolerance
+from gym_passive_walker.physics.engine import strike_heels
+from gym_passive_walker.physics.record import new_records
 from gym_passive_walker.physics.trajectory import just_before
 from gym_passive_walker.walkers import Walker, as_walker, describe
 

@@ -22,8 +22,8 @@ from gym_passive_walker.gaits.family import GaitFamily, gait_family
 from gym_passive_walker.gaits.gait import GaitKind
 from gym_passive_walker.gaits.section import INFINITESIMAL, Section, section_of
 from gym_passive_walker.gaits.walk import period_of, take_stride, walk_on
+from gym_passive_walker.physics.arguments import check_slope, check_state, check_tolerance
 from gym_passive_walker.physics.events import Outcome
-from gym_passive_walker.physics.stride import check_slope, check_state, check_tolerance
 from gym_passive_walker.walkers import Walker, as_walker
 
 _NUDGE = 1e-4  # off the gait, which a walker would otherwise stay on though it be unstable

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.physics import integrator as I
+from gym_passive_walker.physics import record as R
 from gym_passive_walker.physics.constants import Kind
-from gym_passive_walker.physics.stride import advance, new_records
+from gym_passive_walker.physics.engine import advance
+from gym_passive_walker.physics.record import new_records
 
 KNEE_MEETS_HEEL = "kneestrike and heelstrike coincide"
 STANCE_STOPS = "the stance leg barely passes the vertical"
@@ -75,14 +76,14 @@ def margins(section: Section, u: NDArray, slopes: NDArray, period: int) -> Margi
     for _ in range(period):
         whole = new_records(states, slopes)
         advance(section.kind, section.constants, whole, tolerance=1e-12)
-        duration = whole[:, I.TIME]
+        duration = whole[:, R.TIME]
         late = new_records(states, slopes)
-        late[:, I.END] = duration * (1.0 - _VERGE)
+        late[:, R.END] = duration * (1.0 - _VERGE)
         advance(section.kind, section.constants, late, tolerance=1e-12)
-        rates = late[:, I.RATES : I.RATES + 2]
+        rates = late[:, R.RATES : R.RATES + 2]
         landing = np.minimum(landing, -rates.sum(axis=1) / np.abs(rates).max(axis=1))
         if section.kind == Kind.KNEED:
-            knee = np.minimum(knee, 1.0 - whole[:, I.KNEE_TIME] / duration)
+            knee = np.minimum(knee, 1.0 - whole[:, R.KNEE_TIME] / duration)
         pace = np.minimum(pace, _pace(section, states, slopes, duration))
         time = np.maximum(time, duration)
         states = whole[:, :6]
@@ -93,12 +94,12 @@ def _pace(section: Section, states: NDArray, slopes: NDArray, duration: NDArray)
     """The stance leg's least rate during strides, over its first."""
     many = new_records(np.repeat(states, _LOOKS, axis=0), np.repeat(slopes, _LOOKS))
     share = np.linspace(0.0, 1.0 - _VERGE, _LOOKS)
-    many[:, I.END] = (duration[:, None] * share).ravel()
+    many[:, R.END] = (duration[:, None] * share).ravel()
     constants = section.constants
     if len(constants) > 1:
         constants = np.repeat(constants, _LOOKS, axis=0)
     advance(section.kind, constants, many, tolerance=1e-9)
-    rates = many[:, I.RATES].reshape(-1, _LOOKS)
+    rates = many[:, R.RATES].reshape(-1, _LOOKS)
     return np.min(rates / states[:, 3:4], axis=1)
 
 

@@ -16,7 +16,7 @@ from gym_passive_walker.gaits.fixed_point import find_gait, glance
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.section import section_of, strides
 from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics.stride import frame_of
+from gym_passive_walker.physics.frame import frame_of
 from gym_passive_walker.walkers import Walker, WalkerError, as_walker, describe
 
 

@@ -17,14 +17,12 @@ from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
 from gym_passive_walker.gaits.newton import LONGEST_SEARCHED, newton
 from gym_passive_walker.gaits.section import Section, section_of, strides
 from gym_passive_walker.gaits.starts import returns, starts
-from gym_passive_walker.physics import integrator as I
+from gym_passive_walker.physics import record as R
+from gym_passive_walker.physics.arguments import check_state
+from gym_passive_walker.physics.engine import advance
 from gym_passive_walker.physics.events import Outcome
-from gym_passive_walker.physics.stride import (
-    advance,
-    check_state,
-    frame_of,
-    new_records,
-)
+from gym_passive_walker.physics.frame import frame_of
+from gym_passive_walker.physics.record import new_records
 from gym_passive_walker.walkers import Walker, as_walker, describe
 
 _BATCHES = (12, 24, 96)  # promising starts tried by Newton's method, as long as need be
@@ -88,7 +86,7 @@ def _search(
         section, u, np.full(len(u), slope), count=period, torque=torque, tolerance=1e-6,
         longest=LONGEST_SEARCHED,
     )  # fmt: skip
-    for outcome in first.records[:, I.OUTCOME].astype(int):
+    for outcome in first.records[:, R.OUTCOME].astype(int):
         ends[Outcome(outcome).name if outcome else Outcome.STALLED.name] += 1
     candidates = _Starts(u[first.alive], first.end[first.alive])
     for batch in batches:
@@ -132,10 +130,10 @@ def _human(walker: Walker, section: Section, u: NDArray, slope: float, torque: f
     whole = new_records(states[:1], slopes[:1], torque)
     advance(section.kind, section.constants, whole, tolerance=1e-6)
     records = new_records(states, slopes, torque)
-    records[:, I.END] = whole[0, I.TIME] * np.linspace(0.0, 1.0 - 1e-4, _LOOKS)
+    records[:, R.END] = whole[0, R.TIME] * np.linspace(0.0, 1.0 - 1e-4, _LOOKS)
     advance(section.kind, section.constants, records, tolerance=1e-6)
-    forward = walker.thigh_length * records[:, I.RATES + 1]
-    forward += walker.shank_length * records[:, I.RATES + 2]
+    forward = walker.thigh_length * records[:, R.RATES + 1]
+    forward += walker.shank_length * records[:, R.RATES + 2]
     swings = np.count_nonzero(np.diff(forward > 0.0, prepend=False) & (forward > 0.0))
     return swings == 1
 

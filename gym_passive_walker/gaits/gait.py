@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from gym_passive_walker.gaits.newton import equations
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics.stride import Stride, frame_of, stride
+from gym_passive_walker.physics.frame import frame_of
+from gym_passive_walker.physics.stride import Stride, stride
 from gym_passive_walker.walkers import Walker
 
 GaitKind = Literal["long", "short"]

@@ -12,10 +12,11 @@ from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.section import INFINITESIMAL
 from gym_passive_walker.physics import compass, kneed
 from gym_passive_walker.physics import constants as K
+from gym_passive_walker.physics.arguments import check_state
 from gym_passive_walker.physics.constants import Kind
 from gym_passive_walker.physics.forces import impulses
+from gym_passive_walker.physics.frame import frame_of
 from gym_passive_walker.physics.lanes import kernel
-from gym_passive_walker.physics.stride import check_state, frame_of
 from gym_passive_walker.physics.trajectory import just_before
 from gym_passive_walker.walkers import Walker, as_walker
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.gaits.section import Return, Section, split, strides, with_derivatives
-from gym_passive_walker.physics.stride import LONGEST_STRIDE
+from gym_passive_walker.physics.record import LONGEST_STRIDE
 
 Setting = Callable[[NDArray], tuple[NDArray, NDArray]]
 """Turns values of a parameter into constants, one row each, and slopes."""

@@ -13,7 +13,8 @@ from gym_passive_walker.gaits.measures import foot_clearance, foot_velocity
 from gym_passive_walker.gaits.series import Extreme, fit
 from gym_passive_walker.gaits.stability import NoStride
 from gym_passive_walker.physics.forces import Reactions, forces, impulses
-from gym_passive_walker.physics.stride import Stride, frame_of
+from gym_passive_walker.physics.frame import frame_of
+from gym_passive_walker.physics.stride import Stride
 from gym_passive_walker.physics.trajectory import states_at
 from gym_passive_walker.walkers import Walker
 

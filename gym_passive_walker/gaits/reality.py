@@ -26,13 +26,10 @@ from gym_passive_walker.gaits.phases import (
 )
 from gym_passive_walker.gaits.series import Extreme, greatest, least, ratio_turns, turns
 from gym_passive_walker.gaits.stability import NoStride
+from gym_passive_walker.physics.arguments import check_state, check_tolerance
 from gym_passive_walker.physics.events import Outcome
-from gym_passive_walker.physics.stride import (
-    check_state,
-    check_tolerance,
-    frame_of,
-    stride,
-)
+from gym_passive_walker.physics.frame import frame_of
+from gym_passive_walker.physics.stride import stride
 from gym_passive_walker.walkers import Walker, as_walker, describe
 
 

@@ -18,10 +18,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import integrator as I
+from gym_passive_walker.physics import record as R
 from gym_passive_walker.physics.constants import Kind
+from gym_passive_walker.physics.engine import advance
 from gym_passive_walker.physics.events import Outcome
-from gym_passive_walker.physics.stride import LONGEST_STRIDE, advance, frame_of, new_records
+from gym_passive_walker.physics.frame import frame_of
+from gym_passive_walker.physics.record import LONGEST_STRIDE, new_records
 from gym_passive_walker.walkers import Walker
 
 INFINITESIMAL = 1e-100
@@ -126,19 +128,19 @@ def strides(
     for _ in range(count):
         start = state[:, 0]
         records = new_records(state, slope, torque, end=longest)
-        records[~alive, I.END] = 0.0  # nothing to follow
+        records[~alive, R.END] = 0.0  # nothing to follow
         with np.errstate(all="ignore"):
             advance(section.kind, c, records, tolerance=tolerance)
-        alive &= np.real(records[:, I.OUTCOME]) == Outcome.HEELSTRIKE
+        alive &= np.real(records[:, R.OUTCOME]) == Outcome.HEELSTRIKE
         state = records[:, :6]
         end = state[:, 0]
         step = 2.0 * c[:, K.LEG] * np.sin(end) + c[:, K.FOOT_RADIUS] * (start + end)
         length += step
-        lost += records[:, I.KNEE_LOSS] + records[:, I.HEEL_LOSS]
+        lost += records[:, R.KNEE_LOSS] + records[:, R.HEEL_LOSS]
         gained += np.sin(slope) * step
         if section.kind != Kind.SIMPLEST:
-            gained += torque * records[:, I.HIP_NET]
-        duration += records[:, I.TIME]
+            gained += torque * records[:, R.HIP_NET]
+        duration += records[:, R.TIME]
     state = np.where(alive[:, None], state, section.state(u.astype(dtype)))
     imbalance = np.where(alive, 2.0 * (lost - gained) / np.where(alive, lost + gained, 1.0), 2.0)
     return Return(section.point(state), imbalance, records, duration, length, alive)

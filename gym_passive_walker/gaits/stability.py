@@ -12,14 +12,11 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.gaits.arguments import number, one_slope
 from gym_passive_walker.gaits.section import INFINITESIMAL, section_of
 from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import integrator as I
+from gym_passive_walker.physics import record as R
+from gym_passive_walker.physics.arguments import check_state, check_tolerance
+from gym_passive_walker.physics.engine import advance
 from gym_passive_walker.physics.events import Outcome
-from gym_passive_walker.physics.stride import (
-    advance,
-    check_state,
-    check_tolerance,
-    new_records,
-)
+from gym_passive_walker.physics.record import new_records
 from gym_passive_walker.walkers import Walker, as_walker
 
 
@@ -103,7 +100,7 @@ def stride_jacobian(
         times.append(time)
     records = new_records(np.array(states), np.array(slopes), np.array(torques))
     advance(section.kind, np.array(constants), records, tolerance=tolerance)
-    outcome = Outcome(int(records[0, I.OUTCOME].real))
+    outcome = Outcome(int(records[0, R.OUTCOME].real))
     if outcome != Outcome.HEELSTRIKE:
         raise NoStride(
             f"this stride does not end with a heelstrike but with {outcome.name}, so the stride "

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.walk import walk_on
 from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import integrator as I
-from gym_passive_walker.physics.stride import new_records, strike_heels
+from gym_passive_walker.physics import record as R
+from gym_passive_walker.physics.engine import strike_heels
+from gym_passive_walker.physics.record import new_records
 
 # Ratios to the step angle, just before heelstrike: of the stance leg's rate, and of the swing
 # leg's rate in excess of it (zero where the foot meets the ground without sliding). Excesses far
@@ -62,7 +63,7 @@ def starts(section: Section, slope: float) -> NDArray:
     strike_heels(records, section.constants, int(section.kind))
     c = section.constants[0]
     length = 2.0 * (c[K.LEG] * np.sin(angle) + c[K.FOOT_RADIUS] * angle)
-    loss = (records[:, I.HEEL_LOSS] / length).reshape(len(stance), -1)
+    loss = (records[:, R.HEEL_LOSS] / length).reshape(len(stance), -1)
     loss = np.log(np.maximum(loss, 1e-300))
     points = section.point(records[:, :6]).reshape(len(stance), len(_ANGLES), -1)
     found = []

@@ -6,9 +6,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.physics import integrator as I
+from gym_passive_walker.physics import record as R
+from gym_passive_walker.physics.engine import advance
 from gym_passive_walker.physics.events import Outcome
-from gym_passive_walker.physics.stride import advance, new_records
+from gym_passive_walker.physics.record import new_records
 
 LONGEST_WALKED = 20.0
 """Time in sqrt(l/g) after which a stride without heelstrike is given up; a usual one takes 3."""
@@ -37,7 +38,7 @@ def take_stride(
     records = new_records(states, slopes, end=longest)
     with np.errstate(all="ignore"):
         advance(section.kind, section.constants.astype(records.dtype), records, tolerance=tolerance)
-    outcome = np.real(records[:, I.OUTCOME]).astype(np.int8)
+    outcome = np.real(records[:, R.OUTCOME]).astype(np.int8)
     outcome[outcome == Outcome.RUNNING] = Outcome.STALLED
     return records[:, :6], outcome
 

@@ -10,7 +10,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from gym_passive_walker.physics.lanes import inlined
+from gym_passive_walker.physics.lanes import inlined, jitted
 
 # Phases of a stride.
 FREE = 0  # knee free: three links
@@ -99,7 +99,7 @@ def derivative(p):
     return p[1], 2.0 * p[2], 3.0 * p[3], 4.0 * p[4], 5.0 * p[5], 0.0 * p[5]
 
 
-@inlined
+@jitted
 def root(p):
     """A root in [0, 1] of a polynomial whose ends differ in sign, by bracketed Newton steps."""
     low, high = 0.0, 1.0
@@ -117,7 +117,7 @@ def root(p):
         new = x - g / slope if slope != 0.0 else 0.5 * (low + high)
         if not low < new < high:
             new = 0.5 * (low + high)
-        if np.abs(new - x) < 1e-12:
+        if np.abs(new - x) < 1e-6:  # the next change would be its square
             return new
         x = new
     return x

@@ -18,8 +18,8 @@ from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import events as E
 from gym_passive_walker.physics.compass import impulse, turned
 from gym_passive_walker.physics.constants import Kind
+from gym_passive_walker.physics.frame import frame_of
 from gym_passive_walker.physics.lanes import inlined, kernel, sine_cosine
-from gym_passive_walker.physics.stride import frame_of
 from gym_passive_walker.walkers import Walker
 
 

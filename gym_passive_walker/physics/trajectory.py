@@ -12,18 +12,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import integrator as I
+from gym_passive_walker.physics import record as R
+from gym_passive_walker.physics.arguments import check_state, check_tolerance
 from gym_passive_walker.physics.constants import Kind
+from gym_passive_walker.physics.engine import advance
 from gym_passive_walker.physics.events import Outcome
 from gym_passive_walker.physics.forces import forces
-from gym_passive_walker.physics.stride import (
-    advance,
-    check_state,
-    check_tolerance,
-    frame_of,
-    new_records,
-    stride,
-)
+from gym_passive_walker.physics.frame import frame_of
+from gym_passive_walker.physics.record import new_records
+from gym_passive_walker.physics.stride import stride
 from gym_passive_walker.walkers import Walker, as_walker
 
 COARSEST_SAMPLES = 1e-4
@@ -134,9 +131,9 @@ def _sampled(
         np.full(len(times), float(slope)),
         torque / frame.torque,
     )
-    records[:, I.END] = times / frame.time
+    records[:, R.END] = times / frame.time
     advance(kind, K.constants(walker)[None], records, tolerance=tolerance)
-    return records[:, :6] / scale, records[:, I.PHASE].astype(np.int64)
+    return records[:, :6] / scale, records[:, R.PHASE].astype(np.int64)
 
 
 def states_at(

@@ -17,8 +17,10 @@ from gym_passive_walker import (
 )
 from gym_passive_walker.gaits.measures import foot_clearance
 from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import integrator as I
-from gym_passive_walker.physics.stride import frame_of, new_records, strike_heels
+from gym_passive_walker.physics import record as R
+from gym_passive_walker.physics.engine import strike_heels
+from gym_passive_walker.physics.frame import frame_of
+from gym_passive_walker.physics.record import new_records
 from gym_passive_walker.physics.trajectory import states_at
 
 ALL = WALKERS | {
@@ -48,7 +50,7 @@ def loss_at_heelstrike(walker, before):
     scale = np.array([1.0, 1.0, 1.0, frame.time, frame.time, frame.time])
     records = new_records((before * scale)[None], np.zeros(1))
     strike_heels(records, K.constants(walker)[None], int(K.kind_of(walker)))
-    return records[0, I.HEEL_LOSS] * frame.energy
+    return records[0, R.HEEL_LOSS] * frame.energy
 
 
 @pytest.mark.parametrize("name", ALL)

@@ -10,15 +10,16 @@ import pytest
 
 from gym_passive_walker import WALKERS, Outcome
 from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import integrator as I
-from gym_passive_walker.physics.stride import advance, new_records
+from gym_passive_walker.physics import record as R
+from gym_passive_walker.physics.engine import advance
+from gym_passive_walker.physics.record import new_records
 from tests.physics import kernels
 from tests.physics.examples import KNEED, LONG_GAITS
 
 TINY = 1e-100
 """An imaginary part whose square vanishes beside 1."""
 
-RESULTS = [*range(6), I.TIME, I.HIP_NET, I.KNEE_TIME, I.KNEE_LOSS, I.HEEL_LOSS]
+RESULTS = [*range(6), R.TIME, R.HIP_NET, R.KNEE_TIME, R.KNEE_LOSS, R.HEEL_LOSS]
 """What a stride leaves in a record that depends on where it began."""
 
 STENCIL = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
@@ -39,7 +40,7 @@ def end(name: str, values, constants=None) -> np.ndarray:
         constants = K.constants(walker)
     constants = constants[None].astype(records.dtype)
     advance(K.kind_of(walker), constants, records, tolerance=1e-14)
-    assert records[0, I.OUTCOME].real == Outcome.HEELSTRIKE
+    assert records[0, R.OUTCOME].real == Outcome.HEELSTRIKE
     return records[0, RESULTS]
 
 

@@ -12,9 +12,11 @@ from hypothesis import strategies as st
 
 from gym_passive_walker import WALKERS, Outcome, stride
 from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import integrator as I
+from gym_passive_walker.physics import record as R
+from gym_passive_walker.physics.engine import advance
+from gym_passive_walker.physics.frame import frame_of
 from gym_passive_walker.physics.lanes import sine_cosine
-from gym_passive_walker.physics.stride import advance, frame_of, new_records
+from gym_passive_walker.physics.record import new_records
 from tests.physics import kernels
 from tests.physics.examples import LONG_GAITS, random_walker
 
@@ -86,7 +88,7 @@ def test_walkers_of_many_shapes_walk_alike_alone_and_together(name):
         alone = new_records(states[i : i + 1], slopes[i : i + 1], 0.01)
         advance(kind, constants[i : i + 1], alone, tolerance=1e-10)
         np.testing.assert_array_equal(alone[0], together[i])
-    assert len(set(together[:, I.OUTCOME])) >= 3
+    assert len(set(together[:, R.OUTCOME])) >= 3
 
 
 def test_one_shape_given_once_or_to_each_is_the_same():
@@ -104,11 +106,11 @@ def test_a_walker_that_has_arrived_is_left_alone_by_ticks_of_the_others():
     gait = LONG_GAITS["lab"]
     state = kernels.dimensionless(WALKERS["lab"], gait.state)[None]
     records = new_records(np.repeat(state, 3, axis=0), np.full(3, gait.slope))
-    records[:, I.END] = [0.1, 1.0, 100.0]
+    records[:, R.END] = [0.1, 1.0, 100.0]
     advance(K.Kind.KNEED, K.constants(WALKERS["lab"])[None], records, tolerance=1e-10)
-    assert list(records[:, I.OUTCOME]) == [Outcome.RUNNING, Outcome.RUNNING, Outcome.HEELSTRIKE]
-    np.testing.assert_array_equal(records[:2, I.TIME], [0.1, 1.0])
-    assert records[2, I.TIME] > 1.0
+    assert list(records[:, R.OUTCOME]) == [Outcome.RUNNING, Outcome.RUNNING, Outcome.HEELSTRIKE]
+    np.testing.assert_array_equal(records[:2, R.TIME], [0.1, 1.0])
+    assert records[2, R.TIME] > 1.0
 
 
 @numba.njit

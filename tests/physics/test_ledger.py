@@ -7,7 +7,8 @@ import pytest
 
 from gym_passive_walker import WALKERS, Outcome, stride
 from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics.stride import _kinetic_energies, frame_of
+from gym_passive_walker.physics.frame import frame_of
+from gym_passive_walker.physics.ledger import kinetic_energies
 from tests.physics import bodies, kernels, oracle
 from tests.physics.examples import GAITS, LONG_GAITS, MASSIVE, random_state
 
@@ -72,7 +73,7 @@ def test_the_motion_in_the_ledger_is_that_of_the_bodies(name):
     states = [random_state(rng, walker, locked=not walker.knees) for _ in range(20)]
     energies = np.empty(len(states))
     scaled = np.array([kernels.dimensionless(walker, state) for state in states])
-    _kinetic_energies(int(K.kind_of(walker)), K.constants(walker)[None], scaled, energies)
+    kinetic_energies(int(K.kind_of(walker)), K.constants(walker)[None], scaled, energies)
     expected = [oracle.kinetic_energy(walker, state) for state in states]
     np.testing.assert_allclose(energies * frame_of(walker).energy, expected, rtol=1e-12)
 

@@ -10,8 +10,10 @@ import pytest
 from gym_passive_walker import WALKERS, Outcome, stride
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import events as E
-from gym_passive_walker.physics import integrator as I
-from gym_passive_walker.physics.stride import advance, frame_of, new_records
+from gym_passive_walker.physics import record as R
+from gym_passive_walker.physics.engine import advance
+from gym_passive_walker.physics.frame import frame_of
+from gym_passive_walker.physics.record import new_records
 from tests.physics import bodies, kernels, oracle
 from tests.physics.examples import GAITS, KNEED, LONG_GAITS, Gait, random_walker
 
@@ -202,12 +204,12 @@ def test_the_energy_of_the_simplest_walker_is_its_hips_between_impacts():
 def flow(walker, slope, state, time, phase, tolerance=1e-14) -> np.ndarray:
     """A dimensionless state after some time in one phase."""
     records = new_records(np.array([state]), np.array([slope]), end=time)
-    records[:, I.PHASE] = phase
+    records[:, R.PHASE] = phase
     kind, constants = K.kind_of(walker), K.constants(walker)[None]
     advance(kind, constants, records, tolerance=tolerance, from_section=False)
-    assert records[0, I.OUTCOME] == Outcome.RUNNING
-    assert records[0, I.PHASE] == phase
-    assert records[0, I.TIME] == time
+    assert records[0, R.OUTCOME] == Outcome.RUNNING
+    assert records[0, R.PHASE] == phase
+    assert records[0, R.TIME] == time
     return records[0, :6]
 
 
@@ -240,13 +242,13 @@ def test_a_stride_in_ticks_is_a_stride(name):
     ticks = new_records(state, np.array([gait.slope]), 0.01, end=0.1)
     advance(kind, constants, ticks, tolerance=1e-14)
     count = 1
-    while ticks[0, I.OUTCOME] == Outcome.RUNNING:
-        ticks[0, I.END] += 0.1
+    while ticks[0, R.OUTCOME] == Outcome.RUNNING:
+        ticks[0, R.END] += 0.1
         advance(kind, constants, ticks, tolerance=1e-14, from_section=False)
         count += 1
-    assert ticks[0, I.OUTCOME] == Outcome.HEELSTRIKE
-    assert count == np.ceil(whole[0, I.TIME] / 0.1)
-    fields = [*range(7), I.HIP_NET, I.HIP_TURN, I.KNEE_TIME, I.KNEE_LOSS, I.HEEL_LOSS]
+    assert ticks[0, R.OUTCOME] == Outcome.HEELSTRIKE
+    assert count == np.ceil(whole[0, R.TIME] / 0.1)
+    fields = [*range(7), R.HIP_NET, R.HIP_TURN, R.KNEE_TIME, R.KNEE_LOSS, R.HEEL_LOSS]
     np.testing.assert_allclose(ticks[0, fields], whole[0, fields], rtol=0.0, atol=1e-12)
 
 
