@@ -8,9 +8,7 @@ EQUIVALENT: dict[str, str] = {
         "weighs an error by the rates of fewer legs: within the hundred tolerances promised"
     ),
     "landing.candidates: phase == E.FREE and np.abs(k1) >= np.pi -> phase == E.FREE or "
-    "np.abs(k1) >= np.pi": (
-        "looks at more events, none of which has happened"
-    ),
+    "np.abs(k1) >= np.pi": ("looks at more events, none of which has happened"),
     "integrator.judge: error <= 0.1 -> error > 0.1": (
         "proposes another length for the first step after a tick, which is tried like any other"
     ),
@@ -18,7 +16,7 @@ EQUIVALENT: dict[str, str] = {
         "the thigh's and the shank's angle of a straight leg are the same"
     ),
     "runge_kutta._table: STAGES + 1 -> STAGES + 2": "leaves a row of zeros that nothing reads",
-    "engine.module: _WORTH_A_THREAD = 512 -> _WORTH_A_THREAD = 513": (
+    "engine.module: _WORTH_A_THREAD = 1024 -> _WORTH_A_THREAD = 1025": (
         "threads change no result, only when a second one is worth its start"
     ),
 }

@@ -136,7 +136,7 @@ def over_the_top(count: int, rng: np.random.Generator) -> Finding:
 @case(
     TOPIC,
     "On slopes of 10⁻¹⁰ to 10⁻² gaits come back to themselves and lose weight × step × sin γ; from "
-    "10⁻⁶ on the long step is the cube root of the slope, within 15 %",
+    "10⁻⁸ on the long step is the cube root of the slope, within 15 %",
     quick=5, long=80, bound=1e-12, unit="state, energy lost",
 )  # fmt: skip
 def shallow_slopes(count: int, rng: np.random.Generator) -> Finding:
@@ -147,7 +147,7 @@ def shallow_slopes(count: int, rng: np.random.Generator) -> Finding:
             found = gaits(name, float(slope))
             long = found[0].stance_angle / np.cbrt(slope) if found else 0.0
             tried += max(1, len(found))
-            failed += int(not found or (slope >= 1e-6 and not 0.85 < long < 1.15))
+            failed += int(not found or (slope >= 1e-8 and not 0.85 < long < 1.15))
             for gait in found:
                 end = stride(name, slope, gait.state, tolerance=1e-14)
                 failed += int(end.outcome != Outcome.HEELSTRIKE)

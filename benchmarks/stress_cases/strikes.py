@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.stress_cases.case import Finding, case
-from benchmarks.stress_cases.flight import BACKWARDS, STRAIGHT, Flock, flock
+from benchmarks.stress_cases.flight import BACKWARDS, KNEED, STRAIGHT, Flock, flock
 from gym_passive_walker import Outcome
+from gym_passive_walker.physics import events as E
 from gym_passive_walker.physics import record as R
 from gym_passive_walker.physics.constants import Kind
 from gym_passive_walker.physics.engine import advance
@@ -25,33 +26,45 @@ TOLERANCES = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-13)
 """From steps so long that much can happen within one, to short ones."""
 
 
+FOOT, KNEE = np.array([1.0, 1.0, 0.0]), np.array([0.0, 1.0, -1.0])
+"""What vanishes at a strike, as weights of the three angles."""
+
+
 class Touch(NamedTuple):
-    """Walkers whose straight swing leg touches the ground in front, about to be lifted again.
+    """Walkers whose swing foot, or knee, touches, about to be lifted again.
 
     Attributes:
         flock: The walkers.
+        event: `FOOT` or `KNEE`.
         states: At the touch, (n, 6).
-        torque: What lifts the foot, (n,).
-        lift: Acceleration of stance plus swing angle, (n,).
+        torque: What lifts, (n,).
+        lift: Acceleration of what vanishes at the touch, (n,).
     """
 
     flock: Flock
+    event: NDArray[np.float64]
     states: NDArray[np.float64]
     torque: NDArray[np.float64]
     lift: NDArray[np.float64]
 
+    @property
+    def phase(self) -> int:
+        """The phase that such a strike ends."""
+        return E.FREE if self.event is KNEE else self.flock.straight_phase
+
     def lowered(self, angle: NDArray, rate: NDArray) -> Touch:
-        """The same with the swing leg lower by an angle and falling at a rate."""
-        change = np.zeros_like(self.states)
-        change[:, 1:3], change[:, 4:] = angle[:, None], rate[:, None]
-        return self._replace(states=self.states - change)
+        """The same with the swing leg, or the thigh, lower by an angle and falling at a rate."""
+        legs = slice(1, 2 if self.event is KNEE else 3)
+        states = self.states.copy()
+        states[:, :3][:, legs] -= angle[:, None]
+        states[:, 3:][:, legs] -= rate[:, None]
+        return self._replace(states=states)
 
     def before(self, lead: NDArray | float) -> NDArray[np.float64]:
         """States from which these walkers come to the touch after a time."""
         back = self.flock.follow(
-            self.states * BACKWARDS, lead, torque=self.torque, tolerance=1e-14,
-            phase=self.flock.straight_phase,
-        )  # fmt: skip
+            self.states * BACKWARDS, lead, torque=self.torque, tolerance=1e-14, phase=self.phase
+        )
         states = back[:, :6] * BACKWARDS
         states[back[:, R.OUTCOME] != Outcome.RUNNING] = np.nan
         return states
@@ -59,31 +72,44 @@ class Touch(NamedTuple):
     def walk(self, states: NDArray, tolerance: float) -> NDArray[np.float64]:
         """Records of the walks that start there."""
         return self.flock.follow(
-            states, 2.0, torque=self.torque, tolerance=tolerance, phase=self.flock.straight_phase
+            states, 2.0, torque=self.torque, tolerance=tolerance, phase=self.phase
         )
+
+    def struck(self, walks: NDArray) -> NDArray[np.bool_]:
+        """Whose foot, or knee, has struck."""
+        if self.event is KNEE:
+            return walks[:, R.KNEE_TIME] > 0.0
+        return walks[:, R.OUTCOME] == Outcome.HEELSTRIKE
+
+    def time(self, walks: NDArray) -> NDArray[np.float64]:
+        """When it struck."""
+        return walks[:, R.KNEE_TIME if self.event is KNEE else R.TIME]
 
 
 def touches(rng: np.random.Generator, count: int) -> list[Touch]:
-    """Feet of every straight-legged walker that just touch the ground in front."""
+    """Feet that just touch the ground in front, and knees that are straight for an instant."""
     found = []
-    for walker in STRAIGHT.values():
-        mine, n = flock(walker), max(1, count // len(STRAIGHT))
+    n = max(1, count // (len(STRAIGHT) + len(KNEED)))
+    for walker in (*STRAIGHT.values(), *KNEED.values()):
+        mine, event = flock(walker), KNEE if walker.knees else FOOT
         angle, rate = rng.uniform(0.1, 0.5, n), rng.uniform(0.5, 1.5, n)
-        states = np.stack([-angle, angle, angle, -rate, rate, rate], axis=1)
+        stance = 0.2 - angle if walker.knees else -angle
+        states = np.stack([stance, angle, angle, -rate, rate, rate], axis=1)
         torque = np.full(n, 2.0 if mine.kind == Kind.SIMPLEST else 0.3)
+        touch = Touch(mine, event, states, torque, np.ones(n))
         step = 1e-3  # there and back: what is left of the motion is its curvature
         ways = [
-            mine.follow(s, step, torque=torque, phase=mine.straight_phase)[:, :2] - states[:, :2]
+            mine.follow(s, step, torque=torque, phase=touch.phase)[:, :3] - states[:, :3]
             for s in (states, states * BACKWARDS)
         ]
-        lift = (ways[0] + ways[1]).sum(axis=1) / step**2
-        found.append(Touch(mine, states, torque, lift))
+        found.append(touch._replace(lift=(ways[0] + ways[1]) @ event / step**2))
     return found
 
 
 @case(
     TOPIC,
-    "A foot that comes down at a rate of 10⁻¹ to 10⁻⁶, about to lift again, lands when it must",
+    "A foot that comes down, or a knee that closes, at a rate of 10⁻¹ to 10⁻⁶, about to turn back, "
+    "strikes when it must",
     quick=6_000, long=60_000, bound=20.0, unit="tolerance / rate",
 )  # fmt: skip
 def almost_tangential(count: int, rng: np.random.Generator) -> Finding:
@@ -97,8 +123,8 @@ def almost_tangential(count: int, rng: np.random.Generator) -> Finding:
         for tolerance in TOLERANCES:
             walks = falling.walk(starts, tolerance)
             deep = rate**2 / (2.0 * touch.lift) > 100.0 * tolerance
-            struck = walks[:, R.OUTCOME] == Outcome.HEELSTRIKE
-            off = np.abs(walks[:, R.TIME] - LEAD) * rate / tolerance
+            struck = touch.struck(walks)
+            off = np.abs(touch.time(walks) - LEAD) * rate / tolerance
             tried += int(deep.sum())
             failed += int((deep & ~struck).sum())
             worst = max(worst, float(off[deep & struck].max(initial=0.0)))
@@ -107,7 +133,8 @@ def almost_tangential(count: int, rng: np.random.Generator) -> Finding:
 
 @case(
     TOPIC,
-    "A foot that dips into the ground and out within one step, 10⁻² to 10⁻¹¹ deep, strikes it",
+    "A foot that dips into the ground and out within one step, or a knee that bends too far and "
+    "back, by 10⁻² to 10⁻¹¹, strikes",
     quick=6_000, long=60_000, bound=20.0, unit="tolerance / rate",
 )  # fmt: skip
 def pair_of_roots(count: int, rng: np.random.Generator) -> Finding:
@@ -121,8 +148,8 @@ def pair_of_roots(count: int, rng: np.random.Generator) -> Finding:
         for tolerance in TOLERANCES:
             seen = depth > 100.0 * tolerance
             walks = touch.walk(starts, tolerance)
-            struck = walks[:, R.OUTCOME] == Outcome.HEELSTRIKE
-            off = np.abs(walks[:, R.TIME] - LEAD) * rate / tolerance
+            struck = touch.struck(walks)
+            off = np.abs(touch.time(walks) - LEAD) * rate / tolerance
             tried += int(seen.sum())
             failed += int((seen & ~struck).sum())
             worst = max(worst, float(off[seen & struck].max(initial=0.0)))
@@ -131,7 +158,8 @@ def pair_of_roots(count: int, rng: np.random.Generator) -> Finding:
 
 @case(
     TOPIC,
-    "A foot that stays above the ground by 10⁻² to 10⁻¹¹ at its lowest does not strike it there",
+    "A foot that stays above the ground, or a knee that stays bent, by 10⁻² to 10⁻¹¹ at the least, "
+    "does not strike there",
     quick=6_000, long=60_000,
 )  # fmt: skip
 def near_miss(count: int, rng: np.random.Generator) -> Finding:
@@ -144,15 +172,16 @@ def near_miss(count: int, rng: np.random.Generator) -> Finding:
         for tolerance in TOLERANCES:
             seen = height > 100.0 * tolerance
             walks = passing.walk(starts, tolerance)
-            struck = walks[:, R.OUTCOME] == Outcome.HEELSTRIKE
+            struck = touch.struck(walks)
             tried += int(seen.sum())
-            failed += int((seen & struck & (walks[:, R.TIME] < 1.1 * LEAD)).sum())
+            failed += int((seen & struck & (touch.time(walks) < 1.1 * LEAD)).sum())
     return Finding(tried, failed)
 
 
 @case(
     TOPIC,
-    "A foot that just touches the ground strikes it, if at all, at the touch",
+    "A foot that just touches the ground, or a knee that is straight for an instant, strikes, if "
+    "at all, then",
     quick=6_000, long=60_000, bound=3.0, unit="√(tolerance / lift)",
 )  # fmt: skip
 def mere_touch(count: int, rng: np.random.Generator) -> Finding:
@@ -163,11 +192,11 @@ def mere_touch(count: int, rng: np.random.Generator) -> Finding:
         starts = touch.before(LEAD)
         for tolerance in TOLERANCES[1:]:
             walks = touch.walk(starts, tolerance)
-            early = walks[:, R.TIME] < 1.5 * LEAD
-            struck = walks[:, R.OUTCOME] == Outcome.HEELSTRIKE
-            off = np.abs(walks[:, R.TIME] - LEAD) / np.sqrt(tolerance / touch.lift)
+            early = touch.time(walks) < 1.5 * LEAD
+            struck = touch.struck(walks)
+            off = np.abs(touch.time(walks) - LEAD) / np.sqrt(tolerance / touch.lift)
             tried += len(walks)
-            failed += int((early & ~struck).sum())
+            failed += int((walks[:, R.OUTCOME] == Outcome.DIVERGED).sum())
             worst = max(worst, float(off[early & struck].max(initial=0.0)))
     return Finding(tried, failed, worst)
 

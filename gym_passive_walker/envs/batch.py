@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.envs import task as T
 from gym_passive_walker.envs.interface import refuse
 from gym_passive_walker.envs.scene import Scene, SceneError
-from gym_passive_walker.envs.starts import Starts, checked_state
+from gym_passive_walker.envs.starts import DRAWS, Starts, checked_state
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import record as R
 from gym_passive_walker.physics.arguments import check_slope, check_state
@@ -26,7 +26,7 @@ from gym_passive_walker.walkers import Walker
 OPTIONS = ("state", "slope")
 """What `reset` may be asked for."""
 
-_CROWD = 1024  # walkers from which on threads may share the work
+_CROWD = 2048  # walkers from which on threads may share the work
 
 
 def _rules(scene: Scene, step_limit: float) -> NDArray[np.float64]:
@@ -108,6 +108,7 @@ class Batch:
             shared.setdefault((walker, slope), Starts(scene, walker, slope))
             for walker, slope in zip(self.walkers, slope_of, strict=True)
         ]
+        self._alike_starts = len(shared) == 1
         self._kind = int(self.kind)
         self._alike = walkers is None and not scene.randomise
         known = {walker: K.constants(walker) for walker in set(self.walkers)}
@@ -121,7 +122,7 @@ class Batch:
 
     def start(
         self,
-        lanes: Iterable[int],
+        lanes: ArrayLike,
         observations: NDArray[np.float32],
         options: Mapping[str, Any] | None = None,
     ) -> None:
@@ -137,27 +138,56 @@ class Batch:
             ValueError: if an option is unknown or out of its range; nothing has changed then
                 but the random numbers taken.
         """
-        where = np.fromiter(lanes, np.int64)
-        states, slopes = self._asked(options) if options else (None, None)
-        starts, changed = [], []
-        for i in where.tolist():
-            slope = None if slopes is None else slopes[i]
-            walker, *start = self._starts[i].draw(self.randoms[i], slope, gait=states is None)
-            if states is not None:
-                start[1:] = checked_state(states[i].tolist(), walker)
-            starts.append(start)
-            if walker is not self.walkers[i]:
-                changed.append((i, walker))
-        for i, walker in changed:
+        where = np.array(lanes, np.int64)
+        states, asked = self._asked(options) if options else (None, None)
+        draws = np.empty((len(where), DRAWS))
+        for draw, i in zip(draws, where.tolist(), strict=True):
+            self.randoms[i].random(out=draw)
+        varied = {}
+        if self.scene.randomise:
+            varied = {i: self._starts[i].varied(self.randoms[i]) for i in where.tolist()}
+        slopes, gaits = self._nominal(where, draws[:, 0], asked, wanted=states is None)
+        if states is not None:
+            given = [(states[i].tolist(), varied.get(i, self.walkers[i])) for i in where.tolist()]
+            gaits = np.array([checked_state(state, walker) for state, walker in given])
+            draws[:] = 0.5  # no change
+        for i, walker in varied.items():
             self.walkers[i], self.constants[i] = walker, K.constants(walker)
         T.begin(
             self.records, self.constants, self.ledger, self._kind,
-            where, np.array(starts), observations,
+            where, slopes, gaits, draws, self.scene.perturbation, observations,
         )  # fmt: skip
+
+    def _nominal(
+        self,
+        where: NDArray[np.int64],
+        shares: NDArray[np.float64],
+        asked: NDArray[np.float64] | None,
+        *,
+        wanted: bool,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Slopes, drawn or asked for, and if wanted the gaits there: a row for all, or for each."""
+        none = np.zeros((1, 6))
+        if asked is not None:
+            slopes = asked[where]
+            if not wanted:
+                return slopes, none
+            each = zip(where.tolist(), slopes.tolist(), strict=True)
+            return slopes, np.array([self._starts[i].gait(slope) for i, slope in each])
+        if self._alike_starts:
+            starts = self._starts[0]
+            slopes = starts.slopes(shares)
+            return slopes, starts.gaits(slopes) if wanted else none
+        slopes, gaits = np.empty(len(where)), np.zeros((len(where), 6))
+        for j, i in enumerate(where.tolist()):
+            slopes[j : j + 1] = self._starts[i].slopes(shares[j : j + 1])
+            if wanted:
+                gaits[j : j + 1] = self._starts[i].gaits(slopes[j : j + 1])
+        return slopes, gaits
 
     def _asked(
         self, options: Mapping[str, Any]
-    ) -> tuple[NDArray[np.float64] | None, list[float] | None]:
+    ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
         """The states and slopes that options ask for, one for each walker."""
         unknown = set(options) - set(OPTIONS)
         if unknown:
@@ -170,7 +200,7 @@ class Batch:
             if options.get("state") is not None:
                 states = np.broadcast_to(check_state(options["state"]), (self.count, 6))
             if options.get("slope") is not None:
-                slopes = np.broadcast_to(check_slope(options["slope"]), (self.count,)).tolist()
+                slopes = np.broadcast_to(check_slope(options["slope"]), (self.count,))
         except (TypeError, ValueError) as error:
             raise ValueError(f"reset options {dict(options)!r}: {error}") from None
         return states, slopes

@@ -7,13 +7,12 @@ the walker starts with the gait of a slope that has one.
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
-from typing import Any
+from functools import cached_property, lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gym_passive_walker.envs.scene import Scene, SceneError
 from gym_passive_walker.gaits.fixed_point import find_gait
@@ -28,7 +27,8 @@ NODES = 13
 """Slopes of a range at which gaits are sought; between them, starts are interpolated."""
 
 DRAWS = 4
-"""Random numbers that every start takes, whatever the scene; a varied walker takes more."""
+"""Random numbers that every start takes, whatever the scene: for its slope, and for how far its
+angles, its stance rate and its swing rates are from the gait's. A varied walker takes more."""
 
 State = tuple[float, ...]
 
@@ -75,7 +75,7 @@ def gait_near(walker: Walker, slope: float, guess: State | None = None) -> State
 
 
 class Starts:
-    """Draws the starts of a scene's episodes.
+    """Where a scene's episodes start.
 
     Args:
         scene: The scene.
@@ -90,40 +90,35 @@ class Starts:
         self.walker = scene.walker if walker is None else walker
         chosen = scene.slope if slope is None else slope
         self.low, self.high = chosen if isinstance(chosen, tuple) else (chosen, chosen)
-        self._nodes: tuple[list[float], list[State]] | None = None
+        self._only_slope = np.array([self.low]) if self.low == self.high else None
 
-    def draw(
-        self, rng: np.random.Generator, slope: float | None = None, *, gait: bool = True
-    ) -> tuple[Any, ...]:
-        """A walker, a slope, and a section state near the walker's gait there.
+    def slopes(self, shares: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Slopes in rad at shares, from 0 to 1, of the scene's range; one if there is but one."""
+        if self._only_slope is not None:
+            return self._only_slope
+        return self.low + (self.high - self.low) * shares
+
+    def gaits(self, slopes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Section states to start from at slopes of the scene's range.
 
         Args:
-            rng: Where random numbers come from; the same count of them whatever is asked.
-            slope: A slope that was asked for, instead of one drawn.
-            gait: Whether the state is wanted.
+            slopes: In rad, shape (n,).
 
         Returns:
-            The walker, the slope in rad, and the six numbers of the state if they are wanted,
-            rates in units of 1/sqrt(l/g).
+            Shape (n, 6), or (1, 6) if all start alike; rates in units of 1/sqrt(l/g).
         """
-        where, *shifts = rng.random(DRAWS).tolist()
-        walker = self._varied(rng)
-        drawn = self.low + (self.high - self.low) * where if slope is None else slope
-        if not gait:
-            return walker, drawn
-        if self.scene.start is not None:
-            nominal = self.scene.start
-        elif slope is None:
-            nominal = self._between(drawn)
-        else:
-            nominal = gait_near(self.walker, slope)
-        size = self.scene.perturbation
-        a, b, c = [1.0 + size * (2.0 * shift - 1.0) for shift in shifts]
-        # Thigh and shank share a factor: the knee of a leg that has just left the ground opens.
-        q0, q1, q2, w0, w1, w2 = nominal
-        return walker, drawn, a * q0, a * q1, a * q2, b * w0, c * w1, c * w2
+        nodes, states = self._nodes
+        if len(nodes) == 1:
+            return states
+        right = np.clip(np.searchsorted(nodes, slopes, side="right"), 1, len(nodes) - 1)
+        share = (slopes - nodes[right - 1]) / (nodes[right] - nodes[right - 1])
+        return (1.0 - share)[:, None] * states[right - 1] + share[:, None] * states[right]
 
-    def _varied(self, rng: np.random.Generator) -> Walker:
+    def gait(self, slope: float) -> State:
+        """The section state to start from at any slope."""
+        return gait_near(self.walker, slope) if self.scene.start is None else self.scene.start
+
+    def varied(self, rng: np.random.Generator) -> Walker:
         """The walker with its parameters varied, if the scene asks for it."""
         shares = self.scene.randomise
         if not shares:
@@ -140,24 +135,16 @@ class Starts:
                 continue
         raise SceneError(f"randomise: hardly any walker lies within {shares} of this one")
 
-    def _between(self, slope: float) -> State:
-        """The gait at a slope of the scene's range, between the gaits of its nodes."""
-        if self._nodes is None:
-            count = NODES if self.high > self.low else 1
-            slopes = np.linspace(self.low, self.high, count).tolist()
-            states: list[State] = []
-            for node in reversed(slopes):
-                states.insert(0, gait_near(self.walker, node, states[0] if states else None))
-            self._nodes = slopes, states
-        slopes, states = self._nodes
-        if len(slopes) == 1:
-            return states[0]
-        right = min(max(bisect_right(slopes, slope), 1), len(slopes) - 1)
-        share = (slope - slopes[right - 1]) / (slopes[right] - slopes[right - 1])
-        return tuple(
-            (1.0 - share) * a + share * b
-            for a, b in zip(states[right - 1], states[right], strict=True)
-        )
+    @cached_property
+    def _nodes(self) -> tuple[NDArray, NDArray]:
+        """Slopes of the range, and the states to start from there."""
+        if self.scene.start is not None:
+            return np.array([self.low]), np.array([self.scene.start])
+        slopes = np.linspace(self.low, self.high, NODES if self.high > self.low else 1)
+        states: list[State] = []
+        for slope in reversed(slopes.tolist()):
+            states.insert(0, gait_near(self.walker, slope, states[0] if states else None))
+        return slopes, np.array(states)
 
 
 def checked_state(state: Sequence[float], walker: Walker) -> State:
@@ -181,9 +168,9 @@ def checked_state(state: Sequence[float], walker: Walker) -> State:
         shank, rates[2] = thigh, rates[1]
     if abs(stance) >= 0.5 * math.pi or abs(thigh) >= math.pi or abs(shank) >= math.pi:
         raise ValueError(f"options['state'] is of a walker that has fallen: {given.tolist()}")
-    if shank > thigh or (shank == thigh and rates[2] > rates[1]):
+    if shank > thigh:
         raise ValueError(
-            "options['state'] bends the knee backwards: the shank must be behind the thigh, or "
-            f"falling behind it: {given.tolist()}"
+            "options['state'] bends the knee backwards: the shank must not be ahead of the thigh: "
+            f"{given.tolist()}"
         )
     return (stance, thigh, shank, *(walker.time_unit * rate for rate in rates))

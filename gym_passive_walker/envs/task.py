@@ -103,16 +103,61 @@ def observe(records, ledger, kind, observations):
 
 
 @kernel
-def begin(records, constants, ledger, kind, lanes, starts, observations):
-    """Begin the episodes of some walkers, each from a slope and a section state."""
+def tell(ledger, asked, columns, strides, outcomes, ended, struck):
+    """Write the ledger's first columns, of the walkers asked about; of the others, zeros.
+
+    Args:
+        ledger: The ledger.
+        asked: Which walkers are asked about.
+        columns: Zeros, filled: a row for each of the first columns, EVERY_STEP or TOLD of them.
+        strides: Filled with the number of strides.
+        outcomes: Filled with outcomes, as numbers.
+        ended: Filled: whose stride or episode has ended.
+        struck: Filled: whose stride has ended with a heelstrike.
+
+    Returns:
+        How many walkers are asked about, how many of them have ended something, and how many have
+        ended a stride.
+    """
+    present, endings, strikes = 0, 0, 0
+    for i in range(len(ledger)):
+        row = ledger[i]
+        outcome = int(row[OUTCOME]) if asked[i] else 0
+        if asked[i]:
+            for k in range(len(columns) if outcome else EVERY_STEP):
+                columns[k, i] = row[k]
+        strides[i] = int(columns[STRIDES, i])
+        outcomes[i] = outcome
+        ended[i] = outcome != 0
+        struck[i] = outcome == 1  # Outcome.HEELSTRIKE
+        present += asked[i]
+        endings += ended[i]
+        strikes += struck[i]
+    return present, endings, strikes
+
+
+@kernel
+def begin(
+    records, constants, ledger, kind, lanes, slopes, gaits, draws, perturbation, observations
+):
+    """Begin the episodes of some walkers, each near a section state.
+
+    Slopes and gaits have a row for each, or one for all. Angles, stance rate and swing rates are
+    off by a factor each, which the draws (from 0 to 1, in columns 1 to 3) put between
+    1 - perturbation and 1 + perturbation. Thigh and shank share theirs: so the knee of a leg that
+    has just left the ground opens.
+    """
     for j in range(len(lanes)):
         i = lanes[j]
         record, row = records[i], ledger[i]
         record[:] = 0.0
         row[:] = 0.0
-        row[SLOPE] = starts[j, 0]
-        record[R.SIN_SLOPE], record[R.COS_SLOPE] = sine_cosine(starts[j, 0])
-        record[:6] = starts[j, 1:]
+        row[SLOPE] = slopes[j if len(slopes) > 1 else 0]
+        record[R.SIN_SLOPE], record[R.COS_SLOPE] = sine_cosine(row[SLOPE])
+        gait = gaits[j if len(gaits) > 1 else 0]
+        for k in range(6):
+            which = 1 if k < 3 else (2 if k == 3 else 3)
+            record[k] = gait[k] * (1.0 + perturbation * (2.0 * draws[j, which] - 1.0))
         row[START : START + 3] = record[:3]
         radius = constants[i if len(constants) > 1 else 0, K.FOOT_RADIUS]
         row[ORIGIN] = radius * record[R.ANGLES]

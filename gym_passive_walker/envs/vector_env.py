@@ -17,7 +17,6 @@ from gym_passive_walker.envs import task as T
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import Scene, make_scene, walker_from
-from gym_passive_walker.physics.events import Outcome
 from gym_passive_walker.walkers import Walker
 
 _OUTCOMES = np.array(interface.OUTCOMES, object)
@@ -173,26 +172,24 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             which: Who makes this step; None for all.
             told: Whether someone ended a stride or an episode.
         """
-        columns = self.batch.ledger.T[: T.TOLD if told else T.EVERY_STEP].copy()
         mask = np.ones(self.num_envs, bool) if which is None else which
-        if which is not None:
-            columns[:, ~which] = 0.0
-            if not which.any():
-                return {}
+        columns = np.zeros((T.TOLD if told else T.EVERY_STEP, self.num_envs))
+        strides, outcomes = np.empty((2, self.num_envs), np.int64)
+        ended, struck = np.empty((2, self.num_envs), bool)
+        present, endings, strikes = T.tell(
+            self.batch.ledger, mask, columns, strides, outcomes, ended, struck
+        )
+        if not present:
+            return {}
         infos: dict[str, Any] = {}
-        for name, column in zip(interface.EVERY_STEP, columns[: T.EVERY_STEP], strict=True):
+        for name, column in zip(interface.EVERY_STEP, columns, strict=False):
             infos[name], infos["_" + name] = column, mask
-        infos["strides"] = columns[T.STRIDES].astype(np.int64)
-        if not told:
-            return infos
-        outcomes = columns[T.OUTCOME].astype(np.intp)
-        mask = outcomes != 0
-        if mask.any():
-            infos["outcome"], infos["_outcome"] = _OUTCOMES.take(outcomes), mask
-        mask = outcomes == Outcome.HEELSTRIKE.value
-        if mask.any():
+        infos["strides"] = strides
+        if endings:
+            infos["outcome"], infos["_outcome"] = _OUTCOMES.take(outcomes), ended
+        if strikes:
             for name, column in zip(interface.EVERY_STRIDE, columns[T.MEASURES :], strict=True):
-                infos[name], infos["_" + name] = column, mask
+                infos[name], infos["_" + name] = column, struck
         return infos
 
     def _checked_mask(self, mask: Any) -> NDArray[np.bool_]:

@@ -27,7 +27,7 @@ from gym_passive_walker.physics.events import Outcome
 from gym_passive_walker.physics.lanes import WIDTH, inlined, jitted, kernel
 
 _CHUNK = 1024  # records carried through a stride together, so that they stay in the cache
-_WORTH_A_THREAD = 512  # records below which a second thread costs more than it saves
+_WORTH_A_THREAD = 1024  # records below which a second thread costs more than it saves
 
 
 @inlined
@@ -175,10 +175,18 @@ def in_parts(job: Callable[[int, int], object], count: int, threads: int | None 
     if threads < 2:
         job(0, count)
         return
-    pieces = threads * min(4, max(1, count // (threads * _CHUNK)))
-    bounds = [count * i // pieces for i in range(pieces + 1)]
-    for done in [_crew(os.cpu_count() or 1).submit(job, a, b) for a, b in pairwise(bounds)]:
-        done.result()
+    pieces = threads * min(4, max(2, count // (threads * _CHUNK)))
+    bounds = pairwise([count * i // pieces for i in range(pieces + 1)])
+
+    def work() -> None:
+        for first, last in bounds:  # shared: whoever is free takes the next piece
+            job(first, last)
+
+    helpers = [_crew(os.cpu_count() or 1).submit(work) for _ in range(threads - 1)]
+    work()  # this thread too: to wake another takes as long as hundreds of walkers
+    for helper in helpers:
+        if not helper.cancel():
+            helper.result()
 
 
 def step_control(tolerance: float, *, real: bool = True) -> tuple[float, float, float]:

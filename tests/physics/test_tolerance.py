@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, Outcome, stride
+from gym_passive_walker.physics.engine import step_control
 from tests.physics import oracle
 from tests.physics.examples import LONG_GAITS
 
@@ -65,3 +66,9 @@ def test_small_motions_are_resolved_as_well_as_large_ones(walker):
         error = np.abs(rocking(1e-200, tolerance) - exact).max()
         assert 0.0 < error < 100.0 * tolerance * np.abs(exact).max()
     np.testing.assert_allclose(rocking(1e-6, 1e-14), exact, rtol=0.0, atol=1e-9)
+
+
+def test_a_finer_tolerance_lands_nearer_to_an_event():
+    # What a landing may be off by is of third order in the share of a step that it is moved by.
+    _, landing, _ = step_control(1e-8)
+    assert landing**3 < 1e-8 < landing < step_control(1e-4)[1] < 0.01
