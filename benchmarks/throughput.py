@@ -23,7 +23,13 @@ import gym_passive_walker  # noqa: F401  (registers the environment)
 from benchmarks import rivals
 from benchmarks.problem import Problem, crowd, ends, error, problem, reference
 from benchmarks.report import DOCS, keep, machine, seconds, table
+from gym_passive_walker import WALKERS
+from gym_passive_walker.physics import constants as K
+from gym_passive_walker.physics import events as E
+from gym_passive_walker.physics import integrator
+from gym_passive_walker.physics import tile as T
 from gym_passive_walker.physics.engine import advance
+from gym_passive_walker.physics.lanes import WIDTH, get, jitted, put
 from gym_passive_walker.physics.record import OUTCOME
 
 CORES = os.cpu_count() or 1
@@ -45,6 +51,38 @@ def _microseconds(p: Problem, count: int, tolerance: float, threads: int = 1) ->
     job()
     assert np.all(records[:, OUTCOME] == 1.0)
     return (seconds(job) - seconds(copying)) / count * 1e6
+
+
+def accelerations() -> None:
+    """One evaluation of the equations of motion: over the lanes of a tile, and of one walker."""
+    rows = []
+    for name, phase in (("kneed", E.FREE), ("straight", E.LOCKED), ("simplest", E.SIMPLEST)):
+        crowded, alone = (_nanoseconds(phase, crowd) for crowd in (True, False))
+        rows.append((name, crowded, alone, alone / crowded))
+    heads = ["walker", "ns, one of a tile", "ns, one alone", "ratio"]
+    keep("accelerations", f"{table(heads, rows)}\n\nOne core. {machine()}.")
+
+
+def _nanoseconds(phase: int, crowd: bool) -> float:
+    """Time of an evaluation, of a whole tile's or of one lane after another."""
+
+    @jitted
+    def evaluate(tile, times):  # type: ignore[no-untyped-def]
+        for turn in range(times):
+            first = 0 if crowd else turn % WIDTH
+            for lane in range(first, WIDTH if crowd else first + 1):
+                q0, q1, q2 = get(tile, 0, lane), get(tile, 1, lane), get(tile, 2, lane)
+                w0, w1, w2 = get(tile, 3, lane), get(tile, 4, lane), get(tile, 5, lane)
+                a0, a1, a2 = integrator.accelerations(phase, tile, lane, q0, q1, q2, w0, w1, w2)
+                put(tile, T.STAGE, lane, a0)
+                put(tile, T.STAGE + 1, lane, a1)
+                put(tile, T.STAGE + 2, lane, a2)
+
+    tile, times = np.zeros(T.ROWS * WIDTH), 20_000
+    rows = tile.reshape(T.ROWS, WIDTH)
+    rows[:3], rows[T.COS] = np.random.default_rng(0).uniform(-1.0, 1.0, (3, WIDTH)), 1.0
+    rows[T.CONSTANT :] = K.constants(WALKERS["lab"])[: T.CONSTANTS, None]
+    return seconds(lambda: evaluate(tile, times)) / times / (WIDTH if crowd else 1) * 1e9
 
 
 def strides() -> None:
@@ -345,7 +383,13 @@ def learning() -> None:
     keep("learning", text)
 
 
-PARTS = {"strides": strides, "against": against, "ticks": ticks, "learning": learning}
+PARTS = {
+    "accelerations": accelerations,
+    "strides": strides,
+    "against": against,
+    "ticks": ticks,
+    "learning": learning,
+}
 
 
 def main() -> int:
