@@ -106,7 +106,9 @@ def root(p):
     first, last = value(p, 0.0), value(p, 1.0)
     rising = last > 0.0
     d = derivative(p)
-    x = first / (first - last) if first != last else 0.5
+    x = first / (first - last)
+    if not 0.0 <= x <= 1.0:  # rounding of huge coefficients has hidden the change of sign
+        x = 0.5
     for _ in range(60):
         g = value(p, x)
         if (g > 0.0) == rising:

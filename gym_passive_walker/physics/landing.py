@@ -265,14 +265,16 @@ def attend(tile, lane, phase, stub, landing):
     error = get(tile, T.ERROR, lane).real
     if not h.real * 0.0 == 0.0 or get(tile, T.STEPS, lane).real > MOST_STEPS:
         return -2
-    if get(tile, T.EVENT, lane).real != 0.0:
+    aimed = get(tile, T.EVENT, lane).real != 0.0
+    if aimed and error <= 1.0:
         return land(tile, lane, phase, stub, landing)
 
     if not error <= 1.0:
+        put(tile, T.EVENT, lane, 0.0)  # where a step is not to be trusted, neither is its event
         shorter = growth(error) if error > 1.0 else 0.1
         put(tile, T.NEXT, lane, h * shorter)
         put(tile, T.H, lane, h * shorter)
-        if error < 1e3:  # near enough to tell where an event cuts the next step short
+        if error < 1e3 and not aimed:  # near enough to tell where an event cuts the next step short
             first, event = earliest(tile, lane, phase, stub)
             if event > 0 and first < 0.8 * shorter:
                 aim(event, first, tile, lane, h.real)
