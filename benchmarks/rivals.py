@@ -1,8 +1,9 @@
-"""What a user would pick instead: SciPy and heyoka, on the same equations and collisions."""
+"""What a user would pick instead: SciPy, heyoka, diffrax, on the same equations and collisions."""
 
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable
 from typing import Any
 
@@ -209,3 +210,46 @@ def heyoka_batch(
             if phase == "free":
                 state = np.array(scalar_knee(ta.state))
     return stride
+
+
+def diffrax_batch(p: Problem, method: str, tolerance: float) -> Callable[[NDArray], NDArray]:
+    """A function from section states to the next by diffrax, compiled by JAX for all at once."""
+    one_core = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
+    os.environ.setdefault("XLA_FLAGS", one_core)
+    import diffrax
+    import jax
+    import jax.numpy as jnp
+    import optimistix
+
+    jax.config.update("jax_enable_x64", True)
+    knee, heel = strikes(p, lambda x: (jnp.sin(x), jnp.cos(x)))
+    control = diffrax.PIDController(rtol=tolerance, atol=0.1 * tolerance)
+    finder = optimistix.Newton(rtol=tolerance, atol=0.1 * tolerance)
+
+    def follow(phase: str, state: Any) -> Any:
+        accelerations = motion(p, phase, lambda x: (jnp.sin(x), jnp.cos(x)))
+        links = 3 if phase == "free" else 2
+
+        def rates(_, y, __):  # type: ignore[no-untyped-def]
+            return jnp.concatenate([y[links:], jnp.stack(accelerations(*y))])
+
+        def event(_, y, __, **___):  # type: ignore[no-untyped-def]
+            return y[1] - y[2] if phase == "free" else jnp.where(y[0] < 0.0, y[0] + y[1], 1.0)
+
+        found = diffrax.diffeqsolve(
+            diffrax.ODETerm(rates), getattr(diffrax, method)(), 0.0, _LONGEST, None, state,
+            stepsize_controller=control, event=diffrax.Event(event, finder, direction=False),
+            throw=False,
+        )  # fmt: skip
+        assert found.ys is not None
+        return found.ys[-1]
+
+    def stride(state: Any) -> Any:
+        if p.kind == Kind.KNEED:
+            state = jnp.stack(knee(follow("free", state)))
+        else:
+            state = state[jnp.array([0, 1, 3, 4])]
+        return jnp.stack(heel(follow("locked", state)))
+
+    strides = jax.jit(jax.vmap(stride))
+    return lambda starts: np.asarray(strides(starts))

@@ -74,9 +74,10 @@ def _nanoseconds(phase: int, crowd: bool) -> float:
                 q0, q1, q2 = get(tile, 0, lane), get(tile, 1, lane), get(tile, 2, lane)
                 w0, w1, w2 = get(tile, 3, lane), get(tile, 4, lane), get(tile, 5, lane)
                 a0, a1, a2 = integrator.accelerations(phase, tile, lane, q0, q1, q2, w0, w1, w2)
-                put(tile, T.STAGE, lane, a0)
-                put(tile, T.STAGE + 1, lane, a1)
-                put(tile, T.STAGE + 2, lane, a2)
+                # A little further each time: what never changes need not be computed.
+                put(tile, 0, lane, q0 + 1e-9 * a0)
+                put(tile, 1, lane, q1 + 1e-9 * a1)
+                put(tile, 2, lane, q2 + 1e-9 * a2)
 
     tile, times = np.zeros(T.ROWS * WIDTH), 20_000
     rows = tile.reshape(T.ROWS, WIDTH)

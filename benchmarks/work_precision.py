@@ -102,6 +102,13 @@ def _heyoka_batch(p: Problem, exact: NDArray, tolerance: float) -> tuple[float, 
     return reached, seconds(lambda: stride(starts), at_least=0.05, repeats=3) / lanes * 1e6
 
 
+def _diffrax(p: Problem, exact: NDArray, method: str, tolerance: float) -> tuple[float, float]:
+    strides = rivals.diffrax_batch(p, method, tolerance)
+    starts = np.resize(p.starts, (CROWD, 6))
+    reached = error(strides(starts)[: len(exact)], exact)
+    return reached, seconds(lambda: strides(starts), at_least=0.05, repeats=3) / CROWD * 1e6
+
+
 def strides() -> None:
     """A stride of each kind of walker."""
     text = []
@@ -113,12 +120,18 @@ def strides() -> None:
             "this engine, alone": partial(_engine, p, exact, 1),
             "heyoka, 8 lanes": partial(_heyoka_batch, p, exact),
             "heyoka, alone": partial(_heyoka, p, exact),
+            **{
+                f"diffrax {m}, {CROWD} at once": partial(_diffrax, p, exact, m)
+                for m in ("Tsit5", "Dopri8")
+            },
             **{f"SciPy {m}": partial(_scipy, p, exact, m) for m in ("DOP853", "RK45", "LSODA")},
         }
         curves = {}
         for label, method in methods.items():
             try:
-                curves[label] = [method(float(tolerance)) for tolerance in TOLERANCES]
+                # JAX compiles each tolerance anew.
+                tolerances = TOLERANCES[::2] if "diffrax" in label else TOLERANCES
+                curves[label] = [method(float(tolerance)) for tolerance in tolerances]
             except ImportError:
                 print(f"{label} is not installed")
             print(name, label, flush=True)
@@ -126,7 +139,7 @@ def strides() -> None:
         title = f"One stride, walker {walker} at slope {slope}"
         text += [f"{title}; the reference's own error is about {own:.0e}.", _table(curves)]
         _plot(f"work-precision-{name}", title, curves)
-    keep("work-precision", "\n\n".join([*text, f"{machine('scipy', 'heyoka')}."]))
+    keep("work-precision", "\n\n".join([*text, f"{machine('scipy', 'heyoka', 'diffrax')}."]))
 
 
 def _walk(p: Problem, count: int, tolerance: float) -> NDArray:
