@@ -291,6 +291,18 @@ def _envpool(name: str, count: int) -> float:
     return seconds(job) / len(actions)
 
 
+def _timed(job: Callable[..., Any], seconds_taken: list[float]) -> Callable[..., Any]:
+    """The same job, which notes how long it takes."""
+
+    def timed(*arguments: Any, **named: Any) -> Any:
+        began = time.perf_counter()
+        result = job(*arguments, **named)
+        seconds_taken.append(time.perf_counter() - began)
+        return result
+
+    return timed
+
+
 def learning() -> None:
     """Frames a second of PPO with this environment, and with one that costs nothing."""
     import torch
@@ -340,17 +352,19 @@ def learning() -> None:
 
     frames = config.hyperparams["n_steps"] * worlds.num_envs
     learners = [build(config, environment) for environment in (worlds, Free())]
-    rates: list[list[float]] = [[], []]
-    for model in learners:
+    collecting: list[list[float]] = [[], []]
+    training: list[float] = []  # the same sums for both
+    for model, collected in zip(learners, collecting, strict=True):
         model.set_logger(Logger(None, []))
-        model.learn(4 * frames)
-    for _ in range(8):  # by turns, so that both see the same machine
-        for model, rate in zip(learners, rates, strict=True):
-            began = time.perf_counter()
-            model.learn(2 * frames, reset_num_timesteps=False)
-            rate.append(2 * frames / (time.perf_counter() - began))
-    own, floor = (float(np.median(rate)) for rate in rates)
-    share = float(np.median(np.array(rates[0]) / np.array(rates[1])))
+        model.learn(40 * frames)  # until walkers seldom fall, as for most of a training
+        model.collect_rollouts = _timed(model.collect_rollouts, collected)  # type: ignore
+        model.train = _timed(model.train, training)  # type: ignore
+    for _ in range(24):  # by turns, so that both see the same machine
+        for model in learners:
+            model.learn(frames, reset_num_timesteps=False)
+    own, floor = (
+        frames / float(np.median(collected) + np.median(training)) for collected in collecting
+    )
 
     native = training_worlds(config)
     native.reset()
@@ -376,8 +390,10 @@ def learning() -> None:
     ]
     text = table([f"PPO, preset level, {native.num_envs} environments", "frames/s"], rows)
     text += (
-        f"\n\nTraining reaches {100 * share:.1f} % of the frames/s that the free environment "
-        f"allows (median of {len(rates[0])} pairs, by turns); the environment's own steps take "
+        f"\n\nAfter {40 * frames:,} frames, training reaches {100 * own / floor:.1f} % of the "
+        f"frames/s that the free environment allows (medians of {len(collecting[0])} updates, by "
+        "turns, of the time to collect frames and of the time to learn from them); the "
+        "environment's own steps take "
         f"{100 * env_only * own:.1f} % of the time of training. One thread of torch. "
         f"{machine('stable-baselines3', 'torch')}."
     )
