@@ -189,7 +189,7 @@ def _scaled(walker: Walker, slope: float, enough: Callable[[list[Gait]], bool]) 
     section = section_of(walker)
     for factor in _STEEPER:
         u = starts(section, factor * slope)
-        gaits, _ = _search(walker, factor * slope, u, 1, 0.0, enough)
+        gaits, _ = _search(walker, factor * slope, u, 1, 0.0, enough, _BATCHES[:1])
         if enough(gaits):
             states = np.array([gait.state for gait in gaits])
             states[:, 3:] *= section.time
