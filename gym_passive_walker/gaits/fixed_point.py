@@ -29,10 +29,6 @@ _BATCHES = (12, 24, 96)  # promising starts tried by Newton's method, as long as
 _APART = 0.03  # starts closer than this are tried once
 _LOOKS = 64  # at the swing leg during a stride
 
-# On shallow slopes gaits scale: a long step is as the cube root of the slope, a short one as that
-# or as the slope itself. What a search misses there it may find on a slope some times as steep.
-_SHALLOW, _STEEPER = 1e-3, (3.0, 10.0, 30.0)
-
 
 def _distinct(u: NDArray, others: list[NDArray], apart: float) -> NDArray:
     """Points that differ from others, and from all before them, by more than a distance."""
@@ -184,39 +180,6 @@ def glance(walker: Walker, slope: float, kind: GaitKind) -> Gait | None:
     return next((gait for gait in gaits if gait.kind == kind), None)
 
 
-def _scaled(walker: Walker, slope: float, enough: Callable[[list[Gait]], bool]) -> NDArray:
-    """Where gaits of a shallow slope may be, from those of a steeper one."""
-    section = section_of(walker)
-    for factor in _STEEPER:
-        u = starts(section, factor * slope)
-        gaits, _ = _search(walker, factor * slope, u, 1, 0.0, enough, _BATCHES[:1])
-        if enough(gaits):
-            states = np.array([gait.state for gait in gaits])
-            states[:, 3:] *= section.time
-            shifts = np.zeros((2, 1, section.dimension))
-            shifts[:, 0, 0] = np.log(factor) / 3.0, np.log(factor)
-            return (section.point(states) - shifts).reshape(-1, section.dimension)
-    return np.empty((0, section.dimension))
-
-
-def _look(
-    walker: Walker,
-    slope: float,
-    period: int,
-    guess: ArrayLike | None,
-    enough: Callable[[list[Gait]], bool],
-) -> tuple[list[Gait], Counter]:
-    """Gaits from a guess, or from wherever they may be; and how the first starts' strides ended."""
-    u = _starts(walker, slope, period, guess)
-    gaits, ends = _search(walker, slope, u, period, 0.0, enough)
-    if guess is None and period == 1 and 0.0 < slope < _SHALLOW and not enough(gaits):
-        more, _ = _search(walker, slope, _scaled(walker, slope, enough), 1, 0.0, enough)
-        known = [gait.stance_angle for gait in gaits]
-        gaits += [g for g in more if not np.any(np.isclose(g.stance_angle, known, rtol=1e-6))]
-        gaits.sort(key=lambda gait: -gait.stance_angle)
-    return gaits, ends
-
-
 def find_gaits(
     walker: Walker | str, slope: float, *, period: int = 1, guess: ArrayLike | None = None
 ) -> list[Gait]:
@@ -232,7 +195,8 @@ def find_gaits(
         Zero, one or two gaits for walkers like the published ones.
     """
     walker, slope, period = _check(walker, slope, period)
-    return _look(walker, slope, period, guess, lambda gaits: len(gaits) >= 2)[0]
+    u = _starts(walker, slope, period, guess)
+    return _search(walker, slope, u, period, 0.0, lambda gaits: len(gaits) >= 2)[0]
 
 
 def find_gait(
@@ -262,6 +226,7 @@ def find_gait(
     """
     walker, slope, period = _check(walker, slope, period)
     kind = gait_kind(kind)
+    u = _starts(walker, slope, period, guess)
 
     def wanted(gaits: list[Gait]) -> list[Gait]:
         return [gait for gait in gaits if guess is not None or period > 1 or gait.kind == kind]
@@ -269,7 +234,7 @@ def find_gait(
     def enough(gaits: list[Gait]) -> bool:
         return any(guess is not None or gait.beyond_fold == (kind == "short") for gait in gaits)
 
-    gaits, ends = _look(walker, slope, period, guess, lambda gaits: enough(wanted(gaits)))
+    gaits, ends = _search(walker, slope, u, period, 0.0, lambda gaits: enough(wanted(gaits)))
     if wanted(gaits):
         return wanted(gaits)[0 if kind == "long" else -1]
     tried = ", ".join(f"{count} {name}" for name, count in ends.most_common()) or "none"

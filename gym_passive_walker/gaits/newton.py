@@ -87,6 +87,17 @@ def _size(value: NDArray) -> NDArray:
     return np.where(np.isfinite(size), size, np.inf)
 
 
+def _solved(derivatives: NDArray, values: NDArray) -> NDArray:
+    """Solutions of the linear systems of all points; NaN where there is none."""
+    solutions = np.full(values.shape, np.nan)
+    for i, (derivative, value) in enumerate(zip(derivatives, values, strict=True)):
+        try:
+            solutions[i] = np.linalg.solve(derivative[:, :-1], value)
+        except np.linalg.LinAlgError:
+            continue
+    return solutions
+
+
 def newton(
     section: Section,
     u: NDArray,
@@ -119,12 +130,7 @@ def newton(
         active = np.flatnonzero(np.isfinite(size) & (size > accuracy) & (damping > 1e-2))
         if len(active) == 0:
             break
-        step = np.empty((len(active), section.dimension))
-        for j, i in enumerate(active):
-            try:
-                step[j] = np.linalg.solve(derivative[i][:, :-1], -value[i])
-            except np.linalg.LinAlgError:
-                step[j] = np.nan
+        step = _solved(derivative[active], -value[active])
         length = np.abs(step).max(axis=1)
         limit = np.minimum(1.0, 0.7 / np.maximum(length, 1e-300))
         trial = u[active] + step * (damping[active] * limit)[:, None]
@@ -132,7 +138,10 @@ def newton(
         trial[~sane] = u[active][~sane]
         new_value, new_derivative = at(trial)
         new_size = np.where(sane, _size(new_value), np.inf)
-        better = new_size < size[active]
+        # The step that would follow tells better than the equations, whose scales differ, whether a
+        # gait is nearer (Deuflhard's natural test).
+        following = _size(_solved(derivative[active], -new_value))
+        better = (new_size < size[active]) | (np.isfinite(new_size) & (following < length))
         won, lost = active[better], active[~better]
         u[won], value[won] = trial[better], new_value[better]
         derivative[won], size[won] = new_derivative[better], new_size[better]

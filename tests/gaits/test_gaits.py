@@ -49,7 +49,7 @@ def test_a_gait_comes_back_to_itself_and_costs_the_sine_of_the_slope(name, slope
 @pytest.mark.parametrize(
     ("name", "slope"), [("F", 1.4e-7), ("F", 1.76e-8), ("E", 1.12e-8), ("E", 7.23e-8)]
 )
-def test_a_long_step_that_no_start_leads_to_is_found_from_a_steeper_slope(name, slope):
+def test_newtons_method_does_not_stand_still_in_the_valley_of_a_shallow_slope(name, slope):
     long, short = find_gaits(name, slope)
     assert long.kind == "long" and short.kind == "short"
     assert long.stance_angle == pytest.approx(np.cbrt(slope), rel=0.15)
