@@ -15,6 +15,13 @@ EQUIVALENT: dict[str, str] = {
     "ledger.kinetic_energy: state[1] -> state[2] (2)": (
         "the thigh's and the shank's angle of a straight leg are the same"
     ),
+    "tile.go_on: 1.1 * following.real -> 1.1110000000000002 * following.real": (
+        "the last steps before a time is up are shared out another way"
+    ),
+    "landing.fell: get(tile, T.NEW_ANGLE, lane).real < 0.0 -> "
+    "get(tile, T.NEW_ANGLE, lane).real < 0.01": (
+        "a foot that comes down behind is landed on, found to be behind, and goes on"
+    ),
     "runge_kutta._table: STAGES + 1 -> STAGES + 2": "leaves a row of zeros that nothing reads",
     "engine.module: _WORTH_A_THREAD = 1024 -> _WORTH_A_THREAD = 1025": (
         "threads change no result, only when a second one is worth its start"

@@ -50,11 +50,14 @@ TESTS = {
     "integrator": _ENGINE,
     "engine": _ENGINE,
     "ledger": _ENGINE,
-    "frame": _ENGINE,
+    "frame": ["test_forces", *_ENGINE],
     "arguments": _ENGINE,
     "stride": _ENGINE,
 }
 """Fast tests in the order in which they are likely to notice a change of a file."""
+
+_HARD = ("events", "tile", "landing", "integrator", "engine")
+"""Files whose faults may show in hard strikes only."""
 
 SLOW_WITHOUT_COMPILER = (
     "not (any_throw or any_size or any_shape or crowd or beside_whom or threads or many_shapes "
@@ -132,7 +135,7 @@ def notice(tree: Path, file: str) -> str:
     if file == "lanes":  # the last digit of a sine is the compiler's
         failure = tests_fail(tree, ["test_lanes"], which="sine or cosine", compiled=True)
     failure = failure or tests_fail(tree, TESTS[file])
-    return failure or (look_closely(tree) if TESTS[file] is _ENGINE else "")
+    return failure or (look_closely(tree) if file in _HARD else "")
 
 
 def look_closely(tree: Path) -> str:

@@ -103,7 +103,7 @@ def knee_with_heel(count: int, rng: np.random.Generator) -> Finding:
 @case(
     TOPIC,
     "Heelstrike and a fall within one step: the earlier ends the stride",
-    quick=200, long=20_000, bound=1.0, unit="tolerance",
+    quick=3_000, long=20_000, bound=1.0, unit="tolerance",
 )  # fmt: skip
 def strike_or_fall(count: int, rng: np.random.Generator) -> Finding:
     """Legs flat on the ground; which event comes first is asked where it can be told."""
