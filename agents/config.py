@@ -17,7 +17,7 @@ EVALUATIONS = 20
 
 _PRESETS = Path(__file__).parent / "presets"
 # What a preset says about the run rather than to the algorithm.
-_OF_THE_RUN = ("n_envs", "n_timesteps", "normalize", "env_wrapper", "callback")
+_OF_THE_RUN = ("n_envs", "n_timesteps", "normalize", "env_wrapper", "callback", "env_kwargs")
 _TIME_LIMIT = "gymnasium.wrappers.TimeLimit"
 _EXPLORATION = "agents.callbacks.Exploration"
 
@@ -43,6 +43,7 @@ class Config:
         normalize: Arguments of VecNormalize; None trains on the bare environment.
         hyperparams: Arguments of the algorithm.
         exploration: Arguments of `callbacks.Exploration`; None does without.
+        training: Arguments of the environment that hold only while the agent learns.
     """
 
     algo: str
@@ -56,6 +57,7 @@ class Config:
     normalize: dict[str, Any] | None
     hyperparams: dict[str, Any]
     exploration: dict[str, Any] | None = None
+    training: dict[str, Any] = field(default_factory=dict)
 
     def save(self, path: Path) -> None:
         """Write the run's YAML."""
@@ -125,7 +127,9 @@ def configure(
     if name not in of_algo:
         raise ConfigError(f"no preset for {name!r} in {algo}.yml: it has {', '.join(of_algo)}")
     preset = dict(of_algo[name])
-    count, total, normalize, wrapper, callback = (preset.pop(key, None) for key in _OF_THE_RUN)
+    count, total, normalize, wrapper, callback, training = (
+        preset.pop(key, None) for key in _OF_THE_RUN
+    )
     if n_envs is not None and algo == "ppo" and n_envs > 0:
         # Of an update as large, as many whole batches.
         update = preset["n_steps"] * count
@@ -151,6 +155,7 @@ def configure(
         normalize=_normalizer(normalize),
         hyperparams=preset | _arguments_of_the_policy(preset),
         exploration=(callback or {}).get(_EXPLORATION),
+        training=training or {},
     )
 
 
