@@ -167,9 +167,9 @@ def _normalizer(entry: bool | str | dict[str, Any]) -> dict[str, Any] | None:
 
 
 def _arguments_of_the_policy(preset: dict[str, Any]) -> dict[str, Any]:
-    """A preset's "policy_kwargs" from rl_zoo3's notation, a dict or "dict(...)" with names of torch.
+    """A preset's "policy_kwargs" from rl_zoo3's notation: a dict, or "dict(...)" as a string.
 
-    Names such as nn.ReLU stay text, which a run's YAML can keep.
+    Names of torch such as nn.ReLU stay text, which a run's YAML can keep.
     """
     entry = preset.get("policy_kwargs")
     if not isinstance(entry, str):
