@@ -120,7 +120,8 @@ def run_to_resume(args: argparse.Namespace) -> tuple[Path, Config]:
     folder = folder or files.latest_run()
     kept = Config.load(folder / files.CONFIG)
     # A preset that has changed since does not matter: the run keeps its own.
-    asked = replace(asked_for(args, kept), hyperparams=kept.hyperparams, normalize=kept.normalize)
+    of_preset = ("hyperparams", "normalize", "exploration", "training")
+    asked = replace(asked_for(args, kept), **{name: getattr(kept, name) for name in of_preset})
     differences = kept.differences(asked, ignore=("steps", "every"))
     if differences:
         raise ConfigError(f"{folder} is another run:\n  " + "\n  ".join(differences))

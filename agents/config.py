@@ -17,8 +17,9 @@ EVALUATIONS = 20
 
 _PRESETS = Path(__file__).parent / "presets"
 # What a preset says about the run rather than to the algorithm.
-_OF_THE_RUN = ("n_envs", "n_timesteps", "normalize", "env_wrapper")
+_OF_THE_RUN = ("n_envs", "n_timesteps", "normalize", "env_wrapper", "callback", "env_kwargs")
 _TIME_LIMIT = "gymnasium.wrappers.TimeLimit"
+_EXPLORATION = "agents.callbacks.Exploration"
 
 
 class ConfigError(ValueError):
@@ -41,6 +42,8 @@ class Config:
             many starts; None is the environment's own limit. Evaluations always have that one.
         normalize: Arguments of VecNormalize; None trains on the bare environment.
         hyperparams: Arguments of the algorithm.
+        exploration: Arguments of `callbacks.Exploration`; None does without.
+        training: Arguments of the environment that hold only while the agent learns.
     """
 
     algo: str
@@ -53,6 +56,8 @@ class Config:
     episode_steps: int | None = None
     normalize: dict[str, Any] | None
     hyperparams: dict[str, Any]
+    exploration: dict[str, Any] | None = None
+    training: dict[str, Any] = field(default_factory=dict)
 
     def save(self, path: Path) -> None:
         """Write the run's YAML."""
@@ -122,7 +127,9 @@ def configure(
     if name not in of_algo:
         raise ConfigError(f"no preset for {name!r} in {algo}.yml: it has {', '.join(of_algo)}")
     preset = dict(of_algo[name])
-    count, total, normalize, wrapper = (preset.pop(key, None) for key in _OF_THE_RUN)
+    count, total, normalize, wrapper, callback, training = (
+        preset.pop(key, None) for key in _OF_THE_RUN
+    )
     if n_envs is not None and algo == "ppo" and n_envs > 0:
         # Of an update as large, as many whole batches.
         update = preset["n_steps"] * count
@@ -146,7 +153,9 @@ def configure(
         every=max(1, steps // EVALUATIONS) if every is None else every,
         episode_steps=(wrapper or {}).get(_TIME_LIMIT, {}).get("max_episode_steps"),
         normalize=_normalizer(normalize),
-        hyperparams=preset,
+        hyperparams=preset | _arguments_of_the_policy(preset),
+        exploration=(callback or {}).get(_EXPLORATION),
+        training=training or {},
     )
 
 
@@ -155,3 +164,22 @@ def _normalizer(entry: bool | str | dict[str, Any]) -> dict[str, Any] | None:
     if isinstance(entry, str):
         entry = ast.literal_eval(entry)
     return {} if entry is True else (entry or None)  # type: ignore[return-value]
+
+
+def _arguments_of_the_policy(preset: dict[str, Any]) -> dict[str, Any]:
+    """A preset's "policy_kwargs" from rl_zoo3's notation: a dict, or "dict(...)" as a string.
+
+    Names of torch such as nn.ReLU stay text, which a run's YAML can keep.
+    """
+    entry = preset.get("policy_kwargs")
+    if not isinstance(entry, str):
+        return {}
+    call = ast.parse(entry, mode="eval").body
+    return {
+        "policy_kwargs": {
+            given.arg: ast.unparse(given.value)
+            if isinstance(given.value, ast.Attribute)
+            else ast.literal_eval(given.value)
+            for given in call.keywords  # type: ignore[attr-defined]
+        }
+    }

@@ -28,6 +28,7 @@ POLICY = "policy.safetensors"
 """A policy for keeps: all its tensors and its normaliser's moments, and no code."""
 _CLASSES: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC}
 _MOMENTS = ("obs_rms", "ret_rms")
+_ACTIVATIONS = ("ReLU", "Tanh", "ELU", "SiLU")
 
 
 def build(config: Config, worlds: VecEnv, **overrides: Any) -> BaseAlgorithm:
@@ -43,6 +44,7 @@ def build(config: Config, worlds: VecEnv, **overrides: Any) -> BaseAlgorithm:
         worlds = VecNormalize(worlds, gamma=gamma, **config.normalize)
     arguments = config.hyperparams | overrides
     arguments["learning_rate"] = _schedule(arguments["learning_rate"])
+    arguments["policy_kwargs"] = _with_activation(arguments.get("policy_kwargs"))
     # Networks this small are faster on the CPU, and the same there on each run.
     return _CLASSES[config.algo](env=worlds, seed=config.seed, device="cpu", **arguments)
 
@@ -53,6 +55,16 @@ def _schedule(rate: float | str) -> float | Callable[[float], float]:
         return rate
     start = float(rate.removeprefix("lin_"))
     return lambda remaining: remaining * start
+
+
+def _with_activation(policy: dict[str, Any] | None) -> dict[str, Any] | None:
+    """A policy's arguments with the activation that their text names: "nn.ReLU"."""
+    if policy is None or "activation_fn" not in policy:
+        return policy
+    name = str(policy["activation_fn"]).removeprefix("nn.")
+    if name not in _ACTIVATIONS:
+        raise ConfigError(f"no activation {name!r}: choose from {', '.join(_ACTIVATIONS)}")
+    return policy | {"activation_fn": getattr(torch.nn, name)}
 
 
 def restore_weights(model: BaseAlgorithm, path: Path) -> None:

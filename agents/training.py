@@ -11,7 +11,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import Logger
 
 from agents import checkpoint, files, worlds
-from agents.callbacks import Bar, Milestones, StopRequest
+from agents.callbacks import Bar, Exploration, Milestones, StopRequest
 from agents.config import Config, ConfigError
 from agents.evaluation import HUNDRED, evaluate
 from agents.learner import LearnedPolicy, build
@@ -75,10 +75,11 @@ class Run:
 
         with StopRequest() as stop:
             milestones = Milestones(self.config.every, reach, stop)
+            exploration = self.config.exploration
             logged = self.model.tensorboard_log is not None
             self.model.learn(
                 left,
-                callback=[milestones, bar],
+                callback=[milestones, bar, *([Exploration(**exploration)] if exploration else [])],
                 # Logging costs SAC more than it tells.
                 log_interval={"ppo": 1, "sac": 100}[self.config.algo] if logged else None,
                 reset_num_timesteps=not self.resumed,

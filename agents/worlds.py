@@ -21,14 +21,14 @@ ID = "PassiveWalker-v0"
 _RECORDS, _RANDOMS = "worlds.npz", "worlds.json"
 
 
-def scene_of(config: Config) -> Scene:
-    """The scene of a run, checked.
+def scene_of(config: Config, **changes: Any) -> Scene:
+    """The scene of a run, with changes, checked.
 
     Raises:
         ConfigError: if it has a walker, a slope or a rule that is none.
     """
     try:
-        return make_scene(config.scene, **config.env)
+        return make_scene(config.scene, **config.env | changes)
     except ValueError as error:
         raise ConfigError(str(error)) from None
 
@@ -37,7 +37,7 @@ def training_worlds(config: Config, count: int | None = None) -> PassiveWalkerVe
     """Environments to learn in, as stable-baselines3 wants them; the configured number if None."""
     return PassiveWalkerVecEnv(
         config.n_envs if count is None else count,
-        scene_of(config),
+        scene_of(config, **config.training),
         max_episode_steps=config.episode_steps or MAX_EPISODE_STEPS,
     )
 

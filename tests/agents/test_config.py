@@ -82,3 +82,14 @@ def test_a_file_that_is_no_configuration_is_refused(tmp_path, text):
 def test_differences_say_what_is_kept_and_what_was_asked():
     here, asked = configure(seed=1), configure(seed=2, steps=10)
     assert here.differences(asked, ignore=("steps", "every")) == ["seed: 1 here, 2 asked for"]
+
+
+def test_a_policy_in_the_notation_of_rl_zoo3_is_read_without_running_it():
+    policy = configure().hyperparams["policy_kwargs"]
+    assert policy == {"log_std_init": -1.0, "net_arch": [64, 64], "activation_fn": "nn.ReLU"}
+
+
+def test_presets_explore_where_ticks_are_many():
+    assert configure("ppo", "level").exploration["energy"] == "positive"
+    assert configure("ppo", "steep").exploration is None
+    assert configure("sac", "level").exploration is None

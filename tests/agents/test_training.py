@@ -25,7 +25,7 @@ from agents.learner import LearnedPolicy, export, load_policy
 from agents.training import Run
 
 SMALL = {"n_envs": 8, "every": 128}
-# A rate that falls with the steps asked for would go on otherwise when more are asked for.
+# What follows the steps asked for would go on otherwise when more are asked for.
 PPO = {"n_steps": 16, "batch_size": 64, "n_epochs": 2, "learning_rate": 1e-3}
 SAC = {"learning_starts": 64, "batch_size": 32, "buffer_size": 512}
 
@@ -34,7 +34,7 @@ def small(algo="ppo", steps=256, scene="level", **changes):
     """A configuration of a few hundred steps."""
     config = configure(algo, scene, steps=steps, **{**SMALL, **changes})
     config.hyperparams.update({"ppo": PPO, "sac": SAC}[algo])
-    return config
+    return dataclasses.replace(config, exploration=None)
 
 
 def weights(run: Run) -> np.ndarray:
@@ -120,9 +120,13 @@ def test_a_kill_while_saving_costs_one_interval_at_most(tmp_path, monkeypatch):
 
 
 def test_a_wish_to_stop_saves_and_the_rest_can_follow(tmp_path, monkeypatch):
-    whole = Run(small(), tmp_path / "whole")
+    exploring = {"exploration": {"log_std": {0: -1, 1: -3}, "energy": "positive", "until": 0.3}}
+    often, seldom = (
+        dataclasses.replace(small(every=every), **exploring) for every in (128, 10_000)
+    )
+    whole = Run(often, tmp_path / "whole")
     whole.train(progress=False)
-    part = Run(small(every=10_000), tmp_path / "part")
+    part = Run(seldom, tmp_path / "part")
     on_step = Milestones._on_step
 
     def wish(self):
@@ -135,9 +139,16 @@ def test_a_wish_to_stop_saves_and_the_rest_can_follow(tmp_path, monkeypatch):
     assert files.newest_checkpoint(tmp_path / "part") == files.checkpoint_path(
         tmp_path / "part", 128
     )
-    rest = Run(small(every=10_000), tmp_path / "part")
+    rest = Run(seldom, tmp_path / "part")
     assert rest.train(progress=False)
     assert np.array_equal(weights(rest), weights(whole))
+
+
+def test_starts_may_be_harder_while_learning():
+    config = configure("ppo", "rolling")
+    learning, judged = worlds.training_worlds(config, 1).scene, worlds.scene_of(config)
+    assert learning.perturbation > judged.perturbation == 0.10
+    assert learning == dataclasses.replace(judged, perturbation=learning.perturbation)
 
 
 def test_policies_are_loaded_without_unpickling(tmp_path, monkeypatch):
