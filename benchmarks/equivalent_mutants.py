@@ -18,6 +18,10 @@ EQUIVALENT: dict[str, str] = {
     "tile.go_on: 1.1 * following.real -> 1.1110000000000002 * following.real": (
         "the last steps before a time is up are shared out another way"
     ),
+    "landing.candidates: ahead * get(tile, T.NEW_RATE, lane).real -> "
+    "ahead / get(tile, T.NEW_RATE, lane).real": (
+        "looks ahead by another share of a correction that is a millionth of a step"
+    ),
     "landing.fell: get(tile, T.NEW_ANGLE, lane).real < 0.0 -> "
     "get(tile, T.NEW_ANGLE, lane).real < 0.01": (
         "a foot that comes down behind is landed on, found to be behind, and goes on"

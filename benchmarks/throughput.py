@@ -34,6 +34,7 @@ from gym_passive_walker.physics.record import OUTCOME
 
 CORES = os.cpu_count() or 1
 SIZES = [10**k for k in range(7)]
+CROWD = 2048
 
 
 def _microseconds(p: Problem, count: int, tolerance: float, threads: int = 1) -> float:
@@ -131,7 +132,7 @@ def _plot(curves: dict[str, list[float]]) -> None:
 
 
 def against() -> None:
-    """The kneed walker's stride by SciPy and heyoka, and by the engine at no larger error."""
+    """The kneed walker's stride by its rivals, and by the engine at no larger error."""
     p = problem("kneed")
     exact, _ = reference(p)
     ours = []
@@ -148,6 +149,10 @@ def against() -> None:
     makers += [("heyoka, alone", partial(_heyoka, p, exact))]
     makers += [(f"heyoka, {n} lanes", partial(_heyoka_batch, p, exact, n)) for n in (8, 16, 32)]
     makers += [("heyoka, 8 lanes, events left out", partial(_heyoka_floor, p))]
+    makers += [
+        (f"diffrax {method}, {CROWD} at once", partial(_diffrax, p, exact, method))
+        for method in ("Tsit5", "Dopri8")
+    ]
     for name, make in makers:
         for tolerance in (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14):
             try:
@@ -166,7 +171,7 @@ def against() -> None:
         "against",
         f"{text}\n\nThe last column compares with the engine at an error no larger, alone with "
         "alone and crowd with crowd; where no error can be told (events left out), at an error no "
-        f"larger than the tolerance. One core. {machine('scipy', 'heyoka')}.",
+        f"larger than the tolerance. One core. {machine('scipy', 'heyoka', 'diffrax')}.",
     )
 
 
@@ -186,6 +191,12 @@ def _heyoka_batch(p: Problem, exact: Any, lanes: int, tolerance: float) -> tuple
     stride, starts = rivals.heyoka_batch(p, tolerance, lanes), p.starts[:lanes]
     reached = error(stride(starts), exact[:lanes])
     return reached, seconds(lambda: stride(starts), repeats=3) / lanes * 1e6
+
+
+def _diffrax(p: Problem, exact: Any, method: str, tolerance: float) -> tuple[float, float]:
+    strides, starts = rivals.diffrax_batch(p, method, tolerance), np.resize(p.starts, (CROWD, 6))
+    reached = error(strides(starts)[: len(exact)], exact)
+    return reached, seconds(lambda: strides(starts), repeats=3, most=1.0) / CROWD * 1e6
 
 
 def _heyoka_floor(p: Problem, tolerance: float) -> tuple[float, float]:

@@ -292,7 +292,7 @@ GOOD = {"walker": "lab", "slope": 0.03, "state": LONG_GAITS["lab"].state}
         ({"longest": 0.0}, "longest must be a positive time"),
         ({"longest": np.inf}, "longest must be a positive time"),
         ({"longest": np.nan}, "longest must be a positive time"),
-        ({"state": np.zeros((3, 6)), "slope": np.zeros(2)}, "do not fit together"),
+        ({"state": np.zeros((3, 6)), "slope": np.zeros(2)}, r"\(2,\).*states \(3,\) do not fit"),
         ({"hip_torque": np.zeros(2), "slope": np.zeros(3)}, "do not fit together"),
     ],
 )
