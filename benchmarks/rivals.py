@@ -233,7 +233,7 @@ def diffrax_batch(p: Problem, method: str, tolerance: float) -> Callable[[NDArra
         def rates(_, y, __):  # type: ignore[no-untyped-def]
             return jnp.concatenate([y[links:], jnp.stack(accelerations(*y))])
 
-        def event(_, y, __, **___):  # type: ignore[no-untyped-def]
+        def event(t, y, args, **_):  # type: ignore[no-untyped-def]  # diffrax names them
             return y[1] - y[2] if phase == "free" else jnp.where(y[0] < 0.0, y[0] + y[1], 1.0)
 
         found = diffrax.diffeqsolve(
