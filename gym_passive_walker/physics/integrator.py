@@ -17,7 +17,16 @@ from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import events as E
 from gym_passive_walker.physics import tile as T
 from gym_passive_walker.physics.landing import MOST_STEPS, attend, proposal
-from gym_passive_walker.physics.lanes import GROUP, WIDTH, get, inlined, jitted, made_for, put
+from gym_passive_walker.physics.lanes import (
+    GROUP,
+    WIDTH,
+    align_stack,
+    get,
+    inlined,
+    jitted,
+    made_for,
+    put,
+)
 from gym_passive_walker.physics.tile import equip, larger, load, move, next_waiting, settle, unload
 
 # What `judge` makes of a lane's step: nothing of note; something may have happened; time is up.
@@ -229,6 +238,7 @@ def _sweep(phase: int):  # type: ignore[no-untyped-def]
     @jitted
     @made_for(phase)
     def sweep(tile, groups, tolerance, stub):
+        align_stack()
         s1(tile, groups)
         s2(tile, groups)
         s3(tile, groups)
