@@ -55,7 +55,7 @@ def _plot(name: str, title: str, curves: dict[str, Curve]) -> None:
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    figure, axes = plt.subplots(figsize=(6, 4.2), layout="constrained")
+    figure, axes = plt.subplots(figsize=(8, 4.2), layout="constrained")
     for label, curve in curves.items():
         ours = label.startswith("this engine")
         errors, times = zip(*curve, strict=True)
@@ -66,7 +66,7 @@ def _plot(name: str, title: str, curves: dict[str, Curve]) -> None:
     axes.set(title=title, xlabel="error of the next section state", ylabel="µs a walker, one core")
     axes.invert_xaxis()
     axes.grid(alpha=0.3)
-    axes.legend(fontsize=7)
+    figure.legend(loc="outside right upper", fontsize=8)
     figure.savefig(DOCS / "images" / f"{name}.png", dpi=130)
     plt.close(figure)
 
