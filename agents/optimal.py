@@ -101,7 +101,8 @@ def optimal_gaits(
     """Optimal gaits at several speeds, each found from its neighbours; those that exist.
 
     The search goes outwards from the constant torque's own speed until there is no gait any more,
-    and then once back; of two optima at one speed the cheaper one is kept.
+    and then once back; of two optima at one speed the cheaper one is kept. A passive gait, where
+    there is one, is the optimum at its speed: it is among them.
 
     Args:
         scene: As of `optimal_gait`.
@@ -110,7 +111,7 @@ def optimal_gaits(
     scene = make_scene(scene)
     natural = constant_torque_gait(scene)
     speeds = sorted(speeds, key=lambda speed: abs(speed - natural.speed))
-    best: dict[float, OptimalGait] = {}
+    best = {natural.speed: natural} if natural.hip_cost == 0.0 else {}
     for way in (
         [speed for speed in speeds if speed >= natural.speed],
         [speed for speed in speeds if speed < natural.speed],

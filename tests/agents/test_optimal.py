@@ -37,6 +37,15 @@ def test_level_walking_at_a_tenth_costs_a_third_of_a_percent():
     assert np.isnan(optimal.least_cost(gaits, 0.4))
 
 
+@pytest.mark.parametrize("name", ["lab", "steep"])
+def test_at_its_own_speed_the_passive_gait_is_the_optimum(name):
+    scene = make_scene(name)
+    gait = gpw.find_gait(scene.walker, scene.slope)
+    speed = gait.speed / np.sqrt(scene.walker.gravity * scene.walker.leg_length)
+    cost = optimal.least_cost(optimal.load(name), speed)
+    assert cost == pytest.approx(np.sin(scene.slope), rel=1e-6)
+
+
 def test_a_gait_is_found_from_its_neighbour():
     start = next(gait for gait in optimal.load("level") if gait.speed > 0.055)
     found = optimal.optimal_gait("level", 0.055, start=start)
