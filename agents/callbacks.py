@@ -95,32 +95,26 @@ class Milestones(BaseCallback):
 
 
 class Exploration(BaseCallback):
-    """Keeps an agent from settling for the first gait that it finds.
+    """Keeps PPO from settling for the first gait that it finds.
 
     Left to itself, its noise shrinks as soon as it walks, and what takes several ticks together is
     not found any more: to hold the swing leg before it lands costs work until it is held in full.
     So the noise follows a schedule; and while braking is free, a little of a hold costs nothing.
 
     All of it follows from the steps made and asked for, so a resumed run needs no memory of it.
-    Schedules are values at shares of the steps asked for, linear between them.
 
     Args:
-        log_std: Logarithm of the standard deviation of PPO's noise.
-        target_entropy: What SAC's entropy is led to.
+        log_std: Logarithm of the noise's standard deviation at shares of the steps asked for;
+            linear between them.
         energy: What the motor is charged for at first, as of `Scene`; None is the scene's own.
-            SAC learns from old rewards as well, and should be charged alike all along.
         until: Share of the steps after which it is the scene's own.
     """
 
     def __init__(
-        self,
-        log_std: Mapping[float, float] | None = None,
-        target_entropy: Mapping[float, float] | None = None,
-        energy: str | None = None,
-        until: float = 0.0,
+        self, log_std: Mapping[float, float], energy: str | None = None, until: float = 0.0
     ) -> None:
         super().__init__()
-        self.log_std, self.target_entropy = log_std, target_entropy
+        self.shares, self.values = zip(*sorted(log_std.items()), strict=True)
         self.energy, self.until = energy, until
 
     def _init_callback(self) -> None:
@@ -129,20 +123,13 @@ class Exploration(BaseCallback):
 
     def _on_rollout_start(self) -> None:
         share = self.model.num_timesteps / self.model._total_timesteps
-        if self.log_std is not None:
-            self.model.policy.log_std.data.fill_(_scheduled(self.log_std, share))
-        if self.target_entropy is not None:
-            self.model.target_entropy = _scheduled(self.target_entropy, share)
+        self.model.policy.log_std.data.fill_(np.interp(share, self.shares, self.values))
         early = self.energy is not None and share < self.until
         for rules, own in zip(self._rules, self._own, strict=True):
             rules[T.CHARGED] = T.ENERGIES.index(self.energy) if early else own
 
     def _on_step(self) -> bool:
         return True
-
-
-def _scheduled(schedule: Mapping[float, float], share: float) -> float:
-    return float(np.interp(share, *zip(*sorted(schedule.items()), strict=True)))
 
 
 class Bar(BaseCallback):
