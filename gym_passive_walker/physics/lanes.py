@@ -164,7 +164,7 @@ def _put(typing_context, tile, row, lane, value):  # type: ignore[no-untyped-def
 
 
 @intrinsic
-def align_stack(typing_context):  # type: ignore[no-untyped-def]
+def _align_stack(typing_context):  # type: ignore[no-untyped-def]
     """Have the compiled function that calls this put each vector into one line of the cache.
 
     What finds no room in registers waits on the stack, which is aligned to 16 bytes unless asked:
@@ -180,9 +180,10 @@ def align_stack(typing_context):  # type: ignore[no-untyped-def]
     return types.void(), code
 
 
-# Called as get(tile, row, lane) and put(tile, row, lane, value) in compiled code.
+# Called as get(tile, row, lane), put(tile, row, lane, value) and align_stack() in compiled code.
 get: Any = _get
 put: Any = _put
+align_stack: Any = _align_stack
 
 
 def reciprocal(x: Any) -> Any:
