@@ -27,7 +27,7 @@ from agents.training import Run
 SMALL = {"n_envs": 8, "every": 128}
 # What follows the steps asked for would go on otherwise when more are asked for.
 PPO = {"n_steps": 16, "batch_size": 64, "n_epochs": 2, "learning_rate": 1e-3}
-SAC = {"learning_starts": 64, "batch_size": 32, "buffer_size": 512}
+SAC = {"learning_starts": 64, "batch_size": 32, "buffer_size": 512, "learning_rate": 1e-3}
 
 
 def small(algo="ppo", steps=256, scene="level", **changes):
