@@ -15,8 +15,9 @@ from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import record as R
 from gym_passive_walker.physics.engine import advance
 from gym_passive_walker.physics.frame import frame_of
-from gym_passive_walker.physics.lanes import sine_cosine
+from gym_passive_walker.physics.lanes import align_stack, sine_cosine
 from gym_passive_walker.physics.record import new_records
+from gym_passive_walker.physics.tile import new_tile
 from tests.physics import kernels
 from tests.physics.examples import LONG_GAITS, random_walker
 
@@ -160,3 +161,19 @@ def test_sine_is_odd_and_cosine_even(angle):
 
 def test_sine_and_cosine_of_no_number_are_none():
     assert np.all(np.isnan(sines_cosines(np.array([np.nan, np.inf, -np.inf]))))
+
+
+@pytest.mark.parametrize("numbers", [np.float64, np.complex128])
+def test_each_vector_of_a_tile_lies_in_one_line_of_the_cache(numbers):
+    tiles = [new_tile(np.zeros((1, 1), numbers)) for _ in range(20)]
+    assert all(tile.ctypes.data % 64 == 0 and not tile.any() for tile in tiles)
+
+
+def test_vectors_on_the_stack_are_aligned_on_request():
+    @numba.njit
+    def aligned(x):
+        align_stack()
+        return x
+
+    assert aligned(1.0) == 1.0
+    assert "alignstack(64)" in aligned.inspect_llvm(aligned.signatures[0])
