@@ -121,11 +121,18 @@ def follow(accelerations, state, start, longest, step, events) -> Phase:
         times.append(solver.t)
         pieces.append(piece)
         found = []
+        instants = np.linspace(*times[-2:], 9)  # a foot may rise from the ground and strike within
+        states = [before, *piece(instants[1:-1]).T, solver.y]
         for outcome, event in events:
-            if event(before) > 0.0 >= event(solver.y):
-                at = brentq(lambda t, e=event: e(piece(t)), *times[-2:], xtol=1e-15)  # noqa: B023
-                if outcome != Outcome.HEELSTRIKE or piece(at)[0] < 0.0:
-                    found.append((at, outcome))
+            values = [event(state) for state in states]
+            for i in range(8):
+                if values[i] > 0.0 >= values[i + 1]:
+                    at = brentq(
+                        lambda t, e=event: e(piece(t)),  # noqa: B023
+                        *instants[i : i + 2], xtol=1e-15,
+                    )  # fmt: skip
+                    if outcome != Outcome.HEELSTRIKE or piece(at)[0] < 0.0:
+                        found.append((at, outcome))
         if found:
             times[-1], outcome = min(found)
             return Phase(np.array(times), OdeSolution(times, pieces), outcome)
