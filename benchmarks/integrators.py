@@ -25,7 +25,15 @@ from benchmarks.report import keep, machine, seconds, table
 from benchmarks.rivals import heyoka_integrators
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import kneed
-from gym_passive_walker.physics.lanes import WIDTH, get, inlined, jitted, put
+from gym_passive_walker.physics.lanes import (
+    WIDTH,
+    align_stack,
+    get,
+    inlined,
+    jitted,
+    new_tile,
+    put,
+)
 
 HORIZON = 1.2
 COUNT = 1024
@@ -82,7 +90,7 @@ def _source(pair: Pair) -> str:
     """Python code of one step of every lane: a loop for each stage, as the engine has it."""
     stages = len(pair.b)
     rows = [*pair.a, pair.b]
-    lines = ["def step(tile, tolerance, end):"]
+    lines = ["def step(tile, tolerance, end):", "    align_stack()"]
     for i in range(stages + 1):
         weights = rows[i][: min(i, stages)]
         lines += ["    for lane in range(WIDTH):", "        h = get(tile, H, lane)"]
@@ -175,6 +183,7 @@ def compiled(p: Problem, pair: Pair) -> Callable[[NDArray, float], NDArray]:
 
     names: dict[str, Any] = {
         "WIDTH": WIDTH, "H": _H, "TIME": _TIME, "get": get, "put": put, "np": np,
+        "align_stack": align_stack,
         "accelerations": accelerations,
     }  # fmt: skip
     exec(_source(pair), names)
@@ -182,7 +191,7 @@ def compiled(p: Problem, pair: Pair) -> Callable[[NDArray, float], NDArray]:
 
     @jitted
     def run(starts, tolerance, ends):  # type: ignore[no-untyped-def]
-        tile = np.zeros(rows * WIDTH)
+        tile = new_tile(rows, starts)
         owner = np.full(WIDTH, -1)
         waiting, left = 0, len(starts)
         while left > 0:

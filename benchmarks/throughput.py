@@ -29,7 +29,7 @@ from gym_passive_walker.physics import events as E
 from gym_passive_walker.physics import integrator
 from gym_passive_walker.physics import tile as T
 from gym_passive_walker.physics.engine import advance
-from gym_passive_walker.physics.lanes import WIDTH, get, jitted, put
+from gym_passive_walker.physics.lanes import WIDTH, align_stack, get, jitted, new_tile, put
 from gym_passive_walker.physics.record import OUTCOME
 
 CORES = os.cpu_count() or 1
@@ -69,6 +69,7 @@ def _nanoseconds(phase: int, crowd: bool) -> float:
 
     @jitted
     def evaluate(tile, times):  # type: ignore[no-untyped-def]
+        align_stack()
         for turn in range(times):
             first = 0 if crowd else turn % WIDTH
             for lane in range(first, WIDTH if crowd else first + 1):
@@ -80,7 +81,7 @@ def _nanoseconds(phase: int, crowd: bool) -> float:
                 put(tile, 1, lane, q1 + 1e-9 * a1)
                 put(tile, 2, lane, q2 + 1e-9 * a2)
 
-    tile, times = np.zeros(T.ROWS * WIDTH), 20_000
+    tile, times = new_tile(T.ROWS, np.zeros(0)), 20_000
     rows = tile.reshape(T.ROWS, WIDTH)
     rows[:3], rows[T.COS] = np.random.default_rng(0).uniform(-1.0, 1.0, (3, WIDTH)), 1.0
     rows[T.CONSTANT :] = K.constants(WALKERS["lab"])[: T.CONSTANTS, None]

@@ -24,7 +24,7 @@ from gym_passive_walker.physics import record as R
 from gym_passive_walker.physics import tile as T
 from gym_passive_walker.physics.constants import Kind
 from gym_passive_walker.physics.events import Outcome
-from gym_passive_walker.physics.lanes import inlined, jitted, kernel
+from gym_passive_walker.physics.lanes import inlined, jitted, kernel, new_tile
 
 _CHUNK = 1024  # records carried through a stride together, so that they stay in the cache
 _WORTH_A_THREAD = 1024  # records below which a second thread costs more than it saves
@@ -112,7 +112,7 @@ def part(constants, first, last):
 @kernel
 def run_kneed(records, constants, tolerance, landing, first_step, stub, from_section):
     """Carry kneed walkers to heelstrike or to their time's end."""
-    tile = T.new_tile(records)
+    tile = new_tile(T.ROWS, records)
     for first in range(0, len(records), _CHUNK):
         chunk = records[first : first + _CHUNK]
         own = part(constants, first, first + _CHUNK)
@@ -129,7 +129,7 @@ def run_kneed(records, constants, tolerance, landing, first_step, stub, from_sec
 @kernel
 def run_compass(records, constants, tolerance, landing, first_step, stub, from_section):
     """Carry straight-legged walkers to heelstrike or to their time's end."""
-    tile = T.new_tile(records)
+    tile = new_tile(T.ROWS, records)
     for i in range(len(records)):
         begin(records[i], E.LOCKED)
     integrator.advance_locked(records, constants, tile, tolerance, landing, first_step, 0)
@@ -139,7 +139,7 @@ def run_compass(records, constants, tolerance, landing, first_step, stub, from_s
 @kernel
 def run_simplest(records, constants, tolerance, landing, first_step, stub, from_section):
     """Carry simplest walkers to heelstrike or to their time's end."""
-    tile = T.new_tile(records)
+    tile = new_tile(T.ROWS, records)
     for i in range(len(records)):
         begin(records[i], E.SIMPLEST)
     integrator.advance_simplest(records, constants, tile, tolerance, landing, first_step, 0)

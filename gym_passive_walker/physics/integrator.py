@@ -111,6 +111,7 @@ def _begin(phase: int):  # type: ignore[no-untyped-def]
     @jitted
     @made_for(phase)
     def begin(tile, groups):
+        align_stack()
         for lane in range(GROUP * groups):
             q0, w0 = get(tile, T.ANGLE, lane), get(tile, T.RATE, lane)
             q1, w1 = get(tile, T.ANGLE + 1, lane), get(tile, T.RATE + 1, lane)

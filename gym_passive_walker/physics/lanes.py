@@ -203,6 +203,14 @@ def _reciprocal(x):  # type: ignore[no-untyped-def]
     return lambda x: 1.0 / x
 
 
+@jitted
+def new_tile(rows, like):
+    """An empty tile of numbers like those of an array; each vector in one line of the cache."""
+    buffer = np.zeros(rows * WIDTH + GROUP, like.dtype)
+    start = -buffer.ctypes.data % (8 * GROUP) // buffer.itemsize
+    return buffer[start : start + rows * WIDTH]
+
+
 _INVERSE_PI = 0.3183098861837907
 _PI = 3.141592653589793
 _PI_REST = 1.2246467991473532e-16  # pi = _PI + _PI_REST to 32 digits

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import events as E
 from gym_passive_walker.physics import record as R
 from gym_passive_walker.physics import runge_kutta
-from gym_passive_walker.physics.lanes import GROUP, WIDTH, get, inlined, jitted, put
+from gym_passive_walker.physics.lanes import get, inlined, jitted, put
 
 # A tile's rows. Stage accelerations: three rows for each of the stages, and for the step's end.
 ANGLE, RATE, NEW_ANGLE, NEW_RATE, STAGE = 0, 3, 6, 9, 12
@@ -19,14 +17,6 @@ FRESH, SIN, COS, TORQUE = range(H + 11, H + 15)
 CONSTANT = H + 15
 CONSTANTS = K.KNEE_SINE + 1
 ROWS = CONSTANT + CONSTANTS
-
-
-@jitted
-def new_tile(records):
-    """An empty tile for walkers of these records; each vector lies in one line of the cache."""
-    buffer = np.zeros(ROWS * WIDTH + GROUP, records.dtype)
-    start = -buffer.ctypes.data % (8 * GROUP) // buffer.itemsize
-    return buffer[start : start + ROWS * WIDTH]
 
 
 @inlined

@@ -15,9 +15,8 @@ from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import record as R
 from gym_passive_walker.physics.engine import advance
 from gym_passive_walker.physics.frame import frame_of
-from gym_passive_walker.physics.lanes import align_stack, sine_cosine
+from gym_passive_walker.physics.lanes import align_stack, new_tile, sine_cosine
 from gym_passive_walker.physics.record import new_records
-from gym_passive_walker.physics.tile import new_tile
 from tests.physics import kernels
 from tests.physics.examples import LONG_GAITS, random_walker
 
@@ -165,7 +164,7 @@ def test_sine_and_cosine_of_no_number_are_none():
 
 @pytest.mark.parametrize("numbers", [np.float64, np.complex128])
 def test_each_vector_of_a_tile_lies_in_one_line_of_the_cache(numbers):
-    tiles = [new_tile(np.zeros((1, 1), numbers)) for _ in range(20)]
+    tiles = [new_tile(rows, np.zeros(1, numbers)) for rows in range(1, 101)]
     assert all(tile.ctypes.data % 64 == 0 and not tile.any() for tile in tiles)
 
 
