@@ -1,4 +1,4 @@
-"""What happens while an algorithm learns: exploration, evaluations, the bar, a wish to stop."""
+"""What happens while an algorithm learns: evaluations, the bar, a wish to stop."""
 
 from __future__ import annotations
 
@@ -6,14 +6,11 @@ import math
 import signal
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from types import FrameType
 
-import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
 from tqdm import tqdm
-
-from gym_passive_walker.envs import task as T
 
 _EARLIEST = 1 / 64  # of an interval; no milestone comes sooner
 
@@ -92,44 +89,6 @@ class Milestones(BaseCallback):
             self._reached = self.model.num_timesteps
             self.reach(time.perf_counter() - self._since)
             self._since = time.perf_counter()
-
-
-class Exploration(BaseCallback):
-    """Keeps PPO from settling for the first gait that it finds.
-
-    Left to itself, its noise shrinks as soon as it walks, and what takes several ticks together is
-    not found any more: to hold the swing leg before it lands costs work until it is held in full.
-    So the noise follows a schedule; and while braking is free, a little of a hold costs nothing.
-
-    All of it follows from the steps made and asked for, so a resumed run needs no memory of it.
-
-    Args:
-        log_std: Logarithm of the noise's standard deviation at shares of the steps asked for;
-            linear between them.
-        energy: What the motor is charged for at first, as of `Scene`; None is the scene's own.
-        until: Share of the steps after which it is the scene's own.
-    """
-
-    def __init__(
-        self, log_std: Mapping[float, float], energy: str | None = None, until: float = 0.0
-    ) -> None:
-        super().__init__()
-        self.shares, self.values = zip(*sorted(log_std.items()), strict=True)
-        self.energy, self.until = energy, until
-
-    def _init_callback(self) -> None:
-        self._rules = [batch.rules for batch in self.training_env.get_attr("batch")]
-        self._own = [rules[T.CHARGED] for rules in self._rules]
-
-    def _on_rollout_start(self) -> None:
-        share = self.model.num_timesteps / self.model._total_timesteps
-        self.model.policy.log_std.data.fill_(np.interp(share, self.shares, self.values))
-        early = self.energy is not None and share < self.until
-        for rules, own in zip(self._rules, self._own, strict=True):
-            rules[T.CHARGED] = T.ENERGIES.index(self.energy) if early else own
-
-    def _on_step(self) -> bool:
-        return True
 
 
 class Bar(BaseCallback):

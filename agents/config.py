@@ -19,7 +19,7 @@ _PRESETS = Path(__file__).parent / "presets"
 # What a preset says about the run rather than to the algorithm.
 _OF_THE_RUN = ("n_envs", "n_timesteps", "normalize", "env_wrapper", "callback", "env_kwargs")
 _TIME_LIMIT = "gymnasium.wrappers.TimeLimit"
-_EXPLORATION = "agents.callbacks.Exploration"
+_EXPLORATION = {"ppo": "agents.exploration.Schedule", "sac": "agents.exploration.Ladder"}
 
 
 class ConfigError(ValueError):
@@ -42,7 +42,7 @@ class Config:
             many starts; None is the environment's own limit. Evaluations always have that one.
         normalize: Arguments of VecNormalize; None trains on the bare environment.
         hyperparams: Arguments of the algorithm.
-        exploration: Arguments of `callbacks.Exploration`; None does without.
+        exploration: Arguments of the algorithm's callback in `exploration`; None does without.
         training: Arguments of the environment that hold only while the agent learns.
     """
 
@@ -62,6 +62,21 @@ class Config:
     def save(self, path: Path) -> None:
         """Write the run's YAML."""
         path.write_text(yaml.safe_dump(asdict(self), sort_keys=False), encoding="utf-8")
+
+    def preset(self) -> dict[str, Any]:
+        """The preset, in rl_zoo3's layout, that `configure` makes this configuration from."""
+        preset: dict[str, Any] = {"n_envs": self.n_envs, "n_timesteps": self.steps}
+        preset["normalize"] = str(self.normalize) if self.normalize else self.normalize is not None
+        if self.episode_steps is not None:
+            preset["env_wrapper"] = {_TIME_LIMIT: {"max_episode_steps": self.episode_steps}}
+        if self.exploration is not None:
+            preset["callback"] = {_EXPLORATION[self.algo]: self.exploration}
+        if self.training:
+            preset["env_kwargs"] = self.training
+        preset |= self.hyperparams
+        if "activation_fn" in preset.get("policy_kwargs", {}):  # a name, which only text can hold
+            preset["policy_kwargs"] = _as_call(preset["policy_kwargs"])
+        return preset
 
     @classmethod
     def load(cls, path: Path) -> Config:
@@ -154,9 +169,20 @@ def configure(
         episode_steps=(wrapper or {}).get(_TIME_LIMIT, {}).get("max_episode_steps"),
         normalize=_normalizer(normalize),
         hyperparams=preset | _arguments_of_the_policy(preset),
-        exploration=(callback or {}).get(_EXPLORATION),
+        exploration=_exploration(algo, callback),
         training=training or {},
     )
+
+
+def _exploration(algo: str, callbacks: dict[str, Any] | None) -> dict[str, Any] | None:
+    """The arguments of the one callback that a preset may name."""
+    allowed = _EXPLORATION[algo]
+    unknown = set(callbacks or {}) - {allowed}
+    if unknown:
+        raise ConfigError(
+            f"{algo.upper()} has no callback {', '.join(sorted(unknown))}: it has {allowed}"
+        )
+    return (callbacks or {}).get(allowed)
 
 
 def _normalizer(entry: bool | str | dict[str, Any]) -> dict[str, Any] | None:
@@ -183,3 +209,10 @@ def _arguments_of_the_policy(preset: dict[str, Any]) -> dict[str, Any]:
             for given in call.keywords  # type: ignore[attr-defined]
         }
     }
+
+
+def _as_call(arguments: dict[str, Any]) -> str:
+    """A policy's arguments as "dict(...)", which `_arguments_of_the_policy` reads."""
+    texts = (v if name == "activation_fn" else repr(v) for name, v in arguments.items())
+    given = (f"{name}={text}" for name, text in zip(arguments, texts, strict=True))
+    return f"dict({', '.join(given)})"

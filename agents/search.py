@@ -85,9 +85,7 @@ def search(config: Config, folder: Path, trials: int, *, progress: bool = True) 
     if left > 0:
         study.optimize(tried, n_trials=left)
     best = study.best_trial.user_attrs["hyperparams"]
-    preset = {"n_envs": config.n_envs, "n_timesteps": config.steps, "normalize": True, **best}
-    if config.normalize != {}:
-        preset["normalize"] = str(config.normalize) if config.normalize else False
+    preset = replace(config, hyperparams=best).preset()
     with files.replacing(folder / BEST) as path:
         path.write_text(yaml.safe_dump({config.scene: preset}, sort_keys=False), encoding="utf-8")
     return best

@@ -11,9 +11,10 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import Logger
 
 from agents import checkpoint, files, worlds
-from agents.callbacks import Bar, Exploration, Milestones, StopRequest
+from agents.callbacks import Bar, Milestones, StopRequest
 from agents.config import Config, ConfigError
 from agents.evaluation import HUNDRED, evaluate
+from agents.exploration import explorers
 from agents.learner import LearnedPolicy, build
 from agents.report import write_rows
 
@@ -75,11 +76,11 @@ class Run:
 
         with StopRequest() as stop:
             milestones = Milestones(self.config.every, reach, stop)
-            exploration = self.config.exploration
+            exploring = explorers(self.config.algo, self.config.exploration)
             logged = self.model.tensorboard_log is not None
             self.model.learn(
                 left,
-                callback=[milestones, bar, *([Exploration(**exploration)] if exploration else [])],
+                callback=[milestones, bar, *exploring],
                 # Logging costs SAC more than it tells.
                 log_interval={"ppo": 1, "sac": 100}[self.config.algo] if logged else None,
                 reset_num_timesteps=not self.resumed,

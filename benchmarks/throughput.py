@@ -11,7 +11,6 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-import time
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -20,38 +19,19 @@ import gymnasium as gym
 import numpy as np
 
 import gym_passive_walker  # noqa: F401  (registers the environment)
-from benchmarks import rivals
-from benchmarks.problem import Problem, crowd, ends, error, problem, reference
+from benchmarks import measured
+from benchmarks.measured import CROWD, Point, microseconds
+from benchmarks.problem import crowd, ends, error, problem, reference
 from benchmarks.report import DOCS, keep, machine, seconds, table
 from gym_passive_walker import WALKERS
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import events as E
 from gym_passive_walker.physics import integrator
 from gym_passive_walker.physics import tile as T
-from gym_passive_walker.physics.engine import advance
 from gym_passive_walker.physics.lanes import WIDTH, align_stack, get, jitted, new_tile, put
-from gym_passive_walker.physics.record import OUTCOME
 
 CORES = os.cpu_count() or 1
 SIZES = [10**k for k in range(7)]
-CROWD = 2048
-
-
-def _microseconds(p: Problem, count: int, tolerance: float, threads: int = 1) -> float:
-    """Time of a stride of one walker among `count`."""
-    fresh = crowd(p, count)
-    records = fresh.copy()
-
-    def job() -> None:
-        records[:] = fresh
-        advance(p.kind, p.c[None], records, tolerance=tolerance, threads=threads)
-
-    def copying() -> None:
-        records[:] = fresh
-
-    job()
-    assert np.all(records[:, OUTCOME] == 1.0)
-    return (seconds(job) - seconds(copying)) / count * 1e6
 
 
 def accelerations() -> None:
@@ -97,9 +77,9 @@ def strides() -> None:
         reached = error(ends(p, tolerance), reference(p)[0])
         rows, alone = [], 0.0
         for count in SIZES:
-            one = _microseconds(p, count, tolerance)
+            one = microseconds(p, count, tolerance)
             alone = alone or one
-            every = _microseconds(p, count, tolerance, CORES) if count >= 1000 else float("nan")
+            every = microseconds(p, count, tolerance, CORES) if count >= 1000 else float("nan")
             rows.append((count, one, 1e6 / one, alone / one, every, 1e6 / every, one / every))
         curves[f"{name}, error {reached:.0e}"] = [row[1] for row in rows]
         text += [
@@ -138,20 +118,22 @@ def against() -> None:
     exact, _ = reference(p)
     ours = []
     for tolerance in 10.0 ** -np.arange(3.0, 15.0):
-        ours.append((error(ends(p, tolerance), exact), _microseconds(p, 4096, tolerance),
-                     _microseconds(p, 1, tolerance)))  # fmt: skip
+        ours.append((error(ends(p, tolerance), exact), microseconds(p, 4096, tolerance),
+                     microseconds(p, 1, tolerance)))  # fmt: skip
     rows = [(f"this engine, {n} at once" if n > 1 else "this engine, alone", f"{10.0 ** -k:.0e}",
              ours[k - 3][0], ours[k - 3][1 if n > 1 else 2], "")
             for n in (4096, 1) for k in (4, 6, 8, 10, 12, 14)]  # fmt: skip
-    makers: list[tuple[str, Callable[[float], tuple[float, float]]]] = [
-        (f"SciPy {method}", partial(_scipy, p, exact, method))
+    makers: list[tuple[str, Callable[[float], Point]]] = [
+        (f"SciPy {method}", partial(measured.scipy, p, exact, method))
         for method in ("DOP853", "RK45", "LSODA")
     ]
-    makers += [("heyoka, alone", partial(_heyoka, p, exact))]
-    makers += [(f"heyoka, {n} lanes", partial(_heyoka_batch, p, exact, n)) for n in (8, 16, 32)]
-    makers += [("heyoka, 8 lanes, events left out", partial(_heyoka_floor, p))]
+    makers += [("heyoka, alone", partial(measured.heyoka, p, exact))]
     makers += [
-        (f"diffrax {method}, {CROWD} at once", partial(_diffrax, p, exact, method))
+        (f"heyoka, {n} lanes", partial(measured.heyoka_batch, p, exact, n)) for n in (8, 16, 32)
+    ]
+    makers += [("heyoka, 8 lanes, events left out", partial(measured.heyoka_floor, p, 8))]
+    makers += [
+        (f"diffrax {method}, {CROWD} at once", partial(measured.diffrax, p, exact, method))
         for method in ("Tsit5", "Dopri8")
     ]
     for name, make in makers:
@@ -174,35 +156,6 @@ def against() -> None:
         "alone and crowd with crowd; where no error can be told (events left out), at an error no "
         f"larger than the tolerance. One core. {machine('scipy', 'heyoka', 'diffrax')}.",
     )
-
-
-def _scipy(p: Problem, exact: Any, method: str, tolerance: float) -> tuple[float, float]:
-    stride = rivals.scipy_stride(p, method, tolerance)
-    found = np.array([stride(start) for start in p.starts[:8]])
-    return error(found, exact[:8]), seconds(lambda: stride(p.starts[0]), repeats=3) * 1e6
-
-
-def _heyoka(p: Problem, exact: Any, tolerance: float) -> tuple[float, float]:
-    stride = rivals.heyoka_stride(p, tolerance)
-    found = np.array([stride(start) for start in p.starts])
-    return error(found, exact), seconds(lambda: stride(p.starts[0]), repeats=3) * 1e6
-
-
-def _heyoka_batch(p: Problem, exact: Any, lanes: int, tolerance: float) -> tuple[float, float]:
-    stride, starts = rivals.heyoka_batch(p, tolerance, lanes), p.starts[:lanes]
-    reached = error(stride(starts), exact[:lanes])
-    return reached, seconds(lambda: stride(starts), repeats=3) / lanes * 1e6
-
-
-def _diffrax(p: Problem, exact: Any, method: str, tolerance: float) -> tuple[float, float]:
-    strides, starts = rivals.diffrax_batch(p, method, tolerance), np.resize(p.starts, (CROWD, 6))
-    reached = error(strides(starts)[: len(exact)], exact)
-    return reached, seconds(lambda: strides(starts), repeats=3, most=1.0) / CROWD * 1e6
-
-
-def _heyoka_floor(p: Problem, tolerance: float) -> tuple[float, float]:
-    stride, starts = rivals.heyoka_batch(p, tolerance, 8, events=False), p.starts[:8]
-    return float("nan"), seconds(lambda: stride(starts), repeats=3) / 8 * 1e6
 
 
 def ticks() -> None:
@@ -303,113 +256,11 @@ def _envpool(name: str, count: int) -> float:
     return seconds(job) / len(actions)
 
 
-def _timed(job: Callable[..., Any], seconds_taken: list[float]) -> Callable[..., Any]:
-    """The same job, which notes how long it takes."""
-
-    def timed(*arguments: Any, **named: Any) -> Any:
-        began = time.perf_counter()
-        result = job(*arguments, **named)
-        seconds_taken.append(time.perf_counter() - began)
-        return result
-
-    return timed
-
-
 def learning() -> None:
     """Frames a second of PPO with this environment, and with one that costs nothing."""
-    import torch
-    from stable_baselines3.common.logger import Logger
-    from stable_baselines3.common.vec_env import VecEnv
+    from benchmarks import frames
 
-    from agents.config import configure
-    from agents.learner import build
-    from agents.worlds import training_worlds
-
-    torch.set_num_threads(1)
-    config = configure("ppo", "level")
-    worlds = training_worlds(config)
-
-    class Free(VecEnv):
-        """The same spaces, and nothing behind them."""
-
-        def __init__(self) -> None:
-            super().__init__(worlds.num_envs, worlds.observation_space, worlds.action_space)
-            self._zeros = np.zeros((worlds.num_envs, *worlds.observation_space.shape), np.float32)
-            self._answer = np.zeros(worlds.num_envs), np.zeros(worlds.num_envs, bool)
-            self._infos: list[dict] = [{} for _ in range(worlds.num_envs)]
-
-        def reset(self) -> Any:
-            return self._zeros
-
-        def step_async(self, actions: Any) -> None:
-            pass
-
-        def step_wait(self) -> Any:
-            return self._zeros, *self._answer, self._infos
-
-        def close(self) -> None:
-            pass
-
-        def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-            return [None] * self.num_envs
-
-        def set_attr(self, *_: Any, **__: Any) -> None:
-            pass
-
-        def env_method(self, *_: Any, **__: Any) -> list[Any]:
-            return []
-
-        def env_is_wrapped(self, *_: Any, **__: Any) -> list[bool]:
-            return [False] * self.num_envs
-
-    frames = config.hyperparams["n_steps"] * worlds.num_envs
-    learners = [build(config, environment) for environment in (worlds, Free())]
-    collecting: list[list[float]] = [[], []]
-    training: list[float] = []  # the same sums for both
-    for model, collected in zip(learners, collecting, strict=True):
-        model.set_logger(Logger(None, []))
-        model.learn(40 * frames)  # until walkers seldom fall, as for most of a training
-        model.collect_rollouts = _timed(model.collect_rollouts, collected)  # type: ignore
-        model.train = _timed(model.train, training)  # type: ignore
-    for _ in range(24):  # by turns, so that both see the same machine
-        for model in learners:
-            model.learn(frames, reset_num_timesteps=False)
-    own, floor = (
-        frames / float(np.median(collected) + np.median(training)) for collected in collecting
-    )
-
-    native = training_worlds(config)
-    native.reset()
-    random = np.random.default_rng(0)
-    actions = [random.uniform(-0.1, 0.1, (native.num_envs, 1)) for _ in range(64)]
-    env_only = seconds(lambda: [native.step(action) for action in actions]) / 64 / native.num_envs
-    model = learners[0]
-    model.env.reset()
-    observations = [model.env.observation_space.sample() for _ in range(1)]
-    batch = np.repeat(observations, native.num_envs, axis=0)
-
-    def acting() -> None:
-        for _ in range(16):
-            action, _ = model.predict(batch)
-            model.env.step(action)
-
-    env_policy = seconds(acting) / 16 / native.num_envs
-    rows = [
-        ("environment only", 1.0 / env_only),
-        ("environment and policy", 1.0 / env_policy),
-        ("environment, policy and training", own),
-        ("the same with an environment that costs nothing", floor),
-    ]
-    text = table([f"PPO, preset level, {native.num_envs} environments", "frames/s"], rows)
-    text += (
-        f"\n\nAfter {40 * frames:,} frames, training reaches {100 * own / floor:.1f} % of the "
-        f"frames/s that the free environment allows (medians of {len(collecting[0])} updates, by "
-        "turns, of the time to collect frames and of the time to learn from them); the "
-        "environment's own steps take "
-        f"{100 * env_only * own:.1f} % of the time of training. One thread of torch. "
-        f"{machine('stable-baselines3', 'torch')}."
-    )
-    keep("learning", text)
+    keep("learning", frames.report())
 
 
 PARTS = {

@@ -19,8 +19,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks import rivals
-from benchmarks.problem import WALKS, Problem, crowd, ends, error, problem, reference
+from benchmarks import measured, rivals
+from benchmarks.measured import CROWD, Point
+from benchmarks.problem import WALKS, Problem, crowd, error, problem, reference
 from benchmarks.report import DOCS, keep, machine, seconds, table
 from gym_passive_walker.physics import record as R
 from gym_passive_walker.physics.engine import advance
@@ -28,9 +29,8 @@ from gym_passive_walker.physics.record import new_records
 
 TOLERANCES = 10.0 ** -np.arange(3.0, 15.0)
 LEVELS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
-CROWD = 2048
 
-Curve = list[tuple[float, float]]
+Curve = list[Point]
 """Errors and microseconds."""
 
 
@@ -71,60 +71,25 @@ def _plot(name: str, title: str, curves: dict[str, Curve]) -> None:
     plt.close(figure)
 
 
-def _engine(p: Problem, exact: NDArray, count: int, tolerance: float) -> tuple[float, float]:
-    reached = error(ends(p, tolerance), exact)
-    fresh = crowd(p, count)
-    records = fresh.copy()
-
-    def job() -> None:
-        records[:] = fresh
-        advance(p.kind, p.c[None], records, tolerance=tolerance, threads=1)
-
-    return reached, seconds(job, at_least=0.05, repeats=3) / count * 1e6
-
-
-def _scipy(p: Problem, exact: NDArray, method: str, tolerance: float) -> tuple[float, float]:
-    stride = rivals.scipy_stride(p, method, tolerance)
-    reached = error(np.array([stride(start) for start in p.starts[:8]]), exact[:8])
-    return reached, seconds(lambda: stride(p.starts[0]), at_least=0.05, repeats=3) * 1e6
-
-
-def _heyoka(p: Problem, exact: NDArray, tolerance: float) -> tuple[float, float]:
-    stride = rivals.heyoka_stride(p, tolerance)
-    reached = error(np.array([stride(start) for start in p.starts]), exact)
-    return reached, seconds(lambda: stride(p.starts[0]), at_least=0.05, repeats=3) * 1e6
-
-
-def _heyoka_batch(p: Problem, exact: NDArray, tolerance: float) -> tuple[float, float]:
-    stride, lanes = rivals.heyoka_batch(p, tolerance, 8), 8
-    starts = p.starts[:lanes]
-    reached = error(stride(starts), exact[:lanes])
-    return reached, seconds(lambda: stride(starts), at_least=0.05, repeats=3) / lanes * 1e6
-
-
-def _diffrax(p: Problem, exact: NDArray, method: str, tolerance: float) -> tuple[float, float]:
-    strides = rivals.diffrax_batch(p, method, tolerance)
-    starts = np.resize(p.starts, (CROWD, 6))
-    reached = error(strides(starts)[: len(exact)], exact)
-    return reached, seconds(lambda: strides(starts), at_least=0.05, repeats=3) / CROWD * 1e6
-
-
 def strides() -> None:
     """A stride of each kind of walker."""
     text = []
     for name in WALKS:
         p = problem(name)
         exact, own = reference(p)
-        methods: dict[str, Callable[[float], tuple[float, float]]] = {
-            f"this engine, {CROWD} at once": partial(_engine, p, exact, CROWD),
-            "this engine, alone": partial(_engine, p, exact, 1),
-            "heyoka, 8 lanes": partial(_heyoka_batch, p, exact),
-            "heyoka, alone": partial(_heyoka, p, exact),
+        methods: dict[str, Callable[[float], Point]] = {
+            f"this engine, {CROWD} at once": partial(measured.engine, p, exact, CROWD),
+            "this engine, alone": partial(measured.engine, p, exact, 1),
+            "heyoka, 8 lanes": partial(measured.heyoka_batch, p, exact, 8),
+            "heyoka, alone": partial(measured.heyoka, p, exact),
             **{
-                f"diffrax {m}, {CROWD} at once": partial(_diffrax, p, exact, m)
+                f"diffrax {m}, {CROWD} at once": partial(measured.diffrax, p, exact, m)
                 for m in ("Tsit5", "Dopri8")
             },
-            **{f"SciPy {m}": partial(_scipy, p, exact, m) for m in ("DOP853", "RK45", "LSODA")},
+            **{
+                f"SciPy {m}": partial(measured.scipy, p, exact, m)
+                for m in ("DOP853", "RK45", "LSODA")
+            },
         }
         curves = {}
         for label, method in methods.items():

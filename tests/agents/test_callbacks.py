@@ -5,11 +5,7 @@ import signal
 
 import pytest
 
-from agents.callbacks import Exploration, Milestones, StopRequest
-from agents.config import configure
-from agents.learner import build
-from agents.worlds import training_worlds
-from gym_passive_walker.envs import task
+from agents.callbacks import Milestones, StopRequest
 
 
 class Model:
@@ -83,21 +79,3 @@ def test_signals_are_as_before_afterwards():
     with StopRequest():
         assert signal.getsignal(signal.SIGINT) is not before
     assert signal.getsignal(signal.SIGINT) is before
-
-
-def test_noise_and_charge_follow_the_steps_made():
-    config = configure(n_envs=4)
-    worlds = training_worlds(config)
-    model = build(config, worlds)
-    model._total_timesteps = 1000
-    exploration = Exploration({0.2: -1.0, 0.6: -3.0}, energy="positive", until=0.5)
-    exploration.init_callback(model)
-    seen = []
-    for model.num_timesteps in (0, 200, 400, 600, 1000):
-        exploration.on_rollout_start()
-        charged = task.ENERGIES[int(worlds.batch.rules[task.CHARGED])]
-        seen.append((round(model.policy.log_std.item(), 6), charged))
-    assert seen == [
-        (-1.0, "positive"), (-1.0, "positive"), (-2.0, "positive"), (-3.0, "absolute"),
-        (-3.0, "absolute"),
-    ]  # fmt: skip

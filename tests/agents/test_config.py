@@ -50,6 +50,23 @@ def test_presets_name_the_gymnasium_id_too_for_rl_zoo3():
         assert presets(algo)["PassiveWalker-v0"] == presets(algo)["level"]
 
 
+@pytest.mark.parametrize("algo", ALGORITHMS)
+@pytest.mark.parametrize("scene", SCENES)
+def test_a_configuration_is_made_again_from_its_preset(algo, scene, monkeypatch):
+    config = configure(algo, scene, seed=2)
+    written = yaml.safe_load(yaml.safe_dump({scene: config.preset()}))
+    monkeypatch.setattr("agents.config.presets", lambda algo: written)
+    assert configure(algo, scene, seed=2) == config
+
+
+@pytest.mark.parametrize("algo", ALGORITHMS)
+def test_a_preset_with_a_callback_of_another_algorithm_is_refused(algo, monkeypatch):
+    other = configure({"ppo": "sac", "sac": "ppo"}[algo], "level").preset()
+    monkeypatch.setattr("agents.config.presets", lambda algo: {"level": other})
+    with pytest.raises(ConfigError, match=f"{algo.upper()} has no callback"):
+        configure(algo, "level")
+
+
 def test_a_configuration_survives_its_file(tmp_path):
     config = configure("sac", "rolling", env={"slope": [0.0, 0.02]}, seed=3)
     config.save(tmp_path / "config.yml")
@@ -92,4 +109,5 @@ def test_a_policy_in_the_notation_of_rl_zoo3_is_read_without_running_it():
 def test_presets_explore_where_ticks_are_many():
     assert configure("ppo", "level").exploration["energy"] == "positive"
     assert configure("ppo", "steep").exploration is None
-    assert configure("sac", "level").exploration is None
+    assert configure("sac", "level").exploration["highest"] == 0.5
+    assert configure("sac", "steep").exploration is None

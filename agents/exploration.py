@@ -1,0 +1,86 @@
+"""How an algorithm keeps trying what it does not do yet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.noise import NormalActionNoise, VectorizedActionNoise
+
+from gym_passive_walker.envs import task as T
+
+
+class Schedule(BaseCallback):
+    """Keeps PPO from settling for the first gait that it finds.
+
+    Left to itself, its noise shrinks as soon as it walks, and what takes several ticks together is
+    not found any more: to hold the swing leg before it lands costs work until it is held in full.
+    So the noise follows a schedule; and while braking is free, a little of a hold costs nothing.
+
+    All of it follows from the steps made and asked for, so a resumed run needs no memory of it.
+
+    Args:
+        log_std: Logarithm of the noise's standard deviation at shares of the steps asked for;
+            linear between them.
+        energy: What the motor is charged for at first, as of `Scene`; None is the scene's own.
+        until: Share of the steps after which it is the scene's own.
+    """
+
+    def __init__(
+        self, log_std: Mapping[float, float], energy: str | None = None, until: float = 0.0
+    ) -> None:
+        super().__init__()
+        self.shares, self.values = zip(*sorted(log_std.items()), strict=True)
+        self.energy, self.until = energy, until
+
+    def _init_callback(self) -> None:
+        self._rules = [batch.rules for batch in self.training_env.get_attr("batch")]
+        self._own = [rules[T.CHARGED] for rules in self._rules]
+
+    def _on_rollout_start(self) -> None:
+        share = self.model.num_timesteps / self.model._total_timesteps
+        self.model.policy.log_std.data.fill_(np.interp(share, self.shares, self.values))
+        early = self.energy is not None and share < self.until
+        for rules, own in zip(self._rules, self._own, strict=True):
+            rules[T.CHARGED] = T.ENERGIES.index(self.energy) if early else own
+
+    def _on_step(self) -> bool:
+        return True
+
+
+class Ladder(BaseCallback):
+    """Lets SAC's walkers stray from its policy, each more boldly than the one before.
+
+    SAC learns from what others do as well: so its policy may have as little noise as a motor that
+    is paid by work should, while the critics still see what other torques lead to.
+
+    Args:
+        lowest: Standard deviation of the first walker's noise, in shares of the largest torque.
+        highest: That of the last one; those between are in geometric progression.
+    """
+
+    def __init__(self, lowest: float, highest: float) -> None:
+        super().__init__()
+        self.lowest, self.highest = lowest, highest
+
+    def _init_callback(self) -> None:
+        count, shape = self.training_env.num_envs, self.training_env.action_space.shape
+        noises = [
+            NormalActionNoise(np.zeros(shape), np.full(shape, deviation))
+            for deviation in np.geomspace(self.lowest, self.highest, count)
+        ]
+        self.model.action_noise = VectorizedActionNoise(noises[0], count)
+        self.model.action_noise.noises = noises
+
+    def _on_step(self) -> bool:
+        return True
+
+
+_EXPLORERS: dict[str, type[BaseCallback]] = {"ppo": Schedule, "sac": Ladder}
+
+
+def explorers(algo: str, arguments: Mapping[str, Any] | None) -> list[BaseCallback]:
+    """The callback by which an algorithm explores; none if it is told no arguments of it."""
+    return [] if arguments is None else [_EXPLORERS[algo](**arguments)]

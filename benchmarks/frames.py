@@ -1,0 +1,128 @@
+"""Frames a second of PPO with this environment, and with one that costs nothing."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.logger import Logger
+from stable_baselines3.common.vec_env import VecEnv
+
+from agents.config import configure
+from agents.learner import build
+from agents.worlds import training_worlds
+from benchmarks.report import machine, seconds, table
+
+WARMING = 40
+"""Updates before the clock runs: until walkers seldom fall, as for most of a training."""
+
+MEASURED = 24
+"""Updates whose median counts."""
+
+
+class _Free(VecEnv):
+    """The spaces of other environments, and nothing behind them."""
+
+    def __init__(self, worlds: VecEnv) -> None:
+        super().__init__(worlds.num_envs, worlds.observation_space, worlds.action_space)
+        self._zeros = np.zeros((worlds.num_envs, *worlds.observation_space.shape), np.float32)
+        self._answer = np.zeros(worlds.num_envs), np.zeros(worlds.num_envs, bool)
+        self._infos: list[dict] = [{} for _ in range(worlds.num_envs)]
+
+    def reset(self) -> Any:
+        return self._zeros
+
+    def step_async(self, actions: Any) -> None:
+        pass
+
+    def step_wait(self) -> Any:
+        return self._zeros, *self._answer, self._infos
+
+    def close(self) -> None:
+        pass
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        return [None] * self.num_envs
+
+    def set_attr(self, *_: Any, **__: Any) -> None:
+        pass
+
+    def env_method(self, *_: Any, **__: Any) -> list[Any]:
+        return []
+
+    def env_is_wrapped(self, *_: Any, **__: Any) -> list[bool]:
+        return [False] * self.num_envs
+
+
+def _timed(job: Callable[..., Any], taken: list[float]) -> Callable[..., Any]:
+    """The same job, which notes how many seconds it takes."""
+
+    def timed(*arguments: Any, **named: Any) -> Any:
+        began = time.perf_counter()
+        result = job(*arguments, **named)
+        taken.append(time.perf_counter() - began)
+        return result
+
+    return timed
+
+
+def _trained(learners: list[BaseAlgorithm], frames: int) -> list[float]:
+    """Frames a second of each learner."""
+    collecting: list[list[float]] = [[] for _ in learners]
+    training: list[float] = []  # the same sums for all
+    for model, collected in zip(learners, collecting, strict=True):
+        model.set_logger(Logger(None, []))
+        model.learn(WARMING * frames)
+        model.collect_rollouts = _timed(model.collect_rollouts, collected)  # type: ignore
+        model.train = _timed(model.train, training)  # type: ignore
+    for _ in range(MEASURED):  # by turns, so that all see the same machine
+        for model in learners:
+            model.learn(frames, reset_num_timesteps=False)
+    return [frames / float(np.median(each) + np.median(training)) for each in collecting]
+
+
+def report() -> str:
+    """The table and its explanation."""
+    torch.set_num_threads(1)
+    config = configure("ppo", "level")
+    worlds = training_worlds(config)
+    frames = config.hyperparams["n_steps"] * worlds.num_envs
+    learners = [build(config, environment) for environment in (worlds, _Free(worlds))]
+    own, floor = _trained(learners, frames)
+
+    native = training_worlds(config)
+    native.reset()
+    random = np.random.default_rng(0)
+    actions = [random.uniform(-0.1, 0.1, (native.num_envs, 1)) for _ in range(64)]
+    env_only = seconds(lambda: [native.step(action) for action in actions]) / 64 / native.num_envs
+
+    model = learners[0]
+    env = model.env
+    assert env is not None
+    env.reset()
+    batch = np.repeat([env.observation_space.sample()], native.num_envs, axis=0)
+
+    def acting() -> None:
+        for _ in range(16):
+            action, _ = model.predict(batch)
+            env.step(action)
+
+    env_policy = seconds(acting) / 16 / native.num_envs
+    rows = [
+        ("environment only", 1.0 / env_only),
+        ("environment and policy", 1.0 / env_policy),
+        ("environment, policy and training", own),
+        ("the same with an environment that costs nothing", floor),
+    ]
+    text = table([f"PPO, preset level, {native.num_envs} environments", "frames/s"], rows)
+    return (
+        f"{text}\n\nAfter {WARMING * frames:,} frames, training reaches {100 * own / floor:.1f} % "
+        f"of the frames/s that the free environment allows (medians of {MEASURED} updates, by "
+        "turns, of the time to collect frames and of the time to learn from them); the "
+        f"environment's own steps take {100 * env_only * own:.1f} % of the time of training. One "
+        f"thread of torch. {machine('stable-baselines3', 'torch')}."
+    )

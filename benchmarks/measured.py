@@ -1,0 +1,78 @@
+"""A stride by the engine and by its rivals: the error that is reached, and the time that it takes.
+
+Each function gives the error against the exact next section states, and the microseconds of one
+walker's stride on one core.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks import rivals
+from benchmarks.problem import Problem, crowd, ends, error
+from benchmarks.report import seconds
+from gym_passive_walker.physics.engine import advance
+from gym_passive_walker.physics.record import OUTCOME
+
+CROWD = 2048
+"""Walkers in a batch of those who take any number."""
+
+Point = tuple[float, float]
+"""An error, and microseconds."""
+
+
+def microseconds(p: Problem, count: int, tolerance: float, threads: int = 1) -> float:
+    """Time of a stride of one walker among `count`, by the engine."""
+    fresh = crowd(p, count)
+    records = fresh.copy()
+
+    def job() -> None:
+        records[:] = fresh
+        advance(p.kind, p.c[None], records, tolerance=tolerance, threads=threads)
+
+    def copying() -> None:
+        records[:] = fresh
+
+    job()
+    assert np.all(records[:, OUTCOME] == 1.0)
+    return (seconds(job) - seconds(copying)) / count * 1e6
+
+
+def engine(p: Problem, exact: NDArray, count: int, tolerance: float) -> Point:
+    """This engine, `count` walkers at once."""
+    return error(ends(p, tolerance), exact), microseconds(p, count, tolerance)
+
+
+def scipy(p: Problem, exact: NDArray, method: str, tolerance: float) -> Point:
+    """`scipy.integrate.solve_ivp` by one of its methods; the error is that of eight starts."""
+    stride = rivals.scipy_stride(p, method, tolerance)
+    found = np.array([stride(start) for start in p.starts[:8]])
+    return error(found, exact[:8]), seconds(lambda: stride(p.starts[0]), repeats=3) * 1e6
+
+
+def heyoka(p: Problem, exact: NDArray, tolerance: float) -> Point:
+    """Heyoka, one walker at a time."""
+    stride = rivals.heyoka_stride(p, tolerance)
+    found = np.array([stride(start) for start in p.starts])
+    return error(found, exact), seconds(lambda: stride(p.starts[0]), repeats=3) * 1e6
+
+
+def heyoka_batch(p: Problem, exact: NDArray, lanes: int, tolerance: float) -> Point:
+    """Heyoka's batch mode."""
+    stride, starts = rivals.heyoka_batch(p, tolerance, lanes), p.starts[:lanes]
+    reached = error(stride(starts), exact[:lanes])
+    return reached, seconds(lambda: stride(starts), repeats=3) / lanes * 1e6
+
+
+def heyoka_floor(p: Problem, lanes: int, tolerance: float) -> Point:
+    """Heyoka's batch mode without events: no error can be told, the time is a lower bound."""
+    stride, starts = rivals.heyoka_batch(p, tolerance, lanes, events=False), p.starts[:lanes]
+    return float("nan"), seconds(lambda: stride(starts), repeats=3) / lanes * 1e6
+
+
+def diffrax(p: Problem, exact: NDArray, method: str, tolerance: float) -> Point:
+    """Diffrax by one of its solvers, `CROWD` walkers at once."""
+    strides, starts = rivals.diffrax_batch(p, method, tolerance), np.resize(p.starts, (CROWD, 6))
+    reached = error(strides(starts)[: len(exact)], exact)
+    return reached, seconds(lambda: strides(starts), repeats=3, most=1.0) / CROWD * 1e6

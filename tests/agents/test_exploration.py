@@ -1,0 +1,47 @@
+"""Noise by schedule, and walkers of different boldness."""
+
+import numpy as np
+import pytest
+
+from agents.config import configure
+from agents.exploration import Ladder, Schedule, explorers
+from agents.learner import build
+from agents.worlds import training_worlds
+from gym_passive_walker.envs import task
+
+
+def test_noise_and_charge_follow_the_steps_made():
+    config = configure(n_envs=4)
+    worlds = training_worlds(config)
+    model = build(config, worlds)
+    model._total_timesteps = 1000
+    schedule = Schedule({0.2: -1.0, 0.6: -3.0}, energy="positive", until=0.5)
+    schedule.init_callback(model)
+    seen = []
+    for model.num_timesteps in (0, 200, 400, 600, 1000):
+        schedule.on_rollout_start()
+        charged = task.ENERGIES[int(worlds.batch.rules[task.CHARGED])]
+        seen.append((round(model.policy.log_std.item(), 6), charged))
+    assert seen == [
+        (-1.0, "positive"), (-1.0, "positive"), (-2.0, "positive"), (-3.0, "absolute"),
+        (-3.0, "absolute"),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("count", [1, 5])
+def test_each_walker_strays_more_boldly_than_the_one_before(count):
+    config = configure("sac", "level", n_envs=count)
+    model = build(config, training_worlds(config), learning_starts=0)
+    model._setup_learn(0, callback=(ladder := Ladder(0.01, 0.16)))
+    assert ladder.training_env.num_envs == count
+    draws = np.array([model.action_noise() for _ in range(4000)])
+    assert draws.shape == (4000, count, 1)
+    expected = np.array([0.01, 0.02, 0.04, 0.08, 0.16])[:count]
+    assert np.allclose(draws.std(axis=(0, 2)), expected, rtol=0.1)
+    assert abs(np.corrcoef(draws[:-1, -1, 0], draws[1:, -1, 0])[0, 1]) < 0.1
+
+
+def test_an_algorithm_explores_in_its_own_way_or_not_at_all():
+    assert explorers("sac", None) == []
+    assert isinstance(explorers("sac", {"lowest": 0.1, "highest": 0.2})[0], Ladder)
+    assert isinstance(explorers("ppo", {"log_std": {0.0: -1.0}})[0], Schedule)
