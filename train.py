@@ -21,6 +21,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from agents import commands, files, judging, worlds
 from agents.config import ALGORITHMS, DEFAULT_SCENE, Config, ConfigError, configure
@@ -99,7 +100,7 @@ def asked_for(args: argparse.Namespace, kept: Config | None = None) -> Config:
             raise ConfigError("--slope takes one number, or the two ends of a range")
         env["slope"] = args.slope[0] if len(args.slope) == 1 else list(args.slope)
 
-    def given(name: str, default: object) -> object:
+    def given(name: str, default: Any) -> Any:
         value = getattr(args, name)
         return default if value is None else value
 

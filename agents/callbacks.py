@@ -107,6 +107,7 @@ class Bar(BaseCallback):
         )  # fmt: skip
 
     def _on_step(self) -> bool:
+        assert self.bar is not None
         self.bar.update(self.training_env.num_envs)
         return True
 
@@ -116,4 +117,5 @@ class Bar(BaseCallback):
             self.bar.set_postfix_str(text, refresh=False)
 
     def _on_training_end(self) -> None:
+        assert self.bar is not None
         self.bar.close()

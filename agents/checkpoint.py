@@ -30,19 +30,20 @@ def save(path: Path, model: BaseAlgorithm, notes: dict[str, Any]) -> None:
         model: The algorithm, between two updates.
         notes: What else to keep; JSON.
     """
-    arrays = {"torch": torch.get_rng_state().numpy()}
+    arrays: dict[str, Any] = {"torch": torch.get_rng_state().numpy()}
     arrays |= {name: getattr(model, name) for name in _LAST if getattr(model, name) is not None}
     normalizer = model.get_vec_normalize_env()
     if normalizer is not None:
         arrays |= moments(normalizer) | {"returns": normalizer.returns}
     # The library shuffles by numpy's global generator.
-    kind, keys, *place = np.random.get_state()  # noqa: NPY002
+    shuffling: Any = np.random.get_state()  # noqa: NPY002
+    kind, keys, *place = shuffling
     arrays["numpy"] = keys
     state = {
         "counters": {name: getattr(model, name) for name in _COUNTERS},
         "numpy": [kind, *place],
         "action_space": model.action_space.np_random.bit_generator.state,
-        "episodes": [{k: float(v) for k, v in info.items()} for info in model.ep_info_buffer],
+        "episodes": [{k: float(v) for k, v in info.items()} for info in model.ep_info_buffer or ()],
         "notes": notes,
     }
     with replacing(path) as folder:

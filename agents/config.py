@@ -17,7 +17,7 @@ EVALUATIONS = 20
 
 _PRESETS = Path(__file__).parent / "presets"
 # What a preset says about the run rather than to the algorithm.
-_OF_THE_RUN = ("n_envs", "n_timesteps", "normalize", "env_wrapper", "callback", "env_kwargs")
+_OF_THE_RUN = ("normalize", "env_wrapper", "callback", "env_kwargs")
 _TIME_LIMIT = "gymnasium.wrappers.TimeLimit"
 _EXPLORATION = {"ppo": "agents.exploration.Schedule", "sac": "agents.exploration.Ladder"}
 
@@ -142,17 +142,16 @@ def configure(
     if name not in of_algo:
         raise ConfigError(f"no preset for {name!r} in {algo}.yml: it has {', '.join(of_algo)}")
     preset = dict(of_algo[name])
-    count, total, normalize, wrapper, callback, training = (
-        preset.pop(key, None) for key in _OF_THE_RUN
-    )
+    count, total = preset.pop("n_envs"), preset.pop("n_timesteps")
+    normalize, wrapper, callback, training = (preset.pop(key, None) for key in _OF_THE_RUN)
     if n_envs is not None and algo == "ppo" and n_envs > 0:
         # Of an update as large, as many whole batches.
         update = preset["n_steps"] * count
         batches = max(1, update // preset["batch_size"])
         preset["n_steps"] = batches * max(1, round(update / n_envs / batches))
         preset["batch_size"] = preset["n_steps"] * n_envs // batches
-    n_envs = count if n_envs is None else n_envs
-    steps = total if steps is None else steps
+    n_envs = int(count if n_envs is None else n_envs)
+    steps = int(total if steps is None else steps)
     for label, number in (("envs", n_envs), ("steps", steps), ("every", every)):
         if number is not None and number < 1:
             raise ConfigError(f"{label} must be at least 1, not {number}")

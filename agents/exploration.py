@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.noise import NormalActionNoise, VectorizedActionNoise
+from stable_baselines3.common.noise import ActionNoise, NormalActionNoise, VectorizedActionNoise
+from stable_baselines3.common.preprocessing import get_action_dim
 
 from gym_passive_walker.envs import task as T
 
@@ -41,7 +42,8 @@ class Schedule(BaseCallback):
 
     def _on_rollout_start(self) -> None:
         share = self.model.num_timesteps / self.model._total_timesteps
-        self.model.policy.log_std.data.fill_(np.interp(share, self.shares, self.values))
+        policy: Any = self.model.policy
+        policy.log_std.data.fill_(np.interp(share, self.shares, self.values))
         early = self.energy is not None and share < self.until
         for rules, own in zip(self._rules, self._own, strict=True):
             rules[T.CHARGED] = T.ENERGIES.index(self.energy) if early else own
@@ -66,13 +68,15 @@ class Ladder(BaseCallback):
         self.lowest, self.highest = lowest, highest
 
     def _init_callback(self) -> None:
-        count, shape = self.training_env.num_envs, self.training_env.action_space.shape
-        noises = [
+        count = self.training_env.num_envs
+        shape = get_action_dim(self.training_env.action_space)
+        noises: list[ActionNoise] = [
             NormalActionNoise(np.zeros(shape), np.full(shape, deviation))
             for deviation in np.geomspace(self.lowest, self.highest, count)
         ]
-        self.model.action_noise = VectorizedActionNoise(noises[0], count)
-        self.model.action_noise.noises = noises
+        ladder = VectorizedActionNoise(noises[0], count)
+        ladder.noises = noises
+        self.model.action_noise = ladder  # type: ignore[attr-defined]  # SAC has it
 
     def _on_step(self) -> bool:
         return True

@@ -22,6 +22,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from agents.config import Config, ConfigError
 from agents.files import CONFIG, replacing
+from agents.networks import POLICIES
 
 MODEL, NORMALIZER = "model.zip", "normalizer.npz"
 POLICY = "policy.safetensors"
@@ -44,6 +45,7 @@ def build(config: Config, worlds: VecEnv, **overrides: Any) -> BaseAlgorithm:
         worlds = VecNormalize(worlds, gamma=gamma, **config.normalize)
     arguments = config.hyperparams | overrides
     arguments["learning_rate"] = _schedule(arguments["learning_rate"])
+    arguments["policy"] = POLICIES.get(arguments["policy"], arguments["policy"])
     arguments["policy_kwargs"] = _with_activation(arguments.get("policy_kwargs"))
     # Networks this small are faster on the CPU, and the same there on each run.
     return _CLASSES[config.algo](env=worlds, seed=config.seed, device="cpu", **arguments)
@@ -75,7 +77,7 @@ def restore_weights(model: BaseAlgorithm, path: Path) -> None:
         getattr(model, name).data.copy_(value.data)
 
 
-def moments(normalizer: VecNormalize) -> dict[str, NDArray]:
+def moments(normalizer: VecNormalize) -> dict[str, Any]:
     """What a VecNormalize has seen, as arrays."""
     return {
         f"{name}.{key}": np.asarray(getattr(getattr(normalizer, name), key))
@@ -85,7 +87,7 @@ def moments(normalizer: VecNormalize) -> dict[str, NDArray]:
     }
 
 
-def restore_moments(normalizer: VecNormalize, saved: Any) -> None:
+def restore_moments(normalizer: VecNormalize | None, saved: Any) -> None:
     """Put `moments` back."""
     for name in _MOMENTS:
         if hasattr(normalizer, name):
@@ -110,7 +112,7 @@ class LearnedPolicy:
         """Choose actions, for one observation or a batch, like stable-baselines3's `predict`."""
         normalizer = self.model.get_vec_normalize_env()
         if normalizer is not None:
-            observation = normalizer.normalize_obs(observation)
+            observation = np.asarray(normalizer.normalize_obs(observation))
         return self.model.predict(observation, state, episode_start, deterministic)
 
     def save(self, run: Path) -> None:

@@ -9,12 +9,11 @@ SLSQP solves it with exact derivatives (see `ticks`).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize
 
 from agents.ticks import TickedStride, ticked_stride
@@ -78,6 +77,7 @@ class Problem:
     """Cost and constraints over z = (point, driving parts, braking parts), parts from 0 to 1."""
 
     def __init__(self, scene: Scene, speed: float, ticks: int, m: int) -> None:
+        self.slope = float(np.mean(scene.slope))
         self.scene, self.speed, self.ticks, self.m = scene, speed, ticks, m
         self.tick = scene.tick if scene.control == "tick" else math.inf
         self.absolute, self.net = _SHARES[scene.energy]
@@ -93,7 +93,7 @@ class Problem:
         """The stride."""
         scene = self.scene
         return ticked_stride(
-            scene.walker, scene.slope, z[: self.m], self.torques(z), tick=self.tick, stub=stub
+            scene.walker, self.slope, z[: self.m], self.torques(z), tick=self.tick, stub=stub
         )
 
     def at(self, z: NDArray) -> tuple[float, NDArray, NDArray, NDArray]:
@@ -189,12 +189,13 @@ class Problem:
         rest[at_low], rest[at_high] = np.minimum(rest[at_low], 0.0), np.maximum(rest[at_high], 0.0)
         return float(np.max(np.abs(rest)) / np.max(np.abs(gradient)))
 
-    def guess(self, point: Sequence[float], torques: Sequence[float]) -> NDArray:
+    def guess(self, point: ArrayLike, torques: ArrayLike) -> NDArray:
         """The z of a gait with other torques."""
         torques = np.asarray(torques)
         shares = np.pad(torques, (0, max(0, self.ticks - len(torques))), mode="edge")
         shares = shares[: self.ticks] / self.scene.max_hip_torque
-        return np.concatenate([point, np.clip(np.concatenate([shares, -shares]), 0.0, 1.0)])
+        parts = np.clip(np.concatenate([shares, -shares]), 0.0, 1.0)
+        return np.concatenate([np.asarray(point), parts])
 
     def measured(self, z: NDArray) -> OptimalGait:
         """What there is to say of a solution."""
@@ -208,9 +209,9 @@ class Problem:
                 stubs = True
         taken = 1 if scene.control == "stride" else math.ceil(walked.duration / scene.tick)
         return OptimalGait(
-            slope=float(scene.slope),
+            slope=self.slope,
             speed=walked.length / walked.duration,
-            cost_of_transport=math.sin(scene.slope) + cost,
+            cost_of_transport=math.sin(self.slope) + cost,
             hip_cost=cost,
             step_period=walked.duration,
             step_length=walked.length,

@@ -67,7 +67,7 @@ def gait(path: Path, policy: Policy, world: gymnasium.Env, *, seed: int, title: 
         seed: Of its episode.
         title: What is on show.
     """
-    walker = world.unwrapped
+    walker: Any = world.unwrapped
     observation, _ = world.reset(seed=seed)
     memory, first, stride, over = None, np.ones(1, bool), 0, False
     states, contacts, strides, torques = [], [], [], []
@@ -128,7 +128,7 @@ def closed_loop(path: Path, gait: ClosedLoopGait, optimum: OptimalGait | None) -
     )
     torque.legend(frameon=False)
     turn = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 200))
-    circle.plot(turn.real, turn.imag, color="grey", linewidth=1.0)
+    circle.plot(np.real(turn), np.imag(turn), color="grey", linewidth=1.0)
     circle.plot(gait.multipliers.real, gait.multipliers.imag, "x")
     circle.set(aspect="equal", title="multipliers", xlabel="real", ylabel="imaginary")
     found = gait.basin()

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from agents.baselines import ConstantTorque, LinearFeedback, Optimal, Passive
 from agents.config import Config, ConfigError
 from agents.evaluation import Policy
 from agents.files import CONFIG
 from gym_passive_walker.envs.scene import Scene
+
+if TYPE_CHECKING:
+    from agents.learner import LearnedPolicy  # loads torch
 
 CONSTANT_TORQUE = 0.0025
 """Torque of the agent that holds one all along, in units of m g l: it walks on level ground."""
@@ -46,7 +50,7 @@ def folder_of(name: str) -> Path:
     )
 
 
-def learned(name: str) -> tuple[Config, Policy]:
+def learned(name: str) -> tuple[Config, LearnedPolicy]:
     """A learned policy, and the configuration that it was trained with.
 
     Raises:

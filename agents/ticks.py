@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,13 +134,13 @@ def ticked_stride(
         records[:, R.TORQUE] = varied[:, m + k]
         before, until = records.copy(), LONGEST if k == count - 1 else (k + 1) * tick
         swing[k] = on(records, until)
-        turn[k] = np.sign(swing[k].real) * swing[k]
+        turn[k] = np.sign(np.real(swing[k])) * swing[k]
         outcome = Outcome(int(records[0, R.OUTCOME].real))
         if records[0, R.HIP_TURN].real > abs(swing[k, 0]) + _BACK:
             # Where the hip turns back its rate is zero, so the moment's own shift is nothing.
-            there = _reversal(on, before[:1].real, float(records[0, R.TIME].real))
+            there = _reversal(on, np.real(before[:1]), float(records[0, R.TIME].real))
             pieces = [on(before, there), on(before, until)]
-            turn[k] = sum(np.sign(piece.real) * piece for piece in pieces)
+            turn[k] = sum(np.sign(np.real(piece)) * piece for piece in pieces)
         if outcome != Outcome.RUNNING:
             break
     if outcome != Outcome.HEELSTRIKE:
@@ -158,7 +158,7 @@ def ticked_stride(
         swing=values[m + 2 : m + 2 + count],
         turn=values[m + 2 + count : -1],
         kneestrike=float(values[-1]),
-        by=told.imag.T / INFINITESIMAL,
+        by=np.imag(told).T / INFINITESIMAL,
     )
 
 
@@ -170,7 +170,7 @@ def course(
     *,
     tick: float,
     duration: float,
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[NDArray, NDArray, NDArray]:
     """What a walker passes through in a stride under given torques, for pictures.
 
     Args:
@@ -212,4 +212,5 @@ def _reversal(on: Callable[[NDArray, float], NDArray], record: NDArray, end: flo
     margin = 1e-9 * (end - start)
     if rate(start + margin) * rate(end - margin) >= 0.0:  # it turns back twice, by next to nothing
         return start
-    return brentq(rate, start + margin, end - margin, xtol=1e-14)
+    root: Any = brentq(rate, start + margin, end - margin, xtol=1e-14)
+    return float(root)

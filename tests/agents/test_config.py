@@ -109,5 +109,5 @@ def test_a_policy_in_the_notation_of_rl_zoo3_is_read_without_running_it():
 def test_presets_explore_where_ticks_are_many():
     assert configure("ppo", "level").exploration["energy"] == "positive"
     assert configure("ppo", "steep").exploration is None
-    assert configure("sac", "level").exploration["highest"] == 0.5
+    assert configure("sac", "level").exploration["highest"] == 1.0
     assert configure("sac", "steep").exploration is None
