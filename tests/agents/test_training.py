@@ -34,7 +34,9 @@ def small(algo="ppo", steps=256, scene="level", **changes):
     """A configuration of a few hundred steps."""
     config = configure(algo, scene, steps=steps, **{**SMALL, **changes})
     config.hyperparams.update({"ppo": PPO, "sac": SAC}[algo])
-    return dataclasses.replace(config, exploration=None)
+    if algo == "ppo":  # its noise follows the steps asked for
+        config = dataclasses.replace(config, exploration=None)
+    return config
 
 
 def weights(run: Run) -> np.ndarray:
