@@ -52,9 +52,9 @@ def search(config: Config, folder: Path, trials: int, *, progress: bool = True) 
         ConfigError: if Optuna is not installed.
     """
     try:
-        import optuna
-        from optuna.storages import JournalStorage
-        from optuna.storages.journal import JournalFileBackend
+        import optuna  # type: ignore  # an extra
+        from optuna.storages import JournalStorage  # type: ignore  # an extra
+        from optuna.storages.journal import JournalFileBackend  # type: ignore  # an extra
     except ImportError:
         raise ConfigError(
             'a search needs Optuna: pip install "gym-passive-walker[search]"'
