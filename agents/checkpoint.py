@@ -30,6 +30,7 @@ def save(path: Path, model: BaseAlgorithm, notes: dict[str, Any]) -> None:
         model: The algorithm, between two updates.
         notes: What else to keep; JSON.
     """
+    assert model.env is not None
     arrays: dict[str, Any] = {"torch": torch.get_rng_state().numpy()}
     arrays |= {name: getattr(model, name) for name in _LAST if getattr(model, name) is not None}
     normalizer = model.get_vec_normalize_env()
@@ -65,6 +66,7 @@ def restore(path: Path, model: BaseAlgorithm) -> dict[str, Any]:
     Returns:
         The notes that were saved with it.
     """
+    assert model.env is not None
     restore_weights(model, path / MODEL)
     state = json.loads((path / _NOTES).read_text(encoding="utf-8"))
     for name, value in state["counters"].items():

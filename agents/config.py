@@ -142,7 +142,8 @@ def configure(
     if name not in of_algo:
         raise ConfigError(f"no preset for {name!r} in {algo}.yml: it has {', '.join(of_algo)}")
     preset = dict(of_algo[name])
-    count, total = preset.pop("n_envs"), preset.pop("n_timesteps")
+    count: int = preset.pop("n_envs")
+    total: int = preset.pop("n_timesteps")
     normalize, wrapper, callback, training = (preset.pop(key, None) for key in _OF_THE_RUN)
     if n_envs is not None and algo == "ppo" and n_envs > 0:
         # Of an update as large, as many whole batches.
@@ -150,8 +151,8 @@ def configure(
         batches = max(1, update // preset["batch_size"])
         preset["n_steps"] = batches * max(1, round(update / n_envs / batches))
         preset["batch_size"] = preset["n_steps"] * n_envs // batches
-    n_envs = int(count if n_envs is None else n_envs)
-    steps = int(total if steps is None else steps)
+    n_envs = count if n_envs is None else n_envs
+    steps = total if steps is None else steps
     for label, number in (("envs", n_envs), ("steps", steps), ("every", every)):
         if number is not None and number < 1:
             raise ConfigError(f"{label} must be at least 1, not {number}")
@@ -212,6 +213,5 @@ def _arguments_of_the_policy(preset: dict[str, Any]) -> dict[str, Any]:
 
 def _as_call(arguments: dict[str, Any]) -> str:
     """A policy's arguments as "dict(...)", which `_arguments_of_the_policy` reads."""
-    texts = (v if name == "activation_fn" else repr(v) for name, v in arguments.items())
-    given = (f"{name}={text}" for name, text in zip(arguments, texts, strict=True))
+    given = (f"{k}={v if k == 'activation_fn' else repr(v)}" for k, v in arguments.items())
     return f"dict({', '.join(given)})"

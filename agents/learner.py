@@ -87,7 +87,7 @@ def moments(normalizer: VecNormalize) -> dict[str, Any]:
     }
 
 
-def restore_moments(normalizer: VecNormalize | None, saved: Any) -> None:
+def restore_moments(normalizer: VecNormalize, saved: Any) -> None:
     """Put `moments` back."""
     for name in _MOMENTS:
         if hasattr(normalizer, name):
@@ -147,9 +147,10 @@ def load_policy(run: Path, worlds: VecEnv, config: Config | None = None) -> Lear
             restore_exported(model, run / POLICY)
         else:
             restore_weights(model, run / MODEL)
-            if config.normalize is not None:
+            normalizer = model.get_vec_normalize_env()
+            if normalizer is not None:
                 with np.load(run / NORMALIZER) as saved:
-                    restore_moments(model.get_vec_normalize_env(), saved)
+                    restore_moments(normalizer, saved)
     except (OSError, ValueError, RuntimeError, KeyError, SafetensorError) as error:
         raise ConfigError(f"the files in {run} do not fit its {CONFIG}: {error}") from None
     return LearnedPolicy(model, config.algo.upper())

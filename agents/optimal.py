@@ -13,7 +13,7 @@ import numpy as np
 
 from agents.feedback import powered_gait
 from agents.files import replacing
-from agents.optimum import OptimalGait, Problem
+from agents.optimum import OptimalGait, Problem, slope_of
 from agents.ticks import section_point, ticked_stride
 from gym_passive_walker import GaitNotFound
 from gym_passive_walker.envs.scene import Scene, make_scene
@@ -44,11 +44,7 @@ def optimal_gait(
         ValueError: if the scene has a range of slopes, or the speed is not positive.
     """
     scene = make_scene(scene)
-    if isinstance(scene.slope, tuple):
-        raise ValueError(
-            f"a gait is of one slope, and this scene has those from {scene.slope[0]:g} to "
-            f"{scene.slope[1]:g}: choose one by make_scene(scene, slope=...)"
-        )
+    slope_of(scene)  # refuses a range before there is work done
     if not 0.0 < speed < 2.0:
         raise ValueError(f"speed must lie between 0 and 2, over sqrt(g l), not {speed!r}")
     start = start or constant_torque_gait(scene)
@@ -85,7 +81,7 @@ def constant_torque_gait(scene: Scene) -> OptimalGait:
     Raises:
         GaitNotFound: if there is none.
     """
-    walker, slope = scene.walker, float(np.mean(scene.slope))
+    walker, slope = scene.walker, slope_of(scene)
     powered = powered_gait(walker, slope)
     point = section_point(walker, powered.state)
     torque = np.array([powered.hip_torque / frame_of(walker).torque])

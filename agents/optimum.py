@@ -73,11 +73,25 @@ class OptimalGait:
         return self.multipliers[0] < 1.0
 
 
+def slope_of(scene: Scene) -> float:
+    """The one slope that a gait has.
+
+    Raises:
+        ValueError: if the scene has a range of slopes.
+    """
+    if isinstance(scene.slope, tuple):
+        raise ValueError(
+            f"a gait is of one slope, and this scene has those from {scene.slope[0]:g} to "
+            f"{scene.slope[1]:g}: choose one by make_scene(scene, slope=...)"
+        )
+    return scene.slope
+
+
 class Problem:
     """Cost and constraints over z = (point, driving parts, braking parts), parts from 0 to 1."""
 
     def __init__(self, scene: Scene, speed: float, ticks: int, m: int) -> None:
-        self.slope = float(np.mean(scene.slope))
+        self.slope = slope_of(scene)
         self.scene, self.speed, self.ticks, self.m = scene, speed, ticks, m
         self.tick = scene.tick if scene.control == "tick" else math.inf
         self.absolute, self.net = _SHARES[scene.energy]

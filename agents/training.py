@@ -82,7 +82,7 @@ class Run:
                 left,
                 callback=[milestones, bar, *exploring],
                 # Logging costs SAC more than it tells.
-                log_interval={"ppo": 1, "sac": 100}[self.config.algo] if logged else None,  # type: ignore
+                log_interval={"ppo": 1, "sac": 100}[self.config.algo] if logged else None,  # type: ignore[arg-type]
                 reset_num_timesteps=not self.resumed,
             )
             if not milestones.stopped:

@@ -79,7 +79,7 @@ def describe(config: Config) -> str:
     return f"{config.scene}: walker {walker}, {slope}, {held}, up to {scene.max_hip_torque:g} m g l"
 
 
-def save_state(worlds: VecEnv | None, folder: Path) -> None:
+def save_state(worlds: VecEnv, folder: Path) -> None:
     """Write where the walkers stand, and their random numbers."""
     state = _native(worlds).get_state()
     walkers, randoms = state.pop("walkers"), state.pop("random")
@@ -90,7 +90,7 @@ def save_state(worlds: VecEnv | None, folder: Path) -> None:
     (folder / _RANDOMS).write_text(text, encoding="utf-8")
 
 
-def restore_state(worlds: VecEnv | None, folder: Path) -> None:
+def restore_state(worlds: VecEnv, folder: Path) -> None:
     """Put back what `save_state` wrote."""
     native = _native(worlds)
     rest: dict[str, Any] = json.loads((folder / _RANDOMS).read_text(encoding="utf-8"))
@@ -103,7 +103,7 @@ def restore_state(worlds: VecEnv | None, folder: Path) -> None:
         native.set_state(dict(arrays) | {"walkers": walkers, "random": rest["random"]})
 
 
-def _native(worlds: VecEnv | None) -> PassiveWalkerVecEnv:
+def _native(worlds: VecEnv) -> PassiveWalkerVecEnv:
     """The environment inside its wrappers."""
     while not isinstance(worlds, PassiveWalkerVecEnv):
         worlds = worlds.venv  # type: ignore[attr-defined]

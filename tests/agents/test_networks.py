@@ -39,5 +39,4 @@ def test_the_optimiser_and_the_target_know_the_normed_critics():
 def built():
     """SAC as the preset of the level has it, untrained."""
     config = configure("sac", "level", n_envs=1)
-    policy = {"policy": "agents.networks.NormedCriticPolicy", "buffer_size": 10}
-    return build(config, training_worlds(config), **policy)
+    return build(config, training_worlds(config), buffer_size=10)

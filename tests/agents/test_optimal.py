@@ -113,3 +113,8 @@ def test_scenes_without_stored_gaits_say_how_to_get_them():
 def test_the_table_has_a_line_for_each_gait(capsys):
     assert commands.find_optimal(["--scene", "steep"]) == 0
     assert len(capsys.readouterr().out.splitlines()) == 1 + len(optimal.load("steep"))
+
+
+def test_gaits_at_many_speeds_are_of_one_slope_too():
+    with pytest.raises(ValueError, match="choose one by"):
+        optimal.optimal_gaits("rolling", [0.1])
