@@ -1,132 +1,175 @@
 """Three links: a straight stance leg that rolls on its foot, a swing thigh and a free shank.
 
-The shank hangs from the thigh as the thigh does from the stance leg; see `compass` for the
-notation and for the phase after kneestrike.
+The shank hangs from the thigh as the thigh does from the stance leg. McGeer's stride has two
+phases: the knee is free until kneestrike, and locked until heelstrike; see `straight` for the
+second one and for the notation.
 """
 
 from __future__ import annotations
 
-from gym_passive_walker.physics import compass
-from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics.compass import solve, turned, weight_moment
-from gym_passive_walker.physics.lanes import inlined, sine_cosine
+from math import pi
+from typing import NamedTuple
+
+from gym_passive_walker.physics import legs, straight
+from gym_passive_walker.physics.hybrid import (
+    Guard,
+    Number,
+    Outcome,
+    Phase,
+    Refusal,
+    Reset,
+    Stage,
+    State,
+    System,
+    Watch,
+    travel,
+)
+from gym_passive_walker.physics.legs import (
+    difference,
+    impulse,
+    solve,
+    solve_hanging,
+    turned,
+    weight_moment,
+)
+from gym_passive_walker.physics.numbers import sine_cosine
 
 
-@inlined
-def solve_hanging(m11, m12, m13, m22, m23, mobility, f1, f2, f3):
-    """Solve the symmetric 3x3 system m x = f whose last diagonal entry is 1 / mobility."""
-    a, b = m13 * mobility, m23 * mobility
-    x1, x2 = solve(m11 - a * m13, m12 - a * m23, m22 - b * m23, f1 - a * f3, f2 - b * f3)
-    return x1, x2, f3 * mobility - a * x1 - b * x2
+class Body(NamedTuple):
+    """A walker with knees: what `straight.Body` has, and the free knee.
+
+    Attributes:
+        thigh_along: First moment of the thigh with the shank's mass at the knee, from the hip.
+        thigh_across: Likewise.
+        thigh_inertia: Its second moment.
+        shank_along: First moment of the shank from the knee.
+        shank_across: Likewise.
+        shank_inertia: Its second moment.
+        shank_mobility: 1 / shank_inertia.
+        knee_cosine: Inertia between thigh and shank: cosine part of their angle.
+        knee_sine: Sine part.
+        knee_along: Knee from the hip, in the thigh.
+        knee_across: Likewise.
+    """
+
+    foot_radius: Number
+    leg: Number
+    stance_along: Number
+    stance_across: Number
+    stance_inertia: Number
+    swing_along: Number
+    swing_across: Number
+    swing_inertia: Number
+    leg_mass: Number
+    leg_com_along: Number
+    leg_com_across: Number
+    leg_spin: Number
+    thigh_along: Number
+    thigh_across: Number
+    thigh_inertia: Number
+    shank_along: Number
+    shank_across: Number
+    shank_inertia: Number
+    shank_mobility: Number
+    knee_cosine: Number
+    knee_sine: Number
+    knee_along: Number
+    knee_across: Number
 
 
-@inlined
-def accelerations(
-    stance, thigh, shank, stance_rate, thigh_rate, shank_rate,
-    foot_radius, leg, stance_along, stance_across, stance_inertia,
-    thigh_along, thigh_across, thigh_inertia, shank_along, shank_across, shank_mobility,
-    knee_cosine, knee_sine, sin_slope, cos_slope, torque,
-):  # fmt: skip
-    """Angular accelerations of the stance leg, the thigh and the shank (subsection 4.10.4)."""
-    sine, cosine = sine_cosine(stance)
-    stance_back, stance_up = turned(stance_along, stance_across, sine, cosine)
-    hip_back, hip_rise = leg * sine, leg * cosine
-    hip_up = foot_radius + hip_rise
-    thigh_sine, thigh_cosine = sine_cosine(thigh)
-    thigh_back, thigh_up = turned(thigh_along, thigh_across, thigh_sine, thigh_cosine)
-    shank_sine, shank_cosine = sine_cosine(shank)
-    shank_back, shank_up = turned(shank_along, shank_across, shank_sine, shank_cosine)
-    bend_sine = shank_sine * thigh_cosine - shank_cosine * thigh_sine
-    bend_cosine = shank_cosine * thigh_cosine + shank_sine * thigh_sine
-    bend_slope = knee_sine * bend_cosine - knee_cosine * bend_sine
+def bend(state):
+    """Sine and cosine of the angle by which the shank is ahead of the thigh."""
+    thigh_sine, thigh_cosine = sine_cosine(state.thigh)
+    shank_sine, shank_cosine = sine_cosine(state.shank)
+    return (
+        shank_sine * thigh_cosine - shank_cosine * thigh_sine,
+        shank_cosine * thigh_cosine + shank_sine * thigh_sine,
+    )
 
-    stance_square = stance_rate * stance_rate
-    thigh_square = thigh_rate * thigh_rate
-    shank_square = shank_rate * shank_rate
-    stance_force = (
-        foot_radius * stance_back * stance_square
+
+def mass_matrix(body, state):
+    """Mass matrix (m11, m12, m13, m22, m23, m33)."""
+    sine, cosine = sine_cosine(state.stance)
+    _, stance_up = turned(body.stance_along, body.stance_across, sine, cosine)
+    hip_back, hip_up = legs.hip(body, state.stance)
+    thigh_back, thigh_up = turned(body.thigh_along, body.thigh_across, *sine_cosine(state.thigh))
+    shank_back, shank_up = turned(body.shank_along, body.shank_across, *sine_cosine(state.shank))
+    bend_sine, bend_cosine = bend(state)
+    return (
+        body.stance_inertia + 2.0 * body.foot_radius * stance_up,
+        hip_up * thigh_up + hip_back * thigh_back,
+        hip_up * shank_up + hip_back * shank_back,
+        body.thigh_inertia,
+        body.knee_cosine * bend_cosine + body.knee_sine * bend_sine,
+        body.shank_inertia,
+    )
+
+
+def forces(body, state, control, ground):
+    """What accelerates stance leg, thigh and shank: rates, gravity and controls."""
+    sine, cosine = sine_cosine(state.stance)
+    stance_back, stance_up = turned(body.stance_along, body.stance_across, sine, cosine)
+    hip_back, hip_rise = body.leg * sine, body.leg * cosine
+    hip_up = body.foot_radius + hip_rise
+    thigh_back, thigh_up = turned(body.thigh_along, body.thigh_across, *sine_cosine(state.thigh))
+    shank_back, shank_up = turned(body.shank_along, body.shank_across, *sine_cosine(state.shank))
+    bend_sine, bend_cosine = bend(state)
+    bend_slope = body.knee_sine * bend_cosine - body.knee_cosine * bend_sine
+    stance_square = state.stance_rate * state.stance_rate
+    thigh_square = state.thigh_rate * state.thigh_rate
+    shank_square = state.shank_rate * state.shank_rate
+    return (
+        body.foot_radius * stance_back * stance_square
         + (hip_up * thigh_back - hip_back * thigh_up) * thigh_square
         + (hip_up * shank_back - hip_back * shank_up) * shank_square
-        + weight_moment(stance_back, foot_radius + stance_up, sin_slope, cos_slope)
-        - torque
-    )
-    thigh_force = (
+        + weight_moment(stance_back, body.foot_radius + stance_up, ground)
+        - control.hip,
         (hip_back * thigh_up - hip_rise * thigh_back) * stance_square
         - bend_slope * shank_square
-        + weight_moment(thigh_back, thigh_up, sin_slope, cos_slope)
-        + torque
-    )
-    shank_force = (
+        + weight_moment(thigh_back, thigh_up, ground)
+        + control.hip,
         (hip_back * shank_up - hip_rise * shank_back) * stance_square
         + bend_slope * thigh_square
-        + weight_moment(shank_back, shank_up, sin_slope, cos_slope)
-    )
-    return solve_hanging(
-        stance_inertia + 2.0 * foot_radius * stance_up,
-        hip_up * thigh_up + hip_back * thigh_back,
-        hip_up * shank_up + hip_back * shank_back,
-        thigh_inertia,
-        knee_cosine * bend_cosine + knee_sine * bend_sine,
-        shank_mobility,
-        stance_force,
-        thigh_force,
-        shank_force,
+        + weight_moment(shank_back, shank_up, ground),
     )
 
 
-@inlined
-def inertia(c, stance, thigh, shank):
-    """Mass matrix (m11, m12, m13, m22, m23, m33); c is the walker's row of constants."""
-    sine, cosine = sine_cosine(stance)
-    _, stance_up = turned(c[K.STANCE_ALONG], c[K.STANCE_ACROSS], sine, cosine)
-    hip_back, hip_up = c[K.LEG] * sine, c[K.FOOT_RADIUS] + c[K.LEG] * cosine
-    sine, cosine = sine_cosine(thigh)
-    thigh_back, thigh_up = turned(c[K.THIGH_ALONG], c[K.THIGH_ACROSS], sine, cosine)
-    sine, cosine = sine_cosine(shank)
-    shank_back, shank_up = turned(c[K.SHANK_ALONG], c[K.SHANK_ACROSS], sine, cosine)
-    bend_sine, bend_cosine = sine_cosine(shank - thigh)
-    return (
-        c[K.STANCE_INERTIA] + 2.0 * c[K.FOOT_RADIUS] * stance_up,
-        hip_up * thigh_up + hip_back * thigh_back,
-        hip_up * shank_up + hip_back * shank_back,
-        c[K.THIGH_INERTIA],
-        c[K.KNEE_COSINE] * bend_cosine + c[K.KNEE_SINE] * bend_sine,
-        c[K.SHANK_INERTIA],
-    )
+def accelerations(body, state, control, ground):
+    """Angular accelerations of the stance leg, the thigh and the shank (subsection 4.10.4)."""
+    *mass, _ = mass_matrix(body, state)
+    return solve_hanging(*mass, body.shank_mobility, *forces(body, state, control, ground))
 
 
-@inlined
-def kinetic_energy(c, stance, thigh, shank, stance_rate, thigh_rate, shank_rate):
+def kinetic_energy(body, state):
     """Kinetic energy / (m g l)."""
-    m11, m12, m13, m22, m23, m33 = inertia(c, stance, thigh, shank)
+    m11, m12, m13, m22, m23, m33 = mass_matrix(body, state)
+    stance, thigh, shank = state.stance_rate, state.thigh_rate, state.shank_rate
     return (
-        0.5 * (m11 * stance_rate**2 + m22 * thigh_rate**2 + m33 * shank_rate**2)
-        + m12 * stance_rate * thigh_rate
-        + (m13 * stance_rate + m23 * thigh_rate) * shank_rate
+        0.5 * (m11 * stance * stance + m22 * thigh * thigh + m33 * shank * shank)
+        + m12 * stance * thigh
+        + (m13 * stance + m23 * thigh) * shank
     )
 
 
-@inlined
-def potential_gain(c, stance, thigh, shank, stance_end, thigh_end, shank_end, sin_slope, cos_slope):
-    """Potential energy gained between two configurations over the same contact, / (m g l)."""
-    back, up = compass.rolling_gain(c, stance, stance_end)
-    thigh_back, thigh_up = compass.difference(c[K.THIGH_ALONG], c[K.THIGH_ACROSS], thigh, thigh_end)
-    shank_back, shank_up = compass.difference(c[K.SHANK_ALONG], c[K.SHANK_ACROSS], shank, shank_end)
-    return cos_slope * (up + thigh_up + shank_up) + sin_slope * (back + thigh_back + shank_back)
+def potential_gain(body, start, end, ground):
+    """Potential energy gained between two states over the same contact, / (m g l)."""
+    back, up = straight.rolling_gain(body, start, end)
+    thigh_back, thigh_up = difference(body.thigh_along, body.thigh_across, start.thigh, end.thigh)
+    shank_back, shank_up = difference(body.shank_along, body.shank_across, start.shank, end.shank)
+    return ground.cosine * (up + thigh_up + shank_up) + ground.sine * (
+        back + thigh_back + shank_back
+    )
 
 
-@inlined
-def kneestrike(c, stance, thigh, stance_rate, thigh_rate, shank_rate):
+def kneestrike(body, before):
     """Plastic collision of the shank with its stop, leg straight (subsection 4.10.6).
 
     Angular momentum of the whole walker about the contact and of the swing leg about the hip pass
     through it.
-
-    Returns:
-        Rates of the stance leg and of the straight swing leg, and the energy lost.
     """
-    m11, m12, m13, m22, m23, m33 = inertia(c, stance, thigh, thigh)
-    closing = shank_rate - thigh_rate
+    before = before._replace(shank=before.thigh)
+    m11, m12, m13, m22, m23, m33 = mass_matrix(body, before)
+    closing = before.shank_rate - before.thigh_rate
     stance_momentum, swing_momentum = m13 * closing, (m23 + m33) * closing
     stance_change, swing_change = solve(
         m11, m12 + m13, m22 + 2.0 * m23 + m33, stance_momentum, swing_momentum
@@ -134,45 +177,139 @@ def kneestrike(c, stance, thigh, stance_rate, thigh_rate, shank_rate):
     loss = 0.5 * (
         m33 * closing * closing - stance_momentum * stance_change - swing_momentum * swing_change
     )
-    return stance_rate + stance_change, thigh_rate + swing_change, loss
+    after = legs.straight(
+        before.stance,
+        before.thigh,
+        before.stance_rate + stance_change,
+        before.thigh_rate + swing_change,
+    )
+    return after, loss
 
 
-@inlined
-def heelstrike(c, stance, stance_rate, swing_rate):
+def heelstrike(body, before):
     """Plastic collision of the swing foot, upon which the old stance knee is free.
 
-    As for straight legs (`compass.heelstrike`), and the angular momentum of the new shank about
+    As for straight legs (`straight.heelstrike`), and the angular momentum of the new shank about
     its knee passes through it as well (subsection 4.10.8).
-
-    Returns:
-        Rates of the new stance leg, thigh and shank, and the energy lost.
     """
-    velocity_back, velocity_up = compass.striking_velocity(c, stance, stance_rate, swing_rate)
-    rate, hip_back, hip_up, momentum, energy = compass.stance_collision(
-        c, stance, swing_rate, velocity_back, velocity_up
-    )
-    sine, cosine = sine_cosine(stance)
-    thigh_back, thigh_up = turned(c[K.THIGH_ALONG], c[K.THIGH_ACROSS], sine, cosine)
-    shank_back, shank_up = turned(c[K.SHANK_ALONG], c[K.SHANK_ACROSS], sine, cosine)
-    thigh_momentum = compass.impulse(thigh_back, thigh_up, hip_back, hip_up)
-    shank_momentum = compass.impulse(shank_back, shank_up, hip_back, hip_up)
-    m11, m12, m13, m22, m23, _ = inertia(c, -stance, stance, stance)
+    angle = 0.5 * (before.thigh - before.stance)
+    before = before._replace(stance=-angle, thigh=angle, shank=angle)
+    rate, hip_back, hip_up, momentum, energy = straight.stance_collision(body, before)
+    sine, cosine = sine_cosine(-angle)
+    thigh_back, thigh_up = turned(body.thigh_along, body.thigh_across, sine, cosine)
+    shank_back, shank_up = turned(body.shank_along, body.shank_across, sine, cosine)
+    thigh_momentum = impulse(thigh_back, thigh_up, hip_back, hip_up)
+    shank_momentum = impulse(shank_back, shank_up, hip_back, hip_up)
+    after = legs.straight(angle, -angle, rate, before.stance_rate)
+    *mass, _ = mass_matrix(body, after)
     new_stance, new_thigh, new_shank = solve_hanging(
-        m11, m12, m13, m22, m23, c[K.SHANK_MOBILITY], momentum, thigh_momentum, shank_momentum
+        *mass, body.shank_mobility, momentum, thigh_momentum, shank_momentum
     )
     loss = 0.5 * (
         energy - momentum * new_stance - thigh_momentum * new_thigh - shank_momentum * new_shank
     )
-    return rate + new_stance, stance_rate + new_thigh, stance_rate + new_shank, loss
+    after = State(
+        angle,
+        -angle,
+        -angle,
+        rate + new_stance,
+        before.stance_rate + new_thigh,
+        before.stance_rate + new_shank,
+    )
+    return after, loss
 
 
-@inlined
-def foot_clearance(c, stance, thigh, shank):
+def knee(body, thigh):
+    """The swing knee from the hip, as (back, up)."""
+    return turned(body.knee_along, body.knee_across, *sine_cosine(thigh))
+
+
+def foot_clearance(body, state):
     """Height of the swing foot over the ground."""
-    _, cosine = sine_cosine(stance)
-    thigh_sine, thigh_cosine = sine_cosine(thigh)
-    shank_sine, shank_cosine = sine_cosine(shank)
-    along, across = c[K.KNEE_ALONG], c[K.KNEE_ACROSS]
-    _, knee_up = turned(along, across, thigh_sine, thigh_cosine)
-    _, foot_up = turned(-c[K.LEG] - along, -across, shank_sine, shank_cosine)
-    return c[K.LEG] * cosine + knee_up + foot_up
+    _, cosine = sine_cosine(state.stance)
+    _, knee_up = knee(body, state.thigh)
+    _, foot_up = turned(
+        -body.leg - body.knee_along, -body.knee_across, *sine_cosine(state.shank)
+    )
+    return body.leg * cosine + knee_up + foot_up
+
+
+def under_ground(body, state):
+    """Whether the foot of a straight leg is under the ground."""
+    return straight.foot_clearance(body, state) < 0.0
+
+
+def let_through(body, state):
+    """Whether the foot is under the ground in front, and sinks: the free knee let it through."""
+    return (
+        (state.stance < 0.0)
+        & (state.stance + state.thigh <= 0.0)
+        & (state.thigh - state.stance > 0.0)
+        & (state.stance_rate + state.thigh_rate <= 0.0)
+    )
+
+
+SYSTEM = System(
+    name="kneed",
+    Body=Body,
+    phases=(
+        Phase(
+            Stage.FREE,
+            3,
+            accelerations,
+            kinetic_energy,
+            potential_gain,
+            guards=(
+                Guard(  # the shank catches up with the thigh
+                    lambda body, state: state.thigh - state.shank,
+                    Outcome.KNEESTRIKE,
+                    Watch.STRIKE,
+                ),
+                *legs.STANCE_FALLS,
+                *legs.THIGH_OVER_THE_TOP,
+                Guard(lambda body, state: pi - state.shank, Outcome.OVER_THE_TOP),
+                Guard(lambda body, state: state.shank + pi, Outcome.OVER_THE_TOP),
+            ),
+            resets={
+                Outcome.KNEESTRIKE: Reset(
+                    kneestrike,
+                    into=1,
+                    refuses=(
+                        Refusal(under_ground, Outcome.STUBBED_TOE, scuff=True),
+                        Refusal(let_through, Outcome.BENT_KNEE),
+                    ),
+                )
+            },
+        ),
+        Phase(
+            Stage.LOCKED,
+            2,
+            straight.accelerations,
+            straight.kinetic_energy,
+            straight.potential_gain,
+            guards=(
+                legs.HEELSTRIKE,
+                *legs.STANCE_FALLS,
+                *legs.THIGH_OVER_THE_TOP,
+                # A straight leg that meets the ground anywhere but in front.
+                Guard(
+                    lambda body, state: state.thigh - state.stance,
+                    Outcome.STUBBED_TOE,
+                    Watch.SCUFF,
+                ),
+                Guard(
+                    lambda body, state: state.stance - state.thigh,
+                    Outcome.STUBBED_TOE,
+                    Watch.SCUFF,
+                ),
+                Guard(
+                    lambda body, state: -state.stance - state.thigh,
+                    Outcome.STUBBED_TOE,
+                    Watch.SCUFF,
+                ),
+            ),
+            resets={Outcome.HEELSTRIKE: Reset(heelstrike)},
+        ),
+    ),
+    travel=travel,
+)

@@ -1,8 +1,8 @@
 """The simplest walker: a mass at the hip, legs without mass, and feet of vanishing mass.
 
-The limit of `compass` with point feet as the feet's mass goes to zero: the swing leg no longer
+The limit of `straight` with point feet as the feet's mass goes to zero: the swing leg no longer
 acts on the stance leg. A hip torque that the limit survives is one in proportion to the foot's
-mass, so here `torque` is per unit of foot mass (times g l), and its work, like the foot's kinetic
+mass, so here the torque is per unit of foot mass (times g l), and its work, like the foot's kinetic
 energy, is nothing beside the hip's.
 
 References:
@@ -12,46 +12,77 @@ References:
 
 from __future__ import annotations
 
-from gym_passive_walker.physics.lanes import inlined, sine_cosine
+from typing import NamedTuple
+
+from gym_passive_walker.physics import legs
+from gym_passive_walker.physics.hybrid import Number, Outcome, Phase, Reset, Stage, System, travel
+from gym_passive_walker.physics.numbers import sine_cosine
 
 
-@inlined
-def accelerations(stance, swing, stance_rate, swing_rate, sin_slope, cos_slope, torque):
+class Body(NamedTuple):
+    """A mass on legs without any.
+
+    Attributes:
+        foot_radius: Of the foot.
+        leg: Foot centre to hip.
+    """
+
+    foot_radius: Number
+    leg: Number
+
+
+def accelerations(body, state, control, ground):
     """Angular accelerations of the stance leg (an inverted pendulum) and the swing leg."""
-    sine, cosine = sine_cosine(stance)
-    swing_sine, swing_cosine = sine_cosine(swing)
-    stance_acceleration = sine * cos_slope - cosine * sin_slope
+    sine, cosine = sine_cosine(state.stance)
+    swing_sine, swing_cosine = sine_cosine(state.thigh)
+    stance_acceleration = sine * ground.cosine - cosine * ground.sine
     swing_acceleration = (
         (cosine * swing_cosine + sine * swing_sine) * stance_acceleration
-        - (sine * swing_cosine - cosine * swing_sine) * stance_rate * stance_rate
-        - (swing_sine * cos_slope - swing_cosine * sin_slope)
-        + torque
+        - (sine * swing_cosine - cosine * swing_sine) * state.stance_rate * state.stance_rate
+        - (swing_sine * ground.cosine - swing_cosine * ground.sine)
+        + control.hip
     )
     return stance_acceleration, swing_acceleration
 
 
-@inlined
-def kinetic_energy(stance_rate):
+def kinetic_energy(body, state):
     """Kinetic energy of the hip / (m g l)."""
-    return 0.5 * stance_rate * stance_rate
+    return 0.5 * state.stance_rate * state.stance_rate
 
 
-@inlined
-def potential_gain(stance, stance_end, sin_slope, cos_slope):
-    """Potential energy gained by the hip / (m g l), by half angles to keep small differences."""
-    half, _ = sine_cosine(0.5 * (stance_end - stance))
-    sine, cosine = sine_cosine(0.5 * (stance_end + stance))
-    return 2.0 * half * (sin_slope * cosine - cos_slope * sine)
+def potential_gain(body, start, end, ground):
+    """Potential energy gained by the hip / (m g l)."""
+    back, up = legs.difference(1.0, 0.0, start.stance, end.stance)
+    return ground.cosine * up + ground.sine * back
 
 
-@inlined
-def heelstrike(stance, stance_rate):
-    """Plastic collision of the swing foot: the hip keeps its velocity across the new leg.
+def heelstrike(body, before):
+    """Plastic collision of the swing foot: the hip keeps its velocity across the new leg."""
+    angle = 0.5 * (before.thigh - before.stance)
+    sine, cosine = sine_cosine(-2.0 * angle)
+    rate, lost = cosine * before.stance_rate, sine * before.stance_rate
+    return legs.straight(angle, -angle, rate, cosine * rate), 0.5 * lost * lost
 
-    Returns:
-        Rates of the new stance leg and the new swing leg, and the energy lost.
-    """
-    sine, cosine = sine_cosine(2.0 * stance)
-    rate = cosine * stance_rate
-    lost = sine * stance_rate
-    return rate, cosine * rate, 0.5 * lost * lost
+
+def foot_clearance(body, state):
+    """Height of the swing foot over the ground."""
+    return legs.clearance(body, state.stance, state.thigh)
+
+
+SYSTEM = System(
+    name="simplest",
+    Body=Body,
+    phases=(
+        Phase(
+            Stage.SIMPLEST,
+            2,
+            accelerations,
+            kinetic_energy,
+            potential_gain,
+            guards=(legs.HEELSTRIKE, *legs.STANCE_FALLS, *legs.THIGH_OVER_THE_TOP),
+            resets={Outcome.HEELSTRIKE: Reset(heelstrike)},
+        ),
+    ),
+    travel=travel,
+    works=False,
+)

@@ -8,9 +8,11 @@ References:
     53 (2010) 383-396: the "most efficient" pair of order 9(8).
 """
 
-STAGES = 16
+from __future__ import annotations
 
-MATRIX = (
+from gym_passive_walker.engine.runge_kutta import Pair
+
+_MATRIX = (
     (),
     (0.03462,),
     (-0.038933543885728734, 0.13595789452450918),
@@ -121,7 +123,7 @@ MATRIX = (
 )
 """Row i: weights of the stages before it in stage i."""
 
-WEIGHTS = (
+_WEIGHTS = (
     0.014611976858423152,
     0.0,
     0.0,
@@ -139,9 +141,8 @@ WEIGHTS = (
     0.030570139830827976,
     0.0,
 )
-"""Weights of the stages in the step of order 9."""
 
-ERROR = (
+_ERROR = (
     -0.005357988290444577,
     0.0,
     0.0,
@@ -159,4 +160,5 @@ ERROR = (
     0.030570139830827976,
     -0.048342313738239585,
 )
-"""Those weights less the ones of the embedded step of order 8."""
+
+VERNER = Pair.from_tableau(_MATRIX, _WEIGHTS, _ERROR, order=9, error_order=8)

@@ -1,0 +1,1 @@
+"""The machinery: from a walker's statement to native code over many walkers side by side."""

@@ -1,0 +1,224 @@
+"""Systems as native code: compiled once, kept on disk, called by address."""
+
+from __future__ import annotations
+
+import os
+from functools import cache, lru_cache
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from llvmlite import binding as llvm
+from llvmlite import ir
+from numpy.typing import NDArray
+
+from gym_passive_walker.engine.cache import cache_directory
+from gym_passive_walker.engine.expressions import Expression, choose, read
+from gym_passive_walker.engine.layout import (
+    COURSE,
+    MOST_CONSTANTS,
+    MOST_GUARDS,
+    PAIR,
+    RECORD,
+    TILE,
+)
+from gym_passive_walker.engine.native import Function, Memory, uses, write_table
+from gym_passive_walker.engine.step import Equations
+from gym_passive_walker.physics.hybrid import Control, Ground, Outcome, Phase, Reset, State, System
+
+PHASE = np.dtype(
+    [
+        # Addresses of native functions.
+        ("open", "i8"),
+        ("first", "i8"),
+        ("sweep", "i8"),
+        ("look", "i8"),
+        ("table", "i8"),
+        ("resets", "i8", (len(Outcome),)),  # by outcome; 0 where it is a fall
+        ("links", "i8"),
+        ("constants", "i8"),  # how many the phase uses, and which
+        ("uses", "i8", (MOST_CONSTANTS,)),
+        ("guards", "i8"),
+        ("outcomes", "i8", (MOST_GUARDS,)),
+        ("watch", "i8", (MOST_GUARDS,)),
+    ]
+)
+"""What the engine knows of a phase."""
+
+_STATES = ("angle", "rate", "new_angle", "new_rate", "stage", "moved", "turned", "ground", "control")
+_COURSES = ("before", "after")
+_RECORDS = ("state", "time", "knee_time", "knee_loss", "heel_loss")
+_LOSSES = {Outcome.KNEESTRIKE: "knee_loss", Outcome.HEELSTRIKE: "heel_loss"}
+
+
+def constants_used(system: System, phase: Phase) -> tuple[str, ...]:
+    """Names of the constants that a phase's equations and guards read, in the body's order."""
+    known: dict = {}
+    names: tuple[str, ...] = system.Body._fields  # type: ignore[attr-defined]
+    body = system.Body(*(read(known, name) for name in names))
+    equations = Equations(system, phase, ())
+    state = equations.as_state(*([read(known, kind, i) for i in range(3)] for kind in "ab"))
+    control = Control(*(read(known, "c", i) for i in range(len(Control._fields))))
+    ground = Ground(*(read(known, "g", i) for i in range(len(Ground._fields))))
+    results = [*phase.accelerations(body, state, control, ground)]
+    for guard in phase.guards:
+        results.append(guard.falls(body, state))
+        if guard.when:
+            results.append(guard.when(body, state))
+    reached = uses(results)
+    return tuple(name for name, x in zip(names, body, strict=True) if x in reached)
+
+
+def body_layout(system: System) -> np.dtype:
+    """A body's constants behind each other."""
+    return np.dtype([("body", "f8", (len(system.Body._fields),))])  # type: ignore[attr-defined]
+
+
+@lru_cache
+def compiled(system: str, planes: int = 0, *, moving_body: bool = False) -> NDArray:
+    """The phases of a system, shape (phases,) of PHASE.
+
+    Args:
+        system: Its name.
+        planes: How many derivatives are carried along.
+        moving_body: Whether they are also by the walker's constants.
+    """
+    from gym_passive_walker.physics.systems import SYSTEMS
+
+    of = SYSTEMS[system]
+    name = f"{system}-{planes}{'b' * moving_body}"
+    code = _load(name, lambda: _written(of, name, planes, moving_body))
+    phases = np.zeros(len(of.phases), PHASE)
+    for i, (entry, phase) in enumerate(zip(phases, of.phases, strict=True)):
+        for function in ("open", "first", "sweep", "look"):
+            entry[function] = code.get_function_address(f"{function}{i}")
+        entry["table"] = code.get_global_value_address("table")
+        for outcome in phase.resets:
+            entry["resets"][outcome] = code.get_function_address(f"reset{i}_{outcome.name}")
+        used = constants_used(of, phase)
+        entry["links"], entry["constants"] = phase.links, len(used)
+        entry["uses"][: len(used)] = [of.Body._fields.index(n) for n in used]  # type: ignore[attr-defined]
+        entry["guards"] = len(phase.guards)
+        entry["outcomes"][: len(phase.guards)] = [guard.outcome for guard in phase.guards]
+        entry["watch"][: len(phase.guards)] = [guard.watch for guard in phase.guards]
+    return phases
+
+
+def _written(system: System, name: str, planes: int, moving_body: bool) -> ir.Module:
+    """All native functions of a system."""
+    module = ir.Module(name)
+    body, table = ("body",) * moving_body, {}
+    for i, phase in enumerate(system.phases):
+        equations = Equations(system, phase, constants_used(system, phase))
+        options: dict[str, Any] = {"planes": planes, "active": _STATES + body, "table": table}
+        first = Function(module, f"first{i}", (TILE,), **options)
+        first.over_lanes(equations.first)
+        first.end()
+        sweep = Function(module, f"sweep{i}", (TILE,), **options)
+        for index in range(1, PAIR.stages + 1):
+            sweep.over_lanes(equations.stage(index))
+        sweep.over_lanes(equations.estimate)
+        sweep.over_lanes(equations.judge)
+        sweep.end()
+        options["active"] += _COURSES
+        look = Function(module, f"look{i}", (TILE, COURSE), **options)
+        look.once(equations.look, lane=True)
+        look.end()
+        layouts = RECORD, body_layout(system)
+        opening = Function(module, f"open{i}", layouts)
+        opening.once(lambda record, body, phase=phase: _open(system, phase, record, body))
+        opening.end()
+        for outcome, reset in phase.resets.items():
+            function = Function(
+                module, f"reset{i}_{outcome.name}", layouts, planes=planes, active=_RECORDS + body
+            )
+            function.once(
+                lambda record, body, o=outcome, r=reset: _reset(system, o, r, record, body)
+            )
+            function.end()
+    write_table(module, table)
+    return module
+
+
+def _open(system: System, phase: Phase, record: Memory, body: Memory) -> None:
+    """Begin a stride or a tick within the bounds of its phase, or not at all."""
+    state, constants = State(*record.entries("state")), system.Body(*body.entries("body"))
+    outcome: Expression | float = float(Outcome.RUNNING)
+    for guard in reversed(phase.guards):
+        if guard.watch == guard.watch.BOUND:
+            beyond = guard.falls(constants, state) <= 0.0
+            outcome = choose(beyond, float(guard.outcome), outcome)
+    record["outcome"] = outcome
+
+
+def _reset(system: System, outcome: Outcome, reset: Reset, record: Memory, body: Memory) -> None:
+    """A strike: the state after it, what it cost, and what follows."""
+    constants = system.Body(*body.entries("body"))
+    after, loss = reset.strike(constants, State(*record.entries("state")))
+    for i, value in enumerate(after):
+        record["state", i] = value
+    record[_LOSSES[outcome]] = loss
+    if reset.into is None:
+        record["phase"] = 0.0
+        return
+    record["phase"] = float(reset.into)
+    record["knee_time"] = record["time"]
+    follows: Expression | float = float(Outcome.RUNNING)
+    for refusal in reversed(reset.refuses):
+        met = refusal.if_(constants, after)
+        if refusal.scuff:
+            met &= record.argument(1) > 0.0
+        follows = choose(met, float(refusal.outcome), follows)
+    record["outcome"] = follows
+
+
+_ALIVE: list[Any] = []
+"""Whoever holds native code: it lives as long as the process."""
+
+
+@cache
+def _machine() -> Any:
+    """What code is made for: this processor, or the one that numba is told to make it for."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    cpu = os.environ.get("NUMBA_CPU_NAME") or llvm.get_host_cpu_name()
+    features = os.environ.get("NUMBA_CPU_FEATURES")
+    if features is None:
+        own = cpu == llvm.get_host_cpu_name()
+        # Vectors of 512 bits where there are any: LLVM prefers 256 by default.
+        features = llvm.get_host_cpu_features().flatten() + ",-prefer-256-bit" if own else ""
+    target = llvm.Target.from_triple(llvm.get_process_triple())
+    machine = target.create_target_machine(cpu=cpu, features=features, opt=2, jit=True)
+    return machine, f"{llvm.llvm_version_info}{target.triple}{cpu}{features}"
+
+
+def _load(name: str, write: Any) -> Any:
+    """Native code, from the cache or written anew."""
+    machine, identity = _machine()
+    path = cache_directory() / f"{name}-{sha256(identity.encode()).hexdigest()[:16]}.o"
+    try:
+        data = path.read_bytes()
+    except OSError:
+        data = machine.emit_object(_parsed(str(write())))
+        _keep(path, data)
+    engine = llvm.create_mcjit_compiler(_parsed(""), machine)
+    engine.add_object_file(llvm.ObjectFileRef.from_data(data))
+    engine.finalize_object()
+    _ALIVE.append(engine)
+    return engine
+
+
+def _parsed(text: str) -> Any:
+    """A module for this machine."""
+    module = llvm.parse_assembly(text)
+    module.triple, module.data_layout = _machine()[0].triple, str(_machine()[0].target_data)
+    module.verify()
+    return module
+
+
+def _keep(path: Path, data: bytes) -> None:
+    """Write a file in one go."""
+    aside = path.with_suffix(f".{os.getpid()}")
+    aside.write_bytes(data)
+    os.replace(aside, path)

@@ -1,0 +1,58 @@
+"""How bookkeeping is compiled: by numba, cached in this package's own folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numba
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+from gym_passive_walker.engine.cache import cache_directory
+
+# "numpy": a division never raises.
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
+
+
+@contextmanager
+def _kernels_cached_here() -> Iterator[None]:
+    """Numba reads its cache folder when a function is decorated; set it only for ours."""
+    before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
+    numba.config.CACHE_DIR = str(cache_directory())  # type: ignore[attr-defined]
+    try:
+        yield
+    finally:
+        numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
+
+
+def jitted(function: Callable[..., Any]) -> Any:
+    """Compile a piece of bookkeeping that kernels call."""
+    return numba.njit(**_OPTIONS)(function)
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile an entry point: cached on disk, free of Python's lock while it runs."""
+    with _kernels_cached_here():
+        return numba.njit(cache=True, nogil=True, **_OPTIONS)(function)
+
+
+@intrinsic
+def _call(typing_context, function, first, second, count, x, y):  # type: ignore[no-untyped-def]
+    """Call native code by its address; see `native.Function` for what it takes."""
+
+    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        address, *rest = arguments
+        kind = ir.FunctionType(ir.VoidType(), [value.type for value in rest])
+        pointer = builder.inttoptr(address, kind.as_pointer())
+        builder.call(pointer, rest)
+        return context.get_dummy_value()
+
+    word, number = types.int64, types.float64
+    return types.void(word, word, word, word, number, number), code
+
+
+# Called as call(function, first, second, count, x, y) in compiled code.
+call: Any = _call

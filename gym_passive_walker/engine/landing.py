@@ -1,0 +1,348 @@
+"""What happens within a step: events found, landed on, or ruled out, one lane at a time.
+
+To land on an event, the step is repeated from its start with Newton's method on its *length*, so
+the state at an event is as exact as any other and no interpolation enters it. A quintic through
+both ends of the step says where to begin.
+
+Events are a phase's guards, by their place in it, from 1 on; `course` holds how they run over the
+step, as `step.Equations.look` writes it. A tile's planes of derivatives follow the values: what a
+step's length depends on shifts its end along the motion.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from gym_passive_walker.engine.jit import call, jitted
+from gym_passive_walker.engine.layout import PAIR
+from gym_passive_walker.engine.step import FASTEST, LONGEST_STEP, MOST_STEPS, SAFETY, SLOWEST
+from gym_passive_walker.physics.hybrid import Control, Watch
+
+TIME_UP, LOST = -1, -2
+"""What ends a phase besides its guards: the time asked for, or a motion that cannot be followed."""
+
+_DOUBT = 0.05
+"""Share of what a guard changes by in a step within which its quintic cannot tell on which side of
+zero it turns: the quintic is of lower order than the step."""
+
+_BRINK = 1e-6
+"""Share of a step beside its ends in which a turn hides nothing: it reaches no deeper than
+rounding."""
+
+_TOGETHER = 1e-14
+"""How near to zero a guard must be before it is told which of two falls first; where both are as
+near, either may."""
+
+_SCUFF = int(Watch.SCUFF)
+_CONTROLS, _END, _SHARE = len(Control._fields), PAIR.stages, 1.0 / PAIR.error_order
+
+
+@jitted
+def growth(error):
+    """Factor to the next step length, from the error of this one over its tolerance."""
+    remainder, product, rest = error + 1e-30, 1.0, _SHARE  # see step.growth
+    while rest > 1e-3:
+        remainder, rest = np.sqrt(remainder), 2.0 * rest
+        if rest >= 1.0:
+            product, rest = product * remainder, rest - 1.0
+    factor = SAFETY / product
+    factor = factor if factor < FASTEST else FASTEST
+    return factor if factor > SLOWEST else SLOWEST
+
+
+@jitted
+def proposal(h, error):
+    """Length of the next step after an accepted one."""
+    return min(h * growth(error), LONGEST_STEP)
+
+
+@jitted
+def go_on(tile, lane):
+    """Next step: the proposed length, or what is left of the time."""
+    rest = tile.end[lane] - tile.time[lane]
+    following = tile.next[lane]
+    tile.h[lane] = following if 1.1 * following < rest else rest
+
+
+@jitted
+def value(p, x):
+    """A polynomial of fifth degree at x."""
+    return p[0] + x * (p[1] + x * (p[2] + x * (p[3] + x * (p[4] + x * p[5]))))
+
+
+@jitted
+def derivative(p):
+    """Coefficients of the polynomial's derivative."""
+    return p[1], 2.0 * p[2], 3.0 * p[3], 4.0 * p[4], 5.0 * p[5], 0.0 * p[5]
+
+
+@jitted
+def root(p):
+    """A root in [0, 1] of a polynomial whose ends differ in sign, by bracketed Newton steps."""
+    low, high = 0.0, 1.0
+    first, last = value(p, 0.0), value(p, 1.0)
+    rising = last > 0.0
+    d = derivative(p)
+    x = first / (first - last)
+    if not 0.0 <= x <= 1.0:  # rounding of huge coefficients has hidden the change of sign
+        x = 0.5
+    for _ in range(60):
+        g = value(p, x)
+        if (g > 0.0) == rising:
+            high = x
+        else:
+            low = x
+        slope = value(d, x)
+        new = x - g / slope if slope != 0.0 else 0.5 * (low + high)
+        if not low < new < high:
+            new = 0.5 * (low + high)
+        if abs(new - x) < 1e-6:  # the next change would be its square
+            return new
+        x = new
+    return x
+
+
+@jitted
+def path(course, i, h):
+    """A guard over a step of length h, as the quintic with its values, slopes and curvatures."""
+    g0, v0, a0 = course.before[i], course.rate_before[i] * h, course.bend_before[i] * h * h
+    v1, a1 = course.rate_after[i] * h, course.bend_after[i] * h * h
+    rise = course.after[i] - g0 - v0 - 0.5 * a0
+    turn = v1 - v0 - a0
+    bend = a1 - a0
+    return (
+        g0,
+        v0,
+        0.5 * a0,
+        10.0 * rise - 4.0 * turn + 0.5 * bend,
+        -15.0 * rise + 7.0 * turn - bend,
+        6.0 * rise - 3.0 * turn + 0.5 * bend,
+    )
+
+
+@jitted
+def further(course, i, ahead):
+    """A guard a little beyond the step's end, where a correction of its length leads."""
+    return course.after[i] + ahead * (course.rate_after[i] + 0.5 * ahead * course.bend_after[i])
+
+
+@jitted
+def fell(phase, course, i, scuff, ahead):
+    """Whether a guard fell through zero over the step and a little beyond it, so that it counts."""
+    if phase.watch[i] == _SCUFF and not scuff:
+        return False
+    return course.before[i] > 0.0 and further(course, i, ahead) <= 0.0 and course.counts[i] > 0.0
+
+
+@jitted
+def turning(tile, phase, course, lane, k):
+    """Where in the step the coordinate that a control moves turns back: a fraction, or -1."""
+    i = phase.guards + k
+    if course.rate_before[i] * course.rate_after[i] >= 0.0 or tile.control[k, lane] == 0.0:
+        return -1.0
+    return root(derivative(path(course, i, tile.h[lane])))
+
+
+@jitted
+def hiding(course, i, h):
+    """Where in the step a guard turns back so near zero that it may pass it twice.
+
+    Returns:
+        A fraction of the step; -1 if there is nothing to hide, or the step ends there already.
+    """
+    if course.rate_before[i] * course.rate_after[i] >= 0.0:
+        return -1.0
+    p = path(course, i, h)
+    fraction = root(derivative(p))
+    extreme = value(p, fraction)
+    span = max(abs(p[0] - extreme), abs(value(p, 1.0) - extreme))
+    unsure = (extreme > 0.0) != (p[0] > 0.0) or abs(extreme) < _DOUBT * span
+    return fraction if unsure and _BRINK < fraction < 1.0 - _BRINK else -1.0
+
+
+@jitted
+def earliest(phase, course, h, scuff):
+    """What comes first within a step.
+
+    Returns:
+        A fraction of the step, and the event that falls there; or -1 for a turn there that may
+        hide one; or 0 for nothing.
+    """
+    first, event = 2.0, 0
+    for i in range(phase.guards):
+        if fell(phase, course, i, scuff, 0.0):
+            fraction = root(path(course, i, h))
+            if fraction < first:
+                first, event = fraction, i + 1
+    for i in range(phase.guards):
+        if phase.watch[i] != _SCUFF and not fell(phase, course, i, scuff, 0.0):
+            fraction = hiding(course, i, h)
+            if 0.0 < fraction < first:
+                first, event = fraction, -1
+    return first, event
+
+
+@jitted
+def commit(tiles, courses, phase, lane, h):
+    """Accept the step of length h: its end is the new start.
+
+    In the planes of derivatives, h is what the step's length changes by.
+    """
+    tile, course = tiles[0], courses[0]
+    for k in range(_CONTROLS):
+        i = phase.guards + k
+        before, after = course.before[i], further(course, i, h - tile.h[lane])
+        turned = turning(tile, phase, course, lane, k)
+        middle = value(path(course, i, tile.h[lane]), turned) if turned >= 0.0 else before
+        there, back = np.sign(middle - before), np.sign(after - middle)
+        tile.moved[k, lane] += after - before
+        tile.turned[k, lane] += abs(middle - before) + abs(after - middle)
+        for plane in range(1, len(tiles)):
+            change = tiles[plane]
+            start = courses[plane].before[i]
+            end = courses[plane].after[i] + course.rate_after[i] * change.h[lane]
+            between = start + max(turned, 0.0) * (end - start)
+            change.moved[k, lane] += end - start
+            change.turned[k, lane] += there * (between - start) + back * (end - between)
+    tile.time[lane] += h
+    for plane in range(len(tiles)):
+        change = tiles[plane]
+        for i in range(phase.links):
+            change.angle[i, lane] = change.new_angle[i, lane]
+            change.rate[i, lane] = change.new_rate[i, lane]
+            change.stage[0, i, lane] = change.stage[_END, i, lane]
+            if plane > 0:
+                change.angle[i, lane] += change.h[lane] * tile.new_rate[i, lane]
+                change.rate[i, lane] += change.h[lane] * tile.stage[_END, i, lane]
+        if plane > 0:
+            change.time[lane] += change.h[lane]
+            change.h[lane] = 0.0
+    tile.event[lane] = 0.0
+
+
+@jitted
+def aim(tile, lane, event, fraction, high):
+    """Repeat the step from its start, with the length that leads to an event's first estimate."""
+    tile.event[lane] = event
+    tile.low[lane], tile.high[lane] = 0.0, high
+    tile.h[lane] = fraction * high
+
+
+@jitted
+def rival(phase, course, event, scuff, ahead):
+    """Another event that has happened where a correction of the step's length leads; 0 if none."""
+    for i in range(phase.guards):
+        if i + 1 != event and fell(phase, course, i, scuff, ahead):
+            return i + 1
+    return 0
+
+
+@jitted
+def look(tiles, courses, phase, lane):
+    """Have the phase's guards over a lane's step written down."""
+    call(phase.look, tiles.ctypes.data, courses.ctypes.data, lane, 0.0, 0.0)
+
+
+@jitted
+def land(tiles, courses, phase, lane, scuff, landing):
+    """A Newton step on the length of the step that leads to the lane's event.
+
+    Returns:
+        The event, if the step ends on it; 0 to try again.
+    """
+    tile, course = tiles[0], courses[0]
+    event = int(tile.event[lane])
+    h, low, high = tile.h[lane], tile.low[lane], tile.high[lane]
+    g, speed = course.after[event - 1], course.rate_after[event - 1]
+    if g > 0.0:
+        low = h
+    else:
+        high = h
+    correction = -g / speed if speed != 0.0 else 0.0
+    close = abs(correction) <= landing * max(h, 1e-3)
+    narrow = high - low <= 4e-16 * high
+    # Where the guard rises, or touches zero, Newton leads to the way out or nowhere.
+    inside = speed < 0.0 and (low <= h + correction <= high or close)
+    close = close and speed < 0.0
+    other = 0
+    if close or narrow:
+        if narrow and not close:
+            correction = 0.0  # the slope here may be too small to divide by
+        other = rival(phase, course, event, scuff, correction)
+    in_doubt = other != 0 and abs(g) > _TOGETHER and not narrow
+    if not (close or narrow) or in_doubt:
+        tile.low[lane], tile.high[lane] = low, high
+        tile.h[lane] = h + correction if inside else 0.5 * (low + high)
+        return 0
+    if other != 0 and further(course, other - 1, 0.0) < -_TOGETHER:
+        aim(tile, lane, other, root(path(course, other - 1, h)), h)
+        return 0
+    for plane in range(1, len(tiles)):
+        # The end moves so that the guard stays zero.
+        change = tiles[plane]
+        change.h[lane] = -courses[plane].after[event - 1] / speed if close else 0.0
+        for i in range(phase.links):
+            change.new_angle[i, lane] += correction * change.new_rate[i, lane]
+            change.new_rate[i, lane] += correction * change.stage[_END, i, lane]
+    for i in range(phase.links):
+        rate, acceleration = tile.new_rate[i, lane], tile.stage[_END, i, lane]
+        tile.new_angle[i, lane] += correction * (rate + 0.5 * correction * acceleration)
+        tile.new_rate[i, lane] = rate + correction * acceleration
+    commit(tiles, courses, phase, lane, h + correction)
+    look(tiles, courses, phase, lane)
+    if course.counts[event - 1] == 0.0:
+        go_on(tile, lane)
+        return 0
+    return event
+
+
+@jitted
+def attend(tiles, courses, phase, lane, scuff, landing):
+    """Look at one lane after its step: reject it, shorten it, land on an event, or accept it.
+
+    Returns:
+        The event that ends the phase; TIME_UP or LOST; 0 to go on.
+    """
+    tile, course = tiles[0], courses[0]
+    h, error = tile.h[lane], tile.error[lane]
+    if not h * 0.0 == 0.0 or tile.steps[lane] > MOST_STEPS:
+        return LOST
+    look(tiles, courses, phase, lane)
+    aimed = tile.event[lane] != 0.0
+    if aimed and error <= 1.0:
+        return land(tiles, courses, phase, lane, scuff, landing)
+
+    if not error <= 1.0:
+        tile.event[lane] = 0.0  # where a step is not to be trusted, neither is its event
+        shorter = growth(error) if error > 1.0 else 0.1
+        tile.next[lane] = h * shorter
+        tile.h[lane] = h * shorter
+        if error < 1e3 and not aimed:  # near enough to tell where an event cuts the next step short
+            first, event = earliest(phase, course, h, scuff)
+            if event > 0 and first < 0.8 * shorter:
+                aim(tile, lane, event, first, h)
+        return LOST if h < 1e-13 else 0
+
+    for k in range(_CONTROLS):  # end a step where a control turns back, so that its work is exact
+        turned = turning(tile, phase, course, lane, k)
+        if 0.02 < turned < 0.98:
+            tile.next[lane] = h
+            tile.h[lane] = turned * h
+            return 0
+    first, event = earliest(phase, course, h, scuff)
+    if event < 0:  # stop where a pair of roots may hide, between them
+        tile.next[lane] = h
+        tile.h[lane] = first * h
+        return 0
+    if event > 0:
+        tile.next[lane] = h
+        aim(tile, lane, event, first, h)
+        return 0
+    following = proposal(h, error)
+    if following > tile.next[lane] or error > 0.1:
+        tile.next[lane] = following
+    commit(tiles, courses, phase, lane, h)
+    if tile.time[lane] >= tile.end[lane] * (1.0 - 1e-15):
+        return TIME_UP
+    go_on(tile, lane)
+    return 0

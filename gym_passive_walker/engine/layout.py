@@ -1,0 +1,101 @@
+"""What the engine keeps of a walker: its record, and its lane of a tile.
+
+A *record* is all that the engine knows of a walker between two calls. A *tile* holds the walkers
+that are being carried through a phase, side by side: each entry is a row of `WIDTH` lanes. Behind a
+record and a tile may stand *planes* of the same layout, with derivatives along a direction each.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker.engine.native import GROUP
+from gym_passive_walker.engine.verner import VERNER
+from gym_passive_walker.physics.hybrid import Control, Ground, State
+
+PAIR = VERNER
+"""The method that steps are made with."""
+
+WIDTH = 2 * GROUP
+"""Walkers in a tile: enough to hide the latency of one vector behind another, few enough that a
+tile stays in the first-level cache."""
+
+MOST_CONSTANTS = 24
+"""Constants of a body that the equations of one phase may use."""
+
+MOST_GUARDS = 12
+"""Guards that a phase may have, and controls besides."""
+
+LINKS = 3
+_CONTROLS, _GROUND, _LINE = len(Control._fields), len(Ground._fields), (WIDTH,)
+
+RECORD = np.dtype(
+    [
+        ("state", "f8", (len(State._fields),)),
+        ("start", "f8", (LINKS,)),  # angles where the stride began
+        ("ground", "f8", (_GROUND,)),
+        ("control", "f8", (_CONTROLS,)),
+        # What each control has moved, net and either way: the work of a unit control.
+        ("moved", "f8", (_CONTROLS,)),
+        ("turned", "f8", (_CONTROLS,)),
+        ("time", "f8"),
+        ("end", "f8"),  # when to stop
+        ("step", "f8"),  # proposed length of the next integration step
+        ("knee_time", "f8"),
+        ("knee_loss", "f8"),
+        ("heel_loss", "f8"),
+        ("phase", "i8"),  # index in the system's phases
+        ("outcome", "i8"),
+        ("steps", "i8"),  # integration steps tried
+    ]
+)
+
+TILE = np.dtype(
+    [
+        ("angle", "f8", (LINKS, *_LINE)),
+        ("rate", "f8", (LINKS, *_LINE)),
+        ("new_angle", "f8", (LINKS, *_LINE)),
+        ("new_rate", "f8", (LINKS, *_LINE)),
+        # Accelerations at the step's start, in its stages, and at its end.
+        ("stage", "f8", (PAIR.stages + 1, LINKS, *_LINE)),
+        ("moved", "f8", (_CONTROLS, *_LINE)),
+        ("turned", "f8", (_CONTROLS, *_LINE)),
+        ("ground", "f8", (_GROUND, *_LINE)),
+        ("control", "f8", (_CONTROLS, *_LINE)),
+        ("body", "f8", (MOST_CONSTANTS, *_LINE)),
+        ("h", "f8", _LINE),  # length of the step
+        ("next", "f8", _LINE),  # proposed length of the next
+        ("time", "f8", _LINE),
+        ("end", "f8", _LINE),
+        ("error", "f8", _LINE),
+        ("verdict", "f8", _LINE),
+        ("event", "f8", _LINE),  # the guard that the step is aimed at, from 1 on
+        ("low", "f8", _LINE),  # what that guard's fall lies between
+        ("high", "f8", _LINE),
+        ("steps", "f8", _LINE),
+        ("fresh", "f8", _LINE),  # whether the walker has just been loaded
+    ]
+)
+
+COURSE = np.dtype(
+    [
+        # Of each guard, then of what each control moves: at both ends of a step.
+        ("before", "f8", (MOST_GUARDS,)),
+        ("rate_before", "f8", (MOST_GUARDS,)),
+        ("bend_before", "f8", (MOST_GUARDS,)),
+        ("after", "f8", (MOST_GUARDS,)),
+        ("rate_after", "f8", (MOST_GUARDS,)),
+        ("bend_after", "f8", (MOST_GUARDS,)),
+        ("counts", "f8", (MOST_GUARDS,)),  # whether a fall at the step's end would count
+    ]
+)
+"""How guards run over a step."""
+
+
+def aligned(layout: np.dtype, planes: int) -> NDArray:
+    """Zeros of a layout, (planes,), each vector in one line of the cache."""
+    size = layout.itemsize * planes
+    buffer = np.zeros(size + 64, np.uint8)
+    start = -buffer.ctypes.data % 64
+    return buffer[start : start + size].view(layout)

@@ -1,0 +1,188 @@
+"""Phases and resets composed into strides and ticks, for batches of records.
+
+`advance` is the door for analyses; environments compose `carry_on` with kernels of their own.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import lru_cache
+from itertools import pairwise
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker.engine.compiled import compiled
+from gym_passive_walker.engine.jit import call, jitted, kernel
+from gym_passive_walker.engine.lanes import HALTED, WAITING, carry
+from gym_passive_walker.engine.layout import COURSE, PAIR, RECORD, TILE, aligned
+from gym_passive_walker.physics.hybrid import Outcome, System
+
+OPTIONS = np.dtype(
+    [
+        ("tolerance", "f8"),  # error of a step, relative to the largest angle or rate
+        ("landing", "f8"),  # by how much of its length a step's end may be moved onto an event
+        ("first_step", "f8"),
+        ("scuff", "i8"),  # whether a kneed walker's locked leg below the ground ends the stride
+    ]
+)
+"""What a run of the engine is told."""
+
+LONGEST_STRIDE = 100.0
+"""Time in sqrt(l/g) after which a stride without heelstrike has stalled; a usual one takes 3."""
+
+_CHUNK = 1024  # records carried through a stride together, so that they stay in the cache
+_WORTH_A_THREAD = 1024  # records below which a second thread costs more than it saves
+_FALLS = int(Outcome.FELL_FORWARD)
+
+
+@jitted
+def carry_on(records, bodies, phases, tiles, courses, options, from_section):
+    """Carry walkers to heelstrike, their fall, or their time's end.
+
+    Args:
+        records: Shape (n, planes); at their phase, or just after heelstrike if `from_section`.
+        bodies: Walkers' constants, (1 or n, planes, constants).
+        phases: From `compiled.compiled`, made for as many planes.
+        tiles: From `workspace`.
+        courses: Likewise.
+        options: An `OPTIONS`.
+        from_section: Whether records stand just after heelstrike.
+    """
+    scuff = float(options.scuff)
+    for first in range(0, len(records), _CHUNK):
+        chunk = records[first : first + _CHUNK]
+        own = bodies[first : first + _CHUNK] if len(bodies) > 1 else bodies
+        for i in range(len(chunk)):
+            record = chunk[i]
+            if from_section:
+                record[0].phase = 0
+            # A walker that would begin beyond a bound has fallen already.
+            call(phases[record[0].phase].open, record.ctypes.data, 0, 0, 0.0, 0.0)
+        for number in range(len(phases)):
+            phase = phases[number]
+            carry(chunk, own, phase, number, tiles, courses, options)
+            for i in range(len(chunk)):
+                record = chunk[i]
+                outcome = record[0].outcome
+                if record[0].phase == number and WAITING < outcome < _FALLS:
+                    body = own[i if len(own) > 1 else 0]
+                    reset = phase.resets[outcome]
+                    call(reset, record.ctypes.data, body.ctypes.data, 0, 0.0, scuff)
+        for i in range(len(chunk)):
+            if chunk[i, 0].outcome == HALTED:
+                chunk[i, 0].outcome = WAITING
+
+
+@kernel
+def _advance(records, bodies, phases, tiles, courses, options, from_section):
+    carry_on(records, bodies, phases, tiles, courses, options[0], from_section)
+
+
+@kernel
+def _strike(records, bodies, phase, outcome):
+    for i in range(len(records)):
+        body = bodies[i if len(bodies) > 1 else 0]
+        reset = phase[0].resets[outcome]
+        call(reset, records[i].ctypes.data, body.ctypes.data, 0, 0.0, 0.0)
+
+
+def new_records(count: int, planes: int = 0) -> NDArray:
+    """Records of walkers that stand just after heelstrike, (count, planes + 1); to be filled in."""
+    records = np.zeros((count, planes + 1), RECORD)
+    records["end"][:, 0] = LONGEST_STRIDE
+    records["ground"][:, 0, 1] = 1.0
+    return records
+
+
+def workspace(planes: int = 0) -> tuple[NDArray, NDArray]:
+    """A tile and a course, to be used by one thread at a time."""
+    return aligned(TILE, planes + 1), np.zeros(planes + 1, COURSE)
+
+
+def options(tolerance: float, *, scuff: bool = False, planes: int = 0) -> NDArray:
+    """What the engine is told of a tolerance, shape (1,) of OPTIONS."""
+    # A step's end is moved by up to `landing` of its length by its Taylor series of second order.
+    # Derivatives need it smaller, but where a foot comes down slowly 1e-13 drowns in rounding.
+    landing = 1e-11 if planes else 0.1 * math.sqrt(tolerance)
+    first_step = tolerance ** (1.0 / PAIR.order)
+    return np.array([(tolerance, landing, first_step, scuff)], OPTIONS)
+
+
+@lru_cache(maxsize=1)
+def _crew(threads: int) -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(threads, thread_name_prefix="walkers")
+
+
+def in_parts(job: Callable[[int, int], object], count: int, threads: int | None = None) -> None:
+    """Call ``job(first, last)`` until all of `count` walkers are covered, on several threads.
+
+    Args:
+        job: Does the walkers from `first` to before `last`; releases Python's lock.
+        count: How many walkers there are.
+        threads: How many threads to use, where there is enough to do; numba's number when None.
+    """
+    if threads is None:
+        threads = numba.get_num_threads()
+    threads = min(threads, count // _WORTH_A_THREAD)
+    if threads < 2:
+        job(0, count)
+        return
+    pieces = threads * min(4, max(2, count // (threads * _CHUNK)))
+    bounds = pairwise([count * i // pieces for i in range(pieces + 1)])
+
+    def work() -> None:
+        for first, last in bounds:  # shared: whoever is free takes the next piece
+            job(first, last)
+
+    helpers = [_crew(os.cpu_count() or 1).submit(work) for _ in range(threads - 1)]
+    work()  # this thread too: to wake another takes as long as hundreds of walkers
+    for helper in helpers:
+        if not helper.cancel():
+            helper.result()
+
+
+def advance(
+    system: System,
+    bodies: NDArray,
+    records: NDArray,
+    *,
+    tolerance: float,
+    scuff: bool = False,
+    from_section: bool = True,
+    threads: int | None = None,
+) -> None:
+    """Carry records to their heelstrike, their fall, or their time's end, in place.
+
+    Everything is dimensionless (see `physics.hybrid`). A record that ends on HEELSTRIKE holds the
+    next section state.
+
+    Args:
+        system: Which equations the walkers obey.
+        bodies: Their constants, (1, planes, constants) for all alike or (n, planes, constants).
+        records: Shape (n, planes) of RECORD: values, and behind them any number of derivatives.
+        tolerance: Error relative to the largest angle or rate.
+        scuff: Whether a kneed walker's locked swing leg below the ground ends the stride.
+        from_section: Whether records stand just after heelstrike; else at their phase.
+        threads: How many threads to use; numba's number when None. It changes no result.
+    """
+    planes = records.shape[1] - 1
+    moving_body = bool(np.any(bodies[:, 1:]))
+    phases = compiled(system.name, planes, moving_body=moving_body)
+    told = options(tolerance, scuff=scuff, planes=planes)
+
+    def job(first: int, last: int) -> None:
+        own = bodies[first:last] if len(bodies) > 1 else bodies
+        _advance(records[first:last], own, phases, *workspace(planes), told, from_section)
+
+    in_parts(job, len(records), threads)
+
+
+def strike(system: System, bodies: NDArray, records: NDArray) -> None:
+    """Exchange the legs of walkers that stand on the verge of heelstrike, in place."""
+    phases = compiled(system.name, records.shape[1] - 1, moving_body=bool(np.any(bodies[:, 1:])))
+    _strike(records, bodies, phases[-1:], int(Outcome.HEELSTRIKE))

@@ -1,0 +1,267 @@
+"""One phase of a system as native code: a step in every lane, its error, and what came of it.
+
+Each sweep makes one Runge-Kutta step in every lane. What happens then is decided in two parts:
+`judge` settles the ordinary case for all lanes at once (accept or reject, next step length); lanes
+where something may have happened are looked at one by one in `landing`, by the numbers that `look`
+gives of the phase's guards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from gym_passive_walker.engine.expressions import (
+    Expression,
+    Tangents,
+    choose,
+    larger,
+    square_root,
+)
+from gym_passive_walker.engine.layout import PAIR
+from gym_passive_walker.engine.native import Memory
+from gym_passive_walker.physics.hybrid import Control, Ground, Phase, State, System, Watch
+
+PLAIN, ALERT, UP = 0.0, 1.0, 2.0
+"""What `judge` makes of a lane's step: nothing of note; something may have happened; time is up."""
+
+LONGEST_STEP = 1.0
+"""A leg swings to and fro within six of these: longer steps, however exact, could jump over both a
+heelstrike and the foot's return."""
+
+MOST_STEPS = 20_000
+"""Integration steps a walker may take in one phase; no gait needs a hundredth of them."""
+
+SAFETY, FASTEST, SLOWEST = 0.85, 6.0, 0.2
+"""The next step is this share of what the error allows, and changes by these factors at most."""
+
+
+class Equations:
+    """A phase's functions over a tile.
+
+    Args:
+        system: The system.
+        phase: Its phase.
+        body: The constants that the phase uses: names, in the order of the tile's rows.
+    """
+
+    def __init__(self, system: System, phase: Phase, body: tuple[str, ...]) -> None:
+        self.system, self.phase, self.names = system, phase, body
+
+    @property
+    def links(self) -> range:
+        """Indices of the angles that move by themselves."""
+        return range(self.phase.links)
+
+    def body(self, tile: Memory) -> Any:
+        """The walker's constants; those that the phase does not use are NaN."""
+        rows = {name: tile["body", i] for i, name in enumerate(self.names)}
+        return self.system.Body(
+            *(rows.get(name, float("nan")) for name in self.system.Body._fields)  # type: ignore[attr-defined]
+        )
+
+    def state(self, tile: Memory, prefix: str = "") -> State:
+        """The state at a step's start, or with "new_" at its end."""
+        return self.as_state(tile.entries(prefix + "angle"), tile.entries(prefix + "rate"))
+
+    def as_state(self, angles: list, rates: list) -> State:
+        """A state from the angles that move by themselves and their rates."""
+        last = self.phase.links - 1
+        return State(*(v[min(i, last)] for v in (angles, rates) for i in range(3)))
+
+    def accelerations(self, tile: Memory, state: State) -> tuple[Expression, ...]:
+        """Accelerations of the links."""
+        control, ground = Control(*tile.entries("control")), Ground(*tile.entries("ground"))
+        return self.phase.accelerations(self.body(tile), state, control, ground)
+
+    def along(
+        self, function: Callable[[State], Expression], state: State, bends: list[Any]
+    ) -> tuple[Expression, Expression, Expression]:
+        """A function of the state, its rate and its second derivative along the motion.
+
+        Args:
+            function: The function.
+            state: Angles and rates.
+            bends: Accelerations; None where the second derivative is of no interest.
+        """
+        flow = self.as_state(list(state[3:]), bends)
+        moves = {x: change for x, change in zip(state, flow, strict=True) if change is not None}
+
+        def derivative(of: Expression) -> Expression:
+            change = Tangents(moves)(of)
+            return of.number(0.0) if change is None else change
+
+        value = function(state)
+        rate = derivative(value)
+        return value, rate, derivative(rate)
+
+    # Codes of the native functions.
+
+    def first(self, tile: Memory) -> None:
+        """The first stage of lanes that have just been filled; others have it from before."""
+        fresh = tile["fresh"] > 0.0
+        for i, value in enumerate(self.accelerations(tile, self.state(tile))):
+            tile["stage", 0, i] = choose(fresh, value, tile["stage", 0, i])
+        tile["fresh"] = 0.0
+
+    def stage(self, index: int) -> Callable[[Memory], None]:
+        """One stage of the step; after the last comes the step's end."""
+
+        def code(tile: Memory) -> None:
+            h, angles, rates = tile["h"], [], []
+            for link in self.links:
+                angle, rate = tile["angle", link], tile["rate", link]
+                shift = self._weighted(tile, PAIR.angles[index], link)
+                node = float(PAIR.nodes[index])
+                angles.append(angle + h * (node * rate + h * shift))
+                rates.append(rate + h * self._weighted(tile, PAIR.rates[index], link))
+            state = self.as_state(angles, rates)
+            for link, value in enumerate(self.accelerations(tile, state)):
+                tile["stage", index, link] = value
+                if index == PAIR.stages:
+                    tile["new_angle", link], tile["new_rate", link] = angles[link], rates[link]
+
+        return code
+
+    def _weighted(self, tile: Memory, weights: Any, link: int) -> Expression | float:
+        """The weighted sum of the link's stage accelerations that have a part in it."""
+        return sum_of(
+            [float(w) * tile["stage", j, link] for j, w in enumerate(weights) if w != 0.0]
+        )
+
+    def estimate(self, tile: Memory) -> None:
+        """Error of each lane's step over the tolerance, relative to the largest angle or rate.
+
+        Relative to the motion as a whole, so that small motions are resolved as well as large ones.
+        """
+        h, tolerance = tile["h"], tile.argument(0)
+        scale = None
+        for field in ("angle", "rate", "new_angle", "new_rate"):
+            for link in self.links:
+                size = abs(tile[field, link])
+                scale = size if scale is None else larger(scale, size)
+        assert scale is not None
+        # Scale before squaring: the squares of tiny errors must not vanish.
+        weight = h / (tolerance * scale + 1e-290)
+        squares = []
+        for link in self.links:
+            of_rate = weight * self._weighted(tile, PAIR.rate_error, link)
+            of_angle = weight * h * self._weighted(tile, PAIR.angle_error, link)
+            squares += [of_rate * of_rate + of_angle * of_angle]
+        tile["error"] = square_root(sum_of(squares))
+
+    def judge(self, tile: Memory) -> None:
+        """Settle the ordinary case in every lane; mark where to look closely, or time is up."""
+        h, error, event = tile["h"], tile["error"], tile["event"]
+        rest = tile["end"] - tile["time"]
+        alert = (
+            self._fallen(tile)
+            | (abs(event) > 0.0)
+            | ~(error <= 1e30)
+            | (h < 1e-12)
+            | (tile["steps"] >= MOST_STEPS)
+        )
+        plain = (error <= 1.0) & ~alert
+        up = plain & (h >= rest)
+        following, proposed = proposal(h, error), tile["next"]
+        rest = choose(plain, rest - h, rest)
+        tile["verdict"] = choose(up, UP, choose(alert, ALERT, PLAIN))
+        tile["steps"] = tile["steps"] + 1.0
+        # A step that the time cut short says little of the next one.
+        kept = alert | (up & (following <= proposed) & (error <= 0.1))
+        tile["next"] = choose(kept, proposed, following)
+        tile["h"] = choose(alert, h, choose(1.1 * following < rest, following, rest))
+        tile["time"] = tile["time"] + choose(plain, h, 0.0)
+        before, after = self.state(tile), self.state(tile, "new_")
+        moves = zip(self.system.travel(before), self.system.travel(after), strict=True)
+        for i, (start, end) in enumerate(moves):
+            tile["moved", i] = tile["moved", i] + choose(plain, end - start, 0.0)
+            tile["turned", i] = tile["turned", i] + choose(plain, abs(end - start), 0.0)
+        for link in self.links:
+            for old, new in (("angle", "new_angle"), ("rate", "new_rate")):
+                tile[old, link] = choose(plain, tile[new, link], tile[old, link])
+            end = tile["stage", PAIR.stages, link]
+            tile["stage", 0, link] = choose(plain, end, tile["stage", 0, link])
+
+    def _fallen(self, tile: Memory) -> Expression:
+        """Whether a guard may have fallen, or a control turned what it moves back."""
+        body, none = self.body(tile), [None] * 3
+        before, after = self.state(tile), self.state(tile, "new_")
+        alert = None
+        for guard in self.phase.guards:
+
+            def falls(state: State, guard: Any = guard) -> Expression:
+                return guard.falls(body, state)
+
+            g0, v0, _ = self.along(falls, before, none)
+            g1, v1, _ = self.along(falls, after, none)
+            if guard.watch == Watch.STRIKE:
+                found = (g0 > 0.0) & ((g1 <= 0.0) | ((v0 < 0.0) & (v1 > 0.0)))
+                found |= (g0 <= 0.0) & (g1 <= 0.0) & (v0 > 0.0) & (v1 < 0.0)
+            elif guard.watch == Watch.BOUND:
+                reach = g1 - tile["h"] * larger(abs(v0), abs(v1))
+                found = (g1 <= 0.0) | ((v0 * v1 < 0.0) & (reach <= 0.0))
+            else:
+                found = (g0 > 0.0) & (g1 <= 0.0) & (tile.argument(1) > 0.0)
+            alert = found if alert is None else alert | found
+        assert alert is not None
+        for i in range(len(Control._fields)):
+
+            def moved(state: State, i: int = i) -> Expression:
+                return self.system.travel(state)[i]
+
+            v0 = self.along(moved, before, none)[1]
+            v1 = self.along(moved, after, none)[1]
+            alert |= (v0 * v1 < 0.0) & (abs(tile["control", i]) > 0.0)
+        return alert
+
+    def look(self, tile: Memory, course: Memory) -> None:
+        """How each guard, and what each control moves, runs over a lane's step."""
+        body = self.body(tile)
+        functions = [
+            (lambda state, guard=guard: guard.falls(body, state)) for guard in self.phase.guards
+        ] + [
+            (lambda state, i=i: self.system.travel(state)[i]) for i in range(len(Control._fields))
+        ]
+        for when, prefix, stage in (("before", "", 0), ("after", "new_", PAIR.stages)):
+            state = self.state(tile, prefix)
+            bends = [tile["stage", stage, link] for link in range(3)]
+            for i, function in enumerate(functions):
+                value, rate, bend = self.along(function, state, bends)
+                course[when, i], course[f"rate_{when}", i] = value, rate
+                course[f"bend_{when}", i] = bend
+        end = self.state(tile, "new_")
+        for i, guard in enumerate(self.phase.guards):
+            counts = guard.when(body, end) if guard.when else None
+            course["counts", i] = 1.0 if counts is None else choose(counts, 1.0, 0.0)
+
+
+def sum_of(terms: list[Expression]) -> Expression | float:
+    """The sum of some terms, in order; 0 of none."""
+    if not terms:
+        return 0.0
+    total = terms[0]
+    for term in terms[1:]:
+        total = total + term
+    return total
+
+
+def growth(error: Expression) -> Expression:
+    """Factor to the next step length, from the error of this one over its tolerance.
+
+    The root of the error's order is a product of square roots: for 8, the third of them.
+    """
+    root, product, rest = error + 1e-30, None, 1.0 / PAIR.error_order
+    while rest > 1e-3:
+        root, rest = square_root(root), 2.0 * rest
+        if rest >= 1.0:
+            product, rest = root if product is None else product * root, rest - 1.0
+    factor = SAFETY / product
+    factor = choose(factor < FASTEST, factor, FASTEST)
+    return choose(factor > SLOWEST, factor, SLOWEST)
+
+
+def proposal(h: Expression, error: Expression) -> Expression:
+    """Length of the next step after an accepted one."""
+    following = h * growth(error)
+    return choose(following < LONGEST_STEP, following, LONGEST_STEP)

@@ -1,0 +1,125 @@
+"""A walker's dimensionless constants: what its equations need to know of it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker.physics import kneed, simplest, straight
+from gym_passive_walker.physics.hybrid import System
+from gym_passive_walker.walkers import Walker
+
+
+def system_of(walker: Walker) -> System:
+    """Which equations this walker obeys."""
+    if walker.massless_legs:
+        return simplest.SYSTEM
+    return kneed.SYSTEM if walker.knees else straight.SYSTEM
+
+
+def body_from(p: Any, system: System) -> Any:
+    """The constants of a walker with McGeer's parameters.
+
+    Args:
+        p: Anything with the attributes of a `Walker`; numbers, complex ones too, or arrays.
+        system: Which equations it obeys.
+
+    Returns:
+        The system's `Body`.
+    """
+    sin, cos = np.sin, np.cos
+    length = p.thigh_length + p.shank_length
+    leg_mass = p.thigh_mass + p.shank_mass
+    mass = 2.0 * leg_mass + p.hip_mass
+    reach = p.shank_length - p.foot_radius
+    epsilon_thigh = p.foot_angle
+    epsilon_shank = np.arcsin(p.thigh_length * sin(epsilon_thigh) / reach)
+    leg = p.thigh_length * cos(epsilon_thigh) + reach * cos(epsilon_shank)
+    m, ml, ml2 = mass, mass * length, mass * length**2
+    values = {"foot_radius": p.foot_radius / length, "leg": leg / length}
+    if system is simplest.SYSTEM:
+        return simplest.Body(**values)
+
+    # Positions along and across the leg: of the thigh's centre of mass and the knee from the hip,
+    # of the shank's centre of mass from the knee.
+    thigh = (
+        -p.thigh_com * cos(epsilon_thigh) + p.thigh_offset * sin(epsilon_thigh),
+        p.thigh_com * sin(epsilon_thigh) + p.thigh_offset * cos(epsilon_thigh),
+    )
+    knee = (-p.thigh_length * cos(epsilon_thigh), p.thigh_length * sin(epsilon_thigh))
+    shank = (
+        -p.shank_com * cos(epsilon_shank) - p.shank_offset * sin(epsilon_shank),
+        -p.shank_com * sin(epsilon_shank) + p.shank_offset * cos(epsilon_shank),
+    )
+    thigh_spin = p.thigh_mass * p.thigh_gyration**2
+    shank_spin = p.shank_mass * p.shank_gyration**2
+
+    thigh_moment = [p.thigh_mass * thigh[i] + p.shank_mass * knee[i] for i in (0, 1)]
+    shank_moment = [p.shank_mass * shank[i] for i in (0, 1)]
+    thigh_inertia = (
+        thigh_spin
+        + p.thigh_mass * (thigh[0] ** 2 + thigh[1] ** 2)
+        + p.shank_mass * p.thigh_length**2
+    )
+    shank_inertia = shank_spin + p.shank_mass * (shank[0] ** 2 + shank[1] ** 2)
+    knee_cosine = knee[0] * shank_moment[0] + knee[1] * shank_moment[1]
+    knee_sine = knee[1] * shank_moment[0] - knee[0] * shank_moment[1]
+
+    swing_moment = [thigh_moment[i] + shank_moment[i] for i in (0, 1)]
+    com = [swing_moment[0] / leg_mass + leg, swing_moment[1] / leg_mass]
+    hip_load = mass - leg_mass
+    # About the leg's own centre of mass, summed from the parts: no difference of large numbers.
+    from_com_thigh = (thigh[0] + leg - com[0], thigh[1] - com[1])
+    from_com_shank = (knee[0] + shank[0] + leg - com[0], knee[1] + shank[1] - com[1])
+    leg_spin = (
+        thigh_spin
+        + shank_spin
+        + p.thigh_mass * (from_com_thigh[0] ** 2 + from_com_thigh[1] ** 2)
+        + p.shank_mass * (from_com_shank[0] ** 2 + from_com_shank[1] ** 2)
+    )
+    values |= {
+        "stance_along": (leg_mass * com[0] + hip_load * leg) / ml,
+        "stance_across": leg_mass * com[1] / ml,
+        "stance_inertia": (
+            leg_spin
+            + leg_mass * (com[0] ** 2 + com[1] ** 2)
+            + hip_load * leg**2
+            + mass * p.foot_radius**2
+        )
+        / ml2,
+        "swing_along": swing_moment[0] / ml,
+        "swing_across": swing_moment[1] / ml,
+        "swing_inertia": (thigh_inertia + shank_inertia + 2.0 * knee_cosine) / ml2,
+        "leg_mass": leg_mass / m,
+        "leg_com_along": com[0] / length,
+        "leg_com_across": com[1] / length,
+        "leg_spin": leg_spin / ml2,
+    }
+    if system is straight.SYSTEM:
+        return straight.Body(**values)
+    return kneed.Body(
+        **values,
+        thigh_along=thigh_moment[0] / ml,
+        thigh_across=thigh_moment[1] / ml,
+        thigh_inertia=thigh_inertia / ml2,
+        shank_along=shank_moment[0] / ml,
+        shank_across=shank_moment[1] / ml,
+        shank_inertia=shank_inertia / ml2,
+        shank_mobility=ml2 / shank_inertia,
+        knee_cosine=knee_cosine / ml2,
+        knee_sine=knee_sine / ml2,
+        knee_along=knee[0] / length,
+        knee_across=knee[1] / length,
+    )
+
+
+def body_of(walker: Walker) -> Any:
+    """The constants of a walker."""
+    return body_from(walker, system_of(walker))
+
+
+def bodies(*walkers: Walker) -> NDArray[np.float64]:
+    """Constants of walkers of one kind as the engine reads them, (walkers, 1, constants)."""
+    return np.array([body_of(walker) for walker in walkers], dtype=float)[:, None]

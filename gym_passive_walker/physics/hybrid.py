@@ -1,0 +1,189 @@
+"""What a walker is to whoever computes with it: a hybrid system.
+
+A system has *phases*, in which it moves by differential equations. A phase ends where one of its
+*guards*, a function of the state, falls through zero; a *reset* then says with what state the next
+phase, or the next stride, begins, and what energy that costs. `kneed`, `straight` and `simplest`
+state one system each, in plain functions of the tuples below; nothing else knows their equations.
+
+Everything is dimensionless: the leg length l is the unit of length, the walker's total mass the
+unit of mass, and sqrt(l/g) the unit of time. So a leg of a millimetre and one of a kilometre run
+through the same numbers. Vectors have the parts (back, up): against the walking direction and away
+from the ground.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Any, NamedTuple
+
+Number = Any
+"""A float, an array, a symbol, an expression: see `numbers`."""
+
+
+class State(NamedTuple):
+    """Absolute angles in rad, and their rates; with a straight swing leg, shank is thigh."""
+
+    stance: Number
+    thigh: Number
+    shank: Number
+    stance_rate: Number
+    thigh_rate: Number
+    shank_rate: Number
+
+
+class Control(NamedTuple):
+    """What motors do, held constant while the engine runs.
+
+    Attributes:
+        hip: Torque between stance leg and swing thigh, positive when it opens the legs.
+    """
+
+    hip: Number
+
+
+class Ground(NamedTuple):
+    """The slope, by gravity's parts: along it (downhill) and into it."""
+
+    sine: Number
+    cosine: Number
+
+
+class Outcome(IntEnum):
+    """How a stride, or a tick of one, ended."""
+
+    RUNNING = 0
+    """The time asked for is over and the stride goes on."""
+    HEELSTRIKE = 1
+    """The swing foot came down in front: the next stride begins."""
+    KNEESTRIKE = 2
+    """The swing knee locked (inside a stride only)."""
+    FELL_FORWARD = 3
+    """The stance leg lies on the ground ahead."""
+    FELL_BACKWARD = 4
+    """The stance leg lies on the ground behind."""
+    OVER_THE_TOP = 5
+    """The swing leg went round beyond the upright."""
+    STUBBED_TOE = 6
+    """The locked swing leg of a kneed walker was below the ground (only where this is a rule)."""
+    BENT_KNEE = 7
+    """The foot came down in front before the knee had locked."""
+    STALLED = 8
+    """No heelstrike within the time allowed: rocking, standing or hanging."""
+    DIVERGED = 9
+    """The motion left the range of floating-point numbers."""
+
+
+class Stage(IntEnum):
+    """What the swing leg is doing: which equations a walker obeys in a phase."""
+
+    FREE = 0
+    """Knee free: three links."""
+    LOCKED = 1
+    """Straight swing leg: two links."""
+    SIMPLEST = 2
+    """Straight swing leg without mass."""
+
+
+class Watch(IntEnum):
+    """How closely a guard is watched."""
+
+    STRIKE = 0
+    """It may be zero at the start of its phase; even two passages within one step are found."""
+    BOUND = 1
+    """It is positive as long as the phase lasts: a phase that would begin beyond it ends at once."""
+    SCUFF = 2
+    """Watched only where scuffing is a rule, and only from one step's end to the next."""
+
+
+class Guard(NamedTuple):
+    """What ends a phase.
+
+    Attributes:
+        falls: Function of body and state that ends the phase as it falls through zero.
+        outcome: How the phase has ended then.
+        watch: How closely to look.
+        when: Condition, of body and state, under which falling through zero counts.
+    """
+
+    falls: Callable[[Any, State], Number]
+    outcome: Outcome
+    watch: Watch = Watch.BOUND
+    when: Callable[[Any, State], Number] | None = None
+
+
+class Refusal(NamedTuple):
+    """A state in which no phase can begin.
+
+    Attributes:
+        if_: Condition, of body and state after a reset.
+        outcome: How the stride has ended if it holds.
+        scuff: Whether it counts only where scuffing is a rule.
+    """
+
+    if_: Callable[[Any, State], Number]
+    outcome: Outcome
+    scuff: bool = False
+
+
+class Reset(NamedTuple):
+    """What a strike does.
+
+    Attributes:
+        strike: Function of body and state before: the state after, and the energy lost.
+        into: Index of the phase that begins; None if the stride is over and the legs have changed
+            roles.
+        refuses: After which states no phase begins.
+    """
+
+    strike: Callable[[Any, State], tuple[State, Number]]
+    into: int | None = None
+    refuses: tuple[Refusal, ...] = ()
+
+
+class Phase(NamedTuple):
+    """A way of moving.
+
+    Attributes:
+        stage: What the swing leg is doing.
+        links: Angles that move by themselves: 3, or 2 where the shank goes with the thigh.
+        accelerations: Function of body, state, control and ground: one for each link.
+        kinetic_energy: Function of body and state.
+        potential_gain: Function of body, two states over the same contact, and ground: what the
+            potential energy gains from the first to the second, without loss of digits where they
+            are close.
+        guards: What ends it; of several that fall at one instant, the first counts.
+        resets: By the outcome that they answer; other outcomes are falls.
+    """
+
+    stage: Stage
+    links: int
+    accelerations: Callable[[Any, State, Control, Ground], tuple[Number, ...]]
+    kinetic_energy: Callable[[Any, State], Number]
+    potential_gain: Callable[[Any, State, State, Ground], Number]
+    guards: tuple[Guard, ...]
+    resets: dict[Outcome, Reset]
+
+
+class System(NamedTuple):
+    """A kind of walker.
+
+    Attributes:
+        name: What it is called.
+        Body: Named tuple of what its equations need to know of a walker.
+        phases: Its phases; a stride begins in the first.
+        travel: Function of a state: for each control the coordinate that it moves, so that the work
+            of a constant control is it times the change of that coordinate.
+        works: Whether controls cost work: not on legs without mass.
+    """
+
+    name: str
+    Body: type
+    phases: tuple[Phase, ...]
+    travel: Callable[[State], Control]
+    works: bool = True
+
+
+def travel(state: State) -> Control:
+    """For each control the coordinate that it moves: the hip opens the legs."""
+    return Control(hip=state.thigh - state.stance)

@@ -1,0 +1,113 @@
+"""What all legs share: vectors, small linear systems, and where things are.
+
+A leg's own vectors are given *along* it (from foot to hip) and *across* it (backwards); turned by
+its angle they have the parts (back, up).
+"""
+
+from __future__ import annotations
+
+from math import pi
+
+from gym_passive_walker.physics.hybrid import Guard, Outcome, State, Watch
+from gym_passive_walker.physics.numbers import sine_cosine
+
+
+def turned(along, across, sine, cosine):
+    """A vector fixed to a leg, (along, across) it, as (back, up)."""
+    return along * sine + across * cosine, along * cosine - across * sine
+
+
+def difference(along, across, start, end):
+    """How a vector fixed to a leg changes as the leg turns, as (back, up).
+
+    By half angles, so that small differences keep their digits.
+    """
+    half, _ = sine_cosine(0.5 * (end - start))
+    sine, cosine = sine_cosine(0.5 * (end + start))
+    return turned(-2.0 * half * across, 2.0 * half * along, sine, cosine)
+
+
+def weight_moment(back, up, ground):
+    """Torque of gravity on a first moment: it tips backwards what lies behind."""
+    return ground.cosine * back - ground.sine * up
+
+
+def impulse(back, up, velocity_back, velocity_up):
+    """Generalised momentum of a leg with first moment (back, up) when it is translated."""
+    return velocity_back * up - velocity_up * back
+
+
+def solve(m11, m12, m22, f1, f2):
+    """Solve the symmetric 2x2 system m x = f."""
+    scale = 1.0 / (m11 * m22 - m12 * m12)
+    return (m22 * f1 - m12 * f2) * scale, (m11 * f2 - m12 * f1) * scale
+
+
+def solve_hanging(m11, m12, m13, m22, m23, mobility, f1, f2, f3):
+    """Solve the symmetric 3x3 system m x = f whose last diagonal entry is 1 / mobility."""
+    a, b = m13 * mobility, m23 * mobility
+    x1, x2 = solve(m11 - a * m13, m12 - a * m23, m22 - b * m23, f1 - a * f3, f2 - b * f3)
+    return x1, x2, f3 * mobility - a * x1 - b * x2
+
+
+# Where things are. `body` is any walker's: foot_radius and leg, from foot centre to hip.
+
+
+def hip(body, stance):
+    """The hip from the point of contact, as (back, up)."""
+    sine, cosine = sine_cosine(stance)
+    return body.leg * sine, body.foot_radius + body.leg * cosine
+
+
+def progress(body, stance):
+    """How far the hip is ahead of the point that the foot stands on at stance angle 0."""
+    sine, _ = sine_cosine(stance)
+    return -(body.foot_radius * stance + body.leg * sine)
+
+
+def step_length(body, start, end):
+    """From one contact point to the next, by the stance angles just after two heelstrikes."""
+    sine, _ = sine_cosine(end)
+    return 2.0 * body.leg * sine + body.foot_radius * (start + end)
+
+
+def clearance(body, stance, swing):
+    """Height of the swing foot over the ground, legs straight."""
+    half_sum, _ = sine_cosine(0.5 * (stance + swing))
+    half_difference, _ = sine_cosine(0.5 * (swing - stance))
+    return 2.0 * body.leg * half_sum * half_difference
+
+
+def striking_velocity(body, state):
+    """Velocity of the foot that lands with mirrored legs, (back, up).
+
+    Equation 4.10, without its misprint-prone signs: the old hip velocity less the new rolling.
+    """
+    hip_back, hip_up = hip(body, state.stance)
+    return (
+        hip_up * (state.stance_rate - state.thigh_rate),
+        -hip_back * (state.stance_rate + state.thigh_rate),
+    )
+
+
+def straight(stance, thigh, stance_rate, thigh_rate):
+    """A state with a straight swing leg."""
+    return State(stance, thigh, thigh, stance_rate, thigh_rate, thigh_rate)
+
+
+# What ends a phase of any walker.
+
+HEELSTRIKE = Guard(
+    lambda body, state: state.stance + state.thigh,  # the legs mirror each other
+    Outcome.HEELSTRIKE,
+    Watch.STRIKE,
+    when=lambda body, state: state.stance < 0.0,
+)
+STANCE_FALLS = (
+    Guard(lambda body, state: state.stance + 0.5 * pi, Outcome.FELL_FORWARD),
+    Guard(lambda body, state: 0.5 * pi - state.stance, Outcome.FELL_BACKWARD),
+)
+THIGH_OVER_THE_TOP = (
+    Guard(lambda body, state: pi - state.thigh, Outcome.OVER_THE_TOP),
+    Guard(lambda body, state: state.thigh + pi, Outcome.OVER_THE_TOP),
+)

@@ -1,0 +1,21 @@
+"""What the equations need of numbers beyond + − × ÷: a sine and a cosine, for any kind of number.
+
+The statements in `physics` are plain functions. They run over floats and arrays, over SymPy's or
+heyoka's symbols, and over the expressions that the engine compiles; each kind of number registers
+here how it takes a sine and a cosine, and whoever brings a new kind does so from outside:
+
+    sine_cosine.register(heyoka.expression, lambda x: (heyoka.sin(x), heyoka.cos(x)))
+"""
+
+from __future__ import annotations
+
+from functools import singledispatch
+from typing import Any
+
+import numpy as np
+
+
+@singledispatch
+def sine_cosine(x: Any) -> tuple[Any, Any]:
+    """Sine and cosine of a number, real or complex, or of an array of them."""
+    return np.sin(x), np.cos(x)

@@ -1,0 +1,192 @@
+"""Two links: a straight stance leg that rolls on its foot and a straight swing leg.
+
+These are also the equations of a kneed walker after kneestrike, and the ground on which the
+three-link ones of `kneed` stand. All angles are absolute, so the equations are short: with r the
+vector from the contact to the hip and m the swing leg's first moment about the hip, the inertia
+that couples the legs is r . m, and what centripetal acceleration exerts is r x m.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from gym_passive_walker.physics import legs
+from gym_passive_walker.physics.hybrid import (
+    Number,
+    Outcome,
+    Phase,
+    Reset,
+    Stage,
+    State,
+    System,
+    travel,
+)
+from gym_passive_walker.physics.legs import difference, impulse, solve, turned, weight_moment
+from gym_passive_walker.physics.numbers import sine_cosine
+
+
+class Body(NamedTuple):
+    """A walker with straight legs; first moments are mass times position.
+
+    Attributes:
+        foot_radius: Of the foot.
+        leg: Foot centre to hip.
+        stance_along: First moment of the stance leg from the foot centre, the rest at its hip.
+        stance_across: Likewise.
+        stance_inertia: Its second moment, plus that of the foot's rolling.
+        swing_along: First moment of the straight swing leg from the hip.
+        swing_across: Likewise.
+        swing_inertia: Its second moment.
+        leg_mass: Mass of one leg.
+        leg_com_along: Its centre of mass from the foot centre.
+        leg_com_across: Likewise.
+        leg_spin: Moment of inertia about that centre of mass.
+    """
+
+    foot_radius: Number
+    leg: Number
+    stance_along: Number
+    stance_across: Number
+    stance_inertia: Number
+    swing_along: Number
+    swing_across: Number
+    swing_inertia: Number
+    leg_mass: Number
+    leg_com_along: Number
+    leg_com_across: Number
+    leg_spin: Number
+
+
+def mass_matrix(body, state):
+    """Mass matrix (m11, m12, m22)."""
+    sine, cosine = sine_cosine(state.stance)
+    _, stance_up = turned(body.stance_along, body.stance_across, sine, cosine)
+    hip_back, hip_up = legs.hip(body, state.stance)
+    swing_back, swing_up = turned(body.swing_along, body.swing_across, *sine_cosine(state.thigh))
+    return (
+        body.stance_inertia + 2.0 * body.foot_radius * stance_up,
+        hip_up * swing_up + hip_back * swing_back,
+        body.swing_inertia,
+    )
+
+
+def forces(body, state, control, ground):
+    """What accelerates the stance and the swing leg: rates, gravity and controls."""
+    sine, cosine = sine_cosine(state.stance)
+    stance_back, stance_up = turned(body.stance_along, body.stance_across, sine, cosine)
+    hip_back, hip_rise = body.leg * sine, body.leg * cosine
+    hip_up = body.foot_radius + hip_rise
+    swing_back, swing_up = turned(body.swing_along, body.swing_across, *sine_cosine(state.thigh))
+    return (
+        body.foot_radius * stance_back * state.stance_rate * state.stance_rate
+        + (hip_up * swing_back - hip_back * swing_up) * state.thigh_rate * state.thigh_rate
+        + weight_moment(stance_back, body.foot_radius + stance_up, ground)
+        - control.hip,
+        (hip_back * swing_up - hip_rise * swing_back) * state.stance_rate * state.stance_rate
+        + weight_moment(swing_back, swing_up, ground)
+        + control.hip,
+    )
+
+
+def accelerations(body, state, control, ground):
+    """Angular accelerations of the stance and the swing leg (subsection 4.10.7)."""
+    return solve(*mass_matrix(body, state), *forces(body, state, control, ground))
+
+
+def kinetic_energy(body, state):
+    """Kinetic energy / (m g l)."""
+    m11, m12, m22 = mass_matrix(body, state)
+    stance_rate, swing_rate = state.stance_rate, state.thigh_rate
+    return (
+        0.5 * (m11 * stance_rate * stance_rate + m22 * swing_rate * swing_rate)
+        + m12 * stance_rate * swing_rate
+    )
+
+
+def rolling_gain(body, start, end):
+    """Distance and height gained by the stance leg with the rest at its hip, as (back, up)."""
+    back, up = difference(body.stance_along, body.stance_across, start.stance, end.stance)
+    return back + body.foot_radius * (end.stance - start.stance), up
+
+
+def potential_gain(body, start, end, ground):
+    """Potential energy gained between two states over the same contact, / (m g l)."""
+    back, up = rolling_gain(body, start, end)
+    swing_back, swing_up = difference(body.swing_along, body.swing_across, start.thigh, end.thigh)
+    return ground.cosine * (up + swing_up) + ground.sine * (back + swing_back)
+
+
+def stance_collision(body, before):
+    """What both kinds of heelstrike share: the new stance leg meets the ground.
+
+    The walker before the collision moves as one that rolls on its new foot, plus a translation
+    with the striking velocity. Most of that translation is a turn of the new stance leg about the
+    contact; taking the turn out first leaves only small numbers to solve for, and the energy lost
+    keeps its digits however small the step.
+
+    Args:
+        body: The walker.
+        before: The state before the collision: legs mirrored, stance angle negative.
+
+    Returns:
+        Provisional rate of the new stance leg; the velocity (back, up) of the hip in excess of it;
+        the momentum left for the stance leg's equation; twice the energy in the excess motion.
+    """
+    velocity_back, velocity_up = legs.striking_velocity(body, before)
+    hip_back, hip_up = legs.hip(body, -before.stance)
+    square = hip_back * hip_back + hip_up * hip_up
+    per_square = 1.0 / square
+    # A turn with unit rate moves a point at (back, up) from the contact with (up, -back).
+    turn = (velocity_back * hip_up - velocity_up * hip_back) * per_square
+    along_hip = (velocity_back * hip_back + velocity_up * hip_up) * per_square
+    com_back, com_up = turned(body.leg_com_along, body.leg_com_across, *sine_cosine(-before.stance))
+    com_up = com_up + body.foot_radius
+    excess_back = velocity_back - turn * com_up
+    excess_up = velocity_up + turn * com_back
+    momentum = body.leg_mass * (excess_back * com_up - excess_up * com_back) - body.leg_spin * turn
+    energy = (
+        body.leg_mass * (excess_back * excess_back + excess_up * excess_up)
+        + body.leg_spin * turn * turn
+        + (1.0 - body.leg_mass) * along_hip * along_hip * square
+    )
+    return before.thigh_rate + turn, along_hip * hip_back, along_hip * hip_up, momentum, energy
+
+
+def heelstrike(body, before):
+    """Plastic collision of the swing foot with both knees locked, and the legs change roles.
+
+    Angular momentum of the whole walker about the new contact and of the new swing leg about the
+    hip pass through it (subsection 4.10.8); the old foot feels no impulse.
+    """
+    angle = 0.5 * (before.thigh - before.stance)
+    before = before._replace(stance=-angle, thigh=angle, shank=angle)
+    rate, hip_back, hip_up, momentum, energy = stance_collision(body, before)
+    swing_back, swing_up = turned(body.swing_along, body.swing_across, *sine_cosine(-angle))
+    swing_momentum = impulse(swing_back, swing_up, hip_back, hip_up)
+    after = legs.straight(angle, -angle, rate, before.stance_rate)
+    new_stance, new_swing = solve(*mass_matrix(body, after), momentum, swing_momentum)
+    loss = 0.5 * (energy - momentum * new_stance - swing_momentum * new_swing)
+    return legs.straight(angle, -angle, rate + new_stance, before.stance_rate + new_swing), loss
+
+
+def foot_clearance(body, state):
+    """Height of the swing foot over the ground."""
+    return legs.clearance(body, state.stance, state.thigh)
+
+
+SYSTEM = System(
+    name="straight",
+    Body=Body,
+    phases=(
+        Phase(
+            Stage.LOCKED,
+            2,
+            accelerations,
+            kinetic_energy,
+            potential_gain,
+            guards=(legs.HEELSTRIKE, *legs.STANCE_FALLS, *legs.THIGH_OVER_THE_TOP),
+            resets={Outcome.HEELSTRIKE: Reset(heelstrike)},
+        ),
+    ),
+    travel=travel,
+)
