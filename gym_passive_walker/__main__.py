@@ -58,7 +58,7 @@ def _gait(arguments: argparse.Namespace) -> int:
 
 
 def _figures(arguments: argparse.Namespace) -> int:
-    from gym_passive_walker.figures import FIGURES, draw
+    from gym_passive_walker.render.figures import FIGURES, draw
 
     for name in arguments.names or FIGURES:
         print(draw(name, arguments.out), flush=True)
