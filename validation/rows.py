@@ -8,15 +8,10 @@ with a sentence why, and the computed value must be the one on record.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from decimal import Decimal
-from functools import lru_cache
+from fractions import Fraction
 from typing import NamedTuple
-
-from gym_passive_walker.gaits.family import GaitFamily, gait_family
-from gym_passive_walker.gaits.fixed_point import find_gait
-from gym_passive_walker.gaits.gait import Gait, GaitKind
-from gym_passive_walker.gaits.scaling import local_exponents
-from gym_passive_walker.walkers import WALKERS, Walker, tune
 
 
 class Row(NamedTuple):
@@ -44,6 +39,11 @@ class Row(NamedTuple):
     remark: str
 
 
+def listed(values: Iterable[float], form: str = "") -> str:
+    """Numbers, each in a format, with commas between them."""
+    return ", ".join(format(value, form) for value in values)
+
+
 def _unit(text: str) -> float:
     """One unit in the last digit of a number as it is written."""
     return 10.0 ** int(Decimal(text).as_tuple().exponent)
@@ -54,9 +54,7 @@ def _plain(text: str) -> str:
 
 
 def number(
-    where: str,
-    what: str,
-    printed: str,
+    statement: str,
     computed: float,
     *,
     within: float | None = None,
@@ -67,9 +65,8 @@ def number(
     """A row that compares two numbers.
 
     Args:
-        where: Where it is printed.
-        what: What it is.
-        printed: The number as printed; "1/3" and "π" are understood.
+        statement: Where it is printed, what it is, and the number as printed, with " | " between
+            them as on the page; "1/3" and "π" are understood.
         computed: The computed number.
         within: Difference allowed; half a unit in the printed number's last digit if None, which
             a fraction or π has not.
@@ -78,13 +75,8 @@ def number(
         digits: How many digits are shown.
         remark: A sentence where they differ.
     """
-    if printed == "π":
-        value = math.pi
-    elif "/" in printed:
-        above, below = printed.split("/")
-        value = float(above) / float(below)
-    else:
-        value = float(_plain(printed))
+    where, what, printed = statement.split(" | ")
+    value = math.pi if printed == "π" else float(Fraction(_plain(printed)))
     if within is None:
         within = 0.5 * _unit(_plain(printed)) * (1.0 + 1e-9)  # and rounding's own
     difference = computed - value
@@ -95,9 +87,7 @@ def number(
 
 
 def claim(
-    where: str,
-    what: str,
-    printed: str,
+    statement: str,
     computed: str,
     holds: bool,
     *,
@@ -107,41 +97,12 @@ def claim(
     """A row on a statement that holds or does not.
 
     Args:
-        where: Where it is printed.
-        what: What it is about.
-        printed: What is said.
+        statement: Where it is printed, what it is about, and what is said, as for `number`.
         computed: What is found.
         holds: Whether what is said holds of what is found.
         expected: Whether it is known to hold.
         remark: A sentence where it does not.
     """
-    return Row(where, what, printed, computed, "", bool(holds), bool(holds) == expected, remark)
-
-
-@lru_cache(maxsize=512)
-def gait(walker: Walker | str, slope: float, kind: GaitKind = "long") -> Gait:
-    """A gait, found once however many rows ask for it."""
-    return find_gait(walker, slope, kind)
-
-
-@lru_cache(maxsize=64)
-def family(
-    walker: Walker | str,
-    low: float,
-    high: float,
-    kind: GaitKind = "long",
-    resolution: float = 0.05,
-) -> GaitFamily:
-    """A family, followed once however many rows ask for it."""
-    return gait_family(walker, low, high, kind, resolution=resolution)
-
-
-def tuned(name: str) -> Walker:
-    """A walker of the source with its tuning made exact, as the table's rounded digits are not."""
-    return tune(WALKERS[name])
-
-
-def exponents(walker: Walker | str, slope: float, kind: GaitKind) -> tuple[float, float]:
-    """Exact local exponents of stance angle and speed with slope, of the gait at a slope."""
-    local = local_exponents(family(walker, slope, 1.01 * slope, kind))
-    return float(local.stance_angle[0]), float(local.speed[0])
+    where, what, printed = statement.split(" | ")
+    holds = bool(holds)
+    return Row(where, what, printed, computed, "", holds, holds == expected, remark)
