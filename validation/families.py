@@ -92,7 +92,7 @@ def laboratory() -> Iterator[Row]:
     slowest = [_slowest(found) for found in (kneed, straight)]
     yield claim(
         f"Fig. 4.6 (4) | the slowest gait is there: slope of the least v/√(g l), with knees; "
-        f"and straight | {'; '.join(f'{halt:.4f}' for halt in halts)}",
+        f"and straight | {halts[0]:.4f}; {halts[1]:.4f}",
         "; ".join(f"{slope:.4f} ({speed:.4f})" for slope, speed in slowest),
         all(abs(slope - halt) < 2e-4 for (slope, _), halt in zip(slowest, halts, strict=True)),
     )

@@ -1,8 +1,9 @@
 """A row of the validation page: what the source says, what is computed, and whether they agree.
 
-Every row is judged. A number in print is met if the computed one rounds to it, or lies within what
-the row allows; a statement is met if it holds. Where the document does not hold, the row says so,
-with a sentence why, and the computed value must be the one on record.
+A row is made from a statement as it stands on the page, "where | what | print", and from what is
+computed. Every row is judged. A number in print is met if the computed one rounds to it, or lies
+within what the row allows; a statement is met if it holds. Where the document does not hold, the
+row says so, with a sentence why, and the computed value must be the one on record.
 """
 
 from __future__ import annotations
@@ -12,6 +13,8 @@ from collections.abc import Iterable
 from decimal import Decimal
 from fractions import Fraction
 from typing import NamedTuple
+
+import numpy as np
 
 
 class Row(NamedTuple):
@@ -54,19 +57,14 @@ def _plain(text: str) -> str:
 
 
 def number(
-    statement: str,
-    computed: float,
-    *,
-    within: float | None = None,
-    known: str = "",
-    digits: int = 6,
-    remark: str = "",
-) -> Row:
+    statement: str, computed: float, *, within: float | None = None, known: str = "",
+    digits: int = 6, remark: str = "",
+) -> Row:  # fmt: skip
     """A row that compares two numbers.
 
     Args:
-        statement: Where it is printed, what it is, and the number as printed, with " | " between
-            them as on the page; "1/3" and "π" are understood.
+        statement: Where it is printed, what it is, and the number as printed; "1/3" and "π" are
+            understood.
         computed: The computed number.
         within: Difference allowed; half a unit in the printed number's last digit if None, which
             a fraction or π has not.
@@ -87,17 +85,12 @@ def number(
 
 
 def claim(
-    statement: str,
-    computed: str,
-    holds: bool,
-    *,
-    expected: bool = True,
-    remark: str = "",
+    statement: str, computed: str, holds: bool | np.bool, *, expected: bool = True, remark: str = ""
 ) -> Row:
     """A row on a statement that holds or does not.
 
     Args:
-        statement: Where it is printed, what it is about, and what is said, as for `number`.
+        statement: Where it is printed, what it is about, and what is said.
         computed: What is found.
         holds: Whether what is said holds of what is found.
         expected: Whether it is known to hold.
