@@ -25,7 +25,7 @@ test: $(VENV)/.installed-dev
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
-	$(BIN)/ruff check --extend-select D103 gym_passive_walker agents
+	$(BIN)/ruff check --extend-select D103 gym_passive_walker agents validation
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 	$(BIN)/pyright --pythonpath $(BIN)/python

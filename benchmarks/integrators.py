@@ -10,7 +10,6 @@ docs/benchmarks.md.
 
 from __future__ import annotations
 
-import argparse
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -20,20 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import DOP853, RK45
 
-from benchmarks.problem import Problem, problem
-from benchmarks.report import keep, machine, seconds, table
-from benchmarks.rivals import heyoka_integrators
-from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import kneed
-from gym_passive_walker.physics.lanes import (
-    WIDTH,
-    align_stack,
-    get,
-    inlined,
-    jitted,
-    new_tile,
-    put,
-)
+from benchmarks import reference
+from benchmarks.equations import lane_accelerations
+from benchmarks.problem import Problem, error, problem
+from benchmarks.report import command, keep, machine, seconds, table
+from benchmarks.rivals import heyoka_swings
+from gym_passive_walker.physics.lanes import WIDTH, align_stack, get, jitted, new_tile, put
 
 HORIZON = 1.2
 COUNT = 1024
@@ -166,21 +157,7 @@ def _k(stage: int, coordinate: int) -> int:
 
 def compiled(p: Problem, pair: Pair) -> Callable[[NDArray, float], NDArray]:
     """A function that carries starts to the horizon, at a tolerance."""
-    c = p.c
-    constants = (
-        *c[K.FOOT_RADIUS : K.STANCE_INERTIA + 1], *c[K.THIGH_ALONG : K.THIGH_INERTIA + 1],
-        c[K.SHANK_ALONG], c[K.SHANK_ACROSS], *c[K.SHANK_MOBILITY : K.KNEE_SINE + 1],
-        np.sin(p.slope), np.cos(p.slope), 0.0,
-    )  # fmt: skip
-    (r, leg, sa, sc, si, ta, tc, ti, ha, hc, hm, kc, ks, sin, cos, torque) = map(float, constants)
-
-    @inlined
-    def accelerations(q0, q1, q2, w0, w1, w2):  # type: ignore[no-untyped-def]
-        return kneed.accelerations(
-            q0, q1, q2, w0, w1, w2, r, leg, sa, sc, si, ta, tc, ti, ha, hc, hm, kc, ks,
-            sin, cos, torque,
-        )  # fmt: skip
-
+    accelerations = lane_accelerations(p)
     names: dict[str, Any] = {
         "WIDTH": WIDTH, "H": _H, "TIME": _TIME, "get": get, "put": put, "np": np,
         "align_stack": align_stack,
@@ -224,57 +201,17 @@ def compiled(p: Problem, pair: Pair) -> Callable[[NDArray, float], NDArray]:
     return ends
 
 
-def _taylor(p: Problem) -> Callable[[NDArray, float], NDArray]:
-    """Heyoka's batch mode over the same horizon."""
-    import heyoka as hy
-
-    from benchmarks.rivals import _system
-
-    lanes, known = 8, {}
-
-    def ends(starts: NDArray, tolerance: float) -> NDArray:
-        if tolerance not in known:
-            known[tolerance] = hy.taylor_adaptive_batch(
-                _system(p, "free")[0], np.zeros((6, lanes)), tol=tolerance, fast_math=True
-            )
-        ta, found = known[tolerance], np.empty_like(starts)
-        until = np.full(lanes, HORIZON)
-        for i in range(0, len(starts), lanes):
-            ta.set_time(np.zeros(lanes))
-            ta.state[:] = starts[i : i + lanes].T
-            ta.propagate_until(until)
-            found[i : i + lanes] = ta.state.T
-        return found
-
-    return ends
-
-
-def _exact(p: Problem) -> NDArray:
-    """The starts' states at the horizon, in 80-bit arithmetic."""
-    number = np.longdouble
-    ta = heyoka_integrators(p, 1e-19, number)[0]
-    ends = []
-    for start in p.starts:
-        ta.time, ta.state[:] = number(0.0), start
-        ta.reset_cooldowns()
-        while ta.time < HORIZON:
-            ta.propagate_until(number(HORIZON))  # a kneestrike on the way only interrupts
-        ends.append(ta.state.copy())
-    return np.array(ends)
-
-
 def at_errors(ends: Callable[[NDArray, float], NDArray], p: Problem, exact: NDArray) -> list[float]:
     """Microseconds a walker at each of ERRORS, between tolerances by the logarithms."""
     crowd = np.resize(p.starts, (COUNT, 6))
     errors, times = [], []
     for tolerance in 10.0 ** -np.arange(2.0, 16.0, 0.5):
         found = ends(p.starts, tolerance)
-        difference = np.abs(np.asarray(found - exact, float)).max(axis=1)
-        errors.append(float((difference / np.abs(np.asarray(exact, float)).max(axis=1)).max()))
+        errors.append(error(found, exact))
         times.append(seconds(lambda t=tolerance: ends(crowd, t), at_least=0.05, repeats=3) / COUNT)
     best = []
-    for error in ERRORS:
-        usable = [i for i, e in enumerate(errors) if e <= error]
+    for level in ERRORS:
+        usable = [i for i, e in enumerate(errors) if e <= level]
         if not usable:
             best.append(float("nan"))
             continue
@@ -282,23 +219,22 @@ def at_errors(ends: Callable[[NDArray, float], NDArray], p: Problem, exact: NDAr
         if i == 0 or errors[i - 1] <= errors[i]:
             best.append(times[i] * 1e6)
             continue
-        share = np.log(error / errors[i]) / np.log(errors[i - 1] / errors[i])
+        share = np.log(level / errors[i]) / np.log(errors[i - 1] / errors[i])
         best.append(float(times[i] ** (1.0 - share) * times[i - 1] ** share * 1e6))
     return best
 
 
 def main() -> None:
     """Print the table and keep it."""
-    shape = argparse.RawTextHelpFormatter
-    argparse.ArgumentParser(description=__doc__, formatter_class=shape).parse_args()
+    command(__doc__)
     p = problem("kneed")
-    exact = _exact(p)
+    exact = reference.swings(p, HORIZON)
     rows: list[tuple] = []
     for pair in pairs():
         stages = f"{len(pair.b)} stages"
         rows.append((pair.name, stages, *at_errors(compiled(p, pair), p, exact)))
         print(rows[-1], flush=True)
-    rows.append(("Taylor, heyoka, 8 lanes", "", *at_errors(_taylor(p), p, exact)))
+    rows.append(("Taylor, heyoka, 8 lanes", "", *at_errors(heyoka_swings(p, HORIZON), p, exact)))
     heads = ["method", "", *(f"µs at error {error:.0e}" for error in ERRORS)]
     keep("integrators", f"{table(heads, rows)}\n\nOne core. {machine('heyoka')}.")
 

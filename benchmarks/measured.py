@@ -6,14 +6,16 @@ walker's stride on one core.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
+
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks import engine as own
 from benchmarks import rivals
-from benchmarks.problem import Problem, crowd, ends, error
+from benchmarks.problem import Problem, error
 from benchmarks.report import seconds
-from gym_passive_walker.physics.engine import advance
-from gym_passive_walker.physics.record import OUTCOME
 
 CROWD = 2048
 """Walkers in a batch of those who take any number."""
@@ -22,26 +24,10 @@ Point = tuple[float, float]
 """An error, and microseconds."""
 
 
-def microseconds(p: Problem, count: int, tolerance: float, threads: int = 1) -> float:
-    """Time of a stride of one walker among `count`, by the engine."""
-    fresh = crowd(p, count)
-    records = fresh.copy()
-
-    def job() -> None:
-        records[:] = fresh
-        advance(p.kind, p.c[None], records, tolerance=tolerance, threads=threads)
-
-    def copying() -> None:
-        records[:] = fresh
-
-    job()
-    assert np.all(records[:, OUTCOME] == 1.0)
-    return (seconds(job) - seconds(copying)) / count * 1e6
-
-
 def engine(p: Problem, exact: NDArray, count: int, tolerance: float) -> Point:
     """This engine, `count` walkers at once."""
-    return error(ends(p, tolerance), exact), microseconds(p, count, tolerance)
+    reached = error(own.strides(p, tolerance), exact)
+    return reached, own.microseconds(p, count, tolerance)
 
 
 def scipy(p: Problem, exact: NDArray, method: str, tolerance: float) -> Point:
@@ -76,3 +62,27 @@ def diffrax(p: Problem, exact: NDArray, method: str, tolerance: float) -> Point:
     strides, starts = rivals.diffrax_batch(p, method, tolerance), np.resize(p.starts, (CROWD, 6))
     reached = error(strides(starts)[: len(exact)], exact)
     return reached, seconds(lambda: strides(starts), repeats=3, most=1.0) / CROWD * 1e6
+
+
+def everyone_else(
+    p: Problem, exact: NDArray, lanes: tuple[int, ...] = (8,)
+) -> dict[str, Callable[[float], Point]]:
+    """What a user would pick instead, by name: error and time at a tolerance.
+
+    Args:
+        p: The problem.
+        exact: The exact next section states.
+        lanes: Sizes of heyoka's batches.
+    """
+    return {
+        **{f"heyoka, {n} lanes": partial(heyoka_batch, p, exact, n) for n in lanes},
+        "heyoka, alone": partial(heyoka, p, exact),
+        **{
+            f"diffrax {method}, {CROWD} at once": partial(diffrax, p, exact, method)
+            for method in ("Tsit5", "Dopri8")
+        },
+        **{
+            f"SciPy {method}": partial(scipy, p, exact, method)
+            for method in ("DOP853", "RK45", "LSODA")
+        },
+    }

@@ -132,7 +132,8 @@ class Finder(ast.NodeVisitor):
 
 def path_of(file: str) -> Path:
     """A module's path within the tree."""
-    return Path(PACKAGE) / ("" if file == "walkers" else "physics") / f"{file}.py"
+    rooms = (Path(PACKAGE) / room for room in ("physics", "walkers"))
+    return next(room / f"{file}.py" for room in rooms if (ROOT / room / f"{file}.py").exists())
 
 
 def mutants(file: str) -> list[Mutant]:

@@ -32,6 +32,7 @@ _ENGINE = [
     "test_events", "test_strides", "test_outcomes", "test_ledger", "test_tolerance",
     "test_derivatives",
 ]  # fmt: skip
+_WALKERS = ["../test_walkers", "test_motion"]
 TESTS = {
     "kneed": ["test_motion", "test_collisions", *_ENGINE],
     "compass": ["test_motion", "test_collisions", *_ENGINE],
@@ -40,7 +41,10 @@ TESTS = {
     "forces": ["test_forces", "test_trajectory"],
     "trajectory": ["test_trajectory"],
     "lanes": ["test_motion", "test_strides", "test_derivatives"],
-    "walkers": ["../test_walkers", "test_motion"],
+    "walker": _WALKERS,
+    "presets": _WALKERS,
+    "parts": _WALKERS,
+    "tuning": _WALKERS,
     "verner": ["test_tolerance", *_ENGINE],
     "runge_kutta": ["test_tolerance", *_ENGINE],
     "events": _ENGINE,
@@ -159,7 +163,7 @@ def run(chosen: list[Mutant], results: Path) -> list[dict]:
         original = {file: plain(file, (ROOT / path_of(file)).read_text()) for file in TESTS}
         (tree / path_of("lanes")).write_text(original["lanes"])
         if not done:
-            for file in ("lanes", "forces", "walkers", "stride"):
+            for file in ("lanes", "forces", "walker", "stride"):
                 if failure := notice(tree, file):
                     raise SystemExit(f"the tests of {file} fail without any change: {failure}")
         for mutant in chosen:

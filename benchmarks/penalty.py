@@ -9,19 +9,17 @@ find them, and a collision is a stiff spring and damper that acts over some step
 
 from __future__ import annotations
 
-import argparse
 import math
-import sys
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.problem import WALKS, Problem, crowd, problem
-from benchmarks.report import machine, seconds, table
+from benchmarks.engine import again, crowd
+from benchmarks.problem import WALKS, Problem, problem
+from benchmarks.report import command, machine, seconds, table
 from gym_passive_walker import WALKERS, Gait, find_gait, stride, stride_jacobian
 from gym_passive_walker.gaits.gait import multipliers_of
 from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics.engine import advance
 
 TRIED = {"implicitfast": (1e-2, 3e-3, 1e-3, 3e-4, 1e-4), "RK4": (1e-2, 1e-3)}
 TOLERANCE = 1e-8
@@ -188,14 +186,8 @@ def _exact(p: Problem, gait: Gait) -> list[float]:
         state = taken[-1].state
     periods, angles = np.array([(t.duration, t.state[0]) for t in taken]).T
     derivative = stride_jacobian(gait.walker, gait.slope, state, tolerance=TOLERANCE)
-    fresh = crowd(p, 1)
-    records = fresh.copy()
-
-    def job() -> None:
-        records[:] = fresh
-        advance(p.kind, p.c[None], records, tolerance=TOLERANCE, threads=1)
-
-    return _result(gait, periods, angles, multipliers_of(derivative), seconds(job))
+    took = seconds(again(p, crowd(p, 1), TOLERANCE))
+    return _result(gait, periods, angles, multipliers_of(derivative), took)
 
 
 def report() -> str:
@@ -231,12 +223,11 @@ accurate: RK4 costs more, and its
 step period does not converge on a contact this stiff."""
 
 
-def main() -> int:
+def main() -> None:
     """Print the report."""
-    argparse.ArgumentParser(description="Print what a penalty contact costs.").parse_args()
+    command(__doc__)
     print(f"{report()}\n\n{machine('mujoco')}.")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

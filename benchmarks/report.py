@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import argparse
 import gc
 import os
 import platform
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import date
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -68,6 +69,64 @@ def seconds(
         if collecting:
             gc.enable()
     return best
+
+
+def command(
+    description: str | None, parts: Mapping[str, Callable[[], object]] | None = None
+) -> None:
+    """Answer the command line of a script, by running those of its parts that are asked for.
+
+    Args:
+        description: What `--help` says.
+        parts: The script's parts by name; all run if none is named.
+    """
+    shape = argparse.RawTextHelpFormatter
+    parser = argparse.ArgumentParser(description=description, formatter_class=shape)
+    if parts is None:
+        parser.parse_args()
+        return
+    parser.add_argument("parts", nargs="*", help=f"of {', '.join(parts)}; all if none")
+    chosen = parser.parse_args().parts
+    for name in chosen:
+        if name not in parts:
+            parser.error(f"no part {name!r}: choose from {', '.join(parts)}")
+    for name in chosen or parts:
+        parts[name]()
+
+
+def plot(
+    name: str,
+    curves: Mapping[str, tuple[Sequence[float], Sequence[float]]],
+    axes_names: tuple[str, str],
+    *,
+    title: str = "",
+    falling: bool = False,
+) -> None:
+    """Draw curves over two logarithmic axes to `docs/images`; the engine's own are heavy.
+
+    Args:
+        name: The picture's.
+        curves: Horizontal and vertical values, by label.
+        axes_names: Of the horizontal and the vertical axis.
+        title: Over the picture.
+        falling: Whether the horizontal axis runs from large to small.
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(figsize=(8, 4.2), layout="constrained")
+    for label, (across, up) in curves.items():
+        width = 2.0 if label.startswith("this engine") else 1.0
+        axes.loglog(across, up, "o-", markersize=3, label=label, linewidth=width, zorder=1 + width)
+    axes.set(title=title, xlabel=axes_names[0], ylabel=axes_names[1])
+    if falling:
+        axes.invert_xaxis()
+    axes.grid(alpha=0.3)
+    figure.legend(loc="outside right upper", fontsize=8)
+    figure.savefig(DOCS / "images" / f"{name}.png", dpi=130)
+    plt.close(figure)
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

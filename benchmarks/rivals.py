@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.problem import Problem, motion, strikes
+from benchmarks.equations import compiled_sides, motion, strikes
+from benchmarks.problem import Problem
 from gym_passive_walker.physics.constants import Kind
 
 _LONGEST = 10.0
@@ -25,38 +26,7 @@ def scipy_stride(p: Problem, method: str, tolerance: float) -> Callable[[NDArray
 
     The right-hand sides are compiled by numba, as a careful user would have them.
     """
-    import numba
     from scipy.integrate import solve_ivp
-
-    from gym_passive_walker.physics import compass, kneed, simplest
-    from gym_passive_walker.physics import constants as K
-
-    c, sin, cos = p.c, math.sin(p.slope), math.cos(p.slope)
-    sizes = {"free": 3, "locked": 2}
-
-    @numba.njit(error_model="numpy")
-    def free(_, y):  # type: ignore[no-untyped-def]
-        a = kneed.accelerations(
-            y[0], y[1], y[2], y[3], y[4], y[5], c[K.FOOT_RADIUS], c[K.LEG], c[K.STANCE_ALONG],
-            c[K.STANCE_ACROSS], c[K.STANCE_INERTIA], c[K.THIGH_ALONG], c[K.THIGH_ACROSS],
-            c[K.THIGH_INERTIA], c[K.SHANK_ALONG], c[K.SHANK_ACROSS], c[K.SHANK_MOBILITY],
-            c[K.KNEE_COSINE], c[K.KNEE_SINE], sin, cos, 0.0,
-        )  # fmt: skip
-        return np.array([y[3], y[4], y[5], a[0], a[1], a[2]])
-
-    @numba.njit(error_model="numpy")
-    def straight(_, y):  # type: ignore[no-untyped-def]
-        a = compass.accelerations(
-            y[0], y[1], y[2], y[3], c[K.FOOT_RADIUS], c[K.LEG], c[K.STANCE_ALONG],
-            c[K.STANCE_ACROSS], c[K.STANCE_INERTIA], c[K.SWING_ALONG], c[K.SWING_ACROSS],
-            c[K.SWING_INERTIA], sin, cos, 0.0,
-        )  # fmt: skip
-        return np.array([y[2], y[3], a[0], a[1]])
-
-    @numba.njit(error_model="numpy")
-    def light(_, y):  # type: ignore[no-untyped-def]
-        a = simplest.accelerations(y[0], y[1], y[2], y[3], sin, cos, 0.0)
-        return np.array([y[2], y[3], a[0], a[1]])
 
     def kneestrike_event(_, y):  # type: ignore[no-untyped-def]
         return y[1] - y[2]
@@ -66,7 +36,7 @@ def scipy_stride(p: Problem, method: str, tolerance: float) -> Callable[[NDArray
 
     for event in (kneestrike_event, heelstrike_event):
         event.terminal, event.direction = True, -1.0  # type: ignore[attr-defined]
-    sides = {"free": free, "locked": light if p.kind == Kind.SIMPLEST else straight}
+    sides = compiled_sides(p)
     events = {"free": kneestrike_event, "locked": heelstrike_event}
     knee, heel = strikes(p, lambda x: (math.sin(x), math.cos(x)))
 
@@ -81,17 +51,17 @@ def scipy_stride(p: Problem, method: str, tolerance: float) -> Callable[[NDArray
             )  # fmt: skip
             state = found.y_events[0][0]
             state = np.array(knee(state) if phase == "free" else heel(state))
-            assert len(found.y_events[0]) == 1 and sizes[phase]
+            assert len(found.y_events[0]) == 1
         return state
 
     return stride
 
 
-def _system(p: Problem, phase: str) -> tuple[list, Any]:
+def _system(p: Problem, phase: str, torque: float = 0.0) -> tuple[list, Any]:
     """The equations of a phase for heyoka, and its event function."""
     import heyoka as hy
 
-    accelerations = motion(p, phase, lambda x: (hy.sin(x), hy.cos(x)))
+    accelerations = motion(p, phase, lambda x: (hy.sin(x), hy.cos(x)), torque)
     links = 3 if phase == "free" else 2
     variables = hy.make_vars(*[f"q{i}" for i in range(links)], *[f"w{i}" for i in range(links)])
     q, w = variables[:links], variables[links:]
@@ -100,13 +70,15 @@ def _system(p: Problem, phase: str) -> tuple[list, Any]:
     return rates + forces, (q[1] - q[2] if phase == "free" else q[0] + q[1])
 
 
-def heyoka_integrators(p: Problem, tolerance: float, number: type = float) -> list[Any]:
+def heyoka_integrators(
+    p: Problem, tolerance: float, number: type = float, *, torque: float = 0.0
+) -> list[Any]:
     """Adaptive Taylor integrators of heyoka, one a phase."""
     import heyoka as hy
 
     found = []
     for phase in _phases(p):
-        equations, event = _system(p, phase)
+        equations, event = _system(p, phase, torque)
         ending = hy.t_event(event, direction=hy.event_direction.negative, fp_type=number)
         size = 2 * (3 if phase == "free" else 2)
         found.append(
@@ -144,12 +116,6 @@ def heyoka_stride(
         return state
 
     return stride
-
-
-def heyoka_strides(p: Problem, tolerance: float, number: type = float) -> NDArray:
-    """Next section states of all the problem's starts by heyoka, one after the other."""
-    stride = heyoka_stride(p, tolerance, number)
-    return np.array([stride(start) for start in p.starts])
 
 
 def heyoka_batch(
@@ -210,6 +176,32 @@ def heyoka_batch(
             if phase == "free":
                 state = np.array(scalar_knee(ta.state))
     return stride
+
+
+def heyoka_swings(p: Problem, end: float, lanes: int = 8) -> Callable[[NDArray, float], NDArray]:
+    """A function that carries starts through a swing with the knee free, at a tolerance.
+
+    Heyoka's batch mode without events.
+    """
+    import heyoka as hy
+
+    known: dict[float, Any] = {}
+
+    def ends(starts: NDArray, tolerance: float) -> NDArray:
+        if tolerance not in known:
+            known[tolerance] = hy.taylor_adaptive_batch(
+                _system(p, "free")[0], np.zeros((6, lanes)), tol=tolerance, fast_math=True
+            )
+        ta, found = known[tolerance], np.empty_like(starts)
+        until = np.full(lanes, end)
+        for i in range(0, len(starts), lanes):
+            ta.set_time(np.zeros(lanes))
+            ta.state[:] = starts[i : i + lanes].T
+            ta.propagate_until(until)
+            found[i : i + lanes] = ta.state.T
+        return found
+
+    return ends
 
 
 def diffrax_batch(p: Problem, method: str, tolerance: float) -> Callable[[NDArray], NDArray]:

@@ -8,17 +8,15 @@ The table lands in docs/benchmarks.md.
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable
 
 import gymnasium as gym
 import numpy as np
 
 import gym_passive_walker as gpw
-from benchmarks.problem import crowd, problem
-from benchmarks.report import keep, machine, seconds, table
-from gym_passive_walker.physics.engine import advance
-from gym_passive_walker.physics.record import TORQUE
+from benchmarks.engine import again, crowd
+from benchmarks.problem import problem
+from benchmarks.report import command, keep, machine, seconds, table
 from gym_passive_walker.physics.trajectory import trajectory
 
 COUNT = 2048
@@ -40,23 +38,10 @@ def kinds() -> str:
     for name in ("simplest", "straight", "kneed"):
         p = problem(name)
         for torque in (0.0, 1e-3):
-            fresh = crowd(p, COUNT)
-            fresh[:, TORQUE] = torque
-            records = fresh.copy()
-
-            def job(p=p, fresh=fresh, records=records) -> None:  # type: ignore[no-untyped-def]
-                records[:] = fresh
-                advance(p.kind, p.c[None], records, tolerance=1e-8, threads=1)
-
-            jobs[f"{name}, {'torque' if torque else 'passive'}"] = job
-    stub = crowd(problem("kneed"), COUNT)
-    spare, p = stub.copy(), problem("kneed")
-
-    def stubbing() -> None:
-        spare[:] = stub
-        advance(p.kind, p.c[None], spare, tolerance=1e-8, stub=True, threads=1)
-
-    jobs["kneed, passive, watched for stubbed toes"] = stubbing
+            torqued = "torque" if torque else "passive"
+            jobs[f"{name}, {torqued}"] = again(p, crowd(p, COUNT, torque), 1e-8)
+    p = problem("kneed")
+    jobs["kneed, passive, watched for stubbed toes"] = again(p, crowd(p, COUNT), 1e-8, stub=True)
     times = by_turns(jobs)
     lean = times["simplest, passive"]
     rows = []
@@ -72,16 +57,9 @@ def analysis() -> str:
     gait = gpw.find_gait("lab", 0.036)
     walker = gpw.WALKERS["lab"]
     p = problem("kneed")
-    fresh = crowd(p, 1)
-    records = fresh.copy()
-
-    def bare() -> None:
-        records[:] = fresh
-        advance(p.kind, p.c[None], records, tolerance=1e-10, threads=1)
-
     times = by_turns(
         {
-            "kernel alone": bare,
+            "kernel alone": again(p, crowd(p, 1), 1e-10),
             "stride(), with its ledger and units": lambda: gpw.stride(walker, 0.036, gait.state),
             "trajectory()": lambda: trajectory(walker, 0.036, gait.state),
             "reality_check()": lambda: gpw.reality_check(walker, 0.036, gait.state),
@@ -142,8 +120,7 @@ def environments() -> str:
 
 def main() -> None:
     """Print the tables and keep them."""
-    shape = argparse.RawTextHelpFormatter
-    argparse.ArgumentParser(description=__doc__, formatter_class=shape).parse_args()
+    command(__doc__)
     text = "\n\n".join([kinds(), analysis(), environments()])
     keep("scene cost", f"{text}\n\nOne core. {machine('gymnasium')}.")
 

@@ -8,10 +8,7 @@ Each part prints its table and puts it into docs/benchmarks.md. Run it on a quie
 
 from __future__ import annotations
 
-import argparse
 import os
-import sys
-from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -19,10 +16,10 @@ import gymnasium as gym
 import numpy as np
 
 import gym_passive_walker  # noqa: F401  (registers the environment)
-from benchmarks import measured
-from benchmarks.measured import CROWD, Point, microseconds
-from benchmarks.problem import crowd, ends, error, problem, reference
-from benchmarks.report import DOCS, keep, machine, seconds, table
+from benchmarks import engine, measured, reference
+from benchmarks.engine import microseconds
+from benchmarks.problem import error, problem
+from benchmarks.report import command, keep, machine, plot, seconds, table
 from gym_passive_walker import WALKERS
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import events as E
@@ -74,7 +71,7 @@ def strides() -> None:
     for name, tolerance in (("kneed", 1e-4), ("kneed", 1e-6), ("kneed", 1e-12),
                             ("straight", 1e-6), ("simplest", 1e-6)):  # fmt: skip
         p = problem(name)
-        reached = error(ends(p, tolerance), reference(p)[0])
+        reached = error(engine.strides(p, tolerance), reference.strides(p)[0])
         rows, alone = [], 0.0
         for count in SIZES:
             one = microseconds(p, count, tolerance)
@@ -90,53 +87,27 @@ def strides() -> None:
                 rows,
             ),
         ]  # fmt: skip
-    size = crowd(problem("kneed"), 2).nbytes // 2
+    size = engine.crowd(problem("kneed"), 2).nbytes // 2
     text += [f"Memory: {size} bytes a walker. {machine()}."]
     keep("strides", "\n\n".join(text))
-    _plot(curves)
-
-
-def _plot(curves: dict[str, list[float]]) -> None:
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(figsize=(6, 4), layout="constrained")
-    for name, values in curves.items():
-        axes.loglog(SIZES, values, "o-", markersize=3, label=name)
-    axes.set(xlabel="walkers in the batch", ylabel="µs a stride and walker, one core")
-    axes.grid(alpha=0.3, which="both")
-    axes.legend(fontsize=8)
-    figure.savefig(DOCS / "images" / "throughput.png", dpi=130)
-    plt.close(figure)
+    names = "walkers in the batch", "µs a stride and walker, one core"
+    plot("throughput", {name: (SIZES, times) for name, times in curves.items()}, names)
 
 
 def against() -> None:
     """The kneed walker's stride by its rivals, and by the engine at no larger error."""
     p = problem("kneed")
-    exact, _ = reference(p)
+    exact, _ = reference.strides(p)
     ours = []
     for tolerance in 10.0 ** -np.arange(3.0, 15.0):
-        ours.append((error(ends(p, tolerance), exact), microseconds(p, 4096, tolerance),
+        ours.append((error(engine.strides(p, tolerance), exact), microseconds(p, 4096, tolerance),
                      microseconds(p, 1, tolerance)))  # fmt: skip
     rows = [(f"this engine, {n} at once" if n > 1 else "this engine, alone", f"{10.0 ** -k:.0e}",
              ours[k - 3][0], ours[k - 3][1 if n > 1 else 2], "")
             for n in (4096, 1) for k in (4, 6, 8, 10, 12, 14)]  # fmt: skip
-    makers: list[tuple[str, Callable[[float], Point]]] = [
-        (f"SciPy {method}", partial(measured.scipy, p, exact, method))
-        for method in ("DOP853", "RK45", "LSODA")
-    ]
-    makers += [("heyoka, alone", partial(measured.heyoka, p, exact))]
-    makers += [
-        (f"heyoka, {n} lanes", partial(measured.heyoka_batch, p, exact, n)) for n in (8, 16, 32)
-    ]
-    makers += [("heyoka, 8 lanes, events left out", partial(measured.heyoka_floor, p, 8))]
-    makers += [
-        (f"diffrax {method}, {CROWD} at once", partial(measured.diffrax, p, exact, method))
-        for method in ("Tsit5", "Dopri8")
-    ]
-    for name, make in makers:
+    makers = measured.everyone_else(p, exact, lanes=(8, 16, 32))
+    makers["heyoka, 8 lanes, events left out"] = partial(measured.heyoka_floor, p, 8)
+    for name, make in makers.items():
         for tolerance in (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14):
             try:
                 reached, took = make(tolerance)
@@ -272,20 +243,5 @@ PARTS = {
 }
 
 
-def main() -> int:
-    """Run the parts asked for."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
-    )
-    parser.add_argument("parts", nargs="*", help=f"of {', '.join(PARTS)}; all if none")
-    chosen = parser.parse_args().parts
-    for name in chosen:
-        if name not in PARTS:
-            parser.error(f"no part {name!r}: choose from {', '.join(PARTS)}")
-    for name in chosen or PARTS:
-        PARTS[name]()
-    return 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    command(__doc__, PARTS)

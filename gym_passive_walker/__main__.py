@@ -1,4 +1,4 @@
-"""The command line: walkers, their gaits, figures and validation, without writing Python."""
+"""The command line: walkers, their gaits and figures, without writing Python."""
 
 from __future__ import annotations
 
@@ -58,26 +58,11 @@ def _gait(arguments: argparse.Namespace) -> int:
 
 
 def _figures(arguments: argparse.Namespace) -> int:
-    from gym_passive_walker.figures import FIGURES, draw
+    from gym_passive_walker.render.figures import FIGURES, draw
 
     for name in arguments.names or FIGURES:
         print(draw(name, arguments.out), flush=True)
     return 0
-
-
-def _validate(arguments: argparse.Namespace) -> int:
-    from gym_passive_walker.validation.page import SECTIONS, write
-
-    titles = iter(range(1, len(SECTIONS) + 1))
-
-    def progress(title: str) -> None:
-        print(f"{next(titles):>3} of {len(SECTIONS)}  {title}", flush=True)
-
-    unsound = write(arguments.out, progress)
-    for row in unsound:
-        print(f"not as known: {row.where}, {row.what}: {row.computed}", file=sys.stderr)
-    print(arguments.out)
-    return 1 if unsound else 0
 
 
 def parser() -> argparse.ArgumentParser:
@@ -99,12 +84,6 @@ def parser() -> argparse.ArgumentParser:
     command.add_argument("names", nargs="*", help="figure numbers, such as 4.6; all if none")
     command.add_argument("--out", default="figures", help="folder for the PNG files")
     command.set_defaults(run=_figures)
-
-    command = commands.add_parser(
-        "validate", help="compare with every number of the source document"
-    )
-    command.add_argument("--out", default="validation.md", help="Markdown file to write")
-    command.set_defaults(run=_validate)
     return top
 
 

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from gym_passive_walker.__main__ import main
-from gym_passive_walker.validation import page
-from gym_passive_walker.validation.page import SECTIONS, Section, compute, render
-from gym_passive_walker.validation.rows import claim, number
+from validation import page
+from validation.__main__ import main
+from validation.page import SECTIONS, Section, compute, render
+from validation.rows import claim, number
 
 PAGE = Path(__file__).parents[2] / "docs" / "validation.md"
 
@@ -53,8 +53,8 @@ def test_every_disagreement_is_listed_with_its_reason(committed):
 
 
 def test_a_page_reads_as_it_was_written():
-    met = number("4.4", "a slope", "0.015", 0.0150884, digits=6)
-    not_met = claim("4.7", "|x|", "all", "none", False, expected=False, remark="It is so.")
+    met = number("4.4 | a slope | 0.015", 0.0150884, digits=6)
+    not_met = claim("4.7 | |x| | all", "none", False, expected=False, remark="It is so.")
     found = tables(render({"One": [met], "Two": [not_met]}))
     cells = ["4.4", "a slope", "0.015", "0.0150884", "+8.8e-05 (±0.0005)", "yes", ""]
     assert found["One"][2] == cells
@@ -72,28 +72,28 @@ def test_a_page_reads_as_it_was_written():
     ],
 )
 def test_a_number_is_met_if_the_computed_one_rounds_to_it(printed, computed, agrees):
-    row = number("", "", printed, computed)
+    row = number(f"4.4 | a slope | {printed}", computed)
     assert row.agrees == row.sound == agrees
 
 
 def test_a_known_disagreement_is_held_to_the_number_on_record():
     for computed, sound in ((0.0768533651, True), (0.0768533671, False)):
-        row = number("4.7", "", "0.084", computed, known="0.0768533651")
+        row = number("4.7 | a slope | 0.084", computed, known="0.0768533651")
         assert not row.agrees and row.sound == sound
-    assert not claim("", "", "", "", True, expected=False).sound
+    assert not claim("4.7 | x | all", "all", True, expected=False).sound
 
 
 def test_the_command_writes_the_page_and_fails_if_a_row_is_not_as_known(
     tmp_path, monkeypatch, capsys
 ):
-    good = Section("Good", lambda: [number("4.4", "x", "1", 1.0)])
-    bad = Section("Bad", lambda: [number("4.4", "y", "1", 2.0)])
+    good = Section("Good", lambda: [number("4.4 | x | 1", 1.0)])
+    bad = Section("Bad", lambda: [number("4.4 | y | 1", 2.0)])
     path = tmp_path / "page.md"
     monkeypatch.setattr(page, "SECTIONS", (good,))
-    assert main(["validate", "--out", str(path)]) == 0
+    assert main(["--out", str(path)]) == 0
     assert "1 of 1  Good" in capsys.readouterr().out
     monkeypatch.setattr(page, "SECTIONS", (good, bad))
-    assert main(["validate", "--out", str(path)]) == 1
+    assert main(["--out", str(path)]) == 1
     assert "not as known: 4.4, y: 2" in capsys.readouterr().err
     assert list(tables(path.read_text(encoding="utf-8")))[1:3] == ["Good", "Bad"]
 

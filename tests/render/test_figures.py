@@ -5,8 +5,8 @@ import pytest
 
 pytest.importorskip("matplotlib")
 
-from gym_passive_walker import figures
-from gym_passive_walker.figures import FIGURES, draw, families
+from gym_passive_walker.render import figures
+from gym_passive_walker.render.figures import FIGURES, draw, families
 from gym_passive_walker.walkers import WALKERS, blend, tune
 
 

@@ -2,22 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-from gym_passive_walker.validation import (
-    de_tuning,
-    families,
-    kneed_chaos,
-    lab,
-    literature,
-    parameters,
-    point_feet,
-    simplest,
-    tuning,
-)
-from gym_passive_walker.validation.rows import Row
+from validation import chaos, families, lab, literature, parameters, point_feet, simplest, tuning
+from validation.rows import Row
 
 
 class Section(NamedTuple):
@@ -30,62 +20,45 @@ class Section(NamedTuple):
     """
 
     title: str
-    rows: Callable[[], list[Row]]
+    rows: Callable[[], Iterable[Row]]
     text: str = ""
 
 
 SECTIONS = (
     Section("The walkers (Table 4.1, Figs. 4.3, 4.5 and 4.7)", parameters.table),
     Section("The laboratory's walker from its parts (4.10.1)", parameters.laboratory),
-    Section(
-        "Simulation and experiment (4.2, Table 4.2)",
-        lab.table,
-        "Computed for the walker of Fig. 4.3's caption. The experiment may differ by what the "
-        "document's own columns differ by, and 0.01.",
-    ),
+    Section("Simulation and experiment (4.2, Table 4.2)", lab.table,
+            "Computed for the walker of Fig. 4.3's caption. The experiment may differ by what the "
+            "document's own columns differ by, and 0.01."),
     Section("The return map (4.3.1)", lab.maps),
     Section("What a machine would feel (4.3.2)", lab.reality),
     Section("Costs, speeds and collisions (4.3.3, 4.3.4)", simplest.costs),
     Section("The simplest walker (4.4)", simplest.simplest_walker, "Walker D."),
-    Section("The simplest walker's way to chaos (4.4)", simplest.chaos, "Walker D."),
-    Section(
-        "Point feet with mass (4.5.1, Figs. 4.5 and 4.11)",
-        point_feet.point_feet,
-        "Walkers E and F. A power of γ is the exact tangent d ln θ / d ln γ of the curve of gaits.",
-    ),
-    Section(
-        "Knees free and locked (4.5.2, Figs. 4.6 and 4.12)",
-        families.laboratory,
-        "Walkers lab and lab-straight.",
-    ),
-    Section(
-        "Tuned walkers (4.6.1, 4.6.2)",
-        tuning.tuned_walkers,
-        "Walkers A and C, their tuning made exact.",
-    ),
-    Section(
-        "De-tuning (Fig. 4.8)",
-        de_tuning.de_tuning,
-        "From C, exactly tuned, to the laboratory's walker.",
-    ),
+    Section("The simplest walker's way to chaos (4.4)", chaos.simplest_walker, "Walker D."),
+    Section("Point feet with mass (4.5.1, Figs. 4.5 and 4.11)", point_feet.point_feet,
+            "Walkers E and F. A power of γ is the exact tangent d ln θ / d ln γ of the curve of "
+            "gaits."),
+    Section("Knees free and locked (4.5.2, Figs. 4.6 and 4.12)", families.laboratory,
+            "Walkers lab and lab-straight."),
+    Section("Tuned walkers (4.6.1, 4.6.2)", tuning.tuned_walkers,
+            "Walkers A and C, their tuning made exact."),
+    Section("De-tuning (Fig. 4.8)", tuning.de_tuning,
+            "From C, exactly tuned, to the laboratory's walker."),
     Section("Families of tuned walkers (Figs. 4.9 and 4.13, 4.8)", tuning.observations),
     Section("Energy and scaling (4.6.3)", point_feet.scaling),
-    Section(
-        "The tuned kneed walker's way to chaos (4.7, Fig. 4.10)",
-        kneed_chaos.kneed_chaos,
-        "Walker C, exactly tuned.",
-    ),
+    Section("The tuned kneed walker's way to chaos (4.7, Fig. 4.10)", chaos.kneed_walker,
+            "Walker C, exactly tuned."),
     Section("Which gait is the faster (4.9, Figs. 4.11 to 4.13)", families.speeds),
     Section("Other publications: the simplest walker", literature.simplest_walker),
     Section("Other publications: the compass walker", literature.compass),
-)
+)  # fmt: skip
 
 _HEAD = """# Validation
 
 Every number, and every statement with a number in it, of the source document, beside what this
 package computes; then numbers of other publications. Written by
 
-    python -m gym_passive_walker validate --out docs/validation.md
+    python -m validation --out docs/validation.md
 
 No parameter was fitted. A printed number is met if the computed one rounds to it, or differs by no
 more than what stands in brackets behind the difference. Walkers are those of
@@ -130,26 +103,15 @@ def render(page: dict[str, list[Row]]) -> str:
         _HEAD,
         "## Where print and computation differ\n",
         f"{len(rows)} statements; {len(rows) - len(apart)} agree and {len(apart)} differ:\n",
-        _table(
-            [(row.where, row.what, row.printed, row.computed, row.remark) for row in apart],
-            ("Where", "What", "Print", "Computed", "Why"),
-        ),
+        _table([(*row[:4], row.remark) for row in apart], (*_COLUMNS[:4], "Why")),
     ]
     texts = {section.title: section.text for section in SECTIONS}
     for title, section in page.items():
         parts.append(f"\n## {title}\n")
         if texts.get(title):
             parts.append(texts[title] + "\n")
-        parts.append(
-            _table(
-                [
-                    (row.where, row.what, row.printed, row.computed, row.difference,
-                     "yes" if row.agrees else "**no**", row.remark)
-                    for row in section
-                ],
-                _COLUMNS,
-            )
-        )  # fmt: skip
+        cells = [(*row[:5], "yes" if row.agrees else "**no**", row.remark) for row in section]
+        parts.append(_table(cells, _COLUMNS))
     return "\n".join([*parts, "", _SOURCES])
 
 
@@ -165,7 +127,7 @@ def compute(progress: Callable[[str], None] = lambda title: None) -> dict[str, l
     page = {}
     for section in SECTIONS:
         progress(section.title)
-        page[section.title] = section.rows()
+        page[section.title] = list(section.rows())
     return page
 
 

@@ -1,0 +1,80 @@
+"""The engine's own answer to a problem, and the time that it takes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.problem import STARTS, Problem
+from benchmarks.report import seconds
+from gym_passive_walker.physics import record as R
+from gym_passive_walker.physics.engine import advance
+from gym_passive_walker.physics.events import Outcome
+from gym_passive_walker.physics.record import new_records
+
+
+def crowd(p: Problem, count: int, torque: float = 0.0, end: float = R.LONGEST_STRIDE) -> NDArray:
+    """Records of `count` walkers, which begin at the problem's starts in turn.
+
+    Args:
+        p: The problem.
+        count: How many walkers.
+        torque: Hip torque held all along, over m g l.
+        end: Time in sqrt(l/g) at which they stop, if no heelstrike comes before.
+    """
+    states = np.resize(p.starts, (count, 6))
+    return new_records(states, np.full(count, p.slope), torque, end=end)
+
+
+def move(
+    p: Problem, records: NDArray, tolerance: float, *, threads: int = 1, stub: bool = False
+) -> NDArray:
+    """Carry records to their ends, in place; their states are given back."""
+    advance(p.kind, p.c[None], records, tolerance=tolerance, threads=threads, stub=stub)
+    return records[:, :6]
+
+
+def again(
+    p: Problem, fresh: NDArray, tolerance: float, *, threads: int = 1, stub: bool = False
+) -> Callable[[], None]:
+    """A job for the clock: carry copies of the same records to their ends each time."""
+    records = fresh.copy()
+
+    def job() -> None:
+        records[:] = fresh
+        move(p, records, tolerance, threads=threads, stub=stub)
+
+    return job
+
+
+def strides(p: Problem, tolerance: float, count: int = STARTS, threads: int = 1) -> NDArray:
+    """Next section states of `count` walkers."""
+    records = crowd(p, count)
+    states = move(p, records, tolerance, threads=threads)
+    if not np.all(records[:, R.OUTCOME] == Outcome.HEELSTRIKE):
+        raise RuntimeError("a walker of the benchmark fell")
+    return states
+
+
+def walk(p: Problem, count: int, tolerance: float) -> NDArray:
+    """Section states of the problem's starts after a number of strides."""
+    states = p.starts
+    for _ in range(count):
+        records = new_records(states.copy(), np.full(len(states), p.slope))
+        states = move(p, records, tolerance)
+    return states
+
+
+def microseconds(p: Problem, count: int, tolerance: float, threads: int = 1) -> float:
+    """Time of a stride of one walker among `count`."""
+    strides(p, tolerance, count, threads)  # none may fall
+    fresh = crowd(p, count)
+    records = fresh.copy()
+
+    def copying() -> None:
+        records[:] = fresh
+
+    job = again(p, fresh, tolerance, threads=threads)
+    return (seconds(job) - seconds(copying)) / count * 1e6

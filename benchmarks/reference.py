@@ -1,0 +1,62 @@
+"""What a problem's answers are, in the 80-bit arithmetic of heyoka's Taylor method.
+
+A machine without 80-bit numbers finds the strides' ends in `references/`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.problem import Problem, error
+from benchmarks.rivals import heyoka_integrators, heyoka_stride
+
+REFERENCES = Path(__file__).parent / "references"
+
+_NUMBER = np.longdouble
+_FINE = 1e-19
+
+
+def strides(p: Problem) -> tuple[NDArray[np.longdouble], float]:
+    """Next section states, and an estimate of their own error.
+
+    They are kept in `references/`; delete the file to compute them again (it needs heyoka and a
+    machine with 80-bit numbers).
+    """
+    path = REFERENCES / f"{p.name}.npz"
+    if path.exists():
+        kept = np.load(path)
+        if np.array_equal(kept["starts"], p.starts) and np.array_equal(kept["c"], p.c):
+            return kept["high"].astype(_NUMBER) + kept["low"], float(kept["error"])
+    fine, other = walks(p, p.starts, 1), walks(p, p.starts, 1, tolerance=1e-17)
+    estimate = error(other, fine)
+    REFERENCES.mkdir(exist_ok=True)
+    high = fine.astype(float)
+    low = (fine - high).astype(float)
+    np.savez(path, starts=p.starts, c=p.c, high=high, low=low, error=estimate)
+    return fine, estimate
+
+
+def walks(p: Problem, starts: NDArray, count: int, *, tolerance: float = _FINE) -> NDArray:
+    """Section states after a number of strides."""
+    stride = heyoka_stride(p, tolerance, _NUMBER)
+    states = starts.astype(_NUMBER)
+    for _ in range(count):
+        states = np.array([stride(state) for state in states])
+    return states
+
+
+def swings(p: Problem, end: float, torque: float = 0.0) -> NDArray:
+    """The starts' states a while later, with the knee free all along."""
+    ta: Any = heyoka_integrators(p, _FINE, _NUMBER, torque=torque)[0]
+    found = []
+    for start in p.starts:
+        ta.time, ta.state[:] = _NUMBER(0.0), start
+        ta.reset_cooldowns()
+        while ta.time < end:
+            ta.propagate_until(_NUMBER(end))  # a kneestrike on the way only interrupts
+        found.append(ta.state.copy())
+    return np.array(found)

@@ -1,0 +1,33 @@
+"""What a walker is: McGeer's parameters, the walkers of the source document, and their tuning.
+
+Lengths, masses and gravity are in any consistent set of units. A leg is a thigh and a shank with
+a circular foot; both legs are alike. Figure 4.1 of Garcia, Chatterjee and Ruina names the
+parameters; here they are in words. Offsets across a leg (`thigh_offset`, `shank_offset`) are
+positive backwards, uphill of the line that they are measured from.
+
+References:
+    M. Garcia, A. Chatterjee, A. Ruina, "Efficiency, speed, and scaling of two-dimensional
+    passive-dynamic walking", Dynamics and Stability of Systems 15 (2000) 75-99.
+    T. McGeer, "Passive walking with knees", IEEE ICRA (1990) 1640-1645.
+"""
+
+from gym_passive_walker.walkers.parts import Part, assemble, combine, lab_walker_from_parts
+from gym_passive_walker.walkers.presets import WALKERS, as_walker, describe
+from gym_passive_walker.walkers.tuning import TuningErrors, blend, tune, tuning_errors
+from gym_passive_walker.walkers.walker import Walker, WalkerError
+
+__all__ = [
+    "WALKERS",
+    "Part",
+    "TuningErrors",
+    "Walker",
+    "WalkerError",
+    "as_walker",
+    "assemble",
+    "blend",
+    "combine",
+    "describe",
+    "lab_walker_from_parts",
+    "tune",
+    "tuning_errors",
+]

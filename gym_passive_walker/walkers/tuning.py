@@ -1,0 +1,107 @@
+"""Tuning: which walkers may walk at vanishing slope, and walkers between two (4.6.1)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields, replace
+from typing import NamedTuple
+
+from gym_passive_walker.walkers.presets import as_walker
+from gym_passive_walker.walkers.walker import Walker, WalkerError
+
+
+class TuningErrors(NamedTuple):
+    """How far a walker is from the conditions for walking at vanishing slope (Fig. 4.7).
+
+    Each is zero for a tuned walker. Lengths are in units of the leg length, positive forward.
+    Condition 2, the hip over the contact, holds of every walker with circular feet, by the way
+    angles are measured.
+
+    Attributes:
+        static_equilibrium: whole-body centre of mass ahead of the contact point, legs parallel,
+            hip above the contact (condition 1: the foot normal points at the centre of mass).
+        collinearity: distance of the whole body's centre of mass from the line hip-foot centre
+            (condition 3).
+        shank_under_knee: shank's centre of mass ahead of the knee, leg straight (condition 4;
+            0 for a walker without knees, where it is not required).
+    """
+
+    static_equilibrium: float
+    collinearity: float
+    shank_under_knee: float
+
+
+def _lateral(walker: Walker) -> tuple[float, float]:
+    """How far forward lie a leg's centre of mass, and the shank's from the knee, leg straight."""
+    epsilon, shank = walker.foot_angle, walker.shank_angle
+    shank_ahead = walker.shank_com * math.sin(shank) - walker.shank_offset * math.cos(shank)
+    thigh_ahead = -walker.thigh_com * math.sin(epsilon) - walker.thigh_offset * math.cos(epsilon)
+    knee_ahead = -walker.thigh_length * math.sin(epsilon)
+    leg_mass = walker.thigh_mass + walker.shank_mass
+    if leg_mass == 0.0:
+        return 0.0, shank_ahead
+    moment = walker.thigh_mass * thigh_ahead + walker.shank_mass * (knee_ahead + shank_ahead)
+    return moment / leg_mass, shank_ahead
+
+
+def tuning_errors(walker: Walker | str) -> TuningErrors:
+    """Say which of Fig. 4.7's conditions for zero-slope walking a walker fails, and by how much."""
+    walker = as_walker(walker)
+    leg_ahead, shank_ahead = _lateral(walker)
+    length = walker.leg_length
+    share = 2.0 * (walker.thigh_mass + walker.shank_mass) / walker.total_mass
+    return TuningErrors(
+        static_equilibrium=share * leg_ahead / length,
+        collinearity=share * leg_ahead / length,
+        shank_under_knee=shank_ahead / length if walker.knees else 0.0,
+    )
+
+
+def tune(walker: Walker | str) -> Walker:
+    """The nearest walker that can stand at zero slope, and so may walk there (Fig. 4.7).
+
+    Moves the two offsets `thigh_offset` and `shank_offset` and nothing else: the shank's centre of
+    mass goes under the knee, then the thigh's goes where it brings the whole body's onto the line
+    from hip to foot centre. A straight-legged walker is given the same offsets as its kneed twin.
+
+    Raises:
+        WalkerError: if the thigh has no mass to balance an angled foot with.
+    """
+    walker = as_walker(walker)
+    if walker.massless_legs:
+        return walker
+    if walker.thigh_mass == 0.0 and walker.foot_angle != 0.0:
+        raise WalkerError(
+            "tuning moves the thigh's mass, and this walker has none while its foot is at an "
+            "angle: give it thigh_mass, or set foot_angle=0"
+        )
+    knee_share = (
+        walker.shank_mass * walker.thigh_length / walker.thigh_mass if walker.thigh_mass else 0.0
+    )
+    return replace(
+        walker,
+        thigh_offset=-math.tan(walker.foot_angle) * (walker.thigh_com + knee_share),
+        shank_offset=math.tan(walker.shank_angle) * walker.shank_com,
+    )
+
+
+def blend(a: Walker | str, b: Walker | str, fraction: float) -> Walker:
+    """A walker between two: every parameter at `fraction` of the way from a to b (Fig. 4.8).
+
+    Args:
+        a: The walker at fraction 0, or a preset's name.
+        b: The walker at fraction 1, likewise.
+        fraction: Usually between 0 and 1; beyond them is allowed while it is still a walker.
+
+    Raises:
+        WalkerError: if one has knees and the other has not, or the result is no walker.
+    """
+    a, b = as_walker(a), as_walker(b)
+    if a.knees != b.knees:
+        raise WalkerError("cannot blend a walker with knees and one without")
+    values = {
+        field.name: (1.0 - fraction) * getattr(a, field.name) + fraction * getattr(b, field.name)
+        for field in fields(Walker)
+        if field.name != "knees"
+    }
+    return Walker(knees=a.knees, **values)

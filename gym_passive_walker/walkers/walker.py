@@ -1,0 +1,141 @@
+"""What a walker is: McGeer's parameters, and which of them describe one."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+
+
+class WalkerError(ValueError):
+    """The parameters describe no walker; the message says which, and what is allowed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Walker:
+    """A planar walker with two equal legs; masses are per leg.
+
+    A walker whose legs have no mass (``thigh_mass = shank_mass = 0`` and ``hip_mass > 0``) is the
+    simplest walker: the limit of a vanishing point mass at each foot.
+
+    Attributes:
+        thigh_length: l_t, hip to knee.
+        thigh_offset: w_t, centre of mass of the thigh, backwards from the hip-knee line.
+        thigh_mass: m_t.
+        thigh_gyration: r_t, radius of gyration of the thigh about its centre of mass.
+        thigh_com: c_t, centre of mass of the thigh, down from the hip.
+        shank_length: l_s, knee to the bottom of the foot, through the foot's centre.
+        shank_offset: w_s, centre of mass of the shank, backwards from the line knee-foot centre.
+        shank_mass: m_s.
+        shank_gyration: r_s, radius of gyration of the shank about its centre of mass.
+        shank_com: c_s, centre of mass of the shank, down from the knee.
+        foot_radius: R, from 0 (a point foot) to below the shank's length.
+        foot_angle: epsilon_T in rad, from the thigh forward to the line hip-foot centre.
+        hip_mass: one extra point mass at the hip.
+        knees: whether the swing knee is free until it strikes its stop; False locks both knees.
+        gravity: g.
+
+    Raises:
+        WalkerError: if a parameter is not finite, out of its range, or leaves a joint with nothing
+            to turn.
+    """
+
+    thigh_length: float
+    thigh_offset: float = 0.0
+    thigh_mass: float
+    thigh_gyration: float = 0.0
+    thigh_com: float = 0.0
+    shank_length: float
+    shank_offset: float = 0.0
+    shank_mass: float
+    shank_gyration: float = 0.0
+    shank_com: float = 0.0
+    foot_radius: float = 0.0
+    foot_angle: float = 0.0
+    hip_mass: float = 0.0
+    knees: bool = True
+    gravity: float = 9.81
+
+    def __post_init__(self) -> None:
+        """Refuse what is no walker."""
+        for field in fields(self):
+            value = getattr(self, field.name)
+            if field.name == "knees":
+                if not isinstance(value, bool):
+                    raise WalkerError(f"knees must be True or False, not {value!r}")
+                continue
+            try:
+                value = float(value)
+            except (TypeError, ValueError):
+                raise WalkerError(f"{field.name} must be a number, not {value!r}") from None
+            if not math.isfinite(value):
+                raise WalkerError(f"{field.name} must be finite, not {value}")
+            object.__setattr__(self, field.name, value)
+        for name in ("thigh_length", "shank_length", "gravity"):
+            if getattr(self, name) <= 0.0:
+                raise WalkerError(f"{name} must be positive, not {getattr(self, name)}")
+        for name in ("thigh_mass", "shank_mass", "hip_mass", "thigh_gyration", "shank_gyration"):
+            if getattr(self, name) < 0.0:
+                raise WalkerError(f"{name} must not be negative, but is {getattr(self, name)}")
+        if not 0.0 <= self.foot_radius < self.shank_length:
+            raise WalkerError(
+                f"foot_radius must lie from 0 to below the shank's length {self.shank_length}, "
+                f"so that the foot's centre is below the knee; it is {self.foot_radius}"
+            )
+        reach = (self.shank_length - self.foot_radius) / self.thigh_length
+        if not (abs(self.foot_angle) < 0.5 * math.pi and abs(math.sin(self.foot_angle)) < reach):
+            limit = math.asin(min(1.0, reach))
+            raise WalkerError(
+                f"foot_angle {self.foot_angle} rad cannot be reached by this shank: its size must "
+                f"be below {limit:.6g} rad (sin of it below (l_s - R)/l_t)"
+            )
+        self._check_masses()
+
+    def _check_masses(self) -> None:
+        """Every joint must have something to turn."""
+        if self.thigh_mass == 0.0 and self.shank_mass == 0.0:
+            if self.hip_mass == 0.0:
+                raise WalkerError("a walker needs mass: thigh_mass, shank_mass and hip_mass are 0")
+            if self.knees or self.foot_radius != 0.0:
+                raise WalkerError(
+                    "legs without mass are the simplest walker, which has point feet and no "
+                    "knees: set foot_radius=0 and knees=False, or give the legs some mass"
+                )
+            return
+        thigh_spread = math.hypot(self.thigh_gyration, self.thigh_com, self.thigh_offset)
+        shank_spread = math.hypot(self.shank_gyration, self.shank_com, self.shank_offset)
+        if self.knees and self.shank_mass * shank_spread == 0.0:
+            raise WalkerError(
+                "a free shank needs a moment of inertia about the knee: give it shank_mass and "
+                "one of shank_com, shank_offset, shank_gyration, or set knees=False"
+            )
+        if self.shank_mass == 0.0 and self.thigh_mass * thigh_spread == 0.0:
+            raise WalkerError(
+                "a swing leg needs a moment of inertia about the hip: move some of its mass away "
+                "from the hip, or set both leg masses to 0 for the simplest walker"
+            )
+
+    @property
+    def leg_length(self) -> float:
+        """Leg length l = l_t + l_s, the unit of length of all dimensionless numbers."""
+        return self.thigh_length + self.shank_length
+
+    @property
+    def total_mass(self) -> float:
+        """Mass of both legs and the hip."""
+        return 2.0 * (self.thigh_mass + self.shank_mass) + self.hip_mass
+
+    @property
+    def massless_legs(self) -> bool:
+        """Whether this is the simplest walker, the limit of vanishing foot mass."""
+        return self.thigh_mass == 0.0 and self.shank_mass == 0.0
+
+    @property
+    def time_unit(self) -> float:
+        """The pendulum time sqrt(l/g), the unit of time of all dimensionless numbers."""
+        return math.sqrt(self.leg_length / self.gravity)
+
+    @property
+    def shank_angle(self) -> float:
+        """Angle in rad from the line foot centre-hip to the shank's line, forward (epsilon_F)."""
+        reach = (self.shank_length - self.foot_radius) / self.thigh_length
+        return math.asin(math.sin(self.foot_angle) / reach)

@@ -1,0 +1,34 @@
+"""Compare with every number of the source document, and write the page."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from validation import page
+
+
+def main(words: Sequence[str] | None = None) -> int:
+    """Write the page; the exit status says whether every row is as it is known to be."""
+    parser = argparse.ArgumentParser(prog="python -m validation", description=__doc__)
+    parser.add_argument("--out", default="validation.md", help="Markdown file to write")
+    path = parser.parse_args(words).out
+    count = iter(range(1, len(page.SECTIONS) + 1))
+
+    def progress(title: str) -> None:
+        print(f"{next(count):>3} of {len(page.SECTIONS)}  {title}", flush=True)
+
+    try:
+        unsound = page.write(path, progress)
+    except OSError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    for row in unsound:
+        print(f"not as known: {row.where}, {row.what}: {row.computed}", file=sys.stderr)
+    print(path)
+    return 1 if unsound else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,69 @@
+"""Walks that the rows look at, each found once however many rows ask for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from functools import lru_cache
+from typing import Literal
+
+import gym_passive_walker as gpw
+from gym_passive_walker import Gait, GaitFamily, RealityCheck, Walker
+
+Kind = Literal["long", "short"]
+KINDS: tuple[Kind, Kind] = ("long", "short")
+
+TUNED = {name: gpw.tune(walker) for name, walker in gpw.WALKERS.items()}
+"""The source's walkers with their tuning made exact, as the table's rounded digits are not."""
+
+# Why a family ends, in the words of `GaitFamily.ends`.
+KNEE_MEETS_HEEL = "kneestrike and heelstrike coincide"
+STANCE_STOPS = "the stance leg barely passes the vertical"
+TANGENTIAL = "heelstrike becomes tangential"
+BOUND = "end of the range asked for"
+
+
+@lru_cache(maxsize=512)
+def gait(walker: Walker | str, slope: float, kind: Kind = "long") -> Gait:
+    """A gait of a walker at a slope."""
+    return gpw.find_gait(walker, slope, kind)
+
+
+@lru_cache(maxsize=64)
+def family(
+    walker: Walker | str, low: float, high: float, kind: Kind = "long", resolution: float = 0.05
+) -> GaitFamily:
+    """A family of gaits over slopes."""
+    return gpw.gait_family(walker, low, high, kind, resolution=resolution)
+
+
+def numbers_of_gaits(walkers: Iterable[Walker | str], slopes: Iterable[float]) -> list[int]:
+    """How many gaits there are at each slope, walker by walker."""
+    slopes = list(slopes)
+    return [len(gpw.find_gaits(walker, slope)) for walker in walkers for slope in slopes]
+
+
+def exponents(walker: Walker | str, slope: float, kind: Kind = "long") -> tuple[float, float]:
+    """Exact local exponents of stance angle and speed with slope, of the gait at a slope."""
+    local = gpw.local_exponents(family(walker, slope, 1.01 * slope, kind))
+    return float(local.stance_angle[0]), float(local.speed[0])
+
+
+def checked(walker: Walker | str, slope: float, kind: Kind = "long") -> RealityCheck:
+    """What a gait takes of ground and knees."""
+    return gpw.reality_check(walker, slope, gait(walker, slope, kind).state)
+
+
+def sliding(walker: Walker | str, slope: float, kind: Kind) -> float:
+    """Tangential over normal velocity of the landing foot."""
+    velocity = gpw.measures(gait(walker, slope, kind)).foot_velocity
+    return abs(float(velocity.tangential / velocity.normal))
+
+
+def boundary(
+    low: float, high: float, below: Callable[[float], bool], accuracy: float
+) -> tuple[float, float]:
+    """Enclose by bisection where something that holds at `low` ceases to, on the way to `high`."""
+    while high - low > accuracy:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if below(middle) else (low, middle)
+    return low, high
