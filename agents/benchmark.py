@@ -17,16 +17,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from tqdm import tqdm
 
-from agents import optimal, worlds
-from agents.closed_loop import closed_loop_gait
+from agents import worlds
 from agents.config import ALGORITHMS, Config, ConfigError, configure
-from agents.evaluation import HUNDRED, WALKED_ON, Policy, Walks, evaluate
+from agents.evaluation import HUNDRED, WALKED_ON, Walks, evaluate
 from agents.files import replacing
 from agents.learner import load_policy
-from agents.roster import BASELINES
 from agents.training import Run
 from agents.trials import kicks, rough_strides
 from gym_passive_walker import GaitNotFound
+from gym_passive_walker.control import optimal
+from gym_passive_walker.control.baselines import BASELINES
+from gym_passive_walker.control.closed_loop import closed_loop_gait
+from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs.scene import SCENES, make_scene
 
 AGENTS = (*BASELINES, *ALGORITHMS)

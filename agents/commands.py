@@ -8,12 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from agents import benchmark, optimal, roster
-from agents.closed_loop import ClosedLoopGait, closed_loop_gait
+from agents import benchmark, roster
 from agents.config import ConfigError
-from agents.evaluation import Policy
 from agents.files import replacing
 from gym_passive_walker import GaitNotFound
+from gym_passive_walker.control import optimal
+from gym_passive_walker.control.baselines import BASELINES
+from gym_passive_walker.control.closed_loop import ClosedLoopGait, closed_loop_gait
+from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs.scene import SCENES, Scene, make_scene
 
 GRIDS = {"level": (0.05, 0.20, 0.01), "lab": (0.15, 0.23, 0.01), "steep": (0.31, 0.34, 0.005)}
@@ -34,7 +36,8 @@ def find_optimal(arguments: Sequence[str]) -> int:
         first, last, apart = GRIDS[args.scene]
         speeds = np.linspace(first, last, round((last - first) / apart) + 1).round(6).tolist()
         gaits = optimal.optimal_gaits(args.scene, speeds)
-        optimal.save(optimal.STORE / f"{args.scene}.json", gaits)
+        with replacing(optimal.STORE / f"{args.scene}.json") as path:
+            optimal.save(path, gaits)
     print(optimal_table(optimal.load(args.scene)))
     return 0
 
@@ -58,7 +61,7 @@ def show_gait(arguments: Sequence[str]) -> int:
         prog="train.py gait", description="The periodic gait of a walker under a policy."
     )
     add = parser.add_argument
-    known = ", ".join([*roster.BASELINES, *roster.shipped()])
+    known = ", ".join([*BASELINES, *roster.shipped()])
     add("policy", help=f"the folder of a run, or one of {known}")
     add("--scene", choices=tuple(SCENES), help="(a learned policy's own; else level)")
     add("--slope", type=float, metavar="RAD", help="of a range, or another one")
@@ -86,9 +89,9 @@ def show_gait(arguments: Sequence[str]) -> int:
 
 def _policy_and_scene(name: str, scene: str | None) -> tuple[Policy, Scene]:
     """A policy by its name, and the scene in which it is looked at."""
-    if name in roster.BASELINES:
+    if name in BASELINES:
         chosen = make_scene(scene or "level")
-        return roster.BASELINES[name](chosen), chosen
+        return BASELINES[name](chosen), chosen
     config, policy = roster.learned(name)
     return policy, make_scene(scene) if scene else make_scene(config.scene, **config.env)
 

@@ -6,12 +6,12 @@ import csv
 from pathlib import Path
 
 from agents import pictures, worlds
-from agents.baselines import Passive
 from agents.config import Config
 from agents.evaluation import evaluate
 from agents.files import CONFIG, replacing
 from agents.learner import LearnedPolicy, load_policy
 from agents.report import table, write_rows
+from gym_passive_walker.control.baselines import Passive
 
 EPISODES = 20
 SEED = 1000

@@ -10,9 +10,9 @@ import gymnasium
 import numpy as np
 from matplotlib.figure import Figure
 
-from agents.closed_loop import ClosedLoopGait
-from agents.evaluation import Policy
-from agents.optimal import OptimalGait
+from gym_passive_walker.control.closed_loop import ClosedLoopGait
+from gym_passive_walker.control.optimal import OptimalGait
+from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.physics.frame import frame_of
 from gym_passive_walker.render import strobe, strobe_of
 

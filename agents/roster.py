@@ -2,32 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from agents.baselines import ConstantTorque, LinearFeedback, Optimal, Passive
+import gym_passive_walker
 from agents.config import Config, ConfigError
-from agents.evaluation import Policy
 from agents.files import CONFIG
-from gym_passive_walker.envs.scene import Scene
 
 if TYPE_CHECKING:
     from agents.learner import LearnedPolicy  # loads torch
 
-CONSTANT_TORQUE = 0.0025
-"""Torque of the agent that holds one all along, in units of m g l: it walks on level ground."""
-
-BASELINES: dict[str, Callable[[Scene], Policy]] = {
-    "passive": lambda scene: Passive(),
-    "constant": lambda scene: ConstantTorque(CONSTANT_TORQUE, scene),
-    "lqr": LinearFeedback,
-    "deadbeat": lambda scene: LinearFeedback(scene, "deadbeat"),
-    "optimal": Optimal,
-}
-"""Agents that learn nothing, by name."""
-
-SHIPPED = Path(__file__).parent / "policies"
+SHIPPED = Path(gym_passive_walker.__file__).parent / "policies"
 """Trained policies that come with the package, each a folder as `learner.export` writes it."""
 
 

@@ -14,11 +14,11 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.stats import bootstrap, trim_mean
 
-from agents import optimal
 from agents.benchmark import AGENTS, SCORES
 from agents.config import ALGORITHMS
 from agents.files import replacing
 from gym_passive_walker import GaitFamily, gait_family
+from gym_passive_walker.control import optimal
 from gym_passive_walker.envs.scene import SCENES
 
 BEGIN, END = "<!-- benchmark: begin -->", "<!-- benchmark: end -->"

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agents.closed_loop import ClosedLoopGait, policy_strides
-from agents.evaluation import Policy
+from gym_passive_walker.control.closed_loop import ClosedLoopGait, policy_strides
+from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs import task as T
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv

@@ -1,5 +1,8 @@
 """Exact passive walkers for reinforcement learning and gait analysis."""
 
+from gym_passive_walker.control.closed_loop import ClosedLoopGait, closed_loop_gait
+from gym_passive_walker.control.optimal import optimal_gait, optimal_gaits
+from gym_passive_walker.control.optimum import OptimalGait
 from gym_passive_walker.envs.registration import register as _register
 from gym_passive_walker.gaits.basin import Basin, Push, basin_of_attraction, largest_push
 from gym_passive_walker.gaits.bifurcation import (
@@ -48,6 +51,7 @@ __all__ = [
     "Basin",
     "BifurcationDiagram",
     "Cascade",
+    "ClosedLoopGait",
     "Extreme",
     "FootVelocity",
     "Gait",
@@ -55,6 +59,7 @@ __all__ = [
     "GaitNotFound",
     "Impulse",
     "Measures",
+    "OptimalGait",
     "Outcome",
     "Part",
     "Push",
@@ -67,6 +72,7 @@ __all__ = [
     "basin_of_attraction",
     "bifurcation_diagram",
     "blend",
+    "closed_loop_gait",
     "collision_matrix",
     "crisis_slope",
     "doubling_cascade",
@@ -80,6 +86,8 @@ __all__ = [
     "local_exponents",
     "lyapunov_exponents",
     "measures",
+    "optimal_gait",
+    "optimal_gaits",
     "parameter_family",
     "reality_check",
     "stride",
