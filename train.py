@@ -8,7 +8,7 @@
     python train.py optimal --scene level         gaits of least cost of transport
     python train.py gait level-ppo --out gait.png the gait of a walker under a policy
     python train.py benchmark --seeds 10          everyone beside everyone, resumable
-    python train.py export RUN FOLDER             a policy as tensors and YAML
+    python train.py export RUN FOLDER             a policy as tensors and JSON
 
 A run's folder keeps the policy (model.zip, normalizer.npz), its configuration (config.yml), the
 learning curve (CSV and PNG), the evaluation (CSV and table) and a strobe picture of the gait.
@@ -23,15 +23,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from agents import commands, files, judging, worlds
+import numba
+import torch
+
+from agents import commands, evaluation, files, pictures, worlds
 from agents.config import ALGORITHMS, DEFAULT_SCENE, Config, ConfigError, configure
-from agents.roster import folder_of, shipped
 from agents.training import Run
+from gym_passive_walker.policies import shipped_policies
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
+    keep_to_one_thread()
     try:
         if arguments and arguments[0] in COMMANDS:
             return COMMANDS[arguments[0]](arguments[1:])
@@ -42,6 +46,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("\ntrain.py: stopped; --resume goes on from the last checkpoint", file=sys.stderr)
         return 130
+
+
+def keep_to_one_thread() -> None:
+    """Keep torch to one thread: at these sizes a second one wins nothing.
+
+    On a busy machine threads that wait for each other make it fifty times slower, and their number
+    would change the rounding. Numba, where it starts its own, sets torch's anew: so it comes first.
+    """
+    numba.get_num_threads()
+    torch.set_num_threads(1)
 
 
 def train_parser() -> argparse.ArgumentParser:
@@ -77,9 +91,11 @@ def evaluate_parser() -> argparse.ArgumentParser:
     add = parser.add_argument
     which = parser.add_mutually_exclusive_group(required=True)
     which.add_argument("run", type=Path, nargs="?", help="folder of the run")
-    which.add_argument("--policy", metavar="NAME", help=f"or of these: {', '.join(shipped())}")
-    add("--episodes", type=int, default=judging.EPISODES, metavar="N", help="(%(default)s)")
-    add("--seed", type=int, default=judging.SEED, help="of the episodes (%(default)s)")
+    which.add_argument(
+        "--policy", metavar="NAME", help=f"or of these: {', '.join(shipped_policies())}"
+    )
+    add("--episodes", type=int, default=evaluation.EPISODES, metavar="N", help="(%(default)s)")
+    add("--seed", type=int, default=evaluation.SEED, help="of the episodes (%(default)s)")
     return parser
 
 
@@ -144,9 +160,9 @@ def train(args: argparse.Namespace) -> int:
     finished = run.train(progress=not args.quiet)
     if not finished:
         print(f"Stopped after {run.steps:,} steps; go on with: python train.py --resume {folder}")
-    print(judging.judge(folder))
+    print(evaluation.judge(folder))
     print(run.first_hundred())
-    judging.draw(folder)
+    pictures.draw_run(folder)
     print(f"Saved in {folder}: {', '.join(sorted(p.name for p in folder.iterdir()))}")
     return 0
 
@@ -167,9 +183,12 @@ def find_better(config: Config, args: argparse.Namespace) -> int:
 def evaluate(arguments: Sequence[str]) -> int:
     """Judge the policy of a run that is there."""
     args = evaluate_parser().parse_args(arguments)
-    folder = args.run or folder_of(args.policy)
     keep = args.run is not None
-    print(judging.judge(folder, episodes=args.episodes, seed=args.seed, keep=keep))
+    if keep and not args.run.is_dir():
+        raise ConfigError(f"{args.run} is not the folder of a run")
+    print(
+        evaluation.judge(args.run or args.policy, episodes=args.episodes, seed=args.seed, keep=keep)
+    )
     return 0
 
 
@@ -178,7 +197,7 @@ COMMANDS = {
     "optimal": commands.find_optimal,
     "gait": commands.show_gait,
     "benchmark": commands.run_benchmark,
-    "export": commands.export,
+    "export": commands.export_policy,
 }
 
 

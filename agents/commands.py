@@ -8,15 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
-from agents import benchmark, roster
-from agents.config import ConfigError
-from agents.files import replacing
+from agents import benchmark
+from agents.config import Config, ConfigError
+from agents.files import CONFIG, replacing
+from agents.learner import export, learned, load_policy
 from gym_passive_walker import GaitNotFound
 from gym_passive_walker.control import optimal
 from gym_passive_walker.control.baselines import BASELINES
 from gym_passive_walker.control.closed_loop import ClosedLoopGait, closed_loop_gait
 from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs.scene import SCENES, Scene, make_scene
+from gym_passive_walker.policies import shipped_policies
 
 GRIDS = {"level": (0.05, 0.20, 0.01), "lab": (0.15, 0.23, 0.01), "steep": (0.31, 0.34, 0.005)}
 """Speeds of the stored optimal gaits of each scene: the first, the last and their distance."""
@@ -61,7 +63,7 @@ def show_gait(arguments: Sequence[str]) -> int:
         prog="train.py gait", description="The periodic gait of a walker under a policy."
     )
     add = parser.add_argument
-    known = ", ".join([*BASELINES, *roster.shipped()])
+    known = ", ".join([*BASELINES, *shipped_policies()])
     add("policy", help=f"the folder of a run, or one of {known}")
     add("--scene", choices=tuple(SCENES), help="(a learned policy's own; else level)")
     add("--slope", type=float, metavar="RAD", help="of a range, or another one")
@@ -92,7 +94,7 @@ def _policy_and_scene(name: str, scene: str | None) -> tuple[Policy, Scene]:
     if name in BASELINES:
         chosen = make_scene(scene or "level")
         return BASELINES[name](chosen), chosen
-    config, policy = roster.learned(name)
+    config, policy = learned(name)
     return policy, make_scene(scene) if scene else make_scene(config.scene, **config.env)
 
 
@@ -158,7 +160,7 @@ def run_benchmark(arguments: Sequence[str]) -> int:
     return 0
 
 
-def export(arguments: Sequence[str]) -> int:
+def export_policy(arguments: Sequence[str]) -> int:
     """Write a run's policy as tensors and YAML, as those that come with the package."""
     parser = argparse.ArgumentParser(
         prog="train.py export", description="Write a run's policy as tensors and YAML."
@@ -166,9 +168,7 @@ def export(arguments: Sequence[str]) -> int:
     parser.add_argument("run", help="folder of the run")
     parser.add_argument("folder", type=Path, help="where to")
     args = parser.parse_args(arguments)
-    from agents.learner import export
-
-    config, policy = roster.learned(args.run)
-    export(policy, config, args.folder)
+    config = Config.load(Path(args.run) / CONFIG)
+    export(load_policy(Path(args.run), config), config, args.folder)
     print(f"Saved in {args.folder}: {', '.join(sorted(p.name for p in args.folder.iterdir()))}")
     return 0

@@ -5,18 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numba
-import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import Logger
 
 from agents import checkpoint, files, worlds
 from agents.callbacks import Bar, Milestones, StopRequest
 from agents.config import Config, ConfigError
-from agents.evaluation import HUNDRED, evaluate
+from agents.evaluation import HUNDRED, evaluate, write_rows
 from agents.exploration import explorers
 from agents.learner import LearnedPolicy, build
-from agents.report import write_rows
 
 EPISODES = 20
 """Episodes of each evaluation."""
@@ -35,7 +32,6 @@ class Run:
     """
 
     def __init__(self, config: Config, folder: Path, *, tensorboard: bool = False) -> None:
-        _single_thread()
         self.config, self.folder = config, folder
         log = {"tensorboard_log": str(folder / "tensorboard")} if tensorboard else {}
         self.model: BaseAlgorithm = build(config, worlds.training_worlds(config), **log)
@@ -89,15 +85,20 @@ class Run:
                 milestones.finish()
         return not milestones.stopped
 
+    @property
+    def first_to_walk(self) -> dict[str, Any] | None:
+        """The first evaluation of which half of the walks came to a hundred strides."""
+        return next((row for row in self.notes["curve"] if row["hundred_strides"] >= 0.5), None)
+
     def first_hundred(self) -> str:
         """When half of the evaluation walks first came to a hundred strides, in a sentence."""
-        for row in self.notes["curve"]:
-            if row["hundred_strides"] >= 0.5:
-                return (
-                    f"Half of the evaluation walks came to {HUNDRED} strides after "
-                    f"{row['seconds']:.1f} s of training, {row['steps']:,} steps"
-                )
-        return f"Never half of the evaluation walks came to {HUNDRED} strides"
+        row = self.first_to_walk
+        if row is None:
+            return f"Never half of the evaluation walks came to {HUNDRED} strides"
+        return (
+            f"Half of the evaluation walks came to {HUNDRED} strides after "
+            f"{row['seconds']:.1f} s of training, {row['steps']:,} steps"
+        )
 
     def _evaluate(self, seconds: float) -> None:
         """Add a row to the learning curve, and keep the policy if it is the best so far."""
@@ -122,13 +123,3 @@ class Run:
         if not path.exists():
             checkpoint.save(path, self.model, self.notes)
         files.drop_older_checkpoints(path)
-
-
-def _single_thread() -> None:
-    """Keep torch to one thread: at these sizes a second one wins nothing.
-
-    On a busy machine threads that wait for each other make it fifty times slower, and their number
-    would change the rounding. Numba, where it starts its own, sets torch's anew: so it comes first.
-    """
-    numba.get_num_threads()
-    torch.set_num_threads(1)

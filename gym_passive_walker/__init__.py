@@ -33,6 +33,7 @@ from gym_passive_walker.gaits.series import Extreme
 from gym_passive_walker.gaits.stability import stride_jacobian
 from gym_passive_walker.physics.events import Outcome
 from gym_passive_walker.physics.stride import Stride, stride
+from gym_passive_walker.policies import PolicyError, TrainedPolicy, load_policy
 from gym_passive_walker.walkers import (
     WALKERS,
     Part,
@@ -62,9 +63,11 @@ __all__ = [
     "OptimalGait",
     "Outcome",
     "Part",
+    "PolicyError",
     "Push",
     "RealityCheck",
     "Stride",
+    "TrainedPolicy",
     "TuningErrors",
     "Walker",
     "WalkerError",
@@ -83,6 +86,7 @@ __all__ = [
     "gait_family",
     "lab_walker_from_parts",
     "largest_push",
+    "load_policy",
     "local_exponents",
     "lyapunov_exponents",
     "measures",

@@ -10,9 +10,9 @@ import train
 from agents import benchmark, standings
 from agents.benchmark import Unit
 from agents.config import ConfigError
-from agents.trials import kicks, rough_strides
 from gym_passive_walker.control.baselines import LinearFeedback, Optimal, Passive
 from gym_passive_walker.control.closed_loop import closed_loop_gait
+from gym_passive_walker.control.trials import kicks, rough_strides
 from gym_passive_walker.envs.scene import make_scene
 
 
