@@ -222,8 +222,8 @@ class Batch:
         under_way = np.flatnonzero(lanes & (self.over | (self.records[:, R.TIME] != 0.0)))
         if len(under_way):
             raise ValueError(
-                "the ground changes where a stride begins, at a heelstrike or a reset; these "
-                f"walkers are in the midst of one, or at the end of an episode: {under_way.tolist()}"
+                "the ground changes where a stride begins, at a heelstrike or a reset; in the "
+                f"midst of one, or at the end of an episode, are walkers {under_way.tolist()}"
             )
         self.ledger[lanes, T.SLOPE] = checked[lanes]
         self.records[lanes, R.SIN_SLOPE] = np.sin(checked[lanes])

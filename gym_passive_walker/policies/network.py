@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 Layer = tuple[NDArray[np.float32], NDArray[np.float32]]
 
-ACTIVATIONS: dict[str, Callable[[NDArray[np.float32]], NDArray[np.float32]]] = {
+ACTIVATIONS: dict[str, Callable[[NDArray], NDArray]] = {
     "ReLU": lambda x: np.maximum(x, np.float32(0.0)),
     "Tanh": np.tanh,
     "ELU": lambda x: np.where(x > 0.0, x, np.expm1(np.minimum(x, np.float32(0.0)))),

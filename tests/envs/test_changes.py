@@ -53,7 +53,7 @@ def test_the_ground_does_not_change_in_the_midst_of_a_stride():
     worlds.reset(seed=0)
     worlds.step(ZEROS)
     before = worlds.get_state()
-    with pytest.raises(ValueError, match=r"end of an episode: \[0, 2\]"):
+    with pytest.raises(ValueError, match=r"are walkers \[0, 2\]"):
         worlds.set_slopes(0.05, np.array([True, False, True]))
     assert np.array_equal(worlds.get_state()["ledger"], before["ledger"])
     assert np.array_equal(worlds.get_state()["records"], before["records"])
