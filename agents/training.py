@@ -7,9 +7,10 @@ from typing import Any
 
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import Logger
+from tqdm import tqdm
 
 from agents import checkpoint, files, worlds
-from agents.callbacks import Bar, Milestones, StopRequest
+from agents.callbacks import Milestones, StopRequest
 from agents.config import Config, ConfigError
 from agents.evaluation import HUNDRED, evaluate, write_rows
 from agents.exploration import explorers
@@ -63,20 +64,24 @@ class Run:
         left = self.config.steps - self.steps
         if left <= 0:
             return True
-        bar = Bar(self.config.steps, show=progress)
+        bar = tqdm(
+            total=self.config.steps, initial=self.steps, unit=" steps", unit_scale=True,
+            disable=not progress, dynamic_ncols=True, smoothing=0.05,
+        )  # fmt: skip
 
         def reach(seconds: float) -> None:
-            self._evaluate(seconds)
-            bar.tell(self._latest())
+            row = self._evaluate(seconds)
+            said = f"walks {row['distance']:.1f} l, {row['strides']:.0f} strides"
+            bar.set_postfix_str(said, refresh=False)
             self._save()
 
-        with StopRequest() as stop:
-            milestones = Milestones(self.config.every, reach, stop)
+        with StopRequest() as stop, bar:
+            milestones = Milestones(self.config.every, reach, stop, bar)
             exploring = explorers(self.config.algo, self.config.exploration)
             logged = self.model.tensorboard_log is not None
             self.model.learn(
                 left,
-                callback=[milestones, bar, *exploring],
+                callback=[milestones, *exploring],
                 # Logging costs SAC more than it tells.
                 log_interval={"ppo": 1, "sac": 100}[self.config.algo] if logged else None,  # type: ignore[arg-type]
                 reset_num_timesteps=not self.resumed,
@@ -100,7 +105,7 @@ class Run:
             f"{row['seconds']:.1f} s of training, {row['steps']:,} steps"
         )
 
-    def _evaluate(self, seconds: float) -> None:
+    def _evaluate(self, seconds: float) -> dict[str, Any]:
         """Add a row to the learning curve, and keep the policy if it is the best so far."""
         policy = LearnedPolicy(self.model, self.config.algo.upper())
         walks = evaluate(policy, self.exam, seed=EXAM_SEED)
@@ -113,10 +118,7 @@ class Run:
             policy.save(self.folder)
         with files.replacing(self.folder / "learning_curve.csv") as path:
             write_rows(path, self.notes["curve"])
-
-    def _latest(self) -> str:
-        row = self.notes["curve"][-1]
-        return f"walks {row['distance']:.1f} l, {row['strides']:.0f} strides"
+        return row
 
     def _save(self) -> None:
         path = files.checkpoint_path(self.folder, self.steps)

@@ -1,11 +1,16 @@
 """Milestones, and the wish to stop."""
 
+import io
 import os
 import signal
 
 import pytest
+from tqdm import tqdm
 
 from agents.callbacks import Milestones, StopRequest
+
+
+HIDDEN = tqdm(disable=True)
 
 
 class Model:
@@ -28,7 +33,7 @@ def rollouts(milestones, model, steps):
 
 def test_milestones_come_at_the_start_and_whenever_an_interval_has_passed():
     reached, model = [], Model()
-    milestones = Milestones(100, lambda seconds: reached.append(model.num_timesteps), StopRequest())
+    milestones = Milestones(100, lambda seconds: reached.append(model.num_timesteps), StopRequest(), HIDDEN)
     milestones.init_callback(model)
     rollouts(milestones, model, range(0, 360, 40))
     assert reached == [0, 40, 80, 120, 200, 320]
@@ -40,7 +45,7 @@ def test_milestones_come_at_the_start_and_whenever_an_interval_has_passed():
 
 def test_milestones_are_dense_in_the_beginning():
     reached, model = [], Model()
-    milestones = Milestones(800, lambda seconds: reached.append(model.num_timesteps), StopRequest())
+    milestones = Milestones(800, lambda seconds: reached.append(model.num_timesteps), StopRequest(), HIDDEN)
     milestones.init_callback(model)
     rollouts(milestones, model, range(0, 2000, 5))
     assert reached == [0, 25, 50, 100, 200, 400, 800, 1600]
@@ -49,7 +54,7 @@ def test_milestones_are_dense_in_the_beginning():
 def test_a_resumed_run_does_not_repeat_its_milestone():
     reached, model = [], Model()
     model.num_timesteps = 120
-    milestones = Milestones(100, lambda seconds: reached.append(model.num_timesteps), StopRequest())
+    milestones = Milestones(100, lambda seconds: reached.append(model.num_timesteps), StopRequest(), HIDDEN)
     milestones.init_callback(model)
     rollouts(milestones, model, (120, 160, 200))
     assert reached == [200]
@@ -58,7 +63,7 @@ def test_a_resumed_run_does_not_repeat_its_milestone():
 def test_a_signal_is_a_wish_that_is_met_between_updates():
     reached, model = [], Model()
     with StopRequest() as stop:
-        milestones = Milestones(100, lambda seconds: reached.append(model.num_timesteps), stop)
+        milestones = Milestones(100, lambda seconds: reached.append(model.num_timesteps), stop, HIDDEN)
         milestones.init_callback(model)
         rollouts(milestones, model, (0,))
         os.kill(os.getpid(), signal.SIGINT)
@@ -66,6 +71,16 @@ def test_a_signal_is_a_wish_that_is_met_between_updates():
         rollouts(milestones, model, (40,))  # a milestone, due or not
         assert milestones.on_step() is False and milestones.stopped
     assert reached == [0, 40] and model.num_timesteps == 40
+
+
+def test_progress_is_told_with_each_step():
+    model, bar = Model(), tqdm(total=100, file=io.StringIO())
+    milestones = Milestones(100, lambda seconds: None, StopRequest(), bar)
+    milestones.init_callback(model)
+    for model.num_timesteps in (8, 16, 24):
+        milestones.on_step()
+    assert bar.n == 24
+    bar.close()
 
 
 def test_a_second_signal_interrupts():
