@@ -29,7 +29,6 @@ import torch
 from agents import commands, evaluation, files, pictures, worlds
 from agents.config import ALGORITHMS, DEFAULT_SCENE, Config, ConfigError, configure
 from agents.training import Run
-from gym_passive_walker.policies import shipped_policies
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -37,8 +36,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     keep_to_one_thread()
     try:
-        if arguments and arguments[0] in COMMANDS:
-            return COMMANDS[arguments[0]](arguments[1:])
+        if arguments and arguments[0] in commands.COMMANDS:
+            return commands.COMMANDS[arguments[0]](arguments[1:])
         return train(train_parser().parse_args(arguments))
     except ConfigError as error:
         print(f"train.py: error: {error}", file=sys.stderr)
@@ -80,22 +79,6 @@ def train_parser() -> argparse.ArgumentParser:
     searched = "try N sets of hyperparameters (needs Optuna), and keep the best as a preset"
     add("--search", type=whole, metavar="N", help=searched)
     add("--quiet", action="store_true", help="no progress bar")
-    return parser
-
-
-def evaluate_parser() -> argparse.ArgumentParser:
-    """The arguments of an evaluation."""
-    parser = argparse.ArgumentParser(
-        prog="train.py evaluate", description="Judge a run's policy beside the passive walker."
-    )
-    add = parser.add_argument
-    which = parser.add_mutually_exclusive_group(required=True)
-    which.add_argument("run", type=Path, nargs="?", help="folder of the run")
-    which.add_argument(
-        "--policy", metavar="NAME", help=f"or of these: {', '.join(shipped_policies())}"
-    )
-    add("--episodes", type=int, default=evaluation.EPISODES, metavar="N", help="(%(default)s)")
-    add("--seed", type=int, default=evaluation.SEED, help="of the episodes (%(default)s)")
     return parser
 
 
@@ -178,27 +161,6 @@ def find_better(config: Config, args: argparse.Namespace) -> int:
     print("\n".join(f"{name}: {value}" for name, value in best.items()))
     print(f"Saved in {folder / BEST}, in the layout of agents/presets")
     return 0
-
-
-def evaluate(arguments: Sequence[str]) -> int:
-    """Judge the policy of a run that is there."""
-    args = evaluate_parser().parse_args(arguments)
-    keep = args.run is not None
-    if keep and not args.run.is_dir():
-        raise ConfigError(f"{args.run} is not the folder of a run")
-    print(
-        evaluation.judge(args.run or args.policy, episodes=args.episodes, seed=args.seed, keep=keep)
-    )
-    return 0
-
-
-COMMANDS = {
-    "evaluate": evaluate,
-    "optimal": commands.find_optimal,
-    "gait": commands.show_gait,
-    "benchmark": commands.run_benchmark,
-    "export": commands.export_policy,
-}
 
 
 if __name__ == "__main__":

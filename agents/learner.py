@@ -28,11 +28,11 @@ from agents.worlds import training_worlds
 from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.policies import DESCRIPTION, TENSORS, PolicyError, shipped_policies
 from gym_passive_walker.policies import load_policy as load_exported
+from gym_passive_walker.policies.network import ACTIVATIONS
 
 MODEL, NORMALIZER = "model.zip", "normalizer.npz"
 _CLASSES: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC}
 _MOMENTS = ("obs_rms", "ret_rms")
-_ACTIVATIONS = ("ReLU", "Tanh", "ELU", "SiLU")
 
 
 def build(config: Config, worlds: VecEnv, **overrides: Any) -> BaseAlgorithm:
@@ -67,8 +67,8 @@ def _with_activation(policy: dict[str, Any] | None) -> dict[str, Any] | None:
     if policy is None or "activation_fn" not in policy:
         return policy
     name = str(policy["activation_fn"]).removeprefix("nn.")
-    if name not in _ACTIVATIONS:
-        raise ConfigError(f"no activation {name!r}: choose from {', '.join(_ACTIVATIONS)}")
+    if name not in ACTIVATIONS:
+        raise ConfigError(f"no activation {name!r}: choose from {', '.join(ACTIVATIONS)}")
     return policy | {"activation_fn": getattr(torch.nn, name)}
 
 

@@ -229,9 +229,9 @@ def closed_loop_gait(
     settled = ends(point[None], _SETTLING)[0]
     if np.isfinite(settled).all():  # else it falls: the gait may be unstable, and near the start
         point = settled
-    steps = _SHIFT * np.eye(len(point))
+    shifts = _SHIFT * np.eye(len(point))
     for _ in range(_NEWTON):
-        tried = ends(np.vstack([point, point + steps, point - steps]))
+        tried = ends(np.vstack([point, point + shifts, point - shifts]))
         if not np.isfinite(tried).all():
             raise GaitNotFound(
                 f"a walker under {getattr(policy, 'name', 'this policy')} does not make {period} "
