@@ -61,11 +61,6 @@ class Unit(NamedTuple):
 def units(scenes: Iterable[str], agents: Iterable[str], seeds: int) -> list[Unit]:
     """What there is to do: seed after seed, so that whatever is done by then can be compared.
 
-    Args:
-        scenes: Names of scenes.
-        agents: Names of agents.
-        seeds: Of each agent that learns.
-
     Raises:
         ConfigError: if a name is unknown, or there is no seed.
     """
@@ -142,12 +137,7 @@ def _learn(folder: Path, unit: Unit, budget: float) -> dict[str, Any]:
 
 
 def judge(policy: Policy, name: str) -> dict[str, Any]:
-    """An agent's scores in a scene: means over walks, but for the cost that of those with strides.
-
-    Args:
-        policy: The agent.
-        name: The scene's name.
-    """
+    """An agent's scores in a scene of some name: means over walks; costs over all their way."""
     scene = make_scene(name)
     walks = evaluate(policy, worlds.arena(configure("ppo", name), EPISODES), seed=EPISODE_SEED)
     # Over all the way that all walks went, so that a stumble does not weigh as much as a walk.

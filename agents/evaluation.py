@@ -177,12 +177,7 @@ _QUANTITIES: tuple[tuple[str, Callable[[Walks], NDArray], str], ...] = (
 
 
 def table(title: str, columns: dict[str, Walks]) -> str:
-    """Agents side by side: medians over the episodes, with their range, and how walks ended.
-
-    Args:
-        title: First line.
-        columns: The walks of each agent, by its name.
-    """
+    """Agents side by side: medians over the episodes, with their range, and how walks ended."""
     rows = [["", *columns]]
     for label, quantity, form in _QUANTITIES:
         rows.append([label, *(_spread(quantity(walks), form) for walks in columns.values())])

@@ -38,10 +38,7 @@ _MOMENTS = ("obs_rms", "ret_rms")
 def build(config: Config, worlds: VecEnv, **overrides: Any) -> BaseAlgorithm:
     """An untrained algorithm on some environments, which it wraps in VecNormalize if so configured.
 
-    Args:
-        config: The run's configuration.
-        worlds: The environments.
-        overrides: Arguments of the algorithm that take the place of the configured ones.
+    Overrides are arguments of the algorithm that take the place of the configured ones.
     """
     if config.normalize is not None:
         gamma = config.hyperparams.get("gamma", 0.99)
@@ -129,11 +126,7 @@ class LearnedPolicy:
 
 
 def load_policy(run: Path, config: Config | None = None) -> LearnedPolicy:
-    """The policy that a run kept.
-
-    Args:
-        run: The run's folder.
-        config: Its configuration, if it is at hand.
+    """The policy that a run kept, in its folder.
 
     Raises:
         ConfigError: if the folder holds no trained policy.
@@ -177,13 +170,7 @@ def learned(name: str | Path) -> tuple[Config, Policy]:
 
 
 def export(policy: LearnedPolicy, config: Config, folder: Path) -> None:
-    """Write a policy as a folder that `gym_passive_walker.load_policy` reads.
-
-    Args:
-        policy: The policy.
-        config: The configuration that it was trained with.
-        folder: Where to; made if it is not there.
-    """
+    """Write a policy as a folder that `gym_passive_walker.load_policy` reads."""
     # Those that decide what a policy does; critics do not.
     tensors = {
         name: tensor.detach().contiguous()

@@ -77,15 +77,7 @@ def learning_curve(
 
 
 def gait(path: Path, policy: Policy, world: gymnasium.Env, *, seed: int, title: str) -> None:
-    """Draw a strobe picture of an agent's gait, once it has settled.
-
-    Args:
-        path: The picture's file.
-        policy: The agent.
-        world: One environment.
-        seed: Of its episode.
-        title: What is on show.
-    """
+    """Draw a strobe picture of an agent's gait, once it has settled."""
     walker: Any = world.unwrapped
     observation, _ = world.reset(seed=seed)
     memory, first, stride, over = None, np.ones(1, bool), 0, False
