@@ -8,7 +8,7 @@
     python train.py optimal --scene level         gaits of least cost of transport
     python train.py gait level-ppo --out gait.png the gait of a walker under a policy
     python train.py benchmark --seeds 10          everyone beside everyone, resumable
-    python train.py export RUN FOLDER             a policy as tensors and YAML
+    python train.py export RUN FOLDER             a policy as tensors and JSON
 
 A run's folder keeps the policy (model.zip, normalizer.npz), its configuration (config.yml), the
 learning curve (CSV and PNG), the evaluation (CSV and table) and a strobe picture of the gait.
@@ -23,18 +23,21 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from agents import commands, files, judging, worlds
+import numba
+import torch
+
+from agents import commands, evaluation, files, pictures, worlds
 from agents.config import ALGORITHMS, DEFAULT_SCENE, Config, ConfigError, configure
-from agents.roster import folder_of, shipped
 from agents.training import Run
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
+    keep_to_one_thread()
     try:
-        if arguments and arguments[0] in COMMANDS:
-            return COMMANDS[arguments[0]](arguments[1:])
+        if arguments and arguments[0] in commands.COMMANDS:
+            return commands.COMMANDS[arguments[0]](arguments[1:])
         return train(train_parser().parse_args(arguments))
     except ConfigError as error:
         print(f"train.py: error: {error}", file=sys.stderr)
@@ -42,6 +45,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("\ntrain.py: stopped; --resume goes on from the last checkpoint", file=sys.stderr)
         return 130
+
+
+def keep_to_one_thread() -> None:
+    """Keep torch to one thread: at these sizes a second one wins nothing.
+
+    On a busy machine threads that wait for each other make it fifty times slower, and their number
+    would change the rounding. Numba, where it starts its own, sets torch's anew: so it comes first.
+    """
+    numba.get_num_threads()
+    torch.set_num_threads(1)
 
 
 def train_parser() -> argparse.ArgumentParser:
@@ -66,20 +79,6 @@ def train_parser() -> argparse.ArgumentParser:
     searched = "try N sets of hyperparameters (needs Optuna), and keep the best as a preset"
     add("--search", type=whole, metavar="N", help=searched)
     add("--quiet", action="store_true", help="no progress bar")
-    return parser
-
-
-def evaluate_parser() -> argparse.ArgumentParser:
-    """The arguments of an evaluation."""
-    parser = argparse.ArgumentParser(
-        prog="train.py evaluate", description="Judge a run's policy beside the passive walker."
-    )
-    add = parser.add_argument
-    which = parser.add_mutually_exclusive_group(required=True)
-    which.add_argument("run", type=Path, nargs="?", help="folder of the run")
-    which.add_argument("--policy", metavar="NAME", help=f"or of these: {', '.join(shipped())}")
-    add("--episodes", type=int, default=judging.EPISODES, metavar="N", help="(%(default)s)")
-    add("--seed", type=int, default=judging.SEED, help="of the episodes (%(default)s)")
     return parser
 
 
@@ -144,9 +143,9 @@ def train(args: argparse.Namespace) -> int:
     finished = run.train(progress=not args.quiet)
     if not finished:
         print(f"Stopped after {run.steps:,} steps; go on with: python train.py --resume {folder}")
-    print(judging.judge(folder))
+    print(evaluation.judge(folder))
     print(run.first_hundred())
-    judging.draw(folder)
+    pictures.draw_run(folder)
     print(f"Saved in {folder}: {', '.join(sorted(p.name for p in folder.iterdir()))}")
     return 0
 
@@ -162,24 +161,6 @@ def find_better(config: Config, args: argparse.Namespace) -> int:
     print("\n".join(f"{name}: {value}" for name, value in best.items()))
     print(f"Saved in {folder / BEST}, in the layout of agents/presets")
     return 0
-
-
-def evaluate(arguments: Sequence[str]) -> int:
-    """Judge the policy of a run that is there."""
-    args = evaluate_parser().parse_args(arguments)
-    folder = args.run or folder_of(args.policy)
-    keep = args.run is not None
-    print(judging.judge(folder, episodes=args.episodes, seed=args.seed, keep=keep))
-    return 0
-
-
-COMMANDS = {
-    "evaluate": evaluate,
-    "optimal": commands.find_optimal,
-    "gait": commands.show_gait,
-    "benchmark": commands.run_benchmark,
-    "export": commands.export,
-}
 
 
 if __name__ == "__main__":

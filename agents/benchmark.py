@@ -17,16 +17,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from tqdm import tqdm
 
-from agents import optimal, worlds
-from agents.closed_loop import closed_loop_gait
-from agents.config import ALGORITHMS, Config, ConfigError, configure
-from agents.evaluation import HUNDRED, WALKED_ON, Policy, Walks, evaluate
+from agents import worlds
+from agents.config import ALGORITHMS, ConfigError, configure
+from agents.evaluation import HUNDRED, WALKED_ON, Walks, evaluate
 from agents.files import replacing
 from agents.learner import load_policy
-from agents.roster import BASELINES
 from agents.training import Run
-from agents.trials import kicks, rough_strides
 from gym_passive_walker import GaitNotFound
+from gym_passive_walker.control import optimal
+from gym_passive_walker.control.baselines import BASELINES
+from gym_passive_walker.control.closed_loop import closed_loop_gait
+from gym_passive_walker.control.policy import Policy
+from gym_passive_walker.control.trials import kicks, rough_strides
 from gym_passive_walker.envs.scene import SCENES, make_scene
 
 AGENTS = (*BASELINES, *ALGORITHMS)
@@ -58,11 +60,6 @@ class Unit(NamedTuple):
 
 def units(scenes: Iterable[str], agents: Iterable[str], seeds: int) -> list[Unit]:
     """What there is to do: seed after seed, so that whatever is done by then can be compared.
-
-    Args:
-        scenes: Names of scenes.
-        agents: Names of agents.
-        seeds: Of each agent that learns.
 
     Raises:
         ConfigError: if a name is unknown, or there is no seed.
@@ -115,44 +112,34 @@ def load_scores(folder: Path) -> list[dict[str, Any]]:
 
 def measure(folder: Path, unit: Unit, budget: float) -> dict[str, Any]:
     """Train an agent if it learns, and judge it."""
-    config = configure("ppo", unit.scene)
-    learned: dict[str, Any] = {}
-    if unit.agent in ALGORITHMS:
-        config, learned = _learn(folder / "runs" / str(unit), unit, budget)
-        run_folder = folder / "runs" / str(unit)
-        policy: Policy = load_policy(run_folder, worlds.training_worlds(config, 1), config)
-    else:
+    if unit.agent not in ALGORITHMS:
         policy = BASELINES[unit.agent](make_scene(unit.scene))
-    return {**unit._asdict(), **judge(policy, config), **learned}
+        return {**unit._asdict(), **judge(policy, unit.scene)}
+    run_folder = folder / "runs" / str(unit)
+    progress = _learn(run_folder, unit, budget)
+    return {**unit._asdict(), **judge(load_policy(run_folder), unit.scene), **progress}
 
 
-def _learn(folder: Path, unit: Unit, budget: float) -> tuple[Config, dict[str, Any]]:
+def _learn(folder: Path, unit: Unit, budget: float) -> dict[str, Any]:
     """Train, or go on with a training that was interrupted; tell how fast it went."""
     preset = configure(unit.agent, unit.scene, seed=unit.seed)
     steps = max(1, round(preset.steps * budget))
-    config = replace(preset, steps=steps, every=max(1, steps // EXAMS))
-    training = Run(config, folder)
+    training = Run(replace(preset, steps=steps, every=max(1, steps // EXAMS)), folder)
     if not training.train(progress=False):
         raise KeyboardInterrupt  # half a training is not to be judged; it goes on the next time
-    curve = training.notes["curve"]
-    first = next((row for row in curve if row["hundred_strides"] >= 0.5), None)
-    return config, {
+    walked = training.first_to_walk or {"steps": math.nan, "seconds": math.nan}
+    return {
         "learning_steps": training.steps,
         "learning_seconds": training.notes["seconds"],
-        "steps_to_hundred": first["steps"] if first else math.nan,
-        "seconds_to_hundred": first["seconds"] if first else math.nan,
+        "steps_to_hundred": walked["steps"],
+        "seconds_to_hundred": walked["seconds"],
     }
 
 
-def judge(policy: Policy, config: Config) -> dict[str, Any]:
-    """An agent's scores in a scene: means over walks, but for the cost that of those with strides.
-
-    Args:
-        policy: The agent.
-        config: A configuration of the scene.
-    """
-    scene = worlds.scene_of(config)
-    walks = evaluate(policy, worlds.arena(config, EPISODES), seed=EPISODE_SEED)
+def judge(policy: Policy, name: str) -> dict[str, Any]:
+    """An agent's scores in a scene of some name: means over walks; costs over all their way."""
+    scene = make_scene(name)
+    walks = evaluate(policy, worlds.arena(configure("ppo", name), EPISODES), seed=EPISODE_SEED)
     # Over all the way that all walks went, so that a stumble does not weigh as much as a walk.
     way = max(float(walks.length.sum()), 1e-300)
     gravity, hip, net = (
@@ -172,7 +159,7 @@ def judge(policy: Policy, config: Config) -> dict[str, Any]:
         "walked_on": walks.endings.count(WALKED_ON) / len(walks),
         "hundred_strides": float(np.mean(walks.strides >= HUNDRED)),
         "endings": dict(Counter(walks.endings)),
-        "above_optimum": _above_optimum(config, walks, speed, gravity + hip),
+        "above_optimum": _above_optimum(name, walks, speed, gravity + hip),
         "rough_strides": rough_strides(policy, scene),
     }
     try:
@@ -184,7 +171,7 @@ def judge(policy: Policy, config: Config) -> dict[str, Any]:
     return score
 
 
-def _above_optimum(config: Config, walks: Walks, speed: float, cost: float) -> float:
+def _above_optimum(scene: str, walks: Walks, speed: float, cost: float) -> float:
     """How much walks cost above the optimum at their speed, as a share of it.
 
     NaN where no optimum is known, or where most walks end in a fall: strides before a fall live on
@@ -193,6 +180,6 @@ def _above_optimum(config: Config, walks: Walks, speed: float, cost: float) -> f
     if walks.endings.count(WALKED_ON) < 0.5 * len(walks):
         return math.nan
     try:
-        return cost / optimal.least_cost(optimal.load(config.scene), speed) - 1.0
+        return cost / optimal.least_cost(optimal.load(scene), speed) - 1.0
     except ValueError:
         return math.nan

@@ -1,4 +1,4 @@
-"""What happens while an algorithm learns: evaluations, the bar, a wish to stop."""
+"""What happens while an algorithm learns: evaluations, progress, a wish to stop."""
 
 from __future__ import annotations
 
@@ -52,11 +52,14 @@ class Milestones(BaseCallback):
         every: Steps from one milestone to the next.
         reach: Called at each; is told the seconds spent training since the last one.
         stop: Who may ask for an end.
+        bar: Shows the steps made.
     """
 
-    def __init__(self, every: int, reach: Callable[[float], None], stop: StopRequest) -> None:
+    def __init__(
+        self, every: int, reach: Callable[[float], None], stop: StopRequest, bar: tqdm
+    ) -> None:
         super().__init__()
-        self.every, self.reach, self.stop = every, reach, stop
+        self.every, self.reach, self.stop, self.bar = every, reach, stop, bar
         self.stopped = False
         self._reached: int | None = None
         self._since = 0.0
@@ -80,6 +83,7 @@ class Milestones(BaseCallback):
         return math.floor(math.log2(max(steps / self.every, _EARLIEST))) + 1
 
     def _on_step(self) -> bool:
+        self.bar.update(self.model.num_timesteps - self.bar.n)
         # The step that was just made is forgotten: the milestone before it holds everything.
         return not self.stopped
 
@@ -89,33 +93,3 @@ class Milestones(BaseCallback):
             self._reached = self.model.num_timesteps
             self.reach(time.perf_counter() - self._since)
             self._since = time.perf_counter()
-
-
-class Bar(BaseCallback):
-    """A progress bar that says what the last evaluation found."""
-
-    def __init__(self, total: int, *, show: bool) -> None:
-        super().__init__()
-        self.total, self.show = total, show
-        self.bar: tqdm | None = None
-
-    def _on_training_start(self) -> None:
-        done = self.model.num_timesteps
-        self.bar = tqdm(
-            total=max(self.total, done), initial=done, unit=" steps", unit_scale=True,
-            disable=not self.show, dynamic_ncols=True, smoothing=0.05,
-        )  # fmt: skip
-
-    def _on_step(self) -> bool:
-        assert self.bar is not None
-        self.bar.update(self.training_env.num_envs)
-        return True
-
-    def tell(self, text: str) -> None:
-        """Show a few words beside the bar."""
-        if self.bar is not None:
-            self.bar.set_postfix_str(text, refresh=False)
-
-    def _on_training_end(self) -> None:
-        assert self.bar is not None
-        self.bar.close()

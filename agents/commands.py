@@ -8,24 +8,52 @@ from pathlib import Path
 
 import numpy as np
 
-from agents import benchmark, optimal, roster
-from agents.closed_loop import ClosedLoopGait, closed_loop_gait
-from agents.config import ConfigError
-from agents.evaluation import Policy
-from agents.files import replacing
+from agents import benchmark, evaluation
+from agents.config import Config, ConfigError
+from agents.files import CONFIG, replacing
+from agents.learner import export, learned, load_policy
 from gym_passive_walker import GaitNotFound
+from gym_passive_walker.control import optimal
+from gym_passive_walker.control.baselines import BASELINES
+from gym_passive_walker.control.closed_loop import ClosedLoopGait, closed_loop_gait
+from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs.scene import SCENES, Scene, make_scene
+from gym_passive_walker.policies import shipped_policies
 
 GRIDS = {"level": (0.05, 0.20, 0.01), "lab": (0.15, 0.23, 0.01), "steep": (0.31, 0.34, 0.005)}
 """Speeds of the stored optimal gaits of each scene: the first, the last and their distance."""
 
 
+def _parser(command: str, description: str) -> argparse.ArgumentParser:
+    """A parser of a command's arguments."""
+    return argparse.ArgumentParser(prog=f"train.py {command}", description=description)
+
+
+def evaluate(arguments: Sequence[str]) -> int:
+    """Judge the policy of a run that is there."""
+    parser = _parser("evaluate", "Judge a run's policy beside the passive walker.")
+    which = parser.add_mutually_exclusive_group(required=True)
+    which.add_argument("run", type=Path, nargs="?", help="folder of the run")
+    known = ", ".join(shipped_policies())
+    which.add_argument("--policy", metavar="NAME", help=f"or of these: {known}")
+    add = parser.add_argument
+    add("--episodes", type=int, default=evaluation.EPISODES, metavar="N", help="(%(default)s)")
+    add("--seed", type=int, default=evaluation.SEED, help="of the episodes (%(default)s)")
+    args = parser.parse_args(arguments)
+    keep = args.run is not None
+    if keep and not args.run.is_dir():
+        raise ConfigError(f"{args.run} is not the folder of a run")
+    policy = args.run or args.policy
+    print(evaluation.judge(policy, episodes=args.episodes, seed=args.seed, keep=keep))
+    return 0
+
+
 def find_optimal(arguments: Sequence[str]) -> int:
     """Find and store the optimal gaits of a scene, or print the stored ones."""
-    parser = argparse.ArgumentParser(
-        prog="train.py optimal",
-        description="Gaits of least cost of transport: prints those of a scene. With --again they "
-        "are found anew and stored, which takes minutes.",
+    parser = _parser(
+        "optimal",
+        "Gaits of least cost of transport: prints those of a scene. With --again they are found "
+        "anew and stored, which takes minutes.",
     )
     parser.add_argument("--scene", choices=tuple(GRIDS), default="level", help="(%(default)s)")
     parser.add_argument("--again", action="store_true", help="find them anew, and store them")
@@ -34,7 +62,8 @@ def find_optimal(arguments: Sequence[str]) -> int:
         first, last, apart = GRIDS[args.scene]
         speeds = np.linspace(first, last, round((last - first) / apart) + 1).round(6).tolist()
         gaits = optimal.optimal_gaits(args.scene, speeds)
-        optimal.save(optimal.STORE / f"{args.scene}.json", gaits)
+        with replacing(optimal.STORE / f"{args.scene}.json") as path:
+            optimal.save(path, gaits)
     print(optimal_table(optimal.load(args.scene)))
     return 0
 
@@ -54,11 +83,9 @@ def optimal_table(gaits: Sequence[optimal.OptimalGait]) -> str:
 
 def show_gait(arguments: Sequence[str]) -> int:
     """Find the gait of a walker under a policy, print it, and draw it if asked."""
-    parser = argparse.ArgumentParser(
-        prog="train.py gait", description="The periodic gait of a walker under a policy."
-    )
+    parser = _parser("gait", "The periodic gait of a walker under a policy.")
     add = parser.add_argument
-    known = ", ".join([*roster.BASELINES, *roster.shipped()])
+    known = ", ".join([*BASELINES, *shipped_policies()])
     add("policy", help=f"the folder of a run, or one of {known}")
     add("--scene", choices=tuple(SCENES), help="(a learned policy's own; else level)")
     add("--slope", type=float, metavar="RAD", help="of a range, or another one")
@@ -86,10 +113,10 @@ def show_gait(arguments: Sequence[str]) -> int:
 
 def _policy_and_scene(name: str, scene: str | None) -> tuple[Policy, Scene]:
     """A policy by its name, and the scene in which it is looked at."""
-    if name in roster.BASELINES:
+    if name in BASELINES:
         chosen = make_scene(scene or "level")
-        return roster.BASELINES[name](chosen), chosen
-    config, policy = roster.learned(name)
+        return BASELINES[name](chosen), chosen
+    config, policy = learned(name)
     return policy, make_scene(scene) if scene else make_scene(config.scene, **config.env)
 
 
@@ -115,10 +142,10 @@ def _described(gait: ClosedLoopGait, least: float) -> str:
 
 def run_benchmark(arguments: Sequence[str]) -> int:
     """Compare agents in scenes, seed by seed; write scores, tables and a picture."""
-    parser = argparse.ArgumentParser(
-        prog="train.py benchmark",
-        description="Compare agents. What is done already is not done again, so it can be "
-        "interrupted at any time.",
+    parser = _parser(
+        "benchmark",
+        "Compare agents. What is done already is not done again, so it can be interrupted at any "
+        "time.",
     )
     add = parser.add_argument
     add("--scenes", nargs="+", default=list(SCENES), metavar="SCENE", help="(all)")
@@ -155,17 +182,22 @@ def run_benchmark(arguments: Sequence[str]) -> int:
     return 0
 
 
-def export(arguments: Sequence[str]) -> int:
-    """Write a run's policy as tensors and YAML, as those that come with the package."""
-    parser = argparse.ArgumentParser(
-        prog="train.py export", description="Write a run's policy as tensors and YAML."
-    )
-    parser.add_argument("run", help="folder of the run")
+def export_policy(arguments: Sequence[str]) -> int:
+    """Write a run's policy as tensors and JSON, as those that come with the package."""
+    parser = _parser("export", "Write a run's policy as tensors and JSON.")
+    parser.add_argument("run", type=Path, help="folder of the run")
     parser.add_argument("folder", type=Path, help="where to")
     args = parser.parse_args(arguments)
-    from agents.learner import export
-
-    config, policy = roster.learned(args.run)
-    export(policy, config, args.folder)
+    config = Config.load(args.run / CONFIG)
+    export(load_policy(args.run, config), config, args.folder)
     print(f"Saved in {args.folder}: {', '.join(sorted(p.name for p in args.folder.iterdir()))}")
     return 0
+
+
+COMMANDS = {
+    "evaluate": evaluate,
+    "optimal": find_optimal,
+    "gait": show_gait,
+    "benchmark": run_benchmark,
+    "export": export_policy,
+}

@@ -64,19 +64,11 @@ class Config:
         path.write_text(yaml.safe_dump(asdict(self), sort_keys=False), encoding="utf-8")
 
     def preset(self) -> dict[str, Any]:
-        """The preset, in rl_zoo3's layout, that `configure` makes this configuration from."""
-        preset: dict[str, Any] = {"n_envs": self.n_envs, "n_timesteps": self.steps}
-        preset["normalize"] = str(self.normalize) if self.normalize else self.normalize is not None
-        if self.episode_steps is not None:
-            preset["env_wrapper"] = {_TIME_LIMIT: {"max_episode_steps": self.episode_steps}}
-        if self.exploration is not None:
-            preset["callback"] = {_EXPLORATION[self.algo]: self.exploration}
-        if self.training:
-            preset["env_kwargs"] = self.training
-        preset |= self.hyperparams
-        if "activation_fn" in preset.get("policy_kwargs", {}):  # a name, which only text can hold
-            preset["policy_kwargs"] = _as_call(preset["policy_kwargs"])
-        return preset
+        """The preset, in rl_zoo3's layout, with this configuration's steps and hyperparameters."""
+        preset = preset_of(self.algo, self.scene, self.env)
+        # What stands there as text, only text can hold.
+        plain = {name: v for name, v in self.hyperparams.items() if name != "policy_kwargs"}
+        return preset | plain | {"n_envs": self.n_envs, "n_timesteps": self.steps}
 
     @classmethod
     def load(cls, path: Path) -> Config:
@@ -111,6 +103,15 @@ def presets(algo: str) -> dict[str, dict[str, Any]]:
     return yaml.safe_load((_PRESETS / f"{algo}.yml").read_text(encoding="utf-8"))
 
 
+def preset_of(algo: str, scene: str, env: dict[str, Any]) -> dict[str, Any]:
+    """A copy of the preset of a scene; a control of its own brings that control's with it."""
+    of_algo = presets(algo)
+    name = env.get("control", scene)
+    if name not in of_algo:
+        raise ConfigError(f"no preset for {name!r} in {algo}.yml: it has {', '.join(of_algo)}")
+    return dict(of_algo[name])
+
+
 def configure(
     algo: str = "ppo",
     scene: str = DEFAULT_SCENE,
@@ -137,11 +138,7 @@ def configure(
         ConfigError: if a name or a number is out of range.
     """
     env = {name: value for name, value in (env or {}).items() if value is not None}
-    of_algo = presets(algo)
-    name = env.get("control", scene)
-    if name not in of_algo:
-        raise ConfigError(f"no preset for {name!r} in {algo}.yml: it has {', '.join(of_algo)}")
-    preset = dict(of_algo[name])
+    preset = preset_of(algo, scene, env)
     count: int = preset.pop("n_envs")
     total: int = preset.pop("n_timesteps")
     normalize, wrapper, callback, training = (preset.pop(key, None) for key in _OF_THE_RUN)
@@ -209,9 +206,3 @@ def _arguments_of_the_policy(preset: dict[str, Any]) -> dict[str, Any]:
             for given in call.keywords  # type: ignore[attr-defined]
         }
     }
-
-
-def _as_call(arguments: dict[str, Any]) -> str:
-    """A policy's arguments as "dict(...)", which `_arguments_of_the_policy` reads."""
-    given = (f"{k}={v if k == 'activation_fn' else repr(v)}" for k, v in arguments.items())
-    return f"dict({', '.join(given)})"

@@ -1,17 +1,29 @@
-"""Walks: what becomes of an agent in a number of episodes."""
+"""Walks: what becomes of an agent in a number of episodes, and what there is to say of it."""
 
 from __future__ import annotations
 
+import csv
+from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 
+from agents import worlds
+from agents.files import replacing
+from agents.learner import learned
+from gym_passive_walker.control.baselines import Passive
+from gym_passive_walker.control.policy import Policy, steps
+
+EPISODES, SEED = 20, 1000
+"""Episodes that judge a run, and the seed of the first."""
+
 HUNDRED = 100
 """Strides after which a walk counts as one that goes on."""
-
 
 WALKED_ON = "walked on"
 """The ending of a walk that the time limit ended."""
@@ -19,20 +31,6 @@ WALKED_ON = "walked on"
 _MEDIANS = ("distance", "strides", "speed", "cost_of_transport")
 _WORK = {"hip_work": "hip_cost", "net_work": "net_hip_cost", "gravity_work": "gravity_cost"}
 _PER_EPISODE = ("seeds", "slopes", "reward", *_MEDIANS, "gravity_cost")
-
-
-class Policy(Protocol):
-    """Whatever acts: stable-baselines3's algorithms, learned policies, baselines."""
-
-    def predict(
-        self,
-        observation: NDArray,
-        state: tuple[NDArray, ...] | None = None,
-        episode_start: NDArray | None = None,
-        deterministic: bool = True,
-    ) -> tuple[NDArray, tuple[NDArray, ...] | None]:
-        """Choose actions for a batch of observations."""
-        ...
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,41 +121,40 @@ def _median(values: NDArray) -> float:
     return float(np.median(values)) if len(values) else float("nan")
 
 
-def evaluate(policy: Policy, worlds: VectorEnv, *, seed: int) -> Walks:
+def evaluate(policy: Policy, arena: VectorEnv, *, seed: int) -> Walks:
     """Let an agent walk one episode in each of some environments.
 
     Args:
         policy: The agent; it acts deterministically.
-        worlds: A native batch in its usual "NextStep" mode, each lane an episode.
+        arena: A native batch in its usual "NextStep" mode, each lane an episode.
         seed: Seed of the first episode, the next ones follow. The same seed is the same starts
             and the same slopes, whoever walks.
-
-    Returns:
-        The walks, one for each environment.
     """
-    count = worlds.num_envs
+    count = arena.num_envs
     sums = {name: np.zeros(count) for name in ("length", "duration", *_WORK)}
     reward, distance, strides = np.zeros((3, count))
     endings = [""] * count
-    observation, _ = worlds.reset(seed=seed)
-    slopes = worlds.slopes  # type: ignore[attr-defined]
-    under_way, state, first = np.ones(count, bool), None, np.ones(count, bool)
-    while under_way.any():
-        action, state = policy.predict(observation, state, first, deterministic=True)
-        observation, rewards, terminated, truncated, infos = worlds.step(action)
-        reward[under_way] += rewards[under_way]
-        struck = infos.get("_step_length", False) & under_way
+    observations, _ = arena.reset(seed=seed)
+    slopes = arena.slopes  # type: ignore[attr-defined]
+    under_way = np.ones(count, bool)
+    for step in steps(policy, arena, observations):
+        infos = step.infos
+        reward[under_way] += step.rewards[under_way]
+        struck = step.struck & under_way
         if struck.any():
             length = infos["step_length"][struck]
             sums["length"][struck] += length
             sums["duration"][struck] += infos["step_period"][struck]
             for name, cost in _WORK.items():
                 sums[name][struck] += infos[cost][struck] * length
-        first = terminated | truncated
-        for i in np.flatnonzero(first & under_way):
+        over = step.terminated | step.truncated
+        for i in np.flatnonzero(over & under_way):
             distance[i], strides[i] = infos["episode_distance"][i], infos["strides"][i]
-            endings[i] = infos["outcome"][i].replace("_", " ") if terminated[i] else WALKED_ON
-        under_way &= ~first
+            fell = step.terminated[i]
+            endings[i] = infos["outcome"][i].replace("_", " ") if fell else WALKED_ON
+        under_way &= ~over
+        if not under_way.any():
+            break
     return Walks(
         seeds=seed + np.arange(count),
         slopes=slopes,
@@ -167,3 +164,82 @@ def evaluate(policy: Policy, worlds: VectorEnv, *, seed: int) -> Walks:
         **sums,
         endings=endings,
     )
+
+
+_QUANTITIES: tuple[tuple[str, Callable[[Walks], NDArray], str], ...] = (
+    ("distance / leg length", lambda walks: walks.distance, ".1f"),
+    ("strides", lambda walks: walks.strides, ".0f"),
+    ("speed / √(g l)", lambda walks: walks.speed, ".3f"),
+    ("cost of transport", lambda walks: walks.cost_of_transport, ".4f"),
+    ("  of it gravity's", lambda walks: walks.gravity_cost, ".4f"),
+    ("return", lambda walks: walks.reward, ".2f"),
+)
+
+
+def table(title: str, columns: dict[str, Walks]) -> str:
+    """Agents side by side: medians over the episodes, with their range, and how walks ended."""
+    rows = [["", *columns]]
+    for label, quantity, form in _QUANTITIES:
+        rows.append([label, *(_spread(quantity(walks), form) for walks in columns.values())])
+    for ending, _ in Counter(e for walks in columns.values() for e in walks.endings).most_common():
+        counts = (f"{walks.endings.count(ending)} of {len(walks)}" for walks in columns.values())
+        rows.append([ending, *counts])
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = [
+        "  ".join(
+            cell.rjust(width) if index else cell.ljust(width)
+            for index, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
+        for row in rows
+    ]
+    rule = "─" * len(lines[0])
+    return "\n".join([title, rule, lines[0], rule, *lines[1:], rule])
+
+
+def _spread(values: NDArray, form: str) -> str:
+    """Median and range of some numbers."""
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return "–"
+    low, middle, high = (f"{np.percentile(values, q):{form}}" for q in (0, 50, 100))
+    return middle if low == high else f"{middle} ({low} to {high})"
+
+
+def write_rows(path: Path, rows: Sequence[dict[str, Any]]) -> None:
+    """Write rows as CSV."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, fieldnames=list(rows[0]))
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+def judge(
+    which: Path | str, *, episodes: int = EPISODES, seed: int = SEED, keep: bool = True
+) -> str:
+    """Let a policy and the passive walker walk the same episodes.
+
+    Args:
+        which: A policy, as of `learned`.
+        episodes: How many episodes.
+        seed: Of the first one.
+        keep: Whether evaluation.csv and evaluation.txt are written into its folder.
+
+    Returns:
+        The table.
+
+    Raises:
+        ConfigError: if there is no such policy.
+    """
+    config, policy = learned(which)
+    arena = worlds.arena(config, episodes)
+    columns = {
+        name: evaluate(agent, arena, seed=seed)
+        for name, agent in ((config.algo.upper(), policy), (Passive.name, Passive()))
+    }
+    text = table(f"{worlds.describe(config)}; {episodes} episodes", columns)
+    if keep:
+        with replacing(Path(which) / "evaluation.txt") as path:
+            path.write_text(text + "\n", encoding="utf-8")
+        with replacing(Path(which) / "evaluation.csv") as path:
+            write_rows(path, [row for name, walks in columns.items() for row in walks.rows(name)])
+    return text

@@ -10,8 +10,6 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.noise import ActionNoise, NormalActionNoise, VectorizedActionNoise
 from stable_baselines3.common.preprocessing import get_action_dim
 
-from gym_passive_walker.envs import task as T
-
 
 class Schedule(BaseCallback):
     """Keeps PPO from settling for the first gait that it finds.
@@ -36,17 +34,11 @@ class Schedule(BaseCallback):
         self.shares, self.values = zip(*sorted(log_std.items()), strict=True)
         self.energy, self.until = energy, until
 
-    def _init_callback(self) -> None:
-        self._rules = [batch.rules for batch in self.training_env.get_attr("batch")]
-        self._own = [rules[T.CHARGED] for rules in self._rules]
-
     def _on_rollout_start(self) -> None:
         share = self.model.num_timesteps / self.model._total_timesteps
         policy: Any = self.model.policy
         policy.log_std.data.fill_(np.interp(share, self.shares, self.values))
-        early = self.energy is not None and share < self.until
-        for rules, own in zip(self._rules, self._own, strict=True):
-            rules[T.CHARGED] = T.ENERGIES.index(self.energy) if early else own
+        self.training_env.env_method("charge_for", self.energy if share < self.until else None)
 
     def _on_step(self) -> bool:
         return True

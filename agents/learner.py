@@ -1,4 +1,4 @@
-"""Algorithms of stable-baselines3 from a configuration, and policies back from their files.
+"""Algorithms of stable-baselines3 from a configuration, and policies to their files and back.
 
 Nothing here unpickles: an algorithm is built afresh from its YAML, and only numbers are read from
 disk (tensors with `weights_only`, arrays without pickles).
@@ -6,15 +6,16 @@ disk (tensors with `weights_only`, arrays without pickles).
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from safetensors import SafetensorError
-from safetensors.torch import load_file, save_file
+from safetensors.torch import save_file
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.save_util import load_from_zip_file
@@ -23,22 +24,21 @@ from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from agents.config import Config, ConfigError
 from agents.files import CONFIG, replacing
 from agents.networks import POLICIES
+from agents.worlds import training_worlds
+from gym_passive_walker.control.policy import Policy
+from gym_passive_walker.policies import DESCRIPTION, TENSORS, PolicyError, shipped_policies
+from gym_passive_walker.policies import load_policy as load_exported
+from gym_passive_walker.policies.network import ACTIVATIONS
 
 MODEL, NORMALIZER = "model.zip", "normalizer.npz"
-POLICY = "policy.safetensors"
-"""A policy for keeps: all its tensors and its normaliser's moments, and no code."""
 _CLASSES: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC}
 _MOMENTS = ("obs_rms", "ret_rms")
-_ACTIVATIONS = ("ReLU", "Tanh", "ELU", "SiLU")
 
 
 def build(config: Config, worlds: VecEnv, **overrides: Any) -> BaseAlgorithm:
     """An untrained algorithm on some environments, which it wraps in VecNormalize if so configured.
 
-    Args:
-        config: The run's configuration.
-        worlds: The environments.
-        overrides: Arguments of the algorithm that take the place of the configured ones.
+    Overrides are arguments of the algorithm that take the place of the configured ones.
     """
     if config.normalize is not None:
         gamma = config.hyperparams.get("gamma", 0.99)
@@ -64,8 +64,8 @@ def _with_activation(policy: dict[str, Any] | None) -> dict[str, Any] | None:
     if policy is None or "activation_fn" not in policy:
         return policy
     name = str(policy["activation_fn"]).removeprefix("nn.")
-    if name not in _ACTIVATIONS:
-        raise ConfigError(f"no activation {name!r}: choose from {', '.join(_ACTIVATIONS)}")
+    if name not in ACTIVATIONS:
+        raise ConfigError(f"no activation {name!r}: choose from {', '.join(ACTIVATIONS)}")
     return policy | {"activation_fn": getattr(torch.nn, name)}
 
 
@@ -125,81 +125,76 @@ class LearnedPolicy:
             self.model.save(path)
 
 
-def load_policy(run: Path, worlds: VecEnv, config: Config | None = None) -> LearnedPolicy:
-    """The policy that a run kept, or that was exported.
-
-    Args:
-        run: The folder.
-        worlds: Environments of the run's kind, which give the shapes.
-        config: The run's configuration, if it is at hand.
+def load_policy(run: Path, config: Config | None = None) -> LearnedPolicy:
+    """The policy that a run kept, in its folder.
 
     Raises:
         ConfigError: if the folder holds no trained policy.
     """
     config = config or Config.load(run / CONFIG)
-    if not ((run / MODEL).is_file() or (run / POLICY).is_file()):
+    if not (run / MODEL).is_file():
         raise ConfigError(f"{run} has no {MODEL}: train it first, by --resume {run}")
     # To act takes no memory of steps.
     memory = {"sac": {"buffer_size": 1}, "ppo": {"n_steps": 2, "batch_size": 2}}[config.algo]
-    model = build(config, worlds, **memory)
+    model = build(config, training_worlds(config, 1), **memory)
     try:
-        if (run / POLICY).is_file():
-            restore_exported(model, run / POLICY)
-        else:
-            restore_weights(model, run / MODEL)
-            normalizer = model.get_vec_normalize_env()
-            if normalizer is not None:
-                with np.load(run / NORMALIZER) as saved:
-                    restore_moments(normalizer, saved)
-    except (OSError, ValueError, RuntimeError, KeyError, SafetensorError) as error:
+        restore_weights(model, run / MODEL)
+        normalizer = model.get_vec_normalize_env()
+        if normalizer is not None:
+            with np.load(run / NORMALIZER) as saved:
+                restore_moments(normalizer, saved)
+    except (OSError, ValueError, RuntimeError, KeyError) as error:
         raise ConfigError(f"the files in {run} do not fit its {CONFIG}: {error}") from None
     return LearnedPolicy(model, config.algo.upper())
 
 
-def export(policy: LearnedPolicy, config: Config, folder: Path) -> None:
-    """Write a policy as a folder of tensors and YAML.
+def learned(name: str | Path) -> tuple[Config, Policy]:
+    """A trained policy, and the configuration that it was trained with.
 
     Args:
-        policy: The policy.
-        config: The configuration that it was trained with.
-        folder: Where to; made if it is not there.
+        name: The folder of a run or of an exported policy; as text, also the name of a policy that
+            comes with the package.
+
+    Raises:
+        ConfigError: if there is none, or its files do not fit.
     """
-    tensors = {name: tensor.detach().contiguous() for name, tensor in _tensors(policy.model)}
+    shipped = isinstance(name, str) and name in shipped_policies()
+    if not shipped and (Path(name) / CONFIG).is_file():
+        config = Config.load(Path(name) / CONFIG)
+        return config, load_policy(Path(name), config)
+    try:
+        policy = load_exported(name)
+        return Config(**policy.trained), policy
+    except (PolicyError, TypeError) as error:
+        raise ConfigError(f"{name} is not the folder of a run: {error}") from None
+
+
+def export(policy: LearnedPolicy, config: Config, folder: Path) -> None:
+    """Write a policy as a folder that `gym_passive_walker.load_policy` reads."""
+    # Those that decide what a policy does; critics do not.
+    tensors = {
+        name: tensor.detach().contiguous()
+        for name, tensor in policy.model.policy.state_dict().items()
+        if "critic" not in name and "value" not in name
+    }
     normalizer = policy.model.get_vec_normalize_env()
     if normalizer is not None:
         tensors |= {
             f"normalizer.{name}": torch.as_tensor(np.atleast_1d(array))
             for name, array in moments(normalizer).items()
         }
-    with replacing(folder / POLICY) as path:
+    with replacing(folder / TENSORS) as path:
         save_file(tensors, path)
-    with replacing(folder / CONFIG) as path:
-        config.save(path)
-
-
-def restore_exported(model: BaseAlgorithm, path: Path) -> None:
-    """Put the tensors of an exported policy into an algorithm of the same make."""
-    tensors = load_file(path, device="cpu")
-    saved = {
-        name.removeprefix("normalizer."): tensors.pop(name).numpy()
-        for name in list(tensors)
-        if name.startswith("normalizer.")
+    scaling = None
+    if normalizer is not None and normalizer.norm_obs:
+        scaling = {"epsilon": normalizer.epsilon, "clip": normalizer.clip_obs}
+    description = {
+        "algo": config.algo,
+        "activation": policy.model.policy.activation_fn.__name__,
+        "normalizer": scaling,
+        "scene": config.scene,
+        "env": config.env,
+        "trained": asdict(config),
     }
-    state = model.policy.state_dict()
-    wanted = {name for name, _ in _tensors(model)}
-    if set(tensors) != wanted:
-        raise ValueError(f"it holds {len(tensors)} tensors, and {len(wanted)} are wanted")
-    model.policy.load_state_dict(state | tensors)
-    normalizer = model.get_vec_normalize_env()
-    if normalizer is not None:
-        shapes = moments(normalizer)
-        restore_moments(normalizer, {k: v.reshape(shapes[k].shape) for k, v in saved.items()})
-
-
-def _tensors(model: BaseAlgorithm) -> list[tuple[str, torch.Tensor]]:
-    """The tensors that decide what a policy does; critics do not."""
-    return [
-        (name, tensor)
-        for name, tensor in model.policy.state_dict().items()
-        if "critic" not in name and "value" not in name
-    ]
+    with replacing(folder / DESCRIPTION) as path:
+        path.write_text(json.dumps(description, indent=1) + "\n", encoding="utf-8")

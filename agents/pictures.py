@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,10 +11,15 @@ import gymnasium
 import numpy as np
 from matplotlib.figure import Figure
 
-from agents.closed_loop import ClosedLoopGait
-from agents.evaluation import Policy
-from agents.optimal import OptimalGait
-from gym_passive_walker.physics.frame import frame_of
+from agents import worlds
+from agents.evaluation import EPISODES, SEED, evaluate
+from agents.files import replacing
+from agents.learner import learned
+from gym_passive_walker.control.baselines import Passive
+from gym_passive_walker.control.closed_loop import ClosedLoopGait
+from gym_passive_walker.control.optimal import OptimalGait
+from gym_passive_walker.control.policy import Policy
+from gym_passive_walker.control.ticks import torque_unit
 from gym_passive_walker.render import strobe, strobe_of
 
 _QUANTITIES = (
@@ -25,6 +31,19 @@ _QUANTITIES = (
 
 _SETTLED, _SHOWN, _FLASHES = 20, 3, 8
 """Strides before those that are drawn, how many are drawn, and postures of each."""
+
+
+def draw_run(run: Path) -> None:
+    """Draw a run's learning curve and the gait of its policy."""
+    config, policy = learned(run)
+    with (run / "learning_curve.csv").open(newline="", encoding="utf-8") as file:
+        rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(file)]
+    with replacing(run / "learning_curve.png") as path:
+        passive = evaluate(Passive(), worlds.arena(config, EPISODES), seed=SEED).summary()
+        learning_curve(path, rows, passive, worlds.describe(config))
+    with replacing(run / "gait.png") as path:
+        title = f"{config.algo.upper()} on {worlds.describe(config)}"
+        gait(path, policy, worlds.single(config), seed=SEED, title=title)
 
 
 def learning_curve(
@@ -58,15 +77,7 @@ def learning_curve(
 
 
 def gait(path: Path, policy: Policy, world: gymnasium.Env, *, seed: int, title: str) -> None:
-    """Draw a strobe picture of an agent's gait, once it has settled.
-
-    Args:
-        path: The picture's file.
-        policy: The agent.
-        world: One environment.
-        seed: Of its episode.
-        title: What is on show.
-    """
+    """Draw a strobe picture of an agent's gait, once it has settled."""
     walker: Any = world.unwrapped
     observation, _ = world.reset(seed=seed)
     memory, first, stride, over = None, np.ones(1, bool), 0, False
@@ -82,7 +93,7 @@ def gait(path: Path, policy: Policy, world: gymnasium.Env, *, seed: int, title: 
     begun = strides.index(max(0, strides[-1] + 1 - _SHOWN))
     shown = slice(begun, None)
     if walker.scene.control == "stride":
-        scale = frame_of(walker.walker).torque * walker.scene.max_hip_torque
+        scale = torque_unit(walker.walker) * walker.scene.max_hip_torque
         torque = scale * np.array(torques[shown])
         figure = strobe(
             walker.walker, walker.slope, states[begun], strides=len(torque), hip_torque=torque

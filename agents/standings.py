@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import csv
 import math
+from collections import Counter
 from collections.abc import Sequence
-from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -14,11 +13,12 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.stats import bootstrap, trim_mean
 
-from agents import optimal
 from agents.benchmark import AGENTS, SCORES
 from agents.config import ALGORITHMS
+from agents.evaluation import WALKED_ON, write_rows
 from agents.files import replacing
 from gym_passive_walker import GaitFamily, gait_family
+from gym_passive_walker.control import optimal
 from gym_passive_walker.envs.scene import SCENES
 
 BEGIN, END = "<!-- benchmark: begin -->", "<!-- benchmark: end -->"
@@ -76,16 +76,22 @@ def cell(values: Sequence[float], form: str) -> str:
     return text if math.isnan(low) else f"{text} [{low:{form}}, {high:{form}}]"
 
 
+def by_agent(scores: Sequence[Score]) -> dict[str, list[Score]]:
+    """The scores of each agent that has some, in the order of `AGENTS`."""
+    found = {agent: [score for score in scores if score["agent"] == agent] for agent in AGENTS}
+    return {agent: own for agent, own in found.items() if own}
+
+
+def walking_on_the_level(scores: Sequence[Score]) -> dict[str, list[Score]]:
+    """Who walks on the level, by agent."""
+    return by_agent([s for s in scores if s["scene"] == "level" and s["walked_on"] > 0.0])
+
+
 def tables(scores: Sequence[Score]) -> str:
     """A Markdown table for each scene, agents side by side."""
     pieces = []
     for scene in (name for name in SCENES if any(s["scene"] == name for s in scores)):
-        here = [score for score in scores if score["scene"] == scene]
-        columns = {
-            agent: [score for score in here if score["agent"] == agent]
-            for agent in AGENTS
-            if any(score["agent"] == agent for score in here)
-        }
+        columns = by_agent([score for score in scores if score["scene"] == scene])
         heads = [
             f"{agent} ({len(own)} seed{'s' * (len(own) > 1)})" if agent in ALGORITHMS else agent
             for agent, own in columns.items()
@@ -102,13 +108,12 @@ def tables(scores: Sequence[Score]) -> str:
 
 def falls(scores: Sequence[Score]) -> str:
     """How often walks ended before the time limit, by cause."""
-    total: dict[str, int] = {}
-    for score in scores:
-        for ending, count in score["endings"].items():
-            total[ending] = total.get(ending, 0) + count
-    walks = sum(total.values())
-    causes = sorted(total.items(), key=lambda item: -item[1])
-    shares = [f"{cause} {count / walks:.0%}" for cause, count in causes if cause != "walked on"]
+    total = sum((Counter(score["endings"]) for score in scores), Counter())
+    shares = [
+        f"{cause} {count / total.total():.0%}"
+        for cause, count in total.most_common()
+        if cause != WALKED_ON
+    ]
     return ", ".join(shares) or "none"
 
 
@@ -119,9 +124,7 @@ def equal_speeds(scores: Sequence[Score]) -> str:
         "| `level` | speed / √(gl) | cost of transport | optimum there | passive there, downhill |",
         "|---|---|---|---|---|",
     ]
-    level = [s for s in scores if s["scene"] == "level" and s["walked_on"] > 0.0]
-    for agent, own in groupby(sorted(level, key=lambda s: AGENTS.index(s["agent"])), _agent):
-        walked = list(own)
+    for agent, walked in walking_on_the_level(scores).items():
         speed = float(middle(np.array([s["speed"] for s in walked])))
         cost = float(middle(np.array([s["cost_of_transport"] for s in walked])))
         best = optimal.least_cost(optimal.load("level"), speed)
@@ -131,35 +134,27 @@ def equal_speeds(scores: Sequence[Score]) -> str:
     return "\n".join(lines)
 
 
-def _agent(score: Score) -> str:
-    return score["agent"]
-
-
 def _passive() -> GaitFamily:
     return gait_family("C", 5e-4, 0.05)
 
 
-def _froude(family: GaitFamily) -> NDArray:
-    walker = family.walker
-    return family.speed / math.sqrt(walker.gravity * walker.leg_length)
-
-
 def _cost_at(family: GaitFamily, speed: float) -> float:
     """The slope's sine on which the passive walker goes at a speed."""
-    order = np.argsort(_froude(family))
-    speeds, slopes = _froude(family)[order], family.slope[order]
+    order = np.argsort(family.froude_speed)
+    speeds, slopes = family.froude_speed[order], family.slope[order]
     return math.sin(float(np.interp(speed, speeds, slopes, left=math.nan, right=math.nan)))
 
 
 def write_csv(path: Path, scores: Sequence[Score]) -> None:
     """Write the raw scores, a row a unit."""
-    with replacing(path) as aside, aside.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, ["scene", "agent", "seed", *SCORES], extrasaction="ignore")
-        writer.writeheader()
-        for score in sorted(scores, key=lambda s: (s["scene"], AGENTS.index(_agent(s)), s["seed"])):
-            writer.writerow(
-                {k: f"{v:.6g}" if isinstance(v, float) else v for k, v in score.items()}
-            )
+    names = ("scene", "agent", "seed", *SCORES)
+    order = sorted(scores, key=lambda s: (s["scene"], AGENTS.index(s["agent"]), s["seed"]))
+    rows = [{name: score.get(name, "") for name in names} for score in order]
+    with replacing(path) as aside:
+        write_rows(
+            aside,
+            [{k: f"{v:.6g}" if isinstance(v, float) else v for k, v in r.items()} for r in rows],
+        )
 
 
 def write_document(path: Path, text: str) -> None:
@@ -182,14 +177,12 @@ def draw(path: Path, scores: Sequence[Score]) -> None:
     family, gaits = _passive(), optimal.load("level")
     figure = Figure(figsize=(7.5, 5.0), layout="constrained")
     ax = figure.subplots()
-    ax.plot(_froude(family), np.sin(family.slope), color="grey", label="passive, downhill")
+    ax.plot(family.froude_speed, np.sin(family.slope), color="grey", label="passive, downhill")
     ax.plot(
         [g.speed for g in gaits], [g.cost_of_transport for g in gaits],
         color="black", label="optimal, on the level",
     )  # fmt: skip
-    level = [s for s in scores if s["scene"] == "level" and s["walked_on"] > 0.0]
-    for agent, own in groupby(sorted(level, key=lambda s: AGENTS.index(s["agent"])), _agent):
-        walked = list(own)
+    for agent, walked in walking_on_the_level(scores).items():
         ax.plot(
             [s["speed"] for s in walked], [s["cost_of_transport"] for s in walked],
             "o", markersize=5, alpha=0.7, label=f"{agent}, on the level",

@@ -5,18 +5,16 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import numba
-import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import Logger
+from tqdm import tqdm
 
 from agents import checkpoint, files, worlds
-from agents.callbacks import Bar, Milestones, StopRequest
+from agents.callbacks import Milestones, StopRequest
 from agents.config import Config, ConfigError
-from agents.evaluation import HUNDRED, evaluate
+from agents.evaluation import HUNDRED, evaluate, write_rows
 from agents.exploration import explorers
 from agents.learner import LearnedPolicy, build
-from agents.report import write_rows
 
 EPISODES = 20
 """Episodes of each evaluation."""
@@ -35,7 +33,6 @@ class Run:
     """
 
     def __init__(self, config: Config, folder: Path, *, tensorboard: bool = False) -> None:
-        _single_thread()
         self.config, self.folder = config, folder
         log = {"tensorboard_log": str(folder / "tensorboard")} if tensorboard else {}
         self.model: BaseAlgorithm = build(config, worlds.training_worlds(config), **log)
@@ -67,20 +64,24 @@ class Run:
         left = self.config.steps - self.steps
         if left <= 0:
             return True
-        bar = Bar(self.config.steps, show=progress)
+        bar = tqdm(
+            total=self.config.steps, initial=self.steps, unit=" steps", unit_scale=True,
+            disable=not progress, dynamic_ncols=True, smoothing=0.05,
+        )  # fmt: skip
 
         def reach(seconds: float) -> None:
-            self._evaluate(seconds)
-            bar.tell(self._latest())
+            row = self._evaluate(seconds)
+            said = f"walks {row['distance']:.1f} l, {row['strides']:.0f} strides"
+            bar.set_postfix_str(said, refresh=False)
             self._save()
 
-        with StopRequest() as stop:
-            milestones = Milestones(self.config.every, reach, stop)
+        with StopRequest() as stop, bar:
+            milestones = Milestones(self.config.every, reach, stop, bar)
             exploring = explorers(self.config.algo, self.config.exploration)
             logged = self.model.tensorboard_log is not None
             self.model.learn(
                 left,
-                callback=[milestones, bar, *exploring],
+                callback=[milestones, *exploring],
                 # Logging costs SAC more than it tells.
                 log_interval={"ppo": 1, "sac": 100}[self.config.algo] if logged else None,  # type: ignore[arg-type]
                 reset_num_timesteps=not self.resumed,
@@ -89,17 +90,22 @@ class Run:
                 milestones.finish()
         return not milestones.stopped
 
+    @property
+    def first_to_walk(self) -> dict[str, Any] | None:
+        """The first evaluation of which half of the walks came to a hundred strides."""
+        return next((row for row in self.notes["curve"] if row["hundred_strides"] >= 0.5), None)
+
     def first_hundred(self) -> str:
         """When half of the evaluation walks first came to a hundred strides, in a sentence."""
-        for row in self.notes["curve"]:
-            if row["hundred_strides"] >= 0.5:
-                return (
-                    f"Half of the evaluation walks came to {HUNDRED} strides after "
-                    f"{row['seconds']:.1f} s of training, {row['steps']:,} steps"
-                )
-        return f"Never half of the evaluation walks came to {HUNDRED} strides"
+        row = self.first_to_walk
+        if row is None:
+            return f"Never half of the evaluation walks came to {HUNDRED} strides"
+        return (
+            f"Half of the evaluation walks came to {HUNDRED} strides after "
+            f"{row['seconds']:.1f} s of training, {row['steps']:,} steps"
+        )
 
-    def _evaluate(self, seconds: float) -> None:
+    def _evaluate(self, seconds: float) -> dict[str, Any]:
         """Add a row to the learning curve, and keep the policy if it is the best so far."""
         policy = LearnedPolicy(self.model, self.config.algo.upper())
         walks = evaluate(policy, self.exam, seed=EXAM_SEED)
@@ -112,23 +118,10 @@ class Run:
             policy.save(self.folder)
         with files.replacing(self.folder / "learning_curve.csv") as path:
             write_rows(path, self.notes["curve"])
-
-    def _latest(self) -> str:
-        row = self.notes["curve"][-1]
-        return f"walks {row['distance']:.1f} l, {row['strides']:.0f} strides"
+        return row
 
     def _save(self) -> None:
         path = files.checkpoint_path(self.folder, self.steps)
         if not path.exists():
             checkpoint.save(path, self.model, self.notes)
         files.drop_older_checkpoints(path)
-
-
-def _single_thread() -> None:
-    """Keep torch to one thread: at these sizes a second one wins nothing.
-
-    On a busy machine threads that wait for each other make it fifty times slower, and their number
-    would change the rounding. Numba, where it starts its own, sets torch's anew: so it comes first.
-    """
-    numba.get_num_threads()
-    torch.set_num_threads(1)

@@ -81,7 +81,7 @@ def describe(config: Config) -> str:
 
 def save_state(worlds: VecEnv, folder: Path) -> None:
     """Write where the walkers stand, and their random numbers."""
-    state = _native(worlds).get_state()
+    state = worlds.unwrapped.get_state()  # type: ignore[attr-defined]
     walkers, randoms = state.pop("walkers"), state.pop("random")
     np.savez(folder / _RECORDS, **state)
     # Walkers are many only where each differs from the others.
@@ -92,7 +92,7 @@ def save_state(worlds: VecEnv, folder: Path) -> None:
 
 def restore_state(worlds: VecEnv, folder: Path) -> None:
     """Put back what `save_state` wrote."""
-    native = _native(worlds)
+    native: Any = worlds.unwrapped
     rest: dict[str, Any] = json.loads((folder / _RANDOMS).read_text(encoding="utf-8"))
     if not native.batch.randoms:
         native.reset()  # gives each walker its own source of random numbers
@@ -101,10 +101,3 @@ def restore_state(worlds: VecEnv, folder: Path) -> None:
         walkers *= native.num_envs
     with np.load(folder / _RECORDS) as arrays:
         native.set_state(dict(arrays) | {"walkers": walkers, "random": rest["random"]})
-
-
-def _native(worlds: VecEnv) -> PassiveWalkerVecEnv:
-    """The environment inside its wrappers."""
-    while not isinstance(worlds, PassiveWalkerVecEnv):
-        worlds = worlds.venv  # type: ignore[attr-defined]
-    return worlds

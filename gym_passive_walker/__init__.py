@@ -1,5 +1,8 @@
 """Exact passive walkers for reinforcement learning and gait analysis."""
 
+from gym_passive_walker.control.closed_loop import ClosedLoopGait, closed_loop_gait
+from gym_passive_walker.control.optimal import optimal_gait, optimal_gaits
+from gym_passive_walker.control.optimum import OptimalGait
 from gym_passive_walker.envs.registration import register as _register
 from gym_passive_walker.gaits.basin import Basin, Push, basin_of_attraction, largest_push
 from gym_passive_walker.gaits.bifurcation import (
@@ -30,6 +33,7 @@ from gym_passive_walker.gaits.series import Extreme
 from gym_passive_walker.gaits.stability import stride_jacobian
 from gym_passive_walker.physics.events import Outcome
 from gym_passive_walker.physics.stride import Stride, stride
+from gym_passive_walker.policies import PolicyError, TrainedPolicy, load_policy
 from gym_passive_walker.walkers import (
     WALKERS,
     Part,
@@ -48,6 +52,7 @@ __all__ = [
     "Basin",
     "BifurcationDiagram",
     "Cascade",
+    "ClosedLoopGait",
     "Extreme",
     "FootVelocity",
     "Gait",
@@ -55,11 +60,14 @@ __all__ = [
     "GaitNotFound",
     "Impulse",
     "Measures",
+    "OptimalGait",
     "Outcome",
     "Part",
+    "PolicyError",
     "Push",
     "RealityCheck",
     "Stride",
+    "TrainedPolicy",
     "TuningErrors",
     "Walker",
     "WalkerError",
@@ -67,6 +75,7 @@ __all__ = [
     "basin_of_attraction",
     "bifurcation_diagram",
     "blend",
+    "closed_loop_gait",
     "collision_matrix",
     "crisis_slope",
     "doubling_cascade",
@@ -77,9 +86,12 @@ __all__ = [
     "gait_family",
     "lab_walker_from_parts",
     "largest_push",
+    "load_policy",
     "local_exponents",
     "lyapunov_exponents",
     "measures",
+    "optimal_gait",
+    "optimal_gaits",
     "parameter_family",
     "reality_check",
     "stride",

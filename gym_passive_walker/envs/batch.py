@@ -205,6 +205,47 @@ class Batch:
             raise ValueError(f"reset options {dict(options)!r}: {error}") from None
         return states, slopes
 
+    def set_slopes(self, slopes: ArrayLike, lanes: NDArray[np.bool_]) -> None:
+        """Put the strides that some walkers begin on slopes of their own.
+
+        Args:
+            slopes: In rad, one for each walker of the batch, or one for all.
+            lanes: Which walkers, (count,).
+
+        Raises:
+            ValueError: if a slope is none, or a walker has begun its stride already.
+        """
+        checked = check_slope(slopes)
+        if checked.shape not in ((), (self.count,)):
+            raise ValueError(f"{checked.size} slopes for {self.count} environments")
+        checked = np.broadcast_to(checked, (self.count,))
+        under_way = np.flatnonzero(lanes & (self.over | (self.records[:, R.TIME] != 0.0)))
+        if len(under_way):
+            raise ValueError(
+                "the ground changes where a stride begins, at a heelstrike or a reset; in the "
+                f"midst of one, or at the end of an episode, are walkers {under_way.tolist()}"
+            )
+        self.ledger[lanes, T.SLOPE] = checked[lanes]
+        self.records[lanes, R.SIN_SLOPE] = np.sin(checked[lanes])
+        self.records[lanes, R.COS_SLOPE] = np.cos(checked[lanes])
+
+    @property
+    def charged_for(self) -> str:
+        """What motors are charged for: "absolute", "positive" or "net" hip work."""
+        return T.ENERGIES[int(self.rules[T.CHARGED])]
+
+    def charge_for(self, energy: str | None) -> None:
+        """Charge all motors for another kind of work from now on; None is the scene's own.
+
+        Raises:
+            ValueError: if there is no such kind.
+        """
+        energy = self.scene.energy if energy is None else energy
+        if energy not in T.ENERGIES:
+            allowed = ", ".join(map(repr, T.ENERGIES))
+            raise ValueError(f"motors are charged for {allowed} or None, not {energy!r}")
+        self.rules[T.CHARGED] = T.ENERGIES.index(energy)
+
     def observe(self, observations: NDArray[np.float32]) -> None:
         """Write all walkers' observations, flat: shape (count * SIZE,)."""
         T.observe(self.records, self.ledger, self._kind, observations)

@@ -17,7 +17,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
 from gym_passive_walker.envs import interface
@@ -58,6 +58,15 @@ class Lane:
     def state(self) -> NDArray[np.float64]:
         """Angles and rates in the walker's own units."""
         return self._vec_env.batch.states[self._index]
+
+    @property
+    def charged_for(self) -> str:
+        """What its motor is charged for: "absolute", "positive" or "net" hip work."""
+        return self._vec_env.batch.charged_for
+
+    def charge_for(self, energy: str | None) -> None:
+        """Charge the motors of all walkers for another kind of work; see `PassiveWalkerEnv`."""
+        self._vec_env.charge_for(energy)
 
     def render(self) -> NDArray[np.uint8] | None:
         """A picture of the walker."""
@@ -222,6 +231,16 @@ class PassiveWalkerVecEnv(VecEnv):
     ) -> list[bool]:
         """No environment here is wrapped."""
         return [False for _ in self._get_indices(indices)]
+
+    def set_slopes(
+        self, slopes: ArrayLike, mask: NDArray[np.bool_] | None = None
+    ) -> NDArray[np.float32]:
+        """Give the strides that begin slopes of their own; see `PassiveWalkerVectorEnv`."""
+        return self._native.set_slopes(slopes, mask)
+
+    def charge_for(self, energy: str | None) -> None:
+        """Charge all motors for another kind of hip work; see `PassiveWalkerVectorEnv`."""
+        self._native.charge_for(energy)
 
     def get_state(self) -> dict[str, Any]:
         """All that decides what comes next; a copy."""

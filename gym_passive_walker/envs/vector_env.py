@@ -10,7 +10,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils import seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.envs import interface
 from gym_passive_walker.envs import task as T
@@ -107,7 +107,10 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         options = dict(options or {})
         lanes = np.arange(self.num_envs)
         if "reset_mask" in options:
-            lanes = np.flatnonzero(self._checked_mask(options.pop("reset_mask")))
+            mask = self._checked_mask(options.pop("reset_mask"), "options['reset_mask']")
+            if not mask.any():
+                raise ValueError("options['reset_mask'] must ask for at least one reset")
+            lanes = np.flatnonzero(mask)
             if not self._begun and len(lanes) < self.num_envs:
                 raise ResetNeeded("reset all environments before some of them")
         seed_randoms(self.batch, seed, lanes.tolist())
@@ -165,6 +168,51 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         self.batch.start(np.flatnonzero(ended), flat)
         return observations, rewards, terminated, truncated, infos
 
+    def set_slopes(
+        self, slopes: ArrayLike, mask: NDArray[np.bool_] | None = None
+    ) -> NDArray[np.float32]:
+        """Give the strides that begin slopes of their own: rough ground.
+
+        Possible where a stride begins, just after a heelstrike or a reset. A slope stays until it
+        is set again, or until the next reset.
+
+        Args:
+            slopes: In rad, positive downhill: one for each environment, or one for all.
+            mask: Which environments, a boolean array of shape (num_envs,); None is all.
+
+        Returns:
+            All environments' observations, which tell the new slopes; shape (num_envs, 8).
+
+        Raises:
+            ResetNeeded: if no episode has begun.
+            ValueError: if a slope is none, or one of these environments is in the midst of a
+                stride or at the end of an episode; nothing has changed then.
+        """
+        if not self._begun:
+            raise ResetNeeded("no episode has begun: call reset first")
+        everyone = np.ones(self.num_envs, bool)
+        which = everyone if mask is None else self._checked_mask(mask, "mask")
+        self.batch.set_slopes(slopes, which)
+        observations = np.empty((self.num_envs, T.SIZE), np.float32)
+        self.batch.observe(observations.reshape(-1))
+        return observations
+
+    @property
+    def charged_for(self) -> str:
+        """What motors are charged for: "absolute", "positive" or "net" hip work."""
+        return self.batch.charged_for
+
+    def charge_for(self, energy: str | None) -> None:
+        """Charge all motors for another kind of hip work, from the next step on.
+
+        Args:
+            energy: "absolute", "positive" or "net"; None is the scene's own.
+
+        Raises:
+            ValueError: if there is no such kind.
+        """
+        self.batch.charge_for(energy)
+
     def _infos(self, which: NDArray[np.bool_] | None, told: bool) -> dict[str, Any]:
         """What single environments would put into `info`, with masks of who did.
 
@@ -192,16 +240,12 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
                 infos[name], infos["_" + name] = column, struck
         return infos
 
-    def _checked_mask(self, mask: Any) -> NDArray[np.bool_]:
-        """A reset mask as Gymnasium defines it."""
+    def _checked_mask(self, mask: Any, name: str) -> NDArray[np.bool_]:
+        """A boolean array that says of each environment whether it is meant."""
         if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
-            raise TypeError(f"options['reset_mask'] must be a boolean array, not {mask!r}")
+            raise TypeError(f"{name} must be a boolean array, not {mask!r}")
         if mask.shape != (self.num_envs,):
-            raise ValueError(
-                f"options['reset_mask'] must have shape ({self.num_envs},), not {mask.shape}"
-            )
-        if not mask.any():
-            raise ValueError("options['reset_mask'] must ask for at least one reset")
+            raise ValueError(f"{name} must have shape ({self.num_envs},), not {mask.shape}")
         return mask
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:

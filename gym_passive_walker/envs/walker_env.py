@@ -273,6 +273,45 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """[stance, thigh, shank] angles in rad and their rates, in the walker's own units."""
         return self.batch.states[0]
 
+    def set_slope(self, slope: float) -> NDArray[np.float32]:
+        """Put the stride that begins on another slope: rough ground, stride by stride.
+
+        Possible where a stride begins, just after a heelstrike or a reset. The slope stays until it
+        is set again, or until the next reset.
+
+        Args:
+            slope: In rad, positive downhill.
+
+        Returns:
+            The observation, which tells the new slope.
+
+        Raises:
+            ResetNeeded: if no episode is under way.
+            ValueError: if it is no slope, or in the midst of a stride; nothing has changed then.
+        """
+        if not self._ready:
+            raise ResetNeeded("no episode is under way: call reset first")
+        self.batch.set_slopes(slope, np.ones(1, bool))
+        observation = np.empty(T.SIZE, np.float32)
+        self.batch.observe(observation)
+        return observation
+
+    @property
+    def charged_for(self) -> str:
+        """What the motor is charged for: "absolute", "positive" or "net" hip work."""
+        return self.batch.charged_for
+
+    def charge_for(self, energy: str | None) -> None:
+        """Charge the motor for another kind of hip work, from the next step on.
+
+        Args:
+            energy: "absolute", "positive" or "net"; None is the scene's own.
+
+        Raises:
+            ValueError: if there is no such kind.
+        """
+        self.batch.charge_for(energy)
+
     def get_state(self) -> dict[str, Any]:
         """All that decides what comes next, random numbers of later resets included; a copy."""
         return {**self.batch.get_state(), "ready": self._ready}

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from agents import worlds
-from agents.baselines import Passive
 from agents.config import configure
-from agents.evaluation import WALKED_ON, Walks, evaluate
-from agents.report import table, write_rows
+from agents.evaluation import WALKED_ON, Walks, evaluate, table, write_rows
+from gym_passive_walker.control.baselines import Passive
 
 
 def made_up(**changes):

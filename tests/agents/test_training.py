@@ -21,7 +21,7 @@ import train
 from agents import checkpoint, files, worlds
 from agents.callbacks import Milestones
 from agents.config import Config, ConfigError, configure
-from agents.learner import LearnedPolicy, export, load_policy
+from agents.learner import LearnedPolicy, export, learned, load_policy
 from agents.training import Run
 
 SMALL = {"n_envs": 8, "every": 128}
@@ -162,7 +162,7 @@ def test_policies_are_loaded_without_unpickling(tmp_path, monkeypatch):
 
     monkeypatch.setattr(pickle, "loads", refuse)
     monkeypatch.setattr(cloudpickle, "loads", refuse)
-    policy = load_policy(tmp_path, worlds.training_worlds(run.config, 1))
+    policy = load_policy(tmp_path)
     action, _ = policy.predict(np.zeros((3, 8), np.float32))
     assert action.shape == (3, 1) and np.all(np.abs(action) <= 1.0)
     action, _ = policy.predict(np.zeros(8, np.float32))
@@ -180,7 +180,7 @@ def test_a_folder_without_a_policy_is_refused(tmp_path):
     config = small()
     config.save(tmp_path / files.CONFIG)
     with pytest.raises(ConfigError, match="--resume"):
-        load_policy(tmp_path, worlds.training_worlds(config, 1))
+        load_policy(tmp_path)
 
 
 def test_files_of_another_shape_are_refused(tmp_path):
@@ -189,7 +189,7 @@ def test_files_of_another_shape_are_refused(tmp_path):
     other = small()
     other.hyperparams["policy_kwargs"] = {"net_arch": [16]}
     with pytest.raises(ConfigError, match="do not fit"):
-        load_policy(tmp_path, worlds.training_worlds(other, 1), other)
+        load_policy(tmp_path, other)
     with pytest.raises(ConfigError, match="does not fit"):
         Run(other, tmp_path)
 
@@ -243,7 +243,7 @@ def test_a_killed_training_loses_one_interval_at_most(tmp_path):
     resumed = Run(config, folder)
     assert resumed.resumed and resumed.steps > 0
     assert int(curve[-1].split(",")[0]) - resumed.steps <= every
-    load_policy(folder, worlds.training_worlds(config, 1))
+    load_policy(folder)
 
 
 def test_an_exported_policy_acts_as_it_did(tmp_path):
@@ -252,22 +252,22 @@ def test_an_exported_policy_acts_as_it_did(tmp_path):
         run.train(progress=False)
         own = LearnedPolicy(run.model, algo)
         export(own, run.config, tmp_path / f"{algo}-exported")
-        world = worlds.training_worlds(run.config, 1)
-        back = load_policy(tmp_path / f"{algo}-exported", world)
+        config, back = learned(tmp_path / f"{algo}-exported")
+        assert (config.algo, config.hyperparams) == (algo, run.config.hyperparams)
         seen = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 8)).astype(np.float32)
-        assert np.array_equal(own.predict(seen)[0], back.predict(seen)[0])
+        assert own.predict(seen)[0] == pytest.approx(back.predict(seen)[0], abs=1e-6)
         assert {path.suffix for path in (tmp_path / f"{algo}-exported").iterdir()} == {
-            ".safetensors", ".yml",
+            ".safetensors", ".json",
         }  # fmt: skip
 
 
-def test_an_exported_policy_of_another_shape_is_refused(tmp_path):
-    run = Run(small(), tmp_path / "run")
+def test_an_exported_policy_with_other_layers_is_refused(tmp_path):
+    run, other = (Run(small(algo), tmp_path / algo) for algo in ("ppo", "sac"))
     export(LearnedPolicy(run.model, "PPO"), run.config, tmp_path / "out")
-    other = small()
-    other.hyperparams["policy_kwargs"] = {"net_arch": [16]}
-    with pytest.raises(ConfigError, match="do not fit"):
-        load_policy(tmp_path / "out", worlds.training_worlds(other, 1), other)
+    export(LearnedPolicy(other.model, "SAC"), other.config, tmp_path / "other")
+    (tmp_path / "other" / "policy.safetensors").replace(tmp_path / "out" / "policy.safetensors")
+    with pytest.raises(ConfigError, match="action_net"):
+        learned(tmp_path / "out")
 
 
 def test_a_training_says_when_it_first_walked(tmp_path):

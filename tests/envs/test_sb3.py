@@ -206,8 +206,13 @@ def test_evaluation_counts_its_episodes():
 def test_the_plain_path_works_too():
     for vec_env in (DummyVecEnv, SubprocVecEnv):
         env = make_vec_env(f"gym_passive_walker:{ID}", n_envs=2, vec_env_cls=vec_env, seed=0)
+        native = PassiveWalkerVecEnv(2, seed=0)
+        np.testing.assert_array_equal(env.reset(), native.reset())
+        env.env_method("charge_for", "net")
+        assert [env.get_attr(name) for name in ("charged_for", "slope")] == [["net"] * 2, [0.0] * 2]
         model = PPO("MlpPolicy", env, n_steps=16, batch_size=32, device="cpu")
         model.learn(64)
+        assert model.num_timesteps == 64
         env.close()
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from agents.baselines import ConstantTorque, LinearFeedback, Passive
-from agents.closed_loop import closed_loop_gait
+from gym_passive_walker.control.baselines import ConstantTorque, LinearFeedback, Passive
+from gym_passive_walker.control.closed_loop import closed_loop_gait
 
 
 def test_without_a_motor_it_is_the_passive_gait():

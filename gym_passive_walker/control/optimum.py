@@ -16,10 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize
 
-from agents.ticks import TickedStride, ticked_stride
-from gym_passive_walker import GaitNotFound
+from gym_passive_walker.control.ticks import TickedStride, ticked_stride
 from gym_passive_walker.envs.scene import Scene
-from gym_passive_walker.gaits.gait import multipliers_of
+from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.stability import NoStride
 
 _ITERATIONS = 600

@@ -7,18 +7,19 @@ stable-baselines3 does.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from agents import optimal
-from agents.feedback import Method, gains, powered_gait
-from agents.optimal import OptimalGait
-from agents.ticks import coordinates, section_point, ticked_stride
-from gym_passive_walker import Walker
+from gym_passive_walker.control import optimal
+from gym_passive_walker.control.feedback import Method, gains, powered_gait
+from gym_passive_walker.control.optimal import OptimalGait
+from gym_passive_walker.control.policy import Policy
+from gym_passive_walker.control.ticks import coordinates, section_point, ticked_stride, torque_unit
 from gym_passive_walker.envs.scene import Scene, make_scene
-from gym_passive_walker.physics.frame import frame_of
+from gym_passive_walker.walkers import Walker
 
 _STANDS = 1e-5  # rad, in single precision: legs that mirror each other have just changed roles
 
@@ -143,7 +144,7 @@ class LinearFeedback(StrideFeedback):
         walker, slope = scene.walker, float(np.mean(scene.slope))
         self.gait = powered_gait(walker, slope)
         point = section_point(walker, self.gait.state)
-        torque = self.gait.hip_torque / frame_of(walker).torque
+        torque = self.gait.hip_torque / torque_unit(walker)
         free = ticked_stride(walker, slope, point, np.array([torque]), tick=np.inf)
         count = 1 if scene.control == "stride" else math.ceil(free.duration / scene.tick)
         torques = np.full(count, torque)
@@ -196,3 +197,16 @@ class Optimal(StrideFeedback):
         self.closed_loop = walked.by_point - walked.by_torque @ rows
         scale = scene.max_hip_torque
         super().__init__("optimal", scene.walker, point, torques / scale, rows / scale)
+
+
+CONSTANT_TORQUE = 0.0025
+"""Torque of the agent that holds one all along, in units of m g l: it walks on level ground."""
+
+BASELINES: dict[str, Callable[[Scene], Policy]] = {
+    "passive": lambda scene: Passive(),
+    "constant": lambda scene: ConstantTorque(CONSTANT_TORQUE, scene),
+    "lqr": LinearFeedback,
+    "deadbeat": lambda scene: LinearFeedback(scene, "deadbeat"),
+    "optimal": Optimal,
+}
+"""Agents that learn nothing, by name."""

@@ -6,12 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agents.closed_loop import ClosedLoopGait, policy_strides
-from agents.evaluation import Policy
-from gym_passive_walker.envs import task as T
+from gym_passive_walker.control.closed_loop import ClosedLoopGait, policy_strides
+from gym_passive_walker.control.policy import Policy, steps
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.physics import record as R
 
 KICKS = 0.01 * np.arange(1, 101)
 """Changes of the stance rate that are tried, as shares of it."""
@@ -69,21 +67,14 @@ def rough_strides(policy: Policy, scene: Scene, *, walkers: int = 100, seed: int
     middle = float(np.mean(scene.slope))
     worlds = PassiveWalkerVectorEnv(walkers, make_scene(scene, slope=middle), max_episode_steps=-1)
     rng = np.random.default_rng(seed)
-    seen, _ = worlds.reset(seed=seed)
-    memory, first = None, np.ones(walkers, bool)
+    observations, _ = worlds.reset(seed=seed)
     strides, going = np.zeros(walkers, int), np.ones(walkers, bool)
-    batch = worlds.batch
-    while going.any():
-        action, memory = policy.predict(seen, memory, first, deterministic=True)
-        seen, _, first, _, infos = worlds.step(action)
-        struck = infos.get("_step_length", np.zeros(walkers, bool))
-        going &= ~first
-        strides[struck & going] += 1
+    for step in steps(policy, worlds, observations):
+        going &= ~step.terminated
+        strides[step.struck & going] += 1
         going &= strides < FARTHEST
+        if not going.any():
+            break
         slopes = rng.normal(middle, ROUGHNESS, walkers)  # as many each time, whoever strikes
-        if struck.any():
-            batch.ledger[struck, T.SLOPE] = slopes[struck]
-            batch.records[struck, R.SIN_SLOPE] = np.sin(slopes[struck])
-            batch.records[struck, R.COS_SLOPE] = np.cos(slopes[struck])
-            seen[struck, 7] = slopes[struck]
+        step.observations[:] = worlds.set_slopes(slopes, step.struck)
     return float(strides.mean())

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from agents.feedback import powered_gait
-from agents.ticks import section_point, section_state, ticked_stride
+from gym_passive_walker.control.feedback import powered_gait
+from gym_passive_walker.control.ticks import section_point, section_state, ticked_stride
 from gym_passive_walker.gaits.stability import NoStride
 
 WALKER = gpw.WALKERS["C"]

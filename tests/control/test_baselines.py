@@ -5,10 +5,10 @@ import pytest
 
 import gym_passive_walker as gpw
 from agents import worlds
-from agents.baselines import ConstantTorque, LinearFeedback, Passive
 from agents.config import configure
 from agents.evaluation import WALKED_ON, evaluate
-from agents.feedback import powered_gait
+from gym_passive_walker.control.baselines import ConstantTorque, LinearFeedback, Passive
+from gym_passive_walker.control.feedback import powered_gait
 
 
 def walks(policy, scene, episodes=4, **env):

@@ -11,13 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from agents.feedback import powered_gait
-from agents.files import replacing
-from agents.optimum import OptimalGait, Problem, slope_of
-from agents.ticks import section_point, ticked_stride
-from gym_passive_walker import GaitNotFound
+from gym_passive_walker.control.feedback import powered_gait
+from gym_passive_walker.control.optimum import OptimalGait, Problem, slope_of
+from gym_passive_walker.control.ticks import section_point, ticked_stride, torque_unit
 from gym_passive_walker.envs.scene import Scene, make_scene
-from gym_passive_walker.physics.frame import frame_of
+from gym_passive_walker.gaits.gait import GaitNotFound
 
 STORE = Path(__file__).parent / "gaits"
 """Where the optimal gaits of named scenes are kept."""
@@ -84,7 +82,7 @@ def constant_torque_gait(scene: Scene) -> OptimalGait:
     walker, slope = scene.walker, slope_of(scene)
     powered = powered_gait(walker, slope)
     point = section_point(walker, powered.state)
-    torque = np.array([powered.hip_torque / frame_of(walker).torque])
+    torque = np.array([powered.hip_torque / torque_unit(walker)])
     walked = ticked_stride(walker, slope, point, torque, tick=math.inf)
     ticks = 1 if scene.control == "stride" else math.ceil(walked.duration / scene.tick)
     problem = Problem(scene, walked.length / walked.duration, ticks, len(point))
@@ -131,9 +129,8 @@ def optimal_gaits(
 
 def save(path: Path, gaits: list[OptimalGait]) -> None:
     """Write gaits as JSON."""
-    with replacing(path) as aside:
-        lines = ",\n".join(json.dumps(asdict(gait)) for gait in gaits)
-        aside.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
+    lines = ",\n".join(json.dumps(asdict(gait)) for gait in gaits)
+    path.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
 
 
 def load(scene: str) -> list[OptimalGait]:
@@ -165,7 +162,7 @@ def stored_name(scene: Scene) -> str:
             return path.stem
     raise ValueError(
         "no optimal gaits of this scene are stored: find one by "
-        "agents.optimal.optimal_gait(scene, speed)"
+        "gym_passive_walker.optimal_gait(scene, speed)"
     )
 
 

@@ -4,11 +4,13 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from agents import closed_loop_gait, commands, optimal, worlds
-from agents.baselines import ConstantTorque, LinearFeedback, Optimal
+from agents import commands, worlds
 from agents.config import configure
 from agents.evaluation import WALKED_ON, evaluate
-from agents.ticks import ticked_stride
+from gym_passive_walker import closed_loop_gait
+from gym_passive_walker.control import optimal
+from gym_passive_walker.control.baselines import ConstantTorque, LinearFeedback, Optimal
+from gym_passive_walker.control.ticks import ticked_stride
 from gym_passive_walker.envs.scene import make_scene
 
 STORED = [(scene, gait) for scene in commands.GRIDS for gait in optimal.load(scene)]

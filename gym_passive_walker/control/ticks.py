@@ -20,6 +20,7 @@ from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import record as R
 from gym_passive_walker.physics.engine import advance
 from gym_passive_walker.physics.events import Outcome
+from gym_passive_walker.physics.frame import frame_of
 from gym_passive_walker.physics.record import new_records
 from gym_passive_walker.walkers import Walker
 
@@ -83,6 +84,11 @@ def section_point(walker: Walker, state: NDArray) -> NDArray:
     """The dimensionless point (..., m) of a section state (..., 6) in the walker's own units."""
     kept = coordinates(walker)
     return state[..., kept] * np.array([1.0] + [walker.time_unit] * (len(kept) - 1))
+
+
+def torque_unit(walker: Walker) -> float:
+    """The torque m g l in the walker's own units; of the simplest walker, per unit of foot mass."""
+    return frame_of(walker).torque
 
 
 def ticked_stride(

@@ -9,12 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from agents.evaluation import Policy
-from agents.ticks import course, section_point, section_state
-from gym_passive_walker import GaitNotFound
+from gym_passive_walker.control.policy import Policy, steps
+from gym_passive_walker.control.ticks import course, section_point, section_state
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.gaits.gait import multipliers_of
+from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
 
 _SETTLING = 100  # strides before the search begins
 _NEWTON = 12
@@ -80,23 +79,23 @@ def policy_strides(
     seen, _ = worlds.reset(seed=0, options={"state": states, "slope": slope})
     ends, torques = np.full_like(points, np.nan), []
     length, duration, work = np.zeros(n), np.zeros(n), np.zeros((3, n))
-    memory, first, left = None, np.ones(n, bool), np.where(sound, count, 0)
-    while (left > 0).any():
-        action, memory = policy.predict(seen, memory, first, deterministic=True)
+    left = np.where(sound, count, 0)
+    for step in steps(policy, worlds, seen):
         if (left == count).any():
-            shares = np.clip(action[:, 0], -1.0, 1.0)
+            shares = np.clip(step.actions[:, 0], -1.0, 1.0)
             torques.append(np.where(left == count, shares * scene.max_hip_torque, np.nan))
-        seen, _, first, _, infos = worlds.step(action)
-        struck = (left > 0) & infos.get("_step_length", False)
+        struck = (left > 0) & step.struck
         if struck.any():
-            step = infos["step_length"][struck]
-            length[struck] += step
-            duration[struck] += infos["step_period"][struck]
-            work[:, struck] += step * [infos[name][struck] for name in _WORK]
+            far = step.infos["step_length"][struck]
+            length[struck] += far
+            duration[struck] += step.infos["step_period"][struck]
+            work[:, struck] += far * [step.infos[name][struck] for name in _WORK]
         left[struck] -= 1
         there = struck & (left == 0)
         ends[there] = section_point(walker, worlds.states[there])
-        left[first] = 0
+        left[step.terminated] = 0
+        if not left.any():
+            break
     return Strides(ends, length, duration, work, np.reshape(torques, (-1, n)))
 
 
@@ -187,9 +186,9 @@ def closed_loop_gait(
     """The periodic gait that a walker has under a policy.
 
     ```python
-    >>> from agents import closed_loop_gait
-    >>> from agents.baselines import LinearFeedback
-    >>> gait = closed_loop_gait(LinearFeedback("steep"), "steep")
+    >>> import gym_passive_walker as gpw
+    >>> from gym_passive_walker.control.baselines import LinearFeedback
+    >>> gait = gpw.closed_loop_gait(LinearFeedback("steep"), "steep")
     >>> gait.stable, round(gait.speed, 3)
     (True, 0.325)
 
@@ -230,9 +229,9 @@ def closed_loop_gait(
     settled = ends(point[None], _SETTLING)[0]
     if np.isfinite(settled).all():  # else it falls: the gait may be unstable, and near the start
         point = settled
-    steps = _SHIFT * np.eye(len(point))
+    shifts = _SHIFT * np.eye(len(point))
     for _ in range(_NEWTON):
-        tried = ends(np.vstack([point, point + steps, point - steps]))
+        tried = ends(np.vstack([point, point + shifts, point - shifts]))
         if not np.isfinite(tried).all():
             raise GaitNotFound(
                 f"a walker under {getattr(policy, 'name', 'this policy')} does not make {period} "

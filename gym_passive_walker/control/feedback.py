@@ -13,8 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
-from agents.ticks import coordinates
-from gym_passive_walker import GaitNotFound, Walker, find_gait, stride, stride_jacobian
+from gym_passive_walker.control.ticks import coordinates
+from gym_passive_walker.gaits.fixed_point import find_gait
+from gym_passive_walker.gaits.gait import GaitNotFound
+from gym_passive_walker.gaits.stability import stride_jacobian
+from gym_passive_walker.physics.stride import stride
+from gym_passive_walker.walkers import Walker
 
 Method = Literal["lqr", "deadbeat"]
 

@@ -1,0 +1,100 @@
+"""Trained policies as tensors, and how to load them with NumPy alone.
+
+A policy is a folder of two files:
+
+    policy.safetensors  its tensors and its normaliser's moments
+    policy.json         what acting with them takes, and how they were trained
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from gym_passive_walker.envs.scene import Scene, make_scene
+from gym_passive_walker.policies.network import Network
+from gym_passive_walker.policies.tensors import PolicyError, read_tensors
+
+TENSORS, DESCRIPTION = "policy.safetensors", "policy.json"
+_SHIPPED = Path(__file__).parent
+
+
+class TrainedPolicy(Network):
+    """A trained policy, with the scene that it was trained for.
+
+    Attributes:
+        name: What the policy is called: its algorithm.
+        scene: The scene that it was trained for.
+        trained: How it was trained: the run's whole configuration.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        description = _description(folder / DESCRIPTION)
+        try:
+            acting = {name: description[name] for name in ("algo", "activation", "normalizer")}
+            self.name = str(acting["algo"]).upper()
+            self.scene: Scene = make_scene(description["scene"], **description["env"])
+            self.trained: dict[str, Any] = description["trained"]
+            super().__init__(read_tensors(folder / TENSORS), **acting)
+        except KeyError as error:
+            raise PolicyError(f"{folder} is no policy: it says nothing of {error}") from None
+        except (TypeError, ValueError) as error:
+            raise PolicyError(f"{folder} is no policy: {error}") from None
+
+
+def shipped_policies() -> list[str]:
+    """Names of the policies that come with the package."""
+    return sorted(path.parent.name for path in _SHIPPED.glob(f"*/{DESCRIPTION}"))
+
+
+def policy_folder(name: str | Path) -> Path:
+    """The folder of a policy that comes with the package, by its name, or of any other.
+
+    Raises:
+        PolicyError: if there is none.
+    """
+    for folder in (_SHIPPED / name, Path(name)):
+        if (folder / DESCRIPTION).is_file():
+            return folder
+    raise PolicyError(
+        f"no policy {str(name)!r}: choose from {', '.join(shipped_policies())}, or give a folder "
+        f"with {TENSORS} and {DESCRIPTION}, as `python train.py export RUN FOLDER` writes it"
+    )
+
+
+def load_policy(name_or_folder: str | Path) -> TrainedPolicy:
+    """A trained policy, which NumPy alone can act by.
+
+    ```python
+    >>> import gym_passive_walker as gpw
+    >>> policy = gpw.load_policy("level-ppo")
+    >>> gait = gpw.closed_loop_gait(policy, policy.scene)
+    >>> gait.stable, round(gait.speed, 2)
+    (True, 0.15)
+
+    ```
+
+    Args:
+        name_or_folder: A policy that comes with the package, by its name: "level-ppo", "steep-ppo",
+            "steep-sac", "rolling-ppo" or "lab-ppo"; or the folder of an exported one.
+
+    Returns:
+        The policy: its `predict(observation, state, episode_start, deterministic)` is that of
+        stable-baselines3 and takes observations as the environment gives them.
+
+    Raises:
+        PolicyError: if there is none of this name, or its files are damaged.
+    """
+    return TrainedPolicy(policy_folder(name_or_folder))
+
+
+def _description(path: Path) -> dict[str, Any]:
+    """What a policy's JSON says."""
+    try:
+        description = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise PolicyError(f"{path} is damaged: {error}") from None
+    if not isinstance(description, dict):
+        raise PolicyError(f"{path} is damaged: it describes no policy")
+    return description

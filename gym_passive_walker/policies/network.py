@@ -1,0 +1,146 @@
+"""A trained network that acts: what stable-baselines3's MlpPolicy does, in NumPy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Layer = tuple[NDArray[np.float32], NDArray[np.float32]]
+
+ACTIVATIONS: dict[str, Callable[[NDArray], NDArray]] = {
+    "ReLU": lambda x: np.maximum(x, np.float32(0.0)),
+    "Tanh": np.tanh,
+    "ELU": lambda x: np.where(x > 0.0, x, np.expm1(np.minimum(x, np.float32(0.0)))),
+    "SiLU": lambda x: x * (np.float32(0.5) * (np.float32(1.0) + np.tanh(np.float32(0.5) * x))),
+}
+"""What torch calls them, and what they do."""
+
+# Where each algorithm keeps its hidden layers, and the layer of the mean torque.
+_PLACES = {
+    "ppo": ("mlp_extractor.policy_net", "action_net"),
+    "sac": ("actor.latent_pi", "actor.mu"),
+}
+_LOG_STD = (-20.0, 2.0)  # to which SAC clips what its network says
+
+
+class Network:
+    """A Gaussian policy (PPO) or a squashed one (SAC), with what its observations were scaled by.
+
+    Args:
+        tensors: Weights and moments, by the names that stable-baselines3 gives them.
+        algo: "ppo" or "sac".
+        activation: One of `ACTIVATIONS`.
+        normalizer: "epsilon" and "clip" of VecNormalize; None if observations were taken as they
+            are.
+
+    Attributes:
+        random: Where draws come from where actions are not deterministic.
+
+    Raises:
+        KeyError: if a tensor is missing.
+        ValueError: if an algorithm or activation has another name, or tensors do not fit together.
+    """
+
+    def __init__(
+        self,
+        tensors: Mapping[str, NDArray],
+        *,
+        algo: str,
+        activation: str,
+        normalizer: Mapping[str, float] | None,
+    ) -> None:
+        if algo not in _PLACES:
+            raise ValueError(f"no algorithm {algo!r}: choose from {', '.join(_PLACES)}")
+        if activation not in ACTIVATIONS:
+            raise ValueError(f"no activation {activation!r}: choose from {', '.join(ACTIVATIONS)}")
+        self._activation, self._squashed = activation, algo == "sac"
+        hidden, mean = _PLACES[algo]
+        places = {name.rsplit(".", 1)[0] for name in tensors if name.startswith(f"{hidden}.")}
+        in_order = sorted(places, key=lambda place: int(place.rsplit(".", 1)[1]))
+        self._hidden = [_layer(tensors, place) for place in in_order]
+        self._mean = _layer(tensors, mean)
+        # PPO's noise is the same everywhere; SAC's depends on what is seen.
+        layers = [*self._hidden, self._mean]
+        self._log_std: Layer | NDArray[np.float32]
+        if self._squashed:
+            self._log_std = _layer(tensors, "actor.log_std")
+            sizes = [weight.shape for weight, _ in (self._mean, self._log_std)]
+        else:
+            self._log_std = np.asarray(tensors["log_std"], np.float32)
+            sizes = [self._mean[1].shape, self._log_std.shape]
+        if sizes[0] != sizes[1]:
+            raise ValueError("its noise is not that of its actions")
+        for (_, before), (weight, _) in pairwise(layers):
+            if weight.shape[1] != len(before):
+                raise ValueError("the sizes of its layers do not follow from each other")
+        self._size = layers[0][0].shape[1]
+        self._moments = None
+        if normalizer is not None:
+            mean_seen, variance = (
+                np.asarray(tensors[f"normalizer.obs_rms.{name}"]) for name in ("mean", "var")
+            )
+            if mean_seen.shape != (self._size,) or variance.shape != (self._size,):
+                raise ValueError("its normaliser is of other observations")
+            spread = np.sqrt(variance + normalizer["epsilon"])
+            self._moments = mean_seen, spread, normalizer["clip"]
+        self.random = np.random.default_rng()
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: ArrayLike | None = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], Any]:
+        """Choose actions, as stable-baselines3's `predict` does.
+
+        Args:
+            observation: One observation (8,), or a batch (n, 8), as the environment gives it.
+            state: Returned as it is: the policy remembers nothing.
+            episode_start: Makes no difference.
+            deterministic: Whether to act by the mean torque, without noise.
+
+        Returns:
+            Actions, (1,) or (n, 1), and the state.
+
+        Raises:
+            ValueError: if the observations have another shape.
+        """
+        seen = np.asarray(observation)
+        if seen.ndim not in (1, 2) or seen.shape[-1] != self._size:
+            raise ValueError(
+                f"observations must have shape ({self._size},) or (n, {self._size}), "
+                f"not {seen.shape}"
+            )
+        if self._moments is not None:
+            mean, spread, clip = self._moments
+            seen = np.clip((seen - mean) / spread, -clip, clip)
+        x, activate = seen.astype(np.float32), ACTIVATIONS[self._activation]
+        for weight, bias in self._hidden:
+            x = activate(x @ weight.T + bias)
+        torque = x @ self._mean[0].T + self._mean[1]
+        if not deterministic:
+            draws = self.random.standard_normal(torque.shape, np.float32)
+            torque = torque + np.exp(self._noise(x)) * draws
+        return np.tanh(torque) if self._squashed else np.clip(torque, -1.0, 1.0), state
+
+    def _noise(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Logarithm of the noise's standard deviation."""
+        if isinstance(self._log_std, tuple):
+            weight, bias = self._log_std
+            return np.clip(x @ weight.T + bias, *_LOG_STD)
+        return self._log_std
+
+
+def _layer(tensors: Mapping[str, NDArray], place: str) -> Layer:
+    """Weight and bias of a layer."""
+    weight, bias = (
+        np.asarray(tensors[f"{place}.{name}"], np.float32) for name in ("weight", "bias")
+    )
+    if weight.ndim != 2 or bias.shape != weight.shape[:1]:
+        raise ValueError(f"weight and bias of {place} do not fit together")
+    return weight, bias

@@ -1,0 +1,201 @@
+"""A policy in NumPy does what it does in stable-baselines3."""
+
+import json
+import pickle
+import shutil
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.policies import DESCRIPTION, TENSORS, policy_folder
+from gym_passive_walker.policies.network import ACTIVATIONS, Network
+from gym_passive_walker.policies.tensors import read_tensors
+
+ROUNDING = 2e-6
+"""Of actions: some roundings in single precision."""
+
+
+@pytest.fixture(scope="module")
+def observations():
+    """What walkers may see, and some numbers beyond."""
+    rng = np.random.default_rng(3)
+    seen = rng.normal(0.0, 1.0, (200, 8)).astype(np.float32)
+    seen[:5] *= 50.0
+    return seen
+
+
+@pytest.fixture
+def exported(tmp_path):
+    """Makes an untrained policy, and what comes back of it from its files."""
+    pytest.importorskip("stable_baselines3")
+    torch = pytest.importorskip("torch")
+    from agents.config import configure
+    from agents.learner import LearnedPolicy, build, export
+    from agents.worlds import training_worlds
+
+    def make(algo, activation="nn.ReLU", normalize=None, layers=(32, 16)):
+        config = configure(algo, "level", n_envs=2, seed=5)
+        kwargs = {"net_arch": list(layers), "activation_fn": activation}
+        config.hyperparams["policy_kwargs"] = kwargs
+        object.__setattr__(config, "normalize", normalize)
+        model = build(config, training_worlds(config))
+        with torch.no_grad():  # an untrained network of PPO hardly acts
+            for name, weights in model.policy.named_parameters():
+                if "action_net" in name or "mu" in name:
+                    weights.mul_(40.0 if algo == "ppo" else 3.0)
+        normalizer = model.get_vec_normalize_env()
+        if normalizer is not None and normalizer.norm_obs:
+            rng = np.random.default_rng(0)
+            normalizer.obs_rms.mean = rng.normal(0.0, 0.3, 8)
+            normalizer.obs_rms.var = rng.uniform(0.01, 2.0, 8)
+        original = LearnedPolicy(model, algo.upper())
+        export(original, config, tmp_path / algo)
+        return original, gpw.load_policy(tmp_path / algo)
+
+    return make
+
+
+@pytest.mark.parametrize("algo", ["ppo", "sac"])
+@pytest.mark.parametrize("activation", ACTIVATIONS)
+@pytest.mark.parametrize(
+    "normalize", [None, {}, {"norm_obs": False}, {"clip_obs": 2.0, "epsilon": 0.1}]
+)
+def test_it_acts_as_stable_baselines3_does(exported, observations, algo, activation, normalize):
+    original, policy = exported(algo, f"nn.{activation}", normalize)
+    expected, _ = original.predict(observations)
+    actions, state = policy.predict(observations)
+    assert state is None and actions.dtype == expected.dtype == np.float32
+    assert actions.shape == expected.shape == (200, 1)
+    assert np.max(np.abs(actions - expected)) < ROUNDING
+    assert 0.05 < np.mean(np.abs(actions) < 0.99)  # not all at their bounds
+    alone, _ = policy.predict(observations[7])
+    assert alone.shape == (1,) and abs(alone[0] - expected[7, 0]) < ROUNDING
+
+
+@pytest.mark.parametrize("algo", ["ppo", "sac"])
+@pytest.mark.parametrize("layers", [(), (4,), (8, 8, 8)])
+def test_networks_may_be_of_any_depth(exported, observations, algo, layers):
+    original, policy = exported(algo, layers=layers)
+    expected, actions = (who.predict(observations)[0] for who in (original, policy))
+    assert np.max(np.abs(actions - expected)) < ROUNDING
+
+
+@pytest.mark.parametrize("algo", ["ppo", "sac"])
+def test_noise_is_drawn_as_stable_baselines3_draws_it(exported, observations, algo):
+    original, policy = exported(algo)
+    calm = np.argmin(np.abs(original.predict(observations)[0][5:])) + 5
+    many = np.tile(observations[calm], (20_000, 1))
+    theirs, ours = (who.predict(many, deterministic=False)[0] for who in (original, policy))
+    assert np.std(ours) > 0.01 and np.max(np.abs(ours)) <= 1.0
+    for share in (10, 25, 50, 75, 90):
+        drawn = [np.percentile(actions, share) for actions in (theirs, ours)]
+        assert drawn[0] == pytest.approx(drawn[1], abs=0.03)
+
+
+def test_its_memory_is_what_it_was_given_and_its_noise_has_a_seed():
+    policy, seen = gpw.load_policy("level-ppo"), np.zeros(8)
+    assert policy.predict(seen, state=("mine",), episode_start=np.ones(1, bool))[1] == ("mine",)
+    drawn = []
+    for _ in range(2):
+        policy.random = np.random.default_rng(1)
+        drawn.append(policy.predict(seen, deterministic=False)[0])
+    assert drawn[0] == drawn[1]
+
+
+def test_a_policy_can_go_to_another_process():
+    policy, seen = gpw.load_policy("steep-ppo"), np.full((2, 8), 0.1)
+    there = pickle.loads(pickle.dumps(policy))
+    assert np.array_equal(there.predict(seen)[0], policy.predict(seen)[0])
+
+
+@pytest.mark.parametrize("shape", [(), (7,), (3, 9), (2, 2, 8)])
+def test_observations_have_eight_numbers(shape):
+    with pytest.raises(ValueError, match=r"\(n, 8\)"):
+        gpw.load_policy("level-ppo").predict(np.zeros(shape))
+
+
+def test_tensors_are_those_that_the_formats_own_library_reads():
+    library = pytest.importorskip("safetensors.numpy")
+    path = policy_folder("steep-sac") / TENSORS
+    theirs, ours = library.load_file(path), read_tensors(path)
+    assert theirs.keys() == ours.keys()
+    for name, tensor in theirs.items():
+        assert ours[name].dtype == tensor.dtype and np.array_equal(ours[name], tensor)
+
+
+@pytest.fixture
+def copy(tmp_path):
+    """A policy's folder, to be spoilt."""
+    return shutil.copytree(policy_folder("level-ppo"), tmp_path / "copy")
+
+
+@pytest.mark.parametrize("left", [0, 4, 8, 100, 20_000])
+def test_a_file_that_was_cut_short_is_refused(copy, left):
+    whole = (copy / TENSORS).read_bytes()
+    (copy / TENSORS).write_bytes(whole[:left])
+    with pytest.raises(gpw.PolicyError, match="damaged"):
+        gpw.load_policy(copy)
+
+
+@pytest.mark.parametrize(
+    "header", ["[1]", '{"a": 1}', '{"a": {"dtype": "F32"}}', "nonsense", '"text"',
+               '{"a": {"dtype": "F9", "shape": [1], "data_offsets": [0, 4]}}',
+               '{"a": {"dtype": "F32", "shape": [-1], "data_offsets": [4, 0]}}'],
+)  # fmt: skip
+def test_a_header_that_says_nonsense_is_refused(copy, header):
+    text = header.encode()
+    (copy / TENSORS).write_bytes(len(text).to_bytes(8, "little") + text + bytes(8))
+    with pytest.raises(gpw.PolicyError, match="damaged"):
+        gpw.load_policy(copy)
+
+
+def test_a_missing_file_is_told(copy):
+    (copy / TENSORS).unlink()
+    with pytest.raises(gpw.PolicyError, match=TENSORS):
+        gpw.load_policy(copy)
+    (copy / DESCRIPTION).unlink()
+    with pytest.raises(gpw.PolicyError, match=DESCRIPTION):
+        gpw.load_policy(copy)
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"algo": "dqn"}, "ppo, sac"),
+        ({"algo": "sac"}, "actor"),
+        ({"activation": "Sine"}, "ReLU"),
+        ({"scene": "moon"}, "moon"),
+        ({"normalizer": {"clip": 10.0}}, "epsilon"),
+        ({"env": {"wings": 2}}, "wings"),
+    ],
+)
+def test_a_description_that_does_not_fit_is_refused(copy, changes, words):
+    description = json.loads((copy / DESCRIPTION).read_text())
+    (copy / DESCRIPTION).write_text(json.dumps(description | changes))
+    with pytest.raises(gpw.PolicyError, match=words):
+        gpw.load_policy(copy)
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "{}"])
+def test_a_description_that_is_none_is_refused(copy, text):
+    (copy / DESCRIPTION).write_text(text)
+    with pytest.raises(gpw.PolicyError, match="copy"):
+        gpw.load_policy(copy)
+
+
+@pytest.mark.parametrize(
+    ("name", "shape"),
+    [
+        ("mlp_extractor.policy_net.2.weight", (64, 63)),
+        ("mlp_extractor.policy_net.0.bias", (63,)),
+        ("action_net.weight", (1, 63)),
+        ("log_std", (2,)),
+        ("normalizer.obs_rms.mean", (7,)),
+    ],
+)
+def test_tensors_that_do_not_fit_together_are_refused(name, shape):
+    tensors = read_tensors(policy_folder("level-ppo") / TENSORS)
+    tensors[name] = np.zeros(shape, np.float32)
+    with pytest.raises(ValueError, match=r"fit|follow|noise|observations"):
+        Network(tensors, algo="ppo", activation="ReLU", normalizer={"epsilon": 1e-8, "clip": 10.0})

@@ -1,0 +1,84 @@
+"""Trained policies that come with the package."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import gymnasium
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.control.policy import steps
+from gym_passive_walker.policies import policy_folder, shipped_policies
+
+SCENES = ("level", "steep", "rolling")
+
+
+def test_each_scene_that_needs_a_motor_has_one():
+    assert {name.split("-")[0] for name in shipped_policies()} >= set(SCENES)
+
+
+@pytest.mark.parametrize("name", shipped_policies())
+def test_a_shipped_policy_is_numbers_and_text(name):
+    files = sorted(policy_folder(name).iterdir())
+    assert [path.name for path in files] == ["policy.json", "policy.safetensors"]
+    assert sum(path.stat().st_size for path in files) < 100_000
+
+
+@pytest.mark.parametrize("name", shipped_policies())
+def test_a_shipped_policy_walks_in_its_scene(name):
+    policy = gpw.load_policy(name)
+    assert name.split("-")[1] == policy.name.lower()
+    arena = gymnasium.make_vec("PassiveWalker-v0", num_envs=10, scene=name.split("-")[0])
+    assert arena.scene == policy.scene
+    observations, _ = arena.reset(seed=77)
+    strides, under_way = np.zeros(10), np.ones(10, bool)
+    for step in steps(policy, arena, observations):
+        strides[under_way] = step.infos["strides"][under_way]
+        under_way &= ~(step.terminated | step.truncated)
+        if not under_way.any():
+            break
+    assert np.mean(strides >= 100) >= 0.9
+
+
+def test_names_are_told_when_one_is_unknown():
+    with pytest.raises(gpw.PolicyError, match=r"level-ppo.*export"):
+        gpw.load_policy("moon-ppo")
+
+
+def test_a_policy_has_a_gait_of_its_own():
+    policy = gpw.load_policy("level-ppo")
+    gait = gpw.closed_loop_gait(policy, "level")
+    assert gait.stable
+    assert gait.speed == pytest.approx(0.154, abs=0.001)
+    assert gait.cost_of_transport == pytest.approx(0.0161, abs=0.0002)
+
+
+ACT = """
+import sys
+
+class Refused:
+    def find_spec(self, name, path=None, target=None):
+        if name.split(".")[0] in HEAVY:
+            raise ImportError(name + " is not to be had")
+
+HEAVY = {"torch", "stable_baselines3", "pygame", "matplotlib", "yaml", "safetensors", "agents"}
+sys.meta_path.insert(0, Refused())
+import gym_passive_walker as gpw
+policy = gpw.load_policy("steep-sac")
+action, _ = policy.predict([0.3, -0.3, -0.3, -1.0, -0.5, -0.5, 0.0, 0.11])
+assert action.shape == (1,) and abs(action[0]) <= 1.0
+gait = gpw.closed_loop_gait(policy, "steep")
+assert gait.stable
+assert not HEAVY & set(sys.modules)
+"""
+
+
+def test_a_policy_acts_where_there_is_numpy_and_nothing_that_learns(tmp_path):
+    root = Path(gpw.__file__).parents[1]
+    code = f"import sys; sys.path.insert(0, {str(root)!r})\n{ACT}"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
