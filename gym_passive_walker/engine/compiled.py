@@ -25,7 +25,8 @@ from gym_passive_walker.engine.layout import (
 )
 from gym_passive_walker.engine.native import Function, Memory, uses, write_table
 from gym_passive_walker.engine.step import Equations
-from gym_passive_walker.physics.hybrid import Control, Ground, Outcome, Phase, Reset, State, System
+from gym_passive_walker.physics import legs
+from gym_passive_walker.physics.hybrid import Control, Ground, Outcome, Phase, State, System
 
 PHASE = np.dtype(
     [
@@ -34,6 +35,7 @@ PHASE = np.dtype(
         ("first", "i8"),
         ("sweep", "i8"),
         ("look", "i8"),
+        ("place", "i8"),
         ("table", "i8"),
         ("resets", "i8", (len(Outcome),)),  # by outcome; 0 where it is a fall
         ("links", "i8"),
@@ -48,7 +50,8 @@ PHASE = np.dtype(
 
 _STATES = ("angle", "rate", "new_angle", "new_rate", "stage", "moved", "turned", "ground", "control")
 _COURSES = ("before", "after")
-_RECORDS = ("state", "time", "knee_time", "knee_loss", "heel_loss")
+_RECORDS = ("state", "start", "ground", "time", "knee_time", "knee_loss", "heel_loss")
+_RECORDS += ("step_length", "gravity_work")
 _LOSSES = {Outcome.KNEESTRIKE: "knee_loss", Outcome.HEELSTRIKE: "heel_loss"}
 
 
@@ -93,6 +96,7 @@ def compiled(system: str, planes: int = 0, *, moving_body: bool = False) -> NDAr
     for i, (entry, phase) in enumerate(zip(phases, of.phases, strict=True)):
         for function in ("open", "first", "sweep", "look"):
             entry[function] = code.get_function_address(f"{function}{i}")
+        entry["place"] = code.get_function_address("place")
         entry["table"] = code.get_global_value_address("table")
         for outcome in phase.resets:
             entry["resets"][outcome] = code.get_function_address(f"reset{i}_{outcome.name}")
@@ -109,6 +113,7 @@ def _written(system: System, name: str, planes: int, moving_body: bool) -> ir.Mo
     """All native functions of a system."""
     module = ir.Module(name)
     body, table = ("body",) * moving_body, {}
+    layouts = RECORD, body_layout(system)
     for i, phase in enumerate(system.phases):
         equations = Equations(system, phase, constants_used(system, phase))
         options: dict[str, Any] = {"planes": planes, "active": _STATES + body, "table": table}
@@ -125,7 +130,6 @@ def _written(system: System, name: str, planes: int, moving_body: bool) -> ir.Mo
         look = Function(module, f"look{i}", (TILE, COURSE), **options)
         look.once(equations.look, lane=True)
         look.end()
-        layouts = RECORD, body_layout(system)
         opening = Function(module, f"open{i}", layouts)
         opening.once(lambda record, body, phase=phase: _open(system, phase, record, body))
         opening.end()
@@ -134,9 +138,12 @@ def _written(system: System, name: str, planes: int, moving_body: bool) -> ir.Mo
                 module, f"reset{i}_{outcome.name}", layouts, planes=planes, active=_RECORDS + body
             )
             function.once(
-                lambda record, body, o=outcome, r=reset: _reset(system, o, r, record, body)
+                lambda record, body, p=phase, o=outcome: _reset(system, p, o, record, body)
             )
             function.end()
+    placing = Function(module, "place", layouts)
+    placing.once(lambda record, body: _place(system, record, body))
+    placing.end()
     write_table(module, table)
     return module
 
@@ -152,14 +159,15 @@ def _open(system: System, phase: Phase, record: Memory, body: Memory) -> None:
     record["outcome"] = outcome
 
 
-def _reset(system: System, outcome: Outcome, reset: Reset, record: Memory, body: Memory) -> None:
+def _reset(system: System, phase: Phase, outcome: Outcome, record: Memory, body: Memory) -> None:
     """A strike: the state after it, what it cost, and what follows."""
-    constants = system.Body(*body.entries("body"))
+    constants, reset = system.Body(*body.entries("body")), phase.resets[outcome]
     after, loss = reset.strike(constants, State(*record.entries("state")))
     for i, value in enumerate(after):
         record["state", i] = value
     record[_LOSSES[outcome]] = loss
     if reset.into is None:
+        _measure(phase, constants, after, record)
         record["phase"] = 0.0
         return
     record["phase"] = float(reset.into)
@@ -171,6 +179,22 @@ def _reset(system: System, outcome: Outcome, reset: Reset, record: Memory, body:
             met &= record.argument(1) > 0.0
         follows = choose(met, float(refusal.outcome), follows)
     record["outcome"] = follows
+
+
+def _measure(phase: Phase, body: Any, after: State, record: Memory) -> None:
+    """The step that a heelstrike has ended, and gravity's work in it; the next one starts here."""
+    ground = Ground(*record.entries("ground"))
+    start = after._replace(**dict(zip(State._fields[:3], record.entries("start"), strict=True)))
+    end = after._replace(stance=-after.stance, thigh=-after.thigh, shank=-after.shank)
+    record["step_length"] = legs.step_length(body, start.stance, after.stance)
+    record["gravity_work"] = -phase.potential_gain(body, start, end, ground)
+    for i in range(3):
+        record["start", i] = after[i]
+
+
+def _place(system: System, record: Memory, body: Memory) -> None:
+    """Where the hip is, for whoever counts the way from step to step."""
+    record["place"] = legs.progress(system.Body(*body.entries("body")), record["state", 0])
 
 
 _ALIVE: list[Any] = []

@@ -45,6 +45,9 @@ RECORD = np.dtype(
         ("knee_time", "f8"),
         ("knee_loss", "f8"),
         ("heel_loss", "f8"),
+        ("step_length", "f8"),  # of the stride that a heelstrike has ended
+        ("gravity_work", "f8"),  # in it
+        ("place", "f8"),  # of the hip from where its foot stands at stance angle 0
         ("phase", "i8"),  # index in the system's phases
         ("outcome", "i8"),
         ("steps", "i8"),  # integration steps tried

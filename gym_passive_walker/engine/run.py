@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.jit import call, jitted, kernel
 from gym_passive_walker.engine.lanes import HALTED, WAITING, carry
-from gym_passive_walker.engine.layout import COURSE, PAIR, RECORD, TILE, aligned
+from gym_passive_walker.engine.layout import COURSE, LINKS, PAIR, RECORD, TILE, aligned
 from gym_passive_walker.physics.hybrid import Outcome, System
 
 OPTIONS = np.dtype(
@@ -61,6 +61,9 @@ def carry_on(records, bodies, phases, tiles, courses, options, from_section):
             record = chunk[i]
             if from_section:
                 record[0].phase = 0
+                for plane in range(record.shape[0]):
+                    for k in range(LINKS):
+                        record[plane].start[k] = record[plane].state[k]
             # A walker that would begin beyond a bound has fallen already.
             call(phases[record[0].phase].open, record.ctypes.data, 0, 0, 0.0, 0.0)
         for number in range(len(phases)):

@@ -11,16 +11,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker.engine.cache import cache_directory
+from gym_passive_walker.engine.compiled import compiled
+from gym_passive_walker.engine.layout import RECORD
+from gym_passive_walker.engine.run import in_parts, options, workspace
 from gym_passive_walker.envs import task as T
 from gym_passive_walker.envs.interface import refuse
 from gym_passive_walker.envs.scene import Scene, SceneError
 from gym_passive_walker.envs.starts import DRAWS, Starts, checked_state
-from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import record as R
 from gym_passive_walker.physics.arguments import check_slope, check_state
-from gym_passive_walker.physics.constants import Kind
-from gym_passive_walker.physics.engine import in_parts, step_control
-from gym_passive_walker.physics.lanes import cache_directory
+from gym_passive_walker.physics.bodies import bodies, system_of
+from gym_passive_walker.physics.hybrid import System
 from gym_passive_walker.walkers import Walker
 
 OPTIONS = ("state", "slope")
@@ -29,31 +30,33 @@ OPTIONS = ("state", "slope")
 _CROWD = 2048  # walkers from which on threads may share the work
 
 
-def _rules(scene: Scene, step_limit: float) -> NDArray[np.float64]:
+def _rules(scene: Scene, system: System, step_limit: float) -> NDArray:
     """A scene's rules, as the kernel reads them."""
-    rules = np.empty(T.RULES)
-    rules[T.TICK] = scene.tick if scene.control == "tick" else math.inf
-    rules[T.LONGEST_STRIDE] = scene.longest_stride
-    rules[T.MAX_HIP_TORQUE] = scene.max_hip_torque
-    rules[T.ENERGY_WEIGHT] = scene.energy_weight
-    rules[T.CHARGED] = T.ENERGIES.index(scene.energy)
-    rules[T.STEP_LIMIT] = step_limit
-    rules[[T.TOLERANCE, T.LANDING, T.FIRST_STEP]] = step_control(scene.tolerance)
-    rules[T.STUB] = scene.stub
+    rules = np.zeros(1, T.RULES)
+    rules["engine"] = options(scene.tolerance, scuff=bool(scene.stub))
+    rules["tick"] = scene.tick if scene.control == "tick" else math.inf
+    rules["longest_stride"] = scene.longest_stride
+    rules["max_hip_torque"] = scene.max_hip_torque
+    rules["energy_weight"] = scene.energy_weight
+    rules["charged"] = T.ENERGIES.index(scene.energy)
+    rules["step_limit"] = step_limit
+    rules["works"] = system.works
     return rules
 
 
-def _kernel(kind: Kind) -> Any:
-    """The step of a kind of walker; says so where compiling it will take a while."""
-    kernel = T.KERNELS[kind]
-    name = f"task.{kernel.py_func.__name__}-*.nbi"
-    if not kernel.signatures and not any(cache_directory().rglob(name)):
+def _say_if_long() -> None:
+    """Say that the first step will take a while, if its kernel is not compiled yet."""
+    if not T.step.signatures and not any(cache_directory().rglob("task.step-*.nbi")):
         print(
-            "gym_passive_walker: compiling the walker's equations, once; a minute or so",
+            "gym_passive_walker: compiling the engine, once; some seconds",
             file=sys.stderr,
             flush=True,
         )
-    return kernel
+
+
+def _radii(walkers: Sequence[Walker]) -> NDArray[np.float64]:
+    """Foot radii in leg lengths."""
+    return np.array([walker.foot_radius / walker.leg_length for walker in walkers])
 
 
 class Batch:
@@ -68,10 +71,10 @@ class Batch:
         threads: How many threads large batches use; numba's number when None.
 
     Attributes:
-        kind: Which equations the walkers obey.
+        system: Which equations the walkers obey.
         walkers: The walker in each place.
-        records: See `physics.record`; shape (count, FIELDS).
-        ledger: See `envs.task`; shape (count, COLUMNS).
+        records: Shape (count, 1) of `engine.layout.RECORD`.
+        ledger: Shape (count,) of `task.LEDGER`.
         randoms: Each walker's own source of random numbers.
 
     Raises:
@@ -95,13 +98,13 @@ class Batch:
                 raise SceneError(f"{name}: {len(given)} of them for {count} environments")
         self.scene, self.count, self.threads = scene, count, threads
         self.walkers = [scene.walker] * count if walkers is None else list(walkers)
-        kinds = {K.kind_of(walker) for walker in self.walkers}
-        if len(kinds) > 1:
+        systems = {system_of(walker).name for walker in self.walkers}
+        if len(systems) > 1:
             raise SceneError(
                 "walkers of one batch must be of one kind: all with knees, all with straight legs, "
                 "or all with legs without mass"
             )
-        self.kind = kinds.pop()
+        self.system = system_of(self.walkers[0])
         slope_of = [None] * count if slopes is None else check_slope(slopes).tolist()
         shared: dict[Any, Starts] = {}
         self._starts = [
@@ -109,16 +112,16 @@ class Batch:
             for walker, slope in zip(self.walkers, slope_of, strict=True)
         ]
         self._alike_starts = len(shared) == 1
-        self._kind = int(self.kind)
         self._alike = walkers is None and not scene.randomise
-        known = {walker: K.constants(walker) for walker in set(self.walkers)}
         shown = self.walkers[:1] if self._alike else self.walkers
-        self.constants = np.array([known[walker] for walker in shown])
-        self.records = np.zeros((count, R.FIELDS))
-        self.ledger = np.zeros((count, T.COLUMNS))
-        self.rules = _rules(scene, step_limit)
+        self.bodies = bodies(*shown)
+        self._radii = _radii(shown)
+        self.records = np.zeros((count, 1), RECORD)
+        self.ledger = np.zeros(count, T.LEDGER)
+        self.rules = _rules(scene, self.system, step_limit)
         self.randoms: list[np.random.Generator] = []
-        self.step_kernel = _kernel(self.kind)
+        _say_if_long()
+        self.machinery = compiled(self.system.name), *workspace()
 
     def start(
         self,
@@ -152,9 +155,12 @@ class Batch:
             gaits = np.array([checked_state(state, walker) for state, walker in given])
             draws[:] = 0.5  # no change
         for i, walker in varied.items():
-            self.walkers[i], self.constants[i] = walker, K.constants(walker)
+            self.walkers[i], self.bodies[i : i + 1] = walker, bodies(walker)
+            self._radii[i : i + 1] = _radii([walker])
+        self.records[where] = np.zeros(1, RECORD)
+        self.ledger[where] = np.zeros(1, T.LEDGER)
         T.begin(
-            self.records, self.constants, self.ledger, self._kind,
+            self.records, self.bodies, self._radii, self.ledger, self.machinery[0],
             where, slopes, gaits, draws, self.scene.perturbation, observations,
         )  # fmt: skip
 
@@ -219,20 +225,20 @@ class Batch:
         if checked.shape not in ((), (self.count,)):
             raise ValueError(f"{checked.size} slopes for {self.count} environments")
         checked = np.broadcast_to(checked, (self.count,))
-        under_way = np.flatnonzero(lanes & (self.over | (self.records[:, R.TIME] != 0.0)))
+        under_way = np.flatnonzero(lanes & (self.over | (self.records["time"][:, 0] != 0.0)))
         if len(under_way):
             raise ValueError(
                 "the ground changes where a stride begins, at a heelstrike or a reset; in the "
                 f"midst of one, or at the end of an episode, are walkers {under_way.tolist()}"
             )
-        self.ledger[lanes, T.SLOPE] = checked[lanes]
-        self.records[lanes, R.SIN_SLOPE] = np.sin(checked[lanes])
-        self.records[lanes, R.COS_SLOPE] = np.cos(checked[lanes])
+        ground = np.stack([np.sin(checked), np.cos(checked)], axis=-1)
+        self.ledger["slope"][lanes] = checked[lanes]
+        self.records["ground"][lanes, 0] = ground[lanes]
 
     @property
     def charged_for(self) -> str:
         """What motors are charged for: "absolute", "positive" or "net" hip work."""
-        return T.ENERGIES[int(self.rules[T.CHARGED])]
+        return T.ENERGIES[int(self.rules["charged"][0])]
 
     def charge_for(self, energy: str | None) -> None:
         """Charge all motors for another kind of work from now on; None is the scene's own.
@@ -244,11 +250,11 @@ class Batch:
         if energy not in T.ENERGIES:
             allowed = ", ".join(map(repr, T.ENERGIES))
             raise ValueError(f"motors are charged for {allowed} or None, not {energy!r}")
-        self.rules[T.CHARGED] = T.ENERGIES.index(energy)
+        self.rules["charged"] = T.ENERGIES.index(energy)
 
     def observe(self, observations: NDArray[np.float32]) -> None:
         """Write all walkers' observations, flat: shape (count * SIZE,)."""
-        T.observe(self.records, self.ledger, self._kind, observations)
+        T.observe(self.records, self.ledger, self.machinery[0], observations)
 
     def step(
         self,
@@ -273,10 +279,9 @@ class Batch:
         Raises:
             ValueError: if an action is no finite number; nothing has changed then.
         """
-        records, constants, ledger = self.records, self.constants, self.ledger
         if self.count < _CROWD:
-            wrong, strides, endings = self.step_kernel(
-                records, constants, ledger, self.rules,
+            wrong, strides, endings = T.step(
+                self.records, self.bodies, self.ledger, self.rules, *self.machinery,
                 actions, observations, rewards, terminated, truncated,
             )  # fmt: skip
             if wrong >= 0:
@@ -287,10 +292,11 @@ class Batch:
         ended = []
 
         def job(a: int, b: int) -> None:
-            own = constants[a:b] if len(constants) > 1 else constants
+            own = self.bodies[a:b] if len(self.bodies) > 1 else self.bodies
             seen = observations[a * T.SIZE : b * T.SIZE]
-            counts = self.step_kernel(
-                records[a:b], own, ledger[a:b], self.rules,
+            counts = T.step(
+                self.records[a:b], own, self.ledger[a:b], self.rules,
+                self.machinery[0], *workspace(),
                 actions[a:b], seen, rewards[a:b], terminated[a:b], truncated[a:b],
             )  # fmt: skip
             ended.append(counts[1:])
@@ -299,29 +305,29 @@ class Batch:
         return sum(strides for strides, _ in ended), sum(endings for _, endings in ended)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "step_kernel": None}  # compiled code stays at home
+        return {**self.__dict__, "machinery": None}  # compiled code stays at home
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self.step_kernel = _kernel(self.kind)
+        self.machinery = compiled(self.system.name), *workspace()
 
     @property
     def over(self) -> NDArray[np.bool_]:
         """Which walkers' episodes have ended."""
-        return (self.ledger[:, T.ENDING] != 0.0) | (self.ledger[:, T.TRUNCATED] != 0.0)
+        return (self.ledger["ending"] != 0) | (self.ledger["truncated"] != 0)
 
     @property
     def states(self) -> NDArray[np.float64]:
         """States in the walkers' own units, shape (count, 6)."""
-        states = self.records[:, :6].copy()
+        states = self.records["state"][:, 0].copy()
         states[:, 3:] /= np.array([walker.time_unit for walker in self.walkers])[:, None]
         return states
 
     def contact(self, lane: int) -> float:
         """Where a walker's stance foot touches the ground, in its own units of length."""
-        row = self.constants[lane if len(self.constants) > 1 else 0]
-        rolled = row[K.FOOT_RADIUS] * self.records[lane, R.ANGLES]
-        return float(self.ledger[lane, T.ORIGIN] - rolled) * self.walkers[lane].leg_length
+        radius = self._radii[lane if len(self._radii) > 1 else 0]
+        rolled = radius * self.records["state"][lane, 0, 0]
+        return float(self.ledger["origin"][lane] - rolled) * self.walkers[lane].leg_length
 
     def get_state(self) -> dict[str, Any]:
         """All that decides what comes next; a copy."""
@@ -346,6 +352,6 @@ class Batch:
         self.records[:], self.ledger[:] = records, ledger
         if not self._alike:
             self.walkers = list(state["walkers"])
-            self.constants[:] = [K.constants(walker) for walker in self.walkers]
+            self.bodies[:], self._radii[:] = bodies(*self.walkers), _radii(self.walkers)
         for random, saved in zip(self.randoms, state["random"], strict=True):
             random.bit_generator.state = saved

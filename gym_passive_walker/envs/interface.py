@@ -9,27 +9,10 @@ import numpy as np
 from gymnasium import spaces
 
 from gym_passive_walker.envs import task as T
-from gym_passive_walker.physics.events import Outcome
+from gym_passive_walker.physics.hybrid import Outcome
 
 OUTCOMES = (None, *(outcome.name.lower() for outcome in Outcome if outcome))
 """Names of outcomes, by their number."""
-
-EVERY_STEP = ("distance", "energy", "episode_distance", "episode_energy", "strides")
-"""Names of the ledger's columns before `task.EVERY_STEP`."""
-
-EVERY_STRIDE = (
-    "step_length",
-    "step_period",
-    "speed",
-    "cost_of_transport",
-    "gravity_cost",
-    "hip_cost",
-    "net_hip_cost",
-    "collision_cost",
-    "kneestrike_time",
-)
-"""Names of the ledger's columns from `task.MEASURES` on."""
-
 
 def observation_space() -> Any:
     """What an agent sees: the same for every walker and every scene."""

@@ -52,7 +52,7 @@ class Lane:
     @property
     def slope(self) -> float:
         """The slope of this episode, in rad."""
-        return float(self._vec_env.batch.ledger[self._index, T.SLOPE])
+        return float(self._vec_env.batch.ledger["slope"][self._index])
 
     @property
     def state(self) -> NDArray[np.float64]:
@@ -172,16 +172,15 @@ class PassiveWalkerVecEnv(VecEnv):
         self, lane: int, observation: NDArray[np.float32], terminated: bool
     ) -> dict[str, Any]:
         """The info of an environment whose episode has ended."""
-        row = self.batch.ledger[lane].tolist()
-        ended = interface.OUTCOMES[int(row[T.ENDING])] if terminated else "time_limit"
-        info: dict[str, Any] = dict(zip(interface.EVERY_STEP, row, strict=False))
-        info["strides"] = int(info["strides"])
+        row = self.batch.ledger[lane]
+        ended = interface.OUTCOMES[row["ending"]] if terminated else "time_limit"
+        info: dict[str, Any] = {name: row[name].item() for name in T.EVERY_STEP}
         info["outcome"] = ended
-        info["TimeLimit.truncated"] = bool(row[T.TRUNCATED]) and not terminated
+        info["TimeLimit.truncated"] = bool(row["truncated"]) and not terminated
         info["terminal_observation"] = observation
         info["episode"] = {
-            "r": round(row[T.RETURN], 6),
-            "l": int(row[T.STEPS]),
+            "r": round(float(row["total"]), 6),
+            "l": int(row["steps"]),
             "t": round(time.perf_counter() - self._born, 6),
         }
         return info

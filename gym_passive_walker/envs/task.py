@@ -1,10 +1,10 @@
 """What an agent does, sees and is paid for: one kernel for a step of any number of walkers.
 
 A single environment is a batch of one, so it and every vector environment go through the same
-instructions and agree to the last bit. All numbers are dimensionless (see `physics.constants`).
+instructions and agree to the last bit. All numbers are dimensionless (see `physics.hybrid`).
 
-Each walker has its record, which the engine carries along (`physics.record`), and a row of the
-*ledger*, whose columns are named here: what the environment keeps of a stride and an episode.
+Each walker has its record, which the engine carries along (`engine.layout`), and an entry of the
+*ledger*: what the environment keeps of a stride and an episode.
 """
 
 from __future__ import annotations
@@ -13,47 +13,64 @@ import math
 
 import numpy as np
 
-from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import record as R
-from gym_passive_walker.physics.engine import run_compass, run_kneed, run_simplest
-from gym_passive_walker.physics.events import Outcome
-from gym_passive_walker.physics.lanes import inlined, jitted, kernel, sine_cosine
-from gym_passive_walker.physics.ledger import advance_of_contact, gravity_work
+from gym_passive_walker.engine.jit import call, jitted, kernel
+from gym_passive_walker.engine.run import OPTIONS, carry_on
+from gym_passive_walker.physics.hybrid import Outcome
 
-# Columns of the ledger. What `info` tells at every step:
-DISTANCE = 0  # progress of the hip along the slope in this step, in leg lengths
-ENERGY = 1  # what the motor is charged for in this step, / (m g l)
-EPISODE_DISTANCE, EPISODE_ENERGY = 2, 3
-STRIDES = 4  # heelstrikes since the episode began
-EVERY_STEP = 5
-# ... and when a stride or the episode ends; zero at other steps:
-OUTCOME = 5
-MEASURES = 6
-STEP_LENGTH, STEP_PERIOD, SPEED = 6, 7, 8
-COST_OF_TRANSPORT = 9  # gravity's work and the motor's charge, over weight and step length
-GRAVITY_COST, HIP_COST, NET_HIP_COST, COLLISION_COST = 10, 11, 12, 13
-KNEESTRIKE_TIME = 14
-TOLD = 15
-# What is kept besides:
-REWARD = 15
-ENDING = 16  # outcome that ended the episode; 0 while it goes on
-TRUNCATED = 17
-STEPS, RETURN = 18, 19  # of the episode
-SLOPE = 20
-ORIGIN = 21  # where the stance foot would touch the ground with its leg along the normal
-STANCE = 22  # stance angle before the step
-START = 23  # the stride's first angles: stance, thigh, shank
-NET_WORK, CHARGE = 26, 27  # of the motor since the stride began
-PROGRESS = 28  # of the hip since the stride began
-COLUMNS = 29
+EVERY_STEP = ("distance", "energy", "episode_distance", "episode_energy", "strides")
+"""What `info` tells at every step: progress of the hip along the slope in this step, in leg
+lengths; what the motor is charged for in it, / (m g l); both since the episode began; heelstrikes
+since then."""
 
-# Entries of the rules.
-TICK, LONGEST_STRIDE, MAX_HIP_TORQUE, ENERGY_WEIGHT, CHARGED, STEP_LIMIT = range(6)
-TOLERANCE, LANDING, FIRST_STEP, STUB = range(6, 10)
-RULES = 10
+EVERY_STRIDE = (
+    "step_length",
+    "step_period",
+    "speed",
+    "cost_of_transport",  # gravity's work and the motor's charge, over weight and step length
+    "gravity_cost",
+    "hip_cost",
+    "net_hip_cost",
+    "collision_cost",
+    "kneestrike_time",
+)
+"""What `info` tells besides where a stride ends; zero at other steps."""
+
+LEDGER = np.dtype(
+    [(name, "f8") for name in (*EVERY_STEP[:-1], *EVERY_STRIDE)]
+    + [
+        ("strides", "i8"),
+        ("outcome", "i8"),  # of a stride or an episode that has ended in this step
+        ("ending", "i8"),  # outcome that ended the episode; 0 while it goes on
+        ("truncated", "i8"),
+        ("steps", "i8"),  # of the episode
+        ("reward", "f8"),
+        ("total", "f8"),  # of the rewards
+        ("slope", "f8"),
+        ("origin", "f8"),  # where the stance foot would touch the ground, its leg along the normal
+        ("place", "f8"),  # of the hip from there, before the step
+        # Since the stride began: of the motor, and of the hip.
+        ("net_work", "f8"),
+        ("charge", "f8"),
+        ("progress", "f8"),
+    ]
+)
+
+RULES = np.dtype(
+    [
+        ("engine", OPTIONS),
+        ("tick", "f8"),
+        ("longest_stride", "f8"),
+        ("max_hip_torque", "f8"),
+        ("energy_weight", "f8"),
+        ("step_limit", "f8"),
+        ("charged", "i8"),  # an index into ENERGIES
+        ("works", "i8"),  # whether a torque costs work: not on feet without mass
+    ]
+)
+"""A scene's rules."""
 
 ENERGIES = ("absolute", "positive", "net")
-"""How the motor is charged for hip work; `CHARGED` is an index into this."""
+"""How the motor is charged for hip work."""
 
 SIZE = 8
 """Numbers in an observation."""
@@ -64,56 +81,52 @@ RATE_BOUND = 10.0
 BOUNDS = np.array([0.5 * math.pi, math.pi, math.pi, *[RATE_BOUND] * 3, 1.0, 0.5 * math.pi])
 """Largest size of each number in an observation."""
 
+_HEELSTRIKE, _STALLED = int(Outcome.HEELSTRIKE), int(Outcome.STALLED)
+_ABSOLUTE, _POSITIVE = ENERGIES.index("absolute"), ENERGIES.index("positive")
 
-@inlined
+
+@jitted
 def clipped(value, bound):
     """The value, no larger than a bound either way; not-a-number becomes the lower one."""
     value = value if value > -bound else -bound
     return value if value < bound else bound
 
 
-@inlined
+@jitted
 def over(row):
     """Whether the walker's episode has ended."""
-    return row[ENDING] != 0.0 or row[TRUNCATED] != 0.0
+    return row.ending != 0 or row.truncated != 0
 
 
 @jitted
-def hip_from_contact(c, stance):
-    """How far the hip is ahead of the point that the stance foot stands on at stance angle 0."""
-    sine, _ = sine_cosine(stance)
-    return -(c[K.FOOT_RADIUS] * stance + c[K.LEG] * sine)
-
-
-@jitted
-def see(record, row, kind, observations, first):
+def see(record, row, phases, observations, first):
     """Write a walker's observation."""
     for i in range(6):
-        observations[first + i] = clipped(record[i], BOUNDS[i])
-    locked = kind != 0 or record[R.PHASE] == 1.0
-    observations[first + 6] = 1.0 if locked else 0.0
-    observations[first + 7] = clipped(row[SLOPE], BOUNDS[7])
+        observations[first + i] = clipped(record.state[i], BOUNDS[i])
+    observations[first + 6] = 1.0 if phases[record.phase].links == 2 else 0.0
+    observations[first + 7] = clipped(row.slope, BOUNDS[7])
 
 
 @kernel
-def observe(records, ledger, kind, observations):
+def observe(records, ledger, phases, observations):
     """Write all walkers' observations, flat."""
     for i in range(len(records)):
-        see(records[i], ledger[i], kind, observations, i * SIZE)
+        see(records[i, 0], ledger[i], phases, observations, i * SIZE)
 
 
 @kernel
-def tell(ledger, asked, columns, strides, outcomes, ended, struck):
-    """Write the ledger's first columns, of the walkers asked about; of the others, zeros.
+def tell(ledger, asked, steps, strides, outcomes, ended, struck, told):
+    """Write what the ledger tells of the walkers asked about; of the others, zeros.
 
     Args:
         ledger: The ledger.
         asked: Which walkers are asked about.
-        columns: Zeros, filled: a row for each of the first columns, EVERY_STEP or TOLD of them.
+        steps: Zeros, filled: a row for each of EVERY_STEP but the last.
         strides: Filled with the number of strides.
         outcomes: Filled with outcomes, as numbers.
         ended: Filled: whose stride or episode has ended.
         struck: Filled: whose stride has ended with a heelstrike.
+        told: Zeros, filled: a row for each of EVERY_STRIDE.
 
     Returns:
         How many walkers are asked about, how many of them have ended something, and how many have
@@ -122,25 +135,31 @@ def tell(ledger, asked, columns, strides, outcomes, ended, struck):
     present, endings, strikes = 0, 0, 0
     for i in range(len(ledger)):
         row = ledger[i]
-        outcome = int(row[OUTCOME]) if asked[i] else 0
-        if asked[i]:
-            for k in range(len(columns) if outcome else EVERY_STEP):
-                columns[k, i] = row[k]
-        strides[i] = int(columns[STRIDES, i])
-        outcomes[i] = outcome
-        ended[i] = outcome != 0
-        struck[i] = outcome == 1  # Outcome.HEELSTRIKE
-        present += asked[i]
-        endings += ended[i]
+        strides[i], outcomes[i], ended[i], struck[i] = 0, 0, False, False
+        if not asked[i]:
+            continue
+        present += 1
+        steps[0, i], steps[1, i] = row.distance, row.energy
+        steps[2, i], steps[3, i] = row.episode_distance, row.episode_energy
+        strides[i] = row.strides
+        if row.outcome == 0:
+            continue
+        endings += 1
+        outcomes[i], ended[i] = row.outcome, True
+        told[0, i], told[1, i], told[2, i] = row.step_length, row.step_period, row.speed
+        told[3, i], told[4, i] = row.cost_of_transport, row.gravity_cost
+        told[5, i], told[6, i] = row.hip_cost, row.net_hip_cost
+        told[7, i], told[8, i] = row.collision_cost, row.kneestrike_time
+        struck[i] = row.outcome == _HEELSTRIKE
         strikes += struck[i]
     return present, endings, strikes
 
 
 @kernel
 def begin(
-    records, constants, ledger, kind, lanes, slopes, gaits, draws, perturbation, observations
+    records, bodies, radii, ledger, phases, lanes, slopes, gaits, draws, perturbation, observations
 ):
-    """Begin the episodes of some walkers, each near a section state.
+    """Begin the episodes of some walkers, whose records and ledger are blank, near section states.
 
     Slopes and gaits have a row for each, or one for all. Angles, stance rate and swing rates are
     off by a factor each, which the draws (from 0 to 1, in columns 1 to 3) put between
@@ -149,22 +168,23 @@ def begin(
     """
     for j in range(len(lanes)):
         i = lanes[j]
-        record, row = records[i], ledger[i]
-        record[:] = 0.0
-        row[:] = 0.0
-        row[SLOPE] = slopes[j if len(slopes) > 1 else 0]
-        record[R.SIN_SLOPE], record[R.COS_SLOPE] = sine_cosine(row[SLOPE])
+        own = i if len(bodies) > 1 else 0
+        record, row = records[i, 0], ledger[i]
+        row.slope = slopes[j if len(slopes) > 1 else 0]
+        record.ground[0], record.ground[1] = np.sin(row.slope), np.cos(row.slope)
         gait = gaits[j if len(gaits) > 1 else 0]
         for k in range(6):
             which = 1 if k < 3 else (2 if k == 3 else 3)
-            record[k] = gait[k] * (1.0 + perturbation * (2.0 * draws[j, which] - 1.0))
-        row[START : START + 3] = record[:3]
-        radius = constants[i if len(constants) > 1 else 0, K.FOOT_RADIUS]
-        row[ORIGIN] = radius * record[R.ANGLES]
-        see(record, row, kind, observations, i * SIZE)
+            record.state[k] = gait[k] * (1.0 + perturbation * (2.0 * draws[j, which] - 1.0))
+        for k in range(3):
+            record.start[k] = record.state[k]
+        row.origin = radii[own] * record.state[0]
+        call(phases[0].place, records[i].ctypes.data, bodies[own].ctypes.data, 0, 0.0, 0.0)
+        row.place = record.place
+        see(record, row, phases, observations, i * SIZE)
 
 
-@inlined
+@jitted
 def command(records, ledger, rules, actions):
     """Set every walker's torque and the time to stop.
 
@@ -175,78 +195,68 @@ def command(records, ledger, rules, actions):
         if not np.isfinite(actions[i]) and not over(ledger[i]):
             return i
     for i in range(len(records)):
-        record, row = records[i], ledger[i]
+        record, row = records[i, 0], ledger[i]
         share = 0.0 if over(row) else clipped(actions[i], 1.0)
-        record[R.TORQUE] = rules[MAX_HIP_TORQUE] * share
-        record[R.HIP_NET] = 0.0
-        record[R.HIP_TURN] = 0.0
-        until = record[R.TIME] + rules[TICK]
-        record[R.END] = until if until < rules[LONGEST_STRIDE] else rules[LONGEST_STRIDE]
-        row[STANCE] = record[R.ANGLES]
+        record.control[0] = rules.max_hip_torque * share
+        record.moved[0] = 0.0
+        record.turned[0] = 0.0
+        record.end = min(record.time + rules.tick, rules.longest_stride)
     return -1
 
 
 @jitted
 def charge(record, row, rules):
     """Enter the step's hip work; a torque held constant works by the angle that it turns."""
-    net = record[R.TORQUE] * record[R.HIP_NET]
-    absolute = abs(record[R.TORQUE]) * record[R.HIP_TURN]
-    if rules[CHARGED] == 0.0:
-        row[ENERGY] = absolute
-    elif rules[CHARGED] == 1.0:
-        row[ENERGY] = 0.5 * (absolute + net)
+    net = record.control[0] * record.moved[0]
+    absolute = abs(record.control[0]) * record.turned[0]
+    if rules.charged == _ABSOLUTE:
+        row.energy = absolute
+    elif rules.charged == _POSITIVE:
+        row.energy = 0.5 * (absolute + net)
     else:
-        row[ENERGY] = net
-    row[NET_WORK] += net
-    row[CHARGE] += row[ENERGY]
+        row.energy = net
+    row.net_work += net
+    row.charge += row.energy
 
 
 @jitted
-def end_stride(record, row, c, kind):
+def end_stride(record, row):
     """Measure the stride that a heelstrike has just ended, and open the next one."""
-    end = (-record[0], -record[1], -record[2])  # before the legs changed roles
-    start = row[START : START + 3]
-    length = advance_of_contact(c, start[0], record[0])
-    work = gravity_work(kind, c, start, end, record[R.SIN_SLOPE], record[R.COS_SLOPE])
-    row[STRIDES] += 1.0
-    row[STEP_LENGTH] = length
-    row[STEP_PERIOD] = record[R.TIME]
-    row[SPEED] = length / record[R.TIME]
-    row[GRAVITY_COST] = work / length
-    row[HIP_COST] = row[CHARGE] / length
-    row[NET_HIP_COST] = row[NET_WORK] / length
-    row[COST_OF_TRANSPORT] = row[GRAVITY_COST] + row[HIP_COST]
-    row[COLLISION_COST] = (record[R.KNEE_LOSS] + record[R.HEEL_LOSS]) / length
-    row[KNEESTRIKE_TIME] = record[R.KNEE_TIME]
-    row[START : START + 3] = record[R.ANGLES : R.ANGLES + 3]
-    row[NET_WORK] = 0.0
-    row[CHARGE] = 0.0
-    row[PROGRESS] = 0.0
-    row[ORIGIN] -= 2.0 * hip_from_contact(c, record[0])
-    record[R.TIME] = 0.0
-    record[R.KNEE_TIME] = 0.0
-    record[R.KNEE_LOSS] = 0.0
-    record[R.HEEL_LOSS] = 0.0
+    length = record.step_length
+    row.strides += 1
+    row.step_length = length
+    row.step_period = record.time
+    row.speed = length / record.time
+    row.gravity_cost = record.gravity_work / length
+    row.hip_cost = row.charge / length
+    row.net_hip_cost = row.net_work / length
+    row.cost_of_transport = row.gravity_cost + row.hip_cost
+    row.collision_cost = (record.knee_loss + record.heel_loss) / length
+    row.kneestrike_time = record.knee_time
+    row.net_work, row.charge, row.progress = 0.0, 0.0, 0.0
+    row.origin -= 2.0 * record.place
+    record.time, record.knee_time, record.knee_loss, record.heel_loss = 0.0, 0.0, 0.0, 0.0
 
 
 @jitted
-def progress(record, row, c):
+def progress(record, row):
     """Enter how far the hip has come.
 
     A stride without heelstrike does not count: what was paid for it in advance is taken back, or
     agents learn to dive, which carries the hip a whole leg length at once.
     """
-    struck = record[R.OUTCOME] == 1.0  # Outcome.HEELSTRIKE
-    stance = -record[R.ANGLES] if struck else record[R.ANGLES]  # before the legs changed roles
-    row[DISTANCE] = hip_from_contact(c, stance) - hip_from_contact(c, row[STANCE])
-    if row[ENDING] != 0.0:
-        row[DISTANCE] = 0.0 - row[PROGRESS]
-    row[PROGRESS] += row[DISTANCE]
-    row[EPISODE_DISTANCE] += row[DISTANCE]
+    # Before the legs changed roles, the hip was as far ahead of the old foot as behind the new one.
+    there = -record.place if record.outcome == _HEELSTRIKE else record.place
+    row.distance = there - row.place
+    row.place = record.place
+    if row.ending != 0:
+        row.distance = 0.0 - row.progress
+    row.progress += row.distance
+    row.episode_distance += row.distance
 
 
-@inlined
-def settle(records, constants, ledger, rules, kind, observations, rewards, terminated, truncated):
+@jitted
+def settle(records, bodies, ledger, rules, phases, observations, rewards, terminated, truncated):
     """Work out what every walker's step has come to.
 
     Returns:
@@ -254,84 +264,56 @@ def settle(records, constants, ledger, rules, kind, observations, rewards, termi
     """
     strides, endings = 0, 0
     for i in range(len(records)):
-        record, row = records[i], ledger[i]
-        c = constants[i if len(constants) > 1 else 0]
+        record, row = records[i, 0], ledger[i]
+        body = bodies[i if len(bodies) > 1 else 0]
+        call(phases[0].place, records[i].ctypes.data, body.ctypes.data, 0, 0.0, 0.0)
         idle = over(row)
-        struck = record[R.OUTCOME] == 1.0  # Outcome.HEELSTRIKE
-        row[OUTCOME:TOLD] = 0.0
-        row[OUTCOME] = record[R.OUTCOME]
-        if record[R.OUTCOME] == 0.0 and record[R.TIME] >= rules[LONGEST_STRIDE]:
-            row[OUTCOME] = float(Outcome.STALLED.value)
-        row[ENDING] = 0.0 if struck else row[OUTCOME]
-        progress(record, row, c)
-        row[ENERGY] = 0.0
-        if rules[MAX_HIP_TORQUE] != 0.0 and kind != 2:  # feet without mass cost no work to move
+        struck = record.outcome == _HEELSTRIKE
+        forget_stride(row)
+        row.outcome = record.outcome
+        if record.outcome == 0 and record.time >= rules.longest_stride:
+            row.outcome = _STALLED
+        row.ending = 0 if struck else row.outcome
+        progress(record, row)
+        row.energy = 0.0
+        if rules.max_hip_torque != 0.0 and rules.works:
             charge(record, row, rules)
-        row[EPISODE_ENERGY] += row[ENERGY]
-        row[REWARD] = row[DISTANCE] - rules[ENERGY_WEIGHT] * row[ENERGY]
-        row[RETURN] += row[REWARD]
-        row[STEPS] += 1.0
+        row.episode_energy += row.energy
+        row.reward = row.distance - rules.energy_weight * row.energy
+        row.total += row.reward
+        row.steps += 1
         if struck:
-            end_stride(record, row, c, kind)
+            end_stride(record, row)
             strides += 1
-        if row[STEPS] >= rules[STEP_LIMIT]:
-            row[TRUNCATED] = 1.0
-        rewards[i] = 0.0 if idle else row[REWARD]
-        terminated[i] = row[ENDING] != 0.0 and not idle
-        truncated[i] = row[TRUNCATED] != 0.0 and not idle
+        if row.steps >= rules.step_limit:
+            row.truncated = 1
+        rewards[i] = 0.0 if idle else row.reward
+        terminated[i] = row.ending != 0 and not idle
+        truncated[i] = row.truncated != 0 and not idle
         endings += terminated[i] or truncated[i]
-        see(record, row, kind, observations, i * SIZE)
+        see(record, row, phases, observations, i * SIZE)
     return strides, endings
 
 
-@kernel
-def step_kneed(
-    records, constants, ledger, rules, actions, observations, rewards, terminated, truncated
-):
-    """A step of kneed walkers; returns `command`'s and `settle`'s answers."""
-    wrong = command(records, ledger, rules, actions)
-    if wrong >= 0:
-        return wrong, 0, 0
-    stub = int(rules[STUB])
-    run_kneed(records, constants, rules[TOLERANCE], rules[LANDING], rules[FIRST_STEP], stub, False)
-    strides, endings = settle(
-        records, constants, ledger, rules, 0, observations, rewards, terminated, truncated
-    )
-    return wrong, strides, endings
+@jitted
+def forget_stride(row):
+    """Clear what is told where a stride ends."""
+    row.step_length, row.step_period, row.speed, row.cost_of_transport = 0.0, 0.0, 0.0, 0.0
+    row.gravity_cost, row.hip_cost, row.net_hip_cost = 0.0, 0.0, 0.0
+    row.collision_cost, row.kneestrike_time = 0.0, 0.0
 
 
 @kernel
-def step_compass(
-    records, constants, ledger, rules, actions, observations, rewards, terminated, truncated
-):
-    """A step of straight-legged walkers; returns as `step_kneed` does."""
-    wrong = command(records, ledger, rules, actions)
+def step(
+    records, bodies, ledger, rules, phases, tiles, courses,
+    actions, observations, rewards, terminated, truncated,
+):  # fmt: skip
+    """A step of every walker; returns `command`'s and `settle`'s answers."""
+    wrong = command(records, ledger, rules[0], actions)
     if wrong >= 0:
         return wrong, 0, 0
-    run_compass(records, constants, rules[TOLERANCE], rules[LANDING], rules[FIRST_STEP], 0, False)
+    carry_on(records, bodies, phases, tiles, courses, rules[0].engine, False)
     strides, endings = settle(
-        records, constants, ledger, rules, 1, observations, rewards, terminated, truncated
+        records, bodies, ledger, rules[0], phases, observations, rewards, terminated, truncated
     )
     return wrong, strides, endings
-
-
-@kernel
-def step_simplest(
-    records, constants, ledger, rules, actions, observations, rewards, terminated, truncated
-):
-    """A step of simplest walkers; returns as `step_kneed` does."""
-    wrong = command(records, ledger, rules, actions)
-    if wrong >= 0:
-        return wrong, 0, 0
-    run_simplest(records, constants, rules[TOLERANCE], rules[LANDING], rules[FIRST_STEP], 0, False)
-    strides, endings = settle(
-        records, constants, ledger, rules, 2, observations, rewards, terminated, truncated
-    )
-    return wrong, strides, endings
-
-
-KERNELS = {
-    K.Kind.KNEED: step_kneed,
-    K.Kind.COMPASS: step_compass,
-    K.Kind.SIMPLEST: step_simplest,
-}

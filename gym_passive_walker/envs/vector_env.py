@@ -20,6 +20,7 @@ from gym_passive_walker.envs.scene import Scene, make_scene, walker_from
 from gym_passive_walker.walkers import Walker
 
 _OUTCOMES = np.array(interface.OUTCOMES, object)
+_NONE = np.zeros((0, 0))
 
 
 class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
@@ -221,22 +222,23 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             told: Whether someone ended a stride or an episode.
         """
         mask = np.ones(self.num_envs, bool) if which is None else which
-        columns = np.zeros((T.TOLD if told else T.EVERY_STEP, self.num_envs))
+        steps = np.zeros((len(T.EVERY_STEP) - 1, self.num_envs))
+        measures = np.zeros((len(T.EVERY_STRIDE), self.num_envs)) if told else _NONE
         strides, outcomes = np.empty((2, self.num_envs), np.int64)
         ended, struck = np.empty((2, self.num_envs), bool)
         present, endings, strikes = T.tell(
-            self.batch.ledger, mask, columns, strides, outcomes, ended, struck
+            self.batch.ledger, mask, steps, strides, outcomes, ended, struck, measures
         )
         if not present:
             return {}
         infos: dict[str, Any] = {}
-        for name, column in zip(interface.EVERY_STEP, columns, strict=False):
+        for name, column in zip(T.EVERY_STEP, steps, strict=False):
             infos[name], infos["_" + name] = column, mask
         infos["strides"] = strides
         if endings:
             infos["outcome"], infos["_outcome"] = _OUTCOMES.take(outcomes), ended
         if strikes:
-            for name, column in zip(interface.EVERY_STRIDE, columns[T.MEASURES :], strict=True):
+            for name, column in zip(T.EVERY_STRIDE, measures, strict=True):
                 infos[name], infos["_" + name] = column, struck
         return infos
 
@@ -261,7 +263,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             row = self.batch.ledger[i]
             frames.append(
                 self._screens[walker].draw(
-                    state, float(row[T.SLOPE]), self.batch.contact(i), int(row[T.STRIDES])
+                    state, float(row["slope"]), self.batch.contact(i), int(row["strides"])
                 )
             )
         return tuple(frames)
@@ -280,7 +282,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
     @property
     def slopes(self) -> NDArray[np.float64]:
         """The slope of each environment's episode, in rad."""
-        return self.batch.ledger[:, T.SLOPE].copy()
+        return self.batch.ledger["slope"].copy()
 
     @property
     def states(self) -> NDArray[np.float64]:

@@ -17,6 +17,9 @@ from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.walkers import Walker
 
 
+_NAMES = T.LEDGER.names or ()
+
+
 class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """A passive walker with a motor at its hip, on exact hybrid dynamics.
 
@@ -209,33 +212,17 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             raise ResetNeeded("no episode is under way: call reset first")
         batch = self.batch
         observation = np.empty(T.SIZE, np.float32)
-        wrong, struck, ended = batch.step_kernel(
-            batch.records,
-            batch.constants,
-            batch.ledger,
-            batch.rules,
-            actions,
-            observation,
-            *self._results,
-        )
-        if wrong >= 0:
-            interface.refuse(action)
-        row = batch.ledger[0].tolist()
-        info: dict[str, Any] = {
-            "distance": row[T.DISTANCE],
-            "energy": row[T.ENERGY],
-            "episode_distance": row[T.EPISODE_DISTANCE],
-            "episode_energy": row[T.EPISODE_ENERGY],
-            "strides": int(row[T.STRIDES]),
-        }
+        struck, ended = batch.step(actions, observation, *self._results)
+        row = dict(zip(_NAMES, batch.ledger[0].tolist(), strict=True))
+        info = {name: row[name] for name in T.EVERY_STEP}
         if struck:
-            info.update(zip(interface.EVERY_STRIDE, row[T.MEASURES : T.TOLD], strict=True))
+            info |= {name: row[name] for name in T.EVERY_STRIDE}
         if struck or ended:
-            info["outcome"] = interface.OUTCOMES[int(row[T.OUTCOME])]
+            info["outcome"] = interface.OUTCOMES[row["outcome"]]
             self._ready = not ended
         if self.render_mode == "human":
             self.render()
-        return observation, row[T.REWARD], bool(ended), False, info
+        return observation, row["reward"], bool(ended), False, info
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
         """Draw the walker as it stands, in a window ("human") or as an array ("rgb_array")."""
@@ -249,7 +236,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             fps = self.metadata["render_fps"]
             self._screen = Screen(self.walker, self.render_mode, fps)
         return self._screen.draw(
-            self.state, self.slope, self.batch.contact(0), int(self.batch.ledger[0, T.STRIDES])
+            self.state, self.slope, self.batch.contact(0), int(self.batch.ledger["strides"][0])
         )
 
     def close(self) -> None:
@@ -266,7 +253,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     @property
     def slope(self) -> float:
         """The slope of this episode, in rad."""
-        return float(self.batch.ledger[0, T.SLOPE])
+        return float(self.batch.ledger["slope"][0])
 
     @property
     def state(self) -> NDArray[np.float64]:
