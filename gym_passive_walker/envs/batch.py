@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker.arguments import check_slope, check_state
 from gym_passive_walker.envs import task as T
 from gym_passive_walker.envs.interface import refuse
 from gym_passive_walker.envs.scene import Scene, SceneError
 from gym_passive_walker.envs.starts import DRAWS, Starts, checked_state
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import record as R
-from gym_passive_walker.physics.arguments import check_slope, check_state
 from gym_passive_walker.physics.constants import Kind
 from gym_passive_walker.physics.engine import in_parts, step_control
 from gym_passive_walker.physics.lanes import cache_directory

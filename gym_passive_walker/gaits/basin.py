@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.gaits.arguments import number, one_slope, whole
+from gym_passive_walker.arguments import check_tolerance, number, one_slope, whole
 from gym_passive_walker.gaits.attractors import (
     FELL,
     UNSETTLED,
@@ -28,7 +28,6 @@ from gym_passive_walker.gaits.attractors import (
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.section import Section, section_of
-from gym_passive_walker.physics.arguments import check_tolerance
 from gym_passive_walker.physics.engine import strike_heels
 from gym_passive_walker.physics.record import new_records
 from gym_passive_walker.physics.trajectory import just_before

@@ -17,12 +17,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.gaits.arguments import number, one_slope, whole
+from gym_passive_walker.arguments import (
+    check_slope,
+    check_state,
+    check_tolerance,
+    number,
+    one_slope,
+    whole,
+)
 from gym_passive_walker.gaits.family import GaitFamily, gait_family
 from gym_passive_walker.gaits.gait import GaitKind
 from gym_passive_walker.gaits.section import INFINITESIMAL, Section, section_of
 from gym_passive_walker.gaits.walk import period_of, take_stride, walk_on
-from gym_passive_walker.physics.arguments import check_slope, check_state, check_tolerance
 from gym_passive_walker.physics.events import Outcome
 from gym_passive_walker.walkers import Walker, as_walker
 

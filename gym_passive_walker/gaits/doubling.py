@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.gaits.arguments import whole
+from gym_passive_walker.arguments import whole
 from gym_passive_walker.gaits.continuation import Curve, Point, doubling_test, locate
 from gym_passive_walker.gaits.family import gait_family
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.gaits.arguments import gait_kind, number, one_slope
+from gym_passive_walker.arguments import gait_kind, number, one_slope
 from gym_passive_walker.gaits.continuation import Curve, Point, follow, locate, setting_at
 from gym_passive_walker.gaits.ends import BOUND, STANCE_STOPS, End, margins
 from gym_passive_walker.gaits.fixed_point import find_gait, glance

@@ -12,13 +12,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.gaits.arguments import gait_kind, one_slope, whole
+from gym_passive_walker.arguments import check_state, gait_kind, one_slope, whole
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
 from gym_passive_walker.gaits.newton import LONGEST_SEARCHED, newton
 from gym_passive_walker.gaits.section import Section, section_of, strides
 from gym_passive_walker.gaits.starts import returns, starts
 from gym_passive_walker.physics import record as R
-from gym_passive_walker.physics.arguments import check_state
 from gym_passive_walker.physics.engine import advance
 from gym_passive_walker.physics.events import Outcome
 from gym_passive_walker.physics.frame import frame_of

@@ -7,12 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.gaits.arguments import one_slope
+from gym_passive_walker.arguments import check_state, one_slope
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.section import INFINITESIMAL
 from gym_passive_walker.physics import compass, kneed
 from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics.arguments import check_state
 from gym_passive_walker.physics.constants import Kind
 from gym_passive_walker.physics.forces import impulses
 from gym_passive_walker.physics.frame import frame_of

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gym_passive_walker.gaits.arguments import number, one_slope, whole
+from gym_passive_walker.arguments import check_state, check_tolerance, number, one_slope, whole
 from gym_passive_walker.gaits.measures import foot_clearance
 from gym_passive_walker.gaits.phases import (
     NO_COLLISION,
@@ -26,7 +26,6 @@ from gym_passive_walker.gaits.phases import (
 )
 from gym_passive_walker.gaits.series import Extreme, greatest, least, ratio_turns, turns
 from gym_passive_walker.gaits.stability import NoStride
-from gym_passive_walker.physics.arguments import check_state, check_tolerance
 from gym_passive_walker.physics.events import Outcome
 from gym_passive_walker.physics.frame import frame_of
 from gym_passive_walker.physics.stride import stride

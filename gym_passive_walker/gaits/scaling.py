@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.gaits.arguments import number
+from gym_passive_walker.arguments import number
 from gym_passive_walker.gaits.family import GaitFamily
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.newton import equations

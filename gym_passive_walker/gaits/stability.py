@@ -9,11 +9,10 @@ from types import SimpleNamespace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.gaits.arguments import number, one_slope
+from gym_passive_walker.arguments import check_state, check_tolerance, number, one_slope
 from gym_passive_walker.gaits.section import INFINITESIMAL, section_of
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import record as R
-from gym_passive_walker.physics.arguments import check_state, check_tolerance
 from gym_passive_walker.physics.engine import advance
 from gym_passive_walker.physics.events import Outcome
 from gym_passive_walker.physics.record import new_records
