@@ -154,6 +154,10 @@ class Walker:
         return math.asin(math.sin(self.foot_angle) / reach)
 
 
+PARAMETERS = tuple(field.name for field in fields(Walker) if field.name != "knees")
+"""Names of the numbers that make a walker."""
+
+
 class TuningErrors(NamedTuple):
     """How far a walker is from the conditions for walking at vanishing slope (Fig. 4.7).
 
@@ -246,9 +250,8 @@ def blend(a: Walker | str, b: Walker | str, fraction: float) -> Walker:
     if a.knees != b.knees:
         raise WalkerError("cannot blend a walker with knees and one without")
     values = {
-        field.name: (1.0 - fraction) * getattr(a, field.name) + fraction * getattr(b, field.name)
-        for field in fields(Walker)
-        if field.name != "knees"
+        name: (1.0 - fraction) * getattr(a, name) + fraction * getattr(b, name)
+        for name in PARAMETERS
     }
     return Walker(knees=a.knees, **values)
 

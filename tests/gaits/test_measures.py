@@ -15,7 +15,7 @@ from gym_passive_walker import (
     stride,
     tune,
 )
-from gym_passive_walker.gaits.measures import foot_clearance
+from gym_passive_walker.gaits.posture import foot_clearance
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import record as R
 from gym_passive_walker.physics.engine import strike_heels

@@ -1,0 +1,363 @@
+"""The stride map of a walker: from one heelstrike to the next, with its exact derivatives.
+
+On the section just after heelstrike the legs mirror each other and are straight, so a state is the
+stance angle and the rates: a point [angle, stance rate, thigh rate, shank rate] for a kneed walker,
+[angle, stance rate, swing rate] for the others. Everything here is dimensionless (see `units`).
+
+This is where analyses meet the engine: its records, constants and numbers with a derivative stay in
+this module. A derivative is an infinitesimal imaginary part that passes through the flow, the
+collisions and the moments at which they happen (which saltation matrices account for elsewhere).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import SimpleNamespace
+from typing import NamedTuple, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gym_passive_walker.gaits.passage import Change, Passage, Samples
+from gym_passive_walker.physics import constants as column
+from gym_passive_walker.physics import record as entry
+from gym_passive_walker.physics.constants import Kind, constants_from, kind_of
+from gym_passive_walker.physics.engine import advance, strike_heels
+from gym_passive_walker.physics.events import Outcome
+from gym_passive_walker.physics.record import new_records
+from gym_passive_walker.physics.trajectory import just_before
+from gym_passive_walker.units import Units, units_of
+from gym_passive_walker.walkers import Walker, as_walker
+
+LONGEST = 20.0
+"""Time in sqrt(l/g) after which a stride without heelstrike is given up; a usual one takes 3."""
+
+INFINITESIMAL = 1e-100
+"""Imaginary part that carries a derivative; its square is nothing beside any real part."""
+
+
+class _Seeds(NamedTuple):
+    """Directions in which derivatives are taken, one for each of k columns.
+
+    Attributes:
+        points: (n, k, m).
+        slopes: (k,).
+        torques: (k,).
+        parameters: The walker's parameter that a column moves, None for most.
+    """
+
+    points: NDArray[np.float64]
+    slopes: NDArray[np.float64]
+    torques: NDArray[np.float64]
+    parameters: list[str | None]
+
+
+@dataclass(frozen=True, eq=False)
+class StrideMap:
+    """The stride map of one walker, or of n that differ in one parameter; made by `of`.
+
+    Attributes:
+        walker: Who walks.
+        tolerance: Error relative to the largest angle or rate.
+        longest: Time after which a stride is given up.
+        stub: Whether a kneed walker's locked swing leg below the ground ends the stride.
+        parameter: The walkers' parameter that differs, if any.
+        values: Its value for each of n points, (n,).
+    """
+
+    walker: Walker
+    tolerance: float = 1e-13
+    longest: float = LONGEST
+    stub: bool = False
+    parameter: str | None = None
+    values: NDArray[np.float64] | None = None
+
+    @classmethod
+    def of(
+        cls,
+        walker: Walker | str,
+        *,
+        tolerance: float = 1e-13,
+        longest: float = LONGEST,
+        stub: bool = False,
+    ) -> Self:
+        """The stride map of a walker, or of a preset's name."""
+        return cls(as_walker(walker), tolerance, longest, stub)
+
+    def with_tolerance(self, tolerance: float) -> Self:
+        """The same map, followed with another tolerance."""
+        return replace(self, tolerance=tolerance)
+
+    def with_parameter(self, name: str, values: ArrayLike) -> Self:
+        """The maps of walkers that differ in a parameter: one value, and one point, for each."""
+        return replace(self, parameter=name, values=np.asarray(values, dtype=float))
+
+    @cached_property
+    def kind(self) -> Kind:
+        """Which equations the walker obeys."""
+        return kind_of(self.walker)
+
+    @cached_property
+    def dimension(self) -> int:
+        """Coordinates m of a point: 4 with knees, 3 without."""
+        return 4 if self.kind == Kind.KNEED else 3
+
+    @cached_property
+    def units(self) -> Units:
+        """The walker's units; arrays (n,) where walkers differ."""
+        return units_of(self._bodies() if self.parameter else self.walker)
+
+    @cached_property
+    def constants(self) -> NDArray[np.float64]:
+        """What the engine knows of the walkers: one row for all, or one for each."""
+        return self._constants()
+
+    def _bodies(self) -> SimpleNamespace:
+        """The walkers' parameters, the one that differs as an array."""
+        return SimpleNamespace(**{**vars(self.walker), self.parameter or "": self.values})
+
+    def _constants(self, moved: str | None = None) -> NDArray:
+        """Constants of the walkers, with an infinitesimal step in one of their parameters."""
+        rows = []
+        for value in [None] if self.values is None else self.values:
+            body = SimpleNamespace(**vars(self.walker))
+            if self.parameter is not None:
+                setattr(body, self.parameter, value)
+            if moved is not None:
+                setattr(body, moved, getattr(body, moved) + 1j * INFINITESIMAL)
+            rows.append(constants_from(body, knees=self.walker.knees))
+        return np.array(rows)
+
+    def state(self, points: NDArray) -> NDArray:
+        """Dimensionless states (n, 6) at points (n, m)."""
+        states = np.empty((len(points), 6), points.dtype)
+        states[:, 0] = points[:, 0]
+        states[:, 1] = states[:, 2] = -points[:, 0]
+        states[:, 3 : 2 + self.dimension] = points[:, 1:]
+        states[:, 5] = points[:, -1]
+        return states
+
+    def point(self, states: NDArray) -> NDArray:
+        """Points (n, m) of dimensionless section states (n, 6)."""
+        return states[:, [0, *range(3, 2 + self.dimension)]]
+
+    def states_at(self, points: NDArray) -> NDArray[np.float64]:
+        """States (n, 6) at points (n, m), in the walker's own units."""
+        return self.units.to_own(self.state(points))
+
+    def points_at(self, states: ArrayLike) -> NDArray[np.float64]:
+        """Points (n, m) of section states (n, 6) in the walker's own units."""
+        return self.point(self.units.to_dimensionless(np.atleast_2d(states)))
+
+    def apply(
+        self, points: NDArray, slopes: ArrayLike, *, torque: ArrayLike = 0.0, strides: int = 1
+    ) -> Passage:
+        """Take walkers through some strides.
+
+        Args:
+            points: Points of the section, (n, m).
+            slopes: Slope in rad, one for all or (n,).
+            torque: Hip torque held all along, likewise.
+            strides: Strides to take.
+        """
+        slopes, torques = (np.broadcast_to(x, len(points)) for x in (slopes, torque))
+        told, outcomes = self._follow(points, slopes, torques, self.constants, strides)
+        return Passage(*self._named(told), outcomes)
+
+    def linearise(
+        self,
+        points: NDArray,
+        slopes: ArrayLike,
+        *,
+        torque: ArrayLike = 0.0,
+        strides: int = 1,
+        by: Sequence[str] = ("state",),
+        along: NDArray | None = None,
+    ) -> tuple[Passage, Change]:
+        """Take walkers through some strides, with exact derivatives.
+
+        Args:
+            points: Points of the section, (n, m).
+            slopes: Slope in rad, one for all or (n,).
+            torque: Hip torque held all along, likewise.
+            strides: Strides to take.
+            by: Columns of the derivatives, in order: "state" (one for each coordinate), "slope",
+                "torque", or a parameter of the walker, all else being held dimensionless.
+            along: Directions for "state" instead of the coordinates, (n, m, k).
+
+        Returns:
+            The passage, and the derivatives of all in it.
+        """
+        slopes, torques = (np.broadcast_to(x, len(points)) for x in (slopes, torque))
+        # Without derivatives first: strides that fail cost as much as many that do not.
+        plain = self.apply(points, slopes, torque=torques, strides=strides)
+        walking = np.flatnonzero(plain.alive)
+        seeds = self._seeds(points, by, along)
+        width, step = len(seeds.slopes), 1j * INFINITESIMAL
+        told, _ = self._follow(
+            (points[walking, None] + step * seeds.points[walking]).reshape(-1, self.dimension),
+            (slopes[walking, None] + step * seeds.slopes).ravel(),
+            (torques[walking, None] + step * seeds.torques).ravel(),
+            self._seeded_constants(seeds.parameters, walking),
+            strides,
+        )
+        told = told.reshape(len(walking), width, told.shape[1])
+        # Whether a stride exists at all may differ by a rounding; then there is none.
+        told[np.isnan(np.real(told[..., 0])).any(axis=1)] = np.nan
+        values = np.full((len(points), told.shape[2]), np.nan)
+        derivatives = np.full((*values.shape, width), np.nan)
+        values[walking] = np.real(told[:, 0])
+        derivatives[walking] = np.swapaxes(np.imag(told), 1, 2) / INFINITESIMAL
+        return Passage(*self._named(values), plain.outcomes), Change(*self._named(derivatives))
+
+    def _seeds(self, points: NDArray, by: Sequence[str], along: NDArray | None) -> _Seeds:
+        """The directions asked for."""
+        count, m = points.shape
+        along = np.broadcast_to(np.eye(m), (count, m, m)) if along is None else along
+        names = [x for name in by for x in ([name] * along.shape[2] if name == "state" else [name])]
+        of_points = np.zeros((count, len(names), m))
+        of_points[:, [name == "state" for name in names]] = np.swapaxes(along, 1, 2)
+        others = ("state", "slope", "torque")
+        return _Seeds(
+            of_points,
+            np.array([float(name == "slope") for name in names]),
+            np.array([float(name == "torque") for name in names]),
+            [None if name in others else name for name in names],
+        )
+
+    def _seeded_constants(self, parameters: list[str | None], lanes: NDArray) -> NDArray:
+        """Constants of some lanes, each repeated with the parameter moved that a column moves."""
+        if not any(parameters):
+            own = self.constants
+            return own if len(own) == 1 else np.repeat(own[lanes], len(parameters), axis=0)
+        rows = np.stack([self._constants(name) for name in parameters], axis=1)
+        rows = (
+            np.broadcast_to(rows, (len(lanes), *rows.shape[1:])) if len(rows) == 1 else rows[lanes]
+        )
+        return rows.reshape(-1, rows.shape[2])
+
+    def _follow(
+        self, points: NDArray, slopes: NDArray, torques: NDArray, constants: NDArray, strides: int
+    ) -> tuple[NDArray, NDArray[np.int8]]:
+        """What `Change` tells as columns (n, m + 6), real or complex, and the outcomes (n,)."""
+        dtype = np.result_type(points, slopes, torques, constants)
+        constants = constants.astype(dtype, copy=False)
+        outcomes = np.full(len(points), Outcome.DIVERGED, np.int8)
+        walking = np.flatnonzero(np.all(np.isfinite(points), axis=1))
+        outcomes[walking] = Outcome.HEELSTRIKE
+        states = self.state(points[walking].astype(dtype, copy=False))
+        totals = np.zeros((4, len(walking)), dtype)
+        knee_times = np.full(len(walking), np.nan, dtype)
+        for _ in range(strides):
+            if len(walking) == 0:
+                break
+            own = constants if len(constants) == 1 else constants[walking]
+            slope, torque = slopes[walking], torques[walking]
+            records = new_records(states, slope, torque, end=self.longest)
+            with np.errstate(all="ignore"):
+                advance(self.kind, own, records, tolerance=self.tolerance, stub=self.stub)
+            length = _step_length(own, states[:, 0], records[:, 0])
+            supplied = np.sin(slope) * length
+            if self.kind != Kind.SIMPLEST:  # its torque works on feet of vanishing mass
+                supplied += torque * records[:, entry.HIP_NET]
+            lost = records[:, entry.KNEE_LOSS] + records[:, entry.HEEL_LOSS]
+            totals = totals + np.stack([records[:, entry.TIME], length, lost, supplied])
+            knee_times, states = records[:, entry.KNEE_TIME], records[:, :6]
+            ended = np.real(records[:, entry.OUTCOME]).astype(np.int8)
+            ended[ended == Outcome.RUNNING] = Outcome.STALLED
+            outcomes[walking] = ended
+            on = ended == Outcome.HEELSTRIKE
+            if not np.all(on):
+                walking, states, totals = walking[on], states[on], totals[:, on]
+                knee_times = knee_times[on]
+        told = np.full((len(points), self.dimension + 6), np.nan, dtype)
+        _, _, lost, supplied = totals
+        with np.errstate(invalid="ignore"):
+            imbalance = 2.0 * (lost - supplied) / (lost + supplied)
+        knee_times = np.where(np.real(knee_times) > 0.0, knee_times, np.nan)
+        told[walking] = np.column_stack([self.point(states), *totals, imbalance, knee_times])
+        return told, outcomes
+
+    def _named(self, told: NDArray) -> tuple[NDArray, ...]:
+        """The fields of `Change` from columns (n, m + 6) or their derivatives (n, m + 6, k)."""
+        m = self.dimension
+        return told[:, :m], *(told[:, m + i] for i in range(6))
+
+    def sample(
+        self, points: NDArray, slopes: ArrayLike, times: NDArray, *, torque: ArrayLike = 0.0
+    ) -> Samples:
+        """Look at strides inside: every sample is as exact as the map itself.
+
+        Args:
+            points: Where they start, (n, m).
+            slopes: Slope in rad, one for all or (n,).
+            times: Since the start, (n, k), in any order; later ones than a stride's end give the
+                state that it ends with.
+            torque: Hip torque held all along, one for all or (n,).
+        """
+        count, looks = times.shape
+        slopes, torques = (np.repeat(np.broadcast_to(x, count), looks) for x in (slopes, torque))
+        records = new_records(np.repeat(self.state(points), looks, axis=0), slopes, torques)
+        records[:, entry.END] = times.ravel()
+        own = self.constants
+        own = own if len(own) == 1 else np.repeat(own, looks, axis=0)
+        records[~np.isfinite(records[:, entry.END])] = 0.0  # nothing to follow
+        advance(self.kind, own, records, tolerance=self.tolerance, stub=self.stub)
+        phases = records[:, entry.PHASE].astype(np.int64).reshape(count, looks)
+        return Samples(records[:, :6].reshape(count, looks, 6), phases)
+
+    def before_strike(
+        self, point: NDArray, slope: float, strike: float, *, torque: float = 0.0
+    ) -> NDArray[np.float64]:
+        """The state (6,) on the verge of a strike, before the collision, exact to rounding.
+
+        Args:
+            point: Where the stride starts, (m,).
+            slope: Slope in rad.
+            strike: Time of the kneestrike or the heelstrike since the start.
+            torque: Hip torque held all along.
+        """
+        units, start = self.units, self.states_at(point[None])[0]
+        torque, tolerance = torque * units.torque, self.tolerance
+        state = just_before(
+            self.walker, slope, start, strike * units.time, hip_torque=torque, tolerance=tolerance
+        )
+        return units.to_dimensionless(state)
+
+    def heelstrike(
+        self, angles: NDArray, stance_rates: NDArray, swing_rates: NDArray
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """What a heelstrike makes of straight legs with given rates just before it.
+
+        Args:
+            angles: Stance angles just after it, (n,).
+            stance_rates: Of the old stance leg, (n,).
+            swing_rates: Of the old swing leg, (n,).
+
+        Returns:
+            Points after it, (n, m), and the energy lost, (n,).
+        """
+        states = np.column_stack([-angles, angles, angles, stance_rates, swing_rates, swing_rates])
+        records = new_records(states, np.zeros(len(states)))
+        strike_heels(records, self.constants, int(self.kind))
+        return self.point(records[:, :6]), records[:, entry.HEEL_LOSS]
+
+    def step_lengths(self, angles: NDArray) -> NDArray[np.float64]:
+        """Lengths of steps from and to a stance angle, (n,)."""
+        return _step_length(self.constants, angles, angles)
+
+    @cached_property
+    def half_swing(self) -> float:
+        """Half a period of the straight leg as it hangs from a resting hip, for small swings."""
+        row = self.constants[0]
+        weight = math.hypot(row[column.SWING_ALONG], row[column.SWING_ACROSS])
+        return math.pi * (math.sqrt(row[column.SWING_INERTIA] / weight) if weight > 0.0 else 1.0)
+
+
+def _step_length(constants: NDArray, before: NDArray, after: NDArray) -> NDArray:
+    """Length of a step between two heelstrikes, by the stance angles just after them."""
+    leg, radius = constants[:, column.LEG], constants[:, column.FOOT_RADIUS]
+    return 2.0 * leg * np.sin(after) + radius * (before + after)
