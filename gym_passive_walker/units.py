@@ -16,7 +16,7 @@ from gym_passive_walker.walkers import Walker
 
 
 class Units(NamedTuple):
-    """Dimensionless units in a walker's own; numbers, or arrays with one entry for each walker.
+    """Dimensionless units in a walker's own; of n walkers, arrays (n,) instead of numbers.
 
     Attributes:
         length: l.
@@ -25,23 +25,23 @@ class Units(NamedTuple):
         torque: m g l; g l for the simplest walker, whose torque is per unit of foot mass.
     """
 
-    length: Any
-    time: Any
-    energy: Any
-    torque: Any
+    length: float
+    time: float
+    energy: float
+    torque: float
 
     @property
-    def rate(self) -> Any:
+    def rate(self) -> float:
         """Of angles: 1 / time."""
         return 1.0 / self.time
 
     @property
-    def force(self) -> Any:
+    def force(self) -> float:
         """The weight m g."""
         return self.energy / self.length
 
     @property
-    def speed(self) -> Any:
+    def speed(self) -> float:
         """sqrt(g l)."""
         return self.length / self.time
 
@@ -53,7 +53,7 @@ class Units(NamedTuple):
         """States (..., 6) in the walker's own units of dimensionless ones."""
         return np.asarray(states) / self._times(self.time)
 
-    def _times(self, time: Any) -> NDArray:
+    def _times(self, time: float) -> NDArray:
         one = np.ones_like(time)
         return np.stack([one, one, one, time, time, time], axis=-1)
 

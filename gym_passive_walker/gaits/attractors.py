@@ -126,12 +126,10 @@ def stable_gaits(stride_map: StrideMap, slope: float, points: NDArray) -> list[G
         left = points[periods == period]
         while len(left):
             guess = stride_map.states_at(left[:1])
-            gait = next(
-                iter(find_gaits(stride_map.walker, slope, period=period, guess=guess)), None
-            )
-            if gait is None:
+            gaits = find_gaits(stride_map.walker, slope, period=period, guess=guess)[:1]
+            if not gaits:
                 break
-            found += [gait] if gait.stable else []
+            found += [gait for gait in gaits if gait.stable]
             left = left[Attractors(stride_map, gaits, 1e-2).of(left) == UNSETTLED]
     return found
 

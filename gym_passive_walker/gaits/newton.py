@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,13 +19,13 @@ class Solution(NamedTuple):
         points: (n, k).
         sizes: Largest violation at each, (n,); infinite where it was given up or has no value.
         derivatives: Of the equations there, (n, k, k).
-        carried: What the equations told besides, one entry for each point; None if nothing.
+        carried: What the equations told besides, one entry for each point; empty if nothing.
     """
 
     points: NDArray[np.float64]
     sizes: NDArray[np.float64]
     derivatives: NDArray[np.float64]
-    carried: Any
+    carried: NDArray[np.float64]
 
 
 def newton(
@@ -81,7 +81,7 @@ def newton(
         won, lost = active[better], active[~better]
         points[won], values[won], sizes[won] = trial[better], new_values[better], new_sizes[better]
         derivatives[won] = new_derivatives[better]
-        if carried is not None:
+        if len(carried):
             carried[won] = new_carried[better]
         if damped:
             damping[won] = np.minimum(1.0, 4.0 * damping[won])
@@ -114,10 +114,10 @@ def fixed_point(
 
 def _evaluated(
     equations: Callable[[NDArray], tuple[NDArray, ...]], points: NDArray
-) -> tuple[NDArray, NDArray, Any]:
+) -> tuple[NDArray, NDArray, NDArray]:
     with np.errstate(all="ignore"):
         values, derivatives, *carried = equations(points)
-    return values, derivatives, carried[0] if carried else None
+    return values, derivatives, carried[0] if carried else np.empty(0)
 
 
 def _size(values: NDArray) -> NDArray:

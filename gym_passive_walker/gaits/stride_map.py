@@ -163,9 +163,9 @@ class StrideMap:
             torque: Hip torque held all along, likewise.
             strides: Strides to take.
         """
-        slopes, torques = (np.broadcast_to(x, len(points)) for x in (slopes, torque))
+        slopes, torques = _for_each(slopes, len(points)), _for_each(torque, len(points))
         told, outcomes = self._follow(points, slopes, torques, self.constants, strides)
-        return Passage(*self._named(told), outcomes)
+        return Passage(**self._named(told), outcomes=outcomes)
 
     def linearise(
         self,
@@ -191,10 +191,10 @@ class StrideMap:
         Returns:
             The passage, and the derivatives of all in it.
         """
-        slopes, torques = (np.broadcast_to(x, len(points)) for x in (slopes, torque))
+        slopes, torques = _for_each(slopes, len(points)), _for_each(torque, len(points))
         # Without derivatives first: strides that fail cost as much as many that do not.
-        plain = self.apply(points, slopes, torque=torques, strides=strides)
-        walking = np.flatnonzero(plain.alive)
+        plain, outcomes = self._follow(points, slopes, torques, self.constants, strides)
+        walking = np.flatnonzero(np.isfinite(plain[:, 0]))
         seeds = self._seeds(points, by, along)
         width, step = len(seeds.slopes), 1j * INFINITESIMAL
         told, _ = self._follow(
@@ -211,21 +211,25 @@ class StrideMap:
         derivatives = np.full((*values.shape, width), np.nan)
         values[walking] = np.real(told[:, 0])
         derivatives[walking] = np.swapaxes(np.imag(told), 1, 2) / INFINITESIMAL
-        return Passage(*self._named(values), plain.outcomes), Change(*self._named(derivatives))
+        passage = Passage(**self._named(values), outcomes=outcomes)
+        return passage, Change(**self._named(derivatives))
 
     def _seeds(self, points: NDArray, by: Sequence[str], along: NDArray | None) -> _Seeds:
         """The directions asked for."""
         count, m = points.shape
-        along = np.broadcast_to(np.eye(m), (count, m, m)) if along is None else along
-        names = [x for name in by for x in ([name] * along.shape[2] if name == "state" else [name])]
+        along = np.eye(m)[None] if along is None else along
+        names: list[str] = []
+        for name in by:
+            names += [name] * (along.shape[2] if name == "state" else 1)
         of_points = np.zeros((count, len(names), m))
-        of_points[:, [name == "state" for name in names]] = np.swapaxes(along, 1, 2)
+        if "state" in by:
+            of_points[:, [name == "state" for name in names]] = along.swapaxes(1, 2)
+        slopes, torques = (
+            np.array([float(name == other) for name in names]) for other in ("slope", "torque")
+        )
         others = ("state", "slope", "torque")
         return _Seeds(
-            of_points,
-            np.array([float(name == "slope") for name in names]),
-            np.array([float(name == "torque") for name in names]),
-            [None if name in others else name for name in names],
+            of_points, slopes, torques, [None if name in others else name for name in names]
         )
 
     def _seeded_constants(self, parameters: list[str | None], lanes: NDArray) -> NDArray:
@@ -234,57 +238,55 @@ class StrideMap:
             own = self.constants
             return own if len(own) == 1 else np.repeat(own[lanes], len(parameters), axis=0)
         rows = np.stack([self._constants(name) for name in parameters], axis=1)
-        rows = (
-            np.broadcast_to(rows, (len(lanes), *rows.shape[1:])) if len(rows) == 1 else rows[lanes]
-        )
+        rows = rows[lanes] if len(rows) > 1 else np.repeat(rows, len(lanes), axis=0)
         return rows.reshape(-1, rows.shape[2])
 
     def _follow(
         self, points: NDArray, slopes: NDArray, torques: NDArray, constants: NDArray, strides: int
     ) -> tuple[NDArray, NDArray[np.int8]]:
         """What `Change` tells as columns (n, m + 6), real or complex, and the outcomes (n,)."""
-        dtype = np.result_type(points, slopes, torques, constants)
-        constants = constants.astype(dtype, copy=False)
+        dtype, m = np.result_type(points, slopes, torques, constants), self.dimension
+        told = np.full((len(points), m + 6), np.nan, dtype)
         outcomes = np.full(len(points), Outcome.DIVERGED, np.int8)
-        walking = np.flatnonzero(np.all(np.isfinite(points), axis=1))
+        walking = np.flatnonzero(np.isfinite(points).all(axis=1))
         outcomes[walking] = Outcome.HEELSTRIKE
+        own = constants.astype(dtype, copy=False)
+        own = own[walking] if len(own) > 1 else own
+        slopes, torques, sums = slopes[walking], torques[walking], np.zeros_like(told)[walking]
         states = self.state(points[walking].astype(dtype, copy=False))
-        totals = np.zeros((4, len(walking)), dtype)
-        knee_times = np.full(len(walking), np.nan, dtype)
-        for _ in range(strides):
-            if len(walking) == 0:
-                break
-            own = constants if len(constants) == 1 else constants[walking]
-            slope, torque = slopes[walking], torques[walking]
-            records = new_records(states, slope, torque, end=self.longest)
-            with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"):
+            for _ in range(strides):
+                if len(walking) == 0:
+                    break
+                records = new_records(states, slopes, torques, end=self.longest)
                 advance(self.kind, own, records, tolerance=self.tolerance, stub=self.stub)
-            length = _step_length(own, states[:, 0], records[:, 0])
-            supplied = np.sin(slope) * length
-            if self.kind != Kind.SIMPLEST:  # its torque works on feet of vanishing mass
-                supplied += torque * records[:, entry.HIP_NET]
-            lost = records[:, entry.KNEE_LOSS] + records[:, entry.HEEL_LOSS]
-            totals = totals + np.stack([records[:, entry.TIME], length, lost, supplied])
-            knee_times, states = records[:, entry.KNEE_TIME], records[:, :6]
-            ended = np.real(records[:, entry.OUTCOME]).astype(np.int8)
-            ended[ended == Outcome.RUNNING] = Outcome.STALLED
-            outcomes[walking] = ended
-            on = ended == Outcome.HEELSTRIKE
-            if not np.all(on):
-                walking, states, totals = walking[on], states[on], totals[:, on]
-                knee_times = knee_times[on]
-        told = np.full((len(points), self.dimension + 6), np.nan, dtype)
-        _, _, lost, supplied = totals
-        with np.errstate(invalid="ignore"):
-            imbalance = 2.0 * (lost - supplied) / (lost + supplied)
-        knee_times = np.where(np.real(knee_times) > 0.0, knee_times, np.nan)
-        told[walking] = np.column_stack([self.point(states), *totals, imbalance, knee_times])
+                length = _step_length(own, states[:, 0], records[:, 0])
+                sums[:, m] += records[:, entry.TIME]
+                sums[:, m + 1] += length
+                sums[:, m + 2] += records[:, entry.KNEE_LOSS] + records[:, entry.HEEL_LOSS]
+                sums[:, m + 3] += records[:, entry.SIN_SLOPE] * length
+                if self.kind != Kind.SIMPLEST:  # its torque works on feet of vanishing mass
+                    sums[:, m + 3] += torques * records[:, entry.HIP_NET]
+                sums[:, m + 5] = records[:, entry.KNEE_TIME]
+                states = records[:, :6]
+                outcomes[walking] = ended = _outcomes(records)
+                on = ended == Outcome.HEELSTRIKE
+                if not on.all():
+                    walking, states, slopes = walking[on], states[on], slopes[on]
+                    torques, sums = torques[on], sums[on]
+                    own = own[on] if len(own) > 1 else own
+            lost, supplied = sums[:, m + 2], sums[:, m + 3]
+            sums[:, m + 4] = 2.0 * (lost - supplied) / (lost + supplied)
+        sums[sums[:, m + 5] == 0.0, m + 5] = np.nan
+        sums[:, :m] = self.point(states)
+        told[walking] = sums
         return told, outcomes
 
-    def _named(self, told: NDArray) -> tuple[NDArray, ...]:
-        """The fields of `Change` from columns (n, m + 6) or their derivatives (n, m + 6, k)."""
+    def _named(self, told: NDArray) -> dict[str, NDArray]:
+        """The fields of `Change` from columns (n, m + 6), or from their derivatives."""
         m = self.dimension
-        return told[:, :m], *(told[:, m + i] for i in range(6))
+        names = ("durations", "lengths", "lost", "supplied", "imbalance", "knee_times")
+        return {"ends": told[:, :m]} | {name: told[:, m + i] for i, name in enumerate(names)}
 
     def sample(
         self, points: NDArray, slopes: ArrayLike, times: NDArray, *, torque: ArrayLike = 0.0
@@ -299,7 +301,7 @@ class StrideMap:
             torque: Hip torque held all along, one for all or (n,).
         """
         count, looks = times.shape
-        slopes, torques = (np.repeat(np.broadcast_to(x, count), looks) for x in (slopes, torque))
+        slopes, torques = (np.repeat(_for_each(x, count), looks) for x in (slopes, torque))
         records = new_records(np.repeat(self.state(points), looks, axis=0), slopes, torques)
         records[:, entry.END] = times.ravel()
         own = self.constants
@@ -361,3 +363,16 @@ def _step_length(constants: NDArray, before: NDArray, after: NDArray) -> NDArray
     """Length of a step between two heelstrikes, by the stance angles just after them."""
     leg, radius = constants[:, column.LEG], constants[:, column.FOOT_RADIUS]
     return 2.0 * leg * np.sin(after) + radius * (before + after)
+
+
+def _outcomes(records: NDArray) -> NDArray[np.int8]:
+    """How strides ended; who is only out of time has stalled."""
+    outcomes = np.real(records[:, entry.OUTCOME]).astype(np.int8)
+    outcomes[outcomes == Outcome.RUNNING] = Outcome.STALLED
+    return outcomes
+
+
+def _for_each(value: ArrayLike, count: int) -> NDArray:
+    """A number, or one for each of some points, as one for each."""
+    values = np.asarray(value, dtype=float)
+    return values if values.ndim else np.full(count, values)
