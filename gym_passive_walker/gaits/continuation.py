@@ -7,13 +7,13 @@ ceases to be one.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from gym_passive_walker.gaits.curve import Curve, Point, doubling_test, locate
-from gym_passive_walker.gaits.ends import BOUND, LOST, VANISHED, End, margins, reason_of
+from gym_passive_walker.gaits.ends import BOUND, VANISHED, End, margins, reason_of
 
 _FIRST_STEP, _SHORTEST_STEP = 0.02, 1e-7
 _VANISHING = 10.0  # rate over angle of a walker that rocks rather than steps
@@ -30,6 +30,31 @@ def _glides(curve: Curve, point: Point) -> bool:
     return bool(left.landing[0] < _GLIDING)
 
 
+def points_along(
+    curve: Curve, start: Point, *, first: float, longest: float, shortest: float = _SHORTEST_STEP
+) -> Iterator[Point]:
+    """Points of the curve one after the other, from a start along its tangent, until it is lost.
+
+    Args:
+        curve: The curve.
+        start: Where to start; not among the points.
+        first: Length of the first step.
+        longest: Longest step.
+        shortest: Step below which the curve counts as lost.
+    """
+    here, step = start, min(first, longest)
+    for _ in range(_MOST_POINTS):
+        there = curve.correct(here.y + step * here.tangent, here.tangent)
+        # A turn too sharp for this step, or a leap to another branch: try a shorter one.
+        if there is None or there.tangent @ here.tangent < 0.8:
+            step *= 0.4
+            if step < shortest or (step < 0.02 * longest and _glides(curve, here)):
+                return
+        else:
+            yield there
+            here, step = there, min(1.5 * step, longest)
+
+
 class Branch(NamedTuple):
     """One direction of a curve: its points and what was located between them."""
 
@@ -41,24 +66,15 @@ class Branch(NamedTuple):
 
 def follow(curve: Curve, start: Point, low: float, high: float, resolution: float) -> Branch:
     """Follow the curve from a point along its tangent to an end."""
+    points, folds, doublings = [start], [], []
 
-    def crossings(a: Point, b: Point, test: Callable[[Point], float]) -> list[float]:
-        located = locate(curve, a, b, test) if test(a) * test(b) < 0.0 else None
+    def crossings(there: Point, test: Callable[[Point], float]) -> list[float]:
+        crossed = test(points[-1]) * test(there) < 0.0
+        located = locate(curve, points[-1], there, test) if crossed else None
         return [curve.value_at(located)] if located else []
 
-    points, folds, doublings = [start], [], []
-    step, here = min(_FIRST_STEP, resolution), start
-    end = None
-    while len(points) < _MOST_POINTS:
-        there = curve.correct(here.y + step * here.tangent, here.tangent)
-        # A turn too sharp for this step, or a leap to another branch: try a shorter one.
-        if there is None or there.tangent @ here.tangent < 0.8:
-            step *= 0.4
-            if step < _SHORTEST_STEP or (step < 0.02 * resolution and _glides(curve, here)):
-                end = reason_of(*curve.gaits_at(points[-_LAST:]), curve.period)
-                break
-            continue
-        p = there.y[-1]
+    for there in points_along(curve, start, first=_FIRST_STEP, longest=resolution):
+        here, p = points[-1], there.y[-1]
         if abs(there.y[1]) > _VANISHING:
             end = End(curve.value_at(here), VANISHED)
             break
@@ -70,16 +86,14 @@ def follow(curve: Curve, start: Point, low: float, high: float, resolution: floa
             last = curve.correct(guess)
             end = End(float(curve.axis.value(bound)), BOUND)
             if last is not None:
-                doublings += crossings(here, last, doubling_test)
+                doublings += crossings(last, doubling_test)
                 points.append(last)
             break
-        folds += crossings(here, there, lambda point: float(point.tangent[-1]))
-        doublings += crossings(here, there, doubling_test)
-        here = there
-        points.append(here)
-        step = min(1.5 * step, resolution)
-    if end is None:
-        end = End(curve.value_at(here), LOST)
+        folds += crossings(there, lambda point: float(point.tangent[-1]))
+        doublings += crossings(there, doubling_test)
+        points.append(there)
+    else:
+        end = reason_of(*curve.gaits_at(points[-_LAST:]), curve.period)
     return Branch(_thinned(points), folds, doublings, end)
 
 

@@ -23,58 +23,36 @@ _CORRECTIONS = 7  # of a guess, before it is given up
 _CLOSED = 1e-9  # largest violation of a gait
 
 
-class SlopeAxis(NamedTuple):
-    """The slope is varied; its coordinate is ln(slope)."""
-
-    parameter: str = "slope"
-
-    def coordinate(self, value: float) -> float:
-        """The coordinate of a slope."""
-        return float(np.log(value))
-
-    def value(self, coordinate: Any) -> Any:
-        """The slope at a coordinate, or those at several."""
-        return np.exp(coordinate)
-
-    def rate(self, coordinate: float) -> float:
-        """Change of the slope with its coordinate."""
-        return float(np.exp(coordinate))
-
-    def at(self, stride_map: StrideMap, values: NDArray) -> tuple[StrideMap, NDArray]:
-        """Whose strides, and on which slopes, at some values."""
-        return stride_map, values
-
-
-class ParameterAxis(NamedTuple):
-    """A parameter of the walker is varied; its coordinate is the share of its range.
+class Axis(NamedTuple):
+    """What is varied along a curve: the slope, by its logarithm, or a parameter, by its share.
 
     Attributes:
-        parameter: Which one.
-        low: The range's start.
-        high: Its end.
-        slope: Slope in rad, all along.
+        parameter: "slope", or a parameter of the walker.
+        low: Where a parameter's range starts.
+        high: Where it ends.
+        slope: Slope in rad on which a parameter is varied.
     """
 
-    parameter: str
-    low: float
-    high: float
-    slope: float
+    parameter: str = "slope"
+    low: float = 0.0
+    high: float = 1.0
+    slope: float = 0.0
 
     def coordinate(self, value: float) -> float:
         """The coordinate of a value."""
+        if self.parameter == "slope":
+            return float(np.log(value))
         return (value - self.low) / (self.high - self.low)
 
     def value(self, coordinate: Any) -> Any:
         """The value at a coordinate, or those at several."""
+        if self.parameter == "slope":
+            return np.exp(coordinate)
         return coordinate * (self.high - self.low) + self.low
 
     def rate(self, coordinate: float) -> float:
         """Change of the value with its coordinate."""
-        return self.high - self.low
-
-    def at(self, stride_map: StrideMap, values: NDArray) -> tuple[StrideMap, NDArray]:
-        """Whose strides, and on which slopes, at some values."""
-        return stride_map.with_parameter(self.parameter, values), np.full(len(values), self.slope)
+        return float(np.exp(coordinate)) if self.parameter == "slope" else self.high - self.low
 
 
 class Point(NamedTuple):
@@ -118,7 +96,7 @@ class Curve:
     """
 
     stride_map: StrideMap
-    axis: SlopeAxis | ParameterAxis
+    axis: Axis
     period: int = 1
 
     def value_at(self, point: Point) -> float:
@@ -128,9 +106,16 @@ class Curve:
     def gaits_at(self, points: list[Point]) -> GaitsAt:
         """Points as gaits of the walkers that walk there."""
         ys = np.array([point.y for point in points])
-        values = self.axis.value(ys[:, -1])
-        stride_map, slopes = self.axis.at(self.stride_map, values)
+        stride_map, slopes, values = self._setting(ys)
         return GaitsAt(stride_map, from_logarithms(ys[:, :-1]), slopes, values)
+
+    def _setting(self, ys: NDArray) -> tuple[StrideMap, NDArray, NDArray]:
+        """Whose strides, on which slopes, and the varied quantity at coordinates (n, m + 1)."""
+        values = self.axis.value(ys[:, -1])
+        if self.axis.parameter == "slope":
+            return self.stride_map, values, values
+        varied = self.stride_map.with_parameter(self.axis.parameter, values)
+        return varied, np.full(len(values), self.axis.slope), values
 
     def correct(
         self, guess: NDArray, tangent: NDArray | None = None, accuracy: float = 1e-10
@@ -142,19 +127,18 @@ class Curve:
             tangent: Direction in which the gait is not moved; the varied quantity's if None.
             accuracy: Largest violation.
         """
-        if tangent is None:
-            tangent = np.eye(len(guess))[-1]
+        across = np.eye(len(guess))[-1] if tangent is None else tangent
 
         def equations(ys: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-            stride_map, slopes = self.axis.at(self.stride_map, self.axis.value(ys[:, -1]))
+            stride_map, slopes, _ = self._setting(ys)
             gait = gait_equations(
                 stride_map, ys[:, :-1], slopes, period=self.period, by=(self.axis.parameter,)
             )
             gait.derivatives[0, :, -1] *= self.axis.rate(ys[0, -1])
-            moved = (ys - guess) @ tangent
+            moved = (ys - guess) @ across
             return (
                 np.append(gait.values, moved[:, None], axis=1),
-                np.append(gait.derivatives, tangent[None, None], axis=1),
+                np.append(gait.derivatives, across[None, None], axis=1),
                 gait.map,
             )
 
@@ -165,7 +149,7 @@ class Curve:
         if found.sizes[0] > _CLOSED:
             return None
         new = np.linalg.svd(found.derivatives[0, :-1])[2][-1]
-        return Point(found.points[0], new if new @ tangent >= 0.0 else -new, found.carried[0])
+        return Point(found.points[0], new if new @ across >= 0.0 else -new, found.carried[0])
 
 
 def doubling_test(point: Point) -> float:

@@ -8,12 +8,13 @@ and so on: each slope is a root found to rounding, stable or not.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gym_passive_walker.arguments import whole
-from gym_passive_walker.gaits.curve import Curve, Point, SlopeAxis, doubling_test, locate
+from gym_passive_walker.gaits.continuation import points_along
+from gym_passive_walker.gaits.curve import Axis, Curve, Point, doubling_test, locate
 from gym_passive_walker.gaits.family import gait_family
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
 from gym_passive_walker.gaits.log_chart import logarithms
@@ -23,7 +24,7 @@ from gym_passive_walker.walkers import Walker, as_walker, describe
 FEIGENBAUM = 4.669201609102990
 """What the ratios of successive distances between doublings tend to (Feigenbaum, 1978)."""
 
-_FIRST_STEP, _LONGEST_STEP = 2e-3, 0.03  # in the section's logarithmic coordinates
+_FIRST_STEP, _LONGEST_STEP, _SHORTEST_STEP = 2e-3, 0.03, 1e-9  # in logarithmic coordinates
 _SHRINK = 2.5  # each branch is so much smaller than the one before
 _MOST_STEPS = 400
 
@@ -92,7 +93,7 @@ def doubling_cascade(
     slope = family.period_doublings[0]
     nearest = int(np.argmin(np.abs(family.slope - slope)))
     stride_map = StrideMap.of(walker, tolerance=1e-12)
-    curve = Curve(stride_map, SlopeAxis())
+    curve = Curve(stride_map, Axis())
     u = logarithms(stride_map.points_at(family.state[nearest]))[0]
     here = curve.correct(np.append(u, np.log(slope)))
     slopes: list[float] = []
@@ -118,22 +119,13 @@ def _next_doubling(curve: Curve, birth: Point, high: float) -> Point | None:
     here = curve.correct(birth.y + step * direction, direction)
     if here is None:
         return None
-    here = _away(here, here.y - birth.y)
-    for _ in range(_MOST_STEPS):
-        there = curve.correct(here.y + step * here.tangent, here.tangent)
-        if there is None or there.tangent @ here.tangent < 0.8:
-            step *= 0.4
-            if step < 1e-9:
-                return None
-            continue
+    if here.tangent @ (here.y - birth.y) < 0.0:
+        here = here._replace(tangent=-here.tangent)
+    along = points_along(curve, here, first=step, longest=longest, shortest=_SHORTEST_STEP)
+    for there in islice(along, _MOST_STEPS):
         if there.y[-1] > high:
             return None
         if doubling_test(here) * doubling_test(there) < 0.0:
             return locate(curve, here, there, doubling_test)
-        here, step = there, min(1.5 * step, longest)
+        here = there
     return None
-
-
-def _away(point: Point, direction: NDArray) -> Point:
-    """A point whose tangent leads away along a direction."""
-    return point if point.tangent @ direction > 0.0 else point._replace(tangent=-point.tangent)

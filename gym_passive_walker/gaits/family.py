@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.arguments import gait_kind, number, one_slope
 from gym_passive_walker.gaits.continuation import follow
-from gym_passive_walker.gaits.curve import Curve, ParameterAxis, Point, SlopeAxis, locate
+from gym_passive_walker.gaits.curve import Axis, Curve, Point, locate
 from gym_passive_walker.gaits.ends import BOUND, STANCE_STOPS, End, margins
 from gym_passive_walker.gaits.fixed_point import find_gait, glance
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, multipliers_of
@@ -78,7 +78,7 @@ class GaitFamily:
 
 
 def _family(
-    axis: SlopeAxis | ParameterAxis,
+    axis: Axis,
     gait: Gait,
     value: float,
     bounds: tuple[float, float],
@@ -195,7 +195,7 @@ def gait_family(
         start = _some_gait(walker, np.geomspace(low, high, 16), kind)
     elif not low <= start.slope <= high:
         raise ValueError(f"the gait to start with stands at slope {start.slope}, out of the range")
-    return _family(SlopeAxis(), start, start.slope, (low, high), resolution)
+    return _family(Axis(), start, start.slope, (low, high), resolution)
 
 
 def parameter_family(
@@ -237,4 +237,4 @@ def parameter_family(
         except WalkerError as error:
             raise ValueError(f"the range leaves what a walker can be: {error}") from error
     start = find_gait(walker, slope, kind)
-    return _family(ParameterAxis(parameter, low, high, slope), start, here, (low, high), resolution)
+    return _family(Axis(parameter, low, high, slope), start, here, (low, high), resolution)

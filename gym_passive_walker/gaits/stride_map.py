@@ -1,12 +1,9 @@
 """The stride map of a walker: from one heelstrike to the next, with its exact derivatives.
 
-On the section just after heelstrike the legs mirror each other and are straight, so a state is the
-stance angle and the rates: a point [angle, stance rate, thigh rate, shank rate] for a kneed walker,
-[angle, stance rate, swing rate] for the others. Everything here is dimensionless (see `units`).
-
 This is where analyses meet the engine: its records, constants and numbers with a derivative stay in
 this module. A derivative is an infinitesimal imaginary part that passes through the flow, the
 collisions and the moments at which they happen (which saltation matrices account for elsewhere).
+Everything is dimensionless (see `units`), and strides lead from point to point of the `section`.
 """
 
 from __future__ import annotations
@@ -16,12 +13,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from types import SimpleNamespace
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.gaits.passage import Change, Passage, Samples
+from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.physics import constants as column
 from gym_passive_walker.physics import record as entry
 from gym_passive_walker.physics.constants import Kind, constants_from, kind_of
@@ -29,7 +27,6 @@ from gym_passive_walker.physics.engine import advance, strike_heels
 from gym_passive_walker.physics.events import Outcome
 from gym_passive_walker.physics.record import new_records
 from gym_passive_walker.physics.trajectory import just_before
-from gym_passive_walker.units import Units, units_of
 from gym_passive_walker.walkers import Walker, as_walker
 
 LONGEST = 20.0
@@ -55,45 +52,31 @@ class _Seeds(NamedTuple):
     parameters: list[str | None]
 
 
-@dataclass(frozen=True, eq=False)
-class StrideMap:
+@dataclass(frozen=True, eq=False, kw_only=True)
+class StrideMap(Section):
     """The stride map of one walker, or of n that differ in one parameter; made by `of`.
 
     Attributes:
         walker: Who walks.
+        parameter: The walkers' parameter that differs, if any.
+        values: Its value for each of n points, (n,).
         tolerance: Error relative to the largest angle or rate.
         longest: Time after which a stride is given up.
         stub: Whether a kneed walker's locked swing leg below the ground ends the stride.
-        parameter: The walkers' parameter that differs, if any.
-        values: Its value for each of n points, (n,).
     """
 
-    walker: Walker
     tolerance: float = 1e-13
     longest: float = LONGEST
     stub: bool = False
-    parameter: str | None = None
-    values: NDArray[np.float64] | None = None
 
     @classmethod
-    def of(
-        cls,
-        walker: Walker | str,
-        *,
-        tolerance: float = 1e-13,
-        longest: float = LONGEST,
-        stub: bool = False,
-    ) -> Self:
-        """The stride map of a walker, or of a preset's name."""
-        return cls(as_walker(walker), tolerance, longest, stub)
+    def of(cls, walker: Walker | str, **options: Any) -> Self:
+        """The stride map of a walker, or of a preset's name; `options` are attributes."""
+        return cls(walker=as_walker(walker), **options)
 
     def with_tolerance(self, tolerance: float) -> Self:
         """The same map, followed with another tolerance."""
         return replace(self, tolerance=tolerance)
-
-    def with_parameter(self, name: str, values: ArrayLike) -> Self:
-        """The maps of walkers that differ in a parameter: one value, and one point, for each."""
-        return replace(self, parameter=name, values=np.asarray(values, dtype=float))
 
     @cached_property
     def kind(self) -> Kind:
@@ -101,23 +84,9 @@ class StrideMap:
         return kind_of(self.walker)
 
     @cached_property
-    def dimension(self) -> int:
-        """Coordinates m of a point: 4 with knees, 3 without."""
-        return 4 if self.kind == Kind.KNEED else 3
-
-    @cached_property
-    def units(self) -> Units:
-        """The walker's units; arrays (n,) where walkers differ."""
-        return units_of(self._bodies() if self.parameter else self.walker)
-
-    @cached_property
     def constants(self) -> NDArray[np.float64]:
         """What the engine knows of the walkers: one row for all, or one for each."""
         return self._constants()
-
-    def _bodies(self) -> SimpleNamespace:
-        """The walkers' parameters, the one that differs as an array."""
-        return SimpleNamespace(**{**vars(self.walker), self.parameter or "": self.values})
 
     def _constants(self, moved: str | None = None) -> NDArray:
         """Constants of the walkers, with an infinitesimal step in one of their parameters."""
@@ -130,27 +99,6 @@ class StrideMap:
                 setattr(body, moved, getattr(body, moved) + 1j * INFINITESIMAL)
             rows.append(constants_from(body, knees=self.walker.knees))
         return np.array(rows)
-
-    def state(self, points: NDArray) -> NDArray:
-        """Dimensionless states (n, 6) at points (n, m)."""
-        states = np.empty((len(points), 6), points.dtype)
-        states[:, 0] = points[:, 0]
-        states[:, 1] = states[:, 2] = -points[:, 0]
-        states[:, 3 : 2 + self.dimension] = points[:, 1:]
-        states[:, 5] = points[:, -1]
-        return states
-
-    def point(self, states: NDArray) -> NDArray:
-        """Points (n, m) of dimensionless section states (n, 6)."""
-        return states[:, [0, *range(3, 2 + self.dimension)]]
-
-    def states_at(self, points: NDArray) -> NDArray[np.float64]:
-        """States (n, 6) at points (n, m), in the walker's own units."""
-        return self.units.to_own(self.state(points))
-
-    def points_at(self, states: ArrayLike) -> NDArray[np.float64]:
-        """Points (n, m) of section states (n, 6) in the walker's own units."""
-        return self.point(self.units.to_dimensionless(np.atleast_2d(states)))
 
     def apply(
         self, points: NDArray, slopes: ArrayLike, *, torque: ArrayLike = 0.0, strides: int = 1

@@ -1,0 +1,71 @@
+"""The section just after heelstrike, and its one chart.
+
+On it the legs mirror each other and are straight, so a state is the stance angle and the rates: a
+point [angle, stance rate, thigh rate, shank rate] for a kneed walker, [angle, stance rate, swing
+rate] for the others. Points are dimensionless (see `units`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import SimpleNamespace
+from typing import Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gym_passive_walker.units import Units, units_of
+from gym_passive_walker.walkers import Walker
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Section:
+    """The section of one walker, or of n that differ in one parameter.
+
+    Attributes:
+        walker: Whose section.
+        parameter: The parameter that differs, if any.
+        values: Its value for each of n points, (n,).
+    """
+
+    walker: Walker
+    parameter: str | None = None
+    values: NDArray[np.float64] | None = None
+
+    def with_parameter(self, name: str, values: ArrayLike) -> Self:
+        """The same of walkers that differ in a parameter: one value, and one point, for each."""
+        return replace(self, parameter=name, values=np.asarray(values, dtype=float))
+
+    @property
+    def dimension(self) -> int:
+        """Coordinates m of a point."""
+        return 4 if self.walker.knees else 3
+
+    @cached_property
+    def units(self) -> Units:
+        """The walker's units; arrays (n,) where walkers differ."""
+        if self.parameter is None:
+            return units_of(self.walker)
+        return units_of(SimpleNamespace(**{**vars(self.walker), self.parameter: self.values}))
+
+    def state(self, points: NDArray) -> NDArray:
+        """Dimensionless states (n, 6) at points (n, m)."""
+        states = np.empty((len(points), 6), points.dtype)
+        states[:, 0] = points[:, 0]
+        states[:, 1] = states[:, 2] = -points[:, 0]
+        states[:, 3 : 2 + self.dimension] = points[:, 1:]
+        states[:, 5] = points[:, -1]
+        return states
+
+    def point(self, states: NDArray) -> NDArray:
+        """Points (n, m) of dimensionless section states (n, 6)."""
+        return states[:, [0, *range(3, 2 + self.dimension)]]
+
+    def states_at(self, points: NDArray) -> NDArray[np.float64]:
+        """States (n, 6) at points (n, m), in the walker's own units."""
+        return self.units.to_own(self.state(points))
+
+    def points_at(self, states: ArrayLike) -> NDArray[np.float64]:
+        """Points (n, m) of section states (n, 6) in the walker's own units."""
+        return self.point(self.units.to_dimensionless(np.atleast_2d(states)))
