@@ -26,9 +26,9 @@ class Change:
         lost: Energy lost at collisions, (n,).
         supplied: Energy supplied by gravity and torque, as if each stride ended at the height where
             it began, (n,).
+        knee_times: When the knee locks in the last stride, (n,); NaN without knees.
         imbalance: Energy lost less energy supplied, over their mean, (n,). Zero on a gait, and
             precise where the small difference of two states would not be.
-        knee_times: When the knee locks in the last stride, (n,); NaN without knees.
     """
 
     ends: NDArray[np.float64]
@@ -36,8 +36,8 @@ class Change:
     lengths: NDArray[np.float64]
     lost: NDArray[np.float64]
     supplied: NDArray[np.float64]
-    imbalance: NDArray[np.float64]
     knee_times: NDArray[np.float64]
+    imbalance: NDArray[np.float64]
 
 
 @dataclass(frozen=True)

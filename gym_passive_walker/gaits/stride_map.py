@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from types import SimpleNamespace
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,21 +35,7 @@ LONGEST = 20.0
 INFINITESIMAL = 1e-100
 """Imaginary part that carries a derivative; its square is nothing beside any real part."""
 
-
-class _Seeds(NamedTuple):
-    """Directions in which derivatives are taken, one for each of k columns.
-
-    Attributes:
-        points: (n, k, m).
-        slopes: (k,).
-        torques: (k,).
-        parameters: The walker's parameter that a column moves, None for most.
-    """
-
-    points: NDArray[np.float64]
-    slopes: NDArray[np.float64]
-    torques: NDArray[np.float64]
-    parameters: list[str | None]
+_CONTROLS = ("state", "slope", "torque")  # to differentiate by, besides parameters
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -113,7 +99,7 @@ class StrideMap(Section):
         """
         slopes, torques = _for_each(slopes, len(points)), _for_each(torque, len(points))
         told, outcomes = self._follow(points, slopes, torques, self.constants, strides)
-        return Passage(**self._named(told), outcomes=outcomes)
+        return Passage(**_named(told), outcomes=outcomes)
 
     def linearise(
         self,
@@ -142,99 +128,87 @@ class StrideMap(Section):
         slopes, torques = _for_each(slopes, len(points)), _for_each(torque, len(points))
         # Without derivatives first: strides that fail cost as much as many that do not.
         plain, outcomes = self._follow(points, slopes, torques, self.constants, strides)
-        walking = np.flatnonzero(np.isfinite(plain[:, 0]))
-        seeds = self._seeds(points, by, along)
-        width, step = len(seeds.slopes), 1j * INFINITESIMAL
-        told, _ = self._follow(
-            (points[walking, None] + step * seeds.points[walking]).reshape(-1, self.dimension),
-            (slopes[walking, None] + step * seeds.slopes).ravel(),
-            (torques[walking, None] + step * seeds.torques).ravel(),
-            self._seeded_constants(seeds.parameters, walking),
+        walking = np.flatnonzero(np.isfinite(plain[0]))
+        columns = _columns(by, self.dimension if along is None else along.shape[2])
+        seeds = np.zeros((len(points), len(columns), self.dimension))
+        if "state" in by:
+            of_state = np.eye(self.dimension) if along is None else np.swapaxes(along, 1, 2)
+            seeds[:, [name == "state" for name in columns]] = of_state
+        step = 1j * INFINITESIMAL
+        dual, _ = self._follow(
+            (points[walking, None] + step * seeds[walking]).reshape(-1, self.dimension),
+            (slopes[walking, None] + step * (np.array(columns) == "slope")).ravel(),
+            (torques[walking, None] + step * (np.array(columns) == "torque")).ravel(),
+            self._seeded_constants(columns, walking),
             strides,
         )
-        told = told.reshape(len(walking), width, told.shape[1])
+        dual = dual.reshape(len(dual), len(walking), len(columns))
         # Whether a stride exists at all may differ by a rounding; then there is none.
-        told[np.isnan(np.real(told[..., 0])).any(axis=1)] = np.nan
-        values = np.full((len(points), told.shape[2]), np.nan)
-        derivatives = np.full((*values.shape, width), np.nan)
-        values[walking] = np.real(told[:, 0])
-        derivatives[walking] = np.swapaxes(np.imag(told), 1, 2) / INFINITESIMAL
-        passage = Passage(**self._named(values), outcomes=outcomes)
-        return passage, Change(**self._named(derivatives))
+        dual[:, np.isnan(np.real(dual[0])).any(axis=1)] = np.nan
+        values = np.full(plain.shape, np.nan)
+        derivatives = np.full((*plain.shape, len(columns)), np.nan)
+        values[:, walking] = np.real(dual[:, :, 0])
+        derivatives[:, walking] = np.imag(dual) / INFINITESIMAL
+        return Passage(**_named(values), outcomes=outcomes), Change(**_named(derivatives))
 
-    def _seeds(self, points: NDArray, by: Sequence[str], along: NDArray | None) -> _Seeds:
-        """The directions asked for."""
-        count, m = points.shape
-        along = np.eye(m)[None] if along is None else along
-        names: list[str] = []
-        for name in by:
-            names += [name] * (along.shape[2] if name == "state" else 1)
-        of_points = np.zeros((count, len(names), m))
-        if "state" in by:
-            of_points[:, [name == "state" for name in names]] = along.swapaxes(1, 2)
-        slopes, torques = (
-            np.array([float(name == other) for name in names]) for other in ("slope", "torque")
-        )
-        others = ("state", "slope", "torque")
-        return _Seeds(
-            of_points, slopes, torques, [None if name in others else name for name in names]
-        )
-
-    def _seeded_constants(self, parameters: list[str | None], lanes: NDArray) -> NDArray:
+    def _seeded_constants(self, columns: list[str], lanes: NDArray) -> NDArray:
         """Constants of some lanes, each repeated with the parameter moved that a column moves."""
-        if not any(parameters):
+        moved = [None if name in _CONTROLS else name for name in columns]
+        if not any(moved):
             own = self.constants
-            return own if len(own) == 1 else np.repeat(own[lanes], len(parameters), axis=0)
-        rows = np.stack([self._constants(name) for name in parameters], axis=1)
+            return own if len(own) == 1 else np.repeat(own[lanes], len(moved), axis=0)
+        rows = np.stack([self._constants(name) for name in moved], axis=1)
         rows = rows[lanes] if len(rows) > 1 else np.repeat(rows, len(lanes), axis=0)
         return rows.reshape(-1, rows.shape[2])
 
     def _follow(
         self, points: NDArray, slopes: NDArray, torques: NDArray, constants: NDArray, strides: int
     ) -> tuple[NDArray, NDArray[np.int8]]:
-        """What `Change` tells as columns (n, m + 6), real or complex, and the outcomes (n,)."""
-        dtype, m = np.result_type(points, slopes, torques, constants), self.dimension
-        told = np.full((len(points), m + 6), np.nan, dtype)
-        outcomes = np.full(len(points), Outcome.DIVERGED, np.int8)
+        """What `Change` tells, real or complex, in rows (m + 6, n); and the outcomes (n,)."""
+        dtype = np.result_type(points, slopes, torques, constants)
         walking = np.flatnonzero(np.isfinite(points).all(axis=1))
+        outcomes = np.full(len(points), Outcome.DIVERGED, np.int8)
         outcomes[walking] = Outcome.HEELSTRIKE
-        own = constants.astype(dtype, copy=False)
+        slopes, torques, own = (
+            slopes[walking],
+            torques[walking],
+            constants.astype(dtype, copy=False),
+        )
         own = own[walking] if len(own) > 1 else own
-        slopes, torques, sums = slopes[walking], torques[walking], np.zeros_like(told)[walking]
         states = self.state(points[walking].astype(dtype, copy=False))
+        totals = np.zeros((5, len(walking)), dtype)
         with np.errstate(all="ignore"):
             for _ in range(strides):
                 if len(walking) == 0:
                     break
                 records = new_records(states, slopes, torques, end=self.longest)
                 advance(self.kind, own, records, tolerance=self.tolerance, stub=self.stub)
-                length = _step_length(own, states[:, 0], records[:, 0])
-                sums[:, m] += records[:, entry.TIME]
-                sums[:, m + 1] += length
-                sums[:, m + 2] += records[:, entry.KNEE_LOSS] + records[:, entry.HEEL_LOSS]
-                sums[:, m + 3] += records[:, entry.SIN_SLOPE] * length
-                if self.kind != Kind.SIMPLEST:  # its torque works on feet of vanishing mass
-                    sums[:, m + 3] += torques * records[:, entry.HIP_NET]
-                sums[:, m + 5] = records[:, entry.KNEE_TIME]
+                self._add(totals, states, records, own)
                 states = records[:, :6]
                 outcomes[walking] = ended = _outcomes(records)
                 on = ended == Outcome.HEELSTRIKE
                 if not on.all():
-                    walking, states, slopes = walking[on], states[on], slopes[on]
-                    torques, sums = torques[on], sums[on]
+                    walking, states, totals = walking[on], states[on], totals[:, on]
+                    slopes, torques = slopes[on], torques[on]
                     own = own[on] if len(own) > 1 else own
-            lost, supplied = sums[:, m + 2], sums[:, m + 3]
-            sums[:, m + 4] = 2.0 * (lost - supplied) / (lost + supplied)
-        sums[sums[:, m + 5] == 0.0, m + 5] = np.nan
-        sums[:, :m] = self.point(states)
-        told[walking] = sums
+            _, _, lost, supplied, knee_times = totals
+            imbalance = 2.0 * (lost - supplied) / (lost + supplied)
+        knee_times[knee_times == 0.0] = np.nan
+        told = np.full((self.dimension + 6, len(points)), np.nan, dtype)
+        told[:, walking] = np.vstack([self.point(states).T, totals, imbalance])
         return told, outcomes
 
-    def _named(self, told: NDArray) -> dict[str, NDArray]:
-        """The fields of `Change` from columns (n, m + 6), or from their derivatives."""
-        m = self.dimension
-        names = ("durations", "lengths", "lost", "supplied", "imbalance", "knee_times")
-        return {"ends": told[:, :m]} | {name: told[:, m + i] for i, name in enumerate(names)}
+    def _add(self, totals: NDArray, starts: NDArray, records: NDArray, constants: NDArray) -> None:
+        """Add strides to what was told of those before."""
+        durations, lengths, lost, supplied, knee_times = totals
+        length = _step_length(constants, starts[:, 0], records[:, 0])
+        durations += records[:, entry.TIME]
+        lengths += length
+        lost += records[:, entry.KNEE_LOSS] + records[:, entry.HEEL_LOSS]
+        supplied += records[:, entry.SIN_SLOPE] * length
+        if self.kind != Kind.SIMPLEST:  # its torque works on feet of vanishing mass
+            supplied += records[:, entry.TORQUE] * records[:, entry.HIP_NET]
+        knee_times[:] = records[:, entry.KNEE_TIME]
 
     def sample(
         self, points: NDArray, slopes: ArrayLike, times: NDArray, *, torque: ArrayLike = 0.0
@@ -305,6 +279,19 @@ class StrideMap(Section):
         row = self.constants[0]
         weight = math.hypot(row[column.SWING_ALONG], row[column.SWING_ACROSS])
         return math.pi * (math.sqrt(row[column.SWING_INERTIA] / weight) if weight > 0.0 else 1.0)
+
+
+def _columns(by: Sequence[str], coordinates: int) -> list[str]:
+    """What each column is a derivative by: "state" once for each of its coordinates."""
+    return [x for name in by for x in [name] * (coordinates if name == "state" else 1)]
+
+
+def _named(told: NDArray) -> dict[str, NDArray]:
+    """The fields of `Change` from rows (m + 6, n), or from their derivatives (m + 6, n, k)."""
+    names = [field.name for field in fields(Change)]
+    rest = 1 - len(names)
+    ends = np.moveaxis(told[:rest], 0, 1)
+    return dict(zip(names, [ends, *told[rest:]], strict=True))
 
 
 def _step_length(constants: NDArray, before: NDArray, after: NDArray) -> NDArray:
