@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from types import SimpleNamespace
 from typing import Any, Self
 
@@ -36,6 +36,9 @@ INFINITESIMAL = 1e-100
 """Imaginary part that carries a derivative; its square is nothing beside any real part."""
 
 _CONTROLS = ("state", "slope", "torque")  # to differentiate by, besides parameters
+_FEW = 4  # strides that are so rarely all in vain that it does not pay to try them first
+_FIELDS = [field.name for field in fields(Change)]
+_STRUCK, _STALLED = int(Outcome.HEELSTRIKE), int(Outcome.STALLED)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -126,32 +129,35 @@ class StrideMap(Section):
             The passage, and the derivatives of all in it.
         """
         slopes, torques = _for_each(slopes, len(points)), _for_each(torque, len(points))
-        # Without derivatives first: strides that fail cost as much as many that do not.
-        plain, outcomes = self._follow(points, slopes, torques, self.constants, strides)
-        walking = np.flatnonzero(np.isfinite(plain[0]))
-        columns = _columns(by, self.dimension if along is None else along.shape[2])
+        walking, outcomes = np.arange(len(points)), np.empty(len(points), np.int8)
+        if len(points) > _FEW:
+            # Without derivatives first: strides that fail cost as much as many that do not.
+            plain, outcomes = self._follow(points, slopes, torques, self.constants, strides)
+            walking = np.flatnonzero(np.isfinite(plain[0]))
+        coordinates = self.dimension if along is None else along.shape[2]
+        columns, of_state, of_slope, of_torque = _columns(tuple(by), coordinates)
         seeds = np.zeros((len(points), len(columns), self.dimension))
         if "state" in by:
-            of_state = np.eye(self.dimension) if along is None else np.swapaxes(along, 1, 2)
-            seeds[:, [name == "state" for name in columns]] = of_state
+            seeds[:, of_state] = np.eye(coordinates) if along is None else along.swapaxes(1, 2)
         step = 1j * INFINITESIMAL
-        dual, _ = self._follow(
+        dual, ended = self._follow(
             (points[walking, None] + step * seeds[walking]).reshape(-1, self.dimension),
-            (slopes[walking, None] + step * (np.array(columns) == "slope")).ravel(),
-            (torques[walking, None] + step * (np.array(columns) == "torque")).ravel(),
+            (slopes[walking, None] + step * of_slope).ravel(),
+            (torques[walking, None] + step * of_torque).ravel(),
             self._seeded_constants(columns, walking),
             strides,
         )
         dual = dual.reshape(len(dual), len(walking), len(columns))
         # Whether a stride exists at all may differ by a rounding; then there is none.
         dual[:, np.isnan(np.real(dual[0])).any(axis=1)] = np.nan
-        values = np.full(plain.shape, np.nan)
-        derivatives = np.full((*plain.shape, len(columns)), np.nan)
+        outcomes[walking] = ended[:: len(columns)]
+        values = np.full((len(dual), len(points)), np.nan)
+        derivatives = np.full((*values.shape, len(columns)), np.nan)
         values[:, walking] = np.real(dual[:, :, 0])
         derivatives[:, walking] = np.imag(dual) / INFINITESIMAL
         return Passage(**_named(values), outcomes=outcomes), Change(**_named(derivatives))
 
-    def _seeded_constants(self, columns: list[str], lanes: NDArray) -> NDArray:
+    def _seeded_constants(self, columns: tuple[str, ...], lanes: NDArray) -> NDArray:
         """Constants of some lanes, each repeated with the parameter moved that a column moves."""
         moved = [None if name in _CONTROLS else name for name in columns]
         if not any(moved):
@@ -168,7 +174,7 @@ class StrideMap(Section):
         dtype = np.result_type(points, slopes, torques, constants)
         walking = np.flatnonzero(np.isfinite(points).all(axis=1))
         outcomes = np.full(len(points), Outcome.DIVERGED, np.int8)
-        outcomes[walking] = Outcome.HEELSTRIKE
+        outcomes[walking] = _STRUCK
         slopes, torques, own = (
             slopes[walking],
             torques[walking],
@@ -186,7 +192,7 @@ class StrideMap(Section):
                 self._add(totals, states, records, own)
                 states = records[:, :6]
                 outcomes[walking] = ended = _outcomes(records)
-                on = ended == Outcome.HEELSTRIKE
+                on = ended == _STRUCK
                 if not on.all():
                     walking, states, totals = walking[on], states[on], totals[:, on]
                     slopes, torques = slopes[on], torques[on]
@@ -281,17 +287,20 @@ class StrideMap(Section):
         return math.pi * (math.sqrt(row[column.SWING_INERTIA] / weight) if weight > 0.0 else 1.0)
 
 
-def _columns(by: Sequence[str], coordinates: int) -> list[str]:
-    """What each column is a derivative by: "state" once for each of its coordinates."""
-    return [x for name in by for x in [name] * (coordinates if name == "state" else 1)]
+@lru_cache
+def _columns(
+    by: tuple[str, ...], coordinates: int
+) -> tuple[tuple[str, ...], NDArray, NDArray, NDArray]:
+    """What each column is a derivative by, and which of them are by state, slope and torque."""
+    columns = tuple(x for name in by for x in [name] * (coordinates if name == "state" else 1))
+    state, slope, torque = (np.array([x == name for x in columns]) for name in _CONTROLS)
+    return columns, state, slope, torque
 
 
 def _named(told: NDArray) -> dict[str, NDArray]:
     """The fields of `Change` from rows (m + 6, n), or from their derivatives (m + 6, n, k)."""
-    names = [field.name for field in fields(Change)]
-    rest = 1 - len(names)
-    ends = np.moveaxis(told[:rest], 0, 1)
-    return dict(zip(names, [ends, *told[rest:]], strict=True))
+    rest = 1 - len(_FIELDS)
+    return dict(zip(_FIELDS, [np.moveaxis(told[:rest], 0, 1), *told[rest:]], strict=True))
 
 
 def _step_length(constants: NDArray, before: NDArray, after: NDArray) -> NDArray:
@@ -303,7 +312,7 @@ def _step_length(constants: NDArray, before: NDArray, after: NDArray) -> NDArray
 def _outcomes(records: NDArray) -> NDArray[np.int8]:
     """How strides ended; who is only out of time has stalled."""
     outcomes = np.real(records[:, entry.OUTCOME]).astype(np.int8)
-    outcomes[outcomes == Outcome.RUNNING] = Outcome.STALLED
+    outcomes[outcomes == 0] = _STALLED  # Outcome.RUNNING
     return outcomes
 
 
