@@ -74,6 +74,22 @@ def one_slope(slope: Any, name: str = "slope") -> float:
     return float(check_slope(_single(slope, name)))
 
 
+def several_slopes(slopes: ArrayLike) -> NDArray[np.float64]:
+    """Slopes of walks downhill in rad, (n,).
+
+    Raises:
+        ValueError: if they are not one or more angles above 0.
+    """
+    try:
+        values = np.atleast_1d(np.asarray(slopes, dtype=float))
+    except (TypeError, ValueError):
+        raise ValueError(f"slopes must be angles in rad, not {slopes!r}") from None
+    check_slope(values)
+    if values.ndim != 1 or len(values) == 0 or np.any(values <= 0.0):
+        raise ValueError("slopes must be one or more angles in rad above 0, in one row")
+    return values
+
+
 def number(value: Any, name: str, *, least: float = -math.inf, above: float = -math.inf) -> float:
     """A single number from `least` on that is greater than `above`.
 

@@ -6,8 +6,6 @@ not read off a diagram but located on the unstable gaits, by Newton's method wit
 References:
     M. J. Feigenbaum, "Quantitative universality for a class of nonlinear transformations",
     J. Stat. Phys. 19 (1978) 25-52.
-    G. Benettin, L. Galgani, A. Giorgilli, J.-M. Strelcyn, Meccanica 15 (1980) 9-20, for the
-    exponents.
 """
 
 from __future__ import annotations
@@ -18,20 +16,16 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import (
-    check_slope,
     check_state,
     check_tolerance,
     number,
     one_slope,
+    several_slopes,
     whole,
 )
 from gym_passive_walker.gaits.attractors import period_of
 from gym_passive_walker.gaits.family import GaitFamily, gait_family
 from gym_passive_walker.gaits.gait import GaitKind
-from gym_passive_walker.gaits.log_chart import (
-    by_logarithms,
-    in_logarithms,
-)
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.walkers import Walker, as_walker
 
@@ -90,7 +84,7 @@ def nearest_on(family: GaitFamily, slopes: NDArray) -> NDArray[np.float64]:
     return states
 
 
-def _beginnings(
+def beginnings(
     stride_map: StrideMap, slopes: NDArray, kind: GaitKind, start: ArrayLike | None
 ) -> NDArray[np.float64]:
     """Points to begin to walk from, one for each slope."""
@@ -101,17 +95,6 @@ def _beginnings(
     points = stride_map.points_at(nearest_on(family, slopes))
     points[:, 0] *= 1.0 + _NUDGE
     return points
-
-
-def _slopes(slopes: ArrayLike) -> NDArray[np.float64]:
-    try:
-        values = np.atleast_1d(np.asarray(slopes, dtype=float))
-    except (TypeError, ValueError):
-        raise ValueError(f"slopes must be angles in rad, not {slopes!r}") from None
-    check_slope(values)
-    if values.ndim != 1 or len(values) == 0 or np.any(values <= 0.0):
-        raise ValueError("slopes must be one or more angles in rad above 0, in one row")
-    return values
 
 
 def _settle(
@@ -160,14 +143,14 @@ def bifurcation_diagram(
     Raises:
         GaitNotFound: if there is no gait in the range of slopes to begin with.
     """
-    walker, values = as_walker(walker), _slopes(slopes)
+    walker, values = as_walker(walker), several_slopes(slopes)
     tolerance = check_tolerance(tolerance)
     settle, keep = whole(settle, "settle", 0), whole(keep, "keep")
     longest_period = whole(longest_period, "longest_period")
     if not longest_period < keep:
         raise ValueError(f"keep more strides than the longest period {longest_period}")
     stride_map = StrideMap.of(walker, tolerance=tolerance)
-    points = _beginnings(stride_map, values, kind, start)
+    points = beginnings(stride_map, values, kind, start)
     if sweep:
         angles = np.full((len(values), keep), np.nan)
         for i in range(len(values)):
@@ -179,64 +162,6 @@ def bifurcation_diagram(
         angles, points = _settle(stride_map, points, values, settle, keep)
     period = period_of(angles, longest_period)
     return BifurcationDiagram(walker, values, angles, period, stride_map.states_at(points))
-
-
-def lyapunov_exponents(
-    walker: Walker | str,
-    slopes: ArrayLike,
-    *,
-    count: int = 1,
-    strides: int = 2000,
-    settle: int = 500,
-    start: ArrayLike | None = None,
-    kind: GaitKind = "long",
-    tolerance: float = 1e-10,
-) -> NDArray[np.float64]:
-    """Lyapunov exponents of the settled walk, per stride, from exact derivatives of each stride.
-
-    A positive one means chaos: neighbouring walks part by its exponential at each stride. On a
-    stable gait of period n they are ln|multipliers| / n.
-
-    Args:
-        walker: The walker, or a preset's name.
-        slopes: Slopes in rad.
-        count: How many exponents, from the largest on; at most the section's dimension.
-        strides: Strides averaged over.
-        settle: Strides taken before.
-        start: A section state to begin with, or one for each slope; beside the gait if None.
-        kind: Which gait to begin beside.
-        tolerance: Of the integration.
-
-    Returns:
-        Shape (n, count), largest first; NaN where the walker falls.
-    """
-    walker, values = as_walker(walker), _slopes(slopes)
-    tolerance = check_tolerance(tolerance)
-    strides, settle = whole(strides, "strides"), whole(settle, "settle", 0)
-    stride_map = StrideMap.of(walker, tolerance=tolerance)
-    m = stride_map.dimension
-    if not 1 <= whole(count, "count") <= m:
-        raise ValueError(f"count must be from 1 to {m}, not {count}")
-    points = _beginnings(stride_map, values, kind, start)
-    points = stride_map.apply(points, values, strides=settle).ends
-    exponents = np.full((len(values), count), np.nan)
-    walking = np.flatnonzero(np.isfinite(points[:, 0]))
-    points = points[walking]
-    frames = np.broadcast_to(np.eye(m)[:, :count], (len(points), m, count))
-    sums = np.zeros((len(points), count))
-    for _ in range(strides):
-        if len(walking) == 0:
-            break
-        # In logarithmic coordinates, as rates are of another size than angles.
-        along = by_logarithms(points) @ frames
-        passage, change = stride_map.linearise(points, values[walking], along=along)
-        on = passage.alive
-        walking, points, sums = walking[on], passage.ends[on], sums[on]
-        frames, triangle = np.linalg.qr(in_logarithms(points, change.ends[on]))
-        with np.errstate(divide="ignore"):  # a direction that a strike forgets: minus infinity
-            sums = sums + np.log(np.abs(np.diagonal(triangle, axis1=1, axis2=2)))
-    exponents[walking] = sums / strides
-    return exponents
 
 
 def crisis_slope(
@@ -273,12 +198,12 @@ def crisis_slope(
         ValueError: if the walker falls at `low`, or walks on at `high`.
     """
     stride_map = StrideMap.of(walker, tolerance=tolerance)
-    low, high = (float(x) for x in _slopes([one_slope(low, "low"), one_slope(high, "high")]))
+    low, high = (float(x) for x in several_slopes([one_slope(low, "low"), one_slope(high, "high")]))
     strides, walkers = whole(strides, "strides"), whole(walkers, "walkers")
     accuracy = number(accuracy, "accuracy", above=0.0)
     if not low < high:
         raise ValueError(f"low must be below high, not {low}, {high}")
-    points = _beginnings(stride_map, np.array([low]), kind, start)
+    points = beginnings(stride_map, np.array([low]), kind, start)
     points = stride_map.apply(points, low, strides=strides).ends
     if not np.all(np.isfinite(points)):
         raise ValueError(f"the walker falls at slope {low}")

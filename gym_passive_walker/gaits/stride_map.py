@@ -80,7 +80,7 @@ class StrideMap(Section):
     def _constants(self, moved: str | None = None) -> NDArray:
         """Constants of the walkers, with an infinitesimal step in one of their parameters."""
         rows = []
-        for value in [None] if self.values is None else self.values:
+        for value in [None] if self.values is None else self.values.tolist():
             body = SimpleNamespace(**vars(self.walker))
             if self.parameter is not None:
                 setattr(body, self.parameter, value)
@@ -155,6 +155,7 @@ class StrideMap(Section):
         derivatives = np.full((*values.shape, len(columns)), np.nan)
         values[:, walking] = np.real(dual[:, :, 0])
         derivatives[:, walking] = np.imag(dual) / INFINITESIMAL
+        derivatives[np.isnan(values)] = np.nan
         return Passage(**_named(values), outcomes=outcomes), Change(**_named(derivatives))
 
     def _seeded_constants(self, columns: tuple[str, ...], lanes: NDArray) -> NDArray:
