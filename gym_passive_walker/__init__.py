@@ -9,12 +9,12 @@ from gym_passive_walker.gaits.bifurcation import (
     BifurcationDiagram,
     bifurcation_diagram,
     crisis_slope,
-    lyapunov_exponents,
 )
 from gym_passive_walker.gaits.doubling import Cascade, doubling_cascade
 from gym_passive_walker.gaits.family import GaitFamily, gait_family, parameter_family
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
+from gym_passive_walker.gaits.lyapunov import lyapunov_exponents
 from gym_passive_walker.gaits.measures import (
     FootVelocity,
     Measures,

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from gym_passive_walker.gaits.section import INFINITESIMAL, section_of
 from gym_passive_walker.gaits.stability import NoStride
+from gym_passive_walker.gaits.stride_map import INFINITESIMAL, StrideMap
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import record as R
 from gym_passive_walker.physics.engine import advance
@@ -119,7 +119,7 @@ def ticked_stride(
     Raises:
         NoStride: if the stride does not end with a heelstrike.
     """
-    section = section_of(walker)
+    section = StrideMap.of(walker)
     m, count = len(point), len(torques)
     varied = np.concatenate([point, torques]) + 1j * INFINITESIMAL * np.eye(m + count)
     starts = section_state(walker, varied[:, :m])
@@ -191,7 +191,7 @@ def course(
         Times (k,), from the start to just before heelstrike; states with dimensionless rates
         (k, 6); and the torque under which the walker came to each, (k,).
     """
-    section = section_of(walker)
+    section = StrideMap.of(walker)
     edges = tick * np.arange(1, len(torques))
     times = np.union1d(np.linspace(0.0, duration * (1.0 - _VERGE), _SAMPLES), edges)
     record = new_records(section_state(walker, point[None]), np.array([slope]))

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker.arguments import check_slope, check_state
 from gym_passive_walker.engine.cache import cache_directory
 from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.layout import RECORD
@@ -19,7 +20,6 @@ from gym_passive_walker.envs import task as T
 from gym_passive_walker.envs.interface import refuse
 from gym_passive_walker.envs.scene import Scene, SceneError
 from gym_passive_walker.envs.starts import DRAWS, Starts, checked_state
-from gym_passive_walker.physics.arguments import check_slope, check_state
 from gym_passive_walker.physics.bodies import bodies, system_of
 from gym_passive_walker.physics.hybrid import System
 from gym_passive_walker.walkers import Walker

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from gym_passive_walker.arguments import check_slope, check_tolerance
 from gym_passive_walker.envs.task import ENERGIES
-from gym_passive_walker.physics.arguments import check_slope, check_tolerance
 from gym_passive_walker.walkers import Walker, WalkerError, as_walker
 
 CONTROLS = ("tick", "stride")

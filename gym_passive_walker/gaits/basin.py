@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.gaits.arguments import number, one_slope, whole
+from gym_passive_walker.arguments import check_tolerance, number, one_slope, whole
 from gym_passive_walker.gaits.attractors import (
     FELL,
     UNSETTLED,
@@ -27,15 +27,12 @@ from gym_passive_walker.gaits.attractors import (
 )
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
-from gym_passive_walker.gaits.section import Section, section_of
-from gym_passive_walker.physics.arguments import check_tolerance
-from gym_passive_walker.physics.engine import strike_heels
-from gym_passive_walker.physics.record import new_records
-from gym_passive_walker.physics.trajectory import just_before
+from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.walkers import Walker, as_walker, describe
 
 _CHUNK = 1 << 16  # cells walked together
 _PUSHES = 512  # tried at a time
+_EXACT, _ROUGHLY = 1e-13, 1e-8  # tolerances, on a gait and where walks are only looked over
 _SPAN = 2.2  # a default slice reaches from 0 to so many times the gait's angle and rate
 
 
@@ -86,24 +83,22 @@ class Push(NamedTuple):
 
 
 def _slice(
-    walker: Walker, section: Section, gait: Gait | None, angles: NDArray, rates: NDArray,
+    stride_map: StrideMap, gait: Gait | None, angles: NDArray, rates: NDArray,
     ratios: tuple[float, float] | None,
 ) -> NDArray:  # fmt: skip
-    """Dimensionless section states at pairs of stance angle and rate, (n, 6)."""
-    states = np.column_stack([angles, -angles, -angles, rates, rates, rates])
+    """Points of the section (n, m) at pairs of stance angle and stance rate."""
     if ratios is not None:
-        states[:, 4] *= ratios[0]
-        states[:, 5] *= ratios[1] if section.dimension == 4 else ratios[0]
-        return states
+        swing = [rates * ratio for ratio in ratios[: stride_map.dimension - 2]]
+        return np.column_stack([angles, rates, *swing])
     assert gait is not None
-    before = just_before(walker, gait.slope, gait.state, float(gait.stride.duration))
-    struck = np.column_stack([-angles, angles, angles, *[np.full(len(angles), x) for x in (
-        before[3], before[4], before[4])]])  # fmt: skip
-    records = new_records(struck, np.zeros(len(angles)))
-    strike_heels(records, section.constants, int(section.kind))
+    exact = stride_map.with_tolerance(_EXACT)
+    duration = float(gait.stride.duration) / stride_map.units.time
+    before = exact.before_strike(exact.points_at(gait.state)[0], gait.slope, duration)
+    stance, swing = (np.full(len(angles), rate) for rate in before[3:5])
+    points, _ = stride_map.heelstrike(angles, stance, swing)
     # The collision is linear in the rates, so any stance rate belongs to one strength of it.
-    states[:, 4:] = records[:, 4:6] * (rates / records[:, 3])[:, None]
-    return states
+    swing = points[:, 2:] * (rates / points[:, 1])[:, None]
+    return np.column_stack([angles, rates, swing])
 
 
 def basin_of_attraction(
@@ -145,7 +140,7 @@ def basin_of_attraction(
     resolution, strides = whole(resolution, "resolution"), whole(strides, "strides")
     if ratios is not None and np.shape(ratios) != (2,):
         raise ValueError(f"ratios must be two numbers, thigh and shank over stance, not {ratios!r}")
-    section = section_of(walker)
+    stride_map = StrideMap.of(walker, tolerance=tolerance)
     known = find_gaits(walker, slope)
     gait = known[0] if known else None
     if gait is None and (stance_angles is None or stance_rates is None or ratios is None):
@@ -158,17 +153,17 @@ def basin_of_attraction(
     rates = _axis(stance_rates, share[::-1] * (gait.state[3] if gait else 0.0), "stance_rates")
     if np.any(angles <= 0.0):
         raise ValueError("stance_angles must be positive: they are those just after heelstrike")
-    grid = np.meshgrid(angles, rates * section.time)
-    states = _slice(walker, section, gait, grid[0].ravel(), grid[1].ravel(), ratios)
+    grid = np.meshgrid(angles, rates * stride_map.units.time)
+    points = _slice(stride_map, gait, grid[0].ravel(), grid[1].ravel(), ratios)
     stable = [x for x in known if x.stable]
-    stable += _others(walker, section, slope, states, stable)
-    attractors = Attractors(section, stable, slope, near)
+    stable += _others(stride_map, slope, points, stable)
+    attractors = Attractors(stride_map, stable, near)
     parts = [
-        walk_until_settled(section, states[i : i + _CHUNK], slope, attractors, strides, tolerance)
-        for i in range(0, len(states), _CHUNK)
+        walk_until_settled(stride_map, points[i : i + _CHUNK], slope, attractors, strides)[:3]
+        for i in range(0, len(points), _CHUNK)
     ]
     settled, outcome, taken = (
-        np.concatenate([part[i] for part in parts]).reshape(grid[0].shape) for i in range(3)
+        np.concatenate(pieces).reshape(grid[0].shape) for pieces in zip(*parts, strict=True)
     )
     return Basin(walker, slope, angles, rates, tuple(stable), settled, outcome, taken)
 
@@ -180,16 +175,13 @@ def _axis(given: ArrayLike | None, otherwise: NDArray, name: str) -> NDArray[np.
     return values
 
 
-def _others(
-    walker: Walker, section: Section, slope: float, states: NDArray, stable: list[Gait]
-) -> list[Gait]:
+def _others(stride_map: StrideMap, slope: float, points: NDArray, stable: list[Gait]) -> list[Gait]:
     """Stable gaits besides those known, from a sample of a slice."""
-    sample = states[:: max(1, len(states) // 4096)]
-    attractors = Attractors(section, stable, slope, 1e-2)
-    settled, _, _, ends = walk_until_settled(section, sample, slope, attractors, 60, 1e-8)
-    left = ends[settled == UNSETTLED]
-    left[:, 3:] /= section.time
-    return stable_gaits(walker, slope, left) if len(left) else []
+    sample = points[:: max(1, len(points) // 4096)]
+    roughly = stride_map.with_tolerance(_ROUGHLY)
+    settled = walk_until_settled(roughly, sample, slope, Attractors(roughly, stable, 1e-2), 60)
+    left = settled.points[settled.index == UNSETTLED]
+    return stable_gaits(stride_map, slope, left) if len(left) else []
 
 
 def largest_push(
@@ -221,30 +213,30 @@ def largest_push(
     walker, slope = as_walker(walker), one_slope(slope)
     strides, accuracy = whole(strides, "strides"), number(accuracy, "accuracy", above=0.0)
     gait = find_gait(walker, slope) if gait is None else gait
-    section = section_of(walker)
-    attractors = Attractors(section, [gait] if gait.stable else [], slope, 1e-5)
-    start = gait.state.copy()
-    start[3:] *= section.time
+    stride_map = StrideMap.of(walker, tolerance=tolerance)
+    attractors = Attractors(stride_map, [gait] if gait.stable else [], 1e-5)
+    start = stride_map.points_at(gait.state)
+    size = abs(float(start[0, 1]))
 
     def survived(changes: NDArray) -> NDArray[np.bool_]:
-        states = np.repeat(start[None], len(changes), axis=0)
-        states[:, 3] += changes
-        settled, *_ = walk_until_settled(section, states, slope, attractors, strides, tolerance)
-        return settled != FELL
+        points = np.repeat(start, len(changes), axis=0)
+        points[:, 1] += changes
+        settled = walk_until_settled(stride_map, points, slope, attractors, strides)
+        return settled.index != FELL
 
     def limit(direction: float) -> float:
         share = np.arange(1, _PUSHES + 1) / _PUSHES
-        high, first = 3.0 * abs(start[3]), 0
+        high, first = 3.0 * size, 0
         while first < _PUSHES - 1:  # basins have ragged edges: look again below what was found
             tried = high * share
             lost = np.flatnonzero(~survived(direction * tried))
             if len(lost) == 0:
                 return np.inf
             first, high = lost[0], tried[lost[0]]
-            if high < accuracy * abs(start[3]):
+            if high < accuracy * size:
                 return 0.0
         low = tried[-2]
-        while high - low > accuracy * abs(start[3]):
+        while high - low > accuracy * size:
             tried = low + (high - low) * share
             lost = np.flatnonzero(~survived(direction * tried))
             if len(lost) == 0:  # the edge lies within rounding of the last one
@@ -253,4 +245,5 @@ def largest_push(
         return low
 
     # A stance leg falls forward with a negative rate.
-    return Push(limit(-1.0) / section.time, limit(1.0) / section.time)
+    time = stride_map.units.time
+    return Push(limit(-1.0) / time, limit(1.0) / time)

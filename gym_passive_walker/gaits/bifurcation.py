@@ -6,8 +6,6 @@ not read off a diagram but located on the unstable gaits, by Newton's method wit
 References:
     M. J. Feigenbaum, "Quantitative universality for a class of nonlinear transformations",
     J. Stat. Phys. 19 (1978) 25-52.
-    G. Benettin, L. Galgani, A. Giorgilli, J.-M. Strelcyn, Meccanica 15 (1980) 9-20, for the
-    exponents.
 """
 
 from __future__ import annotations
@@ -17,13 +15,18 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.gaits.arguments import number, one_slope, whole
+from gym_passive_walker.arguments import (
+    check_state,
+    check_tolerance,
+    number,
+    one_slope,
+    several_slopes,
+    whole,
+)
+from gym_passive_walker.gaits.attractors import period_of
 from gym_passive_walker.gaits.family import GaitFamily, gait_family
 from gym_passive_walker.gaits.gait import GaitKind
-from gym_passive_walker.gaits.section import INFINITESIMAL, Section, section_of
-from gym_passive_walker.gaits.walk import period_of, take_stride, walk_on
-from gym_passive_walker.physics.arguments import check_slope, check_state, check_tolerance
-from gym_passive_walker.physics.events import Outcome
+from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.walkers import Walker, as_walker
 
 _NUDGE = 1e-4  # off the gait, which a walker would otherwise stay on though it be unstable
@@ -81,43 +84,30 @@ def nearest_on(family: GaitFamily, slopes: NDArray) -> NDArray[np.float64]:
     return states
 
 
-def _beginnings(
-    walker: Walker, slopes: NDArray, kind: GaitKind, start: ArrayLike | None
+def beginnings(
+    stride_map: StrideMap, slopes: NDArray, kind: GaitKind, start: ArrayLike | None
 ) -> NDArray[np.float64]:
-    """Dimensionless states to begin to walk from, one for each slope."""
+    """Points to begin to walk from, one for each slope."""
     if start is not None:
-        states = np.broadcast_to(check_state(start), (len(slopes), 6)).copy()
-    else:
-        low, high = float(slopes.min()), float(slopes.max())
-        family = gait_family(walker, low * (1.0 - 1e-9), high * (1.0 + 1e-9), kind)
-        states = nearest_on(family, slopes)
-        states[:, :3] *= 1.0 + _NUDGE
-    states[:, 3:] *= walker.time_unit
-    return states
-
-
-def _slopes(slopes: ArrayLike) -> NDArray[np.float64]:
-    try:
-        values = np.atleast_1d(np.asarray(slopes, dtype=float))
-    except (TypeError, ValueError):
-        raise ValueError(f"slopes must be angles in rad, not {slopes!r}") from None
-    check_slope(values)
-    if values.ndim != 1 or len(values) == 0 or np.any(values <= 0.0):
-        raise ValueError("slopes must be one or more angles in rad above 0, in one row")
-    return values
+        return stride_map.points_at(np.broadcast_to(check_state(start), (len(slopes), 6)))
+    low, high = float(slopes.min()), float(slopes.max())
+    family = gait_family(stride_map.walker, low * (1.0 - 1e-9), high * (1.0 + 1e-9), kind)
+    points = stride_map.points_at(nearest_on(family, slopes))
+    points[:, 0] *= 1.0 + _NUDGE
+    return points
 
 
 def _settle(
-    section: Section, states: NDArray, slopes: NDArray, settle: int, keep: int, tolerance: float
+    stride_map: StrideMap, points: NDArray, slopes: NDArray, settle: int, keep: int
 ) -> tuple[NDArray, NDArray]:
-    """Stance angles of the strides kept, (n, keep), and the states at their end."""
-    states = walk_on(section, states, slopes, settle, tolerance=tolerance)
+    """Stance angles of the strides kept, (n, keep), and the points at their end."""
+    points = stride_map.apply(points, slopes, strides=settle).ends
     angles = np.empty((len(slopes), keep))
     for i in range(keep):
-        states = walk_on(section, states, slopes, 1, tolerance=tolerance)
-        angles[:, i] = states[:, 0]
+        points = stride_map.apply(points, slopes).ends
+        angles[:, i] = points[:, 0]
     angles[np.isnan(angles[:, -1])] = np.nan
-    return angles, states
+    return angles, points
 
 
 def bifurcation_diagram(
@@ -153,90 +143,25 @@ def bifurcation_diagram(
     Raises:
         GaitNotFound: if there is no gait in the range of slopes to begin with.
     """
-    walker, values = as_walker(walker), _slopes(slopes)
+    walker, values = as_walker(walker), several_slopes(slopes)
     tolerance = check_tolerance(tolerance)
     settle, keep = whole(settle, "settle", 0), whole(keep, "keep")
     longest_period = whole(longest_period, "longest_period")
     if not longest_period < keep:
         raise ValueError(f"keep more strides than the longest period {longest_period}")
-    section = section_of(walker)
-    states = _beginnings(walker, values, kind, start)
+    stride_map = StrideMap.of(walker, tolerance=tolerance)
+    points = beginnings(stride_map, values, kind, start)
     if sweep:
         angles = np.full((len(values), keep), np.nan)
         for i in range(len(values)):
-            if i > 0 and np.all(np.isfinite(states[i - 1])):
-                states[i] = states[i - 1]
+            if i > 0 and np.all(np.isfinite(points[i - 1])):
+                points[i] = points[i - 1]
             one = slice(i, i + 1)
-            angles[one], states[one] = _settle(
-                section, states[one], values[one], settle, keep, tolerance
-            )
+            angles[one], points[one] = _settle(stride_map, points[one], values[one], settle, keep)
     else:
-        angles, states = _settle(section, states, values, settle, keep, tolerance)
+        angles, points = _settle(stride_map, points, values, settle, keep)
     period = period_of(angles, longest_period)
-    states[:, 3:] /= walker.time_unit
-    return BifurcationDiagram(walker, values, angles, period, states)
-
-
-def lyapunov_exponents(
-    walker: Walker | str,
-    slopes: ArrayLike,
-    *,
-    count: int = 1,
-    strides: int = 2000,
-    settle: int = 500,
-    start: ArrayLike | None = None,
-    kind: GaitKind = "long",
-    tolerance: float = 1e-10,
-) -> NDArray[np.float64]:
-    """Lyapunov exponents of the settled walk, per stride, from exact derivatives of each stride.
-
-    A positive one means chaos: neighbouring walks part by its exponential at each stride. On a
-    stable gait of period n they are ln|multipliers| / n.
-
-    Args:
-        walker: The walker, or a preset's name.
-        slopes: Slopes in rad.
-        count: How many exponents, from the largest on; at most the section's dimension.
-        strides: Strides averaged over.
-        settle: Strides taken before.
-        start: A section state to begin with, or one for each slope; beside the gait if None.
-        kind: Which gait to begin beside.
-        tolerance: Of the integration.
-
-    Returns:
-        Shape (n, count), largest first; NaN where the walker falls.
-    """
-    walker, values = as_walker(walker), _slopes(slopes)
-    tolerance = check_tolerance(tolerance)
-    strides, settle = whole(strides, "strides"), whole(settle, "settle", 0)
-    section = section_of(walker)
-    if not 1 <= whole(count, "count") <= section.dimension:
-        raise ValueError(f"count must be from 1 to {section.dimension}, not {count}")
-    states = _beginnings(walker, values, kind, start)
-    states = walk_on(section, states, values, settle, tolerance=tolerance)
-    exponents = np.full((len(values), count), np.nan)
-    walking = np.flatnonzero(np.all(np.isfinite(states), axis=1))
-    u = section.point(states[walking])
-    frames = np.broadcast_to(np.eye(section.dimension)[:, :count], (len(u), *u.shape[1:], count))
-    sums = np.zeros((len(u), count))
-    for _ in range(strides):
-        if len(walking) == 0:
-            break
-        duals = u[:, None, :] + 1j * INFINITESIMAL * np.swapaxes(frames, 1, 2)
-        ends, outcome = take_stride(
-            section,
-            section.state(duals.reshape(-1, section.dimension)),
-            np.repeat(values[walking], count),
-            tolerance=tolerance,
-        )
-        ends = section.point(ends).reshape(len(u), count, -1)
-        on = np.all(outcome.reshape(-1, count) == Outcome.HEELSTRIKE, axis=1)
-        walking, u, sums = walking[on], ends[on, 0].real, sums[on]
-        frames, triangle = np.linalg.qr(np.swapaxes(np.imag(ends[on]), 1, 2) / INFINITESIMAL)
-        with np.errstate(divide="ignore"):  # a direction that a strike forgets: minus infinity
-            sums = sums + np.log(np.abs(np.diagonal(triangle, axis1=1, axis2=2)))
-    exponents[walking] = sums / strides
-    return exponents
+    return BifurcationDiagram(walker, values, angles, period, stride_map.states_at(points))
 
 
 def crisis_slope(
@@ -272,25 +197,24 @@ def crisis_slope(
     Raises:
         ValueError: if the walker falls at `low`, or walks on at `high`.
     """
-    walker = as_walker(walker)
-    section = section_of(walker)
-    low, high = (float(x) for x in _slopes([one_slope(low, "low"), one_slope(high, "high")]))
+    stride_map = StrideMap.of(walker, tolerance=tolerance)
+    low, high = (float(x) for x in several_slopes([one_slope(low, "low"), one_slope(high, "high")]))
     strides, walkers = whole(strides, "strides"), whole(walkers, "walkers")
     accuracy = number(accuracy, "accuracy", above=0.0)
     if not low < high:
         raise ValueError(f"low must be below high, not {low}, {high}")
-    states = _beginnings(walker, np.array([low]), kind, start)
-    states = walk_on(section, states, np.array([low]), strides, tolerance=tolerance)
-    if not np.all(np.isfinite(states)):
+    points = beginnings(stride_map, np.array([low]), kind, start)
+    points = stride_map.apply(points, low, strides=strides).ends
+    if not np.all(np.isfinite(points)):
         raise ValueError(f"the walker falls at slope {low}")
-    crowd = np.repeat(states, walkers, axis=0)
+    crowd = np.repeat(points, walkers, axis=0)
     for i in range(1, walkers):  # spread along the settled walk
-        crowd[i] = walk_on(section, crowd[i - 1 : i], np.array([low]), 1, tolerance=tolerance)[0]
-    if np.all(np.isfinite(_all_walk(section, crowd, high, strides, tolerance))):
+        crowd[i] = stride_map.apply(crowd[i - 1 : i], low).ends[0]
+    if np.all(np.isfinite(_all_walk(stride_map, crowd, high, strides))):
         raise ValueError(f"walking has not ended at slope {high}")
     step = (high - low) / 64.0
     while step > accuracy:
-        there = _all_walk(section, crowd, low + step, strides, tolerance)
+        there = _all_walk(stride_map, crowd, low + step, strides)
         if np.all(np.isfinite(there)):
             low, crowd = low + step, there
         else:
@@ -298,13 +222,10 @@ def crisis_slope(
     return low
 
 
-def _all_walk(
-    section: Section, states: NDArray, slope: float, strides: int, tolerance: float
-) -> NDArray:
+def _all_walk(stride_map: StrideMap, points: NDArray, slope: float, strides: int) -> NDArray:
     """Where walkers stand after some strides, given up as soon as one falls."""
-    slopes = np.full(len(states), slope)
     for _ in range(0, strides, 50):
-        states = walk_on(section, states, slopes, 50, tolerance=tolerance)
-        if not np.all(np.isfinite(states)):
+        points = stride_map.apply(points, slope, strides=50).ends
+        if not np.all(np.isfinite(points)):
             break
-    return states
+    return points

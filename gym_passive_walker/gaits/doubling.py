@@ -7,22 +7,24 @@ and so on: each slope is a root found to rounding, stable or not.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gym_passive_walker.gaits.arguments import whole
-from gym_passive_walker.gaits.continuation import Curve, Point, doubling_test, locate
+from gym_passive_walker.arguments import whole
+from gym_passive_walker.gaits.continuation import points_along
+from gym_passive_walker.gaits.curve import Axis, Curve, Point, doubling_test, locate
 from gym_passive_walker.gaits.family import gait_family
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
-from gym_passive_walker.gaits.section import Section, section_of
+from gym_passive_walker.gaits.log_chart import logarithms
+from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.walkers import Walker, as_walker, describe
 
 FEIGENBAUM = 4.669201609102990
 """What the ratios of successive distances between doublings tend to (Feigenbaum, 1978)."""
 
-_FIRST_STEP, _LONGEST_STEP = 2e-3, 0.03  # in the section's logarithmic coordinates
+_FIRST_STEP, _LONGEST_STEP, _SHORTEST_STEP = 2e-3, 0.03, 1e-9  # in logarithmic coordinates
 _SHRINK = 2.5  # each branch is so much smaller than the one before
 _MOST_STEPS = 400
 
@@ -88,56 +90,42 @@ def doubling_cascade(
             f"the {kind}-step gait of {describe(walker)} does not double its period from "
             f"{slope_min} to {slope_max} rad"
         )
-    section = section_of(walker)
     slope = family.period_doublings[0]
     nearest = int(np.argmin(np.abs(family.slope - slope)))
-    state = family.state[nearest : nearest + 1].copy()
-    state[:, 3:] *= section.time
-    curve = Curve(section, np.exp, None, 1)
-    across = np.zeros(section.dimension + 1)
-    across[-1] = 1.0
-    here = curve.correct(np.append(section.point(state)[0], np.log(slope)), across)
+    stride_map = StrideMap.of(walker, tolerance=1e-12)
+    curve = Curve(stride_map, Axis())
+    u = logarithms(stride_map.points_at(family.state[nearest]))[0]
+    here = curve.correct(np.append(u, np.log(slope)))
     slopes: list[float] = []
     gaits: list[Gait] = []
     while here is not None:
-        slopes.append(float(np.exp(here.y[-1])))
-        gaits.append(measure(walker, section, here.y[:-1], slopes[-1], curve.period, 0.0))
+        slopes.append(curve.value_at(here))
+        gaits.append(measure(stride_map, here.y[:-1], slopes[-1], curve.period))
         if len(slopes) == doublings:
             break
-        here = _next_doubling(section, here, 2 * curve.period, np.log(slope_max))
-        curve = Curve(section, np.exp, None, 2 * curve.period)
+        curve = replace(curve, period=2 * curve.period)
+        here = _next_doubling(curve, here, np.log(slope_max))
     periods = tuple(gait.period for gait in gaits)
     return Cascade(walker, periods, tuple(slopes), tuple(gaits))
 
 
-def _next_doubling(section: Section, birth: Point, period: int, high: float) -> Point | None:
-    """Where the branch of this period that is born at a doubling doubles in turn."""
-    curve = Curve(section, np.exp, None, period)
+def _next_doubling(curve: Curve, birth: Point, high: float) -> Point | None:
+    """Where the curve that branches off at a doubling doubles in turn."""
     values, vectors = np.linalg.eig(birth.map)
     direction = np.append(np.real(vectors[:, np.argmin(np.abs(values + 1.0))]), 0.0)
     direction /= np.linalg.norm(direction)
-    shrink = _SHRINK ** -np.log2(period / 2)
+    shrink = _SHRINK ** -np.log2(curve.period / 2)
     step, longest = _FIRST_STEP * shrink, _LONGEST_STEP * shrink
     here = curve.correct(birth.y + step * direction, direction)
     if here is None:
         return None
-    here = _away(here, here.y - birth.y)
-    for _ in range(_MOST_STEPS):
-        there = curve.correct(here.y + step * here.tangent, here.tangent)
-        if there is None or there.tangent @ here.tangent < 0.8:
-            step *= 0.4
-            if step < 1e-9:
-                return None
-            continue
+    if here.tangent @ (here.y - birth.y) < 0.0:
+        here = here._replace(tangent=-here.tangent)
+    along = points_along(curve, here, first=step, longest=longest, shortest=_SHORTEST_STEP)
+    for there in islice(along, _MOST_STEPS):
         if there.y[-1] > high:
             return None
         if doubling_test(here) * doubling_test(there) < 0.0:
-            located = locate(curve, here, there, doubling_test)
-            return located[1] if located else None
-        here, step = there, min(1.5 * step, longest)
+            return locate(curve, here, there, doubling_test)
+        here = there
     return None
-
-
-def _away(point: Point, direction: NDArray) -> Point:
-    """A point whose tangent leads away along a direction."""
-    return point if point.tangent @ direction > 0.0 else point._replace(tangent=-point.tangent)

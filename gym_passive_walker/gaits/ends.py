@@ -13,11 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.physics import record as R
-from gym_passive_walker.physics.constants import Kind
-from gym_passive_walker.physics.engine import advance
-from gym_passive_walker.physics.record import new_records
+from gym_passive_walker.gaits.stride_map import StrideMap
 
 KNEE_MEETS_HEEL = "kneestrike and heelstrike coincide"
 STANCE_STOPS = "the stance leg barely passes the vertical"
@@ -27,7 +23,7 @@ VANISHED = "the step length goes to zero"
 LOST = "the family could not be followed further"
 
 _VERGE = 1e-9  # of a stride, before its heelstrike
-_LOOKS = 96  # at the stance leg during a stride
+_LOOKS, _ROUGHLY = 96, 1e-9  # at the stance leg during a stride, and their tolerance
 _NEAR = 0.3  # a margin below this is about to be lost
 _ENDLESS = 12.0  # time in sqrt(l/g) of a stride that hardly gets over the vertical
 
@@ -61,59 +57,46 @@ class Margins(NamedTuple):
     time: NDArray[np.float64]
 
 
-def margins(section: Section, u: NDArray, slopes: NDArray, period: int) -> Margins:
+def margins(stride_map: StrideMap, points: NDArray, slopes: NDArray, period: int) -> Margins:
     """How far gaits are from where their strides fail.
 
     Args:
-        section: The section, with one row of constants or one for each gait.
-        u: Points of the section, (n, dimension).
+        stride_map: Of one walker, or of one for each gait.
+        points: Points of the section, (n, m).
         slopes: rad, (n,).
         period: Strides of each gait.
     """
-    states = section.state(u)
-    knee, landing, pace = (np.full(len(u), np.inf) for _ in range(3))
-    time = np.zeros(len(u))
+    knee, landing, pace = (np.full(len(points), np.inf) for _ in range(3))
+    time = np.zeros(len(points))
+    roughly = stride_map.with_tolerance(_ROUGHLY)
     for _ in range(period):
-        whole = new_records(states, slopes)
-        advance(section.kind, section.constants, whole, tolerance=1e-12)
-        duration = whole[:, R.TIME]
-        late = new_records(states, slopes)
-        late[:, R.END] = duration * (1.0 - _VERGE)
-        advance(section.kind, section.constants, late, tolerance=1e-12)
-        rates = late[:, R.RATES : R.RATES + 2]
+        passage = stride_map.apply(points, slopes)
+        duration = passage.durations
+        verge = (duration * (1.0 - _VERGE))[:, None]
+        rates = stride_map.sample(points, slopes, verge).states[:, 0, 3:5]
         landing = np.minimum(landing, -rates.sum(axis=1) / np.abs(rates).max(axis=1))
-        if section.kind == Kind.KNEED:
-            knee = np.minimum(knee, 1.0 - whole[:, R.KNEE_TIME] / duration)
-        pace = np.minimum(pace, _pace(section, states, slopes, duration))
+        knee = np.fmin(knee, 1.0 - passage.knee_times / duration)  # without knees it stays infinite
+        times = duration[:, None] * np.linspace(0.0, 1.0 - _VERGE, _LOOKS)
+        stance_rates = roughly.sample(points, slopes, times).states[:, :, 3]
+        pace = np.minimum(pace, np.min(stance_rates / points[:, 1:2], axis=1))
         time = np.maximum(time, duration)
-        states = whole[:, :6]
+        points = passage.ends
     return Margins(knee, landing, pace, time)
 
 
-def _pace(section: Section, states: NDArray, slopes: NDArray, duration: NDArray) -> NDArray:
-    """The stance leg's least rate during strides, over its first."""
-    many = new_records(np.repeat(states, _LOOKS, axis=0), np.repeat(slopes, _LOOKS))
-    share = np.linspace(0.0, 1.0 - _VERGE, _LOOKS)
-    many[:, R.END] = (duration[:, None] * share).ravel()
-    constants = section.constants
-    if len(constants) > 1:
-        constants = np.repeat(constants, _LOOKS, axis=0)
-    advance(section.kind, constants, many, tolerance=1e-9)
-    rates = many[:, R.RATES].reshape(-1, _LOOKS)
-    return np.min(rates / states[:, 3:4], axis=1)
-
-
-def reason_of(section: Section, u: NDArray, slopes: NDArray, values: NDArray, period: int) -> End:
+def reason_of(
+    stride_map: StrideMap, points: NDArray, slopes: NDArray, values: NDArray, period: int
+) -> End:
     """Why and where a family ends whose last gaits are given.
 
     Args:
-        section: The section, with one row of constants or one for each gait.
-        u: Points of the last gaits, (n, dimension), the last one last.
+        stride_map: Of one walker, or of one for each gait.
+        points: Points of the last gaits, (n, m), the last one last.
         slopes: rad, (n,).
         values: The varied quantity, (n,).
         period: Strides of each gait.
     """
-    left = margins(section, u, slopes, period)
+    left = margins(stride_map, points, slopes, period)
     lost = {KNEE_MEETS_HEEL: left.knee, TANGENTIAL: left.landing}
     reason = min(lost, key=lambda name: lost[name][-1])
     margin = lost[reason]

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from types import SimpleNamespace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.gaits.arguments import gait_kind, number, one_slope
-from gym_passive_walker.gaits.continuation import Curve, Point, follow, locate, setting_at
+from gym_passive_walker.arguments import gait_kind, number, one_slope
+from gym_passive_walker.gaits.continuation import follow
+from gym_passive_walker.gaits.curve import Axis, Curve, Point, locate
 from gym_passive_walker.gaits.ends import BOUND, STANCE_STOPS, End, margins
 from gym_passive_walker.gaits.fixed_point import find_gait, glance
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, multipliers_of
-from gym_passive_walker.gaits.section import section_of, strides
-from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics.frame import frame_of
-from gym_passive_walker.walkers import Walker, WalkerError, as_walker, describe
+from gym_passive_walker.gaits.log_chart import logarithms
+from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.units import units_of
+from gym_passive_walker.walkers import PARAMETERS, Walker, WalkerError, as_walker, describe
+
+_TOLERANCE = 1e-12
 
 
 @dataclass(frozen=True)
@@ -65,7 +66,7 @@ class GaitFamily:
     @property
     def froude_speed(self) -> NDArray[np.float64]:
         """Speed over sqrt(g l) of `walker`."""
-        return self.speed / np.sqrt(self.walker.gravity * self.walker.leg_length)
+        return self.speed / units_of(self.walker).speed
 
     @property
     def stable(self) -> NDArray[np.bool_]:
@@ -77,52 +78,37 @@ class GaitFamily:
 
 
 def _family(
-    walker: Walker,
-    parameter: str,
-    curve: Curve,
+    axis: Axis,
     gait: Gait,
     value: float,
     bounds: tuple[float, float],
-    encode: Callable[[float], float],
     resolution: float,
 ) -> GaitFamily:
-    frame = frame_of(gait.walker)
-    state = gait.state.copy()[None]
-    state[:, 3:] *= frame.time
-    y = np.append(curve.section.point(state)[0], encode(value))
-    across = np.zeros_like(y)
-    across[-1] = 1.0
-    start = curve.correct(y, across)
+    """The family of a gait at a value of what is varied, both ways from it."""
+    walker, period = gait.walker, gait.period
+    curve = Curve(StrideMap.of(walker, tolerance=_TOLERANCE), axis, period)
+    u = logarithms(curve.stride_map.points_at(gait.state))[0]
+    start = curve.correct(np.append(u, axis.coordinate(value)))
     if start is None:
-        raise GaitNotFound(f"the gait of {describe(gait.walker)} at {value} could not be followed")
-    low, high = encode(bounds[0]), encode(bounds[1])
+        raise GaitNotFound(f"the gait of {describe(walker)} at {value} could not be followed")
+    low, high = (axis.coordinate(bound) for bound in bounds)
     up = follow(curve, start, low, high, resolution)
     down = follow(curve, start._replace(tangent=-start.tangent), low, high, resolution)
-    points = down.points[:0:-1] + up.points
-    ys = np.array([point.y for point in points])
-    section, slopes, values = setting_at(curve, ys)
-    lengths = np.full(len(ys), frame.length)
-    times = np.full(len(ys), frame.time)
-    if curve.setting is not None:
-        for i, value_ in enumerate(values):
-            varied = _varied(walker, parameter, value_)
-            length = varied.thigh_length + varied.shank_length
-            lengths[i], times[i] = length, np.sqrt(length / varied.gravity)
-    result = strides(section, ys[:, :-1], slopes, count=curve.period, tolerance=1e-12)
-    halts, ends = _halts(curve, points, (down.end, up.end))
-    states = section.state(ys[:, :-1])
-    states[:, 3:] /= times[:, None]
+    along = down.points[:0:-1] + up.points
+    stride_map, points, slopes, values = curve.gaits_at(along)
+    passage, units = stride_map.apply(points, slopes, strides=period), stride_map.units
+    halts, ends = _halts(curve, along, (down.end, up.end))
     return GaitFamily(
         walker=walker,
-        parameter=parameter,
-        period=curve.period,
+        parameter=axis.parameter,
+        period=period,
         value=values,
         slope=slopes,
-        state=states,
-        stance_angle=np.exp(ys[:, 0]),
-        step_period=result.duration / curve.period * times,
-        step_length=result.length / curve.period * lengths,
-        multipliers=np.array([multipliers_of(point.map) for point in points]),
+        state=stride_map.states_at(points),
+        stance_angle=points[:, 0],
+        step_period=passage.durations / period * units.time,
+        step_length=passage.lengths / period * units.length,
+        multipliers=np.array([multipliers_of(point.map) for point in along]),
         folds=tuple(sorted(down.folds + up.folds)),
         period_doublings=tuple(sorted(down.doublings + up.doublings)),
         halts=halts,
@@ -136,16 +122,15 @@ def _halts(
     """Where the stance leg stops in mid-stride, and the ends, said to lie beyond if they do."""
 
     def pace(points: list[Point]) -> NDArray:
-        ys = np.array([point.y for point in points])
-        section, slopes, _ = setting_at(curve, ys)
-        return margins(section, ys[:, :-1], slopes, curve.period).pace
+        gaits = curve.gaits_at(points)
+        return margins(gaits.stride_map, gaits.points, gaits.slopes, curve.period).pace
 
     paces = pace(points)
     halts = []
     for i in np.flatnonzero(paces[:-1] * paces[1:] < 0.0):
         located = locate(curve, points[i], points[i + 1], lambda point: float(pace([point])[0]))
         if located:
-            halts.append(located[0])
+            halts.append(curve.value_at(located))
 
     def said(end: End, turned: bool, halt: float) -> End:
         beyond = turned and end.reason != BOUND
@@ -210,17 +195,7 @@ def gait_family(
         start = _some_gait(walker, np.geomspace(low, high, 16), kind)
     elif not low <= start.slope <= high:
         raise ValueError(f"the gait to start with stands at slope {start.slope}, out of the range")
-    curve = Curve(section_of(walker), np.exp, None, start.period)
-    return _family(
-        walker, "slope", curve, start, start.slope, (low, high), lambda x: float(np.log(x)),
-        resolution,
-    )  # fmt: skip
-
-
-def _varied(walker: Walker, parameter: str, value: complex) -> SimpleNamespace:
-    values = asdict(walker)
-    values[parameter] = value
-    return SimpleNamespace(**values)
+    return _family(Axis(), start, start.slope, (low, high), resolution)
 
 
 def parameter_family(
@@ -251,25 +226,15 @@ def parameter_family(
     walker = as_walker(walker)
     slope, resolution = one_slope(slope), number(resolution, "resolution", above=0.0)
     low, high = number(low, "low"), number(high, "high")
-    names = [name for name in asdict(walker) if name != "knees"]
-    if parameter not in names:
-        raise ValueError(f"no parameter {parameter!r} to vary: choose from {', '.join(names)}")
+    if parameter not in PARAMETERS:
+        raise ValueError(f"no parameter {parameter!r} to vary: choose from {', '.join(PARAMETERS)}")
     here = getattr(walker, parameter)
     if not low < high or not low <= here <= high:
         raise ValueError(f"{parameter} of this walker is {here}: give low <= {here} <= high")
     for value in (low, high):
         try:
-            Walker(**{**asdict(walker), parameter: value})
+            replace(walker, **{parameter: value})
         except WalkerError as error:
             raise ValueError(f"the range leaves what a walker can be: {error}") from error
     start = find_gait(walker, slope, kind)
-    span = high - low
-
-    def setting(values: NDArray) -> tuple[NDArray, NDArray]:
-        rows = [K.constants_from(_varied(walker, parameter, v), knees=walker.knees) for v in values]
-        return np.array(rows), np.full(len(values), slope)
-
-    curve = Curve(section_of(walker), lambda p: p * span + low, setting, 1)
-    return _family(
-        walker, parameter, curve, start, here, (low, high), lambda x: (x - low) / span, resolution
-    )
+    return _family(Axis(parameter, low, high, slope), start, here, (low, high), resolution)

@@ -6,28 +6,28 @@ derivative, a batch at a time, the next batch away from the gaits already found.
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.gaits.arguments import gait_kind, one_slope, whole
+from gym_passive_walker.arguments import check_state, gait_kind, one_slope, whole
+from gym_passive_walker.gaits.equations import gait_equations
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
-from gym_passive_walker.gaits.newton import LONGEST_SEARCHED, newton
-from gym_passive_walker.gaits.section import Section, section_of, strides
+from gym_passive_walker.gaits.log_chart import from_logarithms, logarithms
+from gym_passive_walker.gaits.newton import newton
 from gym_passive_walker.gaits.starts import returns, starts
-from gym_passive_walker.physics import record as R
-from gym_passive_walker.physics.arguments import check_state
-from gym_passive_walker.physics.engine import advance
+from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.events import Outcome
-from gym_passive_walker.physics.frame import frame_of
-from gym_passive_walker.physics.record import new_records
 from gym_passive_walker.walkers import Walker, as_walker, describe
 
 _BATCHES = (12, 24, 96)  # promising starts tried by Newton's method, as long as need be
 _APART = 0.03  # starts closer than this are tried once
 _LOOKS = 64  # at the swing leg during a stride
+_LARGEST = 1.4  # stance angle of a gait, in rad
+_ROUGHLY, _FINELY = 1e-6, 1e-14  # tolerances
 
 
 def _distinct(u: NDArray, others: list[NDArray], apart: float) -> NDArray:
@@ -66,107 +66,100 @@ class _Starts:
 
 
 def _search(
-    walker: Walker,
+    stride_map: StrideMap,
     slope: float,
     u: NDArray,
     period: int,
-    torque: float,
     enough: Callable[[list[Gait]], bool],
     batches: tuple[int, ...] = _BATCHES,
 ) -> tuple[list[Gait], Counter]:
     """Gaits that Newton's method reaches from some starts; and how the starts' strides ended."""
-    ends: Counter = Counter()
-    section = section_of(walker)
     gaits: list[Gait] = []
-    if len(u) == 0:
-        return gaits, ends
     found: list[NDArray] = []
-    options = {"period": period, "torque": torque}
-    first = strides(
-        section, u, np.full(len(u), slope), count=period, torque=torque, tolerance=1e-6,
-        longest=LONGEST_SEARCHED,
-    )  # fmt: skip
-    for outcome in first.records[:, R.OUTCOME].astype(int):
-        ends[Outcome(outcome).name if outcome else Outcome.STALLED.name] += 1
-    candidates = _Starts(u[first.alive], first.end[first.alive])
+    roughly, finely = stride_map.with_tolerance(_ROUGHLY), stride_map.with_tolerance(_FINELY)
+
+    def solutions(followed: StrideMap, guesses: NDArray, accuracy: float, enough: float) -> NDArray:
+        def equations(u: NDArray) -> tuple[NDArray, NDArray]:
+            sane = np.where(u[:, :1] < math.log(_LARGEST), u, np.nan)
+            gait = gait_equations(followed, sane, slope, period=period)
+            return gait.values, gait.derivatives
+
+        solved = newton(equations, guesses, accuracy=accuracy)
+        return solved.points[solved.sizes < enough]
+
+    first = roughly.apply(from_logarithms(u), slope, strides=period)
+    ends = Counter(Outcome(outcome).name for outcome in first.outcomes)
+    candidates = _Starts(u[first.alive], logarithms(first.ends[first.alive]))
     for batch in batches:
         chosen = candidates.best(batch)
         if len(chosen) == 0:
             break
-        rough, size = newton(section, chosen, slope, tolerance=1e-6, accuracy=1e-5, **options)
-        rough = _distinct(rough[size < 1e-5], found, 1e-3)
-        if len(rough):
-            fine, size = newton(section, rough, slope, tolerance=1e-14, accuracy=1e-15, **options)
-            for point in _distinct(fine[size < 1e-9], found, 1e-6):
-                if any(np.abs(point - other).max() < 1e-6 for other in found):
-                    continue  # another stride of a gait found in this batch
-                orbit = _orbit(section, point, slope, period, torque)
-                if len(orbit) == period and _human(walker, section, point, slope, torque):
-                    gaits.append(measure(walker, section, point, slope, period, torque))
-                for stride in orbit:
-                    found.append(stride)
-                    candidates.avoid(stride)
+        rough = _distinct(solutions(roughly, chosen, 1e-5, 1e-5), found, 1e-3)
+        for point in _distinct(solutions(finely, rough, 1e-15, 1e-9), found, 1e-6):
+            if any(np.abs(point - other).max() < 1e-6 for other in found):
+                continue  # another stride of a gait found in this batch
+            orbit = _orbit(stride_map, point, slope, period)
+            if len(orbit) == period and _human(roughly, point, slope):
+                gaits.append(measure(stride_map, point, slope, period))
+            for stride in orbit:
+                found.append(stride)
+                candidates.avoid(stride)
         if enough(gaits):
             break
     gaits.sort(key=lambda gait: -gait.stance_angle)
     return gaits, ends
 
 
-def _orbit(section: Section, u: NDArray, slope: float, period: int, torque: float) -> list[NDArray]:
+def _orbit(stride_map: StrideMap, u: NDArray, slope: float, period: int) -> list[NDArray]:
     """The points that a gait passes through, from one of them on until it repeats."""
-    orbit, slopes = [u], np.array([slope])
+    orbit = [u]
     while len(orbit) < period:
-        result = strides(section, orbit[-1][None], slopes, torque=torque, tolerance=1e-12)
-        if period % len(orbit) == 0 and np.abs(result.end[0] - u).max() < 1e-7:
+        end = logarithms(stride_map.apply(from_logarithms(orbit[-1][None]), slope).ends)[0]
+        if period % len(orbit) == 0 and np.abs(end - u).max() < 1e-7:
             break
-        orbit.append(result.end[0])
+        orbit.append(end)
     return orbit
 
 
-def _human(walker: Walker, section: Section, u: NDArray, slope: float, torque: float) -> bool:
+def _human(stride_map: StrideMap, u: NDArray, slope: float) -> bool:
     """Whether the swing leg swings forward once: no walk of several swings a step."""
-    slopes = np.full(_LOOKS, slope)
-    states = section.state(np.repeat(u[None], _LOOKS, axis=0))
-    whole = new_records(states[:1], slopes[:1], torque)
-    advance(section.kind, section.constants, whole, tolerance=1e-6)
-    records = new_records(states, slopes, torque)
-    records[:, R.END] = whole[0, R.TIME] * np.linspace(0.0, 1.0 - 1e-4, _LOOKS)
-    advance(section.kind, section.constants, records, tolerance=1e-6)
-    forward = walker.thigh_length * records[:, R.RATES + 1]
-    forward += walker.shank_length * records[:, R.RATES + 2]
+    point, walker = from_logarithms(u[None]), stride_map.walker
+    duration = stride_map.apply(point, slope).durations
+    times = duration[:, None] * np.linspace(0.0, 1.0 - 1e-4, _LOOKS)
+    rates = stride_map.sample(point, slope, times).states[0, :, 3:]
+    forward = walker.thigh_length * rates[:, 1] + walker.shank_length * rates[:, 2]
     swings = np.count_nonzero(np.diff(forward > 0.0, prepend=False) & (forward > 0.0))
     return swings == 1
 
 
-def _as_points(section: Section, walker: Walker, guess: ArrayLike) -> NDArray:
-    states = np.atleast_2d(check_state(guess)).copy()
-    if np.any(states[:, 0] <= 0.0):
-        raise ValueError("a guess must be a section state: its stance angle is positive")
-    states[:, 3:] *= frame_of(walker).time
-    return section.point(states)
+def _begin(
+    walker: Walker | str, slope: float, period: int, guess: ArrayLike | None
+) -> tuple[StrideMap, float, NDArray, int]:
+    """The arguments of a search, checked, and its starts."""
+    stride_map = StrideMap.of(walker, tolerance=1e-12)
+    slope, period = one_slope(slope), whole(period, "period")
+    return stride_map, slope, _starts(stride_map, slope, period, guess), period
 
 
-def _check(walker: Walker | str, slope: float, period: int) -> tuple[Walker, float, int]:
-    walker = as_walker(walker)
-    return walker, one_slope(slope), whole(period, "period")
-
-
-def _starts(walker: Walker, slope: float, period: int, guess: ArrayLike | None) -> NDArray:
+def _starts(
+    stride_map: StrideMap, slope: float, period: int = 1, guess: ArrayLike | None = None
+) -> NDArray:
     """Where a search begins: at a guess, or where gaits of this period may be."""
-    section = section_of(walker)
     if guess is not None:
-        return _as_points(section, walker, guess)
+        states = np.atleast_2d(check_state(guess))
+        if np.any(states[:, 0] <= 0.0):
+            raise ValueError("a guess must be a section state: its stance angle is positive")
+        return logarithms(stride_map.points_at(states))
     if slope <= 0.0:
-        return np.empty((0, section.dimension))
-    u = starts(section, slope)
+        return np.empty((0, stride_map.dimension))
+    u = starts(stride_map, slope)
     if period == 1:
         return u
-    gaits, _ = _search(walker, slope, u, 1, 0.0, lambda gaits: len(gaits) >= 2)
+    gaits, _ = _search(stride_map, slope, u, 1, lambda gaits: len(gaits) >= 2)
     if not gaits:
         return u
-    states = np.array([gait.state for gait in gaits])
-    states[:, 3:] *= section.time
-    return np.concatenate([returns(section, slope, section.point(states)), u])
+    points = stride_map.points_at([gait.state for gait in gaits])
+    return np.concatenate([returns(stride_map, slope, logarithms(points)), u])
 
 
 def glance(walker: Walker, slope: float, kind: GaitKind) -> Gait | None:
@@ -175,8 +168,8 @@ def glance(walker: Walker, slope: float, kind: GaitKind) -> Gait | None:
     def enough(gaits: list[Gait]) -> bool:
         return any(gait.kind == kind for gait in gaits)
 
-    u = _starts(walker, slope, 1, None)
-    gaits, _ = _search(walker, slope, u, 1, 0.0, enough, _BATCHES[:1])
+    stride_map = StrideMap.of(walker, tolerance=1e-12)
+    gaits, _ = _search(stride_map, slope, _starts(stride_map, slope), 1, enough, _BATCHES[:1])
     return next((gait for gait in gaits if gait.kind == kind), None)
 
 
@@ -194,9 +187,8 @@ def find_gaits(
     Returns:
         Zero, one or two gaits for walkers like the published ones.
     """
-    walker, slope, period = _check(walker, slope, period)
-    u = _starts(walker, slope, period, guess)
-    return _search(walker, slope, u, period, 0.0, lambda gaits: len(gaits) >= 2)[0]
+    search = _begin(walker, slope, period, guess)
+    return _search(*search, lambda gaits: len(gaits) >= 2)[0]
 
 
 def find_gait(
@@ -224,9 +216,8 @@ def find_gait(
     Raises:
         GaitNotFound: if there is none; the message says what was tried and how it ended.
     """
-    walker, slope, period = _check(walker, slope, period)
     kind = gait_kind(kind)
-    u = _starts(walker, slope, period, guess)
+    search = _begin(walker, slope, period, guess)
 
     def wanted(gaits: list[Gait]) -> list[Gait]:
         return [gait for gait in gaits if guess is not None or period > 1 or gait.kind == kind]
@@ -234,14 +225,14 @@ def find_gait(
     def enough(gaits: list[Gait]) -> bool:
         return any(guess is not None or gait.beyond_fold == (kind == "short") for gait in gaits)
 
-    gaits, ends = _search(walker, slope, u, period, 0.0, lambda gaits: enough(wanted(gaits)))
+    gaits, ends = _search(*search, lambda gaits: enough(wanted(gaits)))
     if wanted(gaits):
         return wanted(gaits)[0 if kind == "long" else -1]
     tried = ", ".join(f"{count} {name}" for name, count in ends.most_common()) or "none"
     others = f"; only a {gaits[0].kind}-step gait was found" if gaits else ""
     raise GaitNotFound(
-        f"no {kind}-step gait of period {period} for {describe(walker)} at slope {slope} rad"
-        f"{others}. "
+        f"no {kind}-step gait of period {period} for {describe(as_walker(walker))} at slope "
+        f"{slope} rad{others}. "
         f"First strides of the {sum(ends.values())} starts ended so: {tried}. "
         "A passive gait needs a downhill slope that suits the walker; `gait_family` shows where "
         "its gaits begin and end, and `guess=` starts the search from a state of your own."

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.gaits.newton import equations
-from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics.frame import frame_of
+from gym_passive_walker.gaits.equations import gait_equations
+from gym_passive_walker.gaits.log_chart import from_logarithms
+from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.stride import Stride, stride
+from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker
 
 GaitKind = Literal["long", "short"]
+
+_EXACT = 1e-13  # tolerance with which gaits are measured
 
 
 class GaitNotFound(Exception):
@@ -67,7 +68,7 @@ class Gait:
     @property
     def froude_speed(self) -> float:
         """Speed over sqrt(g l), the square root of the Froude number (Eq. 4.6)."""
-        return self.speed / math.sqrt(self.walker.gravity * self.walker.leg_length)
+        return self.speed / units_of(self.walker).speed
 
     @property
     def cost_of_transport(self) -> float:
@@ -100,7 +101,7 @@ class Gait:
         return bool(np.abs(self.multipliers[0]) < 1.0)
 
 
-def _kind(section: Section, map_derivative: NDArray, duration: float) -> GaitKind:
+def _kind(stride_map: StrideMap, map_derivative: NDArray, duration: float) -> GaitKind:
     """Which gait this is, by the part of the curve of gaits that it lies on.
 
     The sign of det(1 - D) changes where a curve folds, and it is positive on the long-step part.
@@ -110,10 +111,7 @@ def _kind(section: Section, map_derivative: NDArray, duration: float) -> GaitKin
     """
     if np.linalg.det(np.eye(len(map_derivative)) - map_derivative) > 0.0:
         return "long"
-    c = section.constants[0]
-    weight = math.hypot(c[K.SWING_ALONG], c[K.SWING_ACROSS])
-    half_swing = math.pi * (math.sqrt(c[K.SWING_INERTIA] / weight) if weight > 0.0 else 1.0)
-    return "short" if duration < 1.1 * half_swing else "long"
+    return "short" if duration < 1.1 * stride_map.half_swing else "long"
 
 
 def multipliers_of(map_derivative: NDArray) -> NDArray[np.complex128]:
@@ -122,30 +120,29 @@ def multipliers_of(map_derivative: NDArray) -> NDArray[np.complex128]:
     return values[np.argsort(-np.abs(values), kind="stable")]
 
 
-def measure(
-    walker: Walker, section: Section, u: NDArray, slope: float, period: int, torque: float
-) -> Gait:
-    """Measure the gait at a fixed point."""
-    frame = frame_of(walker)
-    point = np.append(u, slope)[None]
-    _, _, derivative = equations(section, point, period=period, torque=torque, tolerance=1e-13)
-    state = section.state(u[None])[0]
-    state[3:] *= frame.rate
-    walks = [stride(walker, slope, state, hip_torque=torque * frame.torque, tolerance=1e-13)]
+def measure(stride_map: StrideMap, u: NDArray, slope: float, period: int) -> Gait:
+    """Measure the gait at a fixed point.
+
+    Args:
+        stride_map: Whose gait.
+        u: The fixed point in logarithmic coordinates, (m,).
+        slope: Slope in rad.
+        period: Strides until it repeats.
+    """
+    exact, walker = stride_map.with_tolerance(_EXACT), stride_map.walker
+    map_derivative = gait_equations(exact, u[None], slope, period=period).map[0]
+    state = exact.states_at(from_logarithms(u[None]))[0]
+    walks = [stride(walker, slope, state, tolerance=_EXACT)]
     for _ in range(period - 1):
-        walks.append(
-            stride(
-                walker, slope, walks[-1].state, hip_torque=torque * frame.torque, tolerance=1e-13
-            )
-        )
+        walks.append(stride(walker, slope, walks[-1].state, tolerance=_EXACT))
     duration = sum(float(walk.duration) for walk in walks) / period
     return Gait(
         walker=walker,
         slope=slope,
-        kind=_kind(section, derivative[0], duration / frame.time),
+        kind=_kind(exact, map_derivative, duration / exact.units.time),
         period=period,
         state=state,
-        multipliers=multipliers_of(derivative[0]),
+        multipliers=multipliers_of(map_derivative),
         stride=walks[0],
         step_period=duration,
         step_length=sum(float(walk.step_length) for walk in walks) / period,

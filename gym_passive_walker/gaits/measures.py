@@ -7,17 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.gaits.arguments import one_slope
+from gym_passive_walker.arguments import check_state, one_slope
 from gym_passive_walker.gaits.gait import Gait
-from gym_passive_walker.gaits.section import INFINITESIMAL
-from gym_passive_walker.physics import compass, kneed
-from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics.arguments import check_state
-from gym_passive_walker.physics.constants import Kind
+from gym_passive_walker.gaits.posture import landing_velocity, mass_matrix
+from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.forces import impulses
-from gym_passive_walker.physics.frame import frame_of
-from gym_passive_walker.physics.lanes import kernel
-from gym_passive_walker.physics.trajectory import just_before
 from gym_passive_walker.walkers import Walker, as_walker
 
 
@@ -57,47 +51,6 @@ class Measures(NamedTuple):
     foot_velocity: FootVelocity
 
 
-@kernel
-def _striking_velocities(c, states, velocity):
-    for i in range(len(states)):
-        velocity[i, 0], velocity[i, 1] = compass.striking_velocity(
-            c, states[i, 0], states[i, 3], states[i, 4]
-        )
-
-
-@kernel
-def _mass_matrix(c, stance, knees, matrix):
-    """Upper triangle of the mass matrix just after heelstrike."""
-    if knees:
-        m11, m12, m13, m22, m23, m33 = kneed.inertia(c, stance, -stance, -stance)
-        matrix[0, 2], matrix[1, 2], matrix[2, 2] = m13, m23, m33
-    else:
-        m11, m12, m22 = compass.inertia(c, stance, -stance)
-    matrix[0, 0], matrix[0, 1], matrix[1, 1] = m11, m12, m22
-
-
-@kernel
-def _clearances(c, knees, angles, clearance):
-    for i in range(len(angles)):
-        if knees:
-            clearance[i] = kneed.foot_clearance(c, angles[i, 0], angles[i, 1], angles[i, 2])
-        else:
-            clearance[i] = compass.foot_clearance(c, angles[i, 0], angles[i, 1])
-
-
-def foot_clearance(walker: Walker, states: NDArray) -> tuple[NDArray, NDArray]:
-    """Height of the swing foot over the ground, and the height's rate, at states (n, 6).
-
-    The foot is a whole circle here.
-    """
-    # Angles that move by infinitesimal rates move the height by as much of its own rate.
-    angles = states[:, :3] + 1j * INFINITESIMAL * states[:, 3:]
-    clearance: NDArray[np.complex128] = np.empty(len(states), np.complex128)
-    _clearances(K.constants(walker).astype(complex), walker.knees, angles, clearance)
-    clearance *= walker.leg_length
-    return np.real(clearance), np.imag(clearance) / INFINITESIMAL
-
-
 def foot_velocity(walker: Walker | str, state: ArrayLike) -> FootVelocity:
     """Velocity of the landing foot at contact (Eq. 4.10).
 
@@ -111,9 +64,7 @@ def foot_velocity(walker: Walker | str, state: ArrayLike) -> FootVelocity:
     """
     walker = as_walker(walker)
     states = check_state(state)
-    velocity = np.empty((states.size // 6, 2))
-    _striking_velocities(K.constants(walker), states.reshape(-1, 6), velocity)
-    velocity = velocity.reshape(*states.shape[:-1], 2) * walker.leg_length
+    velocity = landing_velocity(walker, states.reshape(-1, 6)).reshape(*states.shape[:-1], 2)
     return FootVelocity(-velocity[..., 0], velocity[..., 1])
 
 
@@ -136,17 +87,13 @@ def collision_matrix(walker: Walker | str, stance_angle: float) -> NDArray[np.fl
         symmetric and positive semidefinite, precise to rounding of the total mass.
     """
     walker, stance_angle = as_walker(walker), one_slope(stance_angle, "stance_angle")
-    kind = K.kind_of(walker)
-    if kind == Kind.SIMPLEST:
+    if walker.massless_legs:
         leg = np.array([-np.sin(stance_angle), np.cos(stance_angle)])
         return walker.total_mass * np.outer(leg, leg)
-    count = 3 if kind == Kind.KNEED else 2
-    mass = np.zeros((count, count))
-    _mass_matrix(K.constants(walker), stance_angle, kind == Kind.KNEED, mass)
-    frame = frame_of(walker)
-    mass = (np.triu(mass) + np.triu(mass, 1).T) * walker.total_mass * frame.length**2
+    mass = mass_matrix(walker, stance_angle)
+    count = len(mass)
     jumps = np.eye(3)[:count]
-    if kind == Kind.COMPASS:
+    if not walker.knees:
         jumps[1, 2] = 1.0
     angles = np.tile([stance_angle, -stance_angle, -stance_angle], (count, 1))
     given = impulses(walker, angles, jumps)
@@ -157,8 +104,10 @@ def collision_matrix(walker: Walker | str, stance_angle: float) -> NDArray[np.fl
 
 def measures(gait: Gait) -> Measures:
     """Every measure of a gait."""
-    verge = just_before(gait.walker, gait.slope, gait.state, float(gait.stride.duration))
-    velocity = foot_velocity(gait.walker, verge)
+    stride_map = StrideMap.of(gait.walker)
+    duration = float(gait.stride.duration) / stride_map.units.time
+    verge = stride_map.before_strike(stride_map.points_at(gait.state)[0], gait.slope, duration)
+    velocity = foot_velocity(gait.walker, stride_map.units.to_own(verge))
     return Measures(
         step_period=gait.step_period,
         step_length=gait.step_length,

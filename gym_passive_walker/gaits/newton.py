@@ -1,90 +1,129 @@
-"""The equations of a gait, and Newton's method on them from many points at once."""
+"""Newton's method with exact derivatives, from many guesses at once."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.gaits.section import Return, Section, split, strides, with_derivatives
-from gym_passive_walker.physics.record import LONGEST_STRIDE
-
-Setting = Callable[[NDArray], tuple[NDArray, NDArray]]
-"""Turns values of a parameter into constants, one row each, and slopes."""
-
-LONGEST_SEARCHED = 20.0
-"""Time in sqrt(l/g) after which a stride is given up in a search."""
-
-_MOST_ITERATIONS = 20
+_ROUNDING = 1e-9
+"""Violations below this may be as small as rounding lets them be."""
 
 
-def equations(
-    section: Section,
-    points: NDArray,
+class Solution(NamedTuple):
+    """Where Newton's method has come to from n guesses.
+
+    Attributes:
+        points: (n, k).
+        sizes: Largest violation at each, (n,); infinite where it was given up or has no value.
+        derivatives: Of the equations there, (n, k, k).
+        carried: What the equations told besides, one entry for each point; empty if nothing.
+    """
+
+    points: NDArray[np.float64]
+    sizes: NDArray[np.float64]
+    derivatives: NDArray[np.float64]
+    carried: NDArray[np.float64]
+
+
+def newton(
+    equations: Callable[[NDArray], tuple[NDArray, ...]],
+    guesses: NDArray,
     *,
-    period: int,
-    torque: float,
-    tolerance: float,
-    longest: float = LONGEST_STRIDE,
-    setting: Setting | None = None,
-) -> tuple[NDArray, NDArray, NDArray]:
-    """What vanishes on a gait, with its exact derivative.
+    accuracy: float,
+    iterations: int = 20,
+    longest: float = 0.7,
+    damped: bool = True,
+) -> Solution:
+    """Solve equations near guesses, all of them side by side.
 
-    The equation for the stance leg's rate is replaced by the balance of energy, which says the
-    same on a gait but keeps its digits at small slopes, where the map is nearly the identity along
-    one direction.
+    A step that brings its point no nearer is tried again at a quarter of its length. Undamped, a
+    point is given up where a full step is longer than allowed or makes the violation four times as
+    large: for guesses so near that anything else is a leap to another solution.
 
     Args:
-        section: The section.
-        points: Points and slope (or what `setting` reads), shape (n, dimension + 1).
-        period: Strides of the gait.
-        torque: Dimensionless hip torque.
-        tolerance: Of the integration.
-        longest: Time after which a stride is given up.
-        setting: Turns the last column into constants and slopes; None if it is the slope.
+        equations: Takes points (n, k) to values (n, k) and derivatives (n, k, k), NaN where there
+            are none; and, if it likes, to an array of anything that belongs to each point.
+        guesses: (n, k).
+        accuracy: Violation at which a point is a solution.
+        iterations: Steps tried at most.
+        longest: Longest step, by its largest coordinate.
+        damped: Whether steps are shortened.
 
-    Returns:
-        Values (n, dimension), derivatives (n, dimension, dimension + 1) and the multipliers'
-        matrix (n, dimension, dimension); NaN where a walker did not complete its strides.
+    References:
+        P. Deuflhard, "Newton Methods for Nonlinear Problems" (2004), for the natural test.
     """
-    count, columns = points.shape
-    m = columns - 1
-    values = np.full((count, m), np.nan)
-    derivatives = np.full((count, m, columns), np.nan)
-    map_derivatives = np.full((count, m, m), np.nan)
+    points = guesses.copy()
+    values, derivatives, carried = _evaluated(equations, points)
+    sizes = _size(values)
+    damping = np.ones(len(points))
+    for _ in range(iterations):
+        active = np.flatnonzero(np.isfinite(sizes) & (sizes > accuracy) & (damping > 1e-2))
+        if len(active) == 0:
+            break
+        step = _solved(derivatives[active], -values[active])
+        length = np.abs(step).max(axis=1)
+        share = np.minimum(1.0, longest / np.maximum(length, 1e-300))
+        trial = points[active] + step * (damping[active] * share)[:, None]
+        if not damped:
+            trial[share < 1.0] = np.nan
+        new_values, new_derivatives, new_carried = _evaluated(equations, trial)
+        new_sizes, old_sizes = _size(new_values), sizes[active]
+        if damped:
+            # The step that would follow tells better than the equations, whose scales differ,
+            # whether a solution is nearer: the natural test.
+            following = _size(_solved(derivatives[active], -new_values))
+            better = (new_sizes < old_sizes) | (np.isfinite(new_sizes) & (following < length))
+        else:
+            better = new_sizes <= 4.0 * old_sizes
+        won, lost = active[better], active[~better]
+        points[won], values[won], sizes[won] = trial[better], new_values[better], new_sizes[better]
+        derivatives[won] = new_derivatives[better]
+        if len(carried):
+            carried[won] = new_carried[better]
+        if damped:
+            damping[won] = np.minimum(1.0, 4.0 * damping[won])
+            damping[lost] *= np.where(sizes[lost] < _ROUNDING, 0.0, 0.25)
+        else:
+            still = (new_sizes < _ROUNDING) & (new_sizes > 0.1 * old_sizes)
+            damping[active[still]] = 0.0
+            sizes[lost] = np.inf
+    return Solution(points, sizes, derivatives, carried)
 
-    def follow(p: NDArray) -> tuple[NDArray, Return]:
-        u, slope, own = p[:, :-1], p[:, -1], section
-        if setting is not None:
-            constants, slope = setting(slope)
-            own = own._replace(constants=constants)
-        return u, strides(
-            own, u, slope, count=period, torque=torque, tolerance=tolerance, longest=longest
-        )
 
-    # Without derivatives first: strides that fail cost as much as many that do not.
-    _, plain = follow(points.astype(float))
-    alive = plain.alive
-    if np.any(alive):
-        u, result = follow(with_derivatives(points[alive]))
-        gap = result.end - u
-        _, map_derivative = split(result.end, columns)
-        gap[:, 1] = result.imbalance
-        values[alive], derivatives[alive] = split(gap, columns)
-        map_derivatives[alive] = map_derivative[..., :-1]
-        # Whether a stride exists at all may differ by a rounding; then there is none.
-        broken = alive.copy()
-        broken[alive] = ~result.alive.reshape(-1, columns).all(axis=1)
-        values[broken] = np.nan
-    return values, derivatives, map_derivatives
+def fixed_point(
+    linearised: Callable[[NDArray], tuple[NDArray, NDArray]], guesses: NDArray, *, accuracy: float
+) -> Solution:
+    """Fixed points of a map near guesses.
+
+    Args:
+        linearised: Takes points (n, k) to where the map leads, (n, k), and its derivatives
+            (n, k, k).
+        guesses: (n, k).
+        accuracy: Largest distance between a point and where the map leads.
+    """
+
+    def equations(points: NDArray) -> tuple[NDArray, NDArray]:
+        ends, derivatives = linearised(points)
+        return ends - points, derivatives - np.eye(points.shape[1])
+
+    return newton(equations, guesses, accuracy=accuracy)
 
 
-def _size(value: NDArray) -> NDArray:
+def _evaluated(
+    equations: Callable[[NDArray], tuple[NDArray, ...]], points: NDArray
+) -> tuple[NDArray, NDArray, NDArray]:
     with np.errstate(all="ignore"):
-        size = np.abs(value).max(axis=1)
-    return np.where(np.isfinite(size), size, np.inf)
+        values, derivatives, *carried = equations(points)
+    return values, derivatives, carried[0] if carried else np.empty(0)
+
+
+def _size(values: NDArray) -> NDArray:
+    with np.errstate(all="ignore"):
+        sizes = np.abs(values).max(axis=1)
+    return np.where(np.isfinite(sizes), sizes, np.inf)
 
 
 def _solved(derivatives: NDArray, values: NDArray) -> NDArray:
@@ -92,59 +131,7 @@ def _solved(derivatives: NDArray, values: NDArray) -> NDArray:
     solutions = np.full(values.shape, np.nan)
     for i, (derivative, value) in enumerate(zip(derivatives, values, strict=True)):
         try:
-            solutions[i] = np.linalg.solve(derivative[:, :-1], value)
+            solutions[i] = np.linalg.solve(derivative, value)
         except np.linalg.LinAlgError:
             continue
     return solutions
-
-
-def newton(
-    section: Section,
-    u: NDArray,
-    slope: float,
-    *,
-    period: int,
-    torque: float,
-    tolerance: float,
-    accuracy: float,
-) -> tuple[NDArray, NDArray]:
-    """Damped Newton iterations from many points at once, as lanes.
-
-    Returns:
-        Final points (n, dimension) and the size of the equations' violation there (n,).
-    """
-    u = u.copy()
-    options = {
-        "period": period, "torque": torque, "tolerance": tolerance, "longest": LONGEST_SEARCHED
-    }  # fmt: skip
-
-    def at(points: NDArray) -> tuple[NDArray, NDArray]:
-        full = np.column_stack([points, np.full(len(points), slope)])
-        value, derivative, _ = equations(section, full, **options)
-        return value, derivative
-
-    value, derivative = at(u)
-    size = _size(value)
-    damping = np.ones(len(u))
-    for _ in range(_MOST_ITERATIONS):
-        active = np.flatnonzero(np.isfinite(size) & (size > accuracy) & (damping > 1e-2))
-        if len(active) == 0:
-            break
-        step = _solved(derivative[active], -value[active])
-        length = np.abs(step).max(axis=1)
-        limit = np.minimum(1.0, 0.7 / np.maximum(length, 1e-300))
-        trial = u[active] + step * (damping[active] * limit)[:, None]
-        sane = np.all(np.isfinite(trial), axis=1) & (trial[:, 0] < math.log(1.4))
-        trial[~sane] = u[active][~sane]
-        new_value, new_derivative = at(trial)
-        new_size = np.where(sane, _size(new_value), np.inf)
-        # The step that would follow tells better than the equations, whose scales differ, whether a
-        # gait is nearer (Deuflhard's natural test).
-        following = _size(_solved(derivative[active], -new_value))
-        better = (new_size < size[active]) | (np.isfinite(new_size) & (following < length))
-        won, lost = active[better], active[~better]
-        u[won], value[won] = trial[better], new_value[better]
-        derivative[won], size[won] = new_derivative[better], new_size[better]
-        damping[won] = np.minimum(1.0, 4.0 * damping[won])
-        damping[lost] *= np.where(size[lost] < 1e-9, 0.0, 0.25)  # at rounding there is no better
-    return u, size

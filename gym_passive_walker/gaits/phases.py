@@ -9,13 +9,14 @@ import numpy as np
 from numpy.polynomial import Chebyshev
 from numpy.typing import NDArray
 
-from gym_passive_walker.gaits.measures import foot_clearance, foot_velocity
+from gym_passive_walker.gaits.measures import foot_velocity
+from gym_passive_walker.gaits.passage import NoStride
+from gym_passive_walker.gaits.posture import foot_clearance
 from gym_passive_walker.gaits.series import Extreme, fit
-from gym_passive_walker.gaits.stability import NoStride
 from gym_passive_walker.physics.forces import Reactions, forces, impulses
-from gym_passive_walker.physics.frame import frame_of
 from gym_passive_walker.physics.stride import Stride
 from gym_passive_walker.physics.trajectory import states_at
+from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker
 
 _SHORTEST = 1e-12  # share of a stride below which a phase is none
@@ -118,11 +119,8 @@ def phases_of(
     Raises:
         NoStride: if one of two phases takes no time.
     """
-    frame = frame_of(walker)
-    weight = frame.energy / frame.length
-    units = np.repeat(
-        [1.0, frame.rate, 1.0, frame.length, weight, frame.energy], [3, 3, 1, 1, 2, 2]
-    )
+    own = units_of(walker)
+    units = np.repeat([1.0, own.rate, 1.0, own.length, own.force, own.energy], [3, 3, 1, 1, 2, 2])
 
     def samples(times: NDArray) -> NDArray:
         states, phases = states_at(

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gym_passive_walker.gaits.arguments import number, one_slope, whole
-from gym_passive_walker.gaits.measures import foot_clearance
+from gym_passive_walker.arguments import check_state, check_tolerance, number, one_slope, whole
+from gym_passive_walker.gaits.passage import NoStride
 from gym_passive_walker.gaits.phases import (
     NO_COLLISION,
     Collision,
@@ -24,12 +24,11 @@ from gym_passive_walker.gaits.phases import (
     kneestrike,
     phases_of,
 )
+from gym_passive_walker.gaits.posture import foot_clearance
 from gym_passive_walker.gaits.series import Extreme, greatest, least, ratio_turns, turns
-from gym_passive_walker.gaits.stability import NoStride
-from gym_passive_walker.physics.arguments import check_state, check_tolerance
 from gym_passive_walker.physics.events import Outcome
-from gym_passive_walker.physics.frame import frame_of
 from gym_passive_walker.physics.stride import stride
+from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker, as_walker, describe
 
 
@@ -118,9 +117,8 @@ class RealityCheck:
         return all(self.passed.values())
 
     def __str__(self) -> str:
-        frame = frame_of(self.walker)
-        length, torque, time = frame.length, frame.energy, frame.time
-        weight = torque / length
+        length, time, torque, _ = units = units_of(self.walker)
+        weight = units.force
         knee, heel = self.kneestrike_impulse, self.heelstrike_impulse
         knee_normal, heel_normal = Extreme(knee.normal, knee.time), Extreme(heel.normal, heel.time)
         table: dict[str, list[tuple[str, Extreme, float, str]]] = {

@@ -13,11 +13,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.gaits.arguments import number
+from gym_passive_walker.arguments import number
+from gym_passive_walker.gaits.equations import gait_equations
 from gym_passive_walker.gaits.family import GaitFamily
 from gym_passive_walker.gaits.fixed_point import find_gait
-from gym_passive_walker.gaits.newton import equations
-from gym_passive_walker.gaits.section import INFINITESIMAL, section_of, strides
+from gym_passive_walker.gaits.log_chart import logarithms
+from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.walkers import Walker, as_walker
 
 CUBE_ROOT = 0.943976
@@ -56,23 +57,18 @@ def local_exponents(family: GaitFamily) -> Exponents:
         raise ValueError(f"exponents are by the slope, and this family varies {family.parameter}")
     if family.period != 1:
         raise ValueError(f"these gaits repeat after {family.period} strides: give one of period 1")
-    section = section_of(family.walker)
-    states = family.state.copy()
-    states[:, 3:] *= section.time
-    u, slope = section.point(states), family.slope
-    _, derivative, _ = equations(
-        section, np.column_stack([u, slope]), period=1, torque=0.0, tolerance=1e-13
-    )
-    derivative = derivative.copy()
-    derivative[:, :, -1] *= slope[:, None]  # by ln(slope)
-    tangent = np.linalg.svd(derivative)[2][:, -1]
+    stride_map, slope = StrideMap.of(family.walker), family.slope
+    u = logarithms(stride_map.points_at(family.state))
+    gaits = gait_equations(stride_map, u, slope, by=("slope",))
+    by_log_slope = np.ones(u.shape[1] + 1) * np.ones((len(u), 1))
+    by_log_slope[:, -1] = slope
+    tangent = np.linalg.svd(gaits.derivatives * by_log_slope[:, None])[2][:, -1]
     with np.errstate(divide="ignore"):
         tangent = tangent / tangent[:, -1:]
-    step = 1j * INFINITESIMAL
-    start = u + step * tangent[:, :-1]
-    result = strides(section, start, slope * (1.0 + step), tolerance=1e-13)
-    speed = result.length / result.duration
-    return Exponents(slope, tangent[:, 0], (speed.imag / speed.real) / INFINITESIMAL)
+    passage, change = gaits.passage, gaits.change
+    growth = change.lengths / passage.lengths[:, None]
+    growth = growth - change.durations / passage.durations[:, None]
+    return Exponents(slope, tangent[:, 0], np.sum(growth * by_log_slope * tangent, axis=1))
 
 
 def exponent_crossings(family: GaitFamily, exponent: float = 2.0 / 3.0) -> NDArray[np.float64]:

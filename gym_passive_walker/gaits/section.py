@@ -1,175 +1,71 @@
-"""The section just after heelstrike, its coordinates, and the stride map's residual on it.
+"""The section just after heelstrike, and its one chart.
 
-On the section the legs mirror each other and are straight, so a state is the stance angle and the
-rates: four numbers for a kneed walker, three for the others. The charts here are dimensionless and
-logarithmic, u = (ln angle, rates / angle): steps of every size look alike in them, from slopes of
-1e-8 on.
-
-Derivatives are exact: every function here takes complex arguments, and an infinitesimal imaginary
-part passes through the flow, the collisions and the moments at which they happen (which is what
-saltation matrices account for elsewhere).
+On it the legs mirror each other and are straight, so a state is the stance angle and the rates: a
+point [angle, stance rate, thigh rate, shank rate] for a kneed walker, [angle, stance rate, swing
+rate] for the others. Points are dimensionless (see `units`).
 """
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import SimpleNamespace
+from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import record as R
-from gym_passive_walker.physics.constants import Kind
-from gym_passive_walker.physics.engine import advance
-from gym_passive_walker.physics.events import Outcome
-from gym_passive_walker.physics.frame import frame_of
-from gym_passive_walker.physics.record import LONGEST_STRIDE, new_records
+from gym_passive_walker.units import Units, units_of
 from gym_passive_walker.walkers import Walker
 
-INFINITESIMAL = 1e-100
-"""Imaginary part that carries a derivative; its square is nothing beside any real part."""
 
-_DIMENSION = {Kind.KNEED: 4, Kind.COMPASS: 3, Kind.SIMPLEST: 3}
-
-
-class Section(NamedTuple):
-    """A walker's section and what its stride map needs.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Section:
+    """The section of one walker, or of n that differ in one parameter.
 
     Attributes:
-        kind: Which equations it obeys.
-        constants: Its dimensionless constants, shape (1, COUNT) or one row per point.
-        dimension: Coordinates of a point on the section.
-        time: Its unit of time.
+        walker: Whose section.
+        parameter: The parameter that differs, if any.
+        values: Its value for each of n points, (n,).
     """
 
-    kind: Kind
-    constants: NDArray
-    dimension: int
-    time: float
+    walker: Walker
+    parameter: str | None = None
+    values: NDArray[np.float64] | None = None
 
-    def state(self, u: NDArray) -> NDArray:
-        """Dimensionless states (n, 6) at points u (n, dimension)."""
-        angle = np.exp(u[:, 0])
-        state = np.empty((len(u), 6), u.dtype)
-        state[:, 0] = angle
-        state[:, 1] = state[:, 2] = -angle
-        state[:, 3 : 2 + self.dimension] = u[:, 1:] * angle[:, None]
-        if self.dimension == 3:
-            state[:, 5] = state[:, 4]
-        return state
+    def with_parameter(self, name: str, values: ArrayLike) -> Self:
+        """The same of walkers that differ in a parameter: one value, and one point, for each."""
+        return replace(self, parameter=name, values=np.asarray(values, dtype=float))
 
-    def point(self, state: NDArray) -> NDArray:
-        """Points u (n, dimension) of dimensionless states (n, 6) on the section."""
-        return np.column_stack(
-            [np.log(state[:, 0]), state[:, 3 : 2 + self.dimension] / state[:, :1]]
-        )
+    @property
+    def dimension(self) -> int:
+        """Coordinates m of a point."""
+        return 4 if self.walker.knees else 3
 
+    @cached_property
+    def units(self) -> Units:
+        """The walker's units; arrays (n,) where walkers differ."""
+        if self.parameter is None:
+            return units_of(self.walker)
+        return units_of(SimpleNamespace(**{**vars(self.walker), self.parameter: self.values}))
 
-def section_of(walker: Walker) -> Section:
-    """The section of a walker."""
-    kind = K.kind_of(walker)
-    frame = frame_of(walker)
-    return Section(kind, K.constants(walker)[None], _DIMENSION[kind], frame.time)
+    def state(self, points: NDArray) -> NDArray:
+        """Dimensionless states (n, 6) at points (n, m)."""
+        states = np.empty((len(points), 6), points.dtype)
+        states[:, 0] = points[:, 0]
+        states[:, 1] = states[:, 2] = -points[:, 0]
+        states[:, 3 : 2 + self.dimension] = points[:, 1:]
+        states[:, 5] = points[:, -1]
+        return states
 
+    def point(self, states: NDArray) -> NDArray:
+        """Points (n, m) of dimensionless section states (n, 6)."""
+        return states[:, [0, *range(3, 2 + self.dimension)]]
 
-class Return(NamedTuple):
-    """Where some strides took points of the section.
+    def states_at(self, points: NDArray) -> NDArray[np.float64]:
+        """States (n, 6) at points (n, m), in the walker's own units."""
+        return self.units.to_own(self.state(points))
 
-    Attributes:
-        end: Points after the strides, (n, dimension).
-        imbalance: Energy lost at collisions less energy supplied, over their mean, as if each
-            stride ended at the height where it began; (n,). Zero on a gait, and precise where
-            the small difference of two states would not be.
-        records: The engine's record of the last stride, (n, FIELDS).
-        duration: Of all strides, (n,).
-        length: Of all steps along the slope, over the leg length, (n,).
-        alive: Whether every stride ended with a heelstrike, (n,).
-    """
-
-    end: NDArray
-    imbalance: NDArray
-    records: NDArray
-    duration: NDArray
-    length: NDArray
-    alive: NDArray
-
-
-def strides(
-    section: Section,
-    u: NDArray,
-    slope: NDArray,
-    *,
-    count: int = 1,
-    torque: NDArray | float = 0.0,
-    tolerance: float = 1e-13,
-    longest: float = LONGEST_STRIDE,
-) -> Return:
-    """Take points of the section through a number of strides.
-
-    Args:
-        section: The section.
-        u: Points, (n, dimension), real or complex.
-        slope: Slope in rad of each point, (n,).
-        count: Strides to take.
-        torque: Hip torque held through them, dimensionless.
-        tolerance: Of the integration.
-        longest: Time after which a stride is given up.
-    """
-    c = section.constants
-    dtype = np.result_type(u, slope, torque, c)
-    c = c.astype(dtype)
-    state = section.state(u.astype(dtype))
-    lost = np.zeros(len(u), dtype)
-    gained = np.zeros(len(u), dtype)
-    duration = np.zeros(len(u), dtype)
-    length = np.zeros(len(u), dtype)
-    alive = np.ones(len(u), bool)
-    records = new_records(state, slope, torque)
-    for _ in range(count):
-        start = state[:, 0]
-        records = new_records(state, slope, torque, end=longest)
-        records[~alive, R.END] = 0.0  # nothing to follow
-        with np.errstate(all="ignore"):
-            advance(section.kind, c, records, tolerance=tolerance)
-        alive &= np.real(records[:, R.OUTCOME]) == Outcome.HEELSTRIKE
-        state = records[:, :6]
-        end = state[:, 0]
-        step = 2.0 * c[:, K.LEG] * np.sin(end) + c[:, K.FOOT_RADIUS] * (start + end)
-        length += step
-        lost += records[:, R.KNEE_LOSS] + records[:, R.HEEL_LOSS]
-        gained += np.sin(slope) * step
-        if section.kind != Kind.SIMPLEST:
-            gained += torque * records[:, R.HIP_NET]
-        duration += records[:, R.TIME]
-    state = np.where(alive[:, None], state, section.state(u.astype(dtype)))
-    imbalance = np.where(alive, 2.0 * (lost - gained) / np.where(alive, lost + gained, 1.0), 2.0)
-    return Return(section.point(state), imbalance, records, duration, length, alive)
-
-
-def with_derivatives(points: NDArray) -> NDArray:
-    """Each row repeated once per column, with an infinitesimal step in that column.
-
-    Args:
-        points: Shape (n, m).
-
-    Returns:
-        Complex array of shape (n * m, m).
-    """
-    count, columns = points.shape
-    steps = 1j * INFINITESIMAL * np.eye(columns)
-    return (points[:, None, :] + steps[None]).reshape(count * columns, columns)
-
-
-def split(values: NDArray, columns: int) -> tuple[NDArray, NDArray]:
-    """Values and derivatives from a function of `with_derivatives`.
-
-    Args:
-        values: Complex array of shape (n * columns, k) or (n * columns,).
-        columns: How many columns the points have.
-
-    Returns:
-        Values of shape (n, k) and derivatives of shape (n, k, columns).
-    """
-    values = values.reshape(-1, columns, *values.shape[1:])
-    derivative = np.moveaxis(np.imag(values), 1, -1) / INFINITESIMAL
-    return np.real(values[:, 0]), derivative
+    def points_at(self, states: ArrayLike) -> NDArray[np.float64]:
+        """Points (n, m) of section states (n, 6) in the walker's own units."""
+        return self.point(self.units.to_dimensionless(np.atleast_2d(states)))

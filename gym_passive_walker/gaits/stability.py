@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict
-from types import SimpleNamespace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.gaits.arguments import number, one_slope
-from gym_passive_walker.gaits.section import INFINITESIMAL, section_of
-from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import record as R
-from gym_passive_walker.physics.arguments import check_state, check_tolerance
-from gym_passive_walker.physics.engine import advance
+from gym_passive_walker.arguments import check_state, check_tolerance, number, one_slope
+from gym_passive_walker.gaits.passage import NoStride, Passage
+from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.events import Outcome
-from gym_passive_walker.physics.record import new_records
-from gym_passive_walker.walkers import Walker, as_walker
+from gym_passive_walker.units import growth
+from gym_passive_walker.walkers import PARAMETERS, Walker
 
+__all__ = ["NoStride", "stride_jacobian"]
 
-class NoStride(ValueError):
-    """The stride did not end with a heelstrike, so the map has no value there."""
+_COLUMNS = {"state": "state", "slope": "slope", "hip_torque": "torque"}
+"""What may be differentiated by besides parameters, and its dimensionless name."""
 
 
 def stride_jacobian(
@@ -47,65 +43,69 @@ def stride_jacobian(
     Args:
         walker: The walker, or a preset's name.
         slope: Slope in rad.
-        state: Section state (6,); thigh and shank angle are taken as minus the stance angle.
+        state: Section state (6,), or several (n, 6); thigh and shank angle are taken as minus the
+            stance angle.
         hip_torque: Torque held through the stride.
         wrt: Columns wanted, in order: "state" (one per coordinate), "slope", "hip_torque", or any
             numerical parameter of `Walker`, such as "foot_radius".
         tolerance: Of the integration.
 
     Returns:
-        Shape (m, columns), in the walker's own units; m is 4 with knees and 3 without.
+        Shape (m, columns), or (n, m, columns) for several states, in the walker's own units; m is 4
+        with knees and 3 without.
 
     Raises:
-        NoStride: if the stride does not end with a heelstrike.
+        NoStride: if a stride does not end with a heelstrike.
         ValueError: if an argument is out of range.
     """
-    walker, slope = as_walker(walker), one_slope(slope)
     tolerance = check_tolerance(number(tolerance, "tolerance"))
-    hip_torque = number(hip_torque, "hip_torque")
+    stride_map = StrideMap.of(walker, tolerance=tolerance)
+    slope, hip_torque = one_slope(slope), number(hip_torque, "hip_torque")
     names = [wrt] if isinstance(wrt, str) else list(wrt)
-    section = section_of(walker)
-    m = section.dimension
-    start = np.array(check_state(state), dtype=complex).reshape(6)
-    steps: list[tuple[str, int]] = []
     for name in names:
-        steps += [(name, i) for i in range(m)] if name == "state" else [(name, 0)]
-    allowed = [name for name in asdict(walker) if name != "knees"]
-    states, slopes, torques, constants, times = [], [], [], [], []
-    for name, i in steps:
-        shift = 1j * INFINITESIMAL
-        lane = start.copy()
+        if name not in _COLUMNS and name not in PARAMETERS:
+            raise ValueError(
+                f"cannot differentiate by {name!r}: choose from {', '.join(_COLUMNS)}, "
+                f"{', '.join(PARAMETERS)}"
+            )
+    states, units = check_state(state), stride_map.units
+    points, torque = stride_map.points_at(states), hip_torque / units.torque
+    moved = {_COLUMNS.get(name, name) for name in names}
+    # A parameter changes the units too, and with them the dimensionless state and torque.
+    moved |= {"state", "torque"} if moved & set(PARAMETERS) else set()
+    by = sorted(moved)
+    passage, change = stride_map.linearise(points, slope, torque=torque, by=by)
+    _refuse_falls(passage)
+    first = np.cumsum([0, *(points.shape[1] if name == "state" else 1 for name in by)])
+    found = {name: change.ends[:, :, i:j] for name, i, j in zip(by, first, first[1:], strict=False)}
+    rated = np.arange(points.shape[1]) > 0  # all coordinates but the angle
+    time = np.where(rated, units.time, 1.0)
+
+    def column(name: str) -> NDArray:
+        """A derivative by what is in the walker's own units, of the dimensionless point."""
         if name == "state":
-            lane[0 if i == 0 else 2 + i] += shift
-        values = SimpleNamespace(**asdict(walker))
-        if name not in ("state", "slope", "hip_torque"):
-            if name not in allowed:
-                raise ValueError(
-                    f"cannot differentiate by {name!r}: choose from state, slope, hip_torque, "
-                    f"{', '.join(allowed)}"
-                )
-            setattr(values, name, getattr(values, name) + shift)
-        length = values.thigh_length + values.shank_length
-        time = np.sqrt(length / values.gravity + 0j)
-        mass = 2.0 * (values.thigh_mass + values.shank_mass) + values.hip_mass
-        unit = values.gravity * length * (1.0 if walker.massless_legs else mass)
-        lane[1] = lane[2] = -lane[0]
-        lane[3:] *= time
-        if m == 3:
-            lane[5] = lane[4]
-        states.append(lane)
-        slopes.append(slope + (shift if name == "slope" else 0.0))
-        torques.append((hip_torque + (shift if name == "hip_torque" else 0.0)) / unit)
-        constants.append(K.constants_from(values, knees=walker.knees).astype(complex))
-        times.append(time)
-    records = new_records(np.array(states), np.array(slopes), np.array(torques))
-    advance(section.kind, np.array(constants), records, tolerance=tolerance)
-    outcome = Outcome(int(records[0, R.OUTCOME].real))
-    if outcome != Outcome.HEELSTRIKE:
-        raise NoStride(
-            f"this stride does not end with a heelstrike but with {outcome.name}, so the stride "
-            "map has no derivative here"
-        )
-    ends = records[:, [0, *range(3, 2 + m)]].copy()
-    ends[:, 1:] /= np.array(times)[:, None]
-    return np.imag(ends).T / INFINITESIMAL
+            return found["state"] * time
+        if name == "slope":
+            return found["slope"]
+        if name == "hip_torque":
+            return found["torque"] / units.torque
+        grown = growth(stride_map.walker, name)
+        of_point = found["state"] @ (points * rated * grown.time)[:, :, None]
+        of_torque = found["torque"] * (torque * grown.torque)
+        of_rates = (passage.ends * rated * grown.time)[:, :, None]
+        return found[name] + of_point - of_torque - of_rates
+
+    jacobian = np.concatenate([column(name) for name in names], axis=2) / time[:, None]
+    return jacobian.reshape(*states.shape[:-1], *jacobian.shape[1:])
+
+
+def _refuse_falls(passage: Passage) -> None:
+    """Raise NoStride if a stride has no heelstrike."""
+    fallen = np.flatnonzero(~passage.alive)
+    if len(fallen) == 0:
+        return
+    which = "this stride" if len(passage.alive) == 1 else f"the stride from state {fallen[0]}"
+    raise NoStride(
+        f"{which} does not end with a heelstrike but with "
+        f"{Outcome(passage.outcomes[fallen[0]]).name}, so the stride map has no derivative here"
+    )

@@ -8,14 +8,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import record as R
-from gym_passive_walker.physics.arguments import (
+from gym_passive_walker.arguments import (
     check_slope,
     check_state,
     check_tolerance,
     real_array,
 )
+from gym_passive_walker.physics import constants as K
+from gym_passive_walker.physics import record as R
 from gym_passive_walker.physics.constants import Kind
 from gym_passive_walker.physics.engine import advance
 from gym_passive_walker.physics.events import Outcome

@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker.arguments import check_state, check_tolerance
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import record as R
-from gym_passive_walker.physics.arguments import check_state, check_tolerance
 from gym_passive_walker.physics.constants import Kind
 from gym_passive_walker.physics.engine import advance
 from gym_passive_walker.physics.events import Outcome

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.physics.arguments import check_state
+from gym_passive_walker.arguments import check_state
 from gym_passive_walker.walkers import Walker, as_walker
 
 SOLE_SPAN = 0.5

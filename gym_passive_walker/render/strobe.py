@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.physics.arguments import check_state
+from gym_passive_walker.arguments import check_state
 from gym_passive_walker.physics.trajectory import Trajectory, trajectory
 from gym_passive_walker.render import look
 from gym_passive_walker.render.extras import extra

@@ -14,8 +14,8 @@ from gym_passive_walker import (
     lyapunov_exponents,
     tune,
 )
+from gym_passive_walker.gaits.attractors import period_of
 from gym_passive_walker.gaits.doubling import FEIGENBAUM
-from gym_passive_walker.gaits.walk import period_of
 
 
 @pytest.fixture(scope="module")

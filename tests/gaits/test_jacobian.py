@@ -130,3 +130,19 @@ def test_an_unknown_parameter_is_refused_with_the_known_ones():
 def test_a_fall_has_no_derivative():
     with pytest.raises(NoStride, match="FELL_BACKWARD"):
         stride_jacobian("E", 0.01, [0.3, -0.3, -0.3, -0.1, -0.1, -0.1])
+
+
+@pytest.mark.parametrize("name", ["lab", "E", "D"])
+def test_many_states_have_the_derivatives_that_each_has_alone(name):
+    slope, state = start(name)
+    states = state * np.linspace(0.99, 1.01, 7)[:, None]
+    wrt = ["state", "slope", "gravity"]
+    together = stride_jacobian(name, slope, states, wrt=wrt)
+    alone = [stride_jacobian(name, slope, each, wrt=wrt) for each in states]
+    np.testing.assert_array_equal(together, alone)
+
+
+def test_one_fall_among_many_states_is_named():
+    states = [start("E")[1], [0.3, -0.3, -0.3, -0.1, -0.1, -0.1]]
+    with pytest.raises(NoStride, match=r"from state 1 .* FELL_BACKWARD"):
+        stride_jacobian("E", start("E")[0], states)

@@ -15,13 +15,10 @@ from gym_passive_walker import (
     stride,
     tune,
 )
-from gym_passive_walker.gaits.measures import foot_clearance
-from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import record as R
-from gym_passive_walker.physics.engine import strike_heels
-from gym_passive_walker.physics.frame import frame_of
-from gym_passive_walker.physics.record import new_records
+from gym_passive_walker.gaits.posture import foot_clearance
+from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.trajectory import states_at
+from gym_passive_walker.units import units_of
 
 ALL = WALKERS | {
     "weighted": lab_walker_from_parts(),
@@ -45,12 +42,11 @@ GAITS = [
 
 
 def loss_at_heelstrike(walker, before):
-    """Energy that the engine loses at heelstrike."""
-    frame = frame_of(walker)
-    scale = np.array([1.0, 1.0, 1.0, frame.time, frame.time, frame.time])
-    records = new_records((before * scale)[None], np.zeros(1))
-    strike_heels(records, K.constants(walker)[None], int(K.kind_of(walker)))
-    return records[0, R.HEEL_LOSS] * frame.energy
+    """Energy that a heelstrike loses."""
+    units = units_of(walker)
+    angle, rates = before[1:2], before[3:5, None] * units.time
+    _, lost = StrideMap.of(walker).heelstrike(angle, *rates)
+    return lost[0] * units.energy
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -121,8 +117,9 @@ def test_foot_velocity_is_how_the_landing_foot_moves(name):
     assert clearance[0] == pytest.approx(0.0, abs=1e-15)
     assert velocity.normal == pytest.approx(rate[0], rel=1e-12)
     # By the legs' opening: foot centres are 2 leg sin(angle) apart, and the feet roll.
-    leg, radius = K.constants(walker)[[K.LEG, K.FOOT_RADIUS]] * walker.leg_length
-    expected = -(leg * np.cos(0.2) + radius) * (before[3] - before[4])
+    leg = walker.thigh_length * np.cos(walker.foot_angle)
+    leg += (walker.shank_length - walker.foot_radius) * np.cos(walker.shank_angle)
+    expected = -(leg * np.cos(0.2) + walker.foot_radius) * (before[3] - before[4])
     assert velocity.tangential == pytest.approx(expected, rel=1e-12)
 
 

@@ -15,8 +15,8 @@ from gym_passive_walker import (
     stride,
     tune,
 )
-from gym_passive_walker.gaits.measures import foot_clearance
 from gym_passive_walker.gaits.phases import Impulse
+from gym_passive_walker.gaits.posture import foot_clearance
 from gym_passive_walker.gaits.stability import NoStride
 from gym_passive_walker.physics.forces import forces
 from gym_passive_walker.physics.trajectory import states_at

@@ -1,0 +1,176 @@
+"""A curve of gaits: the gaits of a walker as its ground or one of its parameters changes.
+
+The curve lives in the section's logarithmic coordinates and one coordinate of the varied quantity.
+Derivatives are exact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import brentq
+
+from gym_passive_walker.gaits.equations import gait_equations
+from gym_passive_walker.gaits.log_chart import from_logarithms
+from gym_passive_walker.gaits.newton import newton
+from gym_passive_walker.gaits.stride_map import StrideMap
+
+_CORRECTIONS = 7  # of a guess, before it is given up
+_CLOSED = 1e-9  # largest violation of a gait
+
+
+class Axis(NamedTuple):
+    """What is varied along a curve: the slope, by its logarithm, or a parameter, by its share.
+
+    Attributes:
+        parameter: "slope", or a parameter of the walker.
+        low: Where a parameter's range starts.
+        high: Where it ends.
+        slope: Slope in rad on which a parameter is varied.
+    """
+
+    parameter: str = "slope"
+    low: float = 0.0
+    high: float = 1.0
+    slope: float = 0.0
+
+    def coordinate(self, value: float) -> float:
+        """The coordinate of a value."""
+        if self.parameter == "slope":
+            return float(np.log(value))
+        return (value - self.low) / (self.high - self.low)
+
+    def value(self, coordinate: Any) -> Any:
+        """The value at a coordinate, or those at several."""
+        if self.parameter == "slope":
+            return np.exp(coordinate)
+        return coordinate * (self.high - self.low) + self.low
+
+    def rate(self, coordinate: float) -> float:
+        """Change of the value with its coordinate."""
+        return float(np.exp(coordinate)) if self.parameter == "slope" else self.high - self.low
+
+
+class Point(NamedTuple):
+    """A gait on the curve.
+
+    Attributes:
+        y: Coordinates: u of the section, and the varied quantity's.
+        tangent: Of the curve, of length 1.
+        map: The stride map's derivative by u over the period.
+    """
+
+    y: NDArray[np.float64]
+    tangent: NDArray[np.float64]
+    map: NDArray[np.float64]
+
+
+class GaitsAt(NamedTuple):
+    """Some gaits of a curve.
+
+    Attributes:
+        stride_map: Whose strides.
+        points: Points of the section, (n, m).
+        slopes: rad, (n,).
+        values: Of the varied quantity, (n,).
+    """
+
+    stride_map: StrideMap
+    points: NDArray[np.float64]
+    slopes: NDArray[np.float64]
+    values: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Curve:
+    """The gaits of a period as a curve.
+
+    Attributes:
+        stride_map: Whose gaits.
+        axis: What is varied.
+        period: Strides of each gait.
+    """
+
+    stride_map: StrideMap
+    axis: Axis
+    period: int = 1
+
+    def value_at(self, point: Point) -> float:
+        """The varied quantity at a point."""
+        return float(self.axis.value(point.y[-1]))
+
+    def gaits_at(self, points: list[Point]) -> GaitsAt:
+        """Points as gaits of the walkers that walk there."""
+        ys = np.array([point.y for point in points])
+        stride_map, slopes, values = self._setting(ys)
+        return GaitsAt(stride_map, from_logarithms(ys[:, :-1]), slopes, values)
+
+    def _setting(self, ys: NDArray) -> tuple[StrideMap, NDArray, NDArray]:
+        """Whose strides, on which slopes, and the varied quantity at coordinates (n, m + 1)."""
+        values = self.axis.value(ys[:, -1])
+        if self.axis.parameter == "slope":
+            return self.stride_map, values, values
+        varied = self.stride_map.with_parameter(self.axis.parameter, values)
+        return varied, np.full(len(values), self.axis.slope), values
+
+    def correct(
+        self, guess: NDArray, tangent: NDArray | None = None, accuracy: float = 1e-10
+    ) -> Point | None:
+        """The gait nearest to a guess across a tangent; None if there is none near.
+
+        Args:
+            guess: Coordinates.
+            tangent: Direction in which the gait is not moved; the varied quantity's if None.
+            accuracy: Largest violation.
+        """
+        across = np.eye(len(guess))[-1] if tangent is None else tangent
+
+        def equations(ys: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+            stride_map, slopes, _ = self._setting(ys)
+            gait = gait_equations(
+                stride_map, ys[:, :-1], slopes, period=self.period, by=(self.axis.parameter,)
+            )
+            gait.derivatives[0, :, -1] *= self.axis.rate(ys[0, -1])
+            moved = (ys - guess) @ across
+            return (
+                np.append(gait.values, moved[:, None], axis=1),
+                np.append(gait.derivatives, across[None, None], axis=1),
+                gait.map,
+            )
+
+        found = newton(
+            equations, guess[None], accuracy=accuracy, iterations=_CORRECTIONS, longest=1.0,
+            damped=False,
+        )  # fmt: skip
+        if found.sizes[0] > _CLOSED:
+            return None
+        new = np.linalg.svd(found.derivatives[0, :-1])[2][-1]
+        return Point(found.points[0], new if new @ across >= 0.0 else -new, found.carried[0])
+
+
+def doubling_test(point: Point) -> float:
+    """Changes sign where a multiplier passes -1."""
+    return float(np.linalg.det(np.eye(len(point.map)) + point.map))
+
+
+def locate(curve: Curve, a: Point, b: Point, test: Callable[[Point], float]) -> Point | None:
+    """The point between two where a test function vanishes, by Brent's method along the chord."""
+    chord = b.y - a.y
+    length = float(np.linalg.norm(chord))
+    chord = chord / length
+
+    def at(s: float) -> Point:
+        point = curve.correct(a.y + s * chord, chord, accuracy=1e-13)
+        if point is None:
+            raise ArithmeticError
+        return point
+
+    try:
+        s: Any = brentq(lambda s: test(at(s)), 0.0, length, xtol=1e-13, rtol=np.float64(1e-14))
+        return at(s)
+    except (ArithmeticError, ValueError):
+        return None

@@ -1,0 +1,79 @@
+"""A walker's own units and the dimensionless ones, and how numbers turn from one to the other.
+
+The leg length l is the unit of length, the walker's total mass m that of mass, and the pendulum
+time sqrt(l/g) that of time. Angles are in rad either way.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gym_passive_walker.walkers import Walker
+
+
+class Units(NamedTuple):
+    """Dimensionless units in a walker's own; of n walkers, arrays (n,) instead of numbers.
+
+    Attributes:
+        length: l.
+        time: sqrt(l/g).
+        energy: m g l.
+        torque: m g l; g l for the simplest walker, whose torque is per unit of foot mass.
+    """
+
+    length: float
+    time: float
+    energy: float
+    torque: float
+
+    @property
+    def rate(self) -> float:
+        """Of angles: 1 / time."""
+        return 1.0 / self.time
+
+    @property
+    def force(self) -> float:
+        """The weight m g."""
+        return self.energy / self.length
+
+    @property
+    def speed(self) -> float:
+        """sqrt(g l)."""
+        return self.length / self.time
+
+    def to_dimensionless(self, states: ArrayLike) -> NDArray[np.float64]:
+        """Dimensionless states (..., 6) of states in the walker's own units."""
+        return np.asarray(states) * self._times(self.time)
+
+    def to_own(self, states: ArrayLike) -> NDArray[np.float64]:
+        """States (..., 6) in the walker's own units of dimensionless ones."""
+        return np.asarray(states) / self._times(self.time)
+
+    def _times(self, time: float) -> NDArray:
+        one = np.ones_like(time)
+        return np.stack([one, one, one, time, time, time], axis=-1)
+
+
+def units_of(walker: Any) -> Units:
+    """The units of a walker, or of anything with the attributes of one, numbers or arrays."""
+    length = walker.thigh_length + walker.shank_length
+    mass = 2.0 * (walker.thigh_mass + walker.shank_mass) + walker.hip_mass
+    quotient = length / walker.gravity
+    time = math.sqrt(quotient) if isinstance(quotient, float) else np.sqrt(quotient)
+    energy = mass * walker.gravity * length
+    massless = np.all(np.equal(walker.thigh_mass + walker.shank_mass, 0.0))
+    return Units(length, time, energy, walker.gravity * length if massless else energy)
+
+
+def growth(walker: Walker, parameter: str) -> Units:
+    """By what share of itself each unit grows with one of the walker's parameters."""
+    length = (parameter in ("thigh_length", "shank_length")) / walker.leg_length
+    gravity = (parameter == "gravity") / walker.gravity
+    mass = {"thigh_mass": 2.0, "shank_mass": 2.0, "hip_mass": 1.0}.get(parameter, 0.0)
+    energy = mass / walker.total_mass + gravity + length
+    torque = gravity + length if walker.massless_legs else energy
+    return Units(length, 0.5 * (length - gravity), energy, torque)

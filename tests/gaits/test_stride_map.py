@@ -1,0 +1,211 @@
+"""The stride map of the analyses: everyone's strides, with derivatives of all that they tell."""
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from gym_passive_walker import WALKERS, Outcome, find_gait, stride, stride_jacobian
+from gym_passive_walker.gaits.log_chart import (
+    by_logarithms,
+    from_logarithms,
+    in_logarithms,
+    logarithms,
+)
+from gym_passive_walker.gaits.newton import fixed_point, newton
+from gym_passive_walker.gaits.passage import Change
+from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.physics.trajectory import just_before, states_at
+from gym_passive_walker.units import growth, units_of
+from gym_passive_walker.walkers import PARAMETERS
+from tests.physics.examples import LONG_GAITS
+
+NAMES = ["lab", "lab-straight", "B", "D"]
+TOLD = [field.name for field in fields(Change)]
+STENCIL = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
+
+
+def beside(name, count=1):
+    """A stride map, its slope, and points beside the long-step gait."""
+    gait = LONG_GAITS[name]
+    walker_map = StrideMap.of(name, tolerance=1e-14)
+    return walker_map, gait.slope, walker_map.points_at([gait.state] * count)
+
+
+def beside_each(name, count):
+    """As `beside`, the points each somewhere else."""
+    walker_map, slope, points = beside(name, count)
+    return walker_map, slope, points * (1.0 + np.linspace(0.0, 0.01, count))[:, None]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_passage_tells_what_a_stride_tells(name):
+    walker_map, slope, points = beside(name)
+    torque = 0.001
+    passage = walker_map.apply(points, slope, torque=torque)
+    units, state = walker_map.units, walker_map.states_at(points)[0]
+    walked = stride(name, slope, state, hip_torque=torque * units.torque, tolerance=1e-14)
+    np.testing.assert_allclose(walker_map.states_at(passage.ends)[0], walked.state, rtol=1e-13)
+    assert passage.durations[0] * units.time == pytest.approx(float(walked.duration), rel=1e-13)
+    assert passage.lengths[0] * units.length == pytest.approx(float(walked.step_length), rel=1e-13)
+    assert passage.lost[0] * units.energy == pytest.approx(float(walked.collision_loss), rel=1e-12)
+    downhill = np.sin(slope) * walked.step_length * walked.weight + walked.hip_work
+    assert passage.supplied[0] * units.energy == pytest.approx(float(downhill), rel=1e-12)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_derivatives_are_those_of_all_that_is_told(name):
+    walker_map, slope, points = beside(name)
+    by = ("state", "slope", "torque", "shank_length", "thigh_length")
+    _, change = walker_map.linearise(points, slope, torque=0.001, strides=2, by=by)
+    m = walker_map.dimension
+
+    def moved(column, x):
+        shift = x * np.eye(m + 4)[column]
+        lengths = {name: shift[i] for name, i in (("shank_length", m + 2), ("thigh_length", m + 3))}
+        walker = WALKERS[name]
+        walker = replace(walker, **{n: getattr(walker, n) + dx for n, dx in lengths.items()})
+        return StrideMap.of(walker, tolerance=1e-14).apply(
+            points + shift[:m], slope + shift[m], torque=0.001 + shift[m + 1], strides=2
+        )
+
+    step = 1e-4
+    for column in range(m + 4):
+        passages = {k: moved(column, k * step) for k in (*STENCIL, *[-k for k in STENCIL])}
+        for what in TOLD:
+            expected = sum(
+                weight * (getattr(passages[k], what) - getattr(passages[-k], what)) / step
+                for k, weight in STENCIL.items()
+            )
+            found = getattr(change, what)[..., column]
+            np.testing.assert_allclose(found, expected, rtol=1e-8, atol=1e-8, err_msg=what)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_batch_is_its_walkers_one_by_one(name):
+    walker_map, slope, points = beside_each(name, 9)
+    passage, change = walker_map.linearise(points, slope, by=("state", "slope"))
+    for i in range(len(points)):
+        alone, by = walker_map.linearise(points[i : i + 1], slope, by=("state", "slope"))
+        for what in TOLD:
+            np.testing.assert_array_equal(getattr(passage, what)[i], getattr(alone, what)[0])
+            np.testing.assert_array_equal(getattr(change, what)[i], getattr(by, what)[0])
+
+
+def test_walkers_that_differ_in_a_parameter_walk_as_each_would():
+    walker_map, slope, points = beside("lab", 6)
+    values = np.linspace(0.44, 0.48, 6)
+    by = ("state", "shank_length")
+    passage, change = walker_map.with_parameter("shank_length", values).linearise(
+        points, slope, by=by
+    )
+    for i, value in enumerate(values):
+        own = StrideMap.of(replace(WALKERS["lab"], shank_length=value), tolerance=1e-14)
+        alone, by_own = own.linearise(points[i : i + 1], slope, by=by)
+        np.testing.assert_array_equal(passage.ends[i], alone.ends[0])
+        np.testing.assert_array_equal(change.lengths[i], by_own.lengths[0])
+
+
+def test_who_falls_is_told_apart_from_who_walks():
+    walker_map, slope, points = beside("E", 6)
+    points[1, 1] *= 0.1  # too slow to get over the vertical
+    points[2] = np.nan
+    for passage in (
+        walker_map.apply(points, slope, strides=3),
+        walker_map.linearise(points, slope, strides=3)[0],
+    ):
+        assert passage.alive.tolist() == [True, False, False, True, True, True]
+        assert passage.outcomes.tolist()[:3] == [
+            Outcome.HEELSTRIKE, Outcome.FELL_BACKWARD, Outcome.DIVERGED
+        ]  # fmt: skip
+        assert np.all(np.isnan(passage.ends[1:3])) and np.all(np.isnan(passage.lengths[1:3]))
+
+
+def test_directions_may_be_chosen():
+    walker_map, slope, points = beside_each("C", 3)
+    directions = np.random.default_rng(2).standard_normal((3, 4, 2))
+    _, along = walker_map.linearise(points, slope, along=directions)
+    _, change = walker_map.linearise(points, slope)
+    np.testing.assert_allclose(along.ends, change.ends @ directions, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_samples_are_states_inside_the_stride(name):
+    walker_map, slope, points = beside_each(name, 3)
+    passage = walker_map.apply(points, slope)
+    times = passage.durations[:, None] * np.array([0.0, 0.5, 0.99])
+    samples = walker_map.sample(points, slope, times)
+    units = walker_map.units
+    for i, state in enumerate(walker_map.states_at(points)):
+        states, phases = states_at(name, slope, state, times[i] * units.time, tolerance=1e-14)
+        np.testing.assert_allclose(units.to_own(samples.states[i]), states, atol=1e-13)
+        np.testing.assert_array_equal(samples.phases[i], phases)
+
+
+def test_the_verge_of_a_strike_is_the_same_in_any_units():
+    walker_map, slope, points = beside("lab")
+    duration = walker_map.apply(points, slope).durations[0]
+    verge = walker_map.before_strike(points[0], slope, duration)
+    units, state = walker_map.units, walker_map.states_at(points)[0]
+    expected = just_before("lab", slope, state, duration * units.time)
+    np.testing.assert_allclose(units.to_own(verge), expected, rtol=1e-12)
+    assert verge[0] == pytest.approx(-verge[1], abs=1e-12)
+
+
+def test_logarithmic_coordinates_come_back_and_have_exact_derivatives():
+    points = np.abs(np.random.default_rng(3).standard_normal((5, 4)))
+    np.testing.assert_allclose(from_logarithms(logarithms(points)), points, rtol=1e-14)
+    both = in_logarithms(points, by_logarithms(points))
+    np.testing.assert_allclose(both, np.broadcast_to(np.eye(4), (5, 4, 4)), atol=1e-14)
+
+
+def test_a_gait_is_a_fixed_point_of_the_stride_map():
+    walker_map, slope, points = beside_each("lab", 2)
+
+    def linearised(points):
+        passage, change = walker_map.linearise(points, slope)
+        return passage.ends, change.ends
+
+    found = fixed_point(linearised, points, accuracy=1e-12)
+    gait = walker_map.points_at(find_gait("lab", slope).state)
+    np.testing.assert_allclose(found.points, np.repeat(gait, 2, axis=0), rtol=1e-10)
+
+
+def test_newtons_method_gives_up_alone_where_there_is_no_solution():
+    def equations(x):
+        return x**2 - np.array([[4.0], [-1.0]])[: len(x)], 2.0 * x[:, :, None]
+
+    found = newton(equations, np.array([[3.0], [1.0]])[:1], accuracy=1e-12, longest=10.0)
+    assert found.points[0, 0] == pytest.approx(2.0) and found.sizes[0] <= 1e-12
+    lost = newton(lambda x: (x**2 + 1.0, 2.0 * x[:, :, None]), np.ones((1, 1)), accuracy=1e-12)
+    assert lost.sizes[0] > 0.5
+    leap = newton(equations, np.array([[0.1]]), accuracy=1e-12, longest=1.0, damped=False)
+    assert np.isinf(leap.sizes[0])
+
+
+@pytest.mark.parametrize("name", ["lab", "D"])
+def test_units_grow_with_parameters_as_they_say(name):
+    walker = WALKERS[name]
+    for parameter in PARAMETERS:
+        value = getattr(walker, parameter)
+        if value == 0.0:
+            continue
+        units = [units_of(replace(walker, **{parameter: value * (1.0 + h)})) for h in (-1e-6, 1e-6)]
+        own = np.array(units_of(walker))
+        expected = (np.array(units[1]) - np.array(units[0])) / (2e-6 * value * own)
+        np.testing.assert_allclose(growth(walker, parameter), expected, atol=1e-8)
+
+
+def test_units_turn_states_there_and_back():
+    states = np.random.default_rng(4).standard_normal((3, 6))
+    units = units_of(WALKERS["lab"])
+    np.testing.assert_allclose(units.to_own(units.to_dimensionless(states)), states, rtol=1e-15)
+    np.testing.assert_array_equal(units.to_dimensionless(states)[:, :3], states[:, :3])
+
+
+def test_the_derivative_of_the_map_is_the_same_in_any_units():
+    walker_map, slope, points = beside("C")
+    _, change = walker_map.linearise(points, slope)
+    own = stride_jacobian("C", slope, walker_map.states_at(points)[0], tolerance=1e-14)
+    time = np.array([1.0, *[walker_map.units.time] * 3])
+    np.testing.assert_allclose(change.ends[0] / time[:, None] * time, own, rtol=1e-10, atol=1e-12)
