@@ -11,7 +11,7 @@ from benchmarks.problem import STARTS, Problem
 from benchmarks.report import seconds
 from gym_passive_walker.physics import record as R
 from gym_passive_walker.physics.engine import advance
-from gym_passive_walker.physics.events import Outcome
+from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.physics.record import new_records
 
 

@@ -17,7 +17,7 @@ import gym_passive_walker as gpw
 from benchmarks.engine import again, crowd
 from benchmarks.problem import problem
 from benchmarks.report import command, keep, machine, seconds, table
-from gym_passive_walker.physics.trajectory import trajectory
+from gym_passive_walker.gaits.trajectory import trajectory
 
 COUNT = 2048
 ROUNDS = 5

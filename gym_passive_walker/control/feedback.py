@@ -17,7 +17,7 @@ from gym_passive_walker.control.ticks import coordinates
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.gaits.stability import stride_jacobian
-from gym_passive_walker.physics.stride import stride
+from gym_passive_walker.gaits.stride import stride
 from gym_passive_walker.walkers import Walker
 
 Method = Literal["lqr", "deadbeat"]

@@ -19,7 +19,7 @@ from gym_passive_walker.gaits.stride_map import INFINITESIMAL, StrideMap
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import record as R
 from gym_passive_walker.physics.engine import advance
-from gym_passive_walker.physics.events import Outcome
+from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.physics.frame import frame_of
 from gym_passive_walker.physics.record import new_records
 from gym_passive_walker.walkers import Walker

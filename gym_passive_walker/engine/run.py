@@ -11,10 +11,11 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.jit import call, jitted, kernel
@@ -94,11 +95,61 @@ def _strike(records, bodies, phase, outcome):
         call(reset, records[i].ctypes.data, body.ctypes.data, 0, 0.0, 0.0)
 
 
-def new_records(count: int, planes: int = 0) -> NDArray:
-    """Records of walkers that stand just after heelstrike, (count, planes + 1); to be filled in."""
-    records = np.zeros((count, planes + 1), RECORD)
-    records["end"][:, 0] = LONGEST_STRIDE
-    records["ground"][:, 0, 1] = 1.0
+def planes_of(system: System) -> int:
+    """Derivatives that are carried along at once: by the section's coordinates and the slope."""
+    return system.phases[0].links + 2
+
+
+class Seeds(NamedTuple):
+    """Directions of derivatives, k for each of n walkers; None where nothing changes.
+
+    Attributes:
+        states: Changes of dimensionless states, (n, k, 6).
+        slopes: Of slopes, (n, k).
+        controls: Of controls, (n, k, controls).
+        ends: Of the time to stop, (n, k).
+    """
+
+    states: NDArray | None = None
+    slopes: NDArray | None = None
+    controls: NDArray | None = None
+    ends: NDArray | None = None
+
+
+def new_records(
+    states: NDArray,
+    slopes: ArrayLike,
+    controls: ArrayLike = 0.0,
+    *,
+    end: ArrayLike = LONGEST_STRIDE,
+    seeds: Seeds | None = None,
+    planes: int = 0,
+) -> NDArray:
+    """Records of walkers that stand just after heelstrike, (n, planes + 1).
+
+    Args:
+        states: Dimensionless, (n, 6).
+        slopes: In rad, one for all or (n,).
+        controls: One for all, (n,), or (n, controls).
+        end: When to stop, one for all or (n,).
+        seeds: Directions of derivatives.
+        planes: How many there are.
+    """
+    records = np.zeros((len(states), planes + 1), RECORD)
+    values = records[:, 0]
+    values["state"] = states
+    values["ground"] = np.stack(np.broadcast_arrays(np.sin(slopes), np.cos(slopes)), axis=-1)
+    controls = np.asarray(controls, dtype=float)
+    values["control"] = controls if controls.ndim == 2 else controls[..., None]
+    values["end"] = end
+    if seeds is not None:
+        changes = records[:, 1:]
+        for name, seed in (("state", seeds.states), ("control", seeds.controls), ("end", seeds.ends)):
+            if seed is not None:
+                changes[name] = seed
+        if seeds.slopes is not None:
+            turn = np.stack([values["ground"][:, 1], -values["ground"][:, 0]], axis=-1)
+            changes["ground"] = seeds.slopes[..., None] * turn[:, None]
     return records
 
 
@@ -158,7 +209,7 @@ def advance(
     scuff: bool = False,
     from_section: bool = True,
     threads: int | None = None,
-) -> None:
+) -> NDArray:
     """Carry records to their heelstrike, their fall, or their time's end, in place.
 
     Everything is dimensionless (see `physics.hybrid`). A record that ends on HEELSTRIKE holds the
@@ -172,20 +223,57 @@ def advance(
         scuff: Whether a kneed walker's locked swing leg below the ground ends the stride.
         from_section: Whether records stand just after heelstrike; else at their phase.
         threads: How many threads to use; numba's number when None. It changes no result.
+
+    Returns:
+        The records.
     """
-    planes = records.shape[1] - 1
-    moving_body = bool(np.any(bodies[:, 1:]))
-    phases = compiled(system.name, planes, moving_body=moving_body)
-    told = options(tolerance, scuff=scuff, planes=planes)
+    changes = records.shape[1] - 1
+    if changes and changes != planes_of(system):
+        return _in_passes(
+            system, bodies, records, tolerance=tolerance, scuff=scuff, from_section=from_section,
+            threads=threads,
+        )  # fmt: skip
+    if changes and bodies.shape[1] == 1:
+        bodies = np.pad(bodies, ((0, 0), (0, changes), (0, 0)))
+    phases = compiled(system.name, changes, moving_body=bool(np.any(bodies[:, 1:])))
+    told = options(tolerance, scuff=scuff, planes=changes)
 
     def job(first: int, last: int) -> None:
         own = bodies[first:last] if len(bodies) > 1 else bodies
-        _advance(records[first:last], own, phases, *workspace(planes), told, from_section)
+        _advance(records[first:last], own, phases, *workspace(changes), told, from_section)
 
     in_parts(job, len(records), threads)
+    return records
 
 
-def strike(system: System, bodies: NDArray, records: NDArray) -> None:
+def _in_passes(system: System, bodies: NDArray, records: NDArray, **told: Any) -> NDArray:
+    """Carry records with any number of derivatives: as many times as the planes compiled ask for.
+
+    One number of planes is compiled; of more, each share walks beside its own copy of the values.
+    """
+    count, changes, planes = len(records), records.shape[1] - 1, planes_of(system)
+    shares = -(-changes // planes)
+    passes = np.zeros((count, shares, planes + 1), RECORD)
+    padded = np.zeros((count, shares * planes), RECORD)
+    padded[:, :changes] = records[:, 1:]
+    passes[:, :, 0] = records[:, :1]
+    passes[:, :, 1:] = padded.reshape(count, shares, planes)
+    if bodies.shape[1] > 1:
+        own = np.zeros((len(bodies), shares * planes, bodies.shape[2]))
+        own[:, :changes] = bodies[:, 1:]
+        own = own.reshape(len(bodies), shares, planes, -1)
+        values = np.repeat(bodies[:, None, :1], shares, axis=1)
+        bodies = np.concatenate([values, own], axis=2)
+        bodies = np.broadcast_to(bodies, (count, *bodies.shape[1:]))
+        bodies = bodies.reshape(count * shares, planes + 1, -1)
+    elif len(bodies) > 1:
+        bodies = np.repeat(bodies, shares, axis=0)
+    advance(system, bodies, passes.reshape(-1, planes + 1), **told)
+    records[:, 0] = passes[:, 0, 0]
+    records[:, 1:] = passes[:, :, 1:].reshape(count, -1)[:, :changes]
+    return records
+
+
+def strike_heels(system: System, bodies: NDArray, records: NDArray) -> None:
     """Exchange the legs of walkers that stand on the verge of heelstrike, in place."""
-    phases = compiled(system.name, records.shape[1] - 1, moving_body=bool(np.any(bodies[:, 1:])))
-    _strike(records, bodies, phases[-1:], int(Outcome.HEELSTRIKE))
+    _strike(records, bodies, compiled(system.name)[-1:], int(Outcome.HEELSTRIKE))

@@ -11,7 +11,7 @@ from gym_passive_walker.gaits.fixed_point import find_gaits
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.log_chart import logarithms
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.physics.events import Outcome
+from gym_passive_walker.physics.hybrid import Outcome
 
 FELL, UNSETTLED = -1, -2
 """Instead of a gait's index: the walker fell, or still walks on none of the gaits."""

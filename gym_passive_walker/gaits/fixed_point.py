@@ -20,7 +20,7 @@ from gym_passive_walker.gaits.log_chart import from_logarithms, logarithms
 from gym_passive_walker.gaits.newton import newton
 from gym_passive_walker.gaits.starts import returns, starts
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.physics.events import Outcome
+from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.walkers import Walker, as_walker, describe
 
 _BATCHES = (12, 24, 96)  # promising starts tried by Newton's method, as long as need be

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from gym_passive_walker.gaits.equations import gait_equations
 from gym_passive_walker.gaits.log_chart import from_logarithms
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.physics.stride import Stride, stride
+from gym_passive_walker.gaits.stride import Stride, stride
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker
 

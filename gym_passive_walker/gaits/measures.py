@@ -11,7 +11,7 @@ from gym_passive_walker.arguments import check_state, one_slope
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.posture import landing_velocity, mass_matrix
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.physics.forces import impulses
+from gym_passive_walker.gaits.forces import impulses
 from gym_passive_walker.walkers import Walker, as_walker
 
 

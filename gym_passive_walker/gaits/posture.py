@@ -1,47 +1,17 @@
-"""What a posture tells: how high the foot is, how it lands, and how heavy the joints turn.
-
-Like `stride_map`, this is where analyses meet the engine: its constants stay in here.
-"""
+"""What a posture tells: how high the foot is, how it lands, and how heavy the joints turn."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.gaits.stride_map import INFINITESIMAL
-from gym_passive_walker.physics import compass, kneed
-from gym_passive_walker.physics.constants import constants
-from gym_passive_walker.physics.lanes import kernel
+from gym_passive_walker.physics import legs
+from gym_passive_walker.physics.bodies import body_of, system_of
+from gym_passive_walker.physics.hybrid import State
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker
 
-
-@kernel
-def _striking_velocities(c, states, velocity):
-    for i in range(len(states)):
-        velocity[i, 0], velocity[i, 1] = compass.striking_velocity(
-            c, states[i, 0], states[i, 3], states[i, 4]
-        )
-
-
-@kernel
-def _mass_matrix(c, stance, knees, matrix):
-    """Upper triangle of the mass matrix just after heelstrike."""
-    if knees:
-        m11, m12, m13, m22, m23, m33 = kneed.inertia(c, stance, -stance, -stance)
-        matrix[0, 2], matrix[1, 2], matrix[2, 2] = m13, m23, m33
-    else:
-        m11, m12, m22 = compass.inertia(c, stance, -stance)
-    matrix[0, 0], matrix[0, 1], matrix[1, 1] = m11, m12, m22
-
-
-@kernel
-def _clearances(c, knees, angles, clearance):
-    for i in range(len(angles)):
-        if knees:
-            clearance[i] = kneed.foot_clearance(c, angles[i, 0], angles[i, 1], angles[i, 2])
-        else:
-            clearance[i] = compass.foot_clearance(c, angles[i, 0], angles[i, 1])
+_INFINITESIMAL = 1e-100  # imaginary part that carries a derivative: its square is nothing
 
 
 def foot_clearance(walker: Walker, states: NDArray) -> tuple[NDArray, NDArray]:
@@ -50,11 +20,10 @@ def foot_clearance(walker: Walker, states: NDArray) -> tuple[NDArray, NDArray]:
     The foot is a whole circle here.
     """
     # Angles that move by infinitesimal rates move the height by as much of its own rate.
-    angles = states[:, :3] + 1j * INFINITESIMAL * states[:, 3:]
-    clearance: NDArray[np.complex128] = np.empty(len(states), np.complex128)
-    _clearances(constants(walker).astype(complex), walker.knees, angles, clearance)
-    clearance *= walker.leg_length
-    return np.real(clearance), np.imag(clearance) / INFINITESIMAL
+    angles, rates = states[:, :3] + 1j * _INFINITESIMAL * states[:, 3:], states[:, 3:]
+    moving = State(*angles.T, *rates.T)
+    clearance = system_of(walker).foot_clearance(body_of(walker), moving) * walker.leg_length
+    return np.real(clearance), np.imag(clearance) / _INFINITESIMAL
 
 
 def landing_velocity(walker: Walker, states: NDArray) -> NDArray[np.float64]:
@@ -64,16 +33,21 @@ def landing_velocity(walker: Walker, states: NDArray) -> NDArray[np.float64]:
         walker: The walker.
         states: Just before heelstrike, (n, 6), in the walker's own units.
     """
-    velocity = np.empty((len(states), 2))
-    _striking_velocities(constants(walker), states, velocity)
-    return velocity * walker.leg_length
+    velocity = legs.striking_velocity(body_of(walker), State(*states.T))
+    return np.stack(velocity, axis=-1) * walker.leg_length
 
 
 def mass_matrix(walker: Walker, stance_angle: float) -> NDArray[np.float64]:
-    """Mass matrix just after heelstrike: (3, 3) with knees, else (2, 2), in the walker's units."""
-    count = 3 if walker.knees else 2
-    matrix = np.zeros((count, count))
-    _mass_matrix(constants(walker), stance_angle, walker.knees, matrix)
-    units = units_of(walker)
-    matrix = np.triu(matrix) + np.triu(matrix, 1).T
-    return matrix * walker.total_mass * units.length**2
+    """Mass matrix just after heelstrike: (3, 3) with knees, else (2, 2), in the walker's units.
+
+    Raises:
+        ValueError: for legs without mass.
+    """
+    phase = system_of(walker).phases[0]
+    if phase.mass_matrix is None:
+        raise ValueError("legs without mass have no mass matrix")
+    state = State(stance_angle, -stance_angle, -stance_angle, 0.0, 0.0, 0.0)
+    matrix = np.zeros((phase.links, phase.links))
+    matrix[np.triu_indices(phase.links)] = phase.mass_matrix(body_of(walker), state)
+    matrix += np.triu(matrix, 1).T
+    return matrix * walker.total_mass * units_of(walker).length ** 2

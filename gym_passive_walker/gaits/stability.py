@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.arguments import check_state, check_tolerance, number, one_slope
 from gym_passive_walker.gaits.passage import NoStride, Passage
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.physics.events import Outcome
+from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.units import growth
 from gym_passive_walker.walkers import PARAMETERS, Walker
 

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.gaits.log_chart import from_logarithms, logarithms
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.physics.constants import Kind
 
 # Ratios to the step angle, just before heelstrike: of the stance leg's rate, and of the swing
 # leg's rate in excess of it (zero where the foot meets the ground without sliding). Excesses far
@@ -23,17 +22,13 @@ from gym_passive_walker.physics.constants import Kind
 # simplest walker forgets its swing leg's rate at heelstrike.
 _EXCESSES = (-6.0, -4.0, -2.8, -2.0, -1.5, -1.0, -0.7, -0.45, -0.25, -0.1)
 _EXCESSES += (0.0, 0.1, 0.3, 0.6, 1.0, 1.6, 2.2, 2.8)
-_STANCE_RATIOS = {
-    Kind.KNEED: -np.geomspace(1.005, 2.0, 16),
-    Kind.COMPASS: -np.geomspace(1.005, 2.0, 16),
-    Kind.SIMPLEST: -np.geomspace(1.005, 2.0, 200),
+_RATIOS = -np.geomspace(1.005, 2.0, 16), np.array(_EXCESSES)
+_RATIOS_OF = {
+    "kneed": _RATIOS,
+    "straight": _RATIOS,
+    "simplest": (-np.geomspace(1.005, 2.0, 200), np.zeros(1)),
 }
-_EXCESS_RATIOS = {
-    Kind.KNEED: np.array(_EXCESSES),
-    Kind.COMPASS: np.array(_EXCESSES),
-    Kind.SIMPLEST: np.zeros(1),
-}
-_LOSS_SHARES = {Kind.KNEED: (1.0, 0.6, 0.3), Kind.COMPASS: (1.0,), Kind.SIMPLEST: (1.0,)}
+_LOSS_SHARES = {"kneed": (1.0, 0.6, 0.3), "straight": (1.0,), "simplest": (1.0,)}
 _ANGLES = np.geomspace(1e-10, 0.7, 80)
 
 _WALKERS, _SETTLING, _KEPT = 48, 100, 12  # walks looked at for returns
@@ -50,8 +45,8 @@ def starts(stride_map: StrideMap, slope: float) -> NDArray:
     Returns:
         Logarithmic coordinates (n, m).
     """
-    kind = stride_map.kind
-    stance, excess = (x.ravel() for x in np.meshgrid(_STANCE_RATIOS[kind], _EXCESS_RATIOS[kind]))
+    kind = stride_map.system.name
+    stance, excess = (x.ravel() for x in np.meshgrid(*_RATIOS_OF[kind]))
     angle = np.tile(_ANGLES, len(stance))
     stance_rate = np.repeat(stance, len(_ANGLES)) * angle
     swing_rate = np.repeat(stance + excess, len(_ANGLES)) * angle

@@ -1,9 +1,9 @@
 """The stride map of a walker: from one heelstrike to the next, with its exact derivatives.
 
-This is where analyses meet the engine: its records, constants and numbers with a derivative stay in
-this module. A derivative is an infinitesimal imaginary part that passes through the flow, the
-collisions and the moments at which they happen (which saltation matrices account for elsewhere).
-Everything is dimensionless (see `units`), and strides lead from point to point of the `section`.
+This is where analyses meet the engine: its records and bodies stay in this module. Derivatives are
+carried beside the values through the flow, the collisions and the moments at which they happen
+(which saltation matrices account for elsewhere). Everything is dimensionless (see `units`), and
+strides lead from point to point of the `section`.
 """
 
 from __future__ import annotations
@@ -18,22 +18,19 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker.engine.run import Seeds, advance, new_records, strike_heels
 from gym_passive_walker.gaits.passage import Change, Passage, Samples
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.physics import constants as column
-from gym_passive_walker.physics import record as entry
-from gym_passive_walker.physics.constants import Kind, constants_from, kind_of
-from gym_passive_walker.physics.engine import advance, strike_heels
-from gym_passive_walker.physics.events import Outcome
-from gym_passive_walker.physics.record import new_records
-from gym_passive_walker.physics.trajectory import just_before
+from gym_passive_walker.gaits.trajectory import just_before
+from gym_passive_walker.physics import legs
+from gym_passive_walker.physics.bodies import body_from, system_of
+from gym_passive_walker.physics.hybrid import Outcome, System
 from gym_passive_walker.walkers import Walker, as_walker
 
 LONGEST = 20.0
 """Time in sqrt(l/g) after which a stride without heelstrike is given up; a usual one takes 3."""
 
-INFINITESIMAL = 1e-100
-"""Imaginary part that carries a derivative; its square is nothing beside any real part."""
+_INFINITESIMAL = 1e-100  # imaginary part that carries a derivative: its square is nothing
 
 _CONTROLS = ("state", "slope", "torque")  # to differentiate by, besides parameters
 _FEW = 4  # strides that are so rarely all in vain that it does not pay to try them first
@@ -68,26 +65,26 @@ class StrideMap(Section):
         return replace(self, tolerance=tolerance)
 
     @cached_property
-    def kind(self) -> Kind:
+    def system(self) -> System:
         """Which equations the walker obeys."""
-        return kind_of(self.walker)
+        return system_of(self.walker)
 
     @cached_property
-    def constants(self) -> NDArray[np.float64]:
-        """What the engine knows of the walkers: one row for all, or one for each."""
-        return self._constants()
+    def bodies(self) -> NDArray[np.float64]:
+        """What the engine knows of the walkers, (1 or n, 1, constants): one for all, or each."""
+        return self._bodies()[:, None]
 
-    def _constants(self, moved: str | None = None) -> NDArray:
-        """Constants of the walkers, with an infinitesimal step in one of their parameters."""
+    def _bodies(self, moved: str | None = None) -> NDArray:
+        """Constants of the walkers; by one of their parameters, how they change with it."""
         rows = []
         for value in [None] if self.values is None else self.values.tolist():
-            body = SimpleNamespace(**vars(self.walker))
+            parameters = SimpleNamespace(**vars(self.walker))
             if self.parameter is not None:
-                setattr(body, self.parameter, value)
+                setattr(parameters, self.parameter, value)
             if moved is not None:
-                setattr(body, moved, getattr(body, moved) + 1j * INFINITESIMAL)
-            rows.append(constants_from(body, knees=self.walker.knees))
-        return np.array(rows)
+                setattr(parameters, moved, getattr(parameters, moved) + 1j * _INFINITESIMAL)
+            rows.append(np.array(body_from(parameters, self.system)))
+        return np.array(rows) if moved is None else np.imag(rows) / _INFINITESIMAL
 
     def apply(
         self, points: NDArray, slopes: ArrayLike, *, torque: ArrayLike = 0.0, strides: int = 1
@@ -101,8 +98,8 @@ class StrideMap(Section):
             strides: Strides to take.
         """
         slopes, torques = _for_each(slopes, len(points)), _for_each(torque, len(points))
-        told, outcomes = self._follow(points, slopes, torques, self.constants, strides)
-        return Passage(**_named(told), outcomes=outcomes)
+        told, outcomes = self._follow(points, slopes, torques, self.bodies, strides)
+        return Passage(**_named(told[0]), outcomes=outcomes)
 
     def linearise(
         self,
@@ -132,90 +129,98 @@ class StrideMap(Section):
         walking, outcomes = np.arange(len(points)), np.empty(len(points), np.int8)
         if len(points) > _FEW:
             # Without derivatives first: strides that fail cost as much as many that do not.
-            plain, outcomes = self._follow(points, slopes, torques, self.constants, strides)
-            walking = np.flatnonzero(np.isfinite(plain[0]))
+            plain, outcomes = self._follow(points, slopes, torques, self.bodies, strides)
+            walking = np.flatnonzero(np.isfinite(plain[0, 0]))
         coordinates = self.dimension if along is None else along.shape[2]
         columns, of_state, of_slope, of_torque = _columns(tuple(by), coordinates)
-        seeds = np.zeros((len(points), len(columns), self.dimension))
+        moved = np.zeros((len(walking), len(columns), self.dimension))
         if "state" in by:
-            seeds[:, of_state] = np.eye(coordinates) if along is None else along.swapaxes(1, 2)
-        step = 1j * INFINITESIMAL
-        dual, ended = self._follow(
-            (points[walking, None] + step * seeds[walking]).reshape(-1, self.dimension),
-            (slopes[walking, None] + step * of_slope).ravel(),
-            (torques[walking, None] + step * of_torque).ravel(),
-            self._seeded_constants(columns, walking),
-            strides,
+            moved[:, of_state] = np.eye(coordinates) if along is None else along[walking].swapaxes(1, 2)
+        seeds = Seeds(
+            states=self.state(moved.reshape(-1, self.dimension)).reshape(*moved.shape[:2], 6),
+            slopes=np.tile(of_slope.astype(float), (len(walking), 1)),
+            controls=np.tile(of_torque.astype(float)[:, None], (len(walking), 1, 1)),
         )
-        dual = dual.reshape(len(dual), len(walking), len(columns))
+        told, ended = self._follow(
+            points[walking], slopes[walking], torques[walking],
+            self._seeded_bodies(columns, walking), strides, seeds,
+        )  # fmt: skip
+        outcomes[walking] = ended
         # Whether a stride exists at all may differ by a rounding; then there is none.
-        dual[:, np.isnan(np.real(dual[0])).any(axis=1)] = np.nan
-        outcomes[walking] = ended[:: len(columns)]
-        values = np.full((len(dual), len(points)), np.nan)
+        values = np.full((told.shape[1], len(points)), np.nan)
         derivatives = np.full((*values.shape, len(columns)), np.nan)
-        values[:, walking] = np.real(dual[:, :, 0])
-        derivatives[:, walking] = np.imag(dual) / INFINITESIMAL
+        values[:, walking] = told[0]
+        derivatives[:, walking] = np.moveaxis(told[1:], 0, -1)
         derivatives[np.isnan(values)] = np.nan
         return Passage(**_named(values), outcomes=outcomes), Change(**_named(derivatives))
 
-    def _seeded_constants(self, columns: tuple[str, ...], lanes: NDArray) -> NDArray:
-        """Constants of some lanes, each repeated with the parameter moved that a column moves."""
-        moved = [None if name in _CONTROLS else name for name in columns]
-        if not any(moved):
-            own = self.constants
-            return own if len(own) == 1 else np.repeat(own[lanes], len(moved), axis=0)
-        rows = np.stack([self._constants(name) for name in moved], axis=1)
-        rows = rows[lanes] if len(rows) > 1 else np.repeat(rows, len(lanes), axis=0)
-        return rows.reshape(-1, rows.shape[2])
+    def _seeded_bodies(self, columns: tuple[str, ...], lanes: NDArray) -> NDArray:
+        """Bodies of some lanes, and behind each how it changes in the columns of derivatives."""
+        parameters = [name for name in columns if name not in _CONTROLS]
+        own = self.bodies if len(self.bodies) == 1 else self.bodies[lanes]
+        if not parameters:
+            return own
+        rows = np.concatenate([own, np.zeros((len(own), len(columns), own.shape[2]))], axis=1)
+        for name in parameters:
+            change = self._bodies(name)
+            rows[:, 1 + columns.index(name)] = change if len(change) == 1 else change[lanes]
+        return rows
 
     def _follow(
-        self, points: NDArray, slopes: NDArray, torques: NDArray, constants: NDArray, strides: int
+        self,
+        points: NDArray,
+        slopes: NDArray,
+        torques: NDArray,
+        bodies: NDArray,
+        strides: int,
+        seeds: Seeds | None = None,
     ) -> tuple[NDArray, NDArray[np.int8]]:
-        """What `Change` tells, real or complex, in rows (m + 6, n); and the outcomes (n,)."""
-        dtype = np.result_type(points, slopes, torques, constants)
+        """What `Change` tells: values, then derivatives, in rows (1 + k, m + 6, n); the outcomes."""
+        planes = 0 if seeds is None else seeds.states.shape[1]  # type: ignore[union-attr]
         walking = np.flatnonzero(np.isfinite(points).all(axis=1))
         outcomes = np.full(len(points), Outcome.DIVERGED, np.int8)
         outcomes[walking] = _STRUCK
-        slopes, torques, own = (
-            slopes[walking],
-            torques[walking],
-            constants.astype(dtype, copy=False),
-        )
-        own = own[walking] if len(own) > 1 else own
-        states = self.state(points[walking].astype(dtype, copy=False))
-        totals = np.zeros((5, len(walking)), dtype)
+        own = bodies[walking] if len(bodies) > 1 else bodies
+        own_seeds = seeds and Seeds(*(None if s is None else s[walking] for s in seeds))
+        records = new_records(
+            self.state(points[walking]), slopes[walking], torques[walking], end=self.longest,
+            seeds=own_seeds, planes=planes,
+        )  # fmt: skip
+        totals = np.zeros((5, len(walking), planes + 1))
         with np.errstate(all="ignore"):
-            for _ in range(strides):
+            for stride in range(strides):
                 if len(walking) == 0:
                     break
-                records = new_records(states, slopes, torques, end=self.longest)
-                advance(self.kind, own, records, tolerance=self.tolerance, stub=self.stub)
-                self._add(totals, states, records, own)
-                states = records[:, :6]
+                if stride:
+                    for name in ("time", "step", "knee_time", "knee_loss", "moved", "turned"):
+                        records[name] = 0.0
+                    records["outcome"] = 0
+                advance(self.system, own, records, tolerance=self.tolerance, scuff=self.stub)
+                self._add(totals, records)
                 outcomes[walking] = ended = _outcomes(records)
                 on = ended == _STRUCK
                 if not on.all():
-                    walking, states, totals = walking[on], states[on], totals[:, on]
-                    slopes, torques = slopes[on], torques[on]
+                    walking, records, totals = walking[on], records[on], totals[:, on]
                     own = own[on] if len(own) > 1 else own
-            _, _, lost, supplied, knee_times = totals
-            imbalance = 2.0 * (lost - supplied) / (lost + supplied)
-        knee_times[knee_times == 0.0] = np.nan
-        told = np.full((self.dimension + 6, len(points)), np.nan, dtype)
-        told[:, walking] = np.vstack([self.point(states).T, totals, imbalance])
+            imbalance = _relative_difference(totals[2], totals[3])
+        totals[4][totals[4][:, 0] == 0.0] = np.nan
+        told = np.full((planes + 1, self.dimension + 6, len(points)), np.nan)
+        ends = self.point(records["state"].reshape(-1, 6)).reshape(*records.shape, self.dimension)
+        rows = np.concatenate([np.moveaxis(ends, 2, 0), totals, imbalance[None]])
+        told[:, :, walking] = rows.transpose(2, 0, 1)
         return told, outcomes
 
-    def _add(self, totals: NDArray, starts: NDArray, records: NDArray, constants: NDArray) -> None:
+    def _add(self, totals: NDArray, records: NDArray) -> None:
         """Add strides to what was told of those before."""
         durations, lengths, lost, supplied, knee_times = totals
-        length = _step_length(constants, starts[:, 0], records[:, 0])
-        durations += records[:, entry.TIME]
+        length, sine = records["step_length"], records["ground"][..., 0]
+        durations += records["time"]
         lengths += length
-        lost += records[:, entry.KNEE_LOSS] + records[:, entry.HEEL_LOSS]
-        supplied += records[:, entry.SIN_SLOPE] * length
-        if self.kind != Kind.SIMPLEST:  # its torque works on feet of vanishing mass
-            supplied += records[:, entry.TORQUE] * records[:, entry.HIP_NET]
-        knee_times[:] = records[:, entry.KNEE_TIME]
+        lost += records["knee_loss"] + records["heel_loss"]
+        supplied += _product(sine, length)
+        if self.system.works:  # not on feet of vanishing mass
+            supplied += _product(records["control"], records["moved"]).sum(axis=2)
+        knee_times[:] = records["knee_time"]
 
     def sample(
         self, points: NDArray, slopes: ArrayLike, times: NDArray, *, torque: ArrayLike = 0.0
@@ -231,14 +236,17 @@ class StrideMap(Section):
         """
         count, looks = times.shape
         slopes, torques = (np.repeat(_for_each(x, count), looks) for x in (slopes, torque))
-        records = new_records(np.repeat(self.state(points), looks, axis=0), slopes, torques)
-        records[:, entry.END] = times.ravel()
-        own = self.constants
+        ends = times.ravel()
+        records = new_records(
+            np.repeat(self.state(points), looks, axis=0), slopes, torques, end=ends
+        )
+        records[~np.isfinite(ends)] = np.zeros((), records.dtype)  # nothing to follow
+        own = self.bodies
         own = own if len(own) == 1 else np.repeat(own, looks, axis=0)
-        records[~np.isfinite(records[:, entry.END])] = 0.0  # nothing to follow
-        advance(self.kind, own, records, tolerance=self.tolerance, stub=self.stub)
-        phases = records[:, entry.PHASE].astype(np.int64).reshape(count, looks)
-        return Samples(records[:, :6].reshape(count, looks, 6), phases)
+        record = advance(self.system, own, records, tolerance=self.tolerance, scuff=self.stub)[:, 0]
+        stages = np.array([phase.stage for phase in self.system.phases])
+        phases = stages[record["phase"]].reshape(count, looks)
+        return Samples(record["state"].reshape(count, looks, 6), phases)
 
     def before_strike(
         self, point: NDArray, slope: float, strike: float, *, torque: float = 0.0
@@ -272,20 +280,26 @@ class StrideMap(Section):
             Points after it, (n, m), and the energy lost, (n,).
         """
         states = np.column_stack([-angles, angles, angles, stance_rates, swing_rates, swing_rates])
-        records = new_records(states, np.zeros(len(states)))
-        strike_heels(records, self.constants, int(self.kind))
-        return self.point(records[:, :6]), records[:, entry.HEEL_LOSS]
+        records = new_records(states, 0.0)
+        strike_heels(self.system, self.bodies, records)
+        return self.point(records["state"][:, 0]), records["heel_loss"][:, 0]
 
     def step_lengths(self, angles: NDArray) -> NDArray[np.float64]:
         """Lengths of steps from and to a stance angle, (n,)."""
-        return _step_length(self.constants, angles, angles)
+        return legs.step_length(self._body, angles, angles)
+
+    @property
+    def _body(self) -> Any:
+        return body_from(self.walker, self.system)
 
     @cached_property
     def half_swing(self) -> float:
         """Half a period of the straight leg as it hangs from a resting hip, for small swings."""
-        row = self.constants[0]
-        weight = math.hypot(row[column.SWING_ALONG], row[column.SWING_ACROSS])
-        return math.pi * (math.sqrt(row[column.SWING_INERTIA] / weight) if weight > 0.0 else 1.0)
+        if self.walker.massless_legs:
+            return math.pi
+        body = self._body
+        weight = math.hypot(body.swing_along, body.swing_across)
+        return math.pi * (math.sqrt(body.swing_inertia / weight) if weight > 0.0 else 1.0)
 
 
 @lru_cache
@@ -304,16 +318,25 @@ def _named(told: NDArray) -> dict[str, NDArray]:
     return dict(zip(_FIELDS, [np.moveaxis(told[:rest], 0, 1), *told[rest:]], strict=True))
 
 
-def _step_length(constants: NDArray, before: NDArray, after: NDArray) -> NDArray:
-    """Length of a step between two heelstrikes, by the stance angles just after them."""
-    leg, radius = constants[:, column.LEG], constants[:, column.FOOT_RADIUS]
-    return 2.0 * leg * np.sin(after) + radius * (before + after)
+def _product(a: NDArray, b: NDArray) -> NDArray:
+    """The product of two quantities (n, 1 + k, ...), each with k derivatives behind its value."""
+    product = a[:, :1] * b + a * b[:, :1]
+    product[:, 0] *= 0.5
+    return product
+
+
+def _relative_difference(a: NDArray, b: NDArray) -> NDArray:
+    """The difference of two quantities (n, 1 + k) over their mean, likewise."""
+    a0, b0 = a[:, :1], b[:, :1]
+    whole = 4.0 * (b0 * a - a0 * b) / (a0 + b0) ** 2
+    whole[:, 0] = 2.0 * (a[:, 0] - b[:, 0]) / (a[:, 0] + b[:, 0])
+    return whole
 
 
 def _outcomes(records: NDArray) -> NDArray[np.int8]:
     """How strides ended; who is only out of time has stalled."""
-    outcomes = np.real(records[:, entry.OUTCOME]).astype(np.int8)
-    outcomes[outcomes == 0] = _STALLED  # Outcome.RUNNING
+    outcomes = records["outcome"][:, 0].astype(np.int8)
+    outcomes[outcomes == Outcome.RUNNING] = _STALLED
     return outcomes
 
 

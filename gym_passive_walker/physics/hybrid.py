@@ -148,6 +148,8 @@ class Phase(NamedTuple):
         stage: What the swing leg is doing.
         links: Angles that move by themselves: 3, or 2 where the shank goes with the thigh.
         accelerations: Function of body, state, control and ground: one for each link.
+        mass_matrix: Function of body and state: its upper triangle, row by row; of legs that have
+            mass.
         kinetic_energy: Function of body and state.
         potential_gain: Function of body, two states over the same contact, and ground: what the
             potential energy gains from the first to the second, without loss of digits where they
@@ -159,10 +161,16 @@ class Phase(NamedTuple):
     stage: Stage
     links: int
     accelerations: Callable[[Any, State, Control, Ground], tuple[Number, ...]]
+    mass_matrix: Callable[[Any, State], tuple[Number, ...]] | None
     kinetic_energy: Callable[[Any, State], Number]
     potential_gain: Callable[[Any, State, State, Ground], Number]
     guards: tuple[Guard, ...]
     resets: dict[Outcome, Reset]
+
+
+def travel(state: State) -> Control:
+    """For each control the coordinate that it moves: the hip opens the legs."""
+    return Control(hip=state.thigh - state.stance)
 
 
 class System(NamedTuple):
@@ -172,6 +180,8 @@ class System(NamedTuple):
         name: What it is called.
         Body: Named tuple of what its equations need to know of a walker.
         phases: Its phases; a stride begins in the first.
+        foot_clearance: Function of body and state: height of the swing foot over the ground, which
+            is a whole circle here.
         travel: Function of a state: for each control the coordinate that it moves, so that the work
             of a constant control is it times the change of that coordinate.
         works: Whether controls cost work: not on legs without mass.
@@ -180,10 +190,6 @@ class System(NamedTuple):
     name: str
     Body: type
     phases: tuple[Phase, ...]
-    travel: Callable[[State], Control]
+    foot_clearance: Callable[[Any, State], Number]
+    travel: Callable[[State], Control] = travel
     works: bool = True
-
-
-def travel(state: State) -> Control:
-    """For each control the coordinate that it moves: the hip opens the legs."""
-    return Control(hip=state.thigh - state.stance)

@@ -22,7 +22,6 @@ from gym_passive_walker.physics.hybrid import (
     State,
     System,
     Watch,
-    travel,
 )
 from gym_passive_walker.physics.legs import (
     difference,
@@ -257,6 +256,7 @@ SYSTEM = System(
             Stage.FREE,
             3,
             accelerations,
+            mass_matrix,
             kinetic_energy,
             potential_gain,
             guards=(
@@ -285,6 +285,7 @@ SYSTEM = System(
             Stage.LOCKED,
             2,
             straight.accelerations,
+            straight.mass_matrix,
             straight.kinetic_energy,
             straight.potential_gain,
             guards=(
@@ -311,5 +312,5 @@ SYSTEM = System(
             resets={Outcome.HEELSTRIKE: Reset(heelstrike)},
         ),
     ),
-    travel=travel,
+    foot_clearance=foot_clearance,
 )

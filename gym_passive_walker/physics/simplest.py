@@ -15,7 +15,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from gym_passive_walker.physics import legs
-from gym_passive_walker.physics.hybrid import Number, Outcome, Phase, Reset, Stage, System, travel
+from gym_passive_walker.physics.hybrid import Number, Outcome, Phase, Reset, Stage, System
 from gym_passive_walker.physics.numbers import sine_cosine
 
 
@@ -77,12 +77,13 @@ SYSTEM = System(
             Stage.SIMPLEST,
             2,
             accelerations,
+            None,
             kinetic_energy,
             potential_gain,
             guards=(legs.HEELSTRIKE, *legs.STANCE_FALLS, *legs.THIGH_OVER_THE_TOP),
             resets={Outcome.HEELSTRIKE: Reset(heelstrike)},
         ),
     ),
-    travel=travel,
+    foot_clearance=foot_clearance,
     works=False,
 )

@@ -19,7 +19,6 @@ from gym_passive_walker.physics.hybrid import (
     Stage,
     State,
     System,
-    travel,
 )
 from gym_passive_walker.physics.legs import difference, impulse, solve, turned, weight_moment
 from gym_passive_walker.physics.numbers import sine_cosine
@@ -182,11 +181,12 @@ SYSTEM = System(
             Stage.LOCKED,
             2,
             accelerations,
+            mass_matrix,
             kinetic_energy,
             potential_gain,
             guards=(legs.HEELSTRIKE, *legs.STANCE_FALLS, *legs.THIGH_OVER_THE_TOP),
             resets={Outcome.HEELSTRIKE: Reset(heelstrike)},
         ),
     ),
-    travel=travel,
+    foot_clearance=foot_clearance,
 )

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 from gym_passive_walker.walkers.presets import as_walker
-from gym_passive_walker.walkers.walker import Walker, WalkerError
+from gym_passive_walker.walkers.walker import PARAMETERS, Walker, WalkerError
 
 
 class TuningErrors(NamedTuple):
@@ -100,8 +100,7 @@ def blend(a: Walker | str, b: Walker | str, fraction: float) -> Walker:
     if a.knees != b.knees:
         raise WalkerError("cannot blend a walker with knees and one without")
     values = {
-        field.name: (1.0 - fraction) * getattr(a, field.name) + fraction * getattr(b, field.name)
-        for field in fields(Walker)
-        if field.name != "knees"
+        name: (1.0 - fraction) * getattr(a, name) + fraction * getattr(b, name)
+        for name in PARAMETERS
     }
     return Walker(knees=a.knees, **values)

@@ -139,3 +139,7 @@ class Walker:
         """Angle in rad from the line foot centre-hip to the shank's line, forward (epsilon_F)."""
         reach = (self.shank_length - self.foot_radius) / self.thigh_length
         return math.asin(math.sin(self.foot_angle) / reach)
+
+
+PARAMETERS = tuple(field.name for field in fields(Walker) if field.name != "knees")
+"""Names of the numbers that make a walker."""

@@ -11,7 +11,7 @@ from gym_passive_walker import WALKERS, find_gait, stride, tune
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.physics import record as R
-from gym_passive_walker.physics.events import Outcome
+from gym_passive_walker.physics.hybrid import Outcome
 
 SCENES = {
     "C": {"walker": "C", "slope": 0.02},

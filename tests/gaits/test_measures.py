@@ -17,7 +17,7 @@ from gym_passive_walker import (
 )
 from gym_passive_walker.gaits.posture import foot_clearance
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.physics.trajectory import states_at
+from gym_passive_walker.gaits.trajectory import states_at
 from gym_passive_walker.units import units_of
 
 ALL = WALKERS | {

@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from gym_passive_walker.physics.trajectory import trajectory
+from gym_passive_walker.gaits.trajectory import trajectory
 from gym_passive_walker.render import look
 from gym_passive_walker.render.screen import Screen
 

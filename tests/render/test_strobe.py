@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from gym_passive_walker.physics.trajectory import trajectory
+from gym_passive_walker.gaits.trajectory import trajectory
 from gym_passive_walker.render import phase_portrait, pose, strobe, strobe_of
 from gym_passive_walker.render.pose import level
 

@@ -14,14 +14,10 @@ from gym_passive_walker.arguments import (
     check_tolerance,
     real_array,
 )
-from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import record as R
-from gym_passive_walker.physics.constants import Kind
-from gym_passive_walker.physics.engine import advance
-from gym_passive_walker.physics.events import Outcome
-from gym_passive_walker.physics.frame import frame_of
-from gym_passive_walker.physics.ledger import ledgers
-from gym_passive_walker.physics.record import LONGEST_STRIDE, new_records
+from gym_passive_walker.engine.run import LONGEST_STRIDE, advance, new_records
+from gym_passive_walker.physics.bodies import bodies, system_of
+from gym_passive_walker.physics.hybrid import Ground, Outcome, State, System
+from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker, as_walker
 
 
@@ -122,39 +118,47 @@ def stride(
             f"slope {slopes.shape}, hip_torque {torques.shape} and states {states.shape[:-1]} "
             "do not fit together: give one of each, or the same number"
         ) from None
-    kind, frame, c = K.kind_of(walker), frame_of(walker), K.constants(walker)[None]
-    scale = np.array([1.0, 1.0, 1.0, frame.time, frame.time, frame.time])
+    system, units, own = system_of(walker), units_of(walker), bodies(walker)
     count = math.prod(shape)
-    flat = np.broadcast_to(states, (*shape, 6)).reshape(count, 6) * scale
-    if kind != Kind.KNEED:
+    flat = np.broadcast_to(units.to_dimensionless(states), (*shape, 6)).reshape(count, 6).copy()
+    if not walker.knees:
         flat[:, 2], flat[:, 5] = flat[:, 1], flat[:, 4]
-    records = new_records(
-        flat,
-        np.broadcast_to(slopes, shape).reshape(count),
-        np.broadcast_to(torques, shape).reshape(count) / frame.torque,
-        end=longest,
-    )
-    advance(kind, c, records, tolerance=tolerance, stub=stub, threads=threads)
-    gravity, length = np.empty(count), np.empty(count)
-    ledgers(int(kind), c, flat, records, gravity, length)
-    outcome = records[:, R.OUTCOME].astype(np.int64)
+    slopes, torques = (np.broadcast_to(x, shape).reshape(count) for x in (slopes, torques))
+    records = new_records(flat, slopes, torques / units.torque, end=longest)
+    record = advance(system, own, records, tolerance=tolerance, scuff=stub, threads=threads)[:, 0]
+    outcome = record["outcome"].copy()
     outcome[outcome == Outcome.RUNNING] = Outcome.STALLED
-    knee_time = np.where(records[:, R.KNEE_TIME] > 0.0, records[:, R.KNEE_TIME], np.nan)
-    torque = 0.0 if kind == Kind.SIMPLEST else records[:, R.TORQUE]
+    struck = outcome == Outcome.HEELSTRIKE
+    length = np.where(struck, record["step_length"], np.nan)
+    gravity = np.where(struck, record["gravity_work"], _gravity_work(system, own, record))
+    knee_time = np.where(record["knee_time"] > 0.0, record["knee_time"], np.nan)
+    torque = record["control"][:, 0] * system.works
 
     def shaped(values: NDArray) -> NDArray:
         return values.reshape(shape) if shape else values[0]
 
     return Stride(
-        state=(records[:, :6] / scale).reshape(*shape, 6),
-        duration=shaped(records[:, R.TIME] * frame.time),
+        state=units.to_own(record["state"]).reshape(*shape, 6),
+        duration=shaped(record["time"] * units.time),
         outcome=shaped(outcome) if shape else Outcome(int(outcome[0])),  # type: ignore[arg-type]
-        kneestrike_time=shaped(knee_time * frame.time),
-        step_length=shaped(length * frame.length),
-        hip_work=shaped(torque * records[:, R.HIP_NET] * frame.energy),
-        hip_work_absolute=shaped(np.abs(torque) * records[:, R.HIP_TURN] * frame.energy),
-        kneestrike_loss=shaped(records[:, R.KNEE_LOSS] * frame.energy),
-        heelstrike_loss=shaped(records[:, R.HEEL_LOSS] * frame.energy),
-        gravity_work=shaped(gravity * frame.energy),
-        weight=frame.energy / frame.length,
+        kneestrike_time=shaped(knee_time * units.time),
+        step_length=shaped(length * units.length),
+        hip_work=shaped(torque * record["moved"][:, 0] * units.energy),
+        hip_work_absolute=shaped(np.abs(torque) * record["turned"][:, 0] * units.energy),
+        kneestrike_loss=shaped(record["knee_loss"] * units.energy),
+        heelstrike_loss=shaped(record["heel_loss"] * units.energy),
+        gravity_work=shaped(gravity * units.energy),
+        weight=units.force,
     )
+
+
+def _gravity_work(system: System, own: NDArray, record: NDArray) -> NDArray[np.float64]:
+    """Work of gravity on walkers that stand on the foot with which their stride began."""
+    body, ground = system.Body(*own[0, 0]), Ground(*record["ground"].T)
+    angles = (record["start"].T, record["state"][:, :3].T)
+    start, end = (State(*part, *record["state"][:, 3:].T) for part in angles)
+    work = np.empty(len(record))
+    for number, phase in enumerate(system.phases):
+        here = record["phase"] == number
+        work[here] = -phase.potential_gain(body, start, end, ground)[here]
+    return work

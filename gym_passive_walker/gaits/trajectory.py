@@ -12,15 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import check_state, check_tolerance
-from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import record as R
-from gym_passive_walker.physics.constants import Kind
-from gym_passive_walker.physics.engine import advance
-from gym_passive_walker.physics.events import Outcome
-from gym_passive_walker.physics.forces import forces
-from gym_passive_walker.physics.frame import frame_of
-from gym_passive_walker.physics.record import new_records
-from gym_passive_walker.physics.stride import stride
+from gym_passive_walker.engine.run import advance, new_records
+from gym_passive_walker.gaits.forces import forces
+from gym_passive_walker.gaits.stride import stride
+from gym_passive_walker.physics.bodies import bodies, system_of
+from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker, as_walker
 
 COARSEST_SAMPLES = 1e-4
@@ -40,7 +37,7 @@ class Trajectory(NamedTuple):
         states: [stance, thigh, shank] angles in rad, then their rates, shape (n, 6).
         contact_x: Contact point along the slope, positive downhill, shape (n,).
         strides: Which stride a sample belongs to, from 0, shape (n,).
-        phases: `events.FREE`, `LOCKED` or `SIMPLEST`, shape (n,).
+        phases: `Stage` of the swing leg, shape (n,).
         outcomes: How each stride ended, shape (strides made,); all but the last are HEELSTRIKE.
     """
 
@@ -121,19 +118,17 @@ def _sampled(
     walker: Walker, slope: float, start: NDArray, torque: float, times: NDArray, tolerance: float
 ) -> tuple[NDArray, NDArray]:
     """States (n, 6) and phases (n,) at times since the start of a stride."""
-    kind, frame = K.kind_of(walker), frame_of(walker)
-    scale = np.array([1.0, 1.0, 1.0, frame.time, frame.time, frame.time])
-    first = start * scale
-    if kind != Kind.KNEED:
+    system, units = system_of(walker), units_of(walker)
+    first = units.to_dimensionless(start)
+    if not walker.knees:
         first[2], first[5] = first[1], first[4]
     records = new_records(
-        np.broadcast_to(first, (len(times), 6)),
-        np.full(len(times), float(slope)),
-        torque / frame.torque,
-    )
-    records[:, R.END] = times / frame.time
-    advance(kind, K.constants(walker)[None], records, tolerance=tolerance)
-    return records[:, :6] / scale, records[:, R.PHASE].astype(np.int64)
+        np.broadcast_to(first, (len(times), 6)), slope, torque / units.torque,
+        end=times / units.time,
+    )  # fmt: skip
+    record = advance(system, bodies(walker), records, tolerance=tolerance)[:, 0]
+    stages = np.array([phase.stage for phase in system.phases])
+    return units.to_own(record["state"]), stages[record["phase"]]
 
 
 def states_at(

@@ -1,0 +1,200 @@
+"""What the ground and the knees must carry: contact force and knee torques.
+
+The equations of motion never name these forces; they follow from the accelerations by Newton's and
+Euler's laws, for the whole walker and for what hangs on either side of a knee. A collision obeys
+the same laws with jumps of velocity for accelerations, and yields impulses. Nothing here is
+computed unless it is asked for.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gym_passive_walker.physics import kneed
+from gym_passive_walker.physics.bodies import body_of, system_of
+from gym_passive_walker.physics.hybrid import Control, Ground, State
+from gym_passive_walker.physics.legs import impulse, turned
+from gym_passive_walker.physics.numbers import sine_cosine
+from gym_passive_walker.units import units_of
+from gym_passive_walker.walkers import Walker
+
+
+def swung(vector, rate, acceleration):
+    """Second derivative of a vector (back, up) fixed to a turning leg."""
+    back, up = vector
+    square = rate * rate
+    return acceleration * up - square * back, -acceleration * back - square * up
+
+
+def torque_about(joint, moment, inertia, acceleration):
+    """Torque that a body needs about a joint.
+
+    Args:
+        joint: Acceleration of the joint beyond free fall, (back, up).
+        moment: First moment of the body from the joint, (back, up).
+        inertia: Second moment of the body about the joint.
+        acceleration: Angular acceleration of the body.
+    """
+    return inertia * acceleration + impulse(moment[0], moment[1], joint[0], joint[1])
+
+
+def reactions(body, angles, rates, accelerations, lift, torque):
+    """Force on the stance foot, and torque on the stops of both knees.
+
+    Across a collision, accelerations and lift are jumps of velocity, rates and torque are zero, and
+    the results are impulses.
+
+    Args:
+        body: From `chain`.
+        angles: Of stance leg, thigh and shank.
+        rates: Likewise.
+        accelerations: Likewise.
+        lift: Acceleration of the foot besides its rolling and beyond free fall, (back, up): only
+            gravity's (sin(slope), cos(slope)) while it rolls.
+        torque: Hip torque.
+
+    Returns:
+        Force of the ground backwards and upwards; torque on the stance knee's and on the swing
+        knee's stop, positive when the stop is pressed.
+    """
+    thigh_part = body.thigh_along, body.thigh_across
+    knee_at = body.knee_along, body.knee_across
+    # Above the stance knee: the thigh with the shank's mass at the knee, and the rest at the hip.
+    above = thigh_part[0] - knee_at[0], thigh_part[1] - knee_at[1]
+    above_inertia = (
+        body.thigh_inertia
+        - knee_at[0] * (above[0] + thigh_part[0])
+        - knee_at[1] * (above[1] + thigh_part[1])
+    )
+
+    rate, acceleration = rates[0], accelerations[0]
+    sine, cosine = sine_cosine(angles[0])
+    foot = lift[0] + body.foot_radius * acceleration, lift[1]
+    back, up = swung(turned(body.leg, 0.0, sine, cosine), rate, acceleration)
+    hip = foot[0] + back, foot[1] + up
+    stance = swung(turned(body.stance_along, body.stance_across, sine, cosine), rate, acceleration)
+    knee = turned(knee_at[0], knee_at[1], sine, cosine)
+    above = turned(above[0], above[1], sine, cosine)
+    back, up = swung(knee, rate, acceleration)
+    stance_torque = torque + torque_about(
+        (hip[0] + back, hip[1] + up), above, above_inertia, acceleration
+    )
+
+    sine, cosine = sine_cosine(angles[1])
+    thigh = swung(turned(thigh_part[0], thigh_part[1], sine, cosine), rates[1], accelerations[1])
+    back, up = swung(turned(knee_at[0], knee_at[1], sine, cosine), rates[1], accelerations[1])
+    sine, cosine = sine_cosine(angles[2])
+    below = turned(body.shank_along, body.shank_across, sine, cosine)
+    shank = swung(below, rates[2], accelerations[2])
+    swing_torque = -torque_about(
+        (hip[0] + back, hip[1] + up), below, body.shank_inertia, accelerations[2]
+    )
+
+    swing = thigh[0] + shank[0], thigh[1] + shank[1]
+    stance_torque += impulse(-knee[0], -knee[1], swing[0], swing[1])  # it pulls at the hip
+    return foot[0] + stance[0] + swing[0], foot[1] + stance[1] + swing[1], stance_torque, swing_torque
+
+
+def chain(walker: Walker) -> Any:
+    """A walker as a chain: a straight leg is a thigh with no shank below it."""
+    own = body_of(walker)
+    if walker.knees:
+        return own
+    body = kneed.Body(**dict.fromkeys(kneed.Body._fields, 0.0) | own._asdict())
+    if walker.massless_legs:
+        return body._replace(stance_along=body.leg)  # all mass is at the hip
+    return body._replace(
+        thigh_along=body.swing_along,
+        thigh_across=body.swing_across,
+        thigh_inertia=body.swing_inertia,
+    )
+
+
+class Reactions(NamedTuple):
+    """Accelerations, and what carries the walker, in its own units; each of shape (n,) or so.
+
+    For impulses, read: change of rate, impulse, angular impulse.
+
+    Attributes:
+        accelerations: Angular, of stance leg, thigh and shank, (n, 3).
+        normal: Force of the ground away from it.
+        tangential: Force of the ground along the slope, positive downhill.
+        stance_knee: Torque on the stance knee's stop, positive when it is pressed: a negative one
+            would flex the knee. NaN for a walker without knees.
+        swing_knee: Torque on the swing knee's stop, likewise; zero while the knee is free.
+    """
+
+    accelerations: NDArray[np.float64]
+    normal: NDArray[np.float64]
+    tangential: NDArray[np.float64]
+    stance_knee: NDArray[np.float64]
+    swing_knee: NDArray[np.float64]
+
+
+def _in_own_units(walker: Walker, turns: NDArray, carried: tuple, time: float) -> Reactions:
+    """Reactions from dimensionless ones; `time` is 1, or the time unit of impulses."""
+    units, (tangential, normal, *knees) = units_of(walker), carried
+    torques = np.stack(np.broadcast_arrays(*knees)) * units.energy * time
+    if not walker.knees:
+        torques = np.full_like(torques, np.nan)
+    return Reactions(
+        accelerations=turns.T * units.rate**2 * time,
+        normal=normal * units.force * time,
+        tangential=-tangential * units.force * time,
+        stance_knee=torques[0],
+        swing_knee=torques[1],
+    )
+
+
+def forces(
+    walker: Walker,
+    slope: float,
+    states: ArrayLike,
+    phases: ArrayLike,
+    *,
+    hip_torque: float = 0.0,
+) -> Reactions:
+    """Forces at states of a walk.
+
+    Args:
+        walker: The walker.
+        slope: Slope in rad.
+        states: Angles and rates, shape (n, 6).
+        phases: `Stage` of each, shape (n,).
+        hip_torque: Torque, as for `stride`.
+    """
+    units, system, body = units_of(walker), system_of(walker), chain(walker)
+    given = units.to_dimensionless(np.array(states, dtype=float))
+    state, stages = State(*given.T), np.asarray(phases)
+    control, ground = Control(hip_torque / units.torque), Ground(np.sin(slope), np.cos(slope))
+    turns = np.zeros((3, len(given)))
+    for phase in system.phases:
+        found = phase.accelerations(body_of(walker), state, control, ground)
+        here = stages == phase.stage
+        for link in range(3):  # the shank of a straight leg goes with the thigh
+            turns[link, here] = found[min(link, phase.links - 1)][here]
+    carried = reactions(body, state[:3], state[3:], turns, ground, control.hip)
+    return _in_own_units(walker, turns, carried, 1.0)
+
+
+def impulses(
+    walker: Walker, angles: ArrayLike, jumps: ArrayLike, foot_jump: ArrayLike = (0.0, 0.0)
+) -> Reactions:
+    """Impulses of collisions.
+
+    Args:
+        walker: The walker.
+        angles: Of stance leg, thigh and shank, with the roles that they have afterwards, (n, 3).
+        jumps: Change of their rates, (n, 3).
+        foot_jump: Change of the velocity of the point of the stance foot that touches the ground,
+            downhill and upwards, (2,) or (n, 2).
+    """
+    units = units_of(walker)
+    turns = np.array(jumps, dtype=float).T * units.time
+    foot = np.broadcast_to(foot_jump, (turns.shape[1], 2)).T / units.speed
+    none = np.zeros_like(turns)
+    carried = reactions(chain(walker), np.array(angles).T, none, turns, (-foot[0], foot[1]), 0.0)
+    return _in_own_units(walker, turns, carried, units.time)
