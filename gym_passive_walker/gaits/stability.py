@@ -11,6 +11,7 @@ from gym_passive_walker.arguments import check_state, check_tolerance, number, o
 from gym_passive_walker.gaits.passage import NoStride, Passage
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.events import Outcome
+from gym_passive_walker.physics.record import LONGEST_STRIDE
 from gym_passive_walker.units import growth
 from gym_passive_walker.walkers import PARAMETERS, Walker
 
@@ -59,7 +60,7 @@ def stride_jacobian(
         ValueError: if an argument is out of range.
     """
     tolerance = check_tolerance(number(tolerance, "tolerance"))
-    stride_map = StrideMap.of(walker, tolerance=tolerance)
+    stride_map = StrideMap.of(walker, tolerance=tolerance, longest=LONGEST_STRIDE)
     slope, hip_torque = one_slope(slope), number(hip_torque, "hip_torque")
     names = [wrt] if isinstance(wrt, str) else list(wrt)
     for name in names:
