@@ -1,17 +1,23 @@
-"""What a posture tells: how high the foot is, how it lands, and how heavy the joints turn.
+"""What a posture tells: how a foot stands and lands, how heavy joints turn, what a heelstrike does.
 
-Like `stride_map`, this is where analyses meet the engine: its constants stay in here.
+Like `stride_map`, this is where analyses meet the engine: its constants and records stay in here.
 """
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
+from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride_map import INFINITESIMAL
 from gym_passive_walker.physics import compass, kneed
-from gym_passive_walker.physics.constants import constants
+from gym_passive_walker.physics import constants as column
+from gym_passive_walker.physics.constants import constants, kind_of
+from gym_passive_walker.physics.engine import strike_heels
 from gym_passive_walker.physics.lanes import kernel
+from gym_passive_walker.physics.record import HEEL_LOSS, new_records
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker
 
@@ -77,3 +83,37 @@ def mass_matrix(walker: Walker, stance_angle: float) -> NDArray[np.float64]:
     units = units_of(walker)
     matrix = np.triu(matrix) + np.triu(matrix, 1).T
     return matrix * walker.total_mass * units.length**2
+
+
+def heelstrike(
+    section: Section, angles: NDArray, stance_rates: NDArray, swing_rates: NDArray
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What a heelstrike makes of straight legs with given rates just before it; dimensionless.
+
+    Args:
+        section: Of one walker.
+        angles: Stance angles just after it, (n,).
+        stance_rates: Of the old stance leg, (n,).
+        swing_rates: Of the old swing leg, (n,).
+
+    Returns:
+        Points after it, (n, m), and the energy lost, (n,).
+    """
+    walker = section.walker
+    states = np.column_stack([-angles, angles, angles, stance_rates, swing_rates, swing_rates])
+    records = new_records(states, np.zeros(len(states)))
+    strike_heels(records, constants(walker)[None], int(kind_of(walker)))
+    return section.point(records[:, :6]), records[:, HEEL_LOSS]
+
+
+def step_lengths(walker: Walker, angles: NDArray) -> NDArray[np.float64]:
+    """Lengths over l of steps from and to a stance angle, (n,)."""
+    leg, radius = constants(walker)[[column.LEG, column.FOOT_RADIUS]]
+    return 2.0 * (leg * np.sin(angles) + radius * angles)
+
+
+def half_swing(walker: Walker) -> float:
+    """Half a period over sqrt(l/g) of the straight leg as it hangs from a resting hip."""
+    row = constants(walker)
+    weight = math.hypot(row[column.SWING_ALONG], row[column.SWING_ACROSS])
+    return math.pi * (math.sqrt(row[column.SWING_INERTIA] / weight) if weight > 0.0 else 1.0)

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.gaits.log_chart import from_logarithms, logarithms
+from gym_passive_walker.gaits.posture import heelstrike, step_lengths
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.physics.constants import Kind
+from gym_passive_walker.physics.constants import Kind, kind_of
 
 # Ratios to the step angle, just before heelstrike: of the stance leg's rate, and of the swing
 # leg's rate in excess of it (zero where the foot meets the ground without sliding). Excesses far
@@ -50,13 +51,13 @@ def starts(stride_map: StrideMap, slope: float) -> NDArray:
     Returns:
         Logarithmic coordinates (n, m).
     """
-    kind = stride_map.kind
+    kind = kind_of(stride_map.walker)
     stance, excess = (x.ravel() for x in np.meshgrid(_STANCE_RATIOS[kind], _EXCESS_RATIOS[kind]))
     angle = np.tile(_ANGLES, len(stance))
     stance_rate = np.repeat(stance, len(_ANGLES)) * angle
     swing_rate = np.repeat(stance + excess, len(_ANGLES)) * angle
-    points, lost = stride_map.heelstrike(angle, stance_rate, swing_rate)
-    loss = (lost / stride_map.step_lengths(angle)).reshape(len(stance), -1)
+    points, lost = heelstrike(stride_map, angle, stance_rate, swing_rate)
+    loss = (lost / step_lengths(stride_map.walker, angle)).reshape(len(stance), -1)
     loss = np.log(np.maximum(loss, 1e-300))
     u = logarithms(points).reshape(*loss.shape, -1)
     found = []

@@ -8,7 +8,6 @@ Everything is dimensionless (see `units`), and strides lead from point to point 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
@@ -23,7 +22,7 @@ from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.physics import constants as column
 from gym_passive_walker.physics import record as entry
 from gym_passive_walker.physics.constants import Kind, constants_from, kind_of
-from gym_passive_walker.physics.engine import advance, strike_heels
+from gym_passive_walker.physics.engine import advance
 from gym_passive_walker.physics.events import Outcome
 from gym_passive_walker.physics.record import new_records
 from gym_passive_walker.physics.trajectory import just_before
@@ -257,35 +256,6 @@ class StrideMap(Section):
             self.walker, slope, start, strike * units.time, hip_torque=torque, tolerance=tolerance
         )
         return units.to_dimensionless(state)
-
-    def heelstrike(
-        self, angles: NDArray, stance_rates: NDArray, swing_rates: NDArray
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """What a heelstrike makes of straight legs with given rates just before it.
-
-        Args:
-            angles: Stance angles just after it, (n,).
-            stance_rates: Of the old stance leg, (n,).
-            swing_rates: Of the old swing leg, (n,).
-
-        Returns:
-            Points after it, (n, m), and the energy lost, (n,).
-        """
-        states = np.column_stack([-angles, angles, angles, stance_rates, swing_rates, swing_rates])
-        records = new_records(states, np.zeros(len(states)))
-        strike_heels(records, self.constants, int(self.kind))
-        return self.point(records[:, :6]), records[:, entry.HEEL_LOSS]
-
-    def step_lengths(self, angles: NDArray) -> NDArray[np.float64]:
-        """Lengths of steps from and to a stance angle, (n,)."""
-        return _step_length(self.constants, angles, angles)
-
-    @cached_property
-    def half_swing(self) -> float:
-        """Half a period of the straight leg as it hangs from a resting hip, for small swings."""
-        row = self.constants[0]
-        weight = math.hypot(row[column.SWING_ALONG], row[column.SWING_ACROSS])
-        return math.pi * (math.sqrt(row[column.SWING_INERTIA] / weight) if weight > 0.0 else 1.0)
 
 
 @lru_cache
