@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 from types import SimpleNamespace
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -58,9 +58,16 @@ class StrideMap(Section):
     stub: bool = False
 
     @classmethod
-    def of(cls, walker: Walker | str, **options: Any) -> Self:
-        """The stride map of a walker, or of a preset's name; `options` are attributes."""
-        return cls(walker=as_walker(walker), **options)
+    def of(
+        cls,
+        walker: Walker | str,
+        *,
+        tolerance: float = 1e-13,
+        longest: float = LONGEST,
+        stub: bool = False,
+    ) -> Self:
+        """The stride map of a walker, or of a preset's name."""
+        return cls(walker=as_walker(walker), tolerance=tolerance, longest=longest, stub=stub)
 
     def with_tolerance(self, tolerance: float) -> Self:
         """The same map, followed with another tolerance."""
