@@ -19,8 +19,8 @@ from gym_passive_walker.control.baselines import Passive
 from gym_passive_walker.control.closed_loop import ClosedLoopGait
 from gym_passive_walker.control.optimal import OptimalGait
 from gym_passive_walker.control.policy import Policy
-from gym_passive_walker.control.ticks import torque_unit
 from gym_passive_walker.render import strobe, strobe_of
+from gym_passive_walker.units import units_of
 
 _QUANTITIES = (
     ("distance", "distance walked / leg length", "tab:blue"),
@@ -93,7 +93,7 @@ def gait(path: Path, policy: Policy, world: gymnasium.Env, *, seed: int, title: 
     begun = strides.index(max(0, strides[-1] + 1 - _SHOWN))
     shown = slice(begun, None)
     if walker.scene.control == "stride":
-        scale = torque_unit(walker.walker) * walker.scene.max_hip_torque
+        scale = units_of(walker.walker).torque * walker.scene.max_hip_torque
         torque = scale * np.array(torques[shown])
         figure = strobe(
             walker.walker, walker.slope, states[begun], strides=len(torque), hip_torque=torque

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
+from gym_passive_walker.physics.engine import advance
+from gym_passive_walker.physics.record import new_records
 from numpy.typing import NDArray
 
 from benchmarks.problem import STARTS, Problem
 from benchmarks.report import seconds
 from gym_passive_walker.physics import record as R
-from gym_passive_walker.physics.engine import advance
 from gym_passive_walker.physics.hybrid import Outcome
-from gym_passive_walker.physics.record import new_records
 
 
 def crowd(p: Problem, count: int, torque: float = 0.0, end: float = R.LONGEST_STRIDE) -> NDArray:

@@ -13,13 +13,13 @@ from typing import Any
 
 import numba
 import numpy as np
+from gym_passive_walker.physics.constants import Kind
+from gym_passive_walker.physics.lanes import inlined
 from numba.core.dispatcher import Dispatcher
 
 from benchmarks.problem import Problem
 from gym_passive_walker.physics import compass, kneed, simplest
 from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics.constants import Kind
-from gym_passive_walker.physics.lanes import inlined
 
 _PHYSICS = "gym_passive_walker.physics"
 

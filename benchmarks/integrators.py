@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from gym_passive_walker.physics.lanes import WIDTH, align_stack, get, jitted, new_tile, put
 from numpy.typing import NDArray
 from scipy.integrate import DOP853, RK45
 
@@ -24,7 +25,6 @@ from benchmarks.equations import lane_accelerations
 from benchmarks.problem import Problem, error, problem
 from benchmarks.report import command, keep, machine, seconds, table
 from benchmarks.rivals import heyoka_swings
-from gym_passive_walker.physics.lanes import WIDTH, align_stack, get, jitted, new_tile, put
 
 HORIZON = 1.2
 COUNT = 1024

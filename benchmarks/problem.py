@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from gym_passive_walker.physics.constants import Kind
 from numpy.typing import NDArray
 
 from gym_passive_walker import WALKERS, find_gait
 from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics.constants import Kind
 
 STARTS = 64
 

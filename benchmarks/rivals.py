@@ -8,11 +8,11 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from gym_passive_walker.physics.constants import Kind
 from numpy.typing import NDArray
 
 from benchmarks.equations import compiled_sides, motion, strikes
 from benchmarks.problem import Problem
-from gym_passive_walker.physics.constants import Kind
 
 _LONGEST = 10.0
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from gym_passive_walker.physics.lanes import WIDTH, align_stack, get, jitted, new_tile, put
 
 import gym_passive_walker  # noqa: F401  (registers the environment)
 from benchmarks import engine, measured, reference
@@ -25,7 +26,6 @@ from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import events as E
 from gym_passive_walker.physics import integrator
 from gym_passive_walker.physics import tile as T
-from gym_passive_walker.physics.lanes import WIDTH, align_stack, get, jitted, new_tile, put
 
 CORES = os.cpu_count() or 1
 SIZES = [10**k for k in range(7)]

@@ -15,12 +15,12 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from gym_passive_walker.physics.record import STEPS
 
 from benchmarks import engine, measured, reference
 from benchmarks.measured import CROWD, Point
 from benchmarks.problem import WALKS, error, problem
 from benchmarks.report import command, keep, machine, plot, seconds, table
-from gym_passive_walker.physics.record import STEPS
 
 TOLERANCES = 10.0 ** -np.arange(3.0, 15.0)
 LEVELS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)

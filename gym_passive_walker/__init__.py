@@ -31,8 +31,8 @@ from gym_passive_walker.gaits.scaling import (
 )
 from gym_passive_walker.gaits.series import Extreme
 from gym_passive_walker.gaits.stability import stride_jacobian
-from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.gaits.stride import Stride, stride
+from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.policies import PolicyError, TrainedPolicy, load_policy
 from gym_passive_walker.walkers import (
     WALKERS,

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from gym_passive_walker.physics.engine import advance
+from gym_passive_walker.physics.record import new_records
+from gym_passive_walker.physics.runge_kutta import ORDER
 from numpy.typing import NDArray
 
 from benchmarks.stress_cases.case import Finding, case
@@ -11,9 +14,6 @@ from benchmarks.stress_cases.gaits import every_gait, start
 from gym_passive_walker import WALKERS, Outcome
 from gym_passive_walker.physics import events as E
 from gym_passive_walker.physics import record as R
-from gym_passive_walker.physics.engine import advance
-from gym_passive_walker.physics.record import new_records
-from gym_passive_walker.physics.runge_kutta import ORDER
 
 TOPIC = "Accuracy"
 WHOLE = 0.4  # time in sqrt(l/g) that the fixed steps cover

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from gym_passive_walker.physics.constants import Kind
+from gym_passive_walker.physics.engine import strike_heels
+from gym_passive_walker.physics.record import new_records
 from numpy.typing import NDArray
 
 from benchmarks.stress_cases.bodies import Bodies
@@ -20,9 +23,6 @@ from benchmarks.stress_cases.gaits import every_gait
 from gym_passive_walker import WALKERS, Outcome, stride
 from gym_passive_walker.physics import events as E
 from gym_passive_walker.physics import record as R
-from gym_passive_walker.physics.constants import Kind
-from gym_passive_walker.physics.engine import strike_heels
-from gym_passive_walker.physics.record import new_records
 
 TOPIC = "Conservation and symmetry"
 SIMPLEST = WALKERS["D"]

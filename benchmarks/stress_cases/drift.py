@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from gym_passive_walker.physics.constants import Kind
+from gym_passive_walker.physics.engine import advance
+from gym_passive_walker.physics.record import new_records
 
 from benchmarks.stress_cases.case import Finding, case
 from benchmarks.stress_cases.flight import flock
@@ -11,9 +14,6 @@ from gym_passive_walker import Outcome, Walker
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import events as E
 from gym_passive_walker.physics import record as R
-from gym_passive_walker.physics.constants import Kind
-from gym_passive_walker.physics.engine import advance
-from gym_passive_walker.physics.record import new_records
 
 TOPIC = "Drift"
 TICK = 50.0  # time in sqrt(l/g) that a swinging walker is followed at once

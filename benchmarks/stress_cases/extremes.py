@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import fields, replace
 
 import numpy as np
+from gym_passive_walker.physics.constants import Kind
+from gym_passive_walker.physics.record import LONGEST_STRIDE
 from numpy.typing import NDArray
 
 from benchmarks.stress_cases.case import Finding, case
@@ -12,8 +14,6 @@ from benchmarks.stress_cases.flight import flock
 from benchmarks.stress_cases.gaits import every_gait, gaits, start
 from gym_passive_walker import WALKERS, Outcome, Walker, stride
 from gym_passive_walker.physics import record as R
-from gym_passive_walker.physics.constants import Kind
-from gym_passive_walker.physics.record import LONGEST_STRIDE
 
 TOPIC = "Extremes"
 LENGTHS = (

@@ -6,16 +6,16 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from gym_passive_walker.physics.constants import Kind
+from gym_passive_walker.physics.engine import advance
+from gym_passive_walker.physics.ledger import kinetic_energies, ledgers
+from gym_passive_walker.physics.record import new_records
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker import WALKERS, Walker
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import events as E
 from gym_passive_walker.physics import record as R
-from gym_passive_walker.physics.constants import Kind
-from gym_passive_walker.physics.engine import advance
-from gym_passive_walker.physics.ledger import kinetic_energies, ledgers
-from gym_passive_walker.physics.record import new_records
 
 BACKWARDS = np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0])
 """Turns a state into the one of a film played backwards."""

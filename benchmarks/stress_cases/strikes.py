@@ -8,6 +8,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from gym_passive_walker.physics.constants import Kind
+from gym_passive_walker.physics.engine import advance
 from numpy.typing import NDArray
 
 from benchmarks.stress_cases.case import Finding, case
@@ -15,8 +17,6 @@ from benchmarks.stress_cases.flight import BACKWARDS, KNEED, STRAIGHT, Flock, fl
 from gym_passive_walker import Outcome
 from gym_passive_walker.physics import events as E
 from gym_passive_walker.physics import record as R
-from gym_passive_walker.physics.constants import Kind
-from gym_passive_walker.physics.engine import advance
 
 TOPIC = "Glancing strikes"
 LEAD = 0.3

@@ -17,8 +17,10 @@ from gym_passive_walker.control import optimal
 from gym_passive_walker.control.feedback import Method, gains, powered_gait
 from gym_passive_walker.control.optimal import OptimalGait
 from gym_passive_walker.control.policy import Policy
-from gym_passive_walker.control.ticks import coordinates, section_point, ticked_stride, torque_unit
+from gym_passive_walker.control.ticks import ticked_stride
 from gym_passive_walker.envs.scene import Scene, make_scene
+from gym_passive_walker.gaits.section import Section
+from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker
 
 _STANDS = 1e-5  # rad, in single precision: legs that mirror each other have just changed roles
@@ -78,7 +80,7 @@ class StrideFeedback:
         self, name: str, walker: Walker, point: NDArray, torques: NDArray, rows: NDArray
     ) -> None:
         self.name, self.point, self.torques, self.rows = name, point, torques, rows
-        self._seen = coordinates(walker)
+        self._seen = Section(walker=walker).coordinates
 
     def predict(
         self,
@@ -143,8 +145,8 @@ class LinearFeedback(StrideFeedback):
             )
         walker, slope = scene.walker, float(np.mean(scene.slope))
         self.gait = powered_gait(walker, slope)
-        point = section_point(walker, self.gait.state)
-        torque = self.gait.hip_torque / torque_unit(walker)
+        point = Section(walker=walker).points_at(self.gait.state)[0]
+        torque = self.gait.hip_torque / units_of(walker).torque
         free = ticked_stride(walker, slope, point, np.array([torque]), tick=np.inf)
         count = 1 if scene.control == "stride" else math.ceil(free.duration / scene.tick)
         torques = np.full(count, torque)

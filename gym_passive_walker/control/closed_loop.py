@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.control.policy import Policy, steps
-from gym_passive_walker.control.ticks import course, section_point, section_state
+from gym_passive_walker.control.ticks import course
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
+from gym_passive_walker.gaits.section import Section
 
 _SETTLING = 100  # strides before the search begins
 _NEWTON = 12
@@ -74,8 +75,7 @@ def policy_strides(
     sound = (points[:, 0] > 0.0) & (points[:, 0] < 0.5 * math.pi)
     if walker.knees:
         sound &= points[:, 3] <= points[:, 2]
-    states = section_state(walker, np.where(sound[:, None], points, 0.0))
-    states[:, 3:] /= walker.time_unit
+    states = Section(walker=walker).states_at(np.where(sound[:, None], points, 0.0))
     seen, _ = worlds.reset(seed=0, options={"state": states, "slope": slope})
     ends, torques = np.full_like(points, np.nan), []
     length, duration, work = np.zeros(n), np.zeros(n), np.zeros((3, n))
@@ -92,7 +92,7 @@ def policy_strides(
             work[:, struck] += far * [step.infos[name][struck] for name in _WORK]
         left[struck] -= 1
         there = struck & (left == 0)
-        ends[there] = section_point(walker, worlds.states[there])
+        ends[there] = Section(walker=walker).points_at(worlds.states[there])
         left[step.terminated] = 0
         if not left.any():
             break
@@ -223,7 +223,7 @@ def closed_loop_gait(
     if start is None:
         world = PassiveWalkerVectorEnv(1, scene)
         world.reset(seed=0)
-        point = section_point(scene.walker, world.states[0])
+        point = Section(walker=scene.walker).points_at(world.states)[0]
     else:
         point = np.array(start, dtype=float)
     settled = ends(point[None], _SETTLING)[0]

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
-from gym_passive_walker.control.ticks import coordinates
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import GaitNotFound
-from gym_passive_walker.gaits.stability import stride_jacobian
-from gym_passive_walker.gaits.stride import stride
+from gym_passive_walker.gaits.newton import fixed_point
+from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker
 
 Method = Literal["lqr", "deadbeat"]
@@ -26,7 +26,7 @@ _REFERENCE_SLOPE = 0.005
 """Where the passive gait is taken from that a motor then carries to other slopes."""
 
 _HALVINGS = 10  # of the way from one slope to another, before it is given up
-_ITERATIONS = 12
+_ACCURACY, _SETTLED = 1e-12, 1e-10  # of a stride's end, wanted and at least
 _SURVIVES = 1e-9  # singular values below this, relative to the largest, are directions forgotten
 
 
@@ -68,7 +68,7 @@ def powered_gait(walker: Walker, slope: float) -> PoweredGait:
             here = (1.0 - goal) * _REFERENCE_SLOPE + goal * slope
             state = _converged(walker, here, state, goal * torque)
             share = goal
-        except (ValueError, np.linalg.LinAlgError):
+        except GaitNotFound:
             step *= 0.5
             if step < 0.5**_HALVINGS:
                 raise GaitNotFound(
@@ -79,18 +79,21 @@ def powered_gait(walker: Walker, slope: float) -> PoweredGait:
 
 
 def _converged(walker: Walker, slope: float, state: NDArray, torque: float) -> NDArray:
-    """Newton's method for the fixed point near a state."""
-    keep, state = coordinates(walker), state.copy()
-    for _ in range(_ITERATIONS):
-        map_ = stride_jacobian(walker, slope, state, hip_torque=torque)
-        end = stride(walker, slope, state, hip_torque=torque, tolerance=1e-12).state
-        change = np.linalg.solve(np.eye(len(keep)) - map_, end[keep] - state[keep])
-        state[keep] += change
-        state[1] = state[2] = -state[0]
-        state[5] = state[keep[-1]]
-        if np.max(np.abs(change)) < 1e-10:
-            return state
-    raise ValueError("Newton's method did not settle")
+    """The fixed point near a state.
+
+    Raises:
+        GaitNotFound: if Newton's method does not settle.
+    """
+    strides, torque = StrideMap.of(walker), torque / units_of(walker).torque
+
+    def linearised(points: NDArray) -> tuple[NDArray, NDArray]:
+        passage, change = strides.linearise(points, slope, torque=torque)
+        return passage.ends, change.ends
+
+    found = fixed_point(linearised, strides.points_at(state), accuracy=_ACCURACY)
+    if not found.sizes[0] < _SETTLED:
+        raise GaitNotFound("Newton's method did not settle")
+    return strides.states_at(found.points)[0]
 
 
 def gains(

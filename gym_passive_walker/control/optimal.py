@@ -13,9 +13,11 @@ import numpy as np
 
 from gym_passive_walker.control.feedback import powered_gait
 from gym_passive_walker.control.optimum import OptimalGait, Problem, slope_of
-from gym_passive_walker.control.ticks import section_point, ticked_stride, torque_unit
+from gym_passive_walker.control.ticks import ticked_stride
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.gaits.gait import GaitNotFound
+from gym_passive_walker.gaits.section import Section
+from gym_passive_walker.units import units_of
 
 STORE = Path(__file__).parent / "gaits"
 """Where the optimal gaits of named scenes are kept."""
@@ -81,8 +83,8 @@ def constant_torque_gait(scene: Scene) -> OptimalGait:
     """
     walker, slope = scene.walker, slope_of(scene)
     powered = powered_gait(walker, slope)
-    point = section_point(walker, powered.state)
-    torque = np.array([powered.hip_torque / torque_unit(walker)])
+    point = Section(walker=walker).points_at(powered.state)[0]
+    torque = np.array([powered.hip_torque / units_of(walker).torque])
     walked = ticked_stride(walker, slope, point, torque, tick=math.inf)
     ticks = 1 if scene.control == "stride" else math.ceil(walked.duration / scene.tick)
     problem = Problem(scene, walked.length / walked.duration, ticks, len(point))

@@ -6,31 +6,24 @@ shank rate] for a kneed walker and [angle, stance rate, swing rate] for a straig
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.optimize import brentq
+from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.gaits.stability import NoStride
-from gym_passive_walker.gaits.stride_map import INFINITESIMAL, StrideMap
-from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import record as R
-from gym_passive_walker.physics.engine import advance
+from gym_passive_walker.engine.run import Seeds, advance, new_records
+from gym_passive_walker.gaits.passage import NoStride
+from gym_passive_walker.gaits.section import Section
+from gym_passive_walker.physics.bodies import bodies, system_of
 from gym_passive_walker.physics.hybrid import Outcome
-from gym_passive_walker.physics.frame import frame_of
-from gym_passive_walker.physics.record import new_records
 from gym_passive_walker.walkers import Walker
 
 LONGEST = 20.0
 """Time after which a stride is given up."""
 
-
 _SAMPLES = 200  # of a stride, for a picture
 _VERGE = 1e-8  # of a stride, before its end: the heelstrike has not yet come
-_BACK = 1e-9  # rad by which a hip must turn back within a tick to be noticed
 
 
 class TickedStride(NamedTuple):
@@ -67,30 +60,6 @@ class TickedStride(NamedTuple):
         return self.by[:m, m:]
 
 
-def coordinates(walker: Walker) -> list[int]:
-    """Which entries of a state are coordinates of the section."""
-    return [0, 3, 4, 5] if walker.knees else [0, 3, 4]
-
-
-def section_state(walker: Walker, point: NDArray) -> NDArray:
-    """The state (..., 6) at a point (..., m) of the section."""
-    angle, rates = point[..., :1], point[..., 1:]
-    if not walker.knees:
-        rates = np.concatenate([rates, rates[..., -1:]], axis=-1)
-    return np.concatenate([angle, -angle, -angle, rates], axis=-1)
-
-
-def section_point(walker: Walker, state: NDArray) -> NDArray:
-    """The dimensionless point (..., m) of a section state (..., 6) in the walker's own units."""
-    kept = coordinates(walker)
-    return state[..., kept] * np.array([1.0] + [walker.time_unit] * (len(kept) - 1))
-
-
-def torque_unit(walker: Walker) -> float:
-    """The torque m g l in the walker's own units; of the simplest walker, per unit of foot mass."""
-    return frame_of(walker).torque
-
-
 def ticked_stride(
     walker: Walker,
     slope: float,
@@ -103,8 +72,8 @@ def ticked_stride(
 ) -> TickedStride:
     """Follow a walker through a stride, each torque held for a tick.
 
-    Each coordinate and each torque has a lane of its own in which it carries an infinitesimal
-    imaginary part, through the flow, the strikes and the moments at which they happen.
+    Derivatives are carried along, through the flow, the strikes and the moments at which they
+    happen.
 
     Args:
         walker: The walker.
@@ -119,44 +88,33 @@ def ticked_stride(
     Raises:
         NoStride: if the stride does not end with a heelstrike.
     """
-    section = StrideMap.of(walker)
+    section, system = Section(walker=walker), system_of(walker)
     m, count = len(point), len(torques)
-    varied = np.concatenate([point, torques]) + 1j * INFINITESIMAL * np.eye(m + count)
-    starts = section_state(walker, varied[:, :m])
-    records = new_records(starts, np.full(m + count, slope))
-
-    def on(records: NDArray, until: float) -> NDArray:
-        """Carry records on to a time, and return how far the hip has opened since."""
-        records[:, [R.HIP_NET, R.HIP_TURN]] = 0.0
-        records[:, R.END] = until
-        own = section.constants.astype(records.dtype)
-        fresh = bool(np.all(records[:, R.TIME] == 0.0))
-        with np.errstate(all="ignore"):
-            advance(section.kind, own, records, tolerance=tolerance, stub=stub, from_section=fresh)
-        return records[:, R.HIP_NET].copy()
-
-    swing, turn = np.zeros((2, count, m + count), complex)
-    for k in range(count):
-        records[:, R.TORQUE] = varied[:, m + k]
-        before, until = records.copy(), LONGEST if k == count - 1 else (k + 1) * tick
-        swing[k] = on(records, until)
-        turn[k] = np.sign(np.real(swing[k])) * swing[k]
-        outcome = Outcome(int(records[0, R.OUTCOME].real))
-        if records[0, R.HIP_TURN].real > abs(swing[k, 0]) + _BACK:
-            # Where the hip turns back its rate is zero, so the moment's own shift is nothing.
-            there = _reversal(on, np.real(before[:1]), float(records[0, R.TIME].real))
-            pieces = [on(before, there), on(before, until)]
-            turn[k] = sum(np.sign(np.real(piece)) * piece for piece in pieces)
+    states = np.zeros((1, m + count, 6))
+    states[0, :m] = section.state(np.eye(m))
+    start = section.state(np.asarray(point, dtype=float))[None]
+    records = new_records(start, slope, seeds=Seeds(states=states), planes=m + count)
+    swing, turn = np.zeros((2, count, m + count + 1))
+    outcome = Outcome.RUNNING
+    for k, torque in enumerate(torques):
+        held = np.zeros((1, m + count + 1, 1))
+        held[0, 0], held[0, 1 + m + k] = torque, 1.0
+        hold(records, held, LONGEST if k == count - 1 else (k + 1) * tick)
+        advance(
+            system, bodies(walker), records, tolerance=tolerance, scuff=stub, from_section=k == 0
+        )
+        swing[k], turn[k] = records["moved"][0, :, 0], records["turned"][0, :, 0]
+        outcome = Outcome(int(records["outcome"][0, 0]))
         if outcome != Outcome.RUNNING:
             break
     if outcome != Outcome.HEELSTRIKE:
         raise NoStride(f"this stride does not end with a heelstrike but with {outcome.name}")
-    end = records[:, 0]
-    leg, radius = section.constants[0, [K.LEG, K.FOOT_RADIUS]]
-    length = 2.0 * leg * np.sin(end) + radius * (starts[:, 0] + end)
-    ends, knee = records[:, coordinates(walker)], records[:, R.KNEE_TIME]
-    told = np.column_stack([ends, records[:, R.TIME], length, swing.T, turn.T, knee])
-    values = told[0].real
+    record = records[0]
+    ends = section.point(record["state"]).T
+    told = np.vstack(
+        [ends, record["time"], record["step_length"], swing, turn, record["knee_time"]]
+    )
+    values = told[:, 0]
     return TickedStride(
         end=values[:m],
         duration=float(values[m]),
@@ -164,8 +122,14 @@ def ticked_stride(
         swing=values[m + 2 : m + 2 + count],
         turn=values[m + 2 + count : -1],
         kneestrike=float(values[-1]),
-        by=np.imag(told).T / INFINITESIMAL,
+        by=told[:, 1:],
     )
+
+
+def hold(records: NDArray, controls: ArrayLike, until: float) -> None:
+    """Have walkers hold controls (n, planes, controls) until a time, their work counted anew."""
+    records["control"], records["moved"], records["turned"] = controls, 0.0, 0.0
+    records["end"][:, 0] = until
 
 
 def course(
@@ -191,32 +155,14 @@ def course(
         Times (k,), from the start to just before heelstrike; states with dimensionless rates
         (k, 6); and the torque under which the walker came to each, (k,).
     """
-    section = StrideMap.of(walker)
+    section, system = Section(walker=walker), system_of(walker)
     edges = tick * np.arange(1, len(torques))
     times = np.union1d(np.linspace(0.0, duration * (1.0 - _VERGE), _SAMPLES), edges)
-    record = new_records(section_state(walker, point[None]), np.array([slope]))
-    states, held = [record[0, :6].copy()], [torques[0]]
+    records = new_records(section.state(point[None]), slope)
+    states, held = [records["state"][0, 0].copy()], [torques[0]]
     for before, time in pairwise(times):
         held.append(torques[np.searchsorted(edges, before, side="right")])
-        record[:, R.TORQUE], record[:, R.END] = held[-1], time
-        advance(
-            section.kind, section.constants, record, tolerance=1e-10, from_section=before == 0.0
-        )
-        states.append(record[0, :6].copy())
+        hold(records, held[-1], time)
+        advance(system, bodies(walker), records, tolerance=1e-10, from_section=before == 0.0)
+        states.append(records["state"][0, 0].copy())
     return times, np.array(states), np.array(held)
-
-
-def _reversal(on: Callable[[NDArray, float], NDArray], record: NDArray, end: float) -> float:
-    """When the hip turns back, between a record's time and an end that may be a heelstrike."""
-
-    def rate(time: float) -> float:
-        there = record.copy()
-        on(there, time)
-        return float(there[0, R.RATES + 1] - there[0, R.RATES])
-
-    start = float(record[0, R.TIME])
-    margin = 1e-9 * (end - start)
-    if rate(start + margin) * rate(end - margin) >= 0.0:  # it turns back twice, by next to nothing
-        return start
-    root: Any = brentq(rate, start + margin, end - margin, xtol=1e-14)
-    return float(root)

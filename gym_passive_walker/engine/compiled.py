@@ -48,7 +48,17 @@ PHASE = np.dtype(
 )
 """What the engine knows of a phase."""
 
-_STATES = ("angle", "rate", "new_angle", "new_rate", "stage", "moved", "turned", "ground", "control")
+_STATES = (
+    "angle",
+    "rate",
+    "new_angle",
+    "new_rate",
+    "stage",
+    "moved",
+    "turned",
+    "ground",
+    "control",
+)
 _COURSES = ("before", "after")
 _RECORDS = ("state", "start", "ground", "time", "knee_time", "knee_loss", "heel_loss")
 _RECORDS += ("step_length", "gravity_work")

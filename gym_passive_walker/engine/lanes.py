@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from gym_passive_walker.engine.jit import call, jitted
-from gym_passive_walker.engine.landing import LOST, TIME_UP, attend, go_on, look
+from gym_passive_walker.engine.landing import TIME_UP, attend, go_on, look
 from gym_passive_walker.engine.layout import WIDTH
 from gym_passive_walker.engine.native import GROUP
 from gym_passive_walker.engine.step import ALERT, UP

@@ -129,9 +129,7 @@ class Function:
         known: dict = {}
         memories = [Memory(layout, i, known) for i, layout in enumerate(self.layouts)]
         code(*memories)
-        stores = {
-            (m.base, *place, 0): value for m in memories for place, value in m.writes.items()
-        }
+        stores = {(m.base, *place, 0): value for m in memories for place, value in m.writes.items()}
         reads = [x.args for x in known.values() if x.op == "read" and x.args[1] in self.active]
         for plane in range(1, self.planes + 1):
             tangents = Tangents({read(known, *p): read(known, *p[:3], plane) for p in reads})

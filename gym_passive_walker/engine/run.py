@@ -87,14 +87,6 @@ def _advance(records, bodies, phases, tiles, courses, options, from_section):
     carry_on(records, bodies, phases, tiles, courses, options[0], from_section)
 
 
-@kernel
-def _strike(records, bodies, phase, outcome):
-    for i in range(len(records)):
-        body = bodies[i if len(bodies) > 1 else 0]
-        reset = phase[0].resets[outcome]
-        call(reset, records[i].ctypes.data, body.ctypes.data, 0, 0.0, 0.0)
-
-
 def planes_of(system: System) -> int:
     """Derivatives that are carried along at once: by the section's coordinates and the slope."""
     return system.phases[0].links + 2
@@ -144,7 +136,11 @@ def new_records(
     values["end"] = end
     if seeds is not None:
         changes = records[:, 1:]
-        for name, seed in (("state", seeds.states), ("control", seeds.controls), ("end", seeds.ends)):
+        for name, seed in (
+            ("state", seeds.states),
+            ("control", seeds.controls),
+            ("end", seeds.ends),
+        ):
             if seed is not None:
                 changes[name] = seed
         if seeds.slopes is not None:
@@ -272,8 +268,3 @@ def _in_passes(system: System, bodies: NDArray, records: NDArray, **told: Any) -
     records[:, 0] = passes[:, 0, 0]
     records[:, 1:] = passes[:, :, 1:].reshape(count, -1)[:, :changes]
     return records
-
-
-def strike_heels(system: System, bodies: NDArray, records: NDArray) -> None:
-    """Exchange the legs of walkers that stand on the verge of heelstrike, in place."""
-    _strike(records, bodies, compiled(system.name)[-1:], int(Outcome.HEELSTRIKE))

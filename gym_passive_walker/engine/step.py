@@ -220,9 +220,7 @@ class Equations:
         body = self.body(tile)
         functions = [
             (lambda state, guard=guard: guard.falls(body, state)) for guard in self.phase.guards
-        ] + [
-            (lambda state, i=i: self.system.travel(state)[i]) for i in range(len(Control._fields))
-        ]
+        ] + [(lambda state, i=i: self.system.travel(state)[i]) for i in range(len(Control._fields))]
         for when, prefix, stage in (("before", "", 0), ("after", "new_", PAIR.stages)):
             state = self.state(tile, prefix)
             bends = [tile["stage", stage, link] for link in range(3)]

@@ -14,6 +14,7 @@ from gym_passive_walker.physics.hybrid import Outcome
 OUTCOMES = (None, *(outcome.name.lower() for outcome in Outcome if outcome))
 """Names of outcomes, by their number."""
 
+
 def observation_space() -> Any:
     """What an agent sees: the same for every walker and every scene."""
     low = -T.BOUNDS

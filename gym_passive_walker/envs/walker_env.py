@@ -16,7 +16,6 @@ from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.walkers import Walker
 
-
 _NAMES = T.LEDGER.names or ()
 
 

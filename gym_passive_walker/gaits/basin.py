@@ -27,6 +27,7 @@ from gym_passive_walker.gaits.attractors import (
 )
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
+from gym_passive_walker.gaits.posture import heelstrike
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.walkers import Walker, as_walker, describe
 
@@ -95,7 +96,7 @@ def _slice(
     duration = float(gait.stride.duration) / stride_map.units.time
     before = exact.before_strike(exact.points_at(gait.state)[0], gait.slope, duration)
     stance, swing = (np.full(len(angles), rate) for rate in before[3:5])
-    points, _ = stride_map.heelstrike(angles, stance, swing)
+    points, _ = heelstrike(stride_map, angles, stance, swing)
     # The collision is linear in the rates, so any stance rate belongs to one strength of it.
     swing = points[:, 2:] * (rates / points[:, 1])[:, None]
     return np.column_stack([angles, rates, swing])

@@ -87,7 +87,17 @@ def nearest_on(family: GaitFamily, slopes: NDArray) -> NDArray[np.float64]:
 def beginnings(
     stride_map: StrideMap, slopes: NDArray, kind: GaitKind, start: ArrayLike | None
 ) -> NDArray[np.float64]:
-    """Points to begin to walk from, one for each slope."""
+    """Where to begin to walk.
+
+    Args:
+        stride_map: Who walks.
+        slopes: rad, (n,).
+        kind: Which gait to begin beside.
+        start: A section state to begin with instead, or one for each slope.
+
+    Returns:
+        Points, one for each slope; NaN where there is no gait.
+    """
     if start is not None:
         return stride_map.points_at(np.broadcast_to(check_state(start), (len(slopes), 6)))
     low, high = float(slopes.min()), float(slopes.max())

@@ -78,6 +78,7 @@ class GaitFamily:
 
 
 def _family(
+    walker: Walker,
     axis: Axis,
     gait: Gait,
     value: float,
@@ -85,9 +86,9 @@ def _family(
     resolution: float,
 ) -> GaitFamily:
     """The family of a gait at a value of what is varied, both ways from it."""
-    walker, period = gait.walker, gait.period
+    period = gait.period
     curve = Curve(StrideMap.of(walker, tolerance=_TOLERANCE), axis, period)
-    u = logarithms(curve.stride_map.points_at(gait.state))[0]
+    u = logarithms(StrideMap.of(gait.walker).points_at(gait.state))[0]
     start = curve.correct(np.append(u, axis.coordinate(value)))
     if start is None:
         raise GaitNotFound(f"the gait of {describe(walker)} at {value} could not be followed")
@@ -195,7 +196,7 @@ def gait_family(
         start = _some_gait(walker, np.geomspace(low, high, 16), kind)
     elif not low <= start.slope <= high:
         raise ValueError(f"the gait to start with stands at slope {start.slope}, out of the range")
-    return _family(Axis(), start, start.slope, (low, high), resolution)
+    return _family(walker, Axis(), start, start.slope, (low, high), resolution)
 
 
 def parameter_family(
@@ -237,4 +238,5 @@ def parameter_family(
         except WalkerError as error:
             raise ValueError(f"the range leaves what a walker can be: {error}") from error
     start = find_gait(walker, slope, kind)
-    return _family(Axis(parameter, low, high, slope), start, here, (low, high), resolution)
+    axis = Axis(parameter, low, high, slope)
+    return _family(walker, axis, start, here, (low, high), resolution)

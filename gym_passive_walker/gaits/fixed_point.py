@@ -78,14 +78,14 @@ def _search(
     found: list[NDArray] = []
     roughly, finely = stride_map.with_tolerance(_ROUGHLY), stride_map.with_tolerance(_FINELY)
 
-    def solutions(followed: StrideMap, guesses: NDArray, accuracy: float, enough: float) -> NDArray:
+    def solutions(followed: StrideMap, guesses: NDArray, accuracy: float, limit: float) -> NDArray:
         def equations(u: NDArray) -> tuple[NDArray, NDArray]:
             sane = np.where(u[:, :1] < math.log(_LARGEST), u, np.nan)
             gait = gait_equations(followed, sane, slope, period=period)
             return gait.values, gait.derivatives
 
         solved = newton(equations, guesses, accuracy=accuracy)
-        return solved.points[solved.sizes < enough]
+        return solved.points[solved.sizes < limit]
 
     first = roughly.apply(from_logarithms(u), slope, strides=period)
     ends = Counter(Outcome(outcome).name for outcome in first.outcomes)

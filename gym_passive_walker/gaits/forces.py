@@ -95,7 +95,12 @@ def reactions(body, angles, rates, accelerations, lift, torque):
 
     swing = thigh[0] + shank[0], thigh[1] + shank[1]
     stance_torque += impulse(-knee[0], -knee[1], swing[0], swing[1])  # it pulls at the hip
-    return foot[0] + stance[0] + swing[0], foot[1] + stance[1] + swing[1], stance_torque, swing_torque
+    return (
+        foot[0] + stance[0] + swing[0],
+        foot[1] + stance[1] + swing[1],
+        stance_torque,
+        swing_torque,
+    )
 
 
 def chain(walker: Walker) -> Any:

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.gaits.equations import gait_equations
 from gym_passive_walker.gaits.log_chart import from_logarithms
-from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.gaits.posture import half_swing
 from gym_passive_walker.gaits.stride import Stride, stride
+from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker
 
@@ -101,7 +102,7 @@ class Gait:
         return bool(np.abs(self.multipliers[0]) < 1.0)
 
 
-def _kind(stride_map: StrideMap, map_derivative: NDArray, duration: float) -> GaitKind:
+def _kind(walker: Walker, map_derivative: NDArray, duration: float) -> GaitKind:
     """Which gait this is, by the part of the curve of gaits that it lies on.
 
     The sign of det(1 - D) changes where a curve folds, and it is positive on the long-step part.
@@ -111,7 +112,7 @@ def _kind(stride_map: StrideMap, map_derivative: NDArray, duration: float) -> Ga
     """
     if np.linalg.det(np.eye(len(map_derivative)) - map_derivative) > 0.0:
         return "long"
-    return "short" if duration < 1.1 * stride_map.half_swing else "long"
+    return "short" if duration < 1.1 * half_swing(walker) else "long"
 
 
 def multipliers_of(map_derivative: NDArray) -> NDArray[np.complex128]:
@@ -139,7 +140,7 @@ def measure(stride_map: StrideMap, u: NDArray, slope: float, period: int) -> Gai
     return Gait(
         walker=walker,
         slope=slope,
-        kind=_kind(exact, map_derivative, duration / exact.units.time),
+        kind=_kind(walker, map_derivative, duration / exact.units.time),
         period=period,
         state=state,
         multipliers=multipliers_of(map_derivative),

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import check_state, one_slope
+from gym_passive_walker.gaits.forces import impulses
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.posture import landing_velocity, mass_matrix
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.gaits.forces import impulses
 from gym_passive_walker.walkers import Walker, as_walker
 
 

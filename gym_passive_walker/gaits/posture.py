@@ -1,13 +1,16 @@
-"""What a posture tells: how high the foot is, how it lands, and how heavy the joints turn."""
+"""What a posture tells: how a foot stands and lands, how heavy joints turn, what a heelstrike does."""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.bodies import body_of, system_of
-from gym_passive_walker.physics.hybrid import State
+from gym_passive_walker.physics.hybrid import Outcome, State
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker
 
@@ -51,3 +54,37 @@ def mass_matrix(walker: Walker, stance_angle: float) -> NDArray[np.float64]:
     matrix[np.triu_indices(phase.links)] = phase.mass_matrix(body_of(walker), state)
     matrix += np.triu(matrix, 1).T
     return matrix * walker.total_mass * units_of(walker).length ** 2
+
+
+def heelstrike(
+    section: Section, angles: NDArray, stance_rates: NDArray, swing_rates: NDArray
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """What a heelstrike makes of straight legs with given rates just before it; dimensionless.
+
+    Args:
+        section: Of one walker.
+        angles: Stance angles just after it, (n,).
+        stance_rates: Of the old stance leg, (n,).
+        swing_rates: Of the old swing leg, (n,).
+
+    Returns:
+        Points after it, (n, m), and the energy lost, (n,).
+    """
+    reset = system_of(section.walker).phases[-1].resets[Outcome.HEELSTRIKE]
+    before = legs.straight(-angles, angles, stance_rates, swing_rates)
+    after, loss = reset.strike(body_of(section.walker), before)
+    return section.point(np.stack(after, axis=-1)), loss
+
+
+def step_lengths(walker: Walker, angles: NDArray) -> NDArray[np.float64]:
+    """Lengths over l of steps from and to a stance angle, (n,)."""
+    return legs.step_length(body_of(walker), angles, angles)
+
+
+def half_swing(walker: Walker) -> float:
+    """Half a period over sqrt(l/g) of the straight leg as it hangs from a resting hip."""
+    if walker.massless_legs:
+        return math.pi
+    body = body_of(walker)
+    weight = math.hypot(body.swing_along, body.swing_across)
+    return math.pi * (math.sqrt(body.swing_inertia / weight) if weight > 0.0 else 1.0)

@@ -26,8 +26,8 @@ from gym_passive_walker.gaits.phases import (
 )
 from gym_passive_walker.gaits.posture import foot_clearance
 from gym_passive_walker.gaits.series import Extreme, greatest, least, ratio_turns, turns
-from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.gaits.stride import stride
+from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker, as_walker, describe
 

@@ -50,17 +50,22 @@ class Section:
         return units_of(SimpleNamespace(**{**vars(self.walker), self.parameter: self.values}))
 
     def state(self, points: NDArray) -> NDArray:
-        """Dimensionless states (n, 6) at points (n, m)."""
-        states = np.empty((len(points), 6), points.dtype)
-        states[:, 0] = points[:, 0]
-        states[:, 1] = states[:, 2] = -points[:, 0]
-        states[:, 3 : 2 + self.dimension] = points[:, 1:]
-        states[:, 5] = points[:, -1]
+        """Dimensionless states (..., 6) at points (..., m)."""
+        states = np.empty((*points.shape[:-1], 6), points.dtype)
+        states[..., 0] = points[..., 0]
+        states[..., 1] = states[..., 2] = -points[..., 0]
+        states[..., 3 : 2 + self.dimension] = points[..., 1:]
+        states[..., 5] = points[..., -1]
         return states
 
+    @property
+    def coordinates(self) -> list[int]:
+        """Which entries of a state are coordinates of a point."""
+        return [0, *range(3, 2 + self.dimension)]
+
     def point(self, states: NDArray) -> NDArray:
-        """Points (n, m) of dimensionless section states (n, 6)."""
-        return states[:, [0, *range(3, 2 + self.dimension)]]
+        """Points (..., m) of dimensionless section states (..., 6)."""
+        return states[..., self.coordinates]
 
     def states_at(self, points: NDArray) -> NDArray[np.float64]:
         """States (n, 6) at points (n, m), in the walker's own units."""

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import check_state, check_tolerance, number, one_slope
+from gym_passive_walker.engine.run import LONGEST_STRIDE
 from gym_passive_walker.gaits.passage import NoStride, Passage
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.hybrid import Outcome
@@ -59,7 +60,7 @@ def stride_jacobian(
         ValueError: if an argument is out of range.
     """
     tolerance = check_tolerance(number(tolerance, "tolerance"))
-    stride_map = StrideMap.of(walker, tolerance=tolerance)
+    stride_map = StrideMap.of(walker, tolerance=tolerance, longest=LONGEST_STRIDE)
     slope, hip_torque = one_slope(slope), number(hip_torque, "hip_torque")
     names = [wrt] if isinstance(wrt, str) else list(wrt)
     for name in names:

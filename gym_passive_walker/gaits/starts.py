@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.gaits.log_chart import from_logarithms, logarithms
+from gym_passive_walker.gaits.posture import heelstrike, step_lengths
 from gym_passive_walker.gaits.stride_map import StrideMap
 
 # Ratios to the step angle, just before heelstrike: of the stance leg's rate, and of the swing
@@ -50,8 +51,8 @@ def starts(stride_map: StrideMap, slope: float) -> NDArray:
     angle = np.tile(_ANGLES, len(stance))
     stance_rate = np.repeat(stance, len(_ANGLES)) * angle
     swing_rate = np.repeat(stance + excess, len(_ANGLES)) * angle
-    points, lost = stride_map.heelstrike(angle, stance_rate, swing_rate)
-    loss = (lost / stride_map.step_lengths(angle)).reshape(len(stance), -1)
+    points, lost = heelstrike(stride_map, angle, stance_rate, swing_rate)
+    loss = (lost / step_lengths(stride_map.walker, angle)).reshape(len(stance), -1)
     loss = np.log(np.maximum(loss, 1e-300))
     u = logarithms(points).reshape(*loss.shape, -1)
     found = []

@@ -8,21 +8,19 @@ strides lead from point to point of the `section`.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 from types import SimpleNamespace
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.engine.run import Seeds, advance, new_records, strike_heels
+from gym_passive_walker.engine.run import Seeds, advance, new_records
 from gym_passive_walker.gaits.passage import Change, Passage, Samples
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.trajectory import just_before
-from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.bodies import body_from, system_of
 from gym_passive_walker.physics.hybrid import Outcome, System
 from gym_passive_walker.walkers import Walker, as_walker
@@ -56,9 +54,16 @@ class StrideMap(Section):
     stub: bool = False
 
     @classmethod
-    def of(cls, walker: Walker | str, **options: Any) -> Self:
-        """The stride map of a walker, or of a preset's name; `options` are attributes."""
-        return cls(walker=as_walker(walker), **options)
+    def of(
+        cls,
+        walker: Walker | str,
+        *,
+        tolerance: float = 1e-13,
+        longest: float = LONGEST,
+        stub: bool = False,
+    ) -> Self:
+        """The stride map of a walker, or of a preset's name."""
+        return cls(walker=as_walker(walker), tolerance=tolerance, longest=longest, stub=stub)
 
     def with_tolerance(self, tolerance: float) -> Self:
         """The same map, followed with another tolerance."""
@@ -135,9 +140,11 @@ class StrideMap(Section):
         columns, of_state, of_slope, of_torque = _columns(tuple(by), coordinates)
         moved = np.zeros((len(walking), len(columns), self.dimension))
         if "state" in by:
-            moved[:, of_state] = np.eye(coordinates) if along is None else along[walking].swapaxes(1, 2)
+            moved[:, of_state] = (
+                np.eye(coordinates) if along is None else along[walking].swapaxes(1, 2)
+            )
         seeds = Seeds(
-            states=self.state(moved.reshape(-1, self.dimension)).reshape(*moved.shape[:2], 6),
+            states=self.state(moved),
             slopes=np.tile(of_slope.astype(float), (len(walking), 1)),
             controls=np.tile(of_torque.astype(float)[:, None], (len(walking), 1, 1)),
         )
@@ -205,8 +212,8 @@ class StrideMap(Section):
             imbalance = _relative_difference(totals[2], totals[3])
         totals[4][totals[4][:, 0] == 0.0] = np.nan
         told = np.full((planes + 1, self.dimension + 6, len(points)), np.nan)
-        ends = self.point(records["state"].reshape(-1, 6)).reshape(*records.shape, self.dimension)
-        rows = np.concatenate([np.moveaxis(ends, 2, 0), totals, imbalance[None]])
+        ends = np.moveaxis(self.point(records["state"]), 2, 0)
+        rows = np.concatenate([ends, totals, imbalance[None]])
         told[:, :, walking] = rows.transpose(2, 0, 1)
         return told, outcomes
 
@@ -265,41 +272,6 @@ class StrideMap(Section):
             self.walker, slope, start, strike * units.time, hip_torque=torque, tolerance=tolerance
         )
         return units.to_dimensionless(state)
-
-    def heelstrike(
-        self, angles: NDArray, stance_rates: NDArray, swing_rates: NDArray
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """What a heelstrike makes of straight legs with given rates just before it.
-
-        Args:
-            angles: Stance angles just after it, (n,).
-            stance_rates: Of the old stance leg, (n,).
-            swing_rates: Of the old swing leg, (n,).
-
-        Returns:
-            Points after it, (n, m), and the energy lost, (n,).
-        """
-        states = np.column_stack([-angles, angles, angles, stance_rates, swing_rates, swing_rates])
-        records = new_records(states, 0.0)
-        strike_heels(self.system, self.bodies, records)
-        return self.point(records["state"][:, 0]), records["heel_loss"][:, 0]
-
-    def step_lengths(self, angles: NDArray) -> NDArray[np.float64]:
-        """Lengths of steps from and to a stance angle, (n,)."""
-        return legs.step_length(self._body, angles, angles)
-
-    @property
-    def _body(self) -> Any:
-        return body_from(self.walker, self.system)
-
-    @cached_property
-    def half_swing(self) -> float:
-        """Half a period of the straight leg as it hangs from a resting hip, for small swings."""
-        if self.walker.massless_legs:
-            return math.pi
-        body = self._body
-        weight = math.hypot(body.swing_along, body.swing_across)
-        return math.pi * (math.sqrt(body.swing_inertia / weight) if weight > 0.0 else 1.0)
 
 
 @lru_cache

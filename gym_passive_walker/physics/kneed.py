@@ -227,9 +227,7 @@ def foot_clearance(body, state):
     """Height of the swing foot over the ground."""
     _, cosine = sine_cosine(state.stance)
     _, knee_up = knee(body, state.thigh)
-    _, foot_up = turned(
-        -body.leg - body.knee_along, -body.knee_across, *sine_cosine(state.shank)
-    )
+    _, foot_up = turned(-body.leg - body.knee_along, -body.knee_across, *sine_cosine(state.shank))
     return body.leg * cosine + knee_up + foot_up
 
 

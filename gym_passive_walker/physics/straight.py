@@ -17,7 +17,6 @@ from gym_passive_walker.physics.hybrid import (
     Phase,
     Reset,
     Stage,
-    State,
     System,
 )
 from gym_passive_walker.physics.legs import difference, impulse, solve, turned, weight_moment

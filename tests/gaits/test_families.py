@@ -191,3 +191,12 @@ def test_a_senseless_parameter_is_refused(arguments, message):
 def test_a_range_without_gaits_says_so():
     with pytest.raises(GaitNotFound, match="at any of 16 slopes"):
         gait_family("lab", 0.001, 0.002)
+
+
+def test_a_neighbour_s_gait_starts_the_family_of_the_walker_asked_for():
+    heavier = replace(WALKERS["C"], hip_mass=0.2)
+    family = gait_family(heavier, 0.02, 0.03, start=find_gait("C", 0.025))
+    middle = len(family) // 2
+    alone = find_gait(heavier, family.slope[middle], guess=family.state[middle])
+    assert family.walker == heavier
+    np.testing.assert_allclose(family.state[middle], alone.state, rtol=1e-10)

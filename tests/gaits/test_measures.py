@@ -15,8 +15,8 @@ from gym_passive_walker import (
     stride,
     tune,
 )
-from gym_passive_walker.gaits.posture import foot_clearance
-from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.gaits.posture import foot_clearance, heelstrike
+from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.trajectory import states_at
 from gym_passive_walker.units import units_of
 
@@ -45,7 +45,7 @@ def loss_at_heelstrike(walker, before):
     """Energy that a heelstrike loses."""
     units = units_of(walker)
     angle, rates = before[1:2], before[3:5, None] * units.time
-    _, lost = StrideMap.of(walker).heelstrike(angle, *rates)
+    _, lost = heelstrike(Section(walker=walker), angle, *rates)
     return lost[0] * units.energy
 
 

@@ -15,10 +15,10 @@ from gym_passive_walker import (
     stride,
     tune,
 )
+from gym_passive_walker.gaits.forces import forces
 from gym_passive_walker.gaits.phases import Impulse
 from gym_passive_walker.gaits.posture import foot_clearance
 from gym_passive_walker.gaits.stability import NoStride
-from gym_passive_walker.gaits.forces import forces
 from gym_passive_walker.gaits.trajectory import states_at
 
 SLOPE = 0.036

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import numba
 import numpy as np
+from gym_passive_walker.physics.constants import Kind
+from gym_passive_walker.physics.frame import frame_of
 
 from gym_passive_walker import Walker
 from gym_passive_walker.physics import compass, kneed, simplest
 from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics.constants import Kind
-from gym_passive_walker.physics.frame import frame_of
 
 
 @numba.njit

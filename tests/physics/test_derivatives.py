@@ -7,12 +7,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from gym_passive_walker.physics.engine import advance
+from gym_passive_walker.physics.record import new_records
 
 from gym_passive_walker import WALKERS, Outcome
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import record as R
-from gym_passive_walker.physics.engine import advance
-from gym_passive_walker.physics.record import new_records
 from tests.physics import kernels
 from tests.physics.examples import KNEED, LONG_GAITS
 

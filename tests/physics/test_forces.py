@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, lab_walker_from_parts
-from gym_passive_walker.physics import events
 from gym_passive_walker.gaits.forces import forces, impulses
+from gym_passive_walker.physics import events
 
 THIGH, SHANK, SWING_THIGH, SWING_SHANK, HIP = range(5)  # bodies; x downhill, y up, angle each
 WEIGHTED = lab_walker_from_parts()

@@ -7,16 +7,16 @@ import math
 import numba
 import numpy as np
 import pytest
+from gym_passive_walker.physics.engine import advance
+from gym_passive_walker.physics.frame import frame_of
+from gym_passive_walker.physics.lanes import align_stack, new_tile, sine_cosine
+from gym_passive_walker.physics.record import new_records
 from hypothesis import given
 from hypothesis import strategies as st
 
 from gym_passive_walker import WALKERS, Outcome, stride
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import record as R
-from gym_passive_walker.physics.engine import advance
-from gym_passive_walker.physics.frame import frame_of
-from gym_passive_walker.physics.lanes import align_stack, new_tile, sine_cosine
-from gym_passive_walker.physics.record import new_records
 from tests.physics import kernels
 from tests.physics.examples import LONG_GAITS, random_walker
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from gym_passive_walker.physics.frame import frame_of
+from gym_passive_walker.physics.ledger import kinetic_energies
 
 from gym_passive_walker import WALKERS, Outcome, stride
 from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics.frame import frame_of
-from gym_passive_walker.physics.ledger import kinetic_energies
 from tests.physics import bodies, kernels, oracle
 from tests.physics.examples import GAITS, LONG_GAITS, MASSIVE, random_state
 

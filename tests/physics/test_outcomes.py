@@ -7,15 +7,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from gym_passive_walker.physics.engine import advance
+from gym_passive_walker.physics.frame import frame_of
+from gym_passive_walker.physics.record import new_records
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from gym_passive_walker import WALKERS, Outcome, Walker, WalkerError, stride
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import record as R
-from gym_passive_walker.physics.engine import advance
-from gym_passive_walker.physics.frame import frame_of
-from gym_passive_walker.physics.record import new_records
 from tests.physics.examples import KNEED, LONG_GAITS, MASSIVE
 
 STRAIGHT_OUT = [0.2, -0.2, -0.2]

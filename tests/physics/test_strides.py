@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from gym_passive_walker.physics.engine import advance
+from gym_passive_walker.physics.frame import frame_of
+from gym_passive_walker.physics.record import new_records
 
 from gym_passive_walker import WALKERS, Outcome, stride
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import events as E
 from gym_passive_walker.physics import record as R
-from gym_passive_walker.physics.engine import advance
-from gym_passive_walker.physics.frame import frame_of
-from gym_passive_walker.physics.record import new_records
 from tests.physics import bodies, kernels, oracle
 from tests.physics.examples import GAITS, KNEED, LONG_GAITS, Gait, random_walker
 

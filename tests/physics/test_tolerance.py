@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from gym_passive_walker.physics.engine import step_control
 
 from gym_passive_walker import WALKERS, Outcome, stride
-from gym_passive_walker.physics.engine import step_control
 from tests.physics import oracle
 from tests.physics.examples import LONG_GAITS
 

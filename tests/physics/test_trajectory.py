@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import Outcome, stride
-from gym_passive_walker.physics import events
 from gym_passive_walker.gaits.trajectory import just_before, states_at, trajectory
+from gym_passive_walker.physics import events
 
 SLOPE = 0.036
 GAIT = np.array([0.24395, -0.24395, -0.24395, -1.0491, -0.3015, -1.4831])

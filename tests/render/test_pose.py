@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, stride
+from gym_passive_walker.gaits.trajectory import trajectory
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import kneed
-from gym_passive_walker.gaits.trajectory import trajectory
 from gym_passive_walker.render.pose import legs_by_identity, level, pose
 
 SLOPE = 0.036
