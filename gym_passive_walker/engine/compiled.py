@@ -143,7 +143,7 @@ def _written(system: System, name: str, planes: int, moving_body: bool) -> ir.Mo
         opening = Function(module, f"open{i}", layouts)
         opening.once(lambda record, body, phase=phase: _open(system, phase, record, body))
         opening.end()
-        for outcome, reset in phase.resets.items():
+        for outcome in phase.resets:
             function = Function(
                 module, f"reset{i}_{outcome.name}", layouts, planes=planes, active=_RECORDS + body
             )
@@ -177,7 +177,7 @@ def _reset(system: System, phase: Phase, outcome: Outcome, record: Memory, body:
         record["state", i] = value
     record[_LOSSES[outcome]] = loss
     if reset.into is None:
-        _measure(phase, constants, after, record)
+        _measure(system, constants, after, record)
         record["phase"] = 0.0
         return
     record["phase"] = float(reset.into)
@@ -191,13 +191,13 @@ def _reset(system: System, phase: Phase, outcome: Outcome, record: Memory, body:
     record["outcome"] = follows
 
 
-def _measure(phase: Phase, body: Any, after: State, record: Memory) -> None:
+def _measure(system: System, body: Any, after: State, record: Memory) -> None:
     """The step that a heelstrike has ended, and gravity's work in it; the next one starts here."""
     ground = Ground(*record.entries("ground"))
     start = after._replace(**dict(zip(State._fields[:3], record.entries("start"), strict=True)))
     end = after._replace(stance=-after.stance, thigh=-after.thigh, shank=-after.shank)
     record["step_length"] = legs.step_length(body, start.stance, after.stance)
-    record["gravity_work"] = -phase.potential_gain(body, start, end, ground)
+    record["gravity_work"] = -system.potential_gain(body, start, end, ground)
     for i in range(3):
         record["start", i] = after[i]
 

@@ -43,6 +43,7 @@ class Expression:
         return Expression(self.known, op, *others)
 
     def number(self, x: Any) -> Expression:
+        """A number as an expression beside this one."""
         return x if isinstance(x, Expression) else self._with("constant", float(x))
 
     def _binary(self, op: str, a: Any, b: Any) -> Expression:

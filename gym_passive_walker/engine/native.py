@@ -238,7 +238,7 @@ class _Emitter:
         return x.op == "mul" and self.uses[x] == 1
 
     def _flipped(self, x: ir.Value, last_bit: ir.Value) -> ir.Value:
-        """x with its sign changed if another number's last bit is set."""
+        """A number with its sign changed if another number's last bit is set."""
         word = ir.VectorType(_WORD, GROUP) if self.vector else _WORD
         places = ir.Constant(word, [63] * GROUP if self.vector else 63)
         sign = self.builder.shl(self.builder.bitcast(last_bit, word), places)

@@ -41,7 +41,7 @@ class Pair(NamedTuple):
 
     @property
     def stages(self) -> int:
-        """Evaluations of the accelerations in a step; the step's end adds one that the next uses."""
+        """Evaluations of the accelerations in a step; one more at its end serves the next."""
         return self.rates.shape[1]
 
     @classmethod

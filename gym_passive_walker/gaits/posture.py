@@ -1,4 +1,4 @@
-"""What a posture tells: how a foot stands and lands, how heavy joints turn, what a heelstrike does."""
+"""What a posture tells: how feet stand and land, how heavy joints turn, what a heelstrike does."""
 
 from __future__ import annotations
 
@@ -46,12 +46,13 @@ def mass_matrix(walker: Walker, stance_angle: float) -> NDArray[np.float64]:
     Raises:
         ValueError: for legs without mass.
     """
-    phase = system_of(walker).phases[0]
-    if phase.mass_matrix is None:
+    system = system_of(walker)
+    links = system.phases[0].links
+    if system.mass_matrix is None:
         raise ValueError("legs without mass have no mass matrix")
     state = State(stance_angle, -stance_angle, -stance_angle, 0.0, 0.0, 0.0)
-    matrix = np.zeros((phase.links, phase.links))
-    matrix[np.triu_indices(phase.links)] = phase.mass_matrix(body_of(walker), state)
+    matrix = np.zeros((links, links))
+    matrix[np.triu_indices(links)] = system.mass_matrix(body_of(walker), state)
     matrix += np.triu(matrix, 1).T
     return matrix * walker.total_mass * units_of(walker).length ** 2
 

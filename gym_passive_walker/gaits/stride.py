@@ -157,8 +157,4 @@ def _gravity_work(system: System, own: NDArray, record: NDArray) -> NDArray[np.f
     body, ground = system.Body(*own[0, 0]), Ground(*record["ground"].T)
     angles = (record["start"].T, record["state"][:, :3].T)
     start, end = (State(*part, *record["state"][:, 3:].T) for part in angles)
-    work = np.empty(len(record))
-    for number, phase in enumerate(system.phases):
-        here = record["phase"] == number
-        work[here] = -phase.potential_gain(body, start, end, ground)[here]
-    return work
+    return -system.potential_gain(body, start, end, ground)

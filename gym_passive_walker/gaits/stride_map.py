@@ -182,7 +182,7 @@ class StrideMap(Section):
         strides: int,
         seeds: Seeds | None = None,
     ) -> tuple[NDArray, NDArray[np.int8]]:
-        """What `Change` tells: values, then derivatives, in rows (1 + k, m + 6, n); the outcomes."""
+        """What `Change` tells, values before derivatives, (1 + k, m + 6, n); and the outcomes."""
         planes = 0 if seeds is None else seeds.states.shape[1]  # type: ignore[union-attr]
         walking = np.flatnonzero(np.isfinite(points).all(axis=1))
         outcomes = np.full(len(points), Outcome.DIVERGED, np.int8)

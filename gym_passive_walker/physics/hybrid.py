@@ -93,7 +93,7 @@ class Watch(IntEnum):
     BOUND = 1
     """It is positive as long as the phase lasts: a phase that would begin beyond it ends at once."""
     SCUFF = 2
-    """Watched only where scuffing is a rule, and only from one step's end to the next."""
+    """It counts only where scuffing is a rule; looked at from one step's end to the next."""
 
 
 class Guard(NamedTuple):
@@ -148,12 +148,6 @@ class Phase(NamedTuple):
         stage: What the swing leg is doing.
         links: Angles that move by themselves: 3, or 2 where the shank goes with the thigh.
         accelerations: Function of body, state, control and ground: one for each link.
-        mass_matrix: Function of body and state: its upper triangle, row by row; of legs that have
-            mass.
-        kinetic_energy: Function of body and state.
-        potential_gain: Function of body, two states over the same contact, and ground: what the
-            potential energy gains from the first to the second, without loss of digits where they
-            are close.
         guards: What ends it; of several that fall at one instant, the first counts.
         resets: By the outcome that they answer; other outcomes are falls.
     """
@@ -161,9 +155,6 @@ class Phase(NamedTuple):
     stage: Stage
     links: int
     accelerations: Callable[[Any, State, Control, Ground], tuple[Number, ...]]
-    mass_matrix: Callable[[Any, State], tuple[Number, ...]] | None
-    kinetic_energy: Callable[[Any, State], Number]
-    potential_gain: Callable[[Any, State, State, Ground], Number]
     guards: tuple[Guard, ...]
     resets: dict[Outcome, Reset]
 
@@ -180,8 +171,14 @@ class System(NamedTuple):
         name: What it is called.
         Body: Named tuple of what its equations need to know of a walker.
         phases: Its phases; a stride begins in the first.
+        kinetic_energy: Function of body and state.
+        potential_gain: Function of body, two states over the same contact, and ground: what the
+            potential energy gains from the first to the second, without loss of digits where they
+            are close.
         foot_clearance: Function of body and state: height of the swing foot over the ground, which
             is a whole circle here.
+        mass_matrix: Function of body and state: its upper triangle, row by row; of legs that have
+            mass.
         travel: Function of a state: for each control the coordinate that it moves, so that the work
             of a constant control is it times the change of that coordinate.
         works: Whether controls cost work: not on legs without mass.
@@ -190,6 +187,9 @@ class System(NamedTuple):
     name: str
     Body: type
     phases: tuple[Phase, ...]
+    kinetic_energy: Callable[[Any, State], Number]
+    potential_gain: Callable[[Any, State, State, Ground], Number]
     foot_clearance: Callable[[Any, State], Number]
+    mass_matrix: Callable[[Any, State], tuple[Number, ...]] | None = None
     travel: Callable[[State], Control] = travel
     works: bool = True

@@ -254,9 +254,6 @@ SYSTEM = System(
             Stage.FREE,
             3,
             accelerations,
-            mass_matrix,
-            kinetic_energy,
-            potential_gain,
             guards=(
                 Guard(  # the shank catches up with the thigh
                     lambda body, state: state.thigh - state.shank,
@@ -283,9 +280,6 @@ SYSTEM = System(
             Stage.LOCKED,
             2,
             straight.accelerations,
-            straight.mass_matrix,
-            straight.kinetic_energy,
-            straight.potential_gain,
             guards=(
                 legs.HEELSTRIKE,
                 *legs.STANCE_FALLS,
@@ -310,5 +304,8 @@ SYSTEM = System(
             resets={Outcome.HEELSTRIKE: Reset(heelstrike)},
         ),
     ),
+    kinetic_energy=kinetic_energy,
+    potential_gain=potential_gain,
     foot_clearance=foot_clearance,
+    mass_matrix=mass_matrix,
 )
