@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import deque
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,14 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.vec_env import VecEnv
 
-from agents import worlds
 from agents.files import replacing
 from agents.learner import MODEL, moments, restore_moments, restore_weights
+from gym_passive_walker.envs.scene import walker_from
 
 _ARRAYS, _REPLAY, _NOTES = "arrays.npz", "replay.npz", "notes.json"
+_RECORDS, _RANDOMS = "worlds.npz", "worlds.json"
 _COUNTERS = ("num_timesteps", "_n_updates", "_episode_num")
 _LAST = ("_last_obs", "_last_original_obs", "_last_episode_starts")
 _STORED = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
@@ -51,7 +54,7 @@ def save(path: Path, model: BaseAlgorithm, notes: dict[str, Any]) -> None:
         folder.mkdir()
         model.save(folder / MODEL)
         np.savez(folder / _ARRAYS, **arrays)
-        worlds.save_state(model.env, folder)
+        _save_walkers(model.env, folder)
         replay = getattr(model, "replay_buffer", None)
         if replay is not None:
             filled = replay.buffer_size if replay.full else replay.pos
@@ -74,7 +77,7 @@ def restore(path: Path, model: BaseAlgorithm) -> dict[str, Any]:
     model.ep_info_buffer = deque(state["episodes"], maxlen=model._stats_window_size)
     model.ep_success_buffer = deque(maxlen=model._stats_window_size)
     # The environments first: what follows is the learner's side of the same moment.
-    worlds.restore_state(model.env, path)
+    _restore_walkers(model.env, path)
     with np.load(path / _ARRAYS) as arrays:
         for name in _LAST:
             setattr(model, name, arrays[name] if name in arrays else None)
@@ -94,3 +97,25 @@ def restore(path: Path, model: BaseAlgorithm) -> dict[str, Any]:
     np.random.set_state((kind, keys, *place))  # noqa: NPY002
     model.action_space.np_random.bit_generator.state = state["action_space"]
     return state["notes"]
+
+
+def _save_walkers(worlds: VecEnv, folder: Path) -> None:
+    """Write where the walkers stand, and their random numbers."""
+    state = worlds.unwrapped.get_state()  # type: ignore[attr-defined]
+    walkers, randoms = state.pop("walkers"), state.pop("random")
+    np.savez(folder / _RECORDS, **state)
+    # Walkers are many only where each differs from the others.
+    walkers = [asdict(walker) for walker in (walkers if len(set(walkers)) > 1 else walkers[:1])]
+    text = json.dumps({"walkers": walkers, "random": randoms})
+    (folder / _RANDOMS).write_text(text, encoding="utf-8")
+
+
+def _restore_walkers(worlds: VecEnv, folder: Path) -> None:
+    """Put back what `_save_walkers` wrote."""
+    native: Any = worlds.unwrapped
+    rest: dict[str, Any] = json.loads((folder / _RANDOMS).read_text(encoding="utf-8"))
+    walkers = [walker_from(parameters) for parameters in rest["walkers"]]
+    if len(walkers) == 1:
+        walkers *= native.num_envs
+    with np.load(folder / _RECORDS) as arrays:
+        native.set_state(dict(arrays) | {"walkers": walkers, "random": rest["random"]})

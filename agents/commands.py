@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from agents import benchmark, evaluation
-from agents.config import Config, ConfigError
-from agents.files import CONFIG, replacing
-from agents.learner import export, learned, load_policy
+from agents.config import ConfigError
+from agents.files import replacing
+from agents.learner import LearnedPolicy, export, learned
 from gym_passive_walker import GaitNotFound
 from gym_passive_walker.control import optimal
 from gym_passive_walker.control.baselines import BASELINES
@@ -185,11 +185,13 @@ def run_benchmark(arguments: Sequence[str]) -> int:
 def export_policy(arguments: Sequence[str]) -> int:
     """Write a run's policy as tensors and JSON, as those that come with the package."""
     parser = _parser("export", "Write a run's policy as tensors and JSON.")
-    parser.add_argument("run", type=Path, help="folder of the run")
+    parser.add_argument("run", help="folder of the run")
     parser.add_argument("folder", type=Path, help="where to")
     args = parser.parse_args(arguments)
-    config = Config.load(args.run / CONFIG)
-    export(load_policy(args.run, config), config, args.folder)
+    config, policy = learned(args.run)
+    if not isinstance(policy, LearnedPolicy):
+        raise ConfigError(f"{args.run} was exported before: its folder can be copied as it is")
+    export(policy, config, args.folder)
     print(f"Saved in {args.folder}: {', '.join(sorted(p.name for p in args.folder.iterdir()))}")
     return 0
 

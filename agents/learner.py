@@ -26,9 +26,10 @@ from agents.files import CONFIG, replacing
 from agents.networks import POLICIES
 from agents.worlds import training_worlds
 from gym_passive_walker.control.policy import Policy
-from gym_passive_walker.policies import DESCRIPTION, TENSORS, PolicyError, shipped_policies
+from gym_passive_walker.policies import DESCRIPTION, TENSORS, shipped_policies
 from gym_passive_walker.policies import load_policy as load_exported
-from gym_passive_walker.policies.network import ACTIVATIONS
+from gym_passive_walker.policies.network import ACTIVATIONS, Network
+from gym_passive_walker.policies.tensors import read_tensors
 
 MODEL, NORMALIZER = "model.zip", "normalizer.npz"
 _CLASSES: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC}
@@ -158,15 +159,34 @@ def learned(name: str | Path) -> tuple[Config, Policy]:
     Raises:
         ConfigError: if there is none, or its files do not fit.
     """
+    folder, kept = Path(name), None
     shipped = isinstance(name, str) and name in shipped_policies()
-    if not shipped and (Path(name) / CONFIG).is_file():
-        config = Config.load(Path(name) / CONFIG)
-        return config, load_policy(Path(name), config)
+    if not shipped and (folder / CONFIG).is_file():
+        kept = Config.load(folder / CONFIG)
+        if not (folder / TENSORS).is_file():
+            return kept, load_policy(folder, kept)
     try:
+        if kept is not None:  # exported when that was tensors and YAML
+            return kept, Network(read_tensors(folder / TENSORS), **_acting(kept))
         policy = load_exported(name)
         return Config(**policy.trained), policy
-    except (PolicyError, TypeError) as error:
-        raise ConfigError(f"{name} is not the folder of a run: {error}") from None
+    except (KeyError, TypeError, ValueError) as error:
+        raise ConfigError(f"{name} is neither a run nor an exported policy: {error}") from None
+
+
+def _acting(config: Config) -> dict[str, Any]:
+    """What it takes to act by the tensors of a policy, with the library's defaults spelled out."""
+    usual = {"ppo": "nn.Tanh", "sac": "nn.ReLU"}[config.algo]
+    activation = config.hyperparams.get("policy_kwargs", {}).get("activation_fn", usual)
+    scaling = None
+    if config.normalize is not None and config.normalize.get("norm_obs", True):
+        usual_scaling = {"epsilon": 1e-8, "clip_obs": 10.0} | config.normalize
+        scaling = {"epsilon": usual_scaling["epsilon"], "clip": usual_scaling["clip_obs"]}
+    return {
+        "algo": config.algo,
+        "activation": str(activation).removeprefix("nn."),
+        "normalizer": scaling,
+    }
 
 
 def export(policy: LearnedPolicy, config: Config, folder: Path) -> None:
@@ -185,16 +205,7 @@ def export(policy: LearnedPolicy, config: Config, folder: Path) -> None:
         }
     with replacing(folder / TENSORS) as path:
         save_file(tensors, path)
-    scaling = None
-    if normalizer is not None and normalizer.norm_obs:
-        scaling = {"epsilon": normalizer.epsilon, "clip": normalizer.clip_obs}
-    description = {
-        "algo": config.algo,
-        "activation": policy.model.policy.activation_fn.__name__,
-        "normalizer": scaling,
-        "scene": config.scene,
-        "env": config.env,
-        "trained": asdict(config),
-    }
+    about = {"scene": config.scene, "env": config.env, "trained": asdict(config)}
+    text = json.dumps(_acting(config) | about, indent=1)
     with replacing(folder / DESCRIPTION) as path:
-        path.write_text(json.dumps(description, indent=1) + "\n", encoding="utf-8")
+        path.write_text(text + "\n", encoding="utf-8")

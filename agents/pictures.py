@@ -85,7 +85,7 @@ def gait(path: Path, policy: Policy, world: gymnasium.Env, *, seed: int, title: 
     while not over and stride < _SETTLED + _SHOWN:
         action, memory = policy.predict(observation[None], memory, first)
         states.append(walker.state)
-        contacts.append(walker.batch.contact(0))
+        contacts.append(walker.contact)
         strides.append(stride)
         torques.append(float(action[0, 0]))
         observation, _, terminated, truncated, info = world.step(action[0])

@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import gymnasium
-import numpy as np
-from stable_baselines3.common.vec_env import VecEnv
 
 import gym_passive_walker
 from agents.config import Config, ConfigError
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
-from gym_passive_walker.envs.scene import Scene, make_scene, walker_from
+from gym_passive_walker.envs.scene import Scene, make_scene
 
 ID = "PassiveWalker-v0"
-_RECORDS, _RANDOMS = "worlds.npz", "worlds.json"
 
 
 def scene_of(config: Config, **changes: Any) -> Scene:
@@ -77,27 +71,3 @@ def describe(config: Config) -> str:
     )
     held = f"ticks of {scene.tick:g} √(l/g)" if scene.control == "tick" else "one torque a stride"
     return f"{config.scene}: walker {walker}, {slope}, {held}, up to {scene.max_hip_torque:g} m g l"
-
-
-def save_state(worlds: VecEnv, folder: Path) -> None:
-    """Write where the walkers stand, and their random numbers."""
-    state = worlds.unwrapped.get_state()  # type: ignore[attr-defined]
-    walkers, randoms = state.pop("walkers"), state.pop("random")
-    np.savez(folder / _RECORDS, **state)
-    # Walkers are many only where each differs from the others.
-    walkers = [asdict(walker) for walker in (walkers if len(set(walkers)) > 1 else walkers[:1])]
-    text = json.dumps({"walkers": walkers, "random": randoms})
-    (folder / _RANDOMS).write_text(text, encoding="utf-8")
-
-
-def restore_state(worlds: VecEnv, folder: Path) -> None:
-    """Put back what `save_state` wrote."""
-    native: Any = worlds.unwrapped
-    rest: dict[str, Any] = json.loads((folder / _RANDOMS).read_text(encoding="utf-8"))
-    if not native.batch.randoms:
-        native.reset()  # gives each walker its own source of random numbers
-    walkers = [walker_from(parameters) for parameters in rest["walkers"]]
-    if len(walkers) == 1:
-        walkers *= native.num_envs
-    with np.load(folder / _RECORDS) as arrays:
-        native.set_state(dict(arrays) | {"walkers": walkers, "random": rest["random"]})

@@ -304,6 +304,8 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         Raises:
             ValueError: if it is of another one.
         """
+        if not self.batch.randoms:
+            seed_randoms(self.batch, None, range(self.num_envs))
         self.batch.set_state(state)
         self._ended, self._begun = np.array(state["ended"]), bool(state["begun"])
         self._any_ended = bool(self._ended.any())

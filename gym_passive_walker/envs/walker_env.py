@@ -235,7 +235,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             fps = self.metadata["render_fps"]
             self._screen = Screen(self.walker, self.render_mode, fps)
         return self._screen.draw(
-            self.state, self.slope, self.batch.contact(0), int(self.batch.ledger["strides"][0])
+            self.state, self.slope, self.contact, int(self.batch.ledger["strides"][0])
         )
 
     def close(self) -> None:
@@ -297,6 +297,11 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             ValueError: if there is no such kind.
         """
         self.batch.charge_for(energy)
+
+    @property
+    def contact(self) -> float:
+        """Where its stance foot touches the ground, in the walker's own units of length."""
+        return self.batch.contact(0)
 
     def get_state(self) -> dict[str, Any]:
         """All that decides what comes next, random numbers of later resets included; a copy."""

@@ -89,9 +89,9 @@ class Watch(IntEnum):
     """How closely a guard is watched."""
 
     STRIKE = 0
-    """It may be zero at the start of its phase; even two passages within one step are found."""
+    """It may be zero where its phase starts; even two passages within one step are found."""
     BOUND = 1
-    """It is positive as long as the phase lasts: a phase that would begin beyond it ends at once."""
+    """It is positive while the phase lasts: a phase that would begin beyond it ends at once."""
     SCUFF = 2
     """It counts only where scuffing is a rule; looked at from one step's end to the next."""
 

@@ -26,7 +26,7 @@ class TrainedPolicy(Network):
     Attributes:
         name: What the policy is called: its algorithm.
         scene: The scene that it was trained for.
-        trained: How it was trained: the run's whole configuration.
+        trained: How it was trained: the run's whole configuration, if that is told.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -35,7 +35,7 @@ class TrainedPolicy(Network):
             acting = {name: description[name] for name in ("algo", "activation", "normalizer")}
             self.name = str(acting["algo"]).upper()
             self.scene: Scene = make_scene(description["scene"], **description["env"])
-            self.trained: dict[str, Any] = description["trained"]
+            self.trained: dict[str, Any] = description.get("trained", {})
             super().__init__(read_tensors(folder / TENSORS), **acting)
         except KeyError as error:
             raise PolicyError(f"{folder} is no policy: it says nothing of {error}") from None

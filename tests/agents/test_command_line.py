@@ -3,6 +3,7 @@
 import shutil
 
 import pytest
+import torch
 
 import train
 from agents import files
@@ -95,6 +96,12 @@ def test_a_run_is_not_resumed_as_another(trained, change, capsys):
 def test_a_run_is_not_written_over(trained, capsys):
     assert train.main(["--out", str(trained)]) == 2
     assert "--resume" in capsys.readouterr().err
+
+
+def test_the_program_keeps_torch_to_one_thread():
+    torch.set_num_threads(2)
+    assert train.main(["optimal", "--scene", "steep"]) == 0
+    assert torch.get_num_threads() == 1
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["evaluate", "--help"]])

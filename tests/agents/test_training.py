@@ -261,6 +261,19 @@ def test_an_exported_policy_acts_as_it_did(tmp_path):
         }  # fmt: skip
 
 
+def test_a_policy_that_was_exported_as_tensors_and_yaml_acts_as_it_did(tmp_path):
+    run = Run(small(), tmp_path / "run")
+    run.train(progress=False)
+    own = LearnedPolicy(run.model, "PPO")
+    export(own, run.config, tmp_path / "old")
+    (tmp_path / "old" / "policy.json").unlink()
+    run.config.save(tmp_path / "old" / files.CONFIG)
+    config, back = learned(tmp_path / "old")
+    seen = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 8)).astype(np.float32)
+    assert config == run.config
+    assert own.predict(seen)[0] == pytest.approx(back.predict(seen)[0], abs=1e-6)
+
+
 def test_an_exported_policy_with_other_layers_is_refused(tmp_path):
     run, other = (Run(small(algo), tmp_path / algo) for algo in ("ppo", "sac"))
     export(LearnedPolicy(run.model, "PPO"), run.config, tmp_path / "out")

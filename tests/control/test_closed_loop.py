@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import agents
 import gym_passive_walker as gpw
 from gym_passive_walker.control.baselines import ConstantTorque, LinearFeedback, Passive
 from gym_passive_walker.control.closed_loop import closed_loop_gait
@@ -59,6 +60,10 @@ def test_feedback_widens_the_basin_of_a_gait():
 def test_a_walker_that_only_falls_has_no_gait():
     with pytest.raises(gpw.GaitNotFound, match="constant torque"):
         closed_loop_gait(ConstantTorque(-0.05, "level"), "level")
+
+
+def test_the_package_and_its_agents_tell_the_same_gait():
+    assert agents.closed_loop_gait is gpw.closed_loop_gait is closed_loop_gait
 
 
 def test_periods_are_positive():

@@ -253,7 +253,9 @@ def test_a_crowd_goes_on_where_it_was_saved(make_vec, assert_same, mode):
     saved, fresh = env.get_state(), make_vec(4, **arguments)
     fresh.reset(seed=9)
     fresh.set_state(saved)
-    others = [pickle.loads(pickle.dumps(env)), copy.deepcopy(env), fresh]
+    unborn = make_vec(4, **arguments)
+    unborn.set_state(saved)
+    others = [pickle.loads(pickle.dumps(env)), copy.deepcopy(env), fresh, unborn]
     expected = rest(env)
     for other in others:
         assert_same(rest(other), expected)
