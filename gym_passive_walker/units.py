@@ -54,8 +54,9 @@ class Units(NamedTuple):
         return np.asarray(states) / self._times(self.time)
 
     def _times(self, time: float) -> NDArray:
-        one = np.ones_like(time)
-        return np.stack([one, one, one, time, time, time], axis=-1)
+        times = np.ones((*np.shape(time), 6))
+        times[..., 3:] = time if np.ndim(time) == 0 else np.asarray(time)[..., None]
+        return times
 
 
 def units_of(walker: Any) -> Units:

@@ -157,8 +157,8 @@ class Batch:
         for i, walker in varied.items():
             self.walkers[i], self.bodies[i : i + 1] = walker, bodies(walker)
             self._radii[i : i + 1] = _radii([walker])
-        self.records[where] = np.zeros(1, RECORD)
-        self.ledger[where] = np.zeros(1, T.LEDGER)
+        for table in (self.records, self.ledger):  # all their fields are eight bytes wide
+            table.view(np.float64).reshape(self.count, -1)[where] = 0.0
         T.begin(
             self.records, self.bodies, self._radii, self.ledger, self.machinery[0],
             where, slopes, gaits, draws, self.scene.perturbation, observations,

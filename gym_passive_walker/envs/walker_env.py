@@ -16,7 +16,10 @@ from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.walkers import Walker
 
-_NAMES = T.LEDGER.names or ()
+_STRIDE, _STRIDES, _OUTCOME, _REWARD = (
+    list(T.LEDGER.fields or ()).index(name)
+    for name in (T.EVERY_STRIDE[0], "strides", "outcome", "reward")
+)
 
 
 class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -212,16 +215,16 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         batch = self.batch
         observation = np.empty(T.SIZE, np.float32)
         struck, ended = batch.step(actions, observation, *self._results)
-        row = dict(zip(_NAMES, batch.ledger[0].tolist(), strict=True))
-        info = {name: row[name] for name in T.EVERY_STEP}
+        row = batch.ledger.item(0)
+        info = dict(zip(T.EVERY_STEP, [*row[:_STRIDE], row[_STRIDES]], strict=True))
         if struck:
-            info |= {name: row[name] for name in T.EVERY_STRIDE}
+            info |= zip(T.EVERY_STRIDE, row[_STRIDE:_STRIDES], strict=True)
         if struck or ended:
-            info["outcome"] = interface.OUTCOMES[row["outcome"]]
+            info["outcome"] = interface.OUTCOMES[row[_OUTCOME]]
             self._ready = not ended
         if self.render_mode == "human":
             self.render()
-        return observation, row["reward"], bool(ended), False, info
+        return observation, row[_REWARD], bool(ended), False, info
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
         """Draw the walker as it stands, in a window ("human") or as an array ("rgb_array")."""

@@ -130,7 +130,9 @@ def stride(
     outcome[outcome == Outcome.RUNNING] = Outcome.STALLED
     struck = outcome == Outcome.HEELSTRIKE
     length = np.where(struck, record["step_length"], np.nan)
-    gravity = np.where(struck, record["gravity_work"], _gravity_work(system, own, record))
+    gravity = record["gravity_work"].copy()
+    if not struck.all():
+        gravity[~struck] = _gravity_work(system, own, record[~struck])
     knee_time = np.where(record["knee_time"] > 0.0, record["knee_time"], np.nan)
     torque = record["control"][:, 0] * system.works
 

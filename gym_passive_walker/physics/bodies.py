@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -120,6 +121,13 @@ def body_of(walker: Walker) -> Any:
     return body_from(walker, system_of(walker))
 
 
+@lru_cache(maxsize=4096)
+def _row(walker: Walker) -> NDArray[np.float64]:
+    row = np.array(body_of(walker), dtype=float)[None, None]
+    row.flags.writeable = False
+    return row
+
+
 def bodies(*walkers: Walker) -> NDArray[np.float64]:
     """Constants of walkers of one kind as the engine reads them, (walkers, 1, constants)."""
-    return np.array([body_of(walker) for walker in walkers], dtype=float)[:, None]
+    return _row(walkers[0]) if len(walkers) == 1 else np.concatenate([_row(w) for w in walkers])
