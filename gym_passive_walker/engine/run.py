@@ -164,6 +164,7 @@ def _desk(planes: int) -> tuple[NDArray, NDArray]:
     return desks[planes]
 
 
+@lru_cache
 def options(tolerance: float, *, scuff: bool = False, planes: int = 0) -> NDArray:
     """What the engine is told of a tolerance, shape (1,) of OPTIONS."""
     # A step's end is moved by up to `landing` of its length by its Taylor series of second order.

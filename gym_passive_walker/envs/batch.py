@@ -27,6 +27,7 @@ from gym_passive_walker.walkers import Walker
 OPTIONS = ("state", "slope")
 """What `reset` may be asked for."""
 
+_BLANK = np.zeros(1, RECORD), np.zeros(1, T.LEDGER)
 _CROWD = 2048  # walkers from which on threads may share the work
 
 
@@ -157,10 +158,8 @@ class Batch:
         for i, walker in varied.items():
             self.walkers[i], self.bodies[i : i + 1] = walker, bodies(walker)
             self._radii[i : i + 1] = _radii([walker])
-        for table in (self.records, self.ledger):  # all their fields are eight bytes wide
-            table.view(np.float64).reshape(self.count, -1)[where] = 0.0
         T.begin(
-            self.records, self.bodies, self._radii, self.ledger, self.machinery[0],
+            self.records, self.bodies, self._radii, self.ledger, *_BLANK, self.machinery[0],
             where, slopes, gaits, draws, self.scene.perturbation, observations,
         )  # fmt: skip
 

@@ -157,9 +157,10 @@ def tell(ledger, asked, steps, strides, outcomes, ended, struck, told):
 
 @kernel
 def begin(
-    records, bodies, radii, ledger, phases, lanes, slopes, gaits, draws, perturbation, observations
-):
-    """Begin the episodes of some walkers, whose records and ledger are blank, near section states.
+    records, bodies, radii, ledger, blank_record, blank_row, phases, lanes,
+    slopes, gaits, draws, perturbation, observations,
+):  # fmt: skip
+    """Begin the episodes of some walkers, each near a section state.
 
     Slopes and gaits have a row for each, or one for all. Angles, stance rate and swing rates are
     off by a factor each, which the draws (from 0 to 1, in columns 1 to 3) put between
@@ -169,6 +170,7 @@ def begin(
     for j in range(len(lanes)):
         i = lanes[j]
         own = i if len(bodies) > 1 else 0
+        records[i, 0], ledger[i] = blank_record[0], blank_row[0]
         record, row = records[i, 0], ledger[i]
         row.slope = slopes[j if len(slopes) > 1 else 0]
         record.ground[0], record.ground[1] = np.sin(row.slope), np.cos(row.slope)

@@ -123,11 +123,9 @@ def body_of(walker: Walker) -> Any:
 
 @lru_cache(maxsize=4096)
 def _row(walker: Walker) -> NDArray[np.float64]:
-    row = np.array(body_of(walker), dtype=float)[None, None]
-    row.flags.writeable = False
-    return row
+    return np.array(body_of(walker), dtype=float)[None, None]
 
 
 def bodies(*walkers: Walker) -> NDArray[np.float64]:
     """Constants of walkers of one kind as the engine reads them, (walkers, 1, constants)."""
-    return _row(walkers[0]) if len(walkers) == 1 else np.concatenate([_row(w) for w in walkers])
+    return np.concatenate([_row(walker) for walker in walkers])
