@@ -38,10 +38,23 @@ def inlined(function: Callable[..., Any]) -> Any:
     return numba.njit(forceinline=True, **_OPTIONS)(function)
 
 
-def kernel(function: Callable[..., Any]) -> Any:
-    """Compile an entry point: cached on disk, free of Python's lock while it runs."""
-    with _kernels_cached_here():
-        return numba.njit(cache=True, nogil=True, **_OPTIONS)(function)
+class Kernel:
+    """An entry point: compiled when first called, cached on disk, free of Python's lock.
+
+    Args:
+        function: What to compile.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self.function = function
+        self._compiled: Any = None
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Run it."""
+        if self._compiled is None:
+            with _kernels_cached_here():
+                self._compiled = numba.njit(cache=True, nogil=True, **_OPTIONS)(self.function)
+        return self._compiled(*arguments)
 
 
 @intrinsic

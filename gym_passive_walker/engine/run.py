@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.engine.compiled import compiled
-from gym_passive_walker.engine.jit import call, jitted, kernel
+from gym_passive_walker.engine.jit import Kernel, call, jitted
 from gym_passive_walker.engine.lanes import HALTED, WAITING, carry
 from gym_passive_walker.engine.layout import COURSE, LINKS, PAIR, RECORD, TILE, aligned
 from gym_passive_walker.physics.hybrid import Outcome, System
@@ -84,7 +84,7 @@ def carry_on(records, bodies, phases, tiles, courses, options, from_section):
                 chunk[i, 0].outcome = WAITING
 
 
-@kernel
+@Kernel
 def _advance(records, bodies, phases, tiles, courses, options, from_section):
     carry_on(records, bodies, phases, tiles, courses, options[0], from_section)
 

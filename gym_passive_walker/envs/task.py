@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from gym_passive_walker.engine.jit import call, jitted, kernel
+from gym_passive_walker.engine.jit import Kernel, call, jitted
 from gym_passive_walker.engine.run import OPTIONS, carry_on
 from gym_passive_walker.physics.hybrid import Outcome
 
@@ -107,14 +107,14 @@ def see(record, row, phases, observations, first):
     observations[first + 7] = clipped(row.slope, BOUNDS[7])
 
 
-@kernel
+@Kernel
 def observe(records, ledger, phases, observations):
     """Write all walkers' observations, flat."""
     for i in range(len(records)):
         see(records[i, 0], ledger[i], phases, observations, i * SIZE)
 
 
-@kernel
+@Kernel
 def tell(ledger, asked, steps, strides, outcomes, ended, struck, told):
     """Write what the ledger tells of the walkers asked about; of the others, zeros.
 
@@ -155,7 +155,7 @@ def tell(ledger, asked, steps, strides, outcomes, ended, struck, told):
     return present, endings, strikes
 
 
-@kernel
+@Kernel
 def begin(
     records, bodies, radii, ledger, blank_record, blank_row, phases, lanes,
     slopes, gaits, draws, perturbation, observations,
@@ -305,7 +305,7 @@ def forget_stride(row):
     row.collision_cost, row.kneestrike_time = 0.0, 0.0
 
 
-@kernel
+@Kernel
 def step(
     records, bodies, ledger, rules, phases, tiles, courses,
     actions, observations, rewards, terminated, truncated,

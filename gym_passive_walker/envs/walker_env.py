@@ -10,15 +10,14 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from gym_passive_walker.envs import interface
-from gym_passive_walker.envs import task as T
+from gym_passive_walker.envs import interface, task
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.walkers import Walker
 
 _STRIDE, _STRIDES, _OUTCOME, _REWARD = (
-    list(T.LEDGER.fields or ()).index(name)
-    for name in (T.EVERY_STRIDE[0], "strides", "outcome", "reward")
+    list(task.LEDGER.fields or ()).index(name)
+    for name in (task.EVERY_STRIDE[0], "strides", "outcome", "reward")
 )
 
 
@@ -191,7 +190,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """
         super().reset(seed=seed)
         self.batch.randoms = [self.np_random]
-        observation = np.empty(T.SIZE, np.float32)
+        observation = np.empty(task.SIZE, np.float32)
         self.batch.start((0,), observation, options)
         self._ready = True
         if self.render_mode == "human":
@@ -213,12 +212,12 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if not self._ready:
             raise ResetNeeded("no episode is under way: call reset first")
         batch = self.batch
-        observation = np.empty(T.SIZE, np.float32)
+        observation = np.empty(task.SIZE, np.float32)
         struck, ended = batch.step(actions, observation, *self._results)
         row = batch.ledger.item(0)
-        info = dict(zip(T.EVERY_STEP, [*row[:_STRIDE], row[_STRIDES]], strict=True))
+        info = dict(zip(task.EVERY_STEP, [*row[:_STRIDE], row[_STRIDES]], strict=True))
         if struck:
-            info |= zip(T.EVERY_STRIDE, row[_STRIDE:_STRIDES], strict=True)
+            info |= zip(task.EVERY_STRIDE, row[_STRIDE:_STRIDES], strict=True)
         if struck or ended:
             info["outcome"] = interface.OUTCOMES[row[_OUTCOME]]
             self._ready = not ended
@@ -281,7 +280,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if not self._ready:
             raise ResetNeeded("no episode is under way: call reset first")
         self.batch.set_slopes(slope, np.ones(1, bool))
-        observation = np.empty(T.SIZE, np.float32)
+        observation = np.empty(task.SIZE, np.float32)
         self.batch.observe(observation)
         return observation
 

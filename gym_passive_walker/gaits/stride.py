@@ -15,8 +15,8 @@ from gym_passive_walker.arguments import (
     real_array,
 )
 from gym_passive_walker.engine.run import LONGEST_STRIDE, advance, new_records
-from gym_passive_walker.physics.bodies import bodies, system_of
 from gym_passive_walker.physics.hybrid import Ground, Outcome, State, System
+from gym_passive_walker.physics.systems import bodies, system_of
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker, as_walker
 
