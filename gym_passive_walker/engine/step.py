@@ -248,7 +248,7 @@ def sum_of(terms: list[Expression]) -> Expression | float:
     return total
 
 
-def growth(error: Expression, pair: Pair) -> Expression:
+def growth(error: Expression, pair: Pair = PAIR) -> Expression:
     """Factor to the next step length, from the error of this one over its tolerance.
 
     The root of the error's order is a product of square roots: for 8, the third of them.
@@ -263,7 +263,7 @@ def growth(error: Expression, pair: Pair) -> Expression:
     return choose(factor > SLOWEST, factor, SLOWEST)
 
 
-def proposal(h: Expression, error: Expression, pair: Pair) -> Expression:
+def proposal(h: Expression, error: Expression, pair: Pair = PAIR) -> Expression:
     """Length of the next step after an accepted one."""
     following = h * growth(error, pair)
     return choose(following < LONGEST_STEP, following, LONGEST_STEP)
