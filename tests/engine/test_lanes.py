@@ -8,7 +8,7 @@ import numba
 import numpy as np
 import pytest
 from gym_passive_walker.physics.engine import advance
-from gym_passive_walker.physics.frame import frame_of
+from gym_passive_walker.units import units_of
 from gym_passive_walker.physics.lanes import align_stack, new_tile, sine_cosine
 from gym_passive_walker.physics.record import new_records
 from hypothesis import given
@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from gym_passive_walker import WALKERS, Outcome, stride
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import record as R
-from tests.physics import kernels
+from tests.physics import statements
 from tests.physics.examples import LONG_GAITS, random_walker
 
 
@@ -30,7 +30,7 @@ def crowd(name: str, count: int, seed: int = 0):
     states[::7] = rng.normal(scale=3.0, size=states[::7].shape)
     states[::11] = 0.0
     slopes = gait.slope + 0.02 * rng.normal(size=count)
-    torques = rng.choice([0.0, 0.02], count) * rng.normal(size=count) * frame_of(walker).torque
+    torques = rng.choice([0.0, 0.02], count) * rng.normal(size=count) * units_of(walker).torque
     return slopes, states, torques
 
 
@@ -79,7 +79,7 @@ def test_walkers_of_many_shapes_walk_alike_alone_and_together(name):
     rng = np.random.default_rng(5)
     kind, count = K.kind_of(WALKERS[name]), 150
     slopes, states, _ = crowd(name, count)
-    states = kernels.dimensionless(WALKERS[name], states)
+    states = statements.dimensionless(WALKERS[name], states)
     shapes = [random_walker(rng, knees=WALKERS[name].knees) for _ in range(count)]
     constants = np.array([K.constants(walker) for walker in shapes])
     together = new_records(states, slopes, 0.01)
@@ -93,7 +93,7 @@ def test_walkers_of_many_shapes_walk_alike_alone_and_together(name):
 
 def test_one_shape_given_once_or_to_each_is_the_same():
     slopes, states, _ = crowd("lab", 40)
-    states = kernels.dimensionless(WALKERS["lab"], states)
+    states = statements.dimensionless(WALKERS["lab"], states)
     constants = K.constants(WALKERS["lab"])[None]
     once, each = new_records(states, slopes), new_records(states, slopes)
     advance(K.Kind.KNEED, constants, once, tolerance=1e-10)
@@ -104,7 +104,7 @@ def test_one_shape_given_once_or_to_each_is_the_same():
 def test_a_walker_that_has_arrived_is_left_alone_by_ticks_of_the_others():
     """Records start again only where they are asked to."""
     gait = LONG_GAITS["lab"]
-    state = kernels.dimensionless(WALKERS["lab"], gait.state)[None]
+    state = statements.dimensionless(WALKERS["lab"], gait.state)[None]
     records = new_records(np.repeat(state, 3, axis=0), np.full(3, gait.slope))
     records[:, R.END] = [0.1, 1.0, 100.0]
     advance(K.Kind.KNEED, K.constants(WALKERS["lab"])[None], records, tolerance=1e-10)
