@@ -8,13 +8,17 @@ from __future__ import annotations
 from types import ModuleType
 
 import numpy as np
+import sympy as sp
 
 from gym_passive_walker import Outcome, Walker
 from gym_passive_walker.physics import kneed, legs, simplest, straight
 from gym_passive_walker.physics.bodies import body_of, system_of
 from gym_passive_walker.physics.hybrid import Control, Ground, State
+from gym_passive_walker.physics.numbers import sine_cosine
 from gym_passive_walker.physics.systems import SYSTEMS
 from gym_passive_walker.units import units_of
+
+sine_cosine.register(sp.Basic, lambda x: (sp.sin(x), sp.cos(x)))
 
 PHASES = [(name, index) for name, system in SYSTEMS.items() for index in range(len(system.phases))]
 """Every phase of every system."""

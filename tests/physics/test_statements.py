@@ -17,13 +17,11 @@ from gym_passive_walker import WALKERS, Outcome
 from gym_passive_walker.physics import kneed, legs, straight
 from gym_passive_walker.physics.bodies import bodies, body_from, body_of, system_of
 from gym_passive_walker.physics.hybrid import Control, Ground, State, System
-from gym_passive_walker.physics.numbers import sine_cosine
 from gym_passive_walker.physics.systems import SYSTEMS
 from tests.physics.examples import KNEED, MASSIVE, random_walker
 from tests.physics.statements import ground
 
 DIGITS = 40
-sine_cosine.register(sp.Basic, lambda x: (sp.sin(x), sp.cos(x)))
 
 EXAMPLES = {"kneed": "lab", "straight": "A", "simplest": "D"}
 """A walker of each system."""
