@@ -43,6 +43,7 @@ class Native:
         code: Reads and writes memories.
         layouts: What stands there; for one over lanes, the first alone, a tile.
         lanes: Whether it is made for vectors.
+        lane: Whether it is made for one lane of a tile.
         processor: One of `PROCESSORS`.
         told: What else a `Function` is told.
     """
@@ -52,12 +53,16 @@ class Native:
         code: Callable[..., None],
         *layouts: np.dtype,
         lanes: bool = False,
+        lane: bool = False,
         processor: str = "this",
         **told: Any,
     ) -> None:
-        module, table, self.lanes = ir.Module("test"), {}, lanes
+        module, table = ir.Module("test"), {}
         function = Function(module, "code", layouts, table=table, **told)
-        (function.over_lanes if lanes else function.once)(code)
+        if lanes:
+            function.over_lanes(code)
+        else:
+            function.once(code, lane=lane)
         function.end()
         write_table(module, table)
         cpu, features = PROCESSORS[processor]

@@ -200,7 +200,8 @@ def test_numbers_are_reckoned_at_once():
         assert result.op == "constant" and result.value == value
     assert x.value is None
     assert 1.0 * x is x and x * 1.0 is x
-    assert -(-x) is x
+    opposite = -x
+    assert -opposite is x
     assert abs(-x) is abs(x)
     assert (-x) * (-x) is x * x
     assert choose(x < two, three, 3.0) is three
