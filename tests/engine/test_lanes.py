@@ -1,22 +1,22 @@
-"""Walkers side by side: each walks bitwise as it does alone; sine and cosine are exact enough."""
+"""Walkers side by side: each walks bitwise as it does alone, on any processor."""
 
 from __future__ import annotations
 
-import math
+import os
+import subprocess
+import sys
+from hashlib import sha256
 
-import numba
 import numpy as np
 import pytest
-from gym_passive_walker.physics.engine import advance
-from gym_passive_walker.units import units_of
-from gym_passive_walker.physics.lanes import align_stack, new_tile, sine_cosine
-from gym_passive_walker.physics.record import new_records
-from hypothesis import given
-from hypothesis import strategies as st
 
 from gym_passive_walker import WALKERS, Outcome, stride
-from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import record as R
+from gym_passive_walker.engine.layout import COURSE, TILE, WIDTH, aligned
+from gym_passive_walker.engine.native import GROUP
+from gym_passive_walker.engine.run import Seeds, advance, in_parts, new_records, planes_of
+from gym_passive_walker.physics.bodies import bodies, system_of
+from gym_passive_walker.units import units_of
+from tests.engine.machine import PROCESSORS
 from tests.physics import statements
 from tests.physics.examples import LONG_GAITS, random_walker
 
@@ -74,105 +74,141 @@ def test_threads_change_nothing(name):
         assert_bitwise_same(more, one)
 
 
+def with_derivatives(name: str, count: int):
+    """Records of a crowd whose derivatives are carried along."""
+    walker, rng = WALKERS[name], np.random.default_rng(3)
+    slopes, states, torques = crowd(name, count)
+    scaled, planes = statements.dimensionless(walker, states), planes_of(system_of(walker))
+    seeds = Seeds(
+        states=rng.normal(size=(count, planes, 6)),
+        slopes=rng.normal(size=(count, planes)),
+        controls=rng.normal(size=(count, planes, 1)),
+    )
+    controls = torques / units_of(walker).torque
+    return new_records(scaled, slopes, controls, seeds=seeds, planes=planes)
+
+
+@pytest.mark.parametrize("name", ["lab", "A", "D"])
+def test_derivatives_are_alike_alone_and_in_a_crowd(name):
+    walker, together = WALKERS[name], with_derivatives(name, 1030)
+    system, own, single = system_of(walker), bodies(walker), together[:60].copy()
+    parts = together.copy()
+    with np.errstate(all="ignore"):
+        advance(system, own, together, tolerance=1e-10, threads=1)
+        advance(system, own, parts, tolerance=1e-10, threads=2)
+        for i in range(len(single)):
+            advance(system, own, single[i : i + 1], tolerance=1e-10)
+    assert parts.tobytes() == together.tobytes()
+    assert single.tobytes() == together[:60].tobytes()
+    assert len(set(together["outcome"][:, 0])) >= 3
+
+
 @pytest.mark.parametrize("name", ["lab", "A"])
 def test_walkers_of_many_shapes_walk_alike_alone_and_together(name):
     rng = np.random.default_rng(5)
-    kind, count = K.kind_of(WALKERS[name]), 150
+    system, count = system_of(WALKERS[name]), 150
     slopes, states, _ = crowd(name, count)
     states = statements.dimensionless(WALKERS[name], states)
-    shapes = [random_walker(rng, knees=WALKERS[name].knees) for _ in range(count)]
-    constants = np.array([K.constants(walker) for walker in shapes])
+    shapes = bodies(*(random_walker(rng, knees=WALKERS[name].knees) for _ in range(count)))
     together = new_records(states, slopes, 0.01)
-    advance(kind, constants, together, tolerance=1e-10)
+    advance(system, shapes, together, tolerance=1e-10)
     for i in range(count):
         alone = new_records(states[i : i + 1], slopes[i : i + 1], 0.01)
-        advance(kind, constants[i : i + 1], alone, tolerance=1e-10)
+        advance(system, shapes[i : i + 1], alone, tolerance=1e-10)
         np.testing.assert_array_equal(alone[0], together[i])
-    assert len(set(together[:, R.OUTCOME])) >= 3
+    assert len(set(together["outcome"][:, 0])) >= 3
 
 
 def test_one_shape_given_once_or_to_each_is_the_same():
     slopes, states, _ = crowd("lab", 40)
-    states = statements.dimensionless(WALKERS["lab"], states)
-    constants = K.constants(WALKERS["lab"])[None]
+    states, system = statements.dimensionless(WALKERS["lab"], states), system_of(WALKERS["lab"])
+    own = bodies(WALKERS["lab"])
     once, each = new_records(states, slopes), new_records(states, slopes)
-    advance(K.Kind.KNEED, constants, once, tolerance=1e-10)
-    advance(K.Kind.KNEED, np.repeat(constants, 40, axis=0), each, tolerance=1e-10)
+    advance(system, own, once, tolerance=1e-10)
+    advance(system, np.repeat(own, 40, axis=0), each, tolerance=1e-10)
     np.testing.assert_array_equal(once, each)
 
 
 def test_a_walker_that_has_arrived_is_left_alone_by_ticks_of_the_others():
     """Records start again only where they are asked to."""
-    gait = LONG_GAITS["lab"]
-    state = statements.dimensionless(WALKERS["lab"], gait.state)[None]
-    records = new_records(np.repeat(state, 3, axis=0), np.full(3, gait.slope))
-    records[:, R.END] = [0.1, 1.0, 100.0]
-    advance(K.Kind.KNEED, K.constants(WALKERS["lab"])[None], records, tolerance=1e-10)
-    assert list(records[:, R.OUTCOME]) == [Outcome.RUNNING, Outcome.RUNNING, Outcome.HEELSTRIKE]
-    np.testing.assert_array_equal(records[:2, R.TIME], [0.1, 1.0])
-    assert records[2, R.TIME] > 1.0
+    walker, gait = WALKERS["lab"], LONG_GAITS["lab"]
+    state = statements.dimensionless(walker, gait.state)[None]
+    records = new_records(np.repeat(state, 3, axis=0), gait.slope, end=[0.1, 1.0, 100.0])
+    values = advance(system_of(walker), bodies(walker), records, tolerance=1e-10)[:, 0]
+    assert list(values["outcome"]) == [Outcome.RUNNING, Outcome.RUNNING, Outcome.HEELSTRIKE]
+    np.testing.assert_array_equal(values["time"][:2], [0.1, 1.0])
+    assert values["time"][2] > 1.0
+    values["end"][:2] += 0.1
+    advance(system_of(walker), bodies(walker), records[:2], tolerance=1e-10, from_section=False)
+    np.testing.assert_array_equal(values["time"][:2], [0.2, 1.1])
+    assert list(values["outcome"]) == [Outcome.RUNNING, Outcome.RUNNING, Outcome.HEELSTRIKE]
 
 
-@numba.njit
-def sines_cosines(angles):
-    """Both of an array of angles."""
-    result = np.empty((2, len(angles)))
-    for i in range(len(angles)):
-        result[0, i], result[1, i] = sine_cosine(angles[i])
-    return result
+def test_every_walker_is_taken_care_of_once_by_however_many_threads():
+    for count in (0, 1, 1023, 2048, 5000, 100_000):
+        for threads in (None, 1, 2, 7):
+            seen = np.zeros(count, int)
+
+            def job(first, last, seen=seen):
+                seen[first:last] += 1
+
+            in_parts(job, count, threads)
+            assert (seen == 1).all()
 
 
-def test_sine_and_cosine_are_right_to_the_last_bit_or_so():
-    """Against the mathematical library, whose own error is half a last bit."""
-    rng = np.random.default_rng(6)
-    halves = 0.5 * np.pi * np.arange(-636, 637)
-    angles = np.concatenate(
-        [
-            np.linspace(-1000.0, 1000.0, 100_001),
-            rng.uniform(-4.0, 4.0, 100_000),
-            halves,
-            np.nextafter(halves, np.inf),
-            np.nextafter(halves, -np.inf),
-        ]
-    )
-    found = sines_cosines(angles)
-    expected = [[function(x) for x in angles] for function in (math.sin, math.cos)]
-    assert np.abs(found - expected).max() <= 2.5e-16
+def test_what_goes_wrong_in_a_thread_is_heard_of():
+    def job(first, last):
+        if last == 8192:
+            raise RuntimeError("one of the last")
+
+    with pytest.raises(RuntimeError, match="one of the last"):
+        in_parts(job, 8192, 2)
 
 
-def test_the_sine_of_a_small_angle_keeps_all_its_digits():
-    angles = np.concatenate([np.logspace(-320, -1, 2000), -np.logspace(-320, -1, 2000)])
-    found = sines_cosines(angles)[0]
-    expected = [math.sin(x) for x in angles]
-    np.testing.assert_allclose(found, expected, rtol=2.5e-16, atol=0.0)
+def test_each_vector_of_a_tile_lies_in_one_line_of_the_cache():
+    for planes in range(1, 10):
+        tiles = aligned(TILE, planes)
+        assert tiles.shape == (planes,)
+        assert not tiles.view(np.uint8).any()
+        for name in TILE.names:
+            assert tiles[name].ctypes.data % 64 == 0
+    assert TILE.itemsize % 64 == 0
+    assert WIDTH % GROUP == 0
+    assert COURSE["before"].shape == COURSE["counts"].shape
 
 
-def test_sine_and_cosine_of_zero_are_exact():
-    np.testing.assert_array_equal(sines_cosines(np.zeros(1)), [[0.0], [1.0]])
+DIGEST = """
+from hashlib import sha256
+from tests.engine.test_lanes import walk
+print(sha256(walk({name!r}, {derivatives})).hexdigest())
+"""
 
 
-@given(angle=st.floats(-1000.0, 1000.0))
-def test_sine_is_odd_and_cosine_even(angle):
-    (sine, other_sine), (cosine, other_cosine) = sines_cosines(np.array([angle, -angle]))
-    assert other_sine == -sine
-    assert other_cosine == cosine
+def walk(name: str, derivatives: bool) -> bytes:
+    """All that is known of a crowd after a stride, with derivatives or without."""
+    walker, records = WALKERS[name], with_derivatives(name, 60)
+    records = records[:, : None if derivatives else 1].copy()
+    with np.errstate(all="ignore"):
+        advance(system_of(walker), bodies(walker), records, tolerance=1e-10, threads=1)
+    return records.tobytes()
 
 
-def test_sine_and_cosine_of_no_number_are_none():
-    assert np.all(np.isnan(sines_cosines(np.array([np.nan, np.inf, -np.inf]))))
-
-
-@pytest.mark.parametrize("numbers", [np.float64, np.complex128])
-def test_each_vector_of_a_tile_lies_in_one_line_of_the_cache(numbers):
-    tiles = [new_tile(rows, np.zeros(1, numbers)) for rows in range(1, 101)]
-    assert all(tile.ctypes.data % 64 == 0 and not tile.any() for tile in tiles)
-
-
-def test_vectors_on_the_stack_are_aligned_on_request():
-    @numba.njit
-    def aligned(x):
-        align_stack()
-        return x
-
-    assert aligned(1.0) == 1.0
-    assert "alignstack(64)" in aligned.inspect_llvm(aligned.signatures[0])
+@pytest.mark.parametrize(
+    ("processor", "name", "derivatives"),
+    [
+        *(("haswell", name, derivatives) for name in "DA" for derivatives in (False, True)),
+        ("haswell", "lab", False),
+        pytest.param("haswell", "lab", True, marks=pytest.mark.slow),
+        # Without fused instructions, derivatives take minutes to compile.
+        *(pytest.param("generic", name, False, marks=pytest.mark.slow) for name in ("D", "A")),
+    ],
+)
+@pytest.mark.skipif(len(PROCESSORS) < 3, reason="this processor does not understand their code")
+def test_a_walk_is_the_same_to_the_last_bit_on_another_processor(processor, name, derivatives):
+    """With vectors half as wide; with no fused instruction at all."""
+    done = subprocess.run(
+        [sys.executable, "-c", DIGEST.format(name=name, derivatives=derivatives)],
+        env={**os.environ, "NUMBA_CPU_NAME": processor},
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert done.stdout.strip() == sha256(walk(name, derivatives)).hexdigest()
