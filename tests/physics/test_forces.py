@@ -11,7 +11,7 @@ import pytest
 
 from gym_passive_walker import WALKERS, lab_walker_from_parts
 from gym_passive_walker.gaits.forces import forces, impulses
-from gym_passive_walker.physics import events
+from gym_passive_walker.physics.hybrid import Stage
 
 THIGH, SHANK, SWING_THIGH, SWING_SHANK, HIP = range(5)  # bodies; x downhill, y up, angle each
 WEIGHTED = lab_walker_from_parts()
@@ -128,14 +128,14 @@ def random_states(count, straight, seed):
 
 @pytest.mark.parametrize(
     ("name", "phase"),
-    [(name, events.FREE) for name in KNEED] + [(name, events.LOCKED) for name in WITH_MASS],
+    [(name, Stage.FREE) for name in KNEED] + [(name, Stage.LOCKED) for name in WITH_MASS],
 )
 def test_forces_are_those_that_hold_loose_bodies_together(name, phase):
     walker, slope, torque = WITH_MASS[name], 0.05, 0.3
-    states = random_states(20, phase == events.LOCKED, seed=1)
+    states = random_states(20, phase == Stage.LOCKED, seed=1)
     found = forces(walker, slope, states, np.full(20, phase), hip_torque=torque)
     for i, state in enumerate(states):
-        bodies = Bodies(walker, state[:3], swing_locked=phase == events.LOCKED)
+        bodies = Bodies(walker, state[:3], swing_locked=phase == Stage.LOCKED)
         motion, multipliers = bodies.accelerate(walker, slope, state[3:], torque)
         expected = motion[[THIGH, SWING_THIGH, SWING_SHANK], 2]
         np.testing.assert_allclose(found.accelerations[i], expected, rtol=1e-9, atol=1e-9)
@@ -144,7 +144,7 @@ def test_forces_are_those_that_hold_loose_bodies_together(name, phase):
         np.testing.assert_allclose(contact, expected, rtol=1e-9, atol=1e-10 * scale)
         if walker.knees:
             stance = multipliers["stance knee"][0]
-            swing = multipliers["swing knee"][0] if phase == events.LOCKED else 0.0
+            swing = multipliers["swing knee"][0] if phase == Stage.LOCKED else 0.0
             knees = [found.stance_knee[i], found.swing_knee[i]]
             np.testing.assert_allclose(knees, [stance, swing], rtol=1e-9, atol=1e-10 * scale)
         else:
@@ -154,7 +154,7 @@ def test_forces_are_those_that_hold_loose_bodies_together(name, phase):
 def test_the_simplest_walker_stands_on_the_force_along_its_leg():
     walker, slope = WALKERS["D"], 0.05
     states = random_states(10, True, seed=2)
-    found = forces(walker, slope, states, np.full(10, events.SIMPLEST), hip_torque=0.7)
+    found = forces(walker, slope, states, np.full(10, Stage.SIMPLEST), hip_torque=0.7)
     stance, rate = states[:, 0], states[:, 3]
     along = walker.gravity * np.cos(stance - slope) - walker.leg_length * rate**2
     np.testing.assert_allclose(found.normal, along * np.cos(stance), rtol=1e-12)

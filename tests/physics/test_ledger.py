@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from gym_passive_walker.physics.frame import frame_of
-from gym_passive_walker.physics.ledger import kinetic_energies
 
 from gym_passive_walker import WALKERS, Outcome, stride
-from gym_passive_walker.physics import constants as K
-from tests.physics import bodies, kernels, oracle
+from gym_passive_walker.physics.bodies import body_of, system_of
+from gym_passive_walker.physics.hybrid import State
+from gym_passive_walker.units import units_of
+from tests.physics import bodies, oracle, statements
 from tests.physics.examples import GAITS, LONG_GAITS, MASSIVE, random_state
 
 TORQUES = [0.0, 0.01, -0.01, 0.02]
@@ -33,7 +33,7 @@ def assert_ledger_closes(walker, start, found, within: float = 1e-11) -> None:
 def test_the_ledger_of_a_stride_closes(gait, torque):
     walker = WALKERS[gait.walker]
     state = gait.state * [1.0, 1.0, 1.0, 1.02, 1.01, 1.01]
-    found = stride(walker, gait.slope, state, hip_torque=torque * frame_of(walker).torque)
+    found = stride(walker, gait.slope, state, hip_torque=torque * units_of(walker).torque)
     assert_ledger_closes(walker, state, found)
 
 
@@ -46,7 +46,7 @@ def test_the_ledger_closes_as_well_as_the_motion_is_integrated(name):
         state[1:3] = -state[0]
         if not walker.knees:
             state[5] = state[4]
-        torque = rng.uniform(-0.05, 0.05) * frame_of(walker).torque
+        torque = rng.uniform(-0.05, 0.05) * units_of(walker).torque
         for tolerance in (1e-6, 1e-9, 1e-14):
             found = stride(walker, gait.slope, state, hip_torque=torque, tolerance=tolerance)
             assert_ledger_closes(walker, state, found, 10.0 * tolerance + 1e-14)
@@ -58,7 +58,7 @@ def test_the_ledger_of_a_fall_closes(name):
     outcomes = set()
     for push in (0.4, 2.5):
         state = gait.state * [1.0, 1.0, 1.0, push, 1.0, 1.0]
-        torque = 0.01 * frame_of(walker).torque
+        torque = 0.01 * units_of(walker).torque
         found = stride(walker, gait.slope, state, hip_torque=torque, tolerance=1e-12)
         outcomes.add(found.outcome)
         assert_ledger_closes(walker, state, found)
@@ -71,11 +71,10 @@ def test_the_ledger_of_a_fall_closes(name):
 def test_the_motion_in_the_ledger_is_that_of_the_bodies(name):
     walker, rng = WALKERS[name], np.random.default_rng(1)
     states = [random_state(rng, walker, locked=not walker.knees) for _ in range(20)]
-    energies = np.empty(len(states))
-    scaled = np.array([kernels.dimensionless(walker, state) for state in states])
-    kinetic_energies(int(K.kind_of(walker)), K.constants(walker)[None], scaled, energies)
+    scaled = State(*statements.dimensionless(walker, states).T)
+    energies = system_of(walker).kinetic_energy(body_of(walker), scaled)
     expected = [oracle.kinetic_energy(walker, state) for state in states]
-    np.testing.assert_allclose(energies * frame_of(walker).energy, expected, rtol=1e-12)
+    np.testing.assert_allclose(energies * units_of(walker).energy, expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize("name", MASSIVE)
@@ -92,7 +91,7 @@ def test_gravitys_work_is_the_potential_energy_given_up(name):
 @pytest.mark.parametrize("torque", [0.01, -0.002, 0.04])
 def test_hip_work_is_what_an_independent_integration_says(name, torque):
     walker, gait = WALKERS[name], LONG_GAITS[name]
-    torque *= frame_of(walker).torque
+    torque *= units_of(walker).torque
     walk = oracle.walk(walker, gait.slope, gait.state, torque=torque)
     found = stride(walker, gait.slope, gait.state, hip_torque=torque)
     ends = [oracle.opening(phase.state(t)) for phase in walk.phases for t in phase.times[[0, -1]]]
@@ -109,7 +108,7 @@ def test_hip_work_is_what_an_independent_integration_says(name, torque):
 def test_absolute_hip_work_does_not_need_a_fine_integration(name, tolerance):
     """Steps end where the hip turns back, so long steps hide no turn."""
     walker, gait = WALKERS[name], LONG_GAITS[name]
-    torque = 0.01 * frame_of(walker).torque
+    torque = 0.01 * units_of(walker).torque
     coarse = stride(walker, gait.slope, gait.state, hip_torque=torque, tolerance=tolerance)
     fine = stride(walker, gait.slope, gait.state, hip_torque=torque, tolerance=1e-13)
     assert coarse.hip_work_absolute == pytest.approx(fine.hip_work_absolute, rel=10.0 * tolerance)
@@ -119,7 +118,7 @@ def test_absolute_hip_work_does_not_need_a_fine_integration(name, tolerance):
 @pytest.mark.parametrize("name", MASSIVE)
 def test_absolute_hip_work_is_positive_and_negative_work_added(name, share):
     walker, gait = WALKERS[name], LONG_GAITS[name]
-    found = stride(walker, gait.slope, gait.state, hip_torque=share * frame_of(walker).torque)
+    found = stride(walker, gait.slope, gait.state, hip_torque=share * units_of(walker).torque)
     positive, absolute = found.hip_work_positive, found.hip_work_absolute
     negative = absolute - positive
     assert absolute > 0.0
@@ -130,7 +129,7 @@ def test_absolute_hip_work_is_positive_and_negative_work_added(name, share):
 def test_a_torque_that_drives_late_and_brakes_early_does_both():
     """The swing leg starts backwards, relative to the stance leg, in walkers with heavy shanks."""
     gait = LONG_GAITS["lab"]
-    torque = 0.01 * frame_of(WALKERS["lab"]).torque
+    torque = 0.01 * units_of(WALKERS["lab"]).torque
     found = stride("lab", gait.slope, gait.state, hip_torque=torque)
     assert 0.02 < found.hip_work_positive / found.hip_work_absolute < 0.98
 
@@ -139,7 +138,7 @@ def test_a_torque_that_drives_late_and_brakes_early_does_both():
 def test_reversing_the_torque_of_a_short_push_reverses_its_work(name):
     """To first order: the same motion, driven or braked by next to nothing."""
     walker, gait = WALKERS[name], LONG_GAITS[name]
-    push = 1e-9 * frame_of(walker).torque
+    push = 1e-9 * units_of(walker).torque
     driven = stride(walker, gait.slope, gait.state, hip_torque=push)
     braked = stride(walker, gait.slope, gait.state, hip_torque=-push)
     assert driven.hip_work == pytest.approx(-braked.hip_work, rel=1e-6)

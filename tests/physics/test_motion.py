@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, Walker
-from tests.physics import bodies, kernels, lagrange, oracle
+from tests.physics import bodies, lagrange, oracle, statements
 from tests.physics.examples import KNEED, MASSIVE, random_state, random_walker
 
 PHASES = [
@@ -23,7 +23,7 @@ def assert_same_accelerations(walker: Walker, rng: np.random.Generator, *, locke
     slope = rng.uniform(-0.5, 0.5)
     torque = rng.normal() * walker.total_mass * walker.gravity * walker.leg_length
     expected = lagrange.motion(walker, slope, torque, locked=locked)(state)
-    found = kernels.accelerations(walker, slope, state, torque, locked=locked)
+    found = statements.accelerations(walker, slope, state, torque, locked=locked)
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-12 * np.abs(expected).max())
 
 
@@ -49,7 +49,7 @@ def test_the_simplest_walker_is_a_strut_and_a_pendulum():
         state = random_state(rng, walker, locked=True)
         slope, torque = rng.uniform(-0.5, 0.5), rng.normal()
         expected = oracle.motion(walker, slope, torque, locked=True)(state)
-        found = kernels.accelerations(walker, slope, state, torque, locked=True)
+        found = statements.accelerations(walker, slope, state, torque, locked=True)
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-13 * np.abs(expected).max())
 
 
@@ -70,7 +70,7 @@ def test_the_simplest_walker_moves_as_printed():
             - np.cos(stance - slope) * np.sin(between)
         )
         expected = [stance_acceleration, stance_acceleration - acceleration_between]
-        found = kernels.accelerations(walker, slope, state, 0.0, locked=True)[:2]
+        found = statements.accelerations(walker, slope, state, 0.0, locked=True)[:2]
         np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-14 * (1.0 + rate**2))
 
 
@@ -86,10 +86,10 @@ def test_the_simplest_walker_is_the_limit_of_vanishing_feet():
         simplest = WALKERS["D"]
         state = random_state(rng, simplest, locked=True)
         slope, torque = rng.uniform(-0.5, 0.5), rng.normal()
-        limit = kernels.accelerations(simplest, slope, state, torque, locked=True)
+        limit = statements.accelerations(simplest, slope, state, torque, locked=True)
         distance = [
             np.abs(
-                kernels.accelerations(point_foot(mass), slope, state, torque * mass, locked=True)
+                statements.accelerations(point_foot(mass), slope, state, torque * mass, locked=True)
                 - limit
             ).max()
             for mass in (1e-5, 1e-6)
@@ -104,7 +104,7 @@ def test_kinetic_energy_is_the_sum_over_the_bodies(name, locked):
     for walker in [WALKERS[name], *(random_walker(rng, knees=not locked) for _ in range(20))]:
         state = random_state(rng, walker, locked=locked)
         expected = bodies.kinetic_energy(walker, state)
-        assert kernels.kinetic_energy(walker, state, locked=locked) == pytest.approx(
+        assert statements.kinetic_energy(walker, state, locked=locked) == pytest.approx(
             expected, rel=1e-12
         )
 
@@ -116,7 +116,7 @@ def test_clearance_is_the_height_of_the_lowest_point_of_the_swing_foot(name, loc
         angles = random_state(rng, walker, locked=locked)[:3]
         stance, swing = bodies.Bodies(walker, angles).legs
         expected = (swing.foot - stance.foot).imag
-        found = kernels.foot_clearance(walker, angles, locked=locked)
+        found = statements.foot_clearance(walker, angles, locked=locked)
         assert found == pytest.approx(expected, rel=0.0, abs=1e-13 * walker.leg_length)
 
 
@@ -133,8 +133,8 @@ def test_a_mirror_image_accelerates_the_other_way(name, locked):
     for _ in range(20):
         state = random_state(rng, walker, locked=locked)
         slope, torque = rng.uniform(-0.5, 0.5), rng.normal()
-        here = kernels.accelerations(walker, slope, state, torque, locked=locked)
-        there = kernels.accelerations(mirrored, -slope, -state, -torque, locked=locked)
+        here = statements.accelerations(walker, slope, state, torque, locked=locked)
+        there = statements.accelerations(mirrored, -slope, -state, -torque, locked=locked)
         np.testing.assert_allclose(there, -here, rtol=0.0, atol=1e-13 * np.abs(here).max())
 
 
@@ -146,8 +146,8 @@ def test_motion_looks_the_same_backwards_in_time(name, locked):
     for _ in range(20):
         state = random_state(rng, walker, locked=locked)
         backwards = state * [1.0, 1.0, 1.0, -1.0, -1.0, -1.0]
-        here = kernels.accelerations(walker, 0.1, state, 0.0, locked=locked)
-        there = kernels.accelerations(walker, 0.1, backwards, 0.0, locked=locked)
+        here = statements.accelerations(walker, 0.1, state, 0.0, locked=locked)
+        there = statements.accelerations(walker, 0.1, backwards, 0.0, locked=locked)
         np.testing.assert_array_equal(here, there)
 
 
@@ -155,7 +155,7 @@ def test_motion_looks_the_same_backwards_in_time(name, locked):
 def test_a_positive_torque_drives_the_swing_leg_forward_and_opens_the_legs(name, locked):
     walker = WALKERS[name]
     rest = np.zeros(6)
-    without = kernels.accelerations(walker, 0.0, rest, 0.0, locked=locked)
-    gain = kernels.accelerations(walker, 0.0, rest, 1.0, locked=locked) - without
+    without = statements.accelerations(walker, 0.0, rest, 0.0, locked=locked)
+    gain = statements.accelerations(walker, 0.0, rest, 1.0, locked=locked) - without
     assert gain[1] > 0.0
     assert gain[1] > gain[0]

@@ -7,15 +7,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gym_passive_walker.physics.engine import advance
-from gym_passive_walker.physics.frame import frame_of
-from gym_passive_walker.physics.record import new_records
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from gym_passive_walker import WALKERS, Outcome, Walker, WalkerError, stride
-from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import record as R
+from gym_passive_walker.engine.run import advance, new_records
+from gym_passive_walker.physics.bodies import bodies, system_of
+from gym_passive_walker.units import units_of
 from tests.physics.examples import KNEED, LONG_GAITS, MASSIVE
 
 STRAIGHT_OUT = [0.2, -0.2, -0.2]
@@ -68,7 +66,7 @@ def test_a_shank_that_is_thrown_up_goes_over_the_top(name):
 def test_a_knee_that_snaps_shut_at_once_stubs_the_toe_where_that_is_a_rule(name):
     """Pulled back by the thigh, the shank closes while the leg is still behind the other."""
     walker, gait = WALKERS[name], LONG_GAITS[name]
-    pull = {"hip_torque": -0.04 * frame_of(walker).torque}
+    pull = {"hip_torque": -0.04 * units_of(walker).torque}
     free = stride(walker, gait.slope, gait.state, **pull)
     ruled = stride(walker, gait.slope, gait.state, stub=True, **pull)
     assert ruled.outcome == Outcome.STUBBED_TOE
@@ -172,15 +170,13 @@ def test_feet_together_are_not_a_step(name):
 @pytest.mark.parametrize("name", MASSIVE)
 def test_a_swing_foot_that_comes_up_in_front_has_not_struck(name):
     """Only coming down in front is a heelstrike; through the ground and up again is a scuff."""
-    walker = WALKERS[name]
-    records = new_records(np.array([[-0.1, 0.08, 0.08, -0.3, 0.5, 0.5]]), np.array([0.0]))
-    records[:, R.PHASE] = 2 if walker.massless_legs else 1
-    advance(
-        K.kind_of(walker), K.constants(walker)[None], records, tolerance=1e-10, from_section=False
-    )
+    system, own = system_of(WALKERS[name]), bodies(WALKERS[name])
+    records = new_records(np.array([[-0.1, 0.08, 0.08, -0.3, 0.5, 0.5]]), 0.0)
+    records["phase"] = len(system.phases) - 1
+    (record,) = advance(system, own, records, tolerance=1e-10, from_section=False)[:, 0]
     came_up = 0.02 / 0.2
-    assert records[0, R.TIME] > 2.0 * came_up
-    assert records[0, R.OUTCOME] == Outcome.HEELSTRIKE
+    assert record["time"] > 2.0 * came_up
+    assert record["outcome"] == Outcome.HEELSTRIKE
 
 
 ANY = st.floats(allow_nan=False, allow_infinity=False)

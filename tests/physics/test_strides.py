@@ -6,15 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gym_passive_walker.physics.engine import advance
-from gym_passive_walker.physics.frame import frame_of
-from gym_passive_walker.physics.record import new_records
 
 from gym_passive_walker import WALKERS, Outcome, stride
-from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import events as E
-from gym_passive_walker.physics import record as R
-from tests.physics import bodies, kernels, oracle
+from gym_passive_walker.engine.run import advance, new_records
+from gym_passive_walker.physics.bodies import bodies as bodies_as_numbers
+from gym_passive_walker.physics.bodies import system_of
+from gym_passive_walker.physics.hybrid import Stage
+from gym_passive_walker.units import units_of
+from tests.physics import bodies, oracle, statements
 from tests.physics.examples import GAITS, KNEED, LONG_GAITS, Gait, random_walker
 
 
@@ -27,7 +26,7 @@ def assert_same_stride(walker, slope, state, torque, **precision) -> oracle.Walk
     """Compare every number of a stride with the oracle's, at the engine's best."""
     expected = oracle.walk(walker, slope, state, torque=torque, longest=100.0)
     found = stride(walker, slope, state, hip_torque=torque, tolerance=1e-14)
-    time, energy = walker.time_unit, frame_of(walker).energy
+    time, energy = walker.time_unit, units_of(walker).energy
     assert found.outcome == expected.outcome
     np.testing.assert_allclose(
         found.state * units(walker), expected.state * units(walker), rtol=0.0, **precision
@@ -50,7 +49,7 @@ def test_a_stride_is_what_an_independent_integration_says(gait, torque):
     walker = WALKERS[gait.walker]
     state = gait.state * [1.0, 1.0, 1.0, 0.997, 0.995, 0.995]
     expected = assert_same_stride(
-        walker, gait.slope, state, torque * frame_of(walker).torque, atol=1e-12
+        walker, gait.slope, state, torque * units_of(walker).torque, atol=1e-12
     )
     assert expected.outcome == Outcome.HEELSTRIKE
 
@@ -66,7 +65,7 @@ def kicked(rng: np.random.Generator, name: str):
     state[3:] *= WALKERS[name].time_unit / walker.time_unit
     if not walker.knees:
         state[5] = state[4]
-    torque = rng.choice([0.0, 0.02]) * rng.normal() * frame_of(walker).torque
+    torque = rng.choice([0.0, 0.02]) * rng.normal() * units_of(walker).torque
     return walker, gait.slope + 0.02 * rng.normal(), state, torque
 
 
@@ -203,28 +202,28 @@ def test_the_energy_of_the_simplest_walker_is_its_hips_between_impacts():
 
 def flow(walker, slope, state, time, phase, tolerance=1e-14) -> np.ndarray:
     """A dimensionless state after some time in one phase."""
-    records = new_records(np.array([state]), np.array([slope]), end=time)
-    records[:, R.PHASE] = phase
-    kind, constants = K.kind_of(walker), K.constants(walker)[None]
-    advance(kind, constants, records, tolerance=tolerance, from_section=False)
-    assert records[0, R.OUTCOME] == Outcome.RUNNING
-    assert records[0, R.PHASE] == phase
-    assert records[0, R.TIME] == time
-    return records[0, :6]
+    records, own = new_records(np.array([state]), slope, end=time), bodies_as_numbers(walker)
+    records["phase"] = phase
+    (record,) = advance(
+        system_of(walker), own, records, tolerance=tolerance, from_section=False
+    )[:, 0]  # fmt: skip
+    assert record["outcome"] == Outcome.RUNNING
+    assert record["phase"] == phase
+    assert record["time"] == time
+    return record["state"]
 
 
 BACKWARDS = np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0])
 
 
 @pytest.mark.parametrize(
-    ("name", "phase"),
-    [*((name, E.FREE) for name in KNEED), *((name, E.LOCKED) for name in WALKERS)],
+    ("name", "stage"),
+    [(name, phase.stage) for name, walker in WALKERS.items() for phase in system_of(walker).phases],
 )
-def test_a_walker_filmed_and_played_backwards_obeys_the_same_laws(name, phase):
+def test_a_walker_filmed_and_played_backwards_obeys_the_same_laws(name, stage):
     walker = WALKERS[name]
-    if walker.massless_legs:
-        phase = E.SIMPLEST
-    state = np.array([0.5, -0.2, -0.2 if phase != E.FREE else -0.5, -0.6, 0.8, 0.8])
+    phase = [phase.stage for phase in system_of(walker).phases].index(stage)
+    state = np.array([0.5, -0.2, -0.2 if stage != Stage.FREE else -0.5, -0.6, 0.8, 0.8])
     there = flow(walker, 0.05, state, 0.7, phase)
     back = flow(walker, 0.05, there * BACKWARDS, 0.7, phase)
     np.testing.assert_allclose(back * BACKWARDS, state, rtol=0.0, atol=1e-13)
@@ -235,21 +234,24 @@ def test_a_walker_filmed_and_played_backwards_obeys_the_same_laws(name, phase):
 def test_a_stride_in_ticks_is_a_stride(name):
     """Stopping the clock ever so often changes nothing but the last digits."""
     walker, gait = WALKERS[name], LONG_GAITS[name]
-    state = kernels.dimensionless(walker, gait.state)[None]
-    kind, constants = K.kind_of(walker), K.constants(walker)[None]
-    whole = new_records(state, np.array([gait.slope]), 0.01)
-    advance(kind, constants, whole, tolerance=1e-14)
-    ticks = new_records(state, np.array([gait.slope]), 0.01, end=0.1)
-    advance(kind, constants, ticks, tolerance=1e-14)
+    state = statements.dimensionless(walker, gait.state)[None]
+    system, own = system_of(walker), bodies_as_numbers(walker)
+    whole = new_records(state, gait.slope, 0.01)
+    advance(system, own, whole, tolerance=1e-14)
+    ticks = new_records(state, gait.slope, 0.01, end=0.1)
+    advance(system, own, ticks, tolerance=1e-14)
     count = 1
-    while ticks[0, R.OUTCOME] == Outcome.RUNNING:
-        ticks[0, R.END] += 0.1
-        advance(kind, constants, ticks, tolerance=1e-14, from_section=False)
+    while ticks["outcome"] == Outcome.RUNNING:
+        ticks["end"] += 0.1
+        advance(system, own, ticks, tolerance=1e-14, from_section=False)
         count += 1
-    assert ticks[0, R.OUTCOME] == Outcome.HEELSTRIKE
-    assert count == np.ceil(whole[0, R.TIME] / 0.1)
-    fields = [*range(7), R.HIP_NET, R.HIP_TURN, R.KNEE_TIME, R.KNEE_LOSS, R.HEEL_LOSS]
-    np.testing.assert_allclose(ticks[0, fields], whole[0, fields], rtol=0.0, atol=1e-12)
+    assert ticks["outcome"] == Outcome.HEELSTRIKE
+    assert count == np.ceil(whole["time"] / 0.1)
+    for field in (
+        "state", "time", "moved", "turned", "knee_time", "knee_loss", "heel_loss", "step_length",
+        "gravity_work",
+    ):  # fmt: skip
+        np.testing.assert_allclose(ticks[field], whole[field], rtol=0.0, atol=1e-12)
 
 
 @pytest.mark.parametrize("gait", GAITS, ids=str)
@@ -270,7 +272,7 @@ def test_units_do_not_matter(gait: Gait):
     giant = replace(walker, gravity=gravity * walker.gravity, **lengths, **masses)
     time = np.sqrt(length / gravity)
     work = mass * gravity * length
-    torque = 0.003 * frame_of(walker).torque
+    torque = 0.003 * units_of(walker).torque
     force = work if not walker.massless_legs else gravity * length
     # Rounding decides when an event is near enough, so ask for a smaller error than is checked.
     here = stride(walker, gait.slope, gait.state, hip_torque=torque, tolerance=1e-14)

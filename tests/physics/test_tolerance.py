@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from gym_passive_walker.physics.engine import step_control
 
 from gym_passive_walker import WALKERS, Outcome, stride
+from gym_passive_walker.engine.run import options
 from tests.physics import oracle
 from tests.physics.examples import LONG_GAITS
 
@@ -70,5 +70,5 @@ def test_small_motions_are_resolved_as_well_as_large_ones(walker):
 
 def test_a_finer_tolerance_lands_nearer_to_an_event():
     # What a landing may be off by is of third order in the share of a step that it is moved by.
-    _, landing, _ = step_control(1e-8)
-    assert landing**3 < 1e-8 < landing < step_control(1e-4)[1] < 0.01
+    fine, coarse = (options(tolerance)["landing"][0] for tolerance in (1e-8, 1e-4))
+    assert fine**3 < 1e-8 < fine < coarse < 0.01

@@ -5,7 +5,7 @@ import pytest
 
 from gym_passive_walker import Outcome, stride
 from gym_passive_walker.gaits.trajectory import just_before, states_at, trajectory
-from gym_passive_walker.physics import events
+from gym_passive_walker.physics.hybrid import Stage
 
 SLOPE = 0.036
 GAIT = np.array([0.24395, -0.24395, -0.24395, -1.0491, -0.3015, -1.4831])
@@ -51,7 +51,7 @@ def test_samples_follow_the_rates():
 def test_the_knee_is_free_first_and_locked_thereafter():
     walk = trajectory("lab", SLOPE, GAIT, samples=50)
     locked = walk.times > stride("lab", SLOPE, GAIT).kneestrike_time
-    np.testing.assert_array_equal(walk.phases, np.where(locked, events.LOCKED, events.FREE))
+    np.testing.assert_array_equal(walk.phases, np.where(locked, Stage.LOCKED, Stage.FREE))
     np.testing.assert_array_equal(walk.states[locked, 1], walk.states[locked, 2])
 
 

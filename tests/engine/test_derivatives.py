@@ -13,7 +13,7 @@ from gym_passive_walker.physics.record import new_records
 from gym_passive_walker import WALKERS, Outcome
 from gym_passive_walker.physics import constants as K
 from gym_passive_walker.physics import record as R
-from tests.physics import kernels
+from tests.physics import statements
 from tests.physics.examples import KNEED, LONG_GAITS
 
 TINY = 1e-100
@@ -47,7 +47,7 @@ def end(name: str, values, constants=None) -> np.ndarray:
 def start(name: str) -> np.ndarray:
     """Inputs near the long-step gait, with a little torque."""
     gait = LONG_GAITS[name]
-    state = kernels.dimensionless(WALKERS[name], gait.state)
+    state = statements.dimensionless(WALKERS[name], gait.state)
     return np.array([state[0], *state[3:], gait.slope, 0.003])
 
 

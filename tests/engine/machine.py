@@ -1,0 +1,144 @@
+"""Native code called from a test, made for any processor, and expressions in plain Python."""
+
+from __future__ import annotations
+
+import ctypes
+import operator
+import platform
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from llvmlite import binding as llvm
+from llvmlite import ir
+
+from gym_passive_walker.engine.expressions import Expression
+from gym_passive_walker.engine.layout import WIDTH, aligned
+from gym_passive_walker.engine.native import GROUP, Function, write_table
+
+llvm.initialize_native_target()
+llvm.initialize_native_asmprinter()
+
+_SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 3, *[ctypes.c_double] * 2)
+
+PROCESSORS = {"this": (llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())}
+"""Processors, and what they can do, whose instructions this one understands."""
+
+if platform.machine() in ("x86_64", "AMD64"):
+    PROCESSORS["without fused instructions"] = ("x86-64", "")
+    if llvm.get_host_cpu_features().get("fma") and llvm.get_host_cpu_features().get("avx2"):
+        PROCESSORS["with vectors of 256 bits"] = ("haswell", "")
+
+
+def call(address: int, first: np.ndarray, second: Any = 0, lane=0, x=0.0, y=0.0) -> None:
+    """Call native code with one array, and another or the address of a table."""
+    there = second.ctypes.data if isinstance(second, np.ndarray) else int(second)
+    _SIGNATURE(int(address))(first.ctypes.data, there, lane, x, y)
+
+
+class Native:
+    """A native function of one code.
+
+    Args:
+        code: Reads and writes memories.
+        layouts: What stands there; for one over lanes, the first alone, a tile.
+        lanes: Whether it is made for vectors.
+        lane: Whether it is made for one lane of a tile.
+        processor: One of `PROCESSORS`.
+        told: What else a `Function` is told.
+    """
+
+    def __init__(
+        self,
+        code: Callable[..., None],
+        *layouts: np.dtype,
+        lanes: bool = False,
+        lane: bool = False,
+        processor: str = "this",
+        **told: Any,
+    ) -> None:
+        module, table = ir.Module("test"), {}
+        function = Function(module, "code", layouts, table=table, **told)
+        if lanes:
+            function.over_lanes(code)
+        else:
+            function.once(code, lane=lane)
+        function.end()
+        write_table(module, table)
+        cpu, features = PROCESSORS[processor]
+        machine = llvm.Target.from_default_triple().create_target_machine(
+            cpu=cpu, features=features, opt=2, jit=True
+        )
+        parsed = llvm.parse_assembly(str(module))
+        parsed.triple, parsed.data_layout = machine.triple, str(machine.target_data)
+        parsed.verify()
+        self.engine = llvm.create_mcjit_compiler(parsed, machine)
+        self.engine.finalize_object()
+        self.address = self.engine.get_function_address("code")
+        self.table = self.engine.get_global_value_address("table")
+
+    def __call__(self, first: np.ndarray, second: Any = None, lane=0, x=0.0, y=0.0) -> None:
+        """Call it; over lanes, with the table of its constants."""
+        call(self.address, first, self.table if second is None else second, lane, x, y)
+
+
+def rows(**fields: int) -> np.dtype:
+    """The layout of a tile with some rows in each field."""
+    return np.dtype([(name, "f8", (count, WIDTH)) for name, count in fields.items()])
+
+
+def in_lanes(
+    function: Callable[..., Any], *inputs: np.ndarray, processor: str = "this"
+) -> np.ndarray:
+    """A function's results, (results, n), computed over lanes from inputs of shape (n,)."""
+
+    def code(tile) -> None:
+        results = function(*(tile["given", i] for i in range(len(inputs))))
+        for i, result in enumerate(results):
+            tile["found", i] = result
+
+    count, layout = len(inputs[0]), rows(given=len(inputs), found=8)
+    native, found = Native(code, layout, lanes=True, processor=processor), []
+    for first in range(0, count, GROUP):
+        tile = aligned(layout, 1)
+        part = np.array([x[first : first + GROUP] for x in inputs])
+        tile["given"][0, :, : part.shape[1]] = part
+        native(tile)
+        found.append(tile["found"][0, :, : part.shape[1]].copy())
+    return np.concatenate(found, axis=1)
+
+
+_PLAIN: dict[str, Callable[..., Any]] = {
+    "add": operator.add,
+    "sub": operator.sub,
+    "mul": operator.mul,
+    "div": operator.truediv,
+    "neg": operator.neg,
+    "abs": lambda a: -a if np.real(a) < 0.0 else a,
+    "sqrt": np.sqrt,
+    "<": lambda a, b: np.real(a) < np.real(b),
+    "<=": lambda a, b: np.real(a) <= np.real(b),
+    ">": lambda a, b: np.real(a) > np.real(b),
+    ">=": lambda a, b: np.real(a) >= np.real(b),
+    "and": lambda a, b: a and b,
+    "or": lambda a, b: a or b,
+    "not": lambda a: not a,
+    "choose": lambda condition, yes, no: yes if condition else no,
+}
+
+
+def evaluate(x: Expression, entries: Mapping[Expression, Any]) -> Any:
+    """The value of an expression where entries have some values, real or complex."""
+    done: dict[Expression, Any] = dict(entries)
+
+    def value(x: Expression) -> Any:
+        if x not in done:
+            if x.op == "constant":
+                done[x] = np.float64(x.args[0])
+            elif x.op in ("sin", "cos"):
+                done[x] = getattr(np, x.op)(value(x.args[0]))
+            else:
+                done[x] = _PLAIN[x.op](*map(value, x.args))
+        return done[x]
+
+    return value(x)

@@ -1,0 +1,270 @@
+"""Numbers that remember how they were computed, and how they change."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import sympy as sp
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gym_passive_walker.engine.expressions import (
+    Expression,
+    Tangents,
+    choose,
+    larger,
+    read,
+    square_root,
+)
+from gym_passive_walker.engine.step import Equations
+from gym_passive_walker.physics import kneed
+from gym_passive_walker.physics.bodies import body_of
+from gym_passive_walker.physics.hybrid import State
+from gym_passive_walker.physics.numbers import sine_cosine
+from gym_passive_walker.walkers import WALKERS
+from tests.engine.machine import evaluate, in_lanes
+from tests.physics import statements  # noqa: F401 - SymPy's sine and cosine
+
+
+class Kit:
+    """What expressions and SymPy's symbols call by different names."""
+
+    def __init__(self, root, pick, larger) -> None:
+        self.root, self.pick, self.larger = root, pick, larger
+
+
+OURS = Kit(square_root, choose, larger)
+SYMPY = Kit(sp.sqrt, lambda c, a, b: sp.Piecewise((a, c), (b, True)), sp.Max)
+
+OPERATIONS = {
+    "x + y": lambda kit, x, y: x + y,
+    "x + 2": lambda kit, x, y: x + 2.0,
+    "2 + x": lambda kit, x, y: 2.0 + x,
+    "x - y": lambda kit, x, y: x - y,
+    "y - x": lambda kit, x, y: y - x,
+    "2 - x": lambda kit, x, y: 2.0 - x,
+    "x * y": lambda kit, x, y: x * y,
+    "3 * x": lambda kit, x, y: 3.0 * x,
+    "x * x * x": lambda kit, x, y: x * x * x,
+    "x / y": lambda kit, x, y: x / y,
+    "2 / x": lambda kit, x, y: 2.0 / x,
+    "x / 2": lambda kit, x, y: x / 2.0,
+    "-x": lambda kit, x, y: -x,
+    "(-x) * (-y)": lambda kit, x, y: (-x) * (-y),
+    "|x|": lambda kit, x, y: abs(x),
+    "|-x|": lambda kit, x, y: abs(-x),
+    "|x - y|": lambda kit, x, y: abs(x - y),
+    "root of y²+1": lambda kit, x, y: kit.root(y * y + 1.0),
+    "sine": lambda kit, x, y: sine_cosine(x)[0],
+    "cosine": lambda kit, x, y: sine_cosine(x)[1],
+    "sine of x y": lambda kit, x, y: sine_cosine(x * y)[0],
+    "cosine of x y": lambda kit, x, y: sine_cosine(x * y)[1],
+    "the larger": lambda kit, x, y: kit.larger(x * x, y * x),
+    "a choice": lambda kit, x, y: kit.pick(x < y, x * y, x + y),
+    "a choice with a number": lambda kit, x, y: kit.pick(x < y, x * y, 2.0),
+    "another choice with a number": lambda kit, x, y: kit.pick(x <= y, 2.0, x * y),
+    "a choice of numbers": lambda kit, x, y: kit.pick(x >= y, 2.0, 3.0),
+    "what does not change": lambda kit, x, y: x * 0.0 + 3.0,
+}
+
+NUMBER = st.floats(-2.0, 2.0).filter(lambda x: abs(x) > 1e-2)
+
+
+def entries(*names: str) -> tuple[Expression, ...]:
+    """Places that are read."""
+    known: dict = {}
+    return tuple(read(known, name) for name in names)
+
+
+def value_of(x: Expression | None, values) -> float:
+    """An expression's value; zero for the derivative of what does not change."""
+    return 0.0 if x is None else float(evaluate(x, values))
+
+
+@pytest.mark.parametrize("name", OPERATIONS)
+@given(at=st.tuples(NUMBER, NUMBER), moves=st.tuples(NUMBER, NUMBER))
+def test_every_operation_has_the_value_and_the_derivative_that_sympy_says(name, at, moves):
+    if abs(at[0] - at[1]) < 1e-6:
+        return  # a kink
+    x, y, dx, dy = entries("x", "y", "dx", "dy")
+    found = x.number(OPERATIONS[name](OURS, x, y))
+    a, b = sp.symbols("a b", real=True)
+    stated = sp.sympify(OPERATIONS[name](SYMPY, a, b))
+    here = {a: at[0], b: at[1]}
+    values = dict(zip((x, y, dx, dy), (*at, *moves), strict=True))
+    assert value_of(found, values) == pytest.approx(float(stated.subs(here)), rel=1e-13, abs=1e-14)
+    tangent = Tangents({x: dx, y: dy})(found)
+    along = stated.diff(a) * moves[0] + stated.diff(b) * moves[1]
+    assert value_of(tangent, values) == pytest.approx(float(along.subs(here)), rel=1e-12, abs=1e-13)
+
+
+@st.composite
+def formulas(draw, depth: int = 3):
+    """A function of two numbers, smooth but for absolute values and choices."""
+    if depth == 0:
+        return draw(st.sampled_from([lambda x, y: x, lambda x, y: y]))
+    kind = draw(st.integers(0, 9))
+    f, g = draw(formulas(depth=depth - 1)), draw(formulas(depth=depth - 1))
+    c = draw(st.floats(-2.0, 2.0))
+    return [
+        lambda x, y: f(x, y) + g(x, y),
+        lambda x, y: f(x, y) - g(x, y),
+        lambda x, y: f(x, y) * g(x, y),
+        lambda x, y: f(x, y) / (1.0 + g(x, y) * g(x, y)),
+        lambda x, y: -f(x, y),
+        lambda x, y: c * f(x, y) + c,
+        lambda x, y: sine_cosine(f(x, y))[0],
+        lambda x, y: sine_cosine(g(x, y))[1],
+        lambda x, y: square_root(1.0 + f(x, y) * f(x, y)),
+        lambda x, y: choose(f(x, y) < g(x, y), f(x, y), abs(g(x, y))),
+    ][kind]
+
+
+@given(formula=formulas(), at=st.tuples(NUMBER, NUMBER), moves=st.tuples(NUMBER, NUMBER))
+def test_the_derivative_of_any_formula_is_that_of_a_complex_step(formula, at, moves):
+    x, y, dx, dy = entries("x", "y", "dx", "dy")
+    found = formula(x, y)
+    tangent = Tangents({x: dx, y: dy})(found)
+    values = dict(zip((x, y, dx, dy), (*at, *moves), strict=True))
+    stepped = {x: at[0] + 1e-200j * moves[0], y: at[1] + 1e-200j * moves[1]}
+    expected = np.imag(evaluate(found, stepped)) / 1e-200
+    assert value_of(tangent, values) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_a_derivative_has_a_derivative():
+    x, dx = entries("x", "dx")
+    along = Tangents({x: dx})
+    second = along(along(sine_cosine(x * x)[0]))
+    a = sp.symbols("a")
+    for at in (0.3, -1.2):
+        expected = 0.25 * sp.sin(a * a).diff(a, 2).subs(a, at)
+        assert value_of(second, {x: at, dx: 0.5}) == pytest.approx(float(expected), rel=1e-13)
+
+
+def test_what_does_not_move_has_no_derivative():
+    x, y, dx = entries("x", "y", "dx")
+    along = Tangents({x: dx})
+    for still in (
+        y,
+        y * y + 1.0,
+        x.number(3.0),
+        x < y,
+        sine_cosine(y)[0],
+        abs(y),
+        choose(x < y, y, 1),
+    ):
+        assert along(still) is None
+    assert along(x) is dx
+
+
+@pytest.mark.parametrize("bends", [(0.3, -0.4, 0.7), (None, None, None)], ids=["bent", "plain"])
+def test_a_function_of_the_state_is_followed_along_the_motion(bends):
+    """Its rate and its second derivative, which needs accelerations: those of a foot's height."""
+    system, body = kneed.SYSTEM, body_of(WALKERS["lab"])
+    known: dict = {}
+    angles, rates = ([read(known, kind, i) for i in range(3)] for kind in ("angle", "rate"))
+    accelerations = [read(known, "bend", i) if b is not None else None for i, b in enumerate(bends)]
+    equations = Equations(system, system.phases[0], ())
+    state = equations.as_state(angles, rates)
+    value, rate, bend = equations.along(
+        lambda state: system.foot_clearance(body, state), state, accelerations
+    )
+    at, speeds, t = (0.2, -0.4, -0.7), (-1.0, 0.5, 0.8), sp.symbols("t")
+    here = dict(zip((*angles, *rates), (*at, *speeds), strict=True))
+    here |= {x: b for x, b in zip(accelerations, bends, strict=True) if x is not None}
+    moving = [q + v * t + (b or 0.0) * t * t / 2 for q, v, b in zip(at, speeds, bends, strict=True)]
+    height = system.foot_clearance(body, State(*moving, 0, 0, 0))
+    assert value_of(value, here) == pytest.approx(float(height.subs(t, 0)), rel=1e-13)
+    assert value_of(rate, here) == pytest.approx(float(height.diff(t).subs(t, 0)), rel=1e-13)
+    if bends[0] is not None:
+        assert value_of(bend, here) == pytest.approx(float(height.diff(t, 2).subs(t, 0)), rel=1e-13)
+
+
+def test_equal_expressions_are_one():
+    x, y = entries("x", "y")
+    assert x * y + 2.0 is x * y + 2.0
+    assert x * y is not y * x
+    assert x * 2.0 is not x * 3.0
+    assert (x + 0.0) is not (x + -0.0)
+    assert sine_cosine(x * y)[1] is sine_cosine(x * y)[1]
+
+
+def test_numbers_are_reckoned_at_once():
+    (x,) = entries("x")
+    two, three = x.number(2.0), x.number(3)
+    for result, value in (
+        (two + three, 5.0), (two - three, -1.0), (two * three, 6.0), (three / two, 1.5),
+    ):  # fmt: skip
+        assert result.op == "constant" and result.value == value
+    assert x.value is None
+    assert 1.0 * x is x and x * 1.0 is x
+    opposite = -x
+    assert -opposite is x
+    assert abs(-x) is abs(x)
+    assert (-x) * (-x) is x * x
+    assert choose(x < two, three, 3.0) is three
+
+
+def test_an_expression_is_neither_true_nor_false():
+    x, y = entries("x", "y")
+    with pytest.raises(TypeError, match="choose"):
+        bool(x < y)
+    with pytest.raises(TypeError, match="choose"):
+        max(x, y)
+
+
+# Sine and cosine, as native code computes them.
+
+
+def sines_cosines(angles) -> np.ndarray:
+    """Both of an array of angles, (2, n)."""
+    return in_lanes(lambda x: sine_cosine(x), np.asarray(angles, dtype=float))[:2]
+
+
+def both(angles) -> np.ndarray:
+    """What the mathematical library says, whose own error is half a last bit."""
+    return np.array([[function(x) for x in angles] for function in (math.sin, math.cos)])
+
+
+def test_sine_and_cosine_are_right_to_the_last_bit_or_so():
+    rng = np.random.default_rng(6)
+    halves = 0.5 * np.pi * np.arange(-636, 637)
+    angles = np.concatenate(
+        [
+            np.linspace(-1000.0, 1000.0, 100_001),
+            rng.uniform(-4.0, 4.0, 100_000),
+            halves,
+            np.nextafter(halves, np.inf),
+            np.nextafter(halves, -np.inf),
+        ]
+    )
+    assert np.abs(sines_cosines(angles) - both(angles)).max() <= 2.5e-16
+
+
+def test_sine_and_cosine_are_as_right_after_a_thousand_turns():
+    rng = np.random.default_rng(7)
+    halves = 0.5 * np.pi * np.arange(-4000, 4001)
+    angles = np.concatenate([rng.uniform(-2000.0 * np.pi, 2000.0 * np.pi, 100_000), halves])
+    assert np.abs(sines_cosines(angles) - both(angles)).max() <= 2.5e-16
+
+
+def test_the_sine_of_a_small_angle_keeps_all_its_digits():
+    angles = np.concatenate([np.logspace(-320, -1, 2000), -np.logspace(-320, -1, 2000)])
+    np.testing.assert_allclose(sines_cosines(angles)[0], both(angles)[0], rtol=2.5e-16, atol=0.0)
+
+
+def test_sine_and_cosine_of_zero_are_exact():
+    np.testing.assert_array_equal(sines_cosines(np.zeros(1)), [[0.0], [1.0]])
+
+
+def test_sine_is_odd_and_cosine_even():
+    angles = np.random.default_rng(8).uniform(-1000.0, 1000.0, 10_000)
+    (sine, cosine), (other_sine, other_cosine) = sines_cosines(angles), sines_cosines(-angles)
+    np.testing.assert_array_equal(other_sine, -sine)
+    np.testing.assert_array_equal(other_cosine, cosine)
+
+
+def test_sine_and_cosine_of_no_number_are_none():
+    assert np.all(np.isnan(sines_cosines([np.nan, np.inf, -np.inf])))

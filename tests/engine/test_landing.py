@@ -1,0 +1,96 @@
+"""What the search for events within a step is made of: quintics and their roots."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+import pytest
+
+from gym_passive_walker.engine import landing
+from gym_passive_walker.engine.layout import COURSE
+
+
+@numba.njit
+def _path(courses, i, h):
+    return landing.path(courses[0], i, h)
+
+
+@numba.njit
+def _hiding(courses, i, h):
+    return landing.hiding(courses[0], i, h)
+
+
+@numba.njit
+def _further(courses, i, ahead):
+    return landing.further(courses[0], i, ahead)
+
+
+ENDS = ("before", "rate_before", "bend_before", "after", "rate_after", "bend_after")
+
+
+def course(ends, i: int = 0) -> np.ndarray:
+    """A guard's value, rate and bend at both ends of a step."""
+    courses = np.zeros(1, COURSE)
+    for name, value in zip(ENDS, ends, strict=True):
+        courses[name][0, i] = value
+    return courses
+
+
+def quintic(ends):
+    """The polynomial over a step of length 1."""
+    return _path(course(ends), 0, 1.0)
+
+
+@pytest.mark.parametrize("h", [1.0, 0.25])
+def test_a_quintic_has_the_values_slopes_and_curvatures_it_is_made_from(h):
+    rng = np.random.default_rng(1)
+    for ends in rng.normal(size=(100, 6)):
+        p = _path(course(ends, 3), 3, h)
+        slope = landing.derivative(p)
+        curvature = landing.derivative(slope)
+        for x, (value, first, second) in ((0.0, ends[:3]), (1.0, ends[3:])):
+            found = [landing.value(q, x) for q in (p, slope, curvature)]
+            expected = [value, first * h, second * h * h]
+            np.testing.assert_allclose(found[:2], expected[:2], rtol=0.0, atol=1e-13)
+            np.testing.assert_allclose(found[2], expected[2], rtol=0.0, atol=1e-12)
+
+
+def test_a_root_is_found_between_ends_of_different_sign():
+    """However the polynomial bends there: Newton's steps may lead astray, bisection does not."""
+    rng = np.random.default_rng(2)
+    for ends in rng.normal(size=(2000, 6)) * [1.0, 30.0, 100.0, 1.0, 30.0, 100.0]:
+        ends[3] = -np.sign(ends[0]) * abs(ends[3])
+        p = quintic(ends)
+        x = landing.root(p)
+        assert 0.0 <= x <= 1.0
+        assert abs(landing.value(p, x)) <= 1e-9 * np.abs(ends).max()
+
+
+def test_a_root_where_the_polynomial_is_flat_is_found():
+    flat = (-(0.3**5), 5 * 0.3**4, -10 * 0.3**3, 10 * 0.3**2, -5 * 0.3, 1.0)  # (x - 0.3)^5
+    assert abs(landing.root(flat) - 0.3) < 1e-3
+    assert abs(landing.root((1.0, 0.0, 0.0, 0.0, 0.0, -2.0)) - 0.5**0.2) < 1e-12
+
+
+def along(function, h: float):
+    """A step of length h over which a guard is a polynomial of the time since its start."""
+    p = np.polynomial.Polynomial(function)
+    return course([q(t) for t in (0.0, h) for q in (p, p.deriv(), p.deriv(2))])
+
+
+def test_a_guard_that_dips_to_zero_and_back_hides_two_falls():
+    """(t - 0.3)² - d: below zero around 0.3 where d is positive."""
+    for dip in (1e-3, 1e-12, -1e-12):
+        turn = _hiding(along([0.09 - dip, -0.6, 1.0], 1.0), 0, 1.0)
+        assert turn == pytest.approx(0.3, abs=1e-6)
+    assert _hiding(along([0.09 + 1.0, -0.6, 1.0], 1.0), 0, 1.0) == -1.0  # far from zero
+    assert _hiding(along([0.1, 0.2, 1.0], 1.0), 0, 1.0) == -1.0  # no turn
+
+
+def test_a_turn_at_a_steps_end_hides_nothing():
+    assert _hiding(along([1e-16, -1e-8, 1.0], 1.0), 0, 1.0) == -1.0
+
+
+def test_a_guard_is_followed_a_little_beyond_the_step():
+    courses = along([0.2, -1.0, 0.5], 0.4)
+    assert _further(courses, 0, 0.01) == pytest.approx(0.2 - 0.41 + 0.5 * 0.41**2, abs=1e-15)

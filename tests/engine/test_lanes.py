@@ -1,0 +1,214 @@
+"""Walkers side by side: each walks bitwise as it does alone, on any processor."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from hashlib import sha256
+
+import numpy as np
+import pytest
+
+from gym_passive_walker import WALKERS, Outcome, stride
+from gym_passive_walker.engine.layout import COURSE, TILE, WIDTH, aligned
+from gym_passive_walker.engine.native import GROUP
+from gym_passive_walker.engine.run import Seeds, advance, in_parts, new_records, planes_of
+from gym_passive_walker.physics.bodies import bodies, system_of
+from gym_passive_walker.units import units_of
+from tests.engine.machine import PROCESSORS
+from tests.physics import statements
+from tests.physics.examples import LONG_GAITS, random_walker
+
+
+def crowd(name: str, count: int, seed: int = 0):
+    """Slopes, states and torques of many walkers of a kind: strides, falls, throws, rests."""
+    rng = np.random.default_rng(seed)
+    walker, gait = WALKERS[name], LONG_GAITS[name]
+    states = gait.state * (1.0 + rng.normal(size=(count, 6)) * rng.choice([0.02, 0.5], (count, 1)))
+    states[:, 1] = states[:, 2] = -states[:, 0]
+    states[::7] = rng.normal(scale=3.0, size=states[::7].shape)
+    states[::11] = 0.0
+    slopes = gait.slope + 0.02 * rng.normal(size=count)
+    torques = rng.choice([0.0, 0.02], count) * rng.normal(size=count) * units_of(walker).torque
+    return slopes, states, torques
+
+
+def assert_bitwise_same(one, other) -> None:
+    """Compare all fields of two strides, NaN for NaN."""
+    for field in one._fields:
+        np.testing.assert_array_equal(getattr(one, field), getattr(other, field), err_msg=field)
+
+
+def pick(found, which):
+    """Some of the strides of a batch."""
+    return type(found)(*(value[which] if np.ndim(value) else value for value in found))
+
+
+@pytest.mark.parametrize("name", WALKERS)
+def test_a_walker_walks_alike_alone_and_in_a_crowd(name):
+    slopes, states, torques = crowd(name, 150)
+    together = stride(name, slopes, states, hip_torque=torques)
+    assert len(set(together.outcome)) >= 3
+    for i in range(150):
+        alone = stride(name, slopes[i], states[i], hip_torque=torques[i])
+        assert_bitwise_same(alone, pick(together, i))
+
+
+@pytest.mark.parametrize("name", WALKERS)
+@pytest.mark.parametrize("count", [1, 7, 8, 9, 16, 17, 31, 129])
+def test_it_does_not_matter_who_walks_beside_whom(name, count):
+    slopes, states, torques = crowd(name, 150)
+    together = stride(name, slopes, states, hip_torque=torques)
+    which = np.random.default_rng(count).permutation(150)[:count]
+    some = stride(name, slopes[which], states[which], hip_torque=torques[which])
+    assert_bitwise_same(some, pick(together, which))
+
+
+@pytest.mark.parametrize("name", WALKERS)
+def test_threads_change_nothing(name):
+    slopes, states, torques = crowd(name, 2100)
+    one = stride(name, slopes, states, hip_torque=torques, threads=1)
+    for threads in (2, 3, None):
+        more = stride(name, slopes, states, hip_torque=torques, threads=threads)
+        assert_bitwise_same(more, one)
+
+
+def with_derivatives(name: str, count: int):
+    """Records of a crowd whose derivatives are carried along."""
+    walker, rng = WALKERS[name], np.random.default_rng(3)
+    slopes, states, torques = crowd(name, count)
+    scaled, planes = statements.dimensionless(walker, states), planes_of(system_of(walker))
+    seeds = Seeds(
+        states=rng.normal(size=(count, planes, 6)),
+        slopes=rng.normal(size=(count, planes)),
+        controls=rng.normal(size=(count, planes, 1)),
+    )
+    controls = torques / units_of(walker).torque
+    return new_records(scaled, slopes, controls, seeds=seeds, planes=planes)
+
+
+@pytest.mark.parametrize("name", ["lab", "A", "D"])
+def test_derivatives_are_alike_alone_and_in_a_crowd(name):
+    walker, together = WALKERS[name], with_derivatives(name, 1030)
+    system, own, single = system_of(walker), bodies(walker), together[:60].copy()
+    parts = together.copy()
+    with np.errstate(all="ignore"):
+        advance(system, own, together, tolerance=1e-10, threads=1)
+        advance(system, own, parts, tolerance=1e-10, threads=2)
+        for i in range(len(single)):
+            advance(system, own, single[i : i + 1], tolerance=1e-10)
+    assert parts.tobytes() == together.tobytes()
+    assert single.tobytes() == together[:60].tobytes()
+    assert len(set(together["outcome"][:, 0])) >= 3
+
+
+@pytest.mark.parametrize("name", ["lab", "A"])
+def test_walkers_of_many_shapes_walk_alike_alone_and_together(name):
+    rng = np.random.default_rng(5)
+    system, count = system_of(WALKERS[name]), 150
+    slopes, states, _ = crowd(name, count)
+    states = statements.dimensionless(WALKERS[name], states)
+    shapes = bodies(*(random_walker(rng, knees=WALKERS[name].knees) for _ in range(count)))
+    together = new_records(states, slopes, 0.01)
+    advance(system, shapes, together, tolerance=1e-10)
+    for i in range(count):
+        alone = new_records(states[i : i + 1], slopes[i : i + 1], 0.01)
+        advance(system, shapes[i : i + 1], alone, tolerance=1e-10)
+        np.testing.assert_array_equal(alone[0], together[i])
+    assert len(set(together["outcome"][:, 0])) >= 3
+
+
+def test_one_shape_given_once_or_to_each_is_the_same():
+    slopes, states, _ = crowd("lab", 40)
+    states, system = statements.dimensionless(WALKERS["lab"], states), system_of(WALKERS["lab"])
+    own = bodies(WALKERS["lab"])
+    once, each = new_records(states, slopes), new_records(states, slopes)
+    advance(system, own, once, tolerance=1e-10)
+    advance(system, np.repeat(own, 40, axis=0), each, tolerance=1e-10)
+    np.testing.assert_array_equal(once, each)
+
+
+def test_a_walker_that_has_arrived_is_left_alone_by_ticks_of_the_others():
+    """Records start again only where they are asked to."""
+    walker, gait = WALKERS["lab"], LONG_GAITS["lab"]
+    state = statements.dimensionless(walker, gait.state)[None]
+    records = new_records(np.repeat(state, 3, axis=0), gait.slope, end=[0.1, 1.0, 100.0])
+    values = advance(system_of(walker), bodies(walker), records, tolerance=1e-10)[:, 0]
+    assert list(values["outcome"]) == [Outcome.RUNNING, Outcome.RUNNING, Outcome.HEELSTRIKE]
+    np.testing.assert_array_equal(values["time"][:2], [0.1, 1.0])
+    assert values["time"][2] > 1.0
+    values["end"][:2] += 0.1
+    advance(system_of(walker), bodies(walker), records[:2], tolerance=1e-10, from_section=False)
+    np.testing.assert_array_equal(values["time"][:2], [0.2, 1.1])
+    assert list(values["outcome"]) == [Outcome.RUNNING, Outcome.RUNNING, Outcome.HEELSTRIKE]
+
+
+def test_every_walker_is_taken_care_of_once_by_however_many_threads():
+    for count in (0, 1, 1023, 2048, 5000, 100_000):
+        for threads in (None, 1, 2, 7):
+            seen = np.zeros(count, int)
+
+            def job(first, last, seen=seen):
+                seen[first:last] += 1
+
+            in_parts(job, count, threads)
+            assert (seen == 1).all()
+
+
+def test_what_goes_wrong_in_a_thread_is_heard_of():
+    def job(first, last):
+        if last == 8192:
+            raise RuntimeError("one of the last")
+
+    with pytest.raises(RuntimeError, match="one of the last"):
+        in_parts(job, 8192, 2)
+
+
+def test_each_vector_of_a_tile_lies_in_one_line_of_the_cache():
+    for planes in range(1, 10):
+        tiles = aligned(TILE, planes)
+        assert tiles.shape == (planes,)
+        assert not tiles.view(np.uint8).any()
+        for name in TILE.names:
+            assert tiles[name].ctypes.data % 64 == 0
+    assert TILE.itemsize % 64 == 0
+    assert WIDTH % GROUP == 0
+    assert COURSE["before"].shape == COURSE["counts"].shape
+
+
+DIGEST = """
+from hashlib import sha256
+from tests.engine.test_lanes import walk
+print(sha256(walk({name!r}, {derivatives})).hexdigest())
+"""
+
+
+def walk(name: str, derivatives: bool) -> bytes:
+    """All that is known of a crowd after a stride, with derivatives or without."""
+    walker, records = WALKERS[name], with_derivatives(name, 60)
+    records = records[:, : None if derivatives else 1].copy()
+    with np.errstate(all="ignore"):
+        advance(system_of(walker), bodies(walker), records, tolerance=1e-10, threads=1)
+    return records.tobytes()
+
+
+@pytest.mark.parametrize(
+    ("processor", "name", "derivatives"),
+    [
+        *(("haswell", name, derivatives) for name in "DA" for derivatives in (False, True)),
+        ("haswell", "lab", False),
+        pytest.param("haswell", "lab", True, marks=pytest.mark.slow),
+        # Without fused instructions, derivatives take minutes to compile.
+        *(pytest.param("generic", name, False, marks=pytest.mark.slow) for name in ("D", "A")),
+    ],
+)
+@pytest.mark.skipif(len(PROCESSORS) < 3, reason="this processor does not understand their code")
+def test_a_walk_is_the_same_to_the_last_bit_on_another_processor(processor, name, derivatives):
+    """With vectors half as wide; with no fused instruction at all."""
+    done = subprocess.run(
+        [sys.executable, "-c", DIGEST.format(name=name, derivatives=derivatives)],
+        env={**os.environ, "NUMBA_CPU_NAME": processor},
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert done.stdout.strip() == sha256(walk(name, derivatives)).hexdigest()
