@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker import WALKERS, find_gait
-from gym_passive_walker.physics.bodies import body_of, system_of
 from gym_passive_walker.physics.hybrid import Ground, System
+from gym_passive_walker.physics.systems import body_of, system_of
 from gym_passive_walker.units import units_of
 
 STARTS = 64
