@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.physics.bodies import KneedBody
 from gym_passive_walker.physics.hybrid import Control, Ground, State
+from gym_passive_walker.physics.legs import hip_torque as torque_at_hip
 from gym_passive_walker.physics.legs import impulse, turned
 from gym_passive_walker.physics.numbers import sine_cosine
 from gym_passive_walker.physics.systems import body_of, system_of
@@ -181,7 +182,9 @@ def forces(
         here = stages == phase.stage
         for link in range(3):  # the shank of a straight leg goes with the thigh
             turns[link, here] = found[min(link, phase.links - 1)][here]
-    carried = reactions(body, state[:3], state[3:], turns, ground, control.hip)
+    carried = reactions(
+        body, state[:3], state[3:], turns, ground, torque_at_hip(body, state, control)
+    )
     return _in_own_units(walker, turns, carried, 1.0)
 
 

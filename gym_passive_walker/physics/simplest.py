@@ -27,7 +27,7 @@ def accelerations(body, state, control, ground):
         (cosine * swing_cosine + sine * swing_sine) * stance_acceleration
         - (sine * swing_cosine - cosine * swing_sine) * state.stance_rate * state.stance_rate
         - (swing_sine * ground.cosine - swing_cosine * ground.sine)
-        + legs.hip_torque(body, state, control)
+        + control.hip
     )
     return stance_acceleration, swing_acceleration
 
