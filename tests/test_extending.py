@@ -1,0 +1,70 @@
+"""That a walker is extended where it is stated: the change in docs/extending.md, applied."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+CHANGE = re.search(r"```diff\n(.*?)```", (ROOT / "docs/extending.md").read_text("utf-8"), re.DOTALL)
+
+BOOKS = """
+import sys
+from dataclasses import replace
+import gym_passive_walker as gpw
+from gym_passive_walker.physics.hybrid import State
+from gym_passive_walker.physics.systems import body_of, system_of
+from gym_passive_walker.units import units_of
+
+def missing(walker, slope, state):
+    units, system = units_of(walker), system_of(walker)
+    def energy(at):
+        moving = State(*units.to_dimensionless(at))
+        return system.kinetic_energy(body_of(walker), moving) * units.energy
+    stride = gpw.stride(walker, slope, state, tolerance=1e-12)
+    assert stride.outcome == gpw.Outcome.HEELSTRIKE
+    gained = energy(stride.state) - energy(state)
+    return (stride.gravity_work - gained - stride.collision_loss) / units.energy
+
+for name, slope in (("lab", 0.036), ("A", 0.03)):
+    walker = gpw.WALKERS[name]
+    units, state = units_of(walker), gpw.find_gait(walker, slope).state
+    spring = {"hip_stiffness": 0.02 * units.energy}
+    friction = {"hip_friction": 0.005 * units.energy * units.time}
+    for more in ({}, spring, friction, spring | friction):
+        print(missing(replace(walker, **more), slope, state))
+    stiff = replace(walker, hip_stiffness=0.01 * units.energy)
+    by = gpw.stride_jacobian(stiff, slope, state, wrt="hip_stiffness")[:, 0]
+    step = 1e-5 * units.energy
+    ends = [
+        gpw.stride(replace(stiff, hip_stiffness=stiff.hip_stiffness + s), slope, state).state
+        for s in (step, -step)
+    ]
+    kept = [0, 3, 4, 5] if walker.knees else [0, 3, 4]
+    print(abs(by - (ends[0] - ends[1])[kept] / (2 * step)).max() / abs(by).max())
+"""
+
+
+def test_the_change_touches_three_files():
+    assert CHANGE is not None
+    assert len(re.findall(r"^diff --git", CHANGE[1], re.MULTILINE)) == 3
+
+
+@pytest.mark.slow
+def test_a_spring_keeps_energy_and_friction_takes_it(tmp_path):
+    shutil.copytree(ROOT / "gym_passive_walker", tmp_path / "gym_passive_walker")
+    (tmp_path / "change.diff").write_text(CHANGE[1], encoding="utf-8")
+    subprocess.run(["git", "apply", "change.diff"], cwd=tmp_path, check=True)
+    told = subprocess.run(
+        [sys.executable, "-c", BOOKS],
+        cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(tmp_path)},
+        check=True, capture_output=True, text=True,
+    ).stdout.split()  # fmt: skip
+    for plain, spring, friction, both, slope_error in zip(*[map(float, told)] * 5, strict=True):
+        assert abs(plain) < 1e-13 and abs(spring) < 1e-13
+        assert 1e-3 < friction < 1e-2 and 1e-3 < both < 1e-2
+        assert slope_error < 1e-6
