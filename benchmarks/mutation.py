@@ -75,7 +75,7 @@ class Copy:
     def fill(self) -> None:
         """Let an unchanged package pass its tests, and keep what it has compiled."""
         every = list(dict.fromkeys(test for tests in TESTS.values() for test in tests))
-        if failure := self.tests_fail(every):
+        if failure := self.tests_fail(every, patience=20.0 * PATIENCE):
             raise SystemExit(f"tests fail without any change: {failure}")
         self.cache.rename(self.filled)
 
@@ -95,7 +95,7 @@ class Copy:
         finally:
             shutil.copy2(ROOT / path_of(mutant.file), path)  # as old as before: see numba's cache
 
-    def tests_fail(self, tests: Sequence[str]) -> str:
+    def tests_fail(self, tests: Sequence[str], patience: float = PATIENCE) -> str:
         """What tests say: the first failure, "time" if they ran on, "" if they pass."""
         present = [test for test in tests if (self.tree / test).exists()]
         command = [
@@ -110,7 +110,7 @@ class Copy:
         }
         try:
             run = subprocess.run(
-                command, cwd=self.tree, env=variables, timeout=PATIENCE, capture_output=True,
+                command, cwd=self.tree, env=variables, timeout=patience, capture_output=True,
                 text=True,
             )  # fmt: skip
         except subprocess.TimeoutExpired:
