@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from gym_passive_walker.physics.engine import advance
-from gym_passive_walker.physics.record import new_records
 from numpy.typing import NDArray
 
 from benchmarks.problem import STARTS, Problem
 from benchmarks.report import seconds
-from gym_passive_walker.physics import record as R
+from gym_passive_walker.engine.run import LONGEST_STRIDE, advance, new_records
 from gym_passive_walker.physics.hybrid import Outcome
 
 
-def crowd(p: Problem, count: int, torque: float = 0.0, end: float = R.LONGEST_STRIDE) -> NDArray:
+def crowd(p: Problem, count: int, torque: float = 0.0, end: float = LONGEST_STRIDE) -> NDArray:
     """Records of `count` walkers, which begin at the problem's starts in turn.
 
     Args:
@@ -24,16 +22,16 @@ def crowd(p: Problem, count: int, torque: float = 0.0, end: float = R.LONGEST_ST
         torque: Hip torque held all along, over m g l.
         end: Time in sqrt(l/g) at which they stop, if no heelstrike comes before.
     """
-    states = np.resize(p.starts, (count, 6))
-    return new_records(states, np.full(count, p.slope), torque, end=end)
+    return new_records(np.resize(p.starts, (count, 6)), p.slope, torque, end=end)
 
 
 def move(
     p: Problem, records: NDArray, tolerance: float, *, threads: int = 1, stub: bool = False
 ) -> NDArray:
     """Carry records to their ends, in place; their states are given back."""
-    advance(p.kind, p.c[None], records, tolerance=tolerance, threads=threads, stub=stub)
-    return records[:, :6]
+    body = np.array(p.body)[None, None]
+    advance(p.system, body, records, tolerance=tolerance, threads=threads, scuff=stub)
+    return records["state"][:, 0]
 
 
 def again(
@@ -53,7 +51,7 @@ def strides(p: Problem, tolerance: float, count: int = STARTS, threads: int = 1)
     """Next section states of `count` walkers."""
     records = crowd(p, count)
     states = move(p, records, tolerance, threads=threads)
-    if not np.all(records[:, R.OUTCOME] == Outcome.HEELSTRIKE):
+    if not np.all(records["outcome"] == Outcome.HEELSTRIKE):
         raise RuntimeError("a walker of the benchmark fell")
     return states
 
@@ -62,8 +60,7 @@ def walk(p: Problem, count: int, tolerance: float) -> NDArray:
     """Section states of the problem's starts after a number of strides."""
     states = p.starts
     for _ in range(count):
-        records = new_records(states.copy(), np.full(len(states), p.slope))
-        states = move(p, records, tolerance)
+        states = move(p, new_records(states, p.slope), tolerance)
     return states
 
 

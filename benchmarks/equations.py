@@ -1,188 +1,86 @@
-"""The engine's own equations for its rivals, so that all solve the same problem to the digit.
+"""The engine's own statements over the numbers of its rivals, so that all solve the same problem.
 
-Here alone it is known how the engine's kernels are written: which constants an equation takes, in
-which order, and how compiled code is read as plain Python over a rival's own numbers.
+The motion of a phase is an equation y' = f(y) here, as integrators want it: y are the angles that
+move by themselves, and their rates. Numbers may be of any kind that knows `sine_cosine`.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-from types import FunctionType, ModuleType, SimpleNamespace
+from collections.abc import Callable, Sequence
+from itertools import count
 from typing import Any
 
 import numba
-import numpy as np
-from gym_passive_walker.physics.constants import Kind
-from gym_passive_walker.physics.lanes import inlined
-from numba.core.dispatcher import Dispatcher
 
 from benchmarks.problem import Problem
-from gym_passive_walker.physics import compass, kneed, simplest
-from gym_passive_walker.physics import constants as K
-
-_PHYSICS = "gym_passive_walker.physics"
+from gym_passive_walker.engine.expressions import Expression, read
+from gym_passive_walker.physics.hybrid import Control, Guard, Number, Phase, State, Watch
 
 
-def plain(function: Any, sine_cosine: Callable) -> Callable:
-    """A compiled function of the engine as plain Python.
-
-    Args:
-        function: Any of `physics`' inlined functions.
-        sine_cosine: What to use for the engine's sines: it says over which numbers this runs.
-    """
-    seen: dict[str, Any] = {}
-
-    def reread(value: Any) -> Any:
-        if isinstance(value, Dispatcher):
-            if value.py_func.__name__ == "sine_cosine":
-                return sine_cosine
-            key = f"{value.py_func.__module__}.{value.py_func.__name__}"
-            if key not in seen:
-                code, names = value.py_func.__code__, value.py_func.__globals__
-                globals_: dict[str, Any] = {"__builtins__": __builtins__}
-                seen[key] = FunctionType(code, globals_)
-                for name in code.co_names:
-                    if name in names:
-                        globals_[name] = reread(names[name])
-            return seen[key]
-        if isinstance(value, ModuleType) and value.__name__.startswith(_PHYSICS):
-            entries = vars(value).items()
-            late = {n: _Late(reread, e) for n, e in entries if isinstance(e, Dispatcher)}
-            return SimpleNamespace(**{n: e for n, e in entries if n[:2] != "__"} | late)
-        return value
-
-    return reread(function)
+def state_of(phase: Phase, y: Sequence[Number]) -> State:
+    """The state that coordinates stand for; a straight leg's shank goes with its thigh."""
+    links = [min(i, phase.links - 1) for i in range(3)]
+    return State(*(y[i] for i in links), *(y[phase.links + i] for i in links))
 
 
-class _Late:
-    """A function of another module, read when it is first called."""
-
-    def __init__(self, reread: Callable, entry: Any) -> None:
-        self._reread, self._entry = reread, entry
-
-    def __call__(self, *arguments: Any) -> Any:
-        return self._reread(self._entry)(*arguments)
+def coordinates(phase: Phase, state: Sequence[Number]) -> list[Number]:
+    """The coordinates of a state in a phase."""
+    return [*state[: phase.links], *state[3 : 3 + phase.links]]
 
 
-def motion(p: Problem, phase: str, sine_cosine: Callable, torque: float = 0.0) -> Callable:
-    """Accelerations of a phase ("free" or "locked") as a function of angles and rates."""
-    c, slope = [float(value) for value in p.c], (math.sin(p.slope), math.cos(p.slope))
-    common = c[K.FOOT_RADIUS : K.STANCE_INERTIA + 1]
-    if phase == "free":
-        own = [*c[K.THIGH_ALONG : K.THIGH_INERTIA + 1], c[K.SHANK_ALONG], c[K.SHANK_ACROSS]]
-        own += c[K.SHANK_MOBILITY : K.KNEE_SINE + 1]
-        function = plain(kneed.accelerations, sine_cosine)
-    elif p.kind == Kind.SIMPLEST:
-        common, own, function = [], [], plain(simplest.accelerations, sine_cosine)
-    else:
-        own = c[K.SWING_ALONG : K.SWING_INERTIA + 1]
-        function = plain(compass.accelerations, sine_cosine)
-    return lambda *state: function(*state, *common, *own, *slope, torque)
+def side(p: Problem, phase: Phase, y: Sequence[Number], torque: float = 0.0) -> list[Number]:
+    """The right-hand side f(y)."""
+    control, state = Control(torque), state_of(phase, y)
+    return [*y[phase.links :], *phase.accelerations(p.body, state, control, p.ground)]
 
 
-def strikes(p: Problem, sine_cosine: Callable | None = None) -> tuple[Callable, Callable]:
-    """The collisions: what kneestrike makes of a free state, heelstrike of a locked one.
-
-    Args:
-        p: The problem.
-        sine_cosine: As for `motion`; None compiles them, for arrays of states.
-
-    Returns:
-        Functions of a free state [stance, thigh, shank, and their rates] and of a locked one
-        [stance, swing, and their rates]: the locked state, and the next section state. Compiled
-        ones take and give arrays with a state in each column.
-    """
-    heels = {Kind.KNEED: kneed, Kind.COMPASS: compass, Kind.SIMPLEST: simplest}
-    knee, heel, c, kind = kneed.kneestrike, heels[p.kind].heelstrike, p.c, int(p.kind)
-    if sine_cosine is not None:
-        knee, heel = plain(knee, sine_cosine), plain(heel, sine_cosine)
-
-    def kneestrike(state):  # type: ignore[no-untyped-def]
-        rate, swing_rate, _ = knee(c, state[0], state[1], state[3], state[4], state[5])
-        return state[0], state[1], rate, swing_rate
-
-    def heelstrike(state):  # type: ignore[no-untyped-def]
-        angle = (state[1] - state[0]) / 2
-        if kind == 0:
-            first, second, third, _ = heel(c, -angle, state[2], state[3])
-            return angle, -angle, -angle, first, second, third
-        first, second, _ = heel(c, -angle, state[2], state[3])
-        return angle, -angle, -angle, first, second, second
-
-    def simplest_heelstrike(state):  # type: ignore[no-untyped-def]
-        angle = (state[1] - state[0]) / 2
-        first, second, _ = heel(-angle, state[2])
-        return angle, -angle, -angle, first, second, second
-
-    heelstrike = simplest_heelstrike if p.kind == Kind.SIMPLEST else heelstrike
-    if sine_cosine is not None:
-        return kneestrike, heelstrike
-    return _over_columns(kneestrike, 4), _over_columns(heelstrike, 6)
+def strike(phase: Phase) -> Guard:
+    """The guard that ends a phase of every stride."""
+    return next(guard for guard in phase.guards if guard.watch == Watch.STRIKE)
 
 
-def _over_columns(strike: Callable, size: int) -> Callable:
-    """Compile a collision for arrays of states."""
-    struck = numba.njit(strike)
-
-    @numba.njit
-    def strikes(states):  # type: ignore[no-untyped-def]
-        new = np.empty((size, states.shape[1]))
-        for i in range(states.shape[1]):
-            values = struck(states[:, i])
-            for k in range(size):
-                new[k, i] = values[k]
-        return new
-
-    return strikes
+def falls(p: Problem, phase: Phase, y: Sequence[Number]) -> Number:
+    """What falls through zero at the strike."""
+    return strike(phase).falls(p.body, state_of(phase, y))
 
 
-def compiled_sides(p: Problem) -> dict[str, Callable]:
-    """Right-hand sides y' = f(t, y) of each phase, compiled by numba, for a state in an array."""
-    c, sin, cos = p.c, math.sin(p.slope), math.cos(p.slope)
-
-    @numba.njit(error_model="numpy")
-    def free(_, y):  # type: ignore[no-untyped-def]
-        a = kneed.accelerations(
-            y[0], y[1], y[2], y[3], y[4], y[5], c[K.FOOT_RADIUS], c[K.LEG], c[K.STANCE_ALONG],
-            c[K.STANCE_ACROSS], c[K.STANCE_INERTIA], c[K.THIGH_ALONG], c[K.THIGH_ACROSS],
-            c[K.THIGH_INERTIA], c[K.SHANK_ALONG], c[K.SHANK_ACROSS], c[K.SHANK_MOBILITY],
-            c[K.KNEE_COSINE], c[K.KNEE_SINE], sin, cos, 0.0,
-        )  # fmt: skip
-        return np.array([y[3], y[4], y[5], a[0], a[1], a[2]])
-
-    @numba.njit(error_model="numpy")
-    def straight(_, y):  # type: ignore[no-untyped-def]
-        a = compass.accelerations(
-            y[0], y[1], y[2], y[3], c[K.FOOT_RADIUS], c[K.LEG], c[K.STANCE_ALONG],
-            c[K.STANCE_ACROSS], c[K.STANCE_INERTIA], c[K.SWING_ALONG], c[K.SWING_ACROSS],
-            c[K.SWING_INERTIA], sin, cos, 0.0,
-        )  # fmt: skip
-        return np.array([y[2], y[3], a[0], a[1]])
-
-    @numba.njit(error_model="numpy")
-    def light(_, y):  # type: ignore[no-untyped-def]
-        a = simplest.accelerations(y[0], y[1], y[2], y[3], sin, cos, 0.0)
-        return np.array([y[2], y[3], a[0], a[1]])
-
-    return {"free": free, "locked": light if p.kind == Kind.SIMPLEST else straight}
+def counts(p: Problem, phase: Phase, y: Sequence[Number]) -> Any:
+    """Whether it would be the strike."""
+    when = strike(phase).when
+    return True if when is None else when(p.body, state_of(phase, y))
 
 
-def lane_accelerations(p: Problem) -> Callable:
-    """Accelerations with the knee free, to be inlined into a loop over lanes."""
-    c = p.c
-    constants = (
-        *c[K.FOOT_RADIUS : K.STANCE_INERTIA + 1], *c[K.THIGH_ALONG : K.THIGH_INERTIA + 1],
-        c[K.SHANK_ALONG], c[K.SHANK_ACROSS], *c[K.SHANK_MOBILITY : K.KNEE_SINE + 1],
-        np.sin(p.slope), np.cos(p.slope), 0.0,
-    )  # fmt: skip
-    (r, leg, sa, sc, si, ta, tc, ti, ha, hc, hm, kc, ks, sin, cos, torque) = map(float, constants)
+def struck(p: Problem, phase: Phase, y: Sequence[Number]) -> list[Number]:
+    """The next phase's coordinates after the strike, or the next section state."""
+    reset = phase.resets[strike(phase).outcome]
+    after, _ = reset.strike(p.body, state_of(phase, y))
+    return list(after) if reset.into is None else coordinates(p.system.phases[reset.into], after)
 
-    @inlined
-    def accelerations(q0, q1, q2, w0, w1, w2):  # type: ignore[no-untyped-def]
-        return kneed.accelerations(
-            q0, q1, q2, w0, w1, w2, r, leg, sa, sc, si, ta, tc, ti, ha, hc, hm, kc, ks,
-            sin, cos, torque,
-        )  # fmt: skip
 
-    return accelerations
+def compiled(function: Callable[[Sequence[Number]], Sequence[Number]], size: int) -> Callable:
+    """A function of `size` coordinates as a numba function of a tuple, or an array, of them."""
+    names: dict[Expression, str] = {}
+    lines, numbers = ["def straight(y):"], count()
+
+    def name(x: Expression) -> str:
+        if x not in names:
+            operands = x.args[:1] if x.op in ("sin", "cos") else x.args
+            written = [name(a) if isinstance(a, Expression) else repr(a) for a in operands]
+            code = _PYTHON[x.op].format(*written)
+            names[x] = f"x{next(numbers)}"
+            lines.append(f"    {names[x]} = {code}")
+        return names[x]
+
+    known: dict = {}
+    results = function([read(known, i) for i in range(size)])
+    lines.append(f"    return {', '.join(map(name, results))}")
+    scope: dict[str, Any] = {}
+    exec("\n".join(["from math import cos, sin", *lines]), scope)
+    return numba.njit(error_model="numpy")(scope["straight"])
+
+
+_PYTHON = {
+    "read": "y[{}]", "constant": "{}", "neg": "-{}", "sin": "sin({})", "cos": "cos({})",
+    "add": "{} + {}", "sub": "{} - {}", "mul": "{} * {}", "div": "{} / {}",
+}  # fmt: skip
+"""How an expression's operations are written in Python."""

@@ -15,8 +15,9 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = "gym_passive_walker"
 
 NOT_MOTION = {
-    "_use_full_vectors", "cache_directory", "_kernels_cached_here", "_entry", "_get", "_put",
-    "_reciprocal", "in_parts", "_crew", "__post_init__", "_check_masses",
+    "fingerprint", "cache_directory", "_kernels_cached_here", "aligned", "in_parts", "_crew",
+    "_machine", "_kept", "_keep", "object_code", "loaded", "_parsed", "_call", "__post_init__",
+    "_check_masses",
 }  # fmt: skip
 """Functions about compiling, caching, threads and messages: no walker moves by them."""
 
@@ -32,7 +33,7 @@ class Mutant(NamedTuple):
     """One change.
 
     Attributes:
-        file: Module, without its suffix.
+        file: Module, by its path in the package, without its suffix.
         line: Where, in the original.
         scope: The function around it.
         before: The expression changed, as source.
@@ -132,8 +133,7 @@ class Finder(ast.NodeVisitor):
 
 def path_of(file: str) -> Path:
     """A module's path within the tree."""
-    rooms = (Path(PACKAGE) / room for room in ("physics", "walkers"))
-    return next(room / f"{file}.py" for room in rooms if (ROOT / room / f"{file}.py").exists())
+    return Path(PACKAGE) / f"{file}.py"
 
 
 def mutants(file: str) -> list[Mutant]:

@@ -19,7 +19,6 @@ from benchmarks.problem import WALKS, Problem, problem
 from benchmarks.report import command, machine, seconds, table
 from gym_passive_walker import WALKERS, Gait, find_gait, stride, stride_jacobian
 from gym_passive_walker.gaits.gait import multipliers_of
-from gym_passive_walker.physics import constants as K
 
 TRIED = {"implicitfast": (1e-2, 3e-3, 1e-3, 3e-4, 1e-4), "RK4": (1e-2, 1e-3)}
 TOLERANCE = 1e-8
@@ -38,15 +37,15 @@ class Contact:
         import mujoco
 
         # A leg hangs from the hip at the origin; "across" is backwards, and x points forward.
-        c = [float(value) for value in p.c]
-        self.step, self._radius, self._leg = mujoco.mj_step, c[K.FOOT_RADIUS], c[K.LEG]
-        across, along = c[K.LEG_COM_ACROSS], c[K.LEG_COM_ALONG] - c[K.LEG]
-        spin = f"{c[K.LEG_SPIN]} " * 3
+        body, self.step = p.body, mujoco.mj_step
+        self._radius, self._leg = body.foot_radius, body.leg
+        across, along = body.leg_com_across, body.leg_com_along - body.leg
+        spin = f"{body.leg_spin} " * 3
         leg = f"""
           <joint axis="0 -1 0"/>
-          <inertial pos="{-across} 0 {along}" mass="{c[K.LEG_MASS]}" diaginertia="{spin}"/>
+          <inertial pos="{-across} 0 {along}" mass="{body.leg_mass}" diaginertia="{spin}"/>
           <geom type="sphere" size="{self._radius}" pos="0 0 {-self._leg}" conaffinity="0"/>"""
-        hip = max(0.0, 1.0 - 2.0 * c[K.LEG_MASS])
+        hip = max(0.0, 1.0 - 2.0 * body.leg_mass)
         # A time constant of two steps is the stiffest contact that MuJoCo takes. Softer or more
         # damped ones, where tried, changed no error beyond its scatter.
         self.model = mujoco.MjModel.from_xml_string(f"""

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
-from gym_passive_walker.physics.constants import Kind
 from numpy.typing import NDArray
 
 from gym_passive_walker import WALKERS, find_gait
-from gym_passive_walker.physics import constants as K
+from gym_passive_walker.physics.hybrid import Ground, System
+from gym_passive_walker.physics.systems import body_of, system_of
+from gym_passive_walker.units import units_of
 
 STARTS = 64
+
+_DIGITS = 9  # of the gait that starts lie around: they do not hang on its last ones
 
 
 class Problem(NamedTuple):
@@ -19,17 +23,22 @@ class Problem(NamedTuple):
 
     Attributes:
         name: How tables and files call it.
-        kind: Which equations it obeys.
-        c: Its constants, shape (COUNT,).
+        system: Which equations it obeys.
+        body: Its constants, a `system.Body`.
         slope: In rad.
         starts: Section states, shape (STARTS, 6): a gait's, moved by up to 1 %.
     """
 
     name: str
-    kind: Kind
-    c: NDArray
+    system: System
+    body: Any
     slope: float
     starts: NDArray
+
+    @property
+    def ground(self) -> Ground:
+        """What the equations know of the slope."""
+        return Ground(math.sin(self.slope), math.cos(self.slope))
 
 
 WALKS = {"simplest": ("D", 0.009), "straight": ("A", 0.03), "kneed": ("lab", 0.036)}
@@ -38,15 +47,14 @@ WALKS = {"simplest": ("D", 0.009), "straight": ("A", 0.03), "kneed": ("lab", 0.0
 def problem(name: str) -> Problem:
     """A problem by name: "simplest", "straight" or "kneed"."""
     walker, slope = WALKERS[WALKS[name][0]], WALKS[name][1]
-    gait = find_gait(walker, slope)
-    state = gait.state * np.repeat([1.0, walker.time_unit], 3)
+    state = np.round(units_of(walker).to_dimensionless(find_gait(walker, slope).state), _DIGITS)
     random = np.random.default_rng(1)
     starts = state * (1.0 + 0.01 * random.uniform(-1.0, 1.0, (STARTS, 6)))
     starts[:, 1] = starts[:, 2] = -starts[:, 0]
-    kind = K.kind_of(walker)
-    if kind != Kind.KNEED:
+    if not walker.knees:
         starts[:, 5] = starts[:, 4]
-    return Problem(name, kind, K.constants(walker), slope, starts)
+    system, body = system_of(walker), body_of(walker)
+    return Problem(name, system, type(body)(*map(float, body)), slope, starts)
 
 
 def error(found: NDArray, reference: NDArray) -> float:

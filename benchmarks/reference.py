@@ -29,14 +29,14 @@ def strides(p: Problem) -> tuple[NDArray[np.longdouble], float]:
     path = REFERENCES / f"{p.name}.npz"
     if path.exists():
         kept = np.load(path)
-        if np.array_equal(kept["starts"], p.starts) and np.array_equal(kept["c"], p.c):
+        if np.array_equal(kept["starts"], p.starts) and np.array_equal(kept["body"], p.body):
             return kept["high"].astype(_NUMBER) + kept["low"], float(kept["error"])
     fine, other = walks(p, p.starts, 1), walks(p, p.starts, 1, tolerance=1e-17)
     estimate = error(other, fine)
     REFERENCES.mkdir(exist_ok=True)
     high = fine.astype(float)
     low = (fine - high).astype(float)
-    np.savez(path, starts=p.starts, c=p.c, high=high, low=low, error=estimate)
+    np.savez(path, starts=p.starts, body=p.body, high=high, low=low, error=estimate)
     return fine, estimate
 
 

@@ -1,73 +1,82 @@
-"""What a user would pick instead: SciPy, heyoka, diffrax, on the same equations and collisions."""
+"""The same strides by whom a user would pick instead: SciPy, heyoka and diffrax.
+
+Each is given the engine's own equations, as its users would have them: compiled by numba, or in its
+own symbols or arrays.
+"""
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
-from gym_passive_walker.physics.constants import Kind
 from numpy.typing import NDArray
 
-from benchmarks.equations import compiled_sides, motion, strikes
+from benchmarks.equations import compiled, coordinates, counts, falls, side, struck
 from benchmarks.problem import Problem
+from gym_passive_walker.physics.hybrid import Phase
+from gym_passive_walker.physics.numbers import sine_cosine
 
 _LONGEST = 10.0
-
-
-def _phases(p: Problem) -> list[str]:
-    return ["free", "locked"] if p.kind == Kind.KNEED else ["locked"]
 
 
 def scipy_stride(p: Problem, method: str, tolerance: float) -> Callable[[NDArray], NDArray]:
     """A function from a section state to the next by `scipy.integrate.solve_ivp`.
 
-    The right-hand sides are compiled by numba, as a careful user would have them.
+    Right-hand sides and collisions are compiled by numba, as a careful user would have them.
     """
     from scipy.integrate import solve_ivp
 
-    def kneestrike_event(_, y):  # type: ignore[no-untyped-def]
-        return y[1] - y[2]
-
-    def heelstrike_event(_, y):  # type: ignore[no-untyped-def]
-        return y[0] + y[1] if y[0] < 0.0 else 1.0
-
-    for event in (kneestrike_event, heelstrike_event):
-        event.terminal, event.direction = True, -1.0  # type: ignore[attr-defined]
-    sides = compiled_sides(p)
-    events = {"free": kneestrike_event, "locked": heelstrike_event}
-    knee, heel = strikes(p, lambda x: (math.sin(x), math.cos(x)))
+    parts = [(phase, *_in_numba(p, phase)) for phase in p.system.phases]
 
     def stride(start: NDArray) -> NDArray:
-        state = start
-        if p.kind != Kind.KNEED:
-            state = start[[0, 1, 3, 4]]
-        for phase in _phases(p):
+        y = np.array(coordinates(p.system.phases[0], start))
+        for phase, f, collide in parts:
+
+            def event(_, y, phase=phase):  # type: ignore[no-untyped-def]
+                return falls(p, phase, y) if counts(p, phase, y) else 1.0
+
+            event.terminal, event.direction = True, -1.0  # type: ignore[attr-defined]
             found = solve_ivp(
-                sides[phase], (0.0, _LONGEST), state, method, events=events[phase],
+                lambda _, y, f=f: f(y), (0.0, _LONGEST), y, method, events=event,
                 rtol=max(tolerance, 2.5e-14), atol=0.1 * tolerance,
             )  # fmt: skip
-            state = found.y_events[0][0]
-            state = np.array(knee(state) if phase == "free" else heel(state))
             assert len(found.y_events[0]) == 1
-        return state
+            y = np.array(collide(found.y_events[0][0]))
+        return y
 
     return stride
 
 
-def _system(p: Problem, phase: str, torque: float = 0.0) -> tuple[list, Any]:
-    """The equations of a phase for heyoka, and its event function."""
+def _in_numba(p: Problem, phase: Phase) -> tuple[Callable, Callable]:
+    """A phase's right-hand side and collision."""
+    size = 2 * phase.links
+    return compiled(partial(side, p, phase), size), compiled(partial(struck, p, phase), size)
+
+
+def _symbols(phase: Phase) -> list[Any]:
+    """Coordinates as heyoka's variables."""
     import heyoka as hy
 
-    accelerations = motion(p, phase, lambda x: (hy.sin(x), hy.cos(x)), torque)
-    links = 3 if phase == "free" else 2
-    variables = hy.make_vars(*[f"q{i}" for i in range(links)], *[f"w{i}" for i in range(links)])
-    q, w = variables[:links], variables[links:]
-    rates = [(q[i], w[i]) for i in range(links)]
-    forces = list(zip(w, accelerations(*q, *w), strict=True))
-    return rates + forces, (q[1] - q[2] if phase == "free" else q[0] + q[1])
+    sine_cosine.register(hy.expression, lambda x: (hy.sin(x), hy.cos(x)))
+    return hy.make_vars(*[f"{kind}{i}" for kind in "qw" for i in range(phase.links)])
+
+
+def _motion(p: Problem, phase: Phase, torque: float = 0.0) -> tuple[list, Any]:
+    """The equations of a phase for heyoka, and what falls through zero at its end."""
+    y = _symbols(phase)
+    return list(zip(y, side(p, phase, y, torque), strict=True)), falls(p, phase, y)
+
+
+def _collision(p: Problem, phase: Phase, number: type = float) -> Callable[[NDArray], NDArray]:
+    """What the strike makes of coordinates (m,) or (m, n), compiled by heyoka."""
+    import heyoka as hy
+
+    y = _symbols(phase)
+    function = hy.cfunc([hy.expression(x) for x in struck(p, phase, y)], y, fp_type=number)
+    return lambda state: function(np.ascontiguousarray(state))
 
 
 def heyoka_integrators(
@@ -77,14 +86,14 @@ def heyoka_integrators(
     import heyoka as hy
 
     found = []
-    for phase in _phases(p):
-        equations, event = _system(p, phase, torque)
+    for phase in p.system.phases:
+        equations, event = _motion(p, phase, torque)
         ending = hy.t_event(event, direction=hy.event_direction.negative, fp_type=number)
-        size = 2 * (3 if phase == "free" else 2)
         found.append(
             hy.taylor_adaptive(
-                equations, np.zeros(size, number), t_events=[ending], tol=number(tolerance),
-                fp_type=number, **({"fast_math": True} if number is float else {}),
+                equations, np.zeros(2 * phase.links, number), t_events=[ending],
+                tol=number(tolerance), fp_type=number,
+                **({"fast_math": True} if number is float else {}),
             )
         )  # fmt: skip
     return found
@@ -95,25 +104,21 @@ def heyoka_stride(
 ) -> Callable[[NDArray], NDArray]:
     """A function from a section state to the next by heyoka, one walker at a time."""
     integrators = heyoka_integrators(p, tolerance, number)
-    sine, cosine = (math.sin, math.cos) if number is float else (np.sin, np.cos)
-    knee, heel = strikes(p, lambda x: (sine(x), cosine(x)))
+    collisions = [_collision(p, phase, number) for phase in p.system.phases]
 
     def stride(start: NDArray) -> NDArray:
-        state = start.astype(number)
-        if p.kind != Kind.KNEED:
-            state = state[[0, 1, 3, 4]]
-        for phase, ta in zip(_phases(p), integrators, strict=True):
+        y = np.array(coordinates(p.system.phases[0], start), dtype=number)
+        for phase, ta, collide in zip(p.system.phases, integrators, collisions, strict=True):
             ta.time = number(0.0)
             ta.reset_cooldowns()
-            ta.state[:] = state
+            ta.state[:] = y
             while True:
-                outcome = ta.propagate_until(number(_LONGEST))[0]
-                if int(outcome) != -1:
+                if int(ta.propagate_until(number(_LONGEST))[0]) != -1:
                     raise RuntimeError("heyoka missed an event")
-                if phase == "free" or ta.state[0] < 0.0:
+                if counts(p, phase, ta.state):
                     break
-            state = np.array((knee if phase == "free" else heel)(ta.state), dtype=number)
-        return state
+            y = collide(ta.state)
+        return y
 
     return stride
 
@@ -128,25 +133,24 @@ def heyoka_batch(
     """
     import heyoka as hy
 
-    integrators = []
-    for phase in _phases(p):
-        equations, event = _system(p, phase)
+    phases, integrators = p.system.phases, []
+    for phase in phases:
+        equations, event = _motion(p, phase)
         ending = hy.t_event_batch(event, direction=hy.event_direction.negative)
-        size = 2 * (3 if phase == "free" else 2)
         integrators.append(
             hy.taylor_adaptive_batch(
-                equations, np.zeros((size, lanes)), tol=tolerance, fast_math=True,
+                equations, np.zeros((2 * phase.links, lanes)), tol=tolerance, fast_math=True,
                 **({"t_events": [ending]} if events else {}),
             )
         )  # fmt: skip
-    knee, heel = strikes(p)
-    durations: list[NDArray] = []
+    collisions = [_collision(p, phase) for phase in phases]
+    durations = [] if events else [np.full(lanes, time) for time in _durations(p)]
 
     def stride(starts: NDArray) -> NDArray:
-        state = starts.T if p.kind == Kind.KNEED else starts.T[[0, 1, 3, 4]]
-        for i, (phase, ta) in enumerate(zip(_phases(p), integrators, strict=True)):
+        y = np.array(coordinates(phases[0], starts.T))
+        for i, (phase, ta) in enumerate(zip(phases, integrators, strict=True)):
             ta.set_time(np.zeros(lanes))
-            ta.state[:] = state
+            ta.state[:] = y
             if not events:
                 ta.propagate_until(durations[i])
             else:
@@ -156,26 +160,26 @@ def heyoka_batch(
                 while running.any():
                     ta.propagate_until(until)
                     stopped = np.array([int(r[0]) == -1 for r in ta.propagate_res])
-                    if phase == "locked":
-                        stopped &= ta.state[0] < 0.0
+                    stopped &= counts(p, phase, ta.state)
                     running &= ~stopped
                     until[stopped] = ta.time[stopped]
-            state = (knee if phase == "free" else heel)(ta.state)
-        return state.T
+            y = collisions[i](ta.state)
+        return y.T
 
-    if not events:
-        timed = heyoka_integrators(p, 1e-12)
-        state = p.starts[0] if p.kind == Kind.KNEED else p.starts[0][[0, 1, 3, 4]]
-        scalar_knee, _ = strikes(p, lambda x: (math.sin(x), math.cos(x)))
-        for phase, ta in zip(_phases(p), timed, strict=True):
-            ta.state[:] = state
-            ta.propagate_until(_LONGEST)
-            while phase == "locked" and ta.state[0] >= 0.0:
-                ta.propagate_until(_LONGEST)
-            durations.append(np.full(lanes, ta.time))
-            if phase == "free":
-                state = np.array(scalar_knee(ta.state))
     return stride
+
+
+def _durations(p: Problem) -> list[float]:
+    """Times that a stride's phases take, from the first of the starts."""
+    y, times = coordinates(p.system.phases[0], p.starts[0]), []
+    for phase, ta in zip(p.system.phases, heyoka_integrators(p, 1e-12), strict=True):
+        ta.state[:] = y
+        ta.propagate_until(_LONGEST)
+        while not counts(p, phase, ta.state):
+            ta.propagate_until(_LONGEST)
+        times.append(ta.time)
+        y = struck(p, phase, ta.state)
+    return times
 
 
 def heyoka_swings(p: Problem, end: float, lanes: int = 8) -> Callable[[NDArray, float], NDArray]:
@@ -185,12 +189,13 @@ def heyoka_swings(p: Problem, end: float, lanes: int = 8) -> Callable[[NDArray, 
     """
     import heyoka as hy
 
+    equations, _ = _motion(p, p.system.phases[0])
     known: dict[float, Any] = {}
 
     def ends(starts: NDArray, tolerance: float) -> NDArray:
         if tolerance not in known:
             known[tolerance] = hy.taylor_adaptive_batch(
-                _system(p, "free")[0], np.zeros((6, lanes)), tol=tolerance, fast_math=True
+                equations, np.zeros((6, lanes)), tol=tolerance, fast_math=True
             )
         ta, found = known[tolerance], np.empty_like(starts)
         until = np.full(lanes, end)
@@ -214,19 +219,17 @@ def diffrax_batch(p: Problem, method: str, tolerance: float) -> Callable[[NDArra
     import optimistix
 
     jax.config.update("jax_enable_x64", True)
-    knee, heel = strikes(p, lambda x: (jnp.sin(x), jnp.cos(x)))
+    for kind in (jax.Array, jax.core.Tracer):
+        sine_cosine.register(kind, lambda x: (jnp.sin(x), jnp.cos(x)))
     control = diffrax.PIDController(rtol=tolerance, atol=0.1 * tolerance)
     finder = optimistix.Newton(rtol=tolerance, atol=0.1 * tolerance)
 
-    def follow(phase: str, state: Any) -> Any:
-        accelerations = motion(p, phase, lambda x: (jnp.sin(x), jnp.cos(x)))
-        links = 3 if phase == "free" else 2
-
+    def follow(phase: Phase, state: Any) -> Any:
         def rates(_, y, __):  # type: ignore[no-untyped-def]
-            return jnp.concatenate([y[links:], jnp.stack(accelerations(*y))])
+            return jnp.stack(side(p, phase, y))
 
         def event(t, y, args, **_):  # type: ignore[no-untyped-def]  # diffrax names them
-            return y[1] - y[2] if phase == "free" else jnp.where(y[0] < 0.0, y[0] + y[1], 1.0)
+            return jnp.where(counts(p, phase, y), falls(p, phase, y), 1.0)
 
         found = diffrax.diffeqsolve(
             diffrax.ODETerm(rates), getattr(diffrax, method)(), 0.0, _LONGEST, None, state,
@@ -236,12 +239,11 @@ def diffrax_batch(p: Problem, method: str, tolerance: float) -> Callable[[NDArra
         assert found.ys is not None
         return found.ys[-1]
 
-    def stride(state: Any) -> Any:
-        if p.kind == Kind.KNEED:
-            state = jnp.stack(knee(follow("free", state)))
-        else:
-            state = state[jnp.array([0, 1, 3, 4])]
-        return jnp.stack(heel(follow("locked", state)))
+    def stride(start: Any) -> Any:
+        y = jnp.stack(coordinates(p.system.phases[0], start))
+        for phase in p.system.phases:
+            y = jnp.stack(struck(p, phase, follow(phase, y)))
+        return y
 
     strides = jax.jit(jax.vmap(stride))
     return lambda starts: np.asarray(strides(starts))

@@ -13,19 +13,20 @@ from functools import partial
 from typing import Any
 
 import gymnasium as gym
+import numba
 import numpy as np
-from gym_passive_walker.physics.lanes import WIDTH, align_stack, get, jitted, new_tile, put
+from llvmlite import ir
 
 import gym_passive_walker  # noqa: F401  (registers the environment)
 from benchmarks import engine, measured, reference
 from benchmarks.engine import microseconds
-from benchmarks.problem import error, problem
+from benchmarks.problem import WALKS, Problem, error, problem
 from benchmarks.report import command, keep, machine, plot, seconds, table
-from gym_passive_walker import WALKERS
-from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import events as E
-from gym_passive_walker.physics import integrator
-from gym_passive_walker.physics import tile as T
+from gym_passive_walker.engine.compiled import constants_used, loaded, object_code
+from gym_passive_walker.engine.jit import call
+from gym_passive_walker.engine.layout import TILE, WIDTH, aligned
+from gym_passive_walker.engine.native import GROUP, Function, Memory, write_table
+from gym_passive_walker.engine.step import Equations
 
 CORES = os.cpu_count() or 1
 SIZES = [10**k for k in range(7)]
@@ -34,35 +35,47 @@ SIZES = [10**k for k in range(7)]
 def accelerations() -> None:
     """One evaluation of the equations of motion: over the lanes of a tile, and of one walker."""
     rows = []
-    for name, phase in (("kneed", E.FREE), ("straight", E.LOCKED), ("simplest", E.SIMPLEST)):
-        crowded, alone = (_nanoseconds(phase, crowd) for crowd in (True, False))
+    for name in WALKS:
+        crowded, alone = (_nanoseconds(problem(name), crowd) for crowd in (True, False))
         rows.append((name, crowded, alone, alone / crowded))
     heads = ["walker", "ns, one of a tile", "ns, one alone", "ratio"]
     keep("accelerations", f"{table(heads, rows)}\n\nOne core. {machine()}.")
 
 
-def _nanoseconds(phase: int, crowd: bool) -> float:
+def _nanoseconds(p: Problem, crowd: bool) -> float:
     """Time of an evaluation, of a whole tile's or of one lane after another."""
+    phase = p.system.phases[0]
+    used = constants_used(p.system, phase)
+    equations, module, constants = Equations(p.system, phase, used), ir.Module(), {}
+    function = Function(module, "evaluate", (TILE,), table=constants)
 
-    @jitted
-    def evaluate(tile, times):  # type: ignore[no-untyped-def]
-        align_stack()
+    def evaluate(tile: Memory) -> None:
+        for link, a in enumerate(equations.accelerations(tile, equations.state(tile))):
+            # A little further each time, as a motion goes on.
+            tile["angle", link] = tile["angle", link] + 1e-9 * a
+
+    function.over_lanes(evaluate) if crowd else function.once(evaluate, lane=True)
+    function.end()
+    write_table(module, constants)
+    code = loaded(object_code(module))
+    address, vectors = code.get_function_address("evaluate"), code.get_global_value_address("table")
+    tile, times = aligned(TILE, 1), 20_000
+    tile["angle"] = np.random.default_rng(0).uniform(-1.0, 1.0, tile["angle"].shape)
+    tile["ground"] = np.array(p.ground)[:, None]
+    body = np.array([getattr(p.body, name) for name in used])
+    tile["body"][:, : len(body)] = body[:, None]
+
+    @numba.njit
+    def evaluated(start, times):  # type: ignore[no-untyped-def]
         for turn in range(times):
-            first = 0 if crowd else turn % WIDTH
-            for lane in range(first, WIDTH if crowd else first + 1):
-                q0, q1, q2 = get(tile, 0, lane), get(tile, 1, lane), get(tile, 2, lane)
-                w0, w1, w2 = get(tile, 3, lane), get(tile, 4, lane), get(tile, 5, lane)
-                a0, a1, a2 = integrator.accelerations(phase, tile, lane, q0, q1, q2, w0, w1, w2)
-                # A little further each time: what never changes need not be computed.
-                put(tile, 0, lane, q0 + 1e-9 * a0)
-                put(tile, 1, lane, q1 + 1e-9 * a1)
-                put(tile, 2, lane, q2 + 1e-9 * a2)
+            if not crowd:
+                call(address, start, vectors, turn % WIDTH, 0.0, 0.0)
+                continue
+            for group in range(WIDTH // GROUP):
+                call(address, start + 8 * GROUP * group, vectors, 0, 0.0, 0.0)
 
-    tile, times = new_tile(T.ROWS, np.zeros(0)), 20_000
-    rows = tile.reshape(T.ROWS, WIDTH)
-    rows[:3], rows[T.COS] = np.random.default_rng(0).uniform(-1.0, 1.0, (3, WIDTH)), 1.0
-    rows[T.CONSTANT :] = K.constants(WALKERS["lab"])[: T.CONSTANTS, None]
-    return seconds(lambda: evaluate(tile, times)) / times / (WIDTH if crowd else 1) * 1e9
+    job = partial(evaluated, tile.ctypes.data, times)
+    return seconds(job) / times / (WIDTH if crowd else 1) * 1e9
 
 
 def strides() -> None:
@@ -87,7 +100,7 @@ def strides() -> None:
                 rows,
             ),
         ]  # fmt: skip
-    size = engine.crowd(problem("kneed"), 2).nbytes // 2
+    size = engine.crowd(problem("kneed"), 1).nbytes
     text += [f"Memory: {size} bytes a walker. {machine()}."]
     keep("strides", "\n\n".join(text))
     names = "walkers in the batch", "µs a stride and walker, one core"

@@ -15,7 +15,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from gym_passive_walker.physics.record import STEPS
 
 from benchmarks import engine, measured, reference
 from benchmarks.measured import CROWD, Point
@@ -97,7 +96,7 @@ def ticks() -> None:
         reached = error(engine.move(p, few, tolerance), exact)
         job = engine.again(p, engine.crowd(p, CROWD, **held), tolerance)
         took = seconds(job, at_least=0.05) / CROWD * 1e6
-        rows.append((f"{tolerance:.0e}", reached, took, float(few[:, STEPS].mean())))
+        rows.append((f"{tolerance:.0e}", reached, took, float(few["steps"].mean())))
     text = table(["tolerance", "error", f"µs a walker, {CROWD} at once", "integration steps"], rows)
     keep("tick", f"{text}\n\nA tick of 0.1 √(l/g) with a hip torque of 0.02 m g l. {machine()}.")
 

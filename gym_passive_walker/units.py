@@ -7,6 +7,7 @@ time sqrt(l/g) that of time. Angles are in rad either way.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -54,12 +55,17 @@ class Units(NamedTuple):
         return np.asarray(states) / self._times(self.time)
 
     def _times(self, time: float) -> NDArray:
-        one = np.ones_like(time)
-        return np.stack([one, one, one, time, time, time], axis=-1)
+        times = np.ones((*np.shape(time), 6))
+        times[..., 3:] = time if np.ndim(time) == 0 else np.asarray(time)[..., None]
+        return times
 
 
 def units_of(walker: Any) -> Units:
     """The units of a walker, or of anything with the attributes of one, numbers or arrays."""
+    return _of_walker(walker) if isinstance(walker, Walker) else _of(walker)
+
+
+def _of(walker: Any) -> Units:
     length = walker.thigh_length + walker.shank_length
     mass = 2.0 * (walker.thigh_mass + walker.shank_mass) + walker.hip_mass
     quotient = length / walker.gravity
@@ -67,6 +73,9 @@ def units_of(walker: Any) -> Units:
     energy = mass * walker.gravity * length
     massless = np.all(np.equal(walker.thigh_mass + walker.shank_mass, 0.0))
     return Units(length, time, energy, walker.gravity * length if massless else energy)
+
+
+_of_walker = lru_cache(maxsize=4096)(_of)
 
 
 def growth(walker: Walker, parameter: str) -> Units:

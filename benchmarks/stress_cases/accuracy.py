@@ -3,62 +3,57 @@
 from __future__ import annotations
 
 import numpy as np
-from gym_passive_walker.physics.engine import advance
-from gym_passive_walker.physics.record import new_records
-from gym_passive_walker.physics.runge_kutta import ORDER
 from numpy.typing import NDArray
 
 from benchmarks.stress_cases.case import Finding, case
 from benchmarks.stress_cases.flight import Flock, flock
 from benchmarks.stress_cases.gaits import every_gait, start
 from gym_passive_walker import WALKERS, Outcome
-from gym_passive_walker.physics import events as E
-from gym_passive_walker.physics import record as R
+from gym_passive_walker.engine.layout import PAIR
+from gym_passive_walker.engine.run import new_records
 
 TOPIC = "Accuracy"
 WHOLE = 0.4  # time in sqrt(l/g) that the fixed steps cover
 ANY_ERROR = 1e12  # a tolerance that every step meets
 
 
-def fixed_steps(mine: Flock, states: NDArray, phase: int, count: int) -> NDArray[np.float64]:
+def fixed_steps(mine: Flock, states: NDArray, count: int) -> NDArray[np.float64]:
     """States after `WHOLE`, in so many equal steps."""
-    records = new_records(states, np.full(len(states), 0.05), end=0.0)
-    records[:, R.PHASE] = phase
+    records = new_records(states, 0.05, end=0.0)[:, 0]
     for step in range(1, count + 1):
-        records[:, R.END], records[:, R.STEP] = WHOLE * step / count, 2.0 * WHOLE
-        advance(mine.kind, mine.constants, records, tolerance=ANY_ERROR, from_section=False)
-    states = records[:, :6]
-    states[records[:, R.STEPS] != count] = np.nan  # an event came and divided a step
+        records["end"], records["step"] = WHOLE * step / count, 2.0 * WHOLE
+        mine.go_on(records, tolerance=ANY_ERROR)
+    states = records["state"]
+    states[records["steps"] != count] = np.nan  # an event came and divided a step
     return states
 
 
 @case(
     TOPIC,
-    f"Halving fixed steps divides the error by 2 to the {ORDER}",
-    quick=30, long=3_000, bound=0.3, unit=f"order less {ORDER}, at the median",
+    f"Halving fixed steps divides the error by 2 to the {PAIR.order}",
+    quick=30, long=3_000, bound=0.3, unit=f"order less {PAIR.order}, at the median",
 )  # fmt: skip
 def order(count: int, rng: np.random.Generator) -> Finding:
-    """In each phase, at steps so long that rounding is far below the error."""
+    """In each kind's first phase, at steps so long that rounding is far below the error."""
     tried, failed, worst = 0, 0, 0.0
-    for name, phase, steps in (("lab", E.FREE, 2), ("A", E.LOCKED, 1), ("D", E.SIMPLEST, 1)):
+    for name, steps in (("lab", 2), ("A", 1), ("D", 1)):
         mine = flock(WALKERS[name])
         states = np.zeros((count, 6))
         states[:, 0] = rng.uniform(-0.2, 0.2, count)
         states[:, 1] = rng.uniform(0.6, 0.9, count)
-        states[:, 2] = states[:, 1] - (1.2 if phase == E.FREE else 0.0)
+        states[:, 2] = states[:, 1] - (1.2 if mine.kneed else 0.0)
         states[:, 3:] = rng.normal(scale=0.1, size=(count, 3))
-        if phase != E.FREE:
+        if not mine.kneed:
             states[:, 5] = states[:, 4]
-        exact = fixed_steps(mine, states, phase, 16 * steps)
+        exact = fixed_steps(mine, states, 16 * steps)
         whole, halved = (
-            np.abs(fixed_steps(mine, states, phase, n) - exact).max(axis=1)
-            for n in (steps, 2 * steps)
+            np.abs(fixed_steps(mine, states, n) - exact).max(axis=1) for n in (steps, 2 * steps)
         )
         orders = np.log2(whole / halved)
         orders = orders[np.isfinite(orders)]
         tried += len(orders)
         failed += int(len(orders) < 0.5 * count)
-        worst = max(worst, abs(float(np.median(orders)) - ORDER))
+        worst = max(worst, abs(float(np.median(orders)) - PAIR.order))
     return Finding(tried, failed, worst)
 
 
@@ -83,11 +78,12 @@ def proportional(count: int, rng: np.random.Generator) -> Finding:
             states[:, 5] = states[:, 4]
         options = {"slope": gait.slope, "torque": 0.003}
         exact = mine.follow(states, tolerance=1e-15, **options)
-        walked = exact[:, R.OUTCOME] == Outcome.HEELSTRIKE
+        walked = exact["outcome"] == Outcome.HEELSTRIKE
         errors = [
-            np.abs(mine.follow(states, tolerance=t, **options) - exact)[walked, :6].max(axis=1)
+            np.abs(mine.follow(states, tolerance=t, **options)["state"] - exact["state"])
             for t in tolerances
         ]
+        errors = [error[walked].max(axis=1) for error in errors]
         medians.append(np.median(errors, axis=1))
         exponent = np.polyfit(np.log(tolerances), np.log(medians[-1]), 1)[0]
         tried += int(walked.sum()) * len(tolerances)

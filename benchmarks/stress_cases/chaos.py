@@ -9,7 +9,6 @@ from benchmarks.stress_cases.case import Finding, case
 from benchmarks.stress_cases.flight import flock
 from benchmarks.stress_cases.gaits import gaits, start
 from gym_passive_walker import WALKERS, Outcome
-from gym_passive_walker.physics import record as R
 
 TOPIC = "Chaos"
 SLOPE = 0.0186
@@ -21,8 +20,7 @@ FORGOTTEN = 60  # strides after which nothing is left of how a walk began
 def engine_stride(states: NDArray, tolerance: float) -> NDArray[np.float64]:
     """The next section states of simplest walkers; NaN for those that fell."""
     walks = flock(WALKERS["D"]).follow(states, slope=SLOPE, tolerance=tolerance)
-    walks[walks[:, R.OUTCOME] != Outcome.HEELSTRIKE] = np.nan
-    return walks[:, :6]
+    return np.where(walks["outcome"][:, None] == Outcome.HEELSTRIKE, walks["state"], np.nan)
 
 
 def pace(y: NDArray) -> NDArray[np.float64]:

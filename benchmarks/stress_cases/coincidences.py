@@ -6,11 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.stress_cases.case import Finding, case
-from benchmarks.stress_cases.flight import BACKWARDS, KNEED, STRAIGHT, Flock, flock
+from benchmarks.stress_cases.flight import BACKWARDS, FREE, KNEED, STRAIGHT, Flock, flock
 from benchmarks.stress_cases.gaits import every_gait, start
 from gym_passive_walker import Outcome
-from gym_passive_walker.physics import events as E
-from gym_passive_walker.physics import record as R
 
 TOPIC = "Coinciding events"
 LEAD = 0.3
@@ -22,8 +20,8 @@ TOLERANCES = (1e-2, 1e-4, 1e-6, 1e-10, 1e-13)
 def before(mine: Flock, states: NDArray, phase: int) -> NDArray[np.float64]:
     """States from which walkers come to `states` after `LEAD`."""
     back = mine.follow(states * BACKWARDS, LEAD, phase=phase, tolerance=1e-14)
-    starts = back[:, :6] * BACKWARDS
-    on_the_way = (back[:, R.OUTCOME] == Outcome.RUNNING) & (back[:, R.PHASE] == phase)
+    starts = back["state"] * BACKWARDS
+    on_the_way = (back["outcome"] == Outcome.RUNNING) & (back["phase"] == phase)
     return starts[on_the_way]
 
 
@@ -45,14 +43,14 @@ def knee_and_heel(heights: NDArray, outcome: Outcome, rng: np.random.Generator) 
         mine = flock(walker)
         ends = knees_about_to_strike(rng, heights)
         for tolerance in TOLERANCES:
-            seen = before(mine, ends[np.abs(heights) > 100.0 * tolerance], E.FREE)
-            walks = mine.follow(seen, 2.0, phase=E.FREE, tolerance=tolerance)
-            exact = mine.follow(seen, 2.0, phase=E.FREE, tolerance=1e-15)
-            off = np.abs(walks[:, [R.TIME, R.KNEE_TIME]] - exact[:, [R.TIME, R.KNEE_TIME]])
-            knee = np.abs(walks[:, R.KNEE_TIME] - LEAD)
+            seen = before(mine, ends[np.abs(heights) > 100.0 * tolerance], FREE)
+            walks = mine.follow(seen, 2.0, phase=FREE, tolerance=tolerance)
+            exact = mine.follow(seen, 2.0, phase=FREE, tolerance=1e-15)
+            off = [np.abs(walks[t] - exact[t]) for t in ("time", "knee_time")]
+            knee = np.abs(walks["knee_time"] - LEAD)
             tried += len(walks)
-            failed += int((walks[:, R.OUTCOME] != outcome).sum())
-            worst = max(worst, *(float(a.max(initial=0.0)) / tolerance for a in (off, knee)))
+            failed += int((walks["outcome"] != outcome).sum())
+            worst = max(worst, *(float(a.max(initial=0.0)) / tolerance for a in (*off, knee)))
     return Finding(tried, failed, worst)
 
 
@@ -88,14 +86,14 @@ def knee_with_heel(count: int, rng: np.random.Generator) -> Finding:
     for walker in KNEED.values():
         mine = flock(walker)
         height = rng.choice([0.0, 1e-16, -1e-16, 1e-15, -1e-15, 1e-14, -1e-14], count)
-        starts = before(mine, knees_about_to_strike(rng, height), E.FREE)
+        starts = before(mine, knees_about_to_strike(rng, height), FREE)
         for tolerance in TOLERANCES:
-            walks = mine.follow(starts, 2.0, phase=E.FREE, tolerance=tolerance)
-            outcome = walks[:, R.OUTCOME]
+            walks = mine.follow(starts, 2.0, phase=FREE, tolerance=tolerance)
+            outcome = walks["outcome"]
             known = (outcome == Outcome.HEELSTRIKE) | (outcome == Outcome.BENT_KNEE)
             tried += len(walks)
             failed += int((~known).sum())
-            off = np.abs(walks[:, R.TIME] - LEAD) / tolerance
+            off = np.abs(walks["time"] - LEAD) / tolerance
             worst = max(worst, float(off.max(initial=0.0)))
     return Finding(tried, failed, worst)
 
@@ -118,12 +116,13 @@ def strike_or_fall(count: int, rng: np.random.Generator) -> Finding:
         states = np.stack([stance, swing, swing, -rate, rate - closing, rate - closing], axis=1)
         starts = before(mine, states, mine.straight_phase)
         exact = mine.follow(starts, 2.0, tolerance=1e-15, phase=mine.straight_phase)
-        struck = exact[:, R.OUTCOME] == Outcome.HEELSTRIKE
-        apart = np.where(struck, 0.5 * np.pi - exact[:, 0], exact[:, 0] + exact[:, 1])
+        struck = exact["outcome"] == Outcome.HEELSTRIKE
+        stance, swing = exact["state"][:, 0], exact["state"][:, 1]
+        apart = np.where(struck, 0.5 * np.pi - stance, stance + swing)
         for tolerance in TOLERANCES:
             walks = mine.follow(starts, 2.0, tolerance=tolerance, phase=mine.straight_phase)
-            other = walks[:, R.OUTCOME] != exact[:, R.OUTCOME]
-            off = np.abs(walks[:, R.TIME] - exact[:, R.TIME])
+            other = walks["outcome"] != exact["outcome"]
+            off = np.abs(walks["time"] - exact["time"])
             tried += len(walks)
             failed += int((other & (apart > tolerance)).sum())
             worst = max(worst, float(off.max(initial=0.0)) / tolerance)
@@ -146,8 +145,8 @@ def start_on_an_event(count: int, rng: np.random.Generator) -> Finding:
         if not gait.walker.knees:
             starts[:, [2, 5]] = starts[:, [1, 4]]
         walks = mine.follow(starts, **options)
-        off = np.abs(walks[:, : R.TIME + 1] - exact[:, : R.TIME + 1])
+        off = [np.abs(walks[what] - exact[what]).max() for what in ("state", "time")]
         tried += count
-        failed += int((walks[:, R.OUTCOME] != Outcome.HEELSTRIKE).sum())
-        worst = max(worst, float(off.max()))
+        failed += int((walks["outcome"] != Outcome.HEELSTRIKE).sum())
+        worst = max(worst, *map(float, off))
     return Finding(tried, failed, worst)

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from gym_passive_walker.physics.constants import Kind
-from gym_passive_walker.physics.engine import advance
-from gym_passive_walker.physics.record import new_records
 
 from benchmarks.stress_cases.case import Finding, case
-from benchmarks.stress_cases.flight import flock
+from benchmarks.stress_cases.flight import flock, flock_of
 from benchmarks.stress_cases.gaits import every_gait, start
 from gym_passive_walker import Outcome, Walker
-from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import events as E
-from gym_passive_walker.physics import record as R
+from gym_passive_walker.engine.run import new_records
+from gym_passive_walker.physics.systems import SYSTEMS, system_of
 
 TOPIC = "Drift"
 TICK = 50.0  # time in sqrt(l/g) that a swinging walker is followed at once
@@ -42,15 +38,15 @@ def swing_on(walker: Walker, gravity: float, angles: tuple[float, float], swings
     """
     mine = flock(walker)
     state = np.array([[angles[0], angles[1], angles[1], 0.0, 0.0, 0.0]])
-    record = new_records(state, np.zeros(1), end=0.0)
-    record[:, R.PHASE], record[:, R.COS_SLOPE] = E.LOCKED, gravity
+    record = new_records(state, 0.0, end=0.0)[:, 0]
+    record["ground"] = 0.0, gravity
     worst = largest = 0.0
     for tick in range(1, int(swings * 2.0 * np.pi / TICK) + 2):
-        record[:, R.END] = TICK * tick
-        advance(mine.kind, mine.constants, record, tolerance=1e-15, from_section=False)
-        if record[0, R.OUTCOME] != Outcome.RUNNING:
+        record["end"] = TICK * tick
+        mine.go_on(record, tolerance=1e-15)
+        if record["outcome"][0] != Outcome.RUNNING:
             return Finding(swings, 1)
-        kinetic = float(mine.kinetic_energy(record[:, :6])[0])
+        kinetic = float(mine.kinetic_energy(record["state"])[0])
         largest = max(largest, kinetic)
         worst = max(worst, abs(kinetic - float(mine.gravity_work(state, record)[0])))
     return Finding(swings, 0, worst / largest)
@@ -85,18 +81,18 @@ def million_strides(count: int, rng: np.random.Generator) -> Finding:
     """All of the presets' stable gaits, side by side."""
     stable = [gait for _, gait in every_gait() if gait.stable]
     tried, failed, worst = 0, 0, 0.0
-    for kind in Kind:
-        own = [gait for gait in stable if K.kind_of(gait.walker) == kind]
-        constants = np.array([K.constants(gait.walker) for gait in own])
+    for system in SYSTEMS.values():
+        own = [gait for gait in stable if system_of(gait.walker) is system]
+        mine = flock_of([gait.walker for gait in own])
         points = np.array([start(gait) for gait in own])
-        records = new_records(points, np.array([gait.slope for gait in own]))
+        records = new_records(points, [gait.slope for gait in own])[:, 0]
         least, most = points.copy(), points.copy()
         for _ in range(count):
-            records[:, R.TIME] = records[:, R.OUTCOME] = 0.0
-            advance(kind, constants, records, tolerance=1e-14)
-            failed += int((records[:, R.OUTCOME] != Outcome.HEELSTRIKE).sum())
-            np.minimum(least, records[:, :6], out=least)
-            np.maximum(most, records[:, :6], out=most)
+            records["time"] = records["outcome"] = 0
+            mine.go_on(records, tolerance=1e-14, from_section=True)
+            failed += int((records["outcome"] != Outcome.HEELSTRIKE).sum())
+            np.minimum(least, records["state"], out=least)
+            np.maximum(most, records["state"], out=most)
         tried += count * len(own)
         worst = max(worst, float((most - points).max()), float((points - least).max()))
     return Finding(tried, failed, worst)

@@ -5,15 +5,13 @@ from __future__ import annotations
 from dataclasses import fields, replace
 
 import numpy as np
-from gym_passive_walker.physics.constants import Kind
-from gym_passive_walker.physics.record import LONGEST_STRIDE
 from numpy.typing import NDArray
 
 from benchmarks.stress_cases.case import Finding, case
 from benchmarks.stress_cases.flight import flock
 from benchmarks.stress_cases.gaits import every_gait, gaits, start
 from gym_passive_walker import WALKERS, Outcome, Walker, stride
-from gym_passive_walker.physics import record as R
+from gym_passive_walker.engine.run import LONGEST_STRIDE
 
 TOPIC = "Extremes"
 LENGTHS = (
@@ -38,11 +36,14 @@ def resized(walker: Walker, length: float, mass: float, gravity: float) -> Walke
 
 def ended(records: NDArray) -> NDArray[np.bool_]:
     """Whether each stride ended in a known way, in its time, at finite numbers."""
-    outcome = records[:, R.OUTCOME].copy()
+    outcome = records["outcome"].copy()
     outcome[outcome == Outcome.RUNNING] = Outcome.STALLED
-    in_time = (records[:, R.TIME] >= 0.0) & (records[:, R.TIME] <= LONGEST_STRIDE * (1.0 + 1e-15))
-    numbers = np.delete(records, R.STEP, axis=1)
-    return np.isin(outcome, ENDINGS) & in_time & np.all(np.isfinite(numbers), axis=1)
+    in_time = (records["time"] >= 0.0) & (records["time"] <= LONGEST_STRIDE * (1.0 + 1e-15))
+    finite = np.ones(len(records), bool)
+    for name in records.dtype.names or ():
+        if name != "step":
+            finite &= np.isfinite(records[name]).reshape(len(records), -1).all(axis=1)
+    return np.isin(outcome, ENDINGS) & in_time & finite
 
 
 def random_throws(rng: np.random.Generator, count: int, straight: bool):
@@ -122,13 +123,13 @@ def over_the_top(count: int, rng: np.random.Generator) -> Finding:
         states[:, 1] = states[:, 2] = rng.uniform(0.3, 0.6, n)
         states[:, 4] = states[:, 5] = rng.choice([-1.0, 1.0], n) * 10.0 ** rng.uniform(1.5, 2.0, n)
         walks = mine.follow(states, slope=rng.uniform(-0.1, 0.1, n), tolerance=1e-14)
-        over = walks[:, R.OUTCOME] == Outcome.OVER_THE_TOP
+        over = walks["outcome"] == Outcome.OVER_THE_TOP
         tried += n
         forward = states[:, 4] > 0.0  # backwards it may meet the ground first
         failed += int((~over & forward).sum())
-        beyond = np.abs(np.abs(walks[over, 1:3]).max(axis=1) - np.pi)
+        beyond = np.abs(np.abs(walks["state"][over, 1:3]).max(axis=1) - np.pi)
         worst = max(worst, float(beyond.max()))
-        if mine.kind != Kind.SIMPLEST:  # its ledger is its hip's, and all motion here the foot's
+        if mine.works:  # its ledger is its hip's, and all motion here the foot's
             worst = max(worst, float(mine.ledger(states, walks).max()))
     return Finding(tried, failed, worst)
 

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from gym_passive_walker.physics.constants import Kind
-from gym_passive_walker.physics.engine import advance
-from gym_passive_walker.physics.ledger import kinetic_energies, ledgers
-from gym_passive_walker.physics.record import new_records
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker import WALKERS, Walker
-from gym_passive_walker.physics import constants as K
-from gym_passive_walker.physics import events as E
-from gym_passive_walker.physics import record as R
+from gym_passive_walker.engine.run import LONGEST_STRIDE, advance, new_records
+from gym_passive_walker.physics.hybrid import Ground, Outcome, State, System
+from gym_passive_walker.physics.systems import bodies, system_of
+
+FREE = 0
+"""The phase in which a kneed walker's stride begins."""
 
 BACKWARDS = np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0])
 """Turns a state into the one of a film played backwards."""
@@ -28,43 +27,56 @@ class Flock(NamedTuple):
     """Walkers of one kind, alike or each with its own shape.
 
     Attributes:
-        kind: Which equations they obey.
-        constants: Shape (1, K.COUNT) or (n, K.COUNT).
+        system: Which equations they obey.
+        bodies: Their constants, (1 or n, 1, constants).
     """
 
-    kind: Kind
-    constants: NDArray[np.float64]
+    system: System
+    bodies: NDArray[np.float64]
 
     @property
     def straight_phase(self) -> int:
-        """The phase that ends with a heelstrike."""
-        return E.SIMPLEST if self.kind == Kind.SIMPLEST else E.LOCKED
+        """The phase that ends with a heelstrike: the last."""
+        return len(self.system.phases) - 1
+
+    @property
+    def kneed(self) -> bool:
+        """Whether a stride begins with the knee free."""
+        return self.straight_phase != FREE
+
+    @property
+    def works(self) -> bool:
+        """Whether torques work, and the swing leg has energy."""
+        return self.system.works
+
+    @property
+    def body(self) -> Any:
+        """The constants as the statements take them, (1 or n,) each."""
+        return self.system.Body(*self.bodies[:, 0].T)
 
     def kinetic_energy(self, states: NDArray) -> NDArray[np.float64]:
         """Kinetic energies / (m g l) of states (n, 6)."""
-        energy = np.empty(len(states))
-        kinetic_energies(int(self.kind), self.constants, np.ascontiguousarray(states), energy)
-        return energy
+        return self.system.kinetic_energy(self.body, State(*states.T))
 
     def gravity_work(self, starts: NDArray, records: NDArray) -> NDArray[np.float64]:
-        """Work of gravity / (m g l) since the starts."""
-        work, length = np.empty(len(starts)), np.empty(len(starts))
-        starts = np.ascontiguousarray(starts)
-        ledgers(int(self.kind), self.constants, starts, records, work, length)
-        return work
+        """Work of gravity / (m g l) since the starts, in the stride that a record tells of."""
+        start, end = State(*starts.T), State(*records["state"].T)
+        gain = self.system.potential_gain(self.body, start, end, Ground(*records["ground"].T))
+        struck = records["outcome"] == Outcome.HEELSTRIKE
+        return np.where(struck, records["gravity_work"], -gain)
 
     def follow(
         self,
         states: NDArray,
-        time: ArrayLike = 100.0,
+        time: ArrayLike = LONGEST_STRIDE,
         *,
         slope: ArrayLike = 0.0,
         torque: ArrayLike = 0.0,
         phase: ArrayLike | None = None,
         tolerance: float = 1e-13,
         stub: bool = False,
-    ) -> NDArray[np.float64]:
-        """Records of walkers followed for some time, or to what ends their stride.
+    ) -> NDArray:
+        """Records (n,) of walkers followed for some time, or to what ends their stride.
 
         Args:
             states: Dimensionless, (n, 6).
@@ -75,33 +87,37 @@ class Flock(NamedTuple):
             tolerance: Of the integration.
             stub: As for `stride`.
         """
-        records = new_records(states, np.asarray(slope, dtype=float), np.asarray(torque))
-        records[:, R.END] = time
+        records = new_records(states, slope, torque, end=time)
         if phase is not None:
-            records[:, R.PHASE] = phase
+            records["phase"][:, 0] = phase
+        return self.go_on(records[:, 0], tolerance=tolerance, stub=stub, from_section=phase is None)
+
+    def go_on(
+        self, records: NDArray, *, tolerance: float, stub: bool = False, from_section: bool = False
+    ) -> NDArray:
+        """Carry records (n,) on from where they stand, in place."""
         with np.errstate(all="ignore"):
             advance(
-                self.kind, self.constants, records,
-                tolerance=tolerance, stub=stub, from_section=phase is None,
+                self.system, self.bodies, records[:, None],
+                tolerance=tolerance, scuff=stub, from_section=from_section,
             )  # fmt: skip
         return records
 
     def ledger(self, starts: NDArray, records: NDArray) -> NDArray[np.float64]:
         """What is missing in each ledger, relative to the energy that moved in it."""
         before = self.kinetic_energy(starts)
-        ends = np.ascontiguousarray(records[:, :6])
-        gained = self.kinetic_energy(ends) - before
+        gained = self.kinetic_energy(records["state"]) - before
         gravity = self.gravity_work(starts, records)
-        torque = 0.0 if self.kind == Kind.SIMPLEST else records[:, R.TORQUE]
-        hip, turned = torque * records[:, R.HIP_NET], np.abs(torque) * records[:, R.HIP_TURN]
-        lost = records[:, R.KNEE_LOSS] + records[:, R.HEEL_LOSS]
+        torque = records["control"][:, 0] * self.works
+        hip, turned = torque * records["moved"][:, 0], np.abs(torque) * records["turned"][:, 0]
+        lost = records["knee_loss"] + records["heel_loss"]
         missing = np.abs(gravity + hip - gained - lost)
         return missing / (before + np.abs(gained) + np.abs(gravity) + turned + lost)
 
 
 def flock(walker: Walker) -> Flock:
     """Any number of walkers that are alike."""
-    return Flock(K.kind_of(walker), K.constants(walker)[None])
+    return flock_of([walker])
 
 
 def random_shapes(rng: np.random.Generator, count: int, *, knees: bool) -> list[Walker]:
@@ -134,7 +150,7 @@ def random_shapes(rng: np.random.Generator, count: int, *, knees: bool) -> list[
 
 def flock_of(walkers: list[Walker]) -> Flock:
     """Walkers of one kind, each with its own shape."""
-    return Flock(K.kind_of(walkers[0]), np.array([K.constants(walker) for walker in walkers]))
+    return Flock(system_of(walkers[0]), bodies(*walkers))
 
 
 def mirrored(walker: Walker) -> Walker:

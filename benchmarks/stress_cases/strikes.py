@@ -8,15 +8,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from gym_passive_walker.physics.constants import Kind
-from gym_passive_walker.physics.engine import advance
 from numpy.typing import NDArray
 
 from benchmarks.stress_cases.case import Finding, case
-from benchmarks.stress_cases.flight import BACKWARDS, KNEED, STRAIGHT, Flock, flock
+from benchmarks.stress_cases.flight import BACKWARDS, FREE, KNEED, STRAIGHT, Flock, flock
 from gym_passive_walker import Outcome
-from gym_passive_walker.physics import events as E
-from gym_passive_walker.physics import record as R
 
 TOPIC = "Glancing strikes"
 LEAD = 0.3
@@ -50,7 +46,7 @@ class Touch(NamedTuple):
     @property
     def phase(self) -> int:
         """The phase that such a strike ends."""
-        return E.FREE if self.event is KNEE else self.flock.straight_phase
+        return FREE if self.event is KNEE else self.flock.straight_phase
 
     def lowered(self, angle: NDArray, rate: NDArray) -> Touch:
         """The same with the swing leg, or the thigh, lower by an angle and falling at a rate."""
@@ -65,11 +61,11 @@ class Touch(NamedTuple):
         back = self.flock.follow(
             self.states * BACKWARDS, lead, torque=self.torque, tolerance=1e-14, phase=self.phase
         )
-        states = back[:, :6] * BACKWARDS
-        states[back[:, R.OUTCOME] != Outcome.RUNNING] = np.nan
+        states = back["state"] * BACKWARDS
+        states[back["outcome"] != Outcome.RUNNING] = np.nan
         return states
 
-    def walk(self, states: NDArray, tolerance: float) -> NDArray[np.float64]:
+    def walk(self, states: NDArray, tolerance: float) -> NDArray:
         """Records of the walks that start there."""
         return self.flock.follow(
             states, 2.0, torque=self.torque, tolerance=tolerance, phase=self.phase
@@ -78,12 +74,12 @@ class Touch(NamedTuple):
     def struck(self, walks: NDArray) -> NDArray[np.bool_]:
         """Whose foot, or knee, has struck."""
         if self.event is KNEE:
-            return walks[:, R.KNEE_TIME] > 0.0
-        return walks[:, R.OUTCOME] == Outcome.HEELSTRIKE
+            return walks["knee_time"] > 0.0
+        return walks["outcome"] == Outcome.HEELSTRIKE
 
     def time(self, walks: NDArray) -> NDArray[np.float64]:
         """When it struck."""
-        return walks[:, R.KNEE_TIME if self.event is KNEE else R.TIME]
+        return walks["knee_time" if self.event is KNEE else "time"]
 
 
 def touches(rng: np.random.Generator, count: int) -> list[Touch]:
@@ -95,11 +91,11 @@ def touches(rng: np.random.Generator, count: int) -> list[Touch]:
         angle, rate = rng.uniform(0.1, 0.5, n), rng.uniform(0.5, 1.5, n)
         stance = 0.2 - angle if walker.knees else -angle
         states = np.stack([stance, angle, angle, -rate, rate, rate], axis=1)
-        torque = np.full(n, 2.0 if mine.kind == Kind.SIMPLEST else 0.3)
+        torque = np.full(n, 2.0 if not mine.works else 0.3)
         touch = Touch(mine, event, states, torque, np.ones(n))
         step = 1e-3  # there and back: what is left of the motion is its curvature
         ways = [
-            mine.follow(s, step, torque=torque, phase=touch.phase)[:, :3] - states[:, :3]
+            mine.follow(s, step, torque=torque, phase=touch.phase)["state"][:, :3] - states[:, :3]
             for s in (states, states * BACKWARDS)
         ]
         found.append(touch._replace(lift=(ways[0] + ways[1]) @ event / step**2))
@@ -196,7 +192,7 @@ def mere_touch(count: int, rng: np.random.Generator) -> Finding:
             struck = touch.struck(walks)
             off = np.abs(touch.time(walks) - LEAD) / np.sqrt(tolerance / touch.lift)
             tried += len(walks)
-            failed += int((walks[:, R.OUTCOME] == Outcome.DIVERGED).sum())
+            failed += int((walks["outcome"] == Outcome.DIVERGED).sum())
             worst = max(worst, float(off[early & struck].max(initial=0.0)))
     return Finding(tried, failed, worst)
 
@@ -211,29 +207,29 @@ def grazing_fall(count: int, rng: np.random.Generator) -> Finding:
     tried = failed = 0
     for walker in STRAIGHT.values():
         mine = flock(walker)
-        if mine.kind == Kind.SIMPLEST:  # its torque does not act on the stance leg
+        if not mine.works:  # its torque does not act on the stance leg
             continue
         states = np.zeros((count, 6))
         states[:, 0] = -0.5 * np.pi + 0.02
         states[:, 1] = states[:, 2] = rng.uniform(2.0, 2.6, count)
         torque = -rng.uniform(1.0, 3.0, count)
         options = {"torque": torque, "phase": mine.straight_phase}
-        lift = mine.follow(states, 1e-4, **options)[:, 3] / 1e-4
+        lift = mine.follow(states, 1e-4, **options)["state"][:, 3] / 1e-4
         depth = rng.choice([-1.0, 1.0], count) * 10.0 ** rng.uniform(-5.0, -2.0, count)
         states[:, 3] = -np.sqrt(np.maximum(0.0, 2.0 * lift * (0.02 + depth)))
         closely = mine.follow(states, 1e-3, **options)
-        lowest = closely[:, 0].copy()
+        lowest = closely["state"][:, 0].copy()
         for tick in range(2, 601):
-            closely[:, R.END] = 1e-3 * tick
-            advance(mine.kind, mine.constants, closely, tolerance=1e-13, from_section=False)
-            lowest = np.minimum(lowest, closely[:, 0])
-        fell = closely[:, R.OUTCOME] == Outcome.FELL_FORWARD
-        deeper = closely[:, 3] ** 2 / (2.0 * lift)  # the depth that it would reach
+            closely["end"] = 1e-3 * tick
+            mine.go_on(closely, tolerance=1e-13)
+            lowest = np.minimum(lowest, closely["state"][:, 0])
+        fell = closely["outcome"] == Outcome.FELL_FORWARD
+        deeper = closely["state"][:, 3] ** 2 / (2.0 * lift)  # the depth that it would reach
         margin = np.where(fell, deeper, lowest + 0.5 * np.pi)
         for tolerance in TOLERANCES:
             walks = mine.follow(states, 0.6, tolerance=tolerance, **options)
             seen = margin > 1e-5 + 100.0 * tolerance
-            also = walks[:, R.OUTCOME] == Outcome.FELL_FORWARD
+            also = walks["outcome"] == Outcome.FELL_FORWARD
             tried += int(seen.sum())
             failed += int((seen & (also != fell)).sum())
     return Finding(tried, failed)

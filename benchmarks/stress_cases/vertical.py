@@ -7,7 +7,6 @@ import numpy as np
 from benchmarks.stress_cases.case import Finding, case
 from benchmarks.stress_cases.flight import flock
 from gym_passive_walker import WALKERS, Outcome
-from gym_passive_walker.physics import record as R
 
 TOPIC = "Extremes"
 HELD = 0.8
@@ -50,6 +49,6 @@ def barely_over(count: int, rng: np.random.Generator) -> Finding:
         states, time, slope=slope, torque=HELD, phase=mine.straight_phase, tolerance=1e-15
     )
     rate = np.sqrt(2.0 * left + 4.0 * np.sin(0.5 * last) ** 2)
-    late = np.abs(walks[:, 0] - slope - last) / rate
-    failed = int((walks[:, R.OUTCOME] != Outcome.RUNNING).sum())
+    late = np.abs(walks["state"][:, 0] - slope - last) / rate
+    failed = int((walks["outcome"] != Outcome.RUNNING).sum())
     return Finding(count, failed, float((late * left).max() / 1e-15))

@@ -14,10 +14,10 @@ from gym_passive_walker.control.ticks import course
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
+from gym_passive_walker.gaits.newton import fixed_point
 from gym_passive_walker.gaits.section import Section
 
 _SETTLING = 100  # strides before the search begins
-_NEWTON = 12
 _CLOSED = 1e-5  # observations are single numbers in single precision: no stride closes to rounding
 _SHIFT = 5e-4  # of a coordinate, for central differences through single precision
 _WORK = ("gravity_cost", "hip_cost", "net_hip_cost")
@@ -230,25 +230,28 @@ def closed_loop_gait(
     if np.isfinite(settled).all():  # else it falls: the gait may be unstable, and near the start
         point = settled
     shifts = _SHIFT * np.eye(len(point))
-    for _ in range(_NEWTON):
-        tried = ends(np.vstack([point, point + shifts, point - shifts]))
-        if not np.isfinite(tried).all():
-            raise GaitNotFound(
-                f"a walker under {getattr(policy, 'name', 'this policy')} does not make {period} "
-                "strides from near its start; give a start near the gait"
-            )
-        m = len(point)
-        by_point = (tried[1 : m + 1] - tried[m + 1 :]).T / (2.0 * _SHIFT)
-        violation = float(np.max(np.abs(tried[0] - point)))
-        if violation < _CLOSED:
-            break
-        point = point + np.linalg.solve(np.eye(m) - by_point, tried[0] - point)
-    else:
+
+    def linearised(points: NDArray) -> tuple[NDArray, NDArray]:
+        tried = ends(np.vstack([points[0], points[0] + shifts, points[0] - shifts]))
+        ahead, behind = tried[1:].reshape(2, len(shifts), -1)
+        by_point = (ahead - behind).T / (2.0 * _SHIFT)
+        return tried[:1], by_point[None]
+
+    found = fixed_point(linearised, point[None], accuracy=_CLOSED)
+    violation, name = float(found.sizes[0]), getattr(policy, "name", "this policy")
+    if not math.isfinite(violation):
         raise GaitNotFound(
-            f"no gait of period {period} under {getattr(policy, 'name', 'this policy')}: the best "
-            f"stride ends {violation:.1e} from where it began; try another period or start"
+            f"a walker under {name} does not make {period} strides from near its start; give a "
+            "start near the gait"
         )
-    return _measured(policy, scene, slope, period, point, multipliers_of(by_point), violation)
+    if violation > _CLOSED:
+        raise GaitNotFound(
+            f"no gait of period {period} under {name}: the best stride ends {violation:.1e} from "
+            "where it began; try another period or start"
+        )
+    by_point = found.derivatives[0] + np.eye(len(point))
+    multipliers = multipliers_of(by_point)
+    return _measured(policy, scene, slope, period, found.points[0], multipliers, violation)
 
 
 def _measured(

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.engine.run import Seeds, advance, new_records
 from gym_passive_walker.gaits.passage import NoStride
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.physics.bodies import bodies, system_of
 from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.physics.systems import bodies, system_of
 from gym_passive_walker.walkers import Walker
 
 LONGEST = 20.0

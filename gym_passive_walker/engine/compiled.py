@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from functools import cache, lru_cache
 from hashlib import sha256
 from pathlib import Path
@@ -21,9 +22,10 @@ from gym_passive_walker.engine.layout import (
     MOST_GUARDS,
     PAIR,
     RECORD,
-    TILE,
+    tile_for,
 )
 from gym_passive_walker.engine.native import Function, Memory, uses, write_table
+from gym_passive_walker.engine.runge_kutta import Pair
 from gym_passive_walker.engine.step import Equations
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import Control, Ground, Outcome, Phase, State, System
@@ -101,43 +103,49 @@ def compiled(system: str, planes: int = 0, *, moving_body: bool = False) -> NDAr
 
     of = SYSTEMS[system]
     name = f"{system}-{planes}{'b' * moving_body}"
-    code = _load(name, lambda: _written(of, name, planes, moving_body))
-    phases = np.zeros(len(of.phases), PHASE)
-    for i, (entry, phase) in enumerate(zip(phases, of.phases, strict=True)):
+    return phases_of(of, _kept(name, lambda: written(of, name, planes, moving_body=moving_body)))
+
+
+def phases_of(system: System, code: Any) -> NDArray:
+    """What the engine is to know of a system's phases, from their native code, (phases,)."""
+    phases = np.zeros(len(system.phases), PHASE)
+    for i, (entry, phase) in enumerate(zip(phases, system.phases, strict=True)):
         for function in ("open", "first", "sweep", "look"):
             entry[function] = code.get_function_address(f"{function}{i}")
         entry["place"] = code.get_function_address("place")
         entry["table"] = code.get_global_value_address("table")
         for outcome in phase.resets:
             entry["resets"][outcome] = code.get_function_address(f"reset{i}_{outcome.name}")
-        used = constants_used(of, phase)
+        used = constants_used(system, phase)
         entry["links"], entry["constants"] = phase.links, len(used)
-        entry["uses"][: len(used)] = [of.Body._fields.index(n) for n in used]  # type: ignore[attr-defined]
+        entry["uses"][: len(used)] = [system.Body._fields.index(n) for n in used]  # type: ignore[attr-defined]
         entry["guards"] = len(phase.guards)
         entry["outcomes"][: len(phase.guards)] = [guard.outcome for guard in phase.guards]
         entry["watch"][: len(phase.guards)] = [guard.watch for guard in phase.guards]
     return phases
 
 
-def _written(system: System, name: str, planes: int, moving_body: bool) -> ir.Module:
-    """All native functions of a system."""
+def written(
+    system: System, name: str, planes: int = 0, *, moving_body: bool = False, pair: Pair = PAIR
+) -> ir.Module:
+    """All native functions of a system, in steps of a method."""
     module = ir.Module(name)
     body, table = ("body",) * moving_body, {}
-    layouts = RECORD, body_layout(system)
+    layouts, tile = (RECORD, body_layout(system)), tile_for(pair)
     for i, phase in enumerate(system.phases):
-        equations = Equations(system, phase, constants_used(system, phase))
+        equations = Equations(system, phase, constants_used(system, phase), pair)
         options: dict[str, Any] = {"planes": planes, "active": _STATES + body, "table": table}
-        first = Function(module, f"first{i}", (TILE,), **options)
+        first = Function(module, f"first{i}", (tile,), **options)
         first.over_lanes(equations.first)
         first.end()
-        sweep = Function(module, f"sweep{i}", (TILE,), **options)
-        for index in range(1, PAIR.stages + 1):
+        sweep = Function(module, f"sweep{i}", (tile,), **options)
+        for index in range(1, pair.stages + 1):
             sweep.over_lanes(equations.stage(index))
         sweep.over_lanes(equations.estimate)
         sweep.over_lanes(equations.judge)
         sweep.end()
         options["active"] += _COURSES
-        look = Function(module, f"look{i}", (TILE, COURSE), **options)
+        look = Function(module, f"look{i}", (tile, COURSE), **options)
         look.once(equations.look, lane=True)
         look.end()
         opening = Function(module, f"open{i}", layouts)
@@ -227,16 +235,25 @@ def _machine() -> Any:
     return machine, f"{llvm.llvm_version_info}{target.triple}{cpu}{features}"
 
 
-def _load(name: str, write: Any) -> Any:
+def _kept(name: str, write: Callable[[], ir.Module]) -> Any:
     """Native code, from the cache or written anew."""
-    machine, identity = _machine()
-    path = cache_directory() / f"{name}-{sha256(identity.encode()).hexdigest()[:16]}.o"
+    path = cache_directory() / f"{name}-{sha256(_machine()[1].encode()).hexdigest()[:16]}.o"
     try:
         data = path.read_bytes()
     except OSError:
-        data = machine.emit_object(_parsed(str(write())))
+        data = object_code(write())
         _keep(path, data)
-    engine = llvm.create_mcjit_compiler(_parsed(""), machine)
+    return loaded(data)
+
+
+def object_code(module: ir.Module) -> bytes:
+    """A module's native functions, in machine code."""
+    return _machine()[0].emit_object(_parsed(str(module)))
+
+
+def loaded(data: bytes) -> Any:
+    """Machine code, ready to be called for as long as the process lives."""
+    engine = llvm.create_mcjit_compiler(_parsed(""), _machine()[0])
     engine.add_object_file(llvm.ObjectFileRef.from_data(data))
     engine.finalize_object()
     _ALIVE.append(engine)

@@ -33,10 +33,28 @@ def jitted(function: Callable[..., Any]) -> Any:
     return numba.njit(**_OPTIONS)(function)
 
 
-def kernel(function: Callable[..., Any]) -> Any:
-    """Compile an entry point: cached on disk, free of Python's lock while it runs."""
-    with _kernels_cached_here():
-        return numba.njit(cache=True, nogil=True, **_OPTIONS)(function)
+def inlined(function: Callable[..., Any]) -> Any:
+    """Compile a few operations that melt into whoever calls them."""
+    return numba.njit(forceinline=True, **_OPTIONS)(function)
+
+
+class Kernel:
+    """An entry point: compiled when first called, cached on disk, free of Python's lock.
+
+    Args:
+        function: What to compile.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self.function = function
+        self._compiled: Any = None
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Run it."""
+        if self._compiled is None:
+            with _kernels_cached_here():
+                self._compiled = numba.njit(cache=True, nogil=True, **_OPTIONS)(self.function)
+        return self._compiled(*arguments)
 
 
 @intrinsic
@@ -54,5 +72,17 @@ def _call(typing_context, function, first, second, count, x, y):  # type: ignore
     return types.void(word, word, word, word, number, number), code
 
 
-# Called as call(function, first, second, count, x, y) in compiled code.
+@intrinsic
+def _fma(typing_context, a, b, c):  # type: ignore[no-untyped-def]
+    """The sum a * b + c, rounded once."""
+
+    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        return builder.fma(*arguments)
+
+    number = types.float64
+    return number(number, number, number), code
+
+
+# Called as fma(a, b, c) and as call(function, first, second, count, x, y) in compiled code.
 call: Any = _call
+fma: Any = _fma

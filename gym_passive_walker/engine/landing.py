@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gym_passive_walker.engine.jit import call, jitted
+from gym_passive_walker.engine.jit import call, fma, inlined, jitted
 from gym_passive_walker.engine.layout import PAIR
 from gym_passive_walker.engine.step import FASTEST, LONGEST_STEP, MOST_STEPS, SAFETY, SLOWEST
 from gym_passive_walker.physics.hybrid import Control, Watch
@@ -37,7 +37,7 @@ _SCUFF = int(Watch.SCUFF)
 _CONTROLS, _END, _SHARE = len(Control._fields), PAIR.stages, 1.0 / PAIR.error_order
 
 
-@jitted
+@inlined
 def growth(error):
     """Factor to the next step length, from the error of this one over its tolerance."""
     remainder, product, rest = error + 1e-30, 1.0, _SHARE  # see step.growth
@@ -50,13 +50,13 @@ def growth(error):
     return factor if factor > SLOWEST else SLOWEST
 
 
-@jitted
+@inlined
 def proposal(h, error):
     """Length of the next step after an accepted one."""
     return min(h * growth(error), LONGEST_STEP)
 
 
-@jitted
+@inlined
 def go_on(tile, lane):
     """Next step: the proposed length, or what is left of the time."""
     rest = tile.end[lane] - tile.time[lane]
@@ -64,13 +64,13 @@ def go_on(tile, lane):
     tile.h[lane] = following if 1.1 * following < rest else rest
 
 
-@jitted
+@inlined
 def value(p, x):
     """A polynomial of fifth degree at x."""
-    return p[0] + x * (p[1] + x * (p[2] + x * (p[3] + x * (p[4] + x * p[5]))))
+    return fma(x, fma(x, fma(x, fma(x, fma(x, p[5], p[4]), p[3]), p[2]), p[1]), p[0])
 
 
-@jitted
+@inlined
 def derivative(p):
     """Coefficients of the polynomial's derivative."""
     return p[1], 2.0 * p[2], 3.0 * p[3], 4.0 * p[4], 5.0 * p[5], 0.0 * p[5]
@@ -88,11 +88,11 @@ def root(p):
         x = 0.5
     for _ in range(60):
         g = value(p, x)
+        slope = value(d, x)
         if (g > 0.0) == rising:
             high = x
         else:
             low = x
-        slope = value(d, x)
         new = x - g / slope if slope != 0.0 else 0.5 * (low + high)
         if not low < new < high:
             new = 0.5 * (low + high)
@@ -102,7 +102,7 @@ def root(p):
     return x
 
 
-@jitted
+@inlined
 def path(course, i, h):
     """A guard over a step of length h, as the quintic with its values, slopes and curvatures."""
     g0, v0, a0 = course.before[i], course.rate_before[i] * h, course.bend_before[i] * h * h
@@ -120,13 +120,13 @@ def path(course, i, h):
     )
 
 
-@jitted
+@inlined
 def further(course, i, ahead):
     """A guard a little beyond the step's end, where a correction of its length leads."""
     return course.after[i] + ahead * (course.rate_after[i] + 0.5 * ahead * course.bend_after[i])
 
 
-@jitted
+@inlined
 def fell(phase, course, i, scuff, ahead):
     """Whether a guard fell through zero over the step and a little beyond it, so that it counts."""
     if phase.watch[i] == _SCUFF and not scuff:
@@ -160,6 +160,17 @@ def hiding(course, i, h):
     return fraction if unsure and _BRINK < fraction < 1.0 - _BRINK else -1.0
 
 
+@inlined
+def far(course, i, h):
+    """Whether a guard stays so far above zero that its quintic cannot come near it."""
+    sway = (
+        h * (abs(course.rate_before[i]) + abs(course.rate_after[i]))
+        + h * h * (abs(course.bend_before[i]) + abs(course.bend_after[i]))
+        + abs(course.after[i] - course.before[i])
+    )
+    return min(course.before[i], course.after[i]) > 2.0 * sway
+
+
 @jitted
 def earliest(phase, course, h, scuff):
     """What comes first within a step.
@@ -170,15 +181,16 @@ def earliest(phase, course, h, scuff):
     """
     first, event = 2.0, 0
     for i in range(phase.guards):
+        if far(course, i, h):
+            continue
         if fell(phase, course, i, scuff, 0.0):
-            fraction = root(path(course, i, h))
-            if fraction < first:
-                first, event = fraction, i + 1
-    for i in range(phase.guards):
-        if phase.watch[i] != _SCUFF and not fell(phase, course, i, scuff, 0.0):
-            fraction = hiding(course, i, h)
-            if 0.0 < fraction < first:
-                first, event = fraction, -1
+            fraction, found = root(path(course, i, h)), i + 1
+        elif phase.watch[i] != _SCUFF:
+            fraction, found = hiding(course, i, h), -1
+        else:
+            continue
+        if 0.0 < fraction < first or (found > 0 and fraction < first):
+            first, event = fraction, found
     return first, event
 
 
@@ -222,7 +234,7 @@ def commit(tiles, courses, phase, lane, h):
     tile.event[lane] = 0.0
 
 
-@jitted
+@inlined
 def aim(tile, lane, event, fraction, high):
     """Repeat the step from its start, with the length that leads to an event's first estimate."""
     tile.event[lane] = event
@@ -239,7 +251,7 @@ def rival(phase, course, event, scuff, ahead):
     return 0
 
 
-@jitted
+@inlined
 def look(tiles, courses, phase, lane):
     """Have the phase's guards over a lane's step written down."""
     call(phase.look, tiles.ctypes.data, courses.ctypes.data, lane, 0.0, 0.0)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gym_passive_walker.engine.jit import call, jitted
+from gym_passive_walker.engine.jit import call, inlined, jitted
 from gym_passive_walker.engine.landing import TIME_UP, attend, go_on, look
 from gym_passive_walker.engine.layout import WIDTH
 from gym_passive_walker.engine.native import GROUP
@@ -24,7 +24,7 @@ WAITING, HALTED = int(Outcome.RUNNING), -1
 """Outcomes of a record that is to be carried on, and of one whose time is up."""
 
 
-@jitted
+@inlined
 def equip(tiles, lane, phase, body):
     """Give a lane its walker's constants."""
     for plane in range(len(tiles)):
@@ -132,7 +132,7 @@ def move(tiles, source, target):
     tile.fresh[target] = tile.fresh[source]
 
 
-@jitted
+@inlined
 def next_waiting(records, index, phase):
     """The first record from an index on that waits for a phase; their number if none does."""
     while index < len(records):

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.engine.native import GROUP
+from gym_passive_walker.engine.runge_kutta import Pair
 from gym_passive_walker.engine.verner import VERNER
 from gym_passive_walker.physics.hybrid import Control, Ground, State
 
@@ -54,32 +55,38 @@ RECORD = np.dtype(
     ]
 )
 
-TILE = np.dtype(
-    [
-        ("angle", "f8", (LINKS, *_LINE)),
-        ("rate", "f8", (LINKS, *_LINE)),
-        ("new_angle", "f8", (LINKS, *_LINE)),
-        ("new_rate", "f8", (LINKS, *_LINE)),
-        # Accelerations at the step's start, in its stages, and at its end.
-        ("stage", "f8", (PAIR.stages + 1, LINKS, *_LINE)),
-        ("moved", "f8", (_CONTROLS, *_LINE)),
-        ("turned", "f8", (_CONTROLS, *_LINE)),
-        ("ground", "f8", (_GROUND, *_LINE)),
-        ("control", "f8", (_CONTROLS, *_LINE)),
-        ("body", "f8", (MOST_CONSTANTS, *_LINE)),
-        ("h", "f8", _LINE),  # length of the step
-        ("next", "f8", _LINE),  # proposed length of the next
-        ("time", "f8", _LINE),
-        ("end", "f8", _LINE),
-        ("error", "f8", _LINE),
-        ("verdict", "f8", _LINE),
-        ("event", "f8", _LINE),  # the guard that the step is aimed at, from 1 on
-        ("low", "f8", _LINE),  # what that guard's fall lies between
-        ("high", "f8", _LINE),
-        ("steps", "f8", _LINE),
-        ("fresh", "f8", _LINE),  # whether the walker has just been loaded
-    ]
-)
+
+def tile_for(pair: Pair) -> np.dtype:
+    """The layout of a tile for steps made with a method."""
+    return np.dtype(
+        [
+            ("angle", "f8", (LINKS, *_LINE)),
+            ("rate", "f8", (LINKS, *_LINE)),
+            ("new_angle", "f8", (LINKS, *_LINE)),
+            ("new_rate", "f8", (LINKS, *_LINE)),
+            # Accelerations at the step's start, in its stages, and at its end.
+            ("stage", "f8", (pair.stages + 1, LINKS, *_LINE)),
+            ("moved", "f8", (_CONTROLS, *_LINE)),
+            ("turned", "f8", (_CONTROLS, *_LINE)),
+            ("ground", "f8", (_GROUND, *_LINE)),
+            ("control", "f8", (_CONTROLS, *_LINE)),
+            ("body", "f8", (MOST_CONSTANTS, *_LINE)),
+            ("h", "f8", _LINE),  # length of the step
+            ("next", "f8", _LINE),  # proposed length of the next
+            ("time", "f8", _LINE),
+            ("end", "f8", _LINE),
+            ("error", "f8", _LINE),
+            ("verdict", "f8", _LINE),
+            ("event", "f8", _LINE),  # the guard that the step is aimed at, from 1 on
+            ("low", "f8", _LINE),  # what that guard's fall lies between
+            ("high", "f8", _LINE),
+            ("steps", "f8", _LINE),
+            ("fresh", "f8", _LINE),  # whether the walker has just been loaded
+        ]
+    )
+
+
+TILE = tile_for(PAIR)
 
 COURSE = np.dtype(
     [

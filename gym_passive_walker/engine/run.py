@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import os
+import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
@@ -18,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.engine.compiled import compiled
-from gym_passive_walker.engine.jit import call, jitted, kernel
+from gym_passive_walker.engine.jit import Kernel, call, jitted
 from gym_passive_walker.engine.lanes import HALTED, WAITING, carry
 from gym_passive_walker.engine.layout import COURSE, LINKS, PAIR, RECORD, TILE, aligned
 from gym_passive_walker.physics.hybrid import Outcome, System
@@ -36,6 +37,7 @@ OPTIONS = np.dtype(
 LONGEST_STRIDE = 100.0
 """Time in sqrt(l/g) after which a stride without heelstrike has stalled; a usual one takes 3."""
 
+_DESKS = threading.local()
 _CHUNK = 1024  # records carried through a stride together, so that they stay in the cache
 _WORTH_A_THREAD = 1024  # records below which a second thread costs more than it saves
 _FALLS = int(Outcome.FELL_FORWARD)
@@ -82,7 +84,7 @@ def carry_on(records, bodies, phases, tiles, courses, options, from_section):
                 chunk[i, 0].outcome = WAITING
 
 
-@kernel
+@Kernel
 def _advance(records, bodies, phases, tiles, courses, options, from_section):
     carry_on(records, bodies, phases, tiles, courses, options[0], from_section)
 
@@ -130,7 +132,7 @@ def new_records(
     records = np.zeros((len(states), planes + 1), RECORD)
     values = records[:, 0]
     values["state"] = states
-    values["ground"] = np.stack(np.broadcast_arrays(np.sin(slopes), np.cos(slopes)), axis=-1)
+    values["ground"][:, 0], values["ground"][:, 1] = np.sin(slopes), np.cos(slopes)
     controls = np.asarray(controls, dtype=float)
     values["control"] = controls if controls.ndim == 2 else controls[..., None]
     values["end"] = end
@@ -154,6 +156,15 @@ def workspace(planes: int = 0) -> tuple[NDArray, NDArray]:
     return aligned(TILE, planes + 1), np.zeros(planes + 1, COURSE)
 
 
+def _desk(planes: int) -> tuple[NDArray, NDArray]:
+    """The workspace of this thread."""
+    desks = _DESKS.__dict__
+    if planes not in desks:
+        desks[planes] = workspace(planes)
+    return desks[planes]
+
+
+@lru_cache
 def options(tolerance: float, *, scuff: bool = False, planes: int = 0) -> NDArray:
     """What the engine is told of a tolerance, shape (1,) of OPTIONS."""
     # A step's end is moved by up to `landing` of its length by its Taylor series of second order.
@@ -231,12 +242,13 @@ def advance(
         )  # fmt: skip
     if changes and bodies.shape[1] == 1:
         bodies = np.pad(bodies, ((0, 0), (0, changes), (0, 0)))
-    phases = compiled(system.name, changes, moving_body=bool(np.any(bodies[:, 1:])))
+    moving_body = bool(changes and np.any(bodies[:, 1:]))
+    phases = compiled(system.name, changes, moving_body=moving_body)
     told = options(tolerance, scuff=scuff, planes=changes)
 
     def job(first: int, last: int) -> None:
         own = bodies[first:last] if len(bodies) > 1 else bodies
-        _advance(records[first:last], own, phases, *workspace(changes), told, from_section)
+        _advance(records[first:last], own, phases, *_desk(changes), told, from_section)
 
     in_parts(job, len(records), threads)
     return records

@@ -20,6 +20,7 @@ from gym_passive_walker.engine.expressions import (
 )
 from gym_passive_walker.engine.layout import PAIR
 from gym_passive_walker.engine.native import Memory
+from gym_passive_walker.engine.runge_kutta import Pair
 from gym_passive_walker.physics.hybrid import Control, Ground, Phase, State, System, Watch
 
 PLAIN, ALERT, UP = 0.0, 1.0, 2.0
@@ -43,10 +44,13 @@ class Equations:
         system: The system.
         phase: Its phase.
         body: The constants that the phase uses: names, in the order of the tile's rows.
+        pair: The method that steps are made with.
     """
 
-    def __init__(self, system: System, phase: Phase, body: tuple[str, ...]) -> None:
-        self.system, self.phase, self.names = system, phase, body
+    def __init__(
+        self, system: System, phase: Phase, body: tuple[str, ...], pair: Pair = PAIR
+    ) -> None:
+        self.system, self.phase, self.names, self.pair = system, phase, body, pair
 
     @property
     def links(self) -> range:
@@ -111,14 +115,14 @@ class Equations:
             h, angles, rates = tile["h"], [], []
             for link in self.links:
                 angle, rate = tile["angle", link], tile["rate", link]
-                shift = self._weighted(tile, PAIR.angles[index], link)
-                node = float(PAIR.nodes[index])
+                shift = self._weighted(tile, self.pair.angles[index], link)
+                node = float(self.pair.nodes[index])
                 angles.append(angle + h * (node * rate + h * shift))
-                rates.append(rate + h * self._weighted(tile, PAIR.rates[index], link))
+                rates.append(rate + h * self._weighted(tile, self.pair.rates[index], link))
             state = self.as_state(angles, rates)
             for link, value in enumerate(self.accelerations(tile, state)):
                 tile["stage", index, link] = value
-                if index == PAIR.stages:
+                if index == self.pair.stages:
                     tile["new_angle", link], tile["new_rate", link] = angles[link], rates[link]
 
         return code
@@ -145,8 +149,8 @@ class Equations:
         weight = h / (tolerance * scale + 1e-290)
         squares = []
         for link in self.links:
-            of_rate = weight * self._weighted(tile, PAIR.rate_error, link)
-            of_angle = weight * h * self._weighted(tile, PAIR.angle_error, link)
+            of_rate = weight * self._weighted(tile, self.pair.rate_error, link)
+            of_angle = weight * h * self._weighted(tile, self.pair.angle_error, link)
             squares += [of_rate * of_rate + of_angle * of_angle]
         tile["error"] = square_root(sum_of(squares))
 
@@ -163,7 +167,7 @@ class Equations:
         )
         plain = (error <= 1.0) & ~alert
         up = plain & (h >= rest)
-        following, proposed = proposal(h, error), tile["next"]
+        following, proposed = proposal(h, error, self.pair), tile["next"]
         rest = choose(plain, rest - h, rest)
         tile["verdict"] = choose(up, UP, choose(alert, ALERT, PLAIN))
         tile["steps"] = tile["steps"] + 1.0
@@ -180,7 +184,7 @@ class Equations:
         for link in self.links:
             for old, new in (("angle", "new_angle"), ("rate", "new_rate")):
                 tile[old, link] = choose(plain, tile[new, link], tile[old, link])
-            end = tile["stage", PAIR.stages, link]
+            end = tile["stage", self.pair.stages, link]
             tile["stage", 0, link] = choose(plain, end, tile["stage", 0, link])
 
     def _fallen(self, tile: Memory) -> Expression:
@@ -221,7 +225,7 @@ class Equations:
         functions = [
             (lambda state, guard=guard: guard.falls(body, state)) for guard in self.phase.guards
         ] + [(lambda state, i=i: self.system.travel(state)[i]) for i in range(len(Control._fields))]
-        for when, prefix, stage in (("before", "", 0), ("after", "new_", PAIR.stages)):
+        for when, prefix, stage in (("before", "", 0), ("after", "new_", self.pair.stages)):
             state = self.state(tile, prefix)
             bends = [tile["stage", stage, link] for link in range(3)]
             for i, function in enumerate(functions):
@@ -244,12 +248,12 @@ def sum_of(terms: list[Expression]) -> Expression | float:
     return total
 
 
-def growth(error: Expression) -> Expression:
+def growth(error: Expression, pair: Pair = PAIR) -> Expression:
     """Factor to the next step length, from the error of this one over its tolerance.
 
     The root of the error's order is a product of square roots: for 8, the third of them.
     """
-    root, product, rest = error + 1e-30, None, 1.0 / PAIR.error_order
+    root, product, rest = error + 1e-30, None, 1.0 / pair.error_order
     while rest > 1e-3:
         root, rest = square_root(root), 2.0 * rest
         if rest >= 1.0:
@@ -259,7 +263,7 @@ def growth(error: Expression) -> Expression:
     return choose(factor > SLOWEST, factor, SLOWEST)
 
 
-def proposal(h: Expression, error: Expression) -> Expression:
+def proposal(h: Expression, error: Expression, pair: Pair = PAIR) -> Expression:
     """Length of the next step after an accepted one."""
-    following = h * growth(error)
+    following = h * growth(error, pair)
     return choose(following < LONGEST_STEP, following, LONGEST_STEP)

@@ -6,6 +6,7 @@ import math
 import sys
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -16,37 +17,39 @@ from gym_passive_walker.engine.cache import cache_directory
 from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import in_parts, options, workspace
-from gym_passive_walker.envs import task as T
+from gym_passive_walker.envs import task
 from gym_passive_walker.envs.interface import refuse
 from gym_passive_walker.envs.scene import Scene, SceneError
 from gym_passive_walker.envs.starts import DRAWS, Starts, checked_state
-from gym_passive_walker.physics.bodies import bodies, system_of
 from gym_passive_walker.physics.hybrid import System
+from gym_passive_walker.physics.systems import bodies, system_of
 from gym_passive_walker.walkers import Walker
 
 OPTIONS = ("state", "slope")
 """What `reset` may be asked for."""
 
+_BLANK = np.zeros(1, RECORD), np.zeros(1, task.LEDGER)
 _CROWD = 2048  # walkers from which on threads may share the work
 
 
 def _rules(scene: Scene, system: System, step_limit: float) -> NDArray:
     """A scene's rules, as the kernel reads them."""
-    rules = np.zeros(1, T.RULES)
+    rules = np.zeros(1, task.RULES)
     rules["engine"] = options(scene.tolerance, scuff=bool(scene.stub))
     rules["tick"] = scene.tick if scene.control == "tick" else math.inf
     rules["longest_stride"] = scene.longest_stride
     rules["max_hip_torque"] = scene.max_hip_torque
     rules["energy_weight"] = scene.energy_weight
-    rules["charged"] = T.ENERGIES.index(scene.energy)
+    rules["charged"] = task.ENERGIES.index(scene.energy)
     rules["step_limit"] = step_limit
     rules["works"] = system.works
     return rules
 
 
+@cache
 def _say_if_long() -> None:
-    """Say that the first step will take a while, if its kernel is not compiled yet."""
-    if not T.step.signatures and not any(cache_directory().rglob("task.step-*.nbi")):
+    """Say, once, that the first step will take a while, if its kernel is not compiled yet."""
+    if not any(cache_directory().rglob("task.step-*.nbi")):
         print(
             "gym_passive_walker: compiling the engine, once; some seconds",
             file=sys.stderr,
@@ -71,7 +74,6 @@ class Batch:
         threads: How many threads large batches use; numba's number when None.
 
     Attributes:
-        system: Which equations the walkers obey.
         walkers: The walker in each place.
         records: Shape (count, 1) of `engine.layout.RECORD`.
         ledger: Shape (count,) of `task.LEDGER`.
@@ -104,7 +106,6 @@ class Batch:
                 "walkers of one batch must be of one kind: all with knees, all with straight legs, "
                 "or all with legs without mass"
             )
-        self.system = system_of(self.walkers[0])
         slope_of = [None] * count if slopes is None else check_slope(slopes).tolist()
         shared: dict[Any, Starts] = {}
         self._starts = [
@@ -117,11 +118,16 @@ class Batch:
         self.bodies = bodies(*shown)
         self._radii = _radii(shown)
         self.records = np.zeros((count, 1), RECORD)
-        self.ledger = np.zeros(count, T.LEDGER)
+        self.ledger = np.zeros(count, task.LEDGER)
         self.rules = _rules(scene, self.system, step_limit)
         self.randoms: list[np.random.Generator] = []
         _say_if_long()
         self.machinery = compiled(self.system.name), *workspace()
+
+    @property
+    def system(self) -> System:
+        """Which equations the walkers obey."""
+        return system_of(self.walkers[0])
 
     def start(
         self,
@@ -157,10 +163,8 @@ class Batch:
         for i, walker in varied.items():
             self.walkers[i], self.bodies[i : i + 1] = walker, bodies(walker)
             self._radii[i : i + 1] = _radii([walker])
-        self.records[where] = np.zeros(1, RECORD)
-        self.ledger[where] = np.zeros(1, T.LEDGER)
-        T.begin(
-            self.records, self.bodies, self._radii, self.ledger, self.machinery[0],
+        task.begin(
+            self.records, self.bodies, self._radii, self.ledger, *_BLANK, self.machinery[0],
             where, slopes, gaits, draws, self.scene.perturbation, observations,
         )  # fmt: skip
 
@@ -179,16 +183,16 @@ class Batch:
             if not wanted:
                 return slopes, none
             each = zip(where.tolist(), slopes.tolist(), strict=True)
-            return slopes, np.array([self._starts[i].gait(slope) for i, slope in each])
+            return slopes, np.array([self._starts[i].state(slope) for i, slope in each])
         if self._alike_starts:
             starts = self._starts[0]
             slopes = starts.slopes(shares)
-            return slopes, starts.gaits(slopes) if wanted else none
+            return slopes, starts.states(slopes) if wanted else none
         slopes, gaits = np.empty(len(where)), np.zeros((len(where), 6))
         for j, i in enumerate(where.tolist()):
             slopes[j : j + 1] = self._starts[i].slopes(shares[j : j + 1])
             if wanted:
-                gaits[j : j + 1] = self._starts[i].gaits(slopes[j : j + 1])
+                gaits[j : j + 1] = self._starts[i].states(slopes[j : j + 1])
         return slopes, gaits
 
     def _asked(
@@ -238,7 +242,7 @@ class Batch:
     @property
     def charged_for(self) -> str:
         """What motors are charged for: "absolute", "positive" or "net" hip work."""
-        return T.ENERGIES[int(self.rules["charged"][0])]
+        return task.ENERGIES[int(self.rules["charged"][0])]
 
     def charge_for(self, energy: str | None) -> None:
         """Charge all motors for another kind of work from now on; None is the scene's own.
@@ -247,14 +251,14 @@ class Batch:
             ValueError: if there is no such kind.
         """
         energy = self.scene.energy if energy is None else energy
-        if energy not in T.ENERGIES:
-            allowed = ", ".join(map(repr, T.ENERGIES))
+        if energy not in task.ENERGIES:
+            allowed = ", ".join(map(repr, task.ENERGIES))
             raise ValueError(f"motors are charged for {allowed} or None, not {energy!r}")
-        self.rules["charged"] = T.ENERGIES.index(energy)
+        self.rules["charged"] = task.ENERGIES.index(energy)
 
     def observe(self, observations: NDArray[np.float32]) -> None:
         """Write all walkers' observations, flat: shape (count * SIZE,)."""
-        T.observe(self.records, self.ledger, self.machinery[0], observations)
+        task.observe(self.records, self.ledger, self.machinery[0], observations)
 
     def step(
         self,
@@ -280,7 +284,7 @@ class Batch:
             ValueError: if an action is no finite number; nothing has changed then.
         """
         if self.count < _CROWD:
-            wrong, strides, endings = T.step(
+            wrong, strides, endings = task.step(
                 self.records, self.bodies, self.ledger, self.rules, *self.machinery,
                 actions, observations, rewards, terminated, truncated,
             )  # fmt: skip
@@ -293,8 +297,8 @@ class Batch:
 
         def job(a: int, b: int) -> None:
             own = self.bodies[a:b] if len(self.bodies) > 1 else self.bodies
-            seen = observations[a * T.SIZE : b * T.SIZE]
-            counts = T.step(
+            seen = observations[a * task.SIZE : b * task.SIZE]
+            counts = task.step(
                 self.records[a:b], own, self.ledger[a:b], self.rules,
                 self.machinery[0], *workspace(),
                 actions[a:b], seen, rewards[a:b], terminated[a:b], truncated[a:b],

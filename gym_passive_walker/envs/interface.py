@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from gym_passive_walker.envs import task as T
+from gym_passive_walker.envs import task
 from gym_passive_walker.physics.hybrid import Outcome
 
 OUTCOMES = (None, *(outcome.name.lower() for outcome in Outcome if outcome))
@@ -17,9 +17,9 @@ OUTCOMES = (None, *(outcome.name.lower() for outcome in Outcome if outcome))
 
 def observation_space() -> Any:
     """What an agent sees: the same for every walker and every scene."""
-    low = -T.BOUNDS
+    low = -task.BOUNDS
     low[6] = 0.0
-    return spaces.Box(low.astype(np.float32), T.BOUNDS.astype(np.float32), dtype=np.float32)
+    return spaces.Box(low.astype(np.float32), task.BOUNDS.astype(np.float32), dtype=np.float32)
 
 
 def action_space() -> Any:

@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
-from gym_passive_walker.envs import interface
-from gym_passive_walker.envs import task as T
+from gym_passive_walker.envs import interface, task
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
@@ -151,7 +150,7 @@ class PassiveWalkerVecEnv(VecEnv):
         self,
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """A step of every environment, and the next episode's start where one has ended."""
-        observations = np.empty((self.num_envs, T.SIZE), np.float32)
+        observations = np.empty((self.num_envs, task.SIZE), np.float32)
         rewards = np.empty(self.num_envs)
         dones, truncated = np.empty((2, self.num_envs), bool)
         flat = observations.reshape(-1)
@@ -174,7 +173,7 @@ class PassiveWalkerVecEnv(VecEnv):
         """The info of an environment whose episode has ended."""
         row = self.batch.ledger[lane]
         ended = interface.OUTCOMES[row["ending"]] if terminated else "time_limit"
-        info: dict[str, Any] = {name: row[name].item() for name in T.EVERY_STEP}
+        info: dict[str, Any] = {name: row[name].item() for name in task.EVERY_STEP}
         info["outcome"] = ended
         info["TimeLimit.truncated"] = bool(row["truncated"]) and not terminated
         info["terminal_observation"] = observation

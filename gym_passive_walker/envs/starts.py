@@ -98,7 +98,7 @@ class Starts:
             return self._only_slope
         return self.low + (self.high - self.low) * shares
 
-    def gaits(self, slopes: NDArray[np.float64]) -> NDArray[np.float64]:
+    def states(self, slopes: NDArray[np.float64]) -> NDArray[np.float64]:
         """Section states to start from at slopes of the scene's range.
 
         Args:
@@ -114,7 +114,7 @@ class Starts:
         share = (slopes - nodes[right - 1]) / (nodes[right] - nodes[right - 1])
         return (1.0 - share)[:, None] * states[right - 1] + share[:, None] * states[right]
 
-    def gait(self, slope: float) -> State:
+    def state(self, slope: float) -> State:
         """The section state to start from at any slope."""
         return gait_near(self.walker, slope) if self.scene.start is None else self.scene.start
 

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from gym_passive_walker.engine.jit import call, jitted, kernel
+from gym_passive_walker.engine.jit import Kernel, call, jitted
 from gym_passive_walker.engine.run import OPTIONS, carry_on
 from gym_passive_walker.physics.hybrid import Outcome
 
@@ -107,14 +107,14 @@ def see(record, row, phases, observations, first):
     observations[first + 7] = clipped(row.slope, BOUNDS[7])
 
 
-@kernel
+@Kernel
 def observe(records, ledger, phases, observations):
     """Write all walkers' observations, flat."""
     for i in range(len(records)):
         see(records[i, 0], ledger[i], phases, observations, i * SIZE)
 
 
-@kernel
+@Kernel
 def tell(ledger, asked, steps, strides, outcomes, ended, struck, told):
     """Write what the ledger tells of the walkers asked about; of the others, zeros.
 
@@ -155,11 +155,12 @@ def tell(ledger, asked, steps, strides, outcomes, ended, struck, told):
     return present, endings, strikes
 
 
-@kernel
+@Kernel
 def begin(
-    records, bodies, radii, ledger, phases, lanes, slopes, gaits, draws, perturbation, observations
-):
-    """Begin the episodes of some walkers, whose records and ledger are blank, near section states.
+    records, bodies, radii, ledger, blank_record, blank_row, phases, lanes,
+    slopes, gaits, draws, perturbation, observations,
+):  # fmt: skip
+    """Begin the episodes of some walkers, each near a section state.
 
     Slopes and gaits have a row for each, or one for all. Angles, stance rate and swing rates are
     off by a factor each, which the draws (from 0 to 1, in columns 1 to 3) put between
@@ -169,6 +170,7 @@ def begin(
     for j in range(len(lanes)):
         i = lanes[j]
         own = i if len(bodies) > 1 else 0
+        records[i, 0], ledger[i] = blank_record[0], blank_row[0]
         record, row = records[i, 0], ledger[i]
         row.slope = slopes[j if len(slopes) > 1 else 0]
         record.ground[0], record.ground[1] = np.sin(row.slope), np.cos(row.slope)
@@ -303,7 +305,7 @@ def forget_stride(row):
     row.collision_cost, row.kneestrike_time = 0.0, 0.0
 
 
-@kernel
+@Kernel
 def step(
     records, bodies, ledger, rules, phases, tiles, courses,
     actions, observations, rewards, terminated, truncated,

@@ -12,8 +12,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.envs import interface
-from gym_passive_walker.envs import task as T
+from gym_passive_walker.envs import interface, task
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import Scene, make_scene, walker_from
@@ -115,7 +114,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             if not self._begun and len(lanes) < self.num_envs:
                 raise ResetNeeded("reset all environments before some of them")
         seed_randoms(self.batch, seed, lanes.tolist())
-        observations = np.empty((self.num_envs, T.SIZE), np.float32)
+        observations = np.empty((self.num_envs, task.SIZE), np.float32)
         self.batch.observe(observations.reshape(-1))
         self.batch.start(lanes, observations.reshape(-1), options)
         self._begun = True
@@ -138,7 +137,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             raise ValueError(f"actions must have shape ({self.num_envs}, 1), not {actions.shape}")
         if self._any_ended and (not self._begun or self.autoreset_mode == AutoresetMode.DISABLED):
             raise ResetNeeded("some environments have ended, or never begun: reset them first")
-        observations = np.empty((self.num_envs, T.SIZE), np.float32)
+        observations = np.empty((self.num_envs, task.SIZE), np.float32)
         rewards = np.empty(self.num_envs)
         terminated, truncated = np.empty((2, self.num_envs), bool)
         flat = observations.reshape(-1)
@@ -194,7 +193,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         everyone = np.ones(self.num_envs, bool)
         which = everyone if mask is None else self._checked_mask(mask, "mask")
         self.batch.set_slopes(slopes, which)
-        observations = np.empty((self.num_envs, T.SIZE), np.float32)
+        observations = np.empty((self.num_envs, task.SIZE), np.float32)
         self.batch.observe(observations.reshape(-1))
         return observations
 
@@ -222,23 +221,23 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             told: Whether someone ended a stride or an episode.
         """
         mask = np.ones(self.num_envs, bool) if which is None else which
-        steps = np.zeros((len(T.EVERY_STEP) - 1, self.num_envs))
-        measures = np.zeros((len(T.EVERY_STRIDE), self.num_envs)) if told else _NONE
+        steps = np.zeros((len(task.EVERY_STEP) - 1, self.num_envs))
+        measures = np.zeros((len(task.EVERY_STRIDE), self.num_envs)) if told else _NONE
         strides, outcomes = np.empty((2, self.num_envs), np.int64)
         ended, struck = np.empty((2, self.num_envs), bool)
-        present, endings, strikes = T.tell(
+        present, endings, strikes = task.tell(
             self.batch.ledger, mask, steps, strides, outcomes, ended, struck, measures
         )
         if not present:
             return {}
         infos: dict[str, Any] = {}
-        for name, column in zip(T.EVERY_STEP, steps, strict=False):
+        for name, column in zip(task.EVERY_STEP, steps, strict=False):
             infos[name], infos["_" + name] = column, mask
-        infos["strides"] = strides
+        infos["strides"], infos["_strides"] = strides, mask
         if endings:
             infos["outcome"], infos["_outcome"] = _OUTCOMES.take(outcomes), ended
         if strikes:
-            for name, column in zip(T.EVERY_STRIDE, measures, strict=True):
+            for name, column in zip(task.EVERY_STRIDE, measures, strict=True):
                 infos[name], infos["_" + name] = column, struck
         return infos
 

@@ -10,13 +10,15 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from gym_passive_walker.envs import interface
-from gym_passive_walker.envs import task as T
+from gym_passive_walker.envs import interface, task
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.walkers import Walker
 
-_NAMES = T.LEDGER.names or ()
+_STRIDE, _STRIDES, _OUTCOME, _REWARD = (
+    list(task.LEDGER.fields or ()).index(name)
+    for name in (task.EVERY_STRIDE[0], "strides", "outcome", "reward")
+)
 
 
 class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -188,7 +190,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """
         super().reset(seed=seed)
         self.batch.randoms = [self.np_random]
-        observation = np.empty(T.SIZE, np.float32)
+        observation = np.empty(task.SIZE, np.float32)
         self.batch.start((0,), observation, options)
         self._ready = True
         if self.render_mode == "human":
@@ -210,18 +212,18 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if not self._ready:
             raise ResetNeeded("no episode is under way: call reset first")
         batch = self.batch
-        observation = np.empty(T.SIZE, np.float32)
+        observation = np.empty(task.SIZE, np.float32)
         struck, ended = batch.step(actions, observation, *self._results)
-        row = dict(zip(_NAMES, batch.ledger[0].tolist(), strict=True))
-        info = {name: row[name] for name in T.EVERY_STEP}
+        row = batch.ledger.item(0)
+        info = dict(zip(task.EVERY_STEP, [*row[:_STRIDE], row[_STRIDES]], strict=True))
         if struck:
-            info |= {name: row[name] for name in T.EVERY_STRIDE}
+            info |= zip(task.EVERY_STRIDE, row[_STRIDE:_STRIDES], strict=True)
         if struck or ended:
-            info["outcome"] = interface.OUTCOMES[row["outcome"]]
+            info["outcome"] = interface.OUTCOMES[row[_OUTCOME]]
             self._ready = not ended
         if self.render_mode == "human":
             self.render()
-        return observation, row["reward"], bool(ended), False, info
+        return observation, row[_REWARD], bool(ended), False, info
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
         """Draw the walker as it stands, in a window ("human") or as an array ("rgb_array")."""
@@ -278,7 +280,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if not self._ready:
             raise ResetNeeded("no episode is under way: call reset first")
         self.batch.set_slopes(slope, np.ones(1, bool))
-        observation = np.empty(T.SIZE, np.float32)
+        observation = np.empty(task.SIZE, np.float32)
         self.batch.observe(observation)
         return observation
 

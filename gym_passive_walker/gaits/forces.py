@@ -13,11 +13,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.physics import kneed
-from gym_passive_walker.physics.bodies import body_of, system_of
+from gym_passive_walker.physics.bodies import KneedBody
 from gym_passive_walker.physics.hybrid import Control, Ground, State
+from gym_passive_walker.physics.legs import hip_torque as torque_at_hip
 from gym_passive_walker.physics.legs import impulse, turned
 from gym_passive_walker.physics.numbers import sine_cosine
+from gym_passive_walker.physics.systems import body_of, system_of
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker
 
@@ -108,7 +109,7 @@ def chain(walker: Walker) -> Any:
     own = body_of(walker)
     if walker.knees:
         return own
-    body = kneed.Body(**dict.fromkeys(kneed.Body._fields, 0.0) | own._asdict())
+    body = KneedBody(**dict.fromkeys(KneedBody._fields, 0.0) | own._asdict())
     if walker.massless_legs:
         return body._replace(stance_along=body.leg)  # all mass is at the hip
     return body._replace(
@@ -181,7 +182,9 @@ def forces(
         here = stages == phase.stage
         for link in range(3):  # the shank of a straight leg goes with the thigh
             turns[link, here] = found[min(link, phase.links - 1)][here]
-    carried = reactions(body, state[:3], state[3:], turns, ground, control.hip)
+    carried = reactions(
+        body, state[:3], state[3:], turns, ground, torque_at_hip(body, state, control)
+    )
     return _in_own_units(walker, turns, carried, 1.0)
 
 

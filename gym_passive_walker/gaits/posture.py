@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.physics import legs
-from gym_passive_walker.physics.bodies import body_of, system_of
 from gym_passive_walker.physics.hybrid import Outcome, State
+from gym_passive_walker.physics.systems import body_of, system_of
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker
 

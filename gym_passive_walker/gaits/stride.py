@@ -15,8 +15,8 @@ from gym_passive_walker.arguments import (
     real_array,
 )
 from gym_passive_walker.engine.run import LONGEST_STRIDE, advance, new_records
-from gym_passive_walker.physics.bodies import bodies, system_of
 from gym_passive_walker.physics.hybrid import Ground, Outcome, State, System
+from gym_passive_walker.physics.systems import bodies, system_of
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker, as_walker
 
@@ -130,7 +130,9 @@ def stride(
     outcome[outcome == Outcome.RUNNING] = Outcome.STALLED
     struck = outcome == Outcome.HEELSTRIKE
     length = np.where(struck, record["step_length"], np.nan)
-    gravity = np.where(struck, record["gravity_work"], _gravity_work(system, own, record))
+    gravity = record["gravity_work"].copy()
+    if not struck.all():
+        gravity[~struck] = _gravity_work(system, own, record[~struck])
     knee_time = np.where(record["knee_time"] > 0.0, record["knee_time"], np.nan)
     torque = record["control"][:, 0] * system.works
 

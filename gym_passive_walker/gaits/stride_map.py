@@ -21,8 +21,9 @@ from gym_passive_walker.engine.run import Seeds, advance, new_records
 from gym_passive_walker.gaits.passage import Change, Passage, Samples
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.trajectory import just_before
-from gym_passive_walker.physics.bodies import body_from, system_of
+from gym_passive_walker.physics.bodies import body_from
 from gym_passive_walker.physics.hybrid import Outcome, System
+from gym_passive_walker.physics.systems import system_of
 from gym_passive_walker.walkers import Walker, as_walker
 
 LONGEST = 20.0
@@ -88,7 +89,7 @@ class StrideMap(Section):
                 setattr(parameters, self.parameter, value)
             if moved is not None:
                 setattr(parameters, moved, getattr(parameters, moved) + 1j * _INFINITESIMAL)
-            rows.append(np.array(body_from(parameters, self.system)))
+            rows.append(np.array(body_from(parameters, self.system.Body)))
         return np.array(rows) if moved is None else np.imag(rows) / _INFINITESIMAL
 
     def apply(

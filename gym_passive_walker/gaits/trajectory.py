@@ -15,8 +15,8 @@ from gym_passive_walker.arguments import check_state, check_tolerance
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.gaits.forces import forces
 from gym_passive_walker.gaits.stride import stride
-from gym_passive_walker.physics.bodies import bodies, system_of
 from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.physics.systems import bodies, system_of
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker, as_walker
 

@@ -1,33 +1,113 @@
-"""A walker's dimensionless constants: what its equations need to know of it."""
+"""A walker's dimensionless constants: what its equations need to know of it.
+
+First moments are mass times position, given along a leg (from foot to hip) and across it
+(backwards); everything is dimensionless, see `hybrid`.
+"""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from gym_passive_walker.physics import kneed, simplest, straight
-from gym_passive_walker.physics.hybrid import System
-from gym_passive_walker.walkers import Walker
+from gym_passive_walker.physics.hybrid import Number
 
 
-def system_of(walker: Walker) -> System:
-    """Which equations this walker obeys."""
-    if walker.massless_legs:
-        return simplest.SYSTEM
-    return kneed.SYSTEM if walker.knees else straight.SYSTEM
+class SimplestBody(NamedTuple):
+    """A mass on legs without any.
+
+    Attributes:
+        foot_radius: Of the foot.
+        leg: Foot centre to hip.
+    """
+
+    foot_radius: Number
+    leg: Number
 
 
-def body_from(p: Any, system: System) -> Any:
+class StraightBody(NamedTuple):
+    """A walker with straight legs; first moments are mass times position.
+
+    Attributes:
+        foot_radius: Of the foot.
+        leg: Foot centre to hip.
+        stance_along: First moment of the stance leg from the foot centre, the rest at its hip.
+        stance_across: Likewise.
+        stance_inertia: Its second moment, plus that of the foot's rolling.
+        swing_along: First moment of the straight swing leg from the hip.
+        swing_across: Likewise.
+        swing_inertia: Its second moment.
+        leg_mass: Mass of one leg.
+        leg_com_along: Its centre of mass from the foot centre.
+        leg_com_across: Likewise.
+        leg_spin: Moment of inertia about that centre of mass.
+    """
+
+    foot_radius: Number
+    leg: Number
+    stance_along: Number
+    stance_across: Number
+    stance_inertia: Number
+    swing_along: Number
+    swing_across: Number
+    swing_inertia: Number
+    leg_mass: Number
+    leg_com_along: Number
+    leg_com_across: Number
+    leg_spin: Number
+
+
+class KneedBody(NamedTuple):
+    """A walker with knees: what `StraightBody` has, and the free knee.
+
+    Attributes:
+        thigh_along: First moment of the thigh with the shank's mass at the knee, from the hip.
+        thigh_across: Likewise.
+        thigh_inertia: Its second moment.
+        shank_along: First moment of the shank from the knee.
+        shank_across: Likewise.
+        shank_inertia: Its second moment.
+        shank_mobility: 1 / shank_inertia.
+        knee_cosine: Inertia between thigh and shank: cosine part of their angle.
+        knee_sine: Sine part.
+        knee_along: Knee from the hip, in the thigh.
+        knee_across: Likewise.
+    """
+
+    foot_radius: Number
+    leg: Number
+    stance_along: Number
+    stance_across: Number
+    stance_inertia: Number
+    swing_along: Number
+    swing_across: Number
+    swing_inertia: Number
+    leg_mass: Number
+    leg_com_along: Number
+    leg_com_across: Number
+    leg_spin: Number
+    thigh_along: Number
+    thigh_across: Number
+    thigh_inertia: Number
+    shank_along: Number
+    shank_across: Number
+    shank_inertia: Number
+    shank_mobility: Number
+    knee_cosine: Number
+    knee_sine: Number
+    knee_along: Number
+    knee_across: Number
+
+
+def body_from(p: Any, Body: type) -> Any:
     """The constants of a walker with McGeer's parameters.
 
     Args:
         p: Anything with the attributes of a `Walker`; numbers, complex ones too, or arrays.
-        system: Which equations it obeys.
+        Body: Which constants its equations take.
 
     Returns:
-        The system's `Body`.
+        One of that kind.
     """
     sin, cos = np.sin, np.cos
     length = p.thigh_length + p.shank_length
@@ -39,8 +119,8 @@ def body_from(p: Any, system: System) -> Any:
     leg = p.thigh_length * cos(epsilon_thigh) + reach * cos(epsilon_shank)
     m, ml, ml2 = mass, mass * length, mass * length**2
     values = {"foot_radius": p.foot_radius / length, "leg": leg / length}
-    if system is simplest.SYSTEM:
-        return simplest.Body(**values)
+    if Body is SimplestBody:
+        return SimplestBody(**values)
 
     # Positions along and across the leg: of the thigh's centre of mass and the knee from the hip,
     # of the shank's centre of mass from the knee.
@@ -97,9 +177,9 @@ def body_from(p: Any, system: System) -> Any:
         "leg_com_across": com[1] / length,
         "leg_spin": leg_spin / ml2,
     }
-    if system is straight.SYSTEM:
-        return straight.Body(**values)
-    return kneed.Body(
+    if Body is StraightBody:
+        return StraightBody(**values)
+    return KneedBody(
         **values,
         thigh_along=thigh_moment[0] / ml,
         thigh_across=thigh_moment[1] / ml,
@@ -113,13 +193,3 @@ def body_from(p: Any, system: System) -> Any:
         knee_along=knee[0] / length,
         knee_across=knee[1] / length,
     )
-
-
-def body_of(walker: Walker) -> Any:
-    """The constants of a walker."""
-    return body_from(walker, system_of(walker))
-
-
-def bodies(*walkers: Walker) -> NDArray[np.float64]:
-    """Constants of walkers of one kind as the engine reads them, (walkers, 1, constants)."""
-    return np.array([body_of(walker) for walker in walkers], dtype=float)[:, None]

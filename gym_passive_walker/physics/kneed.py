@@ -8,12 +8,11 @@ second one and for the notation.
 from __future__ import annotations
 
 from math import pi
-from typing import NamedTuple
 
 from gym_passive_walker.physics import legs, straight
+from gym_passive_walker.physics.bodies import KneedBody
 from gym_passive_walker.physics.hybrid import (
     Guard,
-    Number,
     Outcome,
     Phase,
     Refusal,
@@ -32,48 +31,6 @@ from gym_passive_walker.physics.legs import (
     weight_moment,
 )
 from gym_passive_walker.physics.numbers import sine_cosine
-
-
-class Body(NamedTuple):
-    """A walker with knees: what `straight.Body` has, and the free knee.
-
-    Attributes:
-        thigh_along: First moment of the thigh with the shank's mass at the knee, from the hip.
-        thigh_across: Likewise.
-        thigh_inertia: Its second moment.
-        shank_along: First moment of the shank from the knee.
-        shank_across: Likewise.
-        shank_inertia: Its second moment.
-        shank_mobility: 1 / shank_inertia.
-        knee_cosine: Inertia between thigh and shank: cosine part of their angle.
-        knee_sine: Sine part.
-        knee_along: Knee from the hip, in the thigh.
-        knee_across: Likewise.
-    """
-
-    foot_radius: Number
-    leg: Number
-    stance_along: Number
-    stance_across: Number
-    stance_inertia: Number
-    swing_along: Number
-    swing_across: Number
-    swing_inertia: Number
-    leg_mass: Number
-    leg_com_along: Number
-    leg_com_across: Number
-    leg_spin: Number
-    thigh_along: Number
-    thigh_across: Number
-    thigh_inertia: Number
-    shank_along: Number
-    shank_across: Number
-    shank_inertia: Number
-    shank_mobility: Number
-    knee_cosine: Number
-    knee_sine: Number
-    knee_along: Number
-    knee_across: Number
 
 
 def bend(state):
@@ -113,6 +70,7 @@ def forces(body, state, control, ground):
     thigh_back, thigh_up = turned(body.thigh_along, body.thigh_across, *sine_cosine(state.thigh))
     shank_back, shank_up = turned(body.shank_along, body.shank_across, *sine_cosine(state.shank))
     bend_sine, bend_cosine = bend(state)
+    hip_torque = legs.hip_torque(body, state, control)
     bend_slope = body.knee_sine * bend_cosine - body.knee_cosine * bend_sine
     stance_square = state.stance_rate * state.stance_rate
     thigh_square = state.thigh_rate * state.thigh_rate
@@ -122,11 +80,11 @@ def forces(body, state, control, ground):
         + (hip_up * thigh_back - hip_back * thigh_up) * thigh_square
         + (hip_up * shank_back - hip_back * shank_up) * shank_square
         + weight_moment(stance_back, body.foot_radius + stance_up, ground)
-        - control.hip,
+        - hip_torque,
         (hip_back * thigh_up - hip_rise * thigh_back) * stance_square
         - bend_slope * shank_square
         + weight_moment(thigh_back, thigh_up, ground)
-        + control.hip,
+        + hip_torque,
         (hip_back * shank_up - hip_rise * shank_back) * stance_square
         + bend_slope * thigh_square
         + weight_moment(shank_back, shank_up, ground),
@@ -152,12 +110,9 @@ def kinetic_energy(body, state):
 
 def potential_gain(body, start, end, ground):
     """Potential energy gained between two states over the same contact, / (m g l)."""
-    back, up = straight.rolling_gain(body, start, end)
-    thigh_back, thigh_up = difference(body.thigh_along, body.thigh_across, start.thigh, end.thigh)
-    shank_back, shank_up = difference(body.shank_along, body.shank_across, start.shank, end.shank)
-    return ground.cosine * (up + thigh_up + shank_up) + ground.sine * (
-        back + thigh_back + shank_back
-    )
+    thigh = difference(body.thigh_along, body.thigh_across, start.thigh, end.thigh)
+    shank = difference(body.shank_along, body.shank_across, start.shank, end.shank)
+    return legs.potential_gain(body, start, end, ground, thigh, shank)
 
 
 def kneestrike(body, before):
@@ -248,7 +203,7 @@ def let_through(body, state):
 
 SYSTEM = System(
     name="kneed",
-    Body=Body,
+    Body=KneedBody,
     phases=(
         Phase(
             Stage.FREE,

@@ -50,6 +50,28 @@ def solve_hanging(m11, m12, m13, m22, m23, mobility, f1, f2, f3):
     return x1, x2, f3 * mobility - a * x1 - b * x2
 
 
+def hip_torque(body, state, control):
+    """Torque between stance leg and swing thigh, positive when it opens the legs."""
+    return control.hip
+
+
+def potential_gain(body, start, end, ground, *hanging):
+    """Potential energy gained by the stance leg, the rest at its hip, and by what hangs there.
+
+    Args:
+        body: The walker.
+        start: State.
+        end: Another one over the same contact.
+        ground: The slope.
+        hanging: By how much the first moment of each part changes, (back, up).
+    """
+    back, up = difference(body.stance_along, body.stance_across, start.stance, end.stance)
+    back = back + body.foot_radius * (end.stance - start.stance)
+    for part_back, part_up in hanging:
+        back, up = back + part_back, up + part_up
+    return ground.cosine * up + ground.sine * back
+
+
 # Where things are. `body` is any walker's: foot_radius and leg, from foot centre to hip.
 
 

@@ -12,23 +12,10 @@ References:
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 from gym_passive_walker.physics import legs
-from gym_passive_walker.physics.hybrid import Number, Outcome, Phase, Reset, Stage, System
+from gym_passive_walker.physics.bodies import SimplestBody
+from gym_passive_walker.physics.hybrid import Outcome, Phase, Reset, Stage, System
 from gym_passive_walker.physics.numbers import sine_cosine
-
-
-class Body(NamedTuple):
-    """A mass on legs without any.
-
-    Attributes:
-        foot_radius: Of the foot.
-        leg: Foot centre to hip.
-    """
-
-    foot_radius: Number
-    leg: Number
 
 
 def accelerations(body, state, control, ground):
@@ -71,7 +58,7 @@ def foot_clearance(body, state):
 
 SYSTEM = System(
     name="simplest",
-    Body=Body,
+    Body=SimplestBody,
     phases=(
         Phase(
             Stage.SIMPLEST,

@@ -8,11 +8,9 @@ that couples the legs is r . m, and what centripetal acceleration exerts is r x 
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 from gym_passive_walker.physics import legs
+from gym_passive_walker.physics.bodies import StraightBody
 from gym_passive_walker.physics.hybrid import (
-    Number,
     Outcome,
     Phase,
     Reset,
@@ -21,38 +19,6 @@ from gym_passive_walker.physics.hybrid import (
 )
 from gym_passive_walker.physics.legs import difference, impulse, solve, turned, weight_moment
 from gym_passive_walker.physics.numbers import sine_cosine
-
-
-class Body(NamedTuple):
-    """A walker with straight legs; first moments are mass times position.
-
-    Attributes:
-        foot_radius: Of the foot.
-        leg: Foot centre to hip.
-        stance_along: First moment of the stance leg from the foot centre, the rest at its hip.
-        stance_across: Likewise.
-        stance_inertia: Its second moment, plus that of the foot's rolling.
-        swing_along: First moment of the straight swing leg from the hip.
-        swing_across: Likewise.
-        swing_inertia: Its second moment.
-        leg_mass: Mass of one leg.
-        leg_com_along: Its centre of mass from the foot centre.
-        leg_com_across: Likewise.
-        leg_spin: Moment of inertia about that centre of mass.
-    """
-
-    foot_radius: Number
-    leg: Number
-    stance_along: Number
-    stance_across: Number
-    stance_inertia: Number
-    swing_along: Number
-    swing_across: Number
-    swing_inertia: Number
-    leg_mass: Number
-    leg_com_along: Number
-    leg_com_across: Number
-    leg_spin: Number
 
 
 def mass_matrix(body, state):
@@ -75,14 +41,15 @@ def forces(body, state, control, ground):
     hip_back, hip_rise = body.leg * sine, body.leg * cosine
     hip_up = body.foot_radius + hip_rise
     swing_back, swing_up = turned(body.swing_along, body.swing_across, *sine_cosine(state.thigh))
+    hip_torque = legs.hip_torque(body, state, control)
     return (
         body.foot_radius * stance_back * state.stance_rate * state.stance_rate
         + (hip_up * swing_back - hip_back * swing_up) * state.thigh_rate * state.thigh_rate
         + weight_moment(stance_back, body.foot_radius + stance_up, ground)
-        - control.hip,
+        - hip_torque,
         (hip_back * swing_up - hip_rise * swing_back) * state.stance_rate * state.stance_rate
         + weight_moment(swing_back, swing_up, ground)
-        + control.hip,
+        + hip_torque,
     )
 
 
@@ -101,17 +68,10 @@ def kinetic_energy(body, state):
     )
 
 
-def rolling_gain(body, start, end):
-    """Distance and height gained by the stance leg with the rest at its hip, as (back, up)."""
-    back, up = difference(body.stance_along, body.stance_across, start.stance, end.stance)
-    return back + body.foot_radius * (end.stance - start.stance), up
-
-
 def potential_gain(body, start, end, ground):
     """Potential energy gained between two states over the same contact, / (m g l)."""
-    back, up = rolling_gain(body, start, end)
-    swing_back, swing_up = difference(body.swing_along, body.swing_across, start.thigh, end.thigh)
-    return ground.cosine * (up + swing_up) + ground.sine * (back + swing_back)
+    swing = difference(body.swing_along, body.swing_across, start.thigh, end.thigh)
+    return legs.potential_gain(body, start, end, ground, swing)
 
 
 def stance_collision(body, before):
@@ -174,7 +134,7 @@ def foot_clearance(body, state):
 
 SYSTEM = System(
     name="straight",
-    Body=Body,
+    Body=StraightBody,
     phases=(
         Phase(
             Stage.LOCKED,

@@ -13,6 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import check_state
+from gym_passive_walker.physics.legs import turned
+from gym_passive_walker.physics.numbers import sine_cosine
+from gym_passive_walker.physics.systems import body_of
 from gym_passive_walker.walkers import Walker, as_walker
 
 SOLE_SPAN = 0.5
@@ -56,8 +59,8 @@ class Pose(NamedTuple):
 
 def _turned(along: float | NDArray, across: float | NDArray, angle: NDArray) -> NDArray:
     """A vector fixed to a leg: `along` it from foot to hip, `across` it backwards, as (x, y)."""
-    sine, cosine = np.sin(angle), np.cos(angle)
-    return np.stack([-along * sine - across * cosine, along * cosine - across * sine], axis=-1)
+    back, up = turned(along, across, *sine_cosine(angle))
+    return np.stack([-back, up], axis=-1)
 
 
 def _leg(walker: Walker, hip: NDArray, thigh: NDArray, shank: NDArray) -> Leg:
@@ -108,8 +111,7 @@ def pose(walker: Walker | str, state: ArrayLike, contact_x: ArrayLike = 0.0) -> 
 
 def leg_line(walker: Walker) -> float:
     """Length of the line from the foot's centre to the hip, leg straight."""
-    reach = walker.shank_length - walker.foot_radius
-    return walker.thigh_length * math.cos(walker.foot_angle) + reach * math.cos(walker.shank_angle)
+    return float(body_of(walker).leg * walker.leg_length)
 
 
 def level(points: ArrayLike, slope: float) -> NDArray[np.float64]:

@@ -5,7 +5,8 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.control.feedback import powered_gait
-from gym_passive_walker.control.ticks import section_point, section_state, ticked_stride
+from gym_passive_walker.control.ticks import ticked_stride
+from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stability import NoStride
 
 WALKER = gpw.WALKERS["C"]
@@ -15,7 +16,7 @@ TICK, TICKS = 0.1, 32
 @pytest.fixture(scope="module")
 def level():
     """Where walker C's gait under a constant torque starts on level ground."""
-    return section_point(WALKER, powered_gait(WALKER, 0.0).state)
+    return Section(walker=WALKER).points_at(powered_gait(WALKER, 0.0).state)[0]
 
 
 def walk(point, torques):
@@ -58,7 +59,8 @@ def test_a_section_point_is_its_state(name):
     walker = gpw.WALKERS[name]
     state = gpw.find_gait(walker, 0.02).state
     rates = np.array([1.0] * 3 + [walker.time_unit] * 3)
-    assert section_state(walker, section_point(walker, state)) == pytest.approx(state * rates)
+    section = Section(walker=walker)
+    assert section.state(section.points_at(state)[0]) == pytest.approx(state * rates)
 
 
 def test_a_fall_is_no_stride(level):

@@ -20,9 +20,9 @@ from gym_passive_walker.engine.expressions import (
 )
 from gym_passive_walker.engine.step import Equations
 from gym_passive_walker.physics import kneed
-from gym_passive_walker.physics.bodies import body_of
 from gym_passive_walker.physics.hybrid import State
 from gym_passive_walker.physics.numbers import sine_cosine
+from gym_passive_walker.physics.systems import body_of
 from gym_passive_walker.walkers import WALKERS
 from tests.engine.machine import evaluate, in_lanes
 from tests.physics import statements  # noqa: F401 - SymPy's sine and cosine

@@ -14,7 +14,7 @@ from gym_passive_walker import WALKERS, Outcome, stride
 from gym_passive_walker.engine.layout import COURSE, TILE, WIDTH, aligned
 from gym_passive_walker.engine.native import GROUP
 from gym_passive_walker.engine.run import Seeds, advance, in_parts, new_records, planes_of
-from gym_passive_walker.physics.bodies import bodies, system_of
+from gym_passive_walker.physics.systems import bodies, system_of
 from gym_passive_walker.units import units_of
 from tests.engine.machine import PROCESSORS
 from tests.physics import statements

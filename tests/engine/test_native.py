@@ -15,10 +15,9 @@ from gym_passive_walker.engine.native import GROUP, Memory
 from gym_passive_walker.engine.run import planes_of
 from gym_passive_walker.engine.step import ALERT, LONGEST_STEP, PLAIN, UP
 from gym_passive_walker.physics import legs
-from gym_passive_walker.physics.bodies import body_of
 from gym_passive_walker.physics.hybrid import Control, Ground, State, System
 from gym_passive_walker.physics.numbers import sine_cosine
-from gym_passive_walker.physics.systems import SYSTEMS
+from gym_passive_walker.physics.systems import SYSTEMS, body_of
 from tests.engine.machine import PROCESSORS, Native, call, in_lanes, rows
 from tests.physics.test_statements import PHASES, some_state, some_walker
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, find_gait
-from gym_passive_walker.envs import task as T
+from gym_passive_walker.envs import task
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.scene import Scene, SceneError
 from gym_passive_walker.envs.starts import REFERENCE_SLOPES, checked_state, gait_near
@@ -14,14 +14,14 @@ def begun(scene, count=200, seed=0):
     """Walkers at the start of their episodes."""
     batch = Batch(scene, count)
     batch.randoms = [np.random.default_rng((seed, i)) for i in range(count)]
-    batch.start(range(count), np.empty(count * T.SIZE, np.float32))
+    batch.start(range(count), np.empty(count * task.SIZE, np.float32))
     return batch
 
 
 def draws(scene, count=200, seed=0):
     """Slopes and dimensionless states at the start of episodes."""
     batch = begun(scene, count, seed)
-    return np.column_stack([batch.ledger[:, T.SLOPE], batch.records[:, :6]])
+    return np.column_stack([batch.ledger["slope"], batch.records["state"][:, 0]])
 
 
 @pytest.mark.parametrize("name", ["A", "C", "D", "lab"])

@@ -10,7 +10,6 @@ import pytest
 from gym_passive_walker import WALKERS, find_gait, stride, tune
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.scene import Scene
-from gym_passive_walker.physics import record as R
 from gym_passive_walker.physics.hybrid import Outcome
 
 SCENES = {
@@ -84,7 +83,7 @@ def test_the_clock_starts_anew_at_each_heelstrike(make):
     for _ in range(5):
         ticks, info = until_heelstrike(env, 0.0)
         assert ticks == math.ceil(info["step_period"] / 0.1)
-        assert env.batch.records[0, R.TIME] == 0.0
+        assert env.batch.records["time"][0, 0] == 0.0
     # ... so that a gait is a periodic sequence of observations.
     first = [env.step(np.zeros(1))[0] for _ in range(ticks)]
     second = [env.step(np.zeros(1))[0] for _ in range(ticks)]
@@ -97,7 +96,7 @@ def test_only_a_heelstrike_shortens_a_tick(make):
     before = 0.0
     for k in range(200):
         *_, info = env.step(np.array([0.1 * math.sin(k)]))
-        now = env.batch.records[0, R.TIME]
+        now = env.batch.records["time"][0, 0]
         if info.get("outcome") == "heelstrike":
             assert 0.0 < info["step_period"] - before <= 0.1 + 1e-12
         else:

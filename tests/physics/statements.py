@@ -12,10 +12,9 @@ import sympy as sp
 
 from gym_passive_walker import Outcome, Walker
 from gym_passive_walker.physics import kneed, legs, simplest, straight
-from gym_passive_walker.physics.bodies import body_of, system_of
 from gym_passive_walker.physics.hybrid import Control, Ground, State
 from gym_passive_walker.physics.numbers import sine_cosine
-from gym_passive_walker.physics.systems import SYSTEMS
+from gym_passive_walker.physics.systems import SYSTEMS, body_of, system_of
 from gym_passive_walker.units import units_of
 
 sine_cosine.register(sp.Basic, lambda x: (sp.sin(x), sp.cos(x)))

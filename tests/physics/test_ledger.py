@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, Outcome, stride
-from gym_passive_walker.physics.bodies import body_of, system_of
 from gym_passive_walker.physics.hybrid import State
+from gym_passive_walker.physics.systems import body_of, system_of
 from gym_passive_walker.units import units_of
 from tests.physics import bodies, oracle, statements
 from tests.physics.examples import GAITS, LONG_GAITS, MASSIVE, random_state

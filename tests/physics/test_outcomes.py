@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from gym_passive_walker import WALKERS, Outcome, Walker, WalkerError, stride
 from gym_passive_walker.engine.run import advance, new_records
-from gym_passive_walker.physics.bodies import bodies, system_of
+from gym_passive_walker.physics.systems import bodies, system_of
 from gym_passive_walker.units import units_of
 from tests.physics.examples import KNEED, LONG_GAITS, MASSIVE
 

@@ -15,9 +15,9 @@ import sympy as sp
 
 from gym_passive_walker import WALKERS, Outcome
 from gym_passive_walker.physics import kneed, legs, straight
-from gym_passive_walker.physics.bodies import bodies, body_from, body_of, system_of
+from gym_passive_walker.physics.bodies import body_from
 from gym_passive_walker.physics.hybrid import Control, Ground, State, System
-from gym_passive_walker.physics.systems import SYSTEMS
+from gym_passive_walker.physics.systems import SYSTEMS, bodies, body_of, system_of
 from tests.physics.examples import KNEED, MASSIVE, random_walker
 from tests.physics.statements import ground
 
@@ -173,7 +173,7 @@ def exact_body(walker, system: System):
     with pytest.MonkeyPatch.context() as patch:
         for name, function in (("sin", sp.sin), ("cos", sp.cos), ("arcsin", sp.asin)):
             patch.setattr(np, name, function)
-        return body_from(walker, system)
+        return body_from(walker, system.Body)
 
 
 @pytest.mark.parametrize("name", WALKERS)
@@ -268,7 +268,7 @@ def test_a_rise_and_another_are_one_rise(system):
 def test_a_kneed_walker_with_a_straight_leg_is_a_straight_legged_one(name):
     rng, walker = np.random.default_rng(10), WALKERS[name]
     body, plain = body_of(walker), body_of(replace(walker, knees=False))
-    assert isinstance(plain, straight.Body)
+    assert isinstance(plain, straight.SYSTEM.Body)
     np.testing.assert_allclose([getattr(body, x) for x in plain._fields], plain, rtol=1e-15)
     slope = ground(0.1)
     for _ in range(20):
@@ -350,9 +350,9 @@ def test_a_body_moves_with_its_walkers_parameters(name):
     for parameter in ("shank_length", "foot_radius", "shank_com", "hip_mass", "gravity"):
         value = getattr(walker, parameter)
         moved = changed(walker, {parameter: value + 1e-100j})
-        found = np.imag(np.array(body_from(moved, system), complex)) / 1e-100
+        found = np.imag(np.array(body_from(moved, system.Body), complex)) / 1e-100
         near = [
-            np.array(body_from(changed(walker, {parameter: value + step}), system), float)
+            np.array(body_from(changed(walker, {parameter: value + step}), system.Body), float)
             for step in (1e-5, -1e-5)
         ]
         expected = (near[0] - near[1]) / 2e-5
@@ -362,5 +362,5 @@ def test_a_body_moves_with_its_walkers_parameters(name):
 
 def test_bodies_stand_behind_each_other_as_the_engine_reads_them():
     two = bodies(WALKERS["lab"], WALKERS["C"])
-    assert two.shape == (2, 1, len(kneed.Body._fields))
+    assert two.shape == (2, 1, len(kneed.SYSTEM.Body._fields))
     np.testing.assert_array_equal(two[1, 0], body_of(WALKERS["C"]))

@@ -9,9 +9,9 @@ import pytest
 
 from gym_passive_walker import WALKERS, Outcome, stride
 from gym_passive_walker.engine.run import advance, new_records
-from gym_passive_walker.physics.bodies import bodies as bodies_as_numbers
-from gym_passive_walker.physics.bodies import system_of
 from gym_passive_walker.physics.hybrid import Stage
+from gym_passive_walker.physics.systems import bodies as bodies_as_numbers
+from gym_passive_walker.physics.systems import system_of
 from gym_passive_walker.units import units_of
 from tests.physics import bodies, oracle, statements
 from tests.physics.examples import GAITS, KNEED, LONG_GAITS, Gait, random_walker

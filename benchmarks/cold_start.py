@@ -1,0 +1,170 @@
+"""How long until a walker walks? From an empty cache, and from a filled one, on one core.
+
+    python -m benchmarks.cold_start               both parts, a quarter of an hour
+    python -m benchmarks.cold_start waits         one of them
+
+Each wait is that of a process of its own, in CPU seconds: the first time with an empty cache, the
+second with what it has left there. The tables land in docs/benchmarks.md.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from benchmarks.report import command, keep, machine, table
+
+WALKS = {"C": 0.03, "A": 0.03, "D": 0.009}
+"""Walkers with knees, with straight legs, and the simplest; and slopes that they walk on."""
+
+_BEGIN = "import gym_passive_walker as gpw; import numpy as np"
+_ENVIRONMENT = f"{_BEGIN}; import gymnasium as gym"
+_RESET = "env = gym.make('PassiveWalker-v0', walker='{0}', slope={1}); env.reset(seed=0)"
+_STEP = "env.step(np.zeros(env.action_space.shape))"
+_GAIT = "gpw.find_gait('{0}', {1})"
+_FAMILY = "gpw.gait_family('{0}', {2}, {1})"
+
+
+def tasks() -> dict[str, list[str]]:
+    """What is waited for, in Python, by name; what is timed is the last of each."""
+    found = {"import gym_passive_walker": [_BEGIN]}
+    for walker, slope in WALKS.items():
+        own = [part.format(walker, slope, 0.8 * slope) for part in (_RESET, _STEP, _GAIT, _FAMILY)]
+        reset, step, gait, family = own
+        found |= {
+            f"first reset, walker {walker}": [_ENVIRONMENT, reset],
+            f"first step after it, walker {walker}": [_ENVIRONMENT, reset, step],
+            f"first find_gait, walker {walker}": [_BEGIN, gait],
+            f"first gait_family, walker {walker}": [_BEGIN, family],
+        }
+    return found
+
+
+def alone(cache: str) -> dict[str, str]:
+    """Variables of a process on one core, with a cache of its own."""
+    names = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
+    kept = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    return kept | dict.fromkeys(names, "1") | {"XDG_CACHE_HOME": cache}
+
+
+_TIMED = """
+import json, sys, time
+parts = json.loads(sys.argv[1])
+scope = {}
+for part in parts:
+    began = time.process_time()
+    exec(part, scope)
+    took = time.process_time() - began
+print(took)
+"""
+
+
+def wait(parts: list[str], cache: str) -> float:
+    """CPU seconds of the last part, in a fresh process."""
+    line = [sys.executable, "-c", _TIMED, json.dumps(parts)]
+    found = subprocess.run(line, env=alone(cache), capture_output=True, text=True, check=True)
+    return float(found.stdout.split()[-1])
+
+
+def waits() -> None:
+    """What a user waits for, the first time and the next."""
+    rows = []
+    for name, parts in tasks().items():
+        with tempfile.TemporaryDirectory() as cache:
+            rows.append((name, wait(parts, cache), wait(parts, cache)))
+        print(*rows[-1], flush=True)
+    text = table(["CPU seconds", "empty cache", "filled cache"], rows)
+    keep("cold start", f"{text}\n\nOne core, each in a fresh process. {_machine()}.")
+
+
+def kernels() -> None:
+    """What the wait for a kernel consists of."""
+    with tempfile.TemporaryDirectory() as cache:
+        line = [sys.executable, "-c", "from benchmarks.cold_start import _taken; _taken()"]
+        found = subprocess.run(line, env=alone(cache), capture_output=True, text=True, check=True)
+    modules, compilations = json.loads(found.stdout.splitlines()[-1])
+    text = [
+        table(["equations, CPU seconds", "traced", "LLVM", "loaded", "kB"], modules),
+        table(["bookkeeping compiled by numba, CPU seconds", "alone"], compilations),
+    ]
+    keep("kernels", "\n\n".join([*text, f"One core. {_machine()}."]))
+
+
+def _machine() -> str:
+    return machine("llvmlite", "scipy", "gymnasium")
+
+
+def _taken() -> None:
+    """Print what each kernel takes, in this process."""
+    print(json.dumps([list(_modules()), _compilations()]))
+
+
+def _modules() -> Iterator[tuple[str, float, float, float, float]]:
+    """Of each native module: name, CPU seconds of its stages, and size."""
+    from gym_passive_walker.engine.compiled import loaded, object_code, written
+    from gym_passive_walker.engine.run import planes_of
+    from gym_passive_walker.physics.systems import SYSTEMS
+
+    for name, system in SYSTEMS.items():
+        planes = planes_of(system)
+        for carried, moving in ((0, False), (planes, False), (planes, True)):
+            label = f"{name}, {carried} derivatives" if carried else name
+            label += ", of its body too" * moving
+            start = time.process_time()
+            module = written(system, label, carried, moving_body=moving)
+            traced = time.process_time()
+            data = object_code(module)
+            made = time.process_time()
+            loaded(data)
+            done = time.process_time()
+            yield label, traced - start, made - traced, done - made, len(data) / 1e3
+
+
+@contextmanager
+def _clocked(taken: dict[str, float]) -> Iterator[None]:
+    """Note the CPU seconds that numba takes for each function, those it calls left out."""
+    from numba.core import event
+
+    class Clock(event.Listener):
+        def __init__(self) -> None:
+            self.running: list[list[float]] = []
+
+        def on_start(self, event: event.Event) -> None:
+            self.running.append([time.process_time(), 0.0])
+
+        def on_end(self, event: event.Event) -> None:
+            began, within = self.running.pop()
+            took = time.process_time() - began
+            function = event.data["dispatcher"].py_func
+            name = f"{function.__module__.removeprefix('gym_passive_walker.')}.{function.__name__}"
+            taken[name] = taken.get(name, 0.0) + took - within
+            if self.running:
+                self.running[-1][1] += took
+
+    with event.install_listener("numba:compile", Clock()):
+        yield
+
+
+def _compilations() -> list[tuple[str, float]]:
+    """CPU seconds that numba takes for each function of a first gait and a first step."""
+    taken: dict[str, float] = {}
+    scope: dict = {}
+    with _clocked(taken):
+        for parts in ([_ENVIRONMENT, _RESET, _STEP], [_BEGIN, _GAIT, _FAMILY]):
+            for part in parts:
+                exec(part.format("C", WALKS["C"], 0.8 * WALKS["C"]), scope)
+    rows = sorted(taken.items(), key=lambda each: -each[1])
+    return [*rows, ("all", sum(taken.values()))]
+
+
+PARTS: dict[str, Callable[[], None]] = {"waits": waits, "kernels": kernels}
+
+
+if __name__ == "__main__":
+    command(__doc__, PARTS)
