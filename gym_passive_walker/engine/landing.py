@@ -213,7 +213,9 @@ def commit(tiles, courses, phase, lane, h):
             change = tiles[plane]
             start = courses[plane].before[i]
             end = courses[plane].after[i] + course.rate_after[i] * change.h[lane]
-            between = start + max(turned, 0.0) * (end - start)
+            between = start
+            if turned >= 0.0:  # it stands still there, whenever that is
+                between = value(path(courses[plane], i, tile.h[lane]), turned)
             change.moved[k, lane] += end - start
             change.turned[k, lane] += there * (between - start) + back * (end - between)
     tile.time[lane] += h
