@@ -12,7 +12,8 @@ from gym_passive_walker import WALKERS, Outcome, stride_jacobian
 from gym_passive_walker.control.ticks import ticked_stride
 from gym_passive_walker.engine.run import Seeds, advance, new_records, planes_of
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.physics.bodies import body_from, body_of, system_of
+from gym_passive_walker.physics.bodies import body_from
+from gym_passive_walker.physics.systems import body_of, system_of
 from tests.physics import statements
 from tests.physics.examples import KNEED, LONG_GAITS
 
@@ -155,7 +156,7 @@ def test_the_derivative_by_a_parameter_is_that_of_the_map(name, parameter):
 
     def body(value):
         changed = SimpleNamespace(**{**asdict(walker), parameter: value})
-        return body_from(changed, system_of(walker))
+        return body_from(changed, system_of(walker).Body)
 
     value = getattr(walker, parameter)
     change = np.imag(np.array(body(value + 1e-100j), complex)) / 1e-100

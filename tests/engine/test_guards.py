@@ -11,9 +11,8 @@ from gym_passive_walker import WALKERS, Outcome
 from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.run import _advance as advance_phases
 from gym_passive_walker.engine.run import advance, new_records, options, workspace
-from gym_passive_walker.physics.bodies import bodies, body_of, system_of
 from gym_passive_walker.physics.hybrid import State, Watch
-from gym_passive_walker.physics.systems import SYSTEMS
+from gym_passive_walker.physics.systems import SYSTEMS, bodies, body_of, system_of
 from tests.physics.test_statements import EXAMPLES, PHASES
 
 GUARDS = [

@@ -162,11 +162,10 @@ def test_errors_shrink_with_the_steps_as_the_orders_say(pair, coarse):
 
 
 @pytest.mark.parametrize("order", [4, 5, 7, 8])
-def test_steps_grow_with_the_root_of_the_error(monkeypatch, order):
+def test_steps_grow_with_the_root_of_the_error(order):
     """Its exponent is one over the order of the error, as near as square roots come to it."""
-    monkeypatch.setattr(step, "PAIR", PAIR._replace(error_order=order))
     x = read({}, "error")
-    factor = step.growth(x)
+    factor = step.growth(x, PAIR._replace(error_order=order))
     for share in (-0.5, 0.3, 0.7):
         error = (step.SAFETY / 1.5**share) ** order
         found = float(evaluate(factor, {x: error}))
