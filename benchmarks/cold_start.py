@@ -117,7 +117,7 @@ def _modules() -> Iterator[tuple[str, float, float, float, float]]:
             label = f"{name}, {carried} derivatives" if carried else name
             label += ", of its body too" * moving
             start = time.process_time()
-            module = written(system, label, carried, moving_body=moving)
+            module = written(system, carried, moving_body=moving)
             traced = time.process_time()
             data = object_code(module)
             made = time.process_time()

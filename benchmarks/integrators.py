@@ -78,7 +78,7 @@ def _carry(records, bodies, phases, tiles, courses, options):  # type: ignore[no
 def compiled(p: Problem, pair: Pair) -> Callable[[NDArray, float], NDArray]:
     """A function that carries starts to the horizon, at a tolerance."""
     system, body = swinging(p.system), np.array(p.body)[None, None]
-    phases = phases_of(system, loaded(object_code(written(system, "swinging", pair=pair))))
+    phases = phases_of(system, loaded(object_code(written(system, pair=pair))))
     space = aligned(tile_for(pair), 1), np.zeros(1, COURSE)
 
     def ends(starts: NDArray, tolerance: float) -> NDArray:

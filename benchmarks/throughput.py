@@ -15,7 +15,6 @@ from typing import Any
 import gymnasium as gym
 import numba
 import numpy as np
-from llvmlite import ir
 
 import gym_passive_walker  # noqa: F401  (registers the environment)
 from benchmarks import engine, measured, reference
@@ -25,7 +24,7 @@ from benchmarks.report import command, keep, machine, plot, seconds, table
 from gym_passive_walker.engine.compiled import constants_used, loaded, object_code
 from gym_passive_walker.engine.jit import call
 from gym_passive_walker.engine.layout import TILE, WIDTH, aligned
-from gym_passive_walker.engine.native import GROUP, Function, Memory, write_table
+from gym_passive_walker.engine.native import GROUP, Function, Memory, Module
 from gym_passive_walker.engine.step import Equations
 
 CORES = os.cpu_count() or 1
@@ -46,8 +45,8 @@ def _nanoseconds(p: Problem, crowd: bool) -> float:
     """Time of an evaluation, of a whole tile's or of one lane after another."""
     phase = p.system.phases[0]
     used = constants_used(p.system, phase)
-    equations, module, constants = Equations(p.system, phase, used), ir.Module(), {}
-    function = Function(module, "evaluate", (TILE,), table=constants)
+    equations, module = Equations(p.system, phase, used), Module()
+    function = Function(module, "evaluate", (TILE,))
 
     def evaluate(tile: Memory) -> None:
         for link, a in enumerate(equations.accelerations(tile, equations.state(tile))):
@@ -56,7 +55,6 @@ def _nanoseconds(p: Problem, crowd: bool) -> float:
 
     function.over_lanes(evaluate) if crowd else function.once(evaluate, lane=True)
     function.end()
-    write_table(module, constants)
     code = loaded(object_code(module))
     address, vectors = code.get_function_address("evaluate"), code.get_global_value_address("table")
     tile, times = aligned(TILE, 1), 20_000

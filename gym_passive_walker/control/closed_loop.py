@@ -237,7 +237,7 @@ def closed_loop_gait(
         by_point = (ahead - behind).T / (2.0 * _SHIFT)
         return tried[:1], by_point[None]
 
-    found = fixed_point(linearised, point[None], accuracy=_CLOSED)
+    found = fixed_point(linearised, point[None], accuracy=_CLOSED, damped=False)
     violation, name = float(found.sizes[0]), getattr(policy, "name", "this policy")
     if not math.isfinite(violation):
         raise GaitNotFound(

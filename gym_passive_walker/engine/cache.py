@@ -31,7 +31,7 @@ def cache_directory() -> Path:
     Raises:
         OSError: if there is none that can be written to.
     """
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
+    chosen = os.environ.get("NUMBA_CACHE_DIR") or None
     home = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     for base in (chosen, home, Path(tempfile.gettempdir())):
         if base is None:

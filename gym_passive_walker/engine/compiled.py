@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 from llvmlite import binding as llvm
-from llvmlite import ir
 from numpy.typing import NDArray
 
 from gym_passive_walker.engine.cache import cache_directory
@@ -24,7 +23,7 @@ from gym_passive_walker.engine.layout import (
     RECORD,
     tile_for,
 )
-from gym_passive_walker.engine.native import Function, Memory, uses, write_table
+from gym_passive_walker.engine.native import Function, Memory, Module, uses
 from gym_passive_walker.engine.runge_kutta import Pair
 from gym_passive_walker.engine.step import Equations
 from gym_passive_walker.physics import legs
@@ -103,7 +102,7 @@ def compiled(system: str, planes: int = 0, *, moving_body: bool = False) -> NDAr
 
     of = SYSTEMS[system]
     name = f"{system}-{planes}{'b' * moving_body}"
-    return phases_of(of, _kept(name, lambda: written(of, name, planes, moving_body=moving_body)))
+    return phases_of(of, _kept(name, lambda: written(of, planes, moving_body=moving_body)))
 
 
 def phases_of(system: System, code: Any) -> NDArray:
@@ -126,15 +125,15 @@ def phases_of(system: System, code: Any) -> NDArray:
 
 
 def written(
-    system: System, name: str, planes: int = 0, *, moving_body: bool = False, pair: Pair = PAIR
-) -> ir.Module:
+    system: System, planes: int = 0, *, moving_body: bool = False, pair: Pair = PAIR
+) -> Module:
     """All native functions of a system, in steps of a method."""
-    module = ir.Module(name)
-    body, table = ("body",) * moving_body, {}
+    module = Module()
+    body = ("body",) * moving_body
     layouts, tile = (RECORD, body_layout(system)), tile_for(pair)
     for i, phase in enumerate(system.phases):
         equations = Equations(system, phase, constants_used(system, phase), pair)
-        options: dict[str, Any] = {"planes": planes, "active": _STATES + body, "table": table}
+        options: dict[str, Any] = {"planes": planes, "active": _STATES + body}
         first = Function(module, f"first{i}", (tile,), **options)
         first.over_lanes(equations.first)
         first.end()
@@ -162,7 +161,6 @@ def written(
     placing = Function(module, "place", layouts)
     placing.once(lambda record, body: _place(system, record, body))
     placing.end()
-    write_table(module, table)
     return module
 
 
@@ -235,7 +233,7 @@ def _machine() -> Any:
     return machine, f"{llvm.llvm_version_info}{target.triple}{cpu}{features}"
 
 
-def _kept(name: str, write: Callable[[], ir.Module]) -> Any:
+def _kept(name: str, write: Callable[[], Module]) -> Any:
     """Native code, from the cache or written anew."""
     path = cache_directory() / f"{name}-{sha256(_machine()[1].encode()).hexdigest()[:16]}.o"
     try:
@@ -246,7 +244,7 @@ def _kept(name: str, write: Callable[[], ir.Module]) -> Any:
     return loaded(data)
 
 
-def object_code(module: ir.Module) -> bytes:
+def object_code(module: Module) -> bytes:
     """A module's native functions, in machine code."""
     return _machine()[0].emit_object(_parsed(str(module)))
 

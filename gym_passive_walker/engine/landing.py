@@ -15,7 +15,14 @@ import numpy as np
 
 from gym_passive_walker.engine.jit import call, fma, inlined, jitted
 from gym_passive_walker.engine.layout import PAIR
-from gym_passive_walker.engine.step import FASTEST, LONGEST_STEP, MOST_STEPS, SAFETY, SLOWEST
+from gym_passive_walker.engine.step import (
+    FASTEST,
+    LONGEST_STEP,
+    MOST_STEPS,
+    ROOTS,
+    SAFETY,
+    SLOWEST,
+)
 from gym_passive_walker.physics.hybrid import Control, Watch
 
 TIME_UP, LOST = -1, -2
@@ -40,12 +47,11 @@ _CONTROLS, _END, _SHARE = len(Control._fields), PAIR.stages, 1.0 / PAIR.error_or
 @inlined
 def growth(error):
     """Factor to the next step length, from the error of this one over its tolerance."""
-    remainder, product, rest = error + 1e-30, 1.0, _SHARE  # see step.growth
-    while rest > 1e-3:
+    remainder, rest, factor = error + 1e-30, _SHARE, SAFETY  # see step.growth
+    for _ in range(ROOTS):
         remainder, rest = np.sqrt(remainder), 2.0 * rest
         if rest >= 1.0:
-            product, rest = product * remainder, rest - 1.0
-    factor = SAFETY / product
+            factor, rest = factor / remainder, rest - 1.0
     factor = factor if factor < FASTEST else FASTEST
     return factor if factor > SLOWEST else SLOWEST
 

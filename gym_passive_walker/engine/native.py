@@ -7,21 +7,46 @@ computes the same walk to the last bit.
 
 from __future__ import annotations
 
+import struct
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable
 from typing import Any
 
 import numpy as np
-from llvmlite import ir
 
 from gym_passive_walker.engine.expressions import Expression, Tangents, read
 
 GROUP = 8
 """Lanes of a vector: one of 512 bits, or two of 256."""
 
-_DOUBLE, _WORD, _POINTER = ir.DoubleType(), ir.IntType(64), ir.PointerType()
-_VECTOR = ir.VectorType(_DOUBLE, GROUP)
-_SIGNATURE = ir.FunctionType(ir.VoidType(), [_WORD, _WORD, _WORD, _DOUBLE, _DOUBLE])
+_PARAMETERS = "i64 %first, i64 %second, i64 %count, double %x, double %y"
+_NUMBERS = ("%x", "%y")
+_COMPARED = {"<": "olt", "<=": "ole", ">": "ogt", ">=": "oge"}
+_ARITHMETIC = {"mul": "fmul", "div": "fdiv", "add": "fadd", "sub": "fsub"}
+_INTRINSICS = {"abs": "fabs", "sqrt": "sqrt"}
+
+
+class Module:
+    """Native functions that belong together, as text for LLVM.
+
+    Attributes:
+        table: The constants of the module's vectors, and where in its table they stand.
+    """
+
+    def __init__(self) -> None:
+        self.functions: list[str] = []
+        self.declared: set[str] = set()
+        self.table: dict[tuple[float, int], int] = {}
+
+    def __str__(self) -> str:
+        entries = ", ".join(f"double {_written(value)}" for value, _ in self.table)
+        table = f"[{len(self.table)} x double] [{entries}]"
+        return "\n".join([f"@table = constant {table}", *self.functions, *sorted(self.declared)])
+
+
+def _written(value: float) -> str:
+    """A number as LLVM reads it: by its bits."""
+    return "0x" + struct.pack(">d", value).hex()
 
 
 class Memory:
@@ -81,29 +106,32 @@ class Function:
         layouts: What stands at its addresses.
         planes: How many tangents stand behind the values, each laid out as they are.
         active: Names of the fields that have tangents.
-        table: The constants of the module's vectors, and where in its table they stand.
     """
 
     def __init__(
         self,
-        module: ir.Module,
+        module: Module,
         name: str,
         layouts: tuple[np.dtype, ...],
         *,
         planes: int = 0,
         active: Collection[str] = (),
-        table: dict[tuple[float, int], int] | None = None,
     ) -> None:
-        self.table = {} if table is None else table
-        self.function = ir.Function(module, _SIGNATURE, name)
-        self.function.attributes.add("nounwind")
+        self.module, self.layouts, self.planes, self.active = module, layouts, planes, active
         # What finds no room in registers waits on the stack: in one line of the cache each.
-        self.function.attributes.alignstack = 8 * GROUP
-        self.builder = ir.IRBuilder(self.function.append_basic_block())
-        self.layouts, self.planes, self.active = layouts, planes, active
-        self.addresses = [
-            self.builder.inttoptr(argument, _POINTER) for argument in self.function.args[:2]
+        self.lines = [
+            f"define void @{name}({_PARAMETERS}) nounwind alignstack({8 * GROUP}) {{",
+            "%p0 = inttoptr i64 %first to ptr",
+            "%p1 = inttoptr i64 %second to ptr",
+            "%shift = shl i64 %count, 3",
         ]
+        self.values = 0
+
+    def new(self, instruction: str) -> str:
+        """The name of what an instruction gives."""
+        self.values += 1
+        self.lines.append(f"%v{self.values} = {instruction}")
+        return f"%v{self.values}"
 
     def over_lanes(self, code: Code) -> None:
         """Run code over a group of lanes; the first memory is a tile, from that group on.
@@ -111,21 +139,19 @@ class Function:
         Constants are read from the module's table, at the second address: as operands in memory
         they cost nothing, where each by itself would need its address spelled out.
         """
-        self._emit(code, [ir.Constant(_WORD, 0), None], _VECTOR)
-        following = self.function.append_basic_block()  # schedule each code by itself
-        self.builder.branch(following)
-        self.builder.position_at_end(following)
+        self._emit(code, vector=True)
+        self.values += 1  # each code is scheduled by itself
+        self.lines += [f"br label %b{self.values}", f"b{self.values}:"]
 
     def once(self, code: Code, *, lane: bool = False) -> None:
         """Run code over single numbers; in a tile, of the lane that the whole number says."""
-        shift = self.builder.mul(self.function.args[2], ir.Constant(_WORD, 8)) if lane else None
-        self._emit(code, [shift, None], _DOUBLE)
+        self._emit(code, lane=lane)
 
     def end(self) -> None:
         """Close the function."""
-        self.builder.ret_void()
+        self.module.functions.append("\n".join([*self.lines, "ret void", "}"]))
 
-    def _emit(self, code: Code, shifts: list[ir.Value | None], kind: ir.Type) -> None:
+    def _emit(self, code: Code, *, vector: bool = False, lane: bool = False) -> None:
         known: dict = {}
         memories = [Memory(layout, i, known) for i, layout in enumerate(self.layouts)]
         code(*memories)
@@ -140,7 +166,7 @@ class Function:
                         stores[memory.base, name, index, plane] = (
                             value.number(0.0) if change is None else change
                         )
-        emit = _Emitter(self, shifts, kind, uses(stores.values()))
+        emit = _Emitter(self, uses(stores.values()), vector=vector, lane=lane)
         values = {place: emit(value) for place, value in stores.items()}
         for place, value in values.items():
             emit.store(place, value)
@@ -171,141 +197,139 @@ class _Emitter:
     """Instructions for expressions, each computed once."""
 
     def __init__(
-        self,
-        owner: Function,
-        shifts: list[ir.Value | None],
-        kind: ir.Type,
-        uses: Counter[Expression],
+        self, owner: Function, uses: Counter[Expression], *, vector: bool, lane: bool
     ) -> None:
-        self.owner, self.builder = owner, owner.builder
-        self.kind, self.shifts, self.uses = kind, shifts, uses
-        self.vector = kind is _VECTOR
-        self.done: dict[Expression, ir.Value] = {}
+        self.owner, self.uses, self.vector, self.lane = owner, uses, vector, lane
+        self.number, self.truth, self.word = (
+            f"<{GROUP} x {kind}>" if vector else kind for kind in ("double", "i1", "i64")
+        )
+        self.done: dict[Expression, str] = {}
         self.taken: Counter[float] = Counter()
 
-    def __call__(self, x: Expression) -> ir.Value:
+    def __call__(self, x: Expression) -> str:
         if x.op == "constant":
             return self._constant(x.args[0])
         if x not in self.done:
             self.done[x] = self._of(x)
         return self.done[x]
 
-    def _of(self, x: Expression) -> ir.Value:
-        builder = self.builder
-        match x.op:
-            case "argument":
-                return self._splat(self.owner.function.args[3 + x.args[0]])
-            case "read":
-                return self._load(x.args)
-            case "sin" | "cos":
-                return self(x.args[1])
-            case "add" | "sub":
-                return self._sum(x)
-            case "mul" | "div":
-                return getattr(builder, "f" + x.op)(self(x.args[0]), self(x.args[1]))
+    def _of(self, x: Expression) -> str:
+        op, args = x.op, x.args
+        if op in ("sin", "cos"):
+            return self(args[1])
+        if op == "read":
+            return self._load(args)
+        if op == "argument":
+            return self._splat(_NUMBERS[args[0]])
+        if op in ("add", "sub"):
+            return self._sum(x)
+        values = [self(a) for a in args]
+        if op in _ARITHMETIC:
+            return self.owner.new(f"{_ARITHMETIC[op]} {self.number} {values[0]}, {values[1]}")
+        if op in _COMPARED:
+            return self.owner.new(f"fcmp {_COMPARED[op]} {self.number} {values[0]}, {values[1]}")
+        if op in _INTRINSICS:
+            return self._call(_INTRINSICS[op], *values)
+        match op:
             case "neg":
-                return builder.fneg(self(x.args[0]))
+                return self._negative(values[0])
             case "flip":
-                return self._flipped(self(x.args[0]), self(x.args[1]))
-            case "abs" | "sqrt":
-                return self._call({"abs": "fabs"}.get(x.op, x.op), self(x.args[0]))
-            case "<" | "<=" | ">" | ">=":
-                return builder.fcmp_ordered(x.op, self(x.args[0]), self(x.args[1]))
-            case "and":
-                return builder.and_(self(x.args[0]), self(x.args[1]))
-            case "or":
-                return builder.or_(self(x.args[0]), self(x.args[1]))
+                return self._flipped(*values)
+            case "and" | "or":
+                return self.owner.new(f"{op} {self.truth} {values[0]}, {values[1]}")
             case "not":
-                return builder.not_(self(x.args[0]))
+                true = "splat (i1 true)" if self.vector else "true"
+                return self.owner.new(f"xor {self.truth} {values[0]}, {true}")
             case "choose":
-                return builder.select(*map(self, x.args))
-        raise ValueError(f"no code for {x.op!r}")
+                condition, yes, no = values
+                return self.owner.new(
+                    f"select {self.truth} {condition}, {self.number} {yes}, {self.number} {no}"
+                )
+        raise ValueError(f"no code for {op!r}")
 
-    def _sum(self, x: Expression) -> ir.Value:
+    def _sum(self, x: Expression) -> str:
         """A sum or difference, fused with a product that nothing else needs."""
         a, b = x.args
         minus = x.op == "sub"
         if self._fusible(a):
-            rest = self.builder.fneg(self(b)) if minus else self(b)
+            rest = self._negative(self(b)) if minus else self(b)
             return self._call("fma", self(a.args[0]), self(a.args[1]), rest)
         if self._fusible(b):
             first = self(b.args[0])
-            first = self.builder.fneg(first) if minus else first
+            first = self._negative(first) if minus else first
             return self._call("fma", first, self(b.args[1]), self(a))
-        return (self.builder.fsub if minus else self.builder.fadd)(self(a), self(b))
+        return self.owner.new(f"{_ARITHMETIC[x.op]} {self.number} {self(a)}, {self(b)}")
 
     def _fusible(self, x: Expression) -> bool:
         return x.op == "mul" and self.uses[x] == 1
 
-    def _flipped(self, x: ir.Value, last_bit: ir.Value) -> ir.Value:
-        """A number with its sign changed if another number's last bit is set."""
-        word = ir.VectorType(_WORD, GROUP) if self.vector else _WORD
-        places = ir.Constant(word, [63] * GROUP if self.vector else 63)
-        sign = self.builder.shl(self.builder.bitcast(last_bit, word), places)
-        return self.builder.bitcast(
-            self.builder.xor(self.builder.bitcast(x, word), sign), self.kind
-        )
+    def _negative(self, x: str) -> str:
+        return self.owner.new(f"fneg {self.number} {x}")
 
-    def _call(self, name: str, *operands: ir.Value) -> ir.Value:
-        module, kind = self.owner.function.module, self.kind
-        full = f"llvm.{name}.{'v8f64' if self.vector else 'f64'}"
-        function = module.globals.get(full) or ir.Function(
-            module, ir.FunctionType(kind, [kind] * len(operands)), full
-        )
-        return self.builder.call(function, operands)
+    def _flipped(self, x: str, last_bit: str) -> str:
+        """A number with its sign changed if another's last bit is set."""
+        new, word = self.owner.new, self.word
+        places = "splat (i64 63)" if self.vector else "63"
+        sign = new(f"shl {word} {new(f'bitcast {self.number} {last_bit} to {word}')}, {places}")
+        flipped = new(f"xor {word} {new(f'bitcast {self.number} {x} to {word}')}, {sign}")
+        return new(f"bitcast {word} {flipped} to {self.number}")
 
-    def _constant(self, value: float) -> ir.Value:
+    def _call(self, name: str, *operands: str) -> str:
+        full = f"@llvm.{name}.{f'v{GROUP}f64' if self.vector else 'f64'}"
+        kinds = ", ".join([self.number] * len(operands))
+        self.owner.module.declared.add(f"declare {self.number} {full}({kinds})")
+        given = ", ".join(f"{self.number} {operand}" for operand in operands)
+        return self.owner.new(f"call {self.number} {full}({given})")
+
+    def _constant(self, value: float) -> str:
         if not self.vector:
-            return ir.Constant(self.kind, value)
-        table = self.owner.table
-        self.taken[value] += 1
+            return _written(value)
+        table = self.owner.module.table
+        self.taken[value] += 1  # a place for each use, or it would be kept in a register
         offset = 8 * table.setdefault((value, self.taken[value]), len(table))
-        address = self.builder.gep(
-            self.owner.addresses[1], [ir.Constant(_WORD, offset)], source_etype=ir.IntType(8)
-        )
-        return self._splat(self.builder.load(address, align=8, typ=_DOUBLE))
+        address = self.owner.new(f"getelementptr i8, ptr %p1, i64 {offset}")
+        return self._splat(self.owner.new(f"load double, ptr {address}, align 8"))
 
-    def _splat(self, value: ir.Value) -> ir.Value:
+    def _splat(self, value: str) -> str:
         if not self.vector:
             return value
-        word = ir.IntType(32)
-        blank = ir.Constant(_VECTOR, ir.Undefined)
-        first = self.builder.insert_element(blank, value, ir.Constant(word, 0))
-        everywhere = ir.Constant(ir.VectorType(word, GROUP), [0] * GROUP)
-        return self.builder.shuffle_vector(first, blank, everywhere)
+        first = self.owner.new(f"insertelement {self.number} poison, double {value}, i32 0")
+        return self.owner.new(
+            f"shufflevector {self.number} {first}, {self.number} poison, "
+            f"<{GROUP} x i32> zeroinitializer"
+        )
 
-    def _address(self, place: tuple) -> tuple[ir.Value, bool]:
+    def _address(self, place: tuple) -> tuple[str, bool]:
         """Where an entry stands, and whether it is a whole number."""
         base, name, index, plane = place
         layout = self.owner.layouts[base]
-        field, offset = layout.fields[name]  # type: ignore[index]
-        row = 8 * field.shape[-1] if self.vector or self.shifts[base] is not None else 8
-        offset += row * index + plane * layout.itemsize
-        byte = ir.IntType(8)
-        address = self.builder.gep(
-            self.owner.addresses[base], [ir.Constant(_WORD, offset)], source_etype=byte
-        )
-        if self.shifts[base] is not None:
-            address = self.builder.gep(address, [self.shifts[base]], source_etype=byte)
+        field, offset = layout.fields[name][:2]  # type: ignore[index]
+        of_tile = self.vector or (self.lane and base == 0)
+        offset += 8 * (field.shape[-1] if of_tile else 1) * index + plane * layout.itemsize
+        address = self.owner.new(f"getelementptr i8, ptr %p{base}, i64 {offset}")
+        if of_tile and self.lane:
+            address = self.owner.new(f"getelementptr i8, ptr {address}, i64 %shift")
         return address, field.base.kind == "i"
 
-    def _load(self, place: tuple) -> ir.Value:
+    def _load(self, place: tuple) -> str:
         address, whole = self._address(place)
         if whole:
-            return self.builder.sitofp(self.builder.load(address, typ=_WORD), _DOUBLE)
-        return self.builder.load(address, align=8 * GROUP if self.vector else 8, typ=self.kind)
+            return self.owner.new(
+                f"sitofp i64 {self.owner.new(f'load i64, ptr {address}')} to double"
+            )
+        return self.owner.new(f"load {self.number}, ptr {address}, align {self._alignment}")
 
-    def store(self, place: tuple, value: ir.Value) -> None:
+    def store(self, place: tuple, value: str) -> None:
         """Write an entry."""
         address, whole = self._address(place)
         if whole:
-            value = self.builder.fptosi(value, _WORD)
-        self.builder.store(value, address, align=8 * GROUP if self.vector else 8)
+            whole_value = self.owner.new(f"fptosi double {value} to i64")
+            self.owner.lines.append(f"store i64 {whole_value}, ptr {address}")
+            return
+        self.owner.lines.append(
+            f"store {self.number} {value}, ptr {address}, align {self._alignment}"
+        )
 
-
-def write_table(module: ir.Module, table: dict[tuple[float, int], int]) -> None:
-    """Put the constants of a module's vectors into it, under the name "table"."""
-    kind = ir.ArrayType(_DOUBLE, len(table))
-    variable = ir.GlobalVariable(module, kind, "table")
-    variable.global_constant = True
-    variable.initializer = ir.Constant(kind, [value for value, _ in table])
+    @property
+    def _alignment(self) -> int:
+        return 8 * GROUP if self.vector else 8

@@ -158,10 +158,10 @@ def workspace(planes: int = 0) -> tuple[NDArray, NDArray]:
 
 def _desk(planes: int) -> tuple[NDArray, NDArray]:
     """The workspace of this thread."""
-    desks = _DESKS.__dict__
-    if planes not in desks:
-        desks[planes] = workspace(planes)
-    return desks[planes]
+    name = f"planes{planes}"
+    if not hasattr(_DESKS, name):
+        setattr(_DESKS, name, workspace(planes))
+    return getattr(_DESKS, name)
 
 
 @lru_cache

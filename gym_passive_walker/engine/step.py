@@ -9,6 +9,7 @@ gives of the phase's guards.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from gym_passive_walker.engine.expressions import (
@@ -35,6 +36,9 @@ MOST_STEPS = 20_000
 
 SAFETY, FASTEST, SLOWEST = 0.85, 6.0, 0.2
 """The next step is this share of what the error allows, and changes by these factors at most."""
+
+ROOTS = 10
+"""Square roots of which other roots are made: an exponent is right to a thousandth."""
 
 
 class Equations:
@@ -193,10 +197,7 @@ class Equations:
         before, after = self.state(tile), self.state(tile, "new_")
         alert = None
         for guard in self.phase.guards:
-
-            def falls(state: State, guard: Any = guard) -> Expression:
-                return guard.falls(body, state)
-
+            falls = partial(guard.falls, body)
             g0, v0, _ = self.along(falls, before, none)
             g1, v1, _ = self.along(falls, after, none)
             if guard.watch == Watch.STRIKE:
@@ -210,21 +211,23 @@ class Equations:
             alert = found if alert is None else alert | found
         assert alert is not None
         for i in range(len(Control._fields)):
-
-            def moved(state: State, i: int = i) -> Expression:
-                return self.system.travel(state)[i]
-
+            moved = partial(self._moved, i)
             v0 = self.along(moved, before, none)[1]
             v1 = self.along(moved, after, none)[1]
             alert |= (v0 * v1 < 0.0) & (abs(tile["control", i]) > 0.0)
         return alert
 
+    def _moved(self, control: int, state: State) -> Expression:
+        """The coordinate that a control moves."""
+        return self.system.travel(state)[control]
+
     def look(self, tile: Memory, course: Memory) -> None:
         """How each guard, and what each control moves, runs over a lane's step."""
         body = self.body(tile)
-        functions = [
-            (lambda state, guard=guard: guard.falls(body, state)) for guard in self.phase.guards
-        ] + [(lambda state, i=i: self.system.travel(state)[i]) for i in range(len(Control._fields))]
+        functions: list[Callable[[State], Expression]] = [
+            *(partial(guard.falls, body) for guard in self.phase.guards),
+            *(partial(self._moved, i) for i in range(len(Control._fields))),
+        ]
         for when, prefix, stage in (("before", "", 0), ("after", "new_", self.pair.stages)):
             state = self.state(tile, prefix)
             bends = [tile["stage", stage, link] for link in range(3)]
@@ -238,7 +241,7 @@ class Equations:
             course["counts", i] = 1.0 if counts is None else choose(counts, 1.0, 0.0)
 
 
-def sum_of(terms: list[Expression]) -> Expression | float:
+def sum_of(terms: list[Expression]) -> Any:
     """The sum of some terms, in order; 0 of none."""
     if not terms:
         return 0.0
@@ -253,12 +256,12 @@ def growth(error: Expression, pair: Pair = PAIR) -> Expression:
 
     The root of the error's order is a product of square roots: for 8, the third of them.
     """
-    root, product, rest = error + 1e-30, None, 1.0 / pair.error_order
-    while rest > 1e-3:
+    root, rest = error + 1e-30, 1.0 / pair.error_order
+    factor = root.number(SAFETY)
+    for _ in range(ROOTS):
         root, rest = square_root(root), 2.0 * rest
         if rest >= 1.0:
-            product, rest = root if product is None else product * root, rest - 1.0
-    factor = SAFETY / product
+            factor, rest = factor / root, rest - 1.0
     factor = choose(factor < FASTEST, factor, FASTEST)
     return choose(factor > SLOWEST, factor, SLOWEST)
 

@@ -215,7 +215,9 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         observation = np.empty(task.SIZE, np.float32)
         struck, ended = batch.step(actions, observation, *self._results)
         row = batch.ledger.item(0)
-        info = dict(zip(task.EVERY_STEP, [*row[:_STRIDE], row[_STRIDES]], strict=True))
+        info: dict[str, Any] = dict(
+            zip(task.EVERY_STEP, [*row[:_STRIDE], row[_STRIDES]], strict=True)
+        )
         if struck:
             info |= zip(task.EVERY_STRIDE, row[_STRIDE:_STRIDES], strict=True)
         if struck or ended:

@@ -94,7 +94,11 @@ def newton(
 
 
 def fixed_point(
-    linearised: Callable[[NDArray], tuple[NDArray, NDArray]], guesses: NDArray, *, accuracy: float
+    linearised: Callable[[NDArray], tuple[NDArray, NDArray]],
+    guesses: NDArray,
+    *,
+    accuracy: float,
+    damped: bool = True,
 ) -> Solution:
     """Fixed points of a map near guesses.
 
@@ -103,13 +107,14 @@ def fixed_point(
             (n, k, k).
         guesses: (n, k).
         accuracy: Largest distance between a point and where the map leads.
+        damped: As of `newton`.
     """
 
     def equations(points: NDArray) -> tuple[NDArray, NDArray]:
         ends, derivatives = linearised(points)
         return ends - points, derivatives - np.eye(points.shape[1])
 
-    return newton(equations, guesses, accuracy=accuracy)
+    return newton(equations, guesses, accuracy=accuracy, damped=damped)
 
 
 def _evaluated(

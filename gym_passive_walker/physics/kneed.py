@@ -93,8 +93,8 @@ def forces(body, state, control, ground):
 
 def accelerations(body, state, control, ground):
     """Angular accelerations of the stance leg, the thigh and the shank (subsection 4.10.4)."""
-    *mass, _ = mass_matrix(body, state)
-    return solve_hanging(*mass, body.shank_mobility, *forces(body, state, control, ground))
+    mass, force = mass_matrix(body, state), forces(body, state, control, ground)
+    return solve_hanging(mass, body.shank_mobility, force)
 
 
 def kinetic_energy(body, state):
@@ -155,9 +155,9 @@ def heelstrike(body, before):
     thigh_momentum = impulse(thigh_back, thigh_up, hip_back, hip_up)
     shank_momentum = impulse(shank_back, shank_up, hip_back, hip_up)
     after = legs.straight(angle, -angle, rate, before.stance_rate)
-    *mass, _ = mass_matrix(body, after)
+    momenta = momentum, thigh_momentum, shank_momentum
     new_stance, new_thigh, new_shank = solve_hanging(
-        *mass, body.shank_mobility, momentum, thigh_momentum, shank_momentum
+        mass_matrix(body, after), body.shank_mobility, momenta
     )
     loss = 0.5 * (
         energy - momentum * new_stance - thigh_momentum * new_thigh - shank_momentum * new_shank

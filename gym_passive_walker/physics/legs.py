@@ -43,8 +43,10 @@ def solve(m11, m12, m22, f1, f2):
     return (m22 * f1 - m12 * f2) * scale, (m11 * f2 - m12 * f1) * scale
 
 
-def solve_hanging(m11, m12, m13, m22, m23, mobility, f1, f2, f3):
-    """Solve the symmetric 3x3 system m x = f whose last diagonal entry is 1 / mobility."""
+def solve_hanging(mass, mobility, force):
+    """Solve the symmetric 3x3 system m x = f, given m row by row and 1 / its last entry."""
+    m11, m12, m13, m22, m23, _ = mass
+    f1, f2, f3 = force
     a, b = m13 * mobility, m23 * mobility
     x1, x2 = solve(m11 - a * m13, m12 - a * m23, m22 - b * m23, f1 - a * f3, f2 - b * f3)
     return x1, x2, f3 * mobility - a * x1 - b * x2

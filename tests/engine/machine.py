@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 from llvmlite import binding as llvm
-from llvmlite import ir
 
 from gym_passive_walker.engine.expressions import Expression
 from gym_passive_walker.engine.layout import WIDTH, aligned
-from gym_passive_walker.engine.native import GROUP, Function, write_table
+from gym_passive_walker.engine.native import GROUP, Function, Module
 
 llvm.initialize_native_target()
 llvm.initialize_native_asmprinter()
@@ -57,14 +56,13 @@ class Native:
         processor: str = "this",
         **told: Any,
     ) -> None:
-        module, table = ir.Module("test"), {}
-        function = Function(module, "code", layouts, table=table, **told)
+        module = Module()
+        function = Function(module, "code", layouts, **told)
         if lanes:
             function.over_lanes(code)
         else:
             function.once(code, lane=lane)
         function.end()
-        write_table(module, table)
         cpu, features = PROCESSORS[processor]
         machine = llvm.Target.from_default_triple().create_target_machine(
             cpu=cpu, features=features, opt=2, jit=True
