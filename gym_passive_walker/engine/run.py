@@ -187,9 +187,10 @@ def in_parts(job: Callable[[int, int], object], count: int, threads: int | None 
         count: How many walkers there are.
         threads: How many threads to use, where there is enough to do; numba's number when None.
     """
-    if threads is None:
+    most = count // _WORTH_A_THREAD
+    if most > 1 and threads is None:
         threads = numba.get_num_threads()
-    threads = min(threads, count // _WORTH_A_THREAD)
+    threads = min(threads or 1, most)
     if threads < 2:
         job(0, count)
         return

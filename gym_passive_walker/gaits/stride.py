@@ -21,6 +21,9 @@ from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker, as_walker
 
 
+_RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
+
+
 class Stride(NamedTuple):
     """One application of the stride map, with its ledger, in the walker's own units.
 
@@ -120,20 +123,22 @@ def stride(
         ) from None
     system, units, own = system_of(walker), units_of(walker), bodies(walker)
     count = math.prod(shape)
-    flat = np.broadcast_to(units.to_dimensionless(states), (*shape, 6)).reshape(count, 6).copy()
+    flat = np.empty((*shape, 6))
+    flat[:] = units.to_dimensionless(states)
     if not walker.knees:
-        flat[:, 2], flat[:, 5] = flat[:, 1], flat[:, 4]
-    slopes, torques = (np.broadcast_to(x, shape).reshape(count) for x in (slopes, torques))
-    records = new_records(flat, slopes, torques / units.torque, end=longest)
+        flat[..., 2], flat[..., 5] = flat[..., 1], flat[..., 4]
+    if shape:
+        slopes, torques = (np.broadcast_to(x, shape).reshape(count) for x in (slopes, torques))
+    torques = torques / units.torque
+    records = new_records(flat.reshape(count, 6), slopes, torques, end=longest)
     record = advance(system, own, records, tolerance=tolerance, scuff=stub, threads=threads)[:, 0]
-    outcome = record["outcome"].copy()
-    outcome[outcome == Outcome.RUNNING] = Outcome.STALLED
-    struck = outcome == Outcome.HEELSTRIKE
-    length = np.where(struck, record["step_length"], np.nan)
-    gravity = record["gravity_work"].copy()
-    if not struck.all():
-        gravity[~struck] = _gravity_work(system, own, record[~struck])
-    knee_time = np.where(record["knee_time"] > 0.0, record["knee_time"], np.nan)
+    outcome, length = record["outcome"], record["step_length"]
+    gravity, knee_time = record["gravity_work"], record["knee_time"]
+    knee_time[knee_time <= 0.0] = np.nan
+    outcome[outcome == _RUNNING] = _STALLED
+    lost = outcome != _STRUCK
+    if lost.any():
+        length[lost], gravity[lost] = np.nan, _gravity_work(system, own, record[lost])
     torque = record["control"][:, 0] * system.works
 
     def shaped(values: NDArray) -> NDArray:
