@@ -83,6 +83,18 @@ def _fma(typing_context, a, b, c):  # type: ignore[no-untyped-def]
     return number(number, number, number), code
 
 
-# Called as fma(a, b, c) and as call(function, first, second, count, x, y) in compiled code.
+@intrinsic
+def _address(typing_context, array):  # type: ignore[no-untyped-def]
+    """Where an array's entries begin (in a tenth of the time that `array.ctypes` compiles in)."""
+
+    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
+        return builder.ptrtoint(data, ir.IntType(64))
+
+    return types.int64(array), code
+
+
+# In compiled code: address(array), fma(a, b, c), call(function, first, second, count, x, y).
 call: Any = _call
 fma: Any = _fma
+address: Any = _address

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gym_passive_walker.engine.jit import call, fma, inlined, jitted
+from gym_passive_walker.engine.jit import address, call, fma, inlined, jitted
 from gym_passive_walker.engine.layout import PAIR
 from gym_passive_walker.engine.step import (
     FASTEST,
@@ -68,6 +68,12 @@ def go_on(tile, lane):
     rest = tile.end[lane] - tile.time[lane]
     following = tile.next[lane]
     tile.h[lane] = following if 1.1 * following < rest else rest
+
+
+@inlined
+def sign(x):
+    """-1, 0 or 1."""
+    return 1.0 if x > 0.0 else (-1.0 if x < 0.0 else 0.0)
 
 
 @inlined
@@ -212,7 +218,7 @@ def commit(tiles, courses, phase, lane, h):
         before, after = course.before[i], further(course, i, h - tile.h[lane])
         turned = turning(tile, phase, course, lane, k)
         middle = value(path(course, i, tile.h[lane]), turned) if turned >= 0.0 else before
-        there, back = np.sign(middle - before), np.sign(after - middle)
+        there, back = sign(middle - before), sign(after - middle)
         tile.moved[k, lane] += after - before
         tile.turned[k, lane] += abs(middle - before) + abs(after - middle)
         for plane in range(1, len(tiles)):
@@ -260,7 +266,7 @@ def rival(phase, course, event, scuff, ahead):
 @inlined
 def look(tiles, courses, phase, lane):
     """Have the phase's guards over a lane's step written down."""
-    call(phase.look, tiles.ctypes.data, courses.ctypes.data, lane, 0.0, 0.0)
+    call(phase.look, address(tiles), address(courses), lane, 0.0, 0.0)
 
 
 @jitted

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gym_passive_walker.engine.jit import call, inlined, jitted
+from gym_passive_walker.engine.jit import address, call, inlined, jitted
 from gym_passive_walker.engine.landing import TIME_UP, attend, go_on, look
 from gym_passive_walker.engine.layout import WIDTH
 from gym_passive_walker.engine.native import GROUP
@@ -159,7 +159,7 @@ def carry(records, bodies, phase, number, tiles, courses, options):
         options: An `OPTIONS`.
     """
     owner = np.empty(WIDTH, np.int64)
-    address, alike = tiles.ctypes.data, len(bodies) == 1
+    origin, alike = address(tiles), len(bodies) == 1
     waiting, used, fresh = 0, 0, False
     if alike:  # they stay
         for lane in range(WIDTH):
@@ -203,7 +203,7 @@ def carry(records, bodies, phase, number, tiles, courses, options):
         if used == 0:
             return
         for group in range((used + GROUP - 1) // GROUP):  # idle lanes compute along, unread
-            here = address + _LINE * group
+            here = origin + _LINE * group
             if fresh:
                 call(phase.first, here, phase.table, 0, 0.0, 0.0)
             call(phase.sweep, here, phase.table, 0, options.tolerance, float(options.scuff))

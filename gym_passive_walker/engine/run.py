@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.engine.compiled import compiled
-from gym_passive_walker.engine.jit import Kernel, call, jitted
+from gym_passive_walker.engine.jit import Kernel, address, call, jitted
 from gym_passive_walker.engine.lanes import HALTED, WAITING, carry
 from gym_passive_walker.engine.layout import COURSE, LINKS, PAIR, RECORD, TILE, aligned
 from gym_passive_walker.physics.hybrid import Outcome, System
@@ -68,7 +68,7 @@ def carry_on(records, bodies, phases, tiles, courses, options, from_section):
                     for k in range(LINKS):
                         record[plane].start[k] = record[plane].state[k]
             # A walker that would begin beyond a bound has fallen already.
-            call(phases[record[0].phase].open, record.ctypes.data, 0, 0, 0.0, 0.0)
+            call(phases[record[0].phase].open, address(record), 0, 0, 0.0, 0.0)
         for number in range(len(phases)):
             phase = phases[number]
             carry(chunk, own, phase, number, tiles, courses, options)
@@ -78,7 +78,7 @@ def carry_on(records, bodies, phases, tiles, courses, options, from_section):
                 if record[0].phase == number and WAITING < outcome < _FALLS:
                     body = own[i if len(own) > 1 else 0]
                     reset = phase.resets[outcome]
-                    call(reset, record.ctypes.data, body.ctypes.data, 0, 0.0, scuff)
+                    call(reset, address(record), address(body), 0, 0.0, scuff)
         for i in range(len(chunk)):
             if chunk[i, 0].outcome == HALTED:
                 chunk[i, 0].outcome = WAITING

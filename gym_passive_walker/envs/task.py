@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from gym_passive_walker.engine.jit import Kernel, call, jitted
+from gym_passive_walker.engine.jit import Kernel, address, call, jitted
 from gym_passive_walker.engine.run import OPTIONS, carry_on
 from gym_passive_walker.physics.hybrid import Outcome
 
@@ -181,7 +181,7 @@ def begin(
         for k in range(3):
             record.start[k] = record.state[k]
         row.origin = radii[own] * record.state[0]
-        call(phases[0].place, records[i].ctypes.data, bodies[own].ctypes.data, 0, 0.0, 0.0)
+        call(phases[0].place, address(records[i]), address(bodies[own]), 0, 0.0, 0.0)
         row.place = record.place
         see(record, row, phases, observations, i * SIZE)
 
@@ -268,7 +268,7 @@ def settle(records, bodies, ledger, rules, phases, observations, rewards, termin
     for i in range(len(records)):
         record, row = records[i, 0], ledger[i]
         body = bodies[i if len(bodies) > 1 else 0]
-        call(phases[0].place, records[i].ctypes.data, body.ctypes.data, 0, 0.0, 0.0)
+        call(phases[0].place, address(records[i]), address(body), 0, 0.0, 0.0)
         idle = over(row)
         struck = record.outcome == _HEELSTRIKE
         forget_stride(row)

@@ -20,7 +20,6 @@ from gym_passive_walker.physics.systems import bodies, system_of
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker, as_walker
 
-
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
 
 
