@@ -97,20 +97,34 @@ def reason_of(
         period: Strides of each gait.
     """
     left = margins(stride_map, points, slopes, period)
-    lost = {KNEE_MEETS_HEEL: left.knee, TANGENTIAL: left.landing}
-    reason = min(lost, key=lambda name: lost[name][-1])
-    margin = lost[reason]
-    if margin[-1] > _NEAR:
+    near = {
+        reason: (_vanishing(margin, values), margin[-1])
+        for reason, margin in ((KNEE_MEETS_HEEL, left.knee), (TANGENTIAL, left.landing))
+        if margin[-1] <= _NEAR
+    }
+    if not near:
         stopped = left.time[-1] > _ENDLESS
         return End(float(values[-1]), STANCE_STOPS if stopped else LOST)
-    # A polynomial in the margin through gaits that differ by it; noise would spoil near ones.
+    # What is lost first is nearest, whichever margin is the smaller.
+    running_out = {reason: end for reason, (end, _) in near.items() if end is not None}
+    if not running_out:
+        return End(float(values[-1]), min(near, key=lambda reason: near[reason][1]))
+    reason = min(running_out, key=lambda reason: abs(running_out[reason] - values[-1]))
+    return End(running_out[reason], reason)
+
+
+def _vanishing(margin: NDArray, values: NDArray) -> float | None:
+    """Where a margin that runs out would be zero; None if it does not run out.
+
+    By a polynomial in the margin through gaits that differ by it; noise would spoil near ones.
+    """
     chosen = [len(margin) - 1]
     for i in range(len(margin) - 2, -1, -1):
         if margin[i] > 1.4 * margin[chosen[-1]] + 1e-6 and margin[i] < 2.0 * _NEAR:
             chosen.append(i)
     chosen = chosen[:5]
     if len(chosen) == 1:
-        return End(float(values[-1]), reason)
+        return None
     powers = np.vander(margin[chosen], increasing=True)
     base = values[-1]
-    return End(float(base + np.linalg.solve(powers, values[chosen] - base)[0]), reason)
+    return float(base + np.linalg.solve(powers, values[chosen] - base)[0])
