@@ -6,18 +6,20 @@ the walker starts with the gait of a slope that has one.
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.envs.scene import Scene, SceneError
+from gym_passive_walker.envs.scene import SCENES, Scene, SceneError, make_scene
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import GaitNotFound
-from gym_passive_walker.walkers import Walker, WalkerError
+from gym_passive_walker.walkers import WALKERS, Walker, WalkerError
 
 REFERENCE_SLOPES = (0.01, 0.02, 0.036, 0.06, 0.09, 0.005, 0.0025)
 """Slopes whose gait a walker may start with where its own slope has none; on level ground and
@@ -32,10 +34,33 @@ angles, its stance rate and its swing rates are from the gait's. A varied walker
 
 State = tuple[float, ...]
 
+_KNOWN = Path(__file__).parent / "starts.json"
+
+
+@cache
+def known_gaits() -> dict[tuple[Walker, float], State | None]:
+    """Gaits that the named scenes start with, so that a first episode need not search for them.
+
+    By walker and slope; None where there is none. Written by ``python -m
+    gym_passive_walker.envs.starts``.
+    """
+    told = json.loads(_KNOWN.read_text(encoding="utf-8"))
+    return {
+        (WALKERS[name], float(slope)): None if state is None else tuple(state)
+        for name, gaits in told.items()
+        for slope, state in gaits.items()
+    }
+
+
+def passive_gait(walker: Walker, slope: float, guess: State | None = None) -> State | None:
+    """The section state of a walker's long passive gait, if it has one: known, or searched for."""
+    known = known_gaits()
+    return known[walker, slope] if (walker, slope) in known else searched_gait(walker, slope, guess)
+
 
 @lru_cache(maxsize=4096)
-def passive_gait(walker: Walker, slope: float, guess: State | None = None) -> State | None:
-    """The section state of a walker's long passive gait, if it has one.
+def searched_gait(walker: Walker, slope: float, guess: State | None = None) -> State | None:
+    """The section state of a walker's long passive gait, if a search finds one.
 
     Args:
         walker: The walker.
@@ -135,16 +160,20 @@ class Starts:
                 continue
         raise SceneError(f"randomise: hardly any walker lies within {shares} of this one")
 
+    @property
+    def node_slopes(self) -> list[float]:
+        """Slopes of the range at which gaits are sought."""
+        return np.linspace(self.low, self.high, NODES if self.high > self.low else 1).tolist()
+
     @cached_property
     def _nodes(self) -> tuple[NDArray, NDArray]:
         """Slopes of the range, and the states to start from there."""
         if self.scene.start is not None:
             return np.array([self.low]), np.array([self.scene.start])
-        slopes = np.linspace(self.low, self.high, NODES if self.high > self.low else 1)
         states: list[State] = []
-        for slope in reversed(slopes.tolist()):
+        for slope in reversed(self.node_slopes):
             states.insert(0, gait_near(self.walker, slope, states[0] if states else None))
-        return slopes, np.array(states)
+        return np.array(self.node_slopes), np.array(states)
 
 
 def checked_state(state: Sequence[float], walker: Walker) -> State:
@@ -174,3 +203,27 @@ def checked_state(state: Sequence[float], walker: Walker) -> State:
             f"{given.tolist()}"
         )
     return (stance, thigh, shank, *(walker.time_unit * rate for rate in rates))
+
+
+def write_known_gaits() -> None:
+    """Search for the gaits that the named scenes start with, and keep them in the package."""
+    told: dict[str, dict[str, State | None]] = {}
+    for name in SCENES:
+        scene = make_scene(name)
+        walker = next(key for key, value in WALKERS.items() if value == scene.walker)
+        starts = Starts(scene)
+        for slope in sorted({*starts.node_slopes, REFERENCE_SLOPES[0]}):
+            told.setdefault(walker, {})[repr(slope)] = searched_gait(scene.walker, slope)
+    lines = [
+        f"  {json.dumps(walker)}: {{\n"
+        + ",\n".join(
+            f"    {json.dumps(s)}: {json.dumps(gaits[s])}" for s in sorted(gaits, key=float)
+        )
+        + "\n  }"
+        for walker, gaits in told.items()
+    ]
+    _KNOWN.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write_known_gaits()

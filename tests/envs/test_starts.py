@@ -4,10 +4,16 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, find_gait
-from gym_passive_walker.envs import task
+from gym_passive_walker.envs import starts, task
 from gym_passive_walker.envs.batch import Batch
-from gym_passive_walker.envs.scene import Scene, SceneError
-from gym_passive_walker.envs.starts import REFERENCE_SLOPES, checked_state, gait_near
+from gym_passive_walker.envs.scene import SCENES, Scene, SceneError, make_scene
+from gym_passive_walker.envs.starts import (
+    REFERENCE_SLOPES,
+    checked_state,
+    gait_near,
+    known_gaits,
+    searched_gait,
+)
 
 
 def begun(scene, count=200, seed=0):
@@ -106,3 +112,22 @@ def test_a_state_just_after_heelstrike_is_a_start_though_its_knee_would_bend_too
 def test_the_shank_of_a_straight_leg_is_ignored():
     state = checked_state([0.2, -0.2, 9.0, -1.0, 0.5, 9.0], WALKERS["A"])
     assert state[2] == state[1] and state[5] == state[4]
+
+
+def test_the_gaits_that_scenes_start_with_are_those_that_a_search_finds():
+    known = known_gaits()
+    assert len(known) > 10
+    for (walker, slope), state in known.items():
+        found = searched_gait(walker, slope)
+        assert (found is None) == (state is None)
+        if state is not None:
+            assert state == pytest.approx(found, rel=1e-11, abs=1e-12)
+
+
+def test_a_named_scene_starts_without_a_search(monkeypatch):
+    def search(*_):
+        raise AssertionError("a search")
+
+    monkeypatch.setattr(starts, "searched_gait", search)
+    for name in SCENES:
+        starts.Starts(make_scene(name)).states(np.array([0.0]))
