@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache, lru_cache
 from hashlib import sha256
 from pathlib import Path
@@ -63,6 +64,7 @@ _STATES = (
 _COURSES = ("before", "rate_before", "bend_before", "after", "rate_after", "bend_after")
 _RECORDS = ("state", "start", "ground", "time", "knee_time", "knee_loss", "heel_loss")
 _RECORDS += ("step_length", "gravity_work")
+_DIGEST = sha256().digest_size
 _LOSSES = {Outcome.KNEESTRIKE: "knee_loss", Outcome.HEELSTRIKE: "heel_loss"}
 
 
@@ -236,12 +238,22 @@ def _machine() -> Any:
 def _kept(name: str, write: Callable[[], Module]) -> Any:
     """Native code, from the cache or written anew."""
     path = cache_directory() / f"{name}-{sha256(_machine()[1].encode()).hexdigest()[:16]}.o"
-    try:
-        data = path.read_bytes()
-    except OSError:
+    data = _found(path)
+    if data is None:
         data = object_code(write())
-        _keep(path, data)
+        with suppress(OSError):  # a full disk: it will be made again next time
+            _keep(path, data)
     return loaded(data)
+
+
+def _found(path: Path) -> bytes | None:
+    """What a file keeps, if it is there and whole: damaged code would take the process with it."""
+    try:
+        kept = path.read_bytes()
+    except OSError:
+        return None
+    digest, data = kept[:_DIGEST], kept[_DIGEST:]
+    return data if sha256(data).digest() == digest else None
 
 
 def object_code(module: Module) -> bytes:
@@ -267,7 +279,7 @@ def _parsed(text: str) -> Any:
 
 
 def _keep(path: Path, data: bytes) -> None:
-    """Write a file in one go."""
+    """Write a file in one go, behind a digest of what it keeps."""
     aside = path.with_suffix(f".{os.getpid()}")
-    aside.write_bytes(data)
+    aside.write_bytes(sha256(data).digest() + data)
     os.replace(aside, path)

@@ -10,6 +10,8 @@ import sys
 import pytest
 
 from gym_passive_walker.engine import cache
+from gym_passive_walker.engine import compiled as machinery
+from gym_passive_walker.physics import simplest
 
 STRIDE = """
 import gym_passive_walker as gpw
@@ -67,7 +69,7 @@ print(compiled.compiled("simplest")["guards"].tolist())
 """
 REFUSE = """
 def refuse(*arguments): raise AssertionError("written anew")
-compiled._written = refuse
+compiled.written = refuse
 """
 
 
@@ -114,3 +116,22 @@ def test_a_place_that_cannot_be_written_to_is_passed_over(tmp_path, monkeypatch)
     monkeypatch.setattr(cache.tempfile, "gettempdir", lambda: str(blocked))
     with pytest.raises(OSError, match="NUMBA_CACHE_DIR"):
         folder(monkeypatch, NUMBA_CACHE_DIR=blocked, XDG_CACHE_HOME=blocked)
+
+
+def test_damaged_code_is_made_again(tmp_path, monkeypatch):
+    monkeypatch.setattr(machinery, "cache_directory", lambda: tmp_path)
+    made = []
+
+    def write():
+        made.append(1)
+        return machinery.written(simplest.SYSTEM)
+
+    machinery._kept("simplest", write)
+    (kept,) = tmp_path.glob("*.o")
+    whole = kept.read_bytes()
+    for damaged in (b"", whole[: len(whole) // 2], whole[:-1] + b"?", bytes(len(whole))):
+        kept.write_bytes(damaged)
+        machinery._kept("simplest", write)
+        assert kept.read_bytes() == whole
+    machinery._kept("simplest", write)
+    assert len(made) == 5
