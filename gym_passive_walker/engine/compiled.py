@@ -29,6 +29,7 @@ from gym_passive_walker.engine.runge_kutta import Pair
 from gym_passive_walker.engine.step import Equations
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import Control, Ground, Outcome, Phase, State, System
+from gym_passive_walker.physics.systems import SYSTEMS
 
 PHASE = np.dtype(
     [
@@ -100,8 +101,6 @@ def compiled(system: str, planes: int = 0, *, moving_body: bool = False) -> NDAr
         planes: How many derivatives are carried along.
         moving_body: Whether they are also by the walker's constants.
     """
-    from gym_passive_walker.physics.systems import SYSTEMS
-
     of = SYSTEMS[system]
     name = f"{system}-{planes}{'b' * moving_body}"
     return phases_of(of, _kept(name, lambda: written(of, planes, moving_body=moving_body)))
