@@ -108,16 +108,13 @@ def _taken() -> None:
 def _modules() -> Iterator[tuple[str, float, float, float, float]]:
     """Of each native module: name, CPU seconds of its stages, and size."""
     from gym_passive_walker.engine.compiled import loaded, object_code, written
-    from gym_passive_walker.engine.run import planes_of
     from gym_passive_walker.physics.systems import SYSTEMS
 
     for name, system in SYSTEMS.items():
-        planes = planes_of(system)
-        for carried, moving in ((0, False), (planes, False), (planes, True)):
-            label = f"{name}, {carried} derivatives" if carried else name
-            label += ", of its body too" * moving
+        for derived in (False, True):
+            label = name + ", and derivatives" * derived
             start = time.process_time()
-            module = written(system, carried, moving_body=moving)
+            module = written(system, derived=derived)
             traced = time.process_time()
             data = object_code(module)
             made = time.process_time()

@@ -67,10 +67,10 @@ def _nanoseconds(p: Problem, crowd: bool) -> float:
     def evaluated(start, times):  # type: ignore[no-untyped-def]
         for turn in range(times):
             if not crowd:
-                call(address, start, vectors, turn % WIDTH, 0.0, 0.0)
+                call(address, start, vectors, turn % WIDTH, 0, 0.0, 0.0)
                 continue
             for group in range(WIDTH // GROUP):
-                call(address, start + 8 * GROUP * group, vectors, 0, 0.0, 0.0)
+                call(address, start + 8 * GROUP * group, vectors, 0, 0, 0.0, 0.0)
 
     job = partial(evaluated, tile.ctypes.data, times)
     return seconds(job) / times / (WIDTH if crowd else 1) * 1e9

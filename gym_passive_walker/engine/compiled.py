@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from contextlib import suppress
-from functools import cache, lru_cache
+from functools import cache, lru_cache, partial
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -18,32 +18,28 @@ from gym_passive_walker.engine.cache import cache_directory
 from gym_passive_walker.engine.expressions import Expression, choose, read
 from gym_passive_walker.engine.layout import (
     COURSE,
-    MOST_CONSTANTS,
     MOST_GUARDS,
     PAIR,
     RECORD,
     tile_for,
 )
-from gym_passive_walker.engine.native import Function, Memory, Module, uses
+from gym_passive_walker.engine.native import Code, Function, Memory, Module, uses
 from gym_passive_walker.engine.runge_kutta import Pair
 from gym_passive_walker.engine.step import Equations
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import Control, Ground, Outcome, Phase, State, System
 from gym_passive_walker.physics.systems import SYSTEMS
 
+OF_LANE = ("equip", "load", "move", "unload", "look", "accept")
+OF_LANES = ("first", "sweep")
+
 PHASE = np.dtype(
     [
         # Addresses of native functions.
-        ("open", "i8"),
-        ("first", "i8"),
-        ("sweep", "i8"),
-        ("look", "i8"),
-        ("place", "i8"),
+        *((name, "i8") for name in (*OF_LANE, *OF_LANES, "open", "begin", "place")),
         ("table", "i8"),
         ("resets", "i8", (len(Outcome),)),  # by outcome; 0 where it is a fall
         ("links", "i8"),
-        ("constants", "i8"),  # how many the phase uses, and which
-        ("uses", "i8", (MOST_CONSTANTS,)),
         ("guards", "i8"),
         ("outcomes", "i8", (MOST_GUARDS,)),
         ("watch", "i8", (MOST_GUARDS,)),
@@ -61,10 +57,12 @@ _STATES = (
     "turned",
     "ground",
     "control",
+    "body",
 )
+_TIMES = ("time", "end")
 _COURSES = ("before", "rate_before", "bend_before", "after", "rate_after", "bend_after")
-_RECORDS = ("state", "start", "ground", "time", "knee_time", "knee_loss", "heel_loss")
-_RECORDS += ("step_length", "gravity_work")
+_RECORDS = ("state", "start", "ground", "control", "time", "knee_time", "knee_loss", "heel_loss")
+_RECORDS += ("step_length", "gravity_work", "moved", "turned", "body")
 _DIGEST = sha256().digest_size
 _LOSSES = {Outcome.KNEESTRIKE: "knee_loss", Outcome.HEELSTRIKE: "heel_loss"}
 
@@ -93,76 +91,77 @@ def body_layout(system: System) -> np.dtype:
 
 
 @lru_cache
-def compiled(system: str, planes: int = 0, *, moving_body: bool = False) -> NDArray:
+def compiled(system: str, *, derived: bool = False) -> NDArray:
     """The phases of a system, shape (phases,) of PHASE.
 
     Args:
         system: Its name.
-        planes: How many derivatives are carried along.
-        moving_body: Whether they are also by the walker's constants.
+        derived: Whether derivatives are carried along, in planes behind the values.
     """
     of = SYSTEMS[system]
-    name = f"{system}-{planes}{'b' * moving_body}"
-    return phases_of(of, _kept(name, lambda: written(of, planes, moving_body=moving_body)))
+    code = _kept(system + "-derived" * derived, lambda: written(of, derived=derived))
+    return phases_of(of, code)
 
 
 def phases_of(system: System, code: Any) -> NDArray:
     """What the engine is to know of a system's phases, from their native code, (phases,)."""
     phases = np.zeros(len(system.phases), PHASE)
     for i, (entry, phase) in enumerate(zip(phases, system.phases, strict=True)):
-        for function in ("open", "first", "sweep", "look"):
+        for function in (*OF_LANE, *OF_LANES, "open"):
             entry[function] = code.get_function_address(f"{function}{i}")
-        entry["place"] = code.get_function_address("place")
+        for function in ("begin", "place"):
+            entry[function] = code.get_function_address(function)
         entry["table"] = code.get_global_value_address("table")
         for outcome in phase.resets:
             entry["resets"][outcome] = code.get_function_address(f"reset{i}_{outcome.name}")
-        used = constants_used(system, phase)
-        entry["links"], entry["constants"] = phase.links, len(used)
-        entry["uses"][: len(used)] = [system.Body._fields.index(n) for n in used]  # type: ignore[attr-defined]
-        entry["guards"] = len(phase.guards)
+        entry["links"], entry["guards"] = phase.links, len(phase.guards)
         entry["outcomes"][: len(phase.guards)] = [guard.outcome for guard in phase.guards]
         entry["watch"][: len(phase.guards)] = [guard.watch for guard in phase.guards]
     return phases
 
 
-def written(
-    system: System, planes: int = 0, *, moving_body: bool = False, pair: Pair = PAIR
-) -> Module:
+def written(system: System, *, derived: bool = False, pair: Pair = PAIR) -> Module:
     """All native functions of a system, in steps of a method."""
-    module = Module()
-    body = ("body",) * moving_body
-    layouts, tile = (RECORD, body_layout(system)), tile_for(pair)
+    module, tile, body = Module(), tile_for(pair), body_layout(system)
+
+    def function(name: str, *layouts: np.dtype, active: tuple[str, ...]) -> Function:
+        return Function(module, name, layouts, active=active if derived else ())
+
+    def once(name: str, code: Code, *layouts: np.dtype, active: tuple[str, ...] = ()) -> None:
+        made = function(name, *layouts, active=active)
+        made.once(code, lane=layouts[0] == tile)
+        made.end()
+
     for i, phase in enumerate(system.phases):
         equations = Equations(system, phase, constants_used(system, phase), pair)
-        options: dict[str, Any] = {"planes": planes, "active": _STATES + body}
-        first = Function(module, f"first{i}", (tile,), **options)
+        others = (body, RECORD, tile, RECORD, COURSE, COURSE)
+        for name, other in zip(OF_LANE, others, strict=True):
+            active = (*_STATES, *_TIMES, *_RECORDS, *_COURSES)
+            once(f"{name}{i}", getattr(equations, name), tile, other, active=active)
+        first = function(f"first{i}", tile, active=_STATES)
         first.over_lanes(equations.first)
         first.end()
-        sweep = Function(module, f"sweep{i}", (tile,), **options)
+        sweep = function(f"sweep{i}", tile, active=_STATES)
         for index in range(1, pair.stages + 1):
             sweep.over_lanes(equations.stage(index))
         sweep.over_lanes(equations.estimate)
         sweep.over_lanes(equations.judge)
         sweep.end()
-        options["active"] += _COURSES
-        look = Function(module, f"look{i}", (tile, COURSE), **options)
-        look.once(equations.look, lane=True)
-        look.end()
-        opening = Function(module, f"open{i}", layouts)
-        opening.once(lambda record, body, phase=phase: _open(system, phase, record, body))
-        opening.end()
+        once(f"open{i}", partial(_open, system, phase), RECORD, body)
         for outcome in phase.resets:
-            function = Function(
-                module, f"reset{i}_{outcome.name}", layouts, planes=planes, active=_RECORDS + body
-            )
-            function.once(
-                lambda record, body, p=phase, o=outcome: _reset(system, p, o, record, body)
-            )
-            function.end()
-    placing = Function(module, "place", layouts)
-    placing.once(lambda record, body: _place(system, record, body))
-    placing.end()
+            code = partial(_reset, system, phase, outcome)
+            once(f"reset{i}_{outcome.name}", code, RECORD, body, active=_RECORDS)
+    once("begin", partial(_begin, system), RECORD, body, active=_RECORDS)
+    once("place", partial(_place, system), RECORD, body)
     return module
+
+
+def _begin(system: System, record: Memory, body: Memory) -> None:
+    """Begin a stride, just after heelstrike."""
+    for i in range(3):
+        record["start", i] = record["state", i]
+    record["phase"] = 0.0
+    _open(system, system.phases[0], record, body)
 
 
 def _open(system: System, phase: Phase, record: Memory, body: Memory) -> None:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import cached_property
 from typing import Any
 
 import numba
 from llvmlite import ir
 from numba import types
-from numba.extending import intrinsic
+from numba.extending import intrinsic, typeof_impl
 
 from gym_passive_walker.engine.cache import cache_directory
 
@@ -41,24 +42,35 @@ def inlined(function: Callable[..., Any]) -> Any:
 class Kernel:
     """An entry point: compiled when first called, cached on disk, free of Python's lock.
 
+    Other kernels may call it: they find it in the cache, where `jitted` functions are compiled
+    anew for each kernel.
+
     Args:
         function: What to compile.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self.function = function
-        self._compiled: Any = None
+
+    @cached_property
+    def compiled(self) -> Any:
+        """What numba makes of it."""
+        with _kernels_cached_here():
+            return numba.njit(cache=True, nogil=True, **_OPTIONS)(self.function)
 
     def __call__(self, *arguments: Any) -> Any:
         """Run it."""
-        if self._compiled is None:
-            with _kernels_cached_here():
-                self._compiled = numba.njit(cache=True, nogil=True, **_OPTIONS)(self.function)
-        return self._compiled(*arguments)
+        return self.compiled(*arguments)
+
+
+@typeof_impl.register(Kernel)
+def _(kernel: Kernel, _: Any) -> types.Dispatcher:
+    """What a kernel is to another that calls it."""
+    return types.Dispatcher(kernel.compiled)
 
 
 @intrinsic
-def _call(typing_context, function, first, second, count, x, y):  # type: ignore[no-untyped-def]
+def _call(typing_context, function, first, second, lane, planes, x, y):  # type: ignore[no-untyped-def]
     """Call native code by its address; see `native.Function` for what it takes."""
 
     def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
@@ -69,7 +81,7 @@ def _call(typing_context, function, first, second, count, x, y):  # type: ignore
         return context.get_dummy_value()
 
     word, number = types.int64, types.float64
-    return types.void(word, word, word, word, number, number), code
+    return types.void(word, word, word, word, word, number, number), code
 
 
 @intrinsic
@@ -94,7 +106,7 @@ def _address(typing_context, array):  # type: ignore[no-untyped-def]
     return types.int64(array), code
 
 
-# In compiled code: address(array), fma(a, b, c), call(function, first, second, count, x, y).
+# In compiled code: address(array), fma(a, b, c), call(function, first, second, lane, planes, x, y).
 call: Any = _call
 fma: Any = _fma
 address: Any = _address

@@ -11,17 +11,11 @@ step's length depends on shifts its end along the motion.
 
 from __future__ import annotations
 
-import numpy as np
-
 from gym_passive_walker.engine.jit import address, call, fma, inlined, jitted
 from gym_passive_walker.engine.layout import PAIR
 from gym_passive_walker.engine.step import (
-    FASTEST,
     LONGEST_STEP,
     MOST_STEPS,
-    ROOTS,
-    SAFETY,
-    SLOWEST,
 )
 from gym_passive_walker.physics.hybrid import Control, Watch
 
@@ -45,35 +39,11 @@ _CONTROLS, _END, _SHARE = len(Control._fields), PAIR.stages, 1.0 / PAIR.error_or
 
 
 @inlined
-def growth(error):
-    """Factor to the next step length, from the error of this one over its tolerance."""
-    remainder, rest, factor = error + 1e-30, _SHARE, SAFETY  # see step.growth
-    for _ in range(ROOTS):
-        remainder, rest = np.sqrt(remainder), 2.0 * rest
-        if rest >= 1.0:
-            factor, rest = factor / remainder, rest - 1.0
-    factor = factor if factor < FASTEST else FASTEST
-    return factor if factor > SLOWEST else SLOWEST
-
-
-@inlined
-def proposal(h, error):
-    """Length of the next step after an accepted one."""
-    return min(h * growth(error), LONGEST_STEP)
-
-
-@inlined
 def go_on(tile, lane):
     """Next step: the proposed length, or what is left of the time."""
     rest = tile.end[lane] - tile.time[lane]
     following = tile.next[lane]
     tile.h[lane] = following if 1.1 * following < rest else rest
-
-
-@inlined
-def sign(x):
-    """-1, 0 or 1."""
-    return 1.0 if x > 0.0 else (-1.0 if x < 0.0 else 0.0)
 
 
 @inlined
@@ -207,43 +177,12 @@ def earliest(phase, course, h, scuff):
 
 
 @jitted
-def commit(tiles, courses, phase, lane, h):
-    """Accept the step of length h: its end is the new start.
-
-    In the planes of derivatives, h is what the step's length changes by.
-    """
-    tile, course = tiles[0], courses[0]
+def accept(tiles, courses, phase, lane, event):
+    """Take the end of a step as the new start: moved onto an event, or as it is if that is 0."""
     for k in range(_CONTROLS):
-        i = phase.guards + k
-        before, after = course.before[i], further(course, i, h - tile.h[lane])
-        turned = turning(tile, phase, course, lane, k)
-        middle = value(path(course, i, tile.h[lane]), turned) if turned >= 0.0 else before
-        there, back = sign(middle - before), sign(after - middle)
-        tile.moved[k, lane] += after - before
-        tile.turned[k, lane] += abs(middle - before) + abs(after - middle)
-        for plane in range(1, len(tiles)):
-            change = tiles[plane]
-            start = courses[plane].before[i]
-            end = courses[plane].after[i] + course.rate_after[i] * change.h[lane]
-            between = start
-            if turned >= 0.0:  # it stands still there, whenever that is
-                between = value(path(courses[plane], i, tile.h[lane]), turned)
-            change.moved[k, lane] += end - start
-            change.turned[k, lane] += there * (between - start) + back * (end - between)
-    tile.time[lane] += h
-    for plane in range(len(tiles)):
-        change = tiles[plane]
-        for i in range(phase.links):
-            change.angle[i, lane] = change.new_angle[i, lane]
-            change.rate[i, lane] = change.new_rate[i, lane]
-            change.stage[0, i, lane] = change.stage[_END, i, lane]
-            if plane > 0:
-                change.angle[i, lane] += change.h[lane] * tile.new_rate[i, lane]
-                change.rate[i, lane] += change.h[lane] * tile.stage[_END, i, lane]
-        if plane > 0:
-            change.time[lane] += change.h[lane]
-            change.h[lane] = 0.0
-    tile.event[lane] = 0.0
+        courses[0].turning[k] = turning(tiles[0], phase, courses[0], lane, k)
+    here, course, planes = address(tiles), address(courses), len(tiles) - 1
+    call(phase.accept, here, course, lane, planes, float(event), 0.0)
 
 
 @inlined
@@ -266,7 +205,7 @@ def rival(phase, course, event, scuff, ahead):
 @inlined
 def look(tiles, courses, phase, lane):
     """Have the phase's guards over a lane's step written down."""
-    call(phase.look, address(tiles), address(courses), lane, 0.0, 0.0)
+    call(phase.look, address(tiles), address(courses), lane, len(tiles) - 1, 0.0, 0.0)
 
 
 @jitted
@@ -303,18 +242,7 @@ def land(tiles, courses, phase, lane, scuff, landing):
     if other != 0 and further(course, other - 1, 0.0) < -_TOGETHER:
         aim(tile, lane, other, root(path(course, other - 1, h)), h)
         return 0
-    for plane in range(1, len(tiles)):
-        # The end moves so that the guard stays zero.
-        change = tiles[plane]
-        change.h[lane] = -courses[plane].after[event - 1] / speed if close else 0.0
-        for i in range(phase.links):
-            change.new_angle[i, lane] += correction * change.new_rate[i, lane]
-            change.new_rate[i, lane] += correction * change.stage[_END, i, lane]
-    for i in range(phase.links):
-        rate, acceleration = tile.new_rate[i, lane], tile.stage[_END, i, lane]
-        tile.new_angle[i, lane] += correction * (rate + 0.5 * correction * acceleration)
-        tile.new_rate[i, lane] = rate + correction * acceleration
-    commit(tiles, courses, phase, lane, h + correction)
+    accept(tiles, courses, phase, lane, event if close else 0)
     look(tiles, courses, phase, lane)
     if course.counts[event - 1] == 0.0:
         go_on(tile, lane)
@@ -340,7 +268,7 @@ def attend(tiles, courses, phase, lane, scuff, landing):
 
     if not error <= 1.0:
         tile.event[lane] = 0.0  # where a step is not to be trusted, neither is its event
-        shorter = growth(error) if error > 1.0 else 0.1
+        shorter = tile.growth[lane] if error > 1.0 else 0.1
         tile.next[lane] = h * shorter
         tile.h[lane] = h * shorter
         if error < 1e3 and not aimed:  # near enough to tell where an event cuts the next step short
@@ -364,10 +292,10 @@ def attend(tiles, courses, phase, lane, scuff, landing):
         tile.next[lane] = h
         aim(tile, lane, event, first, h)
         return 0
-    following = proposal(h, error)
+    following = min(h * tile.growth[lane], LONGEST_STEP)
     if following > tile.next[lane] or error > 0.1:
         tile.next[lane] = following
-    commit(tiles, courses, phase, lane, h)
+    accept(tiles, courses, phase, lane, 0)
     if tile.time[lane] >= tile.end[lane] * (1.0 - 1e-15):
         return TIME_UP
     go_on(tile, lane)

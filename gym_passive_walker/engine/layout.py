@@ -76,6 +76,7 @@ def tile_for(pair: Pair) -> np.dtype:
             ("time", "f8", _LINE),
             ("end", "f8", _LINE),
             ("error", "f8", _LINE),
+            ("growth", "f8", _LINE),  # factor to the next step's length that this allows
             ("verdict", "f8", _LINE),
             ("event", "f8", _LINE),  # the guard that the step is aimed at, from 1 on
             ("low", "f8", _LINE),  # what that guard's fall lies between
@@ -98,6 +99,8 @@ COURSE = np.dtype(
         ("rate_after", "f8", (MOST_GUARDS,)),
         ("bend_after", "f8", (MOST_GUARDS,)),
         ("counts", "f8", (MOST_GUARDS,)),  # whether a fall at the step's end would count
+        # Where in the step what each control moves turns back: a fraction, or -1.
+        ("turning", "f8", (_CONTROLS,)),
     ]
 )
 """How guards run over a step."""

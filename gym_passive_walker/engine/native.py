@@ -19,7 +19,7 @@ from gym_passive_walker.engine.expressions import Expression, Tangents, read
 GROUP = 8
 """Lanes of a vector: one of 512 bits, or two of 256."""
 
-_PARAMETERS = "i64 %first, i64 %second, i64 %count, double %x, double %y"
+_PARAMETERS = "i64 %first, i64 %second, i64 %lane, i64 %planes, double %x, double %y"
 _NUMBERS = ("%x", "%y")
 _COMPARED = {"<": "olt", "<=": "ole", ">": "ogt", ">=": "oge"}
 _ARITHMETIC = {"mul": "fmul", "div": "fdiv", "add": "fadd", "sub": "fsub"}
@@ -98,14 +98,16 @@ Code = Callable[..., None]
 class Function:
     """A native function under construction: straight-line codes, one after the other.
 
-    It is called with two addresses, a whole number and two numbers.
+    It is called with two addresses, a lane, the number of planes behind the values, and two
+    numbers.
 
     Args:
         module: Where it belongs.
         name: Its name.
         layouts: What stands at its addresses.
-        planes: How many tangents stand behind the values, each laid out as they are.
-        active: Names of the fields that have tangents.
+        active: Names of the fields that have tangents, one in each plane behind the values, laid
+            out as they are. Values are computed once; a loop over the planes makes the tangents of
+            them.
     """
 
     def __init__(
@@ -114,18 +116,18 @@ class Function:
         name: str,
         layouts: tuple[np.dtype, ...],
         *,
-        planes: int = 0,
         active: Collection[str] = (),
     ) -> None:
-        self.module, self.layouts, self.planes, self.active = module, layouts, planes, active
+        self.module, self.layouts, self.active = module, layouts, active
         # What finds no room in registers waits on the stack: in one line of the cache each.
         self.lines = [
             f"define void @{name}({_PARAMETERS}) nounwind alignstack({8 * GROUP}) {{",
+            "b0:",
             "%p0 = inttoptr i64 %first to ptr",
             "%p1 = inttoptr i64 %second to ptr",
-            "%shift = shl i64 %count, 3",
+            "%shift = shl i64 %lane, 3",
         ]
-        self.values = 0
+        self.values, self.block = 0, 0
 
     def new(self, instruction: str) -> str:
         """The name of what an instruction gives."""
@@ -140,11 +142,11 @@ class Function:
         they cost nothing, where each by itself would need its address spelled out.
         """
         self._emit(code, vector=True)
-        self.values += 1  # each code is scheduled by itself
-        self.lines += [f"br label %b{self.values}", f"b{self.values}:"]
+        self.block += 1  # each code is scheduled by itself
+        self.lines += [f"br label %b{self.block}", f"b{self.block}:"]
 
     def once(self, code: Code, *, lane: bool = False) -> None:
-        """Run code over single numbers; in a tile, of the lane that the whole number says."""
+        """Run code over single numbers; if asked for, of one lane where the first memory is one."""
         self._emit(code, lane=lane)
 
     def end(self) -> None:
@@ -155,21 +157,50 @@ class Function:
         known: dict = {}
         memories = [Memory(layout, i, known) for i, layout in enumerate(self.layouts)]
         code(*memories)
-        stores = {(m.base, *place, 0): value for m in memories for place, value in m.writes.items()}
+        values = {(m.base, *place, 0): x for m in memories for place, x in m.writes.items()}
         reads = [x.args for x in known.values() if x.op == "read" and x.args[1] in self.active]
-        for plane in range(1, self.planes + 1):
-            tangents = Tangents({read(known, *p): read(known, *p[:3], plane) for p in reads})
-            for memory in memories:
-                for (name, index), value in memory.writes.items():
-                    if name in self.active:
-                        change = tangents(value)
-                        stores[memory.base, name, index, plane] = (
-                            value.number(0.0) if change is None else change
-                        )
-        emit = _Emitter(self, uses(stores.values()), vector=vector, lane=lane)
-        values = {place: emit(value) for place, value in stores.items()}
-        for place, value in values.items():
-            emit.store(place, value)
+        tangents = Tangents({read(known, *p): read(known, *p[:3], 1) for p in reads})
+        changes: dict[tuple, Expression] = {}
+        for (base, name, index, _), x in values.items():
+            if name in self.active:
+                change = tangents(x)
+                changes[base, name, index, 1] = x.number(0.0) if change is None else change
+        emit = _Emitter(self, uses(values.values()), vector=vector, lane=lane)
+        results = {place: emit(x) for place, x in values.items()}
+        loop = self._over_planes(emit, changes) if changes else []
+        for place, result in results.items():
+            emit.store(place, result)
+        self.lines += loop
+
+    def _over_planes(self, emit: _Emitter, changes: dict[tuple, Expression]) -> list[str]:
+        """The loop that writes tangents; what is the same in all planes is computed before it."""
+        block, self.block = self.block, self.block + 1
+        number = self.block
+        addresses = [
+            line
+            for base, layout in enumerate(self.layouts)
+            for line in (
+                f"%o{base}_{number} = mul i64 %k{number}, {layout.itemsize}",
+                f"%p{base}_{number} = getelementptr i8, ptr %p{base}, i64 %o{base}_{number}",
+            )
+        ]
+        lines, self.lines = self.lines, []
+        emit.enter_planes(lines, number, uses(changes.values()))
+        results = {place: emit(x) for place, x in changes.items()}
+        for place, result in results.items():
+            emit.store(place, result)
+        body, self.lines = self.lines, lines
+        return [
+            f"br label %loop{number}",
+            f"loop{number}:",
+            f"%k{number} = phi i64 [ 1, %b{block} ], [ %n{number}, %loop{number} ]",
+            *addresses,
+            *body,
+            f"%n{number} = add i64 %k{number}, 1",
+            f"%m{number} = icmp sle i64 %n{number}, %planes",
+            f"br i1 %m{number}, label %loop{number}, label %b{number}",
+            f"b{number}:",
+        ]
 
 
 def uses(roots: Iterable[Expression]) -> Counter[Expression]:
@@ -205,13 +236,38 @@ class _Emitter:
         )
         self.done: dict[Expression, str] = {}
         self.taken: Counter[float] = Counter()
+        self.before_planes: list[str] | None = None
+        self.plane = 0
+        self.varying: dict[Expression, bool] = {}
+
+    def enter_planes(self, before: list[str], plane: int, uses: Counter[Expression]) -> None:
+        """From now on instructions are those of a loop over planes.
+
+        Args:
+            before: Where to put what is the same in all of them.
+            plane: What the loop's addresses are called after.
+            uses: How often expressions are used in it.
+        """
+        self.before_planes, self.plane, self.uses = before, plane, uses
 
     def __call__(self, x: Expression) -> str:
         if x.op == "constant":
             return self._constant(x.args[0])
         if x not in self.done:
-            self.done[x] = self._of(x)
+            if self.before_planes is None or self._varies(x):
+                self.done[x] = self._of(x)
+            else:
+                inside, self.owner.lines = self.owner.lines, self.before_planes
+                self.done[x] = self._of(x)
+                self.owner.lines = inside
         return self.done[x]
+
+    def _varies(self, x: Expression) -> bool:
+        """Whether an expression differs from plane to plane."""
+        if x not in self.varying:
+            varies = x.args[3] > 0 if x.op == "read" else any(map(self._varies, _operands(x)))
+            self.varying[x] = varies
+        return self.varying[x]
 
     def _of(self, x: Expression) -> str:
         op, args = x.op, x.args
@@ -302,11 +358,12 @@ class _Emitter:
     def _address(self, place: tuple) -> tuple[str, bool]:
         """Where an entry stands, and whether it is a whole number."""
         base, name, index, plane = place
-        layout = self.owner.layouts[base]
-        field, offset = layout.fields[name][:2]  # type: ignore[index]
-        of_tile = self.vector or (self.lane and base == 0)
-        offset += 8 * (field.shape[-1] if of_tile else 1) * index + plane * layout.itemsize
-        address = self.owner.new(f"getelementptr i8, ptr %p{base}, i64 {offset}")
+        layouts = self.owner.layouts
+        field, offset = layouts[base].fields[name][:2]  # type: ignore[index]
+        of_tile = self.vector or (self.lane and layouts[base] == layouts[0])
+        offset += 8 * (field.shape[-1] if of_tile else 1) * index
+        origin = f"%p{base}_{self.plane}" if plane else f"%p{base}"
+        address = self.owner.new(f"getelementptr i8, ptr {origin}, i64 {offset}")
         if of_tile and self.lane:
             address = self.owner.new(f"getelementptr i8, ptr {address}, i64 %shift")
         return address, field.base.kind == "i"

@@ -12,16 +12,16 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.engine.compiled import compiled
-from gym_passive_walker.engine.jit import Kernel, address, call, jitted
+from gym_passive_walker.engine.jit import Kernel, address, call
 from gym_passive_walker.engine.lanes import HALTED, WAITING, carry
-from gym_passive_walker.engine.layout import COURSE, LINKS, PAIR, RECORD, TILE, aligned
+from gym_passive_walker.engine.layout import COURSE, PAIR, RECORD, TILE, aligned
 from gym_passive_walker.physics.hybrid import Outcome, System
 
 OPTIONS = np.dtype(
@@ -43,32 +43,30 @@ _WORTH_A_THREAD = 1024  # records below which a second thread costs more than it
 _FALLS = int(Outcome.FELL_FORWARD)
 
 
-@jitted
+@Kernel
 def carry_on(records, bodies, phases, tiles, courses, options, from_section):
     """Carry walkers to heelstrike, their fall, or their time's end.
 
     Args:
         records: Shape (n, planes); at their phase, or just after heelstrike if `from_section`.
         bodies: Walkers' constants, (1 or n, planes, constants).
-        phases: From `compiled.compiled`, made for as many planes.
+        phases: From `compiled.compiled`, derived if there are planes behind the values.
         tiles: From `workspace`.
         courses: Likewise.
         options: An `OPTIONS`.
         from_section: Whether records stand just after heelstrike.
     """
-    scuff = float(options.scuff)
+    scuff, planes = float(options.scuff), len(tiles) - 1
     for first in range(0, len(records), _CHUNK):
         chunk = records[first : first + _CHUNK]
         own = bodies[first : first + _CHUNK] if len(bodies) > 1 else bodies
         for i in range(len(chunk)):
-            record = chunk[i]
-            if from_section:
-                record[0].phase = 0
-                for plane in range(record.shape[0]):
-                    for k in range(LINKS):
-                        record[plane].start[k] = record[plane].state[k]
+            record, body = address(chunk[i]), address(own[i if len(own) > 1 else 0])
             # A walker that would begin beyond a bound has fallen already.
-            call(phases[record[0].phase].open, address(record), 0, 0, 0.0, 0.0)
+            if from_section:
+                call(phases[0].begin, record, body, 0, planes, 0.0, 0.0)
+            else:
+                call(phases[chunk[i, 0].phase].open, record, body, 0, planes, 0.0, 0.0)
         for number in range(len(phases)):
             phase = phases[number]
             carry(chunk, own, phase, number, tiles, courses, options)
@@ -78,7 +76,7 @@ def carry_on(records, bodies, phases, tiles, courses, options, from_section):
                 if record[0].phase == number and WAITING < outcome < _FALLS:
                     body = own[i if len(own) > 1 else 0]
                     reset = phase.resets[outcome]
-                    call(reset, address(record), address(body), 0, 0.0, scuff)
+                    call(reset, address(record), address(body), 0, planes, 0.0, scuff)
         for i in range(len(chunk)):
             if chunk[i, 0].outcome == HALTED:
                 chunk[i, 0].outcome = WAITING
@@ -87,11 +85,6 @@ def carry_on(records, bodies, phases, tiles, courses, options, from_section):
 @Kernel
 def _advance(records, bodies, phases, tiles, courses, options, from_section):
     carry_on(records, bodies, phases, tiles, courses, options[0], from_section)
-
-
-def planes_of(system: System) -> int:
-    """Derivatives that are carried along at once: by the section's coordinates and the slope."""
-    return system.phases[0].links + 2
 
 
 class Seeds(NamedTuple):
@@ -236,15 +229,9 @@ def advance(
         The records.
     """
     changes = records.shape[1] - 1
-    if changes and changes != planes_of(system):
-        return _in_passes(
-            system, bodies, records, tolerance=tolerance, scuff=scuff, from_section=from_section,
-            threads=threads,
-        )  # fmt: skip
     if changes and bodies.shape[1] == 1:
         bodies = np.pad(bodies, ((0, 0), (0, changes), (0, 0)))
-    moving_body = bool(changes and np.any(bodies[:, 1:]))
-    phases = compiled(system.name, changes, moving_body=moving_body)
+    phases = compiled(system.name, derived=changes > 0)
     told = options(tolerance, scuff=scuff, planes=changes)
 
     def job(first: int, last: int) -> None:
@@ -252,32 +239,4 @@ def advance(
         _advance(records[first:last], own, phases, *_desk(changes), told, from_section)
 
     in_parts(job, len(records), threads)
-    return records
-
-
-def _in_passes(system: System, bodies: NDArray, records: NDArray, **told: Any) -> NDArray:
-    """Carry records with any number of derivatives: as many times as the planes compiled ask for.
-
-    One number of planes is compiled; of more, each share walks beside its own copy of the values.
-    """
-    count, changes, planes = len(records), records.shape[1] - 1, planes_of(system)
-    shares = -(-changes // planes)
-    passes = np.zeros((count, shares, planes + 1), RECORD)
-    padded = np.zeros((count, shares * planes), RECORD)
-    padded[:, :changes] = records[:, 1:]
-    passes[:, :, 0] = records[:, :1]
-    passes[:, :, 1:] = padded.reshape(count, shares, planes)
-    if bodies.shape[1] > 1:
-        own = np.zeros((len(bodies), shares * planes, bodies.shape[2]))
-        own[:, :changes] = bodies[:, 1:]
-        own = own.reshape(len(bodies), shares, planes, -1)
-        values = np.repeat(bodies[:, None, :1], shares, axis=1)
-        bodies = np.concatenate([values, own], axis=2)
-        bodies = np.broadcast_to(bodies, (count, *bodies.shape[1:]))
-        bodies = bodies.reshape(count * shares, planes + 1, -1)
-    elif len(bodies) > 1:
-        bodies = np.repeat(bodies, shares, axis=0)
-    advance(system, bodies, passes.reshape(-1, planes + 1), **told)
-    records[:, 0] = passes[:, 0, 0]
-    records[:, 1:] = passes[:, :, 1:].reshape(count, -1)[:, :changes]
     return records

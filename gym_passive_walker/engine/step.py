@@ -12,6 +12,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from gym_passive_walker.engine.expressions import (
     Expression,
     Tangents,
@@ -103,7 +105,81 @@ class Equations:
         rate = derivative(value)
         return value, rate, derivative(rate)
 
-    # Codes of the native functions.
+    # Codes of the native functions: of one lane, then of all.
+
+    def equip(self, tile: Memory, body: Memory) -> None:
+        """Give a lane its walker's constants."""
+        fields = self.system.Body._fields  # type: ignore[attr-defined]
+        for i, name in enumerate(self.names):
+            tile["body", i] = body["body", fields.index(name)]
+
+    def load(self, tile: Memory, record: Memory) -> None:
+        """Put a walker into a lane; the length of the very first step is the first argument."""
+        state = record.entries("state")
+        for i in range(3):
+            tile["angle", i], tile["rate", i] = state[i], state[3 + i]
+        for field in ("ground", "control"):
+            for i, value in enumerate(record.entries(field)):
+                tile[field, i] = value
+        for i in range(len(Control._fields)):
+            tile["moved", i] = tile["turned", i] = 0.0
+        step, rest = record["step"], record["end"] - record["time"]
+        following = choose(step > 0.0, step, tile.argument(0))
+        tile["time"], tile["end"], tile["next"] = record["time"], record["end"], following
+        tile["h"] = choose(1.1 * following < rest, following, rest)
+        tile["event"], tile["steps"], tile["fresh"] = 0.0, 0.0, 1.0
+
+    def move(self, tile: Memory, source: Memory) -> None:
+        """Move a walker from one lane to another."""
+        for name in tile.layout.fields or ():
+            for index in np.ndindex(*tile.layout[name].shape[:-1]):
+                tile[(name, *index)] = source[(name, *index)]
+
+    def unload(self, tile: Memory, record: Memory) -> None:
+        """Take a walker out of its lane; the first argument says whether its time is up.
+
+        What depends on the time's end reaches it sooner or later than the value does.
+        """
+        up, state = tile.argument(0) > 0.0, self.state(tile)
+        late = choose(up, tile["end"] - tile["time"], 0.0)
+        bends = [tile["stage", 0, link] for link in self.links]
+        moved = self.as_state(list(state[3:]), bends)
+        for i, (value, change) in enumerate(zip(state, moved, strict=True)):
+            record["state", i] = value + late * change
+        for i in range(len(Control._fields)):
+            rate = self.along(partial(self._moved, i), state, [None] * 3)[1]
+            record["moved", i] = record["moved", i] + tile["moved", i] + late * rate
+            record["turned", i] = record["turned", i] + tile["turned", i] + late * abs(rate)
+        record["time"] = choose(up, tile["end"], tile["time"])
+        record["step"], record["steps"] = tile["next"], record["steps"] + tile["steps"]
+
+    def accept(self, tile: Memory, course: Memory) -> None:
+        """Take a step's end as the next start.
+
+        The first argument is the event that the step ends on, from 1 on, or 0: the end moves by a
+        Newton step onto it, and wherever it depends on something, it moves along with that.
+        """
+        event = tile.argument(0)
+        late = event.number(0.0)
+        for i in reversed(range(len(self.phase.guards))):
+            onto = -course["after", i] / course["rate_after", i]
+            late = choose(event < i + 1.5, onto, late)
+        late = choose(event < 0.5, 0.0, late)
+        for link in self.links:
+            rate, bend = tile["new_rate", link], tile["stage", self.pair.stages, link]
+            tile["angle", link] = tile["new_angle", link] + late * (rate + 0.5 * late * bend)
+            tile["rate", link] = rate + late * bend
+            tile["stage", 0, link] = bend
+        for k in range(len(Control._fields)):
+            i = len(self.phase.guards) + k
+            before, after = course["before", i], course["after", i]
+            after = after + late * (course["rate_after", i] + 0.5 * late * course["bend_after", i])
+            fraction = course["turning", k]
+            middle = choose(fraction < 0.0, before, quintic(course, i, tile["h"], fraction))
+            tile["moved", k] = tile["moved", k] + (after - before)
+            tile["turned", k] = tile["turned", k] + (abs(middle - before) + abs(after - middle))
+        tile["time"] = tile["time"] + (tile["h"] + late)
+        tile["event"] = 0.0
 
     def first(self, tile: Memory) -> None:
         """The first stage of lanes that have just been filled; others have it from before."""
@@ -161,6 +237,7 @@ class Equations:
     def judge(self, tile: Memory) -> None:
         """Settle the ordinary case in every lane; mark where to look closely, or time is up."""
         h, error, event = tile["h"], tile["error"], tile["event"]
+        factor = growth(error, self.pair)
         rest = tile["end"] - tile["time"]
         alert = (
             self._fallen(tile)
@@ -171,10 +248,11 @@ class Equations:
         )
         plain = (error <= 1.0) & ~alert
         up = plain & (h >= rest)
-        following, proposed = proposal(h, error, self.pair), tile["next"]
+        following, proposed = h * factor, tile["next"]
+        following = choose(following < LONGEST_STEP, following, LONGEST_STEP)
         rest = choose(plain, rest - h, rest)
         tile["verdict"] = choose(up, UP, choose(alert, ALERT, PLAIN))
-        tile["steps"] = tile["steps"] + 1.0
+        tile["steps"], tile["growth"] = tile["steps"] + 1.0, factor
         # A step that the time cut short says little of the next one.
         kept = alert | (up & (following <= proposed) & (error <= 0.1))
         tile["next"] = choose(kept, proposed, following)
@@ -266,7 +344,11 @@ def growth(error: Expression, pair: Pair = PAIR) -> Expression:
     return choose(factor > SLOWEST, factor, SLOWEST)
 
 
-def proposal(h: Expression, error: Expression, pair: Pair = PAIR) -> Expression:
-    """Length of the next step after an accepted one."""
-    following = h * growth(error, pair)
-    return choose(following < LONGEST_STEP, following, LONGEST_STEP)
+def quintic(course: Memory, i: int, h: Expression, x: Expression) -> Expression:
+    """A guard at a fraction x of a step of length h, by its course at both ends."""
+    g0, v0, a0 = course["before", i], course["rate_before", i] * h, course["bend_before", i] * h * h
+    v1, a1 = course["rate_after", i] * h, course["bend_after", i] * h * h
+    rise, turn, bend = course["after", i] - g0 - v0 - 0.5 * a0, v1 - v0 - a0, a1 - a0
+    cubic = 10.0 * rise - 4.0 * turn + 0.5 * bend
+    high = -15.0 * rise + 7.0 * turn - bend + x * (6.0 * rise - 3.0 * turn + 0.5 * bend)
+    return g0 + x * (v0 + x * (0.5 * a0 + x * (cubic + x * high)))

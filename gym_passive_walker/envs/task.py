@@ -181,7 +181,7 @@ def begin(
         for k in range(3):
             record.start[k] = record.state[k]
         row.origin = radii[own] * record.state[0]
-        call(phases[0].place, address(records[i]), address(bodies[own]), 0, 0.0, 0.0)
+        call(phases[0].place, address(records[i]), address(bodies[own]), 0, 0, 0.0, 0.0)
         row.place = record.place
         see(record, row, phases, observations, i * SIZE)
 
@@ -268,7 +268,7 @@ def settle(records, bodies, ledger, rules, phases, observations, rewards, termin
     for i in range(len(records)):
         record, row = records[i, 0], ledger[i]
         body = bodies[i if len(bodies) > 1 else 0]
-        call(phases[0].place, address(records[i]), address(body), 0, 0.0, 0.0)
+        call(phases[0].place, address(records[i]), address(body), 0, 0, 0.0, 0.0)
         idle = over(row)
         struck = record.outcome == _HEELSTRIKE
         forget_stride(row)

@@ -18,7 +18,7 @@ from gym_passive_walker.engine.native import GROUP, Function, Module
 llvm.initialize_native_target()
 llvm.initialize_native_asmprinter()
 
-_SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 3, *[ctypes.c_double] * 2)
+_SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 4, *[ctypes.c_double] * 2)
 
 PROCESSORS = {"this": (llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())}
 """Processors, and what they can do, whose instructions this one understands."""
@@ -29,10 +29,12 @@ if platform.machine() in ("x86_64", "AMD64"):
         PROCESSORS["with vectors of 256 bits"] = ("haswell", "")
 
 
-def call(address: int, first: np.ndarray, second: Any = 0, lane=0, x=0.0, y=0.0) -> None:
+def call(
+    address: int, first: np.ndarray, second: Any = 0, lane=0, x=0.0, y=0.0, *, planes=0
+) -> None:
     """Call native code with one array, and another or the address of a table."""
     there = second.ctypes.data if isinstance(second, np.ndarray) else int(second)
-    _SIGNATURE(int(address))(first.ctypes.data, there, lane, x, y)
+    _SIGNATURE(int(address))(first.ctypes.data, there, lane, planes, x, y)
 
 
 class Native:
@@ -75,9 +77,9 @@ class Native:
         self.address = self.engine.get_function_address("code")
         self.table = self.engine.get_global_value_address("table")
 
-    def __call__(self, first: np.ndarray, second: Any = None, lane=0, x=0.0, y=0.0) -> None:
+    def __call__(self, first: np.ndarray, second: Any = None, lane=0, **told: Any) -> None:
         """Call it; over lanes, with the table of its constants."""
-        call(self.address, first, self.table if second is None else second, lane, x, y)
+        call(self.address, first, self.table if second is None else second, lane, **told)
 
 
 def rows(**fields: int) -> np.dtype:

@@ -10,7 +10,7 @@ import pytest
 
 from gym_passive_walker import WALKERS, Outcome, stride_jacobian
 from gym_passive_walker.control.ticks import ticked_stride
-from gym_passive_walker.engine.run import Seeds, advance, new_records, planes_of
+from gym_passive_walker.engine.run import Seeds, advance, new_records
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.bodies import body_from
 from gym_passive_walker.physics.systems import body_of, system_of
@@ -137,11 +137,10 @@ def test_derivatives_along_two_directions_add(name):
 
 @pytest.mark.parametrize("name", ["lab", "A", "D"])
 def test_a_derivative_does_not_depend_on_how_many_ride_along(name):
-    """One, as many as are compiled, or so many that the walker walks several times."""
     rng, values = np.random.default_rng(1), start(name)
     directions = rng.normal(size=(23, 6))
     all_of_them = end(name, values, directions)
-    for count in (1, planes_of(system_of(WALKERS[name])), 7):
+    for count in (1, 5, 7):
         some = end(name, values, directions[:count])
         np.testing.assert_array_equal(some, all_of_them[: count + 1])
     np.testing.assert_array_equal(end(name, values, directions[20:])[1:], all_of_them[21:])

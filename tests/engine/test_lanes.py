@@ -13,7 +13,7 @@ import pytest
 from gym_passive_walker import WALKERS, Outcome, stride
 from gym_passive_walker.engine.layout import COURSE, TILE, WIDTH, aligned
 from gym_passive_walker.engine.native import GROUP
-from gym_passive_walker.engine.run import Seeds, advance, in_parts, new_records, planes_of
+from gym_passive_walker.engine.run import Seeds, advance, in_parts, new_records
 from gym_passive_walker.physics.systems import bodies, system_of
 from gym_passive_walker.units import units_of
 from tests.engine.machine import PROCESSORS
@@ -78,7 +78,7 @@ def with_derivatives(name: str, count: int):
     """Records of a crowd whose derivatives are carried along."""
     walker, rng = WALKERS[name], np.random.default_rng(3)
     slopes, states, torques = crowd(name, count)
-    scaled, planes = statements.dimensionless(walker, states), planes_of(system_of(walker))
+    scaled, planes = statements.dimensionless(walker, states), 4
     seeds = Seeds(
         states=rng.normal(size=(count, planes, 6)),
         slopes=rng.normal(size=(count, planes)),

@@ -12,7 +12,6 @@ from gym_passive_walker.engine.compiled import compiled, constants_used
 from gym_passive_walker.engine.expressions import choose, square_root
 from gym_passive_walker.engine.layout import COURSE, PAIR, RECORD, TILE, WIDTH, aligned
 from gym_passive_walker.engine.native import GROUP, Memory
-from gym_passive_walker.engine.run import planes_of
 from gym_passive_walker.engine.step import ALERT, LONGEST_STEP, PLAIN, UP
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import Control, Ground, State, System
@@ -172,11 +171,11 @@ def test_planes_behind_the_values_hold_their_derivatives():
         memory["found", 1] = 7.0
         memory["still"] = x
 
-    native = Native(code, layout, planes=2, active=("given", "found"))
+    native = Native(code, layout, active=("given", "found"))
     records = np.zeros(3, layout)
     records["found"][:, 1] = records["still"] = 9.0
     records["given"] = [[0.4, 0.7], [1.0, 0.0], [0.5, -2.0]]
-    native(records)
+    native(records, planes=2)
     x, y = 0.4, 0.7
     expected = [x * np.sin(y), np.sin(y), 0.5 * np.sin(y) - 2.0 * x * np.cos(y)]
     np.testing.assert_allclose(records["found"][:, 0], expected, rtol=1e-15)
@@ -211,15 +210,14 @@ class Filled:
             tile["body"][0, : len(names), lane] = own
         tile["fresh"][0] = 1.0
         tile["end"][0] = 100.0
-        (self.code,) = compiled(
-            system.name, planes, moving_body=planes > 0
-        )[index : index + 1]  # fmt: skip
+        self.planes, self.code = planes, compiled(system.name, derived=planes > 0)[index]
 
     def run(self, function: str, tolerance: float = 1e-3) -> None:
         """Call one of the phase's functions for all lanes."""
         for group in range(WIDTH // GROUP):
             here = self.tile.view(np.uint8)[8 * GROUP * group :]
-            call(self.code[function], here, self.code["table"], 0, tolerance, 1.0)
+            table, planes = self.code["table"], self.planes
+            call(self.code[function], here, table, 0, tolerance, 1.0, planes=planes)
 
     def accelerations(self, lane: int, state: State) -> np.ndarray:
         """What is stated."""
@@ -259,7 +257,7 @@ def test_lanes_in_use_keep_their_first_stage(system, index):
 
 @every_phase
 def test_derivatives_of_accelerations_are_those_of_a_complex_step(system, index):
-    planes, rng = planes_of(system), np.random.default_rng(5)
+    planes, rng = 3, np.random.default_rng(5)
     filled = Filled(system, index, 2, planes)
     tile, names = filled.tile, constants_used(system, filled.phase)
     for field in ("angle", "rate", "control", "ground", "body"):
@@ -436,7 +434,8 @@ STRIKES = [
 
 def strike(code, outcome, record, body, scuff=0.0) -> None:
     """Have a strike happen to a record."""
-    call(code["resets"][outcome], record, np.ascontiguousarray(body, dtype=float), 0, 0.0, scuff)
+    body, planes = np.ascontiguousarray(body, dtype=float), len(record) - 1
+    call(code["resets"][outcome], record, body, 0, 0.0, scuff, planes=planes)
 
 
 @pytest.mark.parametrize(("system", "index", "outcome"), STRIKES)
@@ -475,8 +474,8 @@ def test_a_strike_does_to_a_record_what_is_stated(system, index, outcome):
 @pytest.mark.parametrize(("system", "index", "outcome"), STRIKES)
 def test_derivatives_pass_through_a_strike(system, index, outcome):
     """All that a strike writes, against complex numbers through the plain statement."""
-    planes, rng, tiny = planes_of(system), np.random.default_rng(9), 1e-100j
-    code = compiled(system.name, planes, moving_body=True)[index]
+    planes, rng, tiny = 3, np.random.default_rng(9), 1e-100j
+    code = compiled(system.name, derived=True)[index]
     reset = system.phases[index].resets[outcome]
     for _ in range(10):
         constants = body_of(some_walker(rng, system))

@@ -7,7 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from gym_passive_walker.engine import landing, step
+from gym_passive_walker.engine import step
 from gym_passive_walker.engine.expressions import read
 from gym_passive_walker.engine.layout import PAIR
 from gym_passive_walker.engine.runge_kutta import Pair
@@ -177,13 +177,3 @@ def test_steps_grow_and_shrink_by_no_more_than_they_may():
     factor = step.growth(x)
     for error, bound in ((0.0, step.FASTEST), (1e-300, step.FASTEST), (1e30, step.SLOWEST)):
         assert float(evaluate(factor, {x: error})) == bound
-        assert landing.growth(error) == bound
-
-
-def test_a_step_is_judged_alike_by_itself_and_among_others():
-    x = read({}, "error")
-    factor = step.growth(x)
-    for error in np.logspace(-8, 8, 50):
-        assert landing.growth(error) == pytest.approx(
-            float(evaluate(factor, {x: error})), rel=1e-15
-        )
