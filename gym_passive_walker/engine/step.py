@@ -141,15 +141,16 @@ class Equations:
         What depends on the time's end reaches it sooner or later than the value does.
         """
         up, state = tile.argument(0) > 0.0, self.state(tile)
-        late = choose(up, tile["end"] - tile["time"], 0.0)
+        late = tile["end"] - tile["time"]
         bends = [tile["stage", 0, link] for link in self.links]
         moved = self.as_state(list(state[3:]), bends)
         for i, (value, change) in enumerate(zip(state, moved, strict=True)):
-            record["state", i] = value + late * change
+            record["state", i] = choose(up, value + late * change, value)
         for i in range(len(Control._fields)):
             rate = self.along(partial(self._moved, i), state, [None] * 3)[1]
-            record["moved", i] = record["moved", i] + tile["moved", i] + late * rate
-            record["turned", i] = record["turned", i] + tile["turned", i] + late * abs(rate)
+            for name, change in (("moved", late * rate), ("turned", late * abs(rate))):
+                whole = record[name, i] + tile[name, i]
+                record[name, i] = choose(up, whole + change, whole)
         record["time"] = choose(up, tile["end"], tile["time"])
         record["step"], record["steps"] = tile["next"], record["steps"] + tile["steps"]
 
