@@ -230,7 +230,8 @@ def advance(
     """
     changes = records.shape[1] - 1
     if changes and bodies.shape[1] == 1:
-        bodies = np.pad(bodies, ((0, 0), (0, changes), (0, 0)))
+        values, bodies = bodies, np.zeros((len(bodies), changes + 1, bodies.shape[2]))
+        bodies[:, :1] = values
     phases = compiled(system.name, derived=changes > 0)
     told = options(tolerance, scuff=scuff, planes=changes)
 

@@ -88,7 +88,7 @@ def _search(
         return solved.points[solved.sizes < limit]
 
     first = roughly.apply(from_logarithms(u), slope, strides=period)
-    ends = Counter(Outcome(outcome).name for outcome in first.outcomes)
+    ends = Counter({Outcome(i).name: n for i, n in enumerate(np.bincount(first.outcomes)) if n})
     candidates = _Starts(u[first.alive], logarithms(first.ends[first.alive]))
     for batch in batches:
         chosen = candidates.best(batch)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -133,6 +134,8 @@ def _size(values: NDArray) -> NDArray:
 
 def _solved(derivatives: NDArray, values: NDArray) -> NDArray:
     """Solutions of the linear systems of all points; NaN where there is none."""
+    with suppress(np.linalg.LinAlgError):  # raised if only one of them is singular
+        return np.linalg.solve(derivatives, values[:, :, None])[:, :, 0]
     solutions = np.full(values.shape, np.nan)
     for i, (derivative, value) in enumerate(zip(derivatives, values, strict=True)):
         try:

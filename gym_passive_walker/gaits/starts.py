@@ -9,6 +9,7 @@ proportions. Gaits that take several strides to repeat are looked for where walk
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from gym_passive_walker.gaits.log_chart import from_logarithms, logarithms
 from gym_passive_walker.gaits.posture import heelstrike, step_lengths
 from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.walkers import Walker
 
 # Ratios to the step angle, just before heelstrike: of the stance leg's rate, and of the swing
 # leg's rate in excess of it (zero where the foot meets the ground without sliding). Excesses far
@@ -46,17 +48,9 @@ def starts(stride_map: StrideMap, slope: float) -> NDArray:
     Returns:
         Logarithmic coordinates (n, m).
     """
-    kind = stride_map.system.name
-    stance, excess = (x.ravel() for x in np.meshgrid(*_RATIOS_OF[kind]))
-    angle = np.tile(_ANGLES, len(stance))
-    stance_rate = np.repeat(stance, len(_ANGLES)) * angle
-    swing_rate = np.repeat(stance + excess, len(_ANGLES)) * angle
-    points, lost = heelstrike(stride_map, angle, stance_rate, swing_rate)
-    loss = (lost / step_lengths(stride_map.walker, angle)).reshape(len(stance), -1)
-    loss = np.log(np.maximum(loss, 1e-300))
-    u = logarithms(points).reshape(*loss.shape, -1)
+    u, loss = _grid(stride_map.walker)
     found = []
-    for share in _LOSS_SHARES[kind]:
+    for share in _LOSS_SHARES[stride_map.system.name]:
         goal = math.log(share * math.sin(slope))
         rows = np.flatnonzero((loss[:, 0] < goal) & (goal < loss[:, -1]))
         above = np.argmax(loss[rows] > goal, axis=1)
@@ -64,6 +58,25 @@ def starts(stride_map: StrideMap, slope: float) -> NDArray:
         part = ((goal - low) / (high - low))[:, None]
         found.append((1.0 - part) * u[rows, above - 1] + part * u[rows, above])
     return np.concatenate(found)
+
+
+@lru_cache(maxsize=64)
+def _grid(walker: Walker) -> tuple[NDArray, NDArray]:
+    """Points just after heelstrike, by ratios of rates and step angle, and what each step loses.
+
+    Returns:
+        Logarithmic coordinates (ratios, angles, m); logarithms of the losses over the weight and
+        the step's length, (ratios, angles).
+    """
+    stride_map = StrideMap.of(walker)
+    stance, excess = (x.ravel() for x in np.meshgrid(*_RATIOS_OF[stride_map.system.name]))
+    angle = np.tile(_ANGLES, len(stance))
+    stance_rate = np.repeat(stance, len(_ANGLES)) * angle
+    swing_rate = np.repeat(stance + excess, len(_ANGLES)) * angle
+    points, lost = heelstrike(stride_map, angle, stance_rate, swing_rate)
+    loss = (lost / step_lengths(walker, angle)).reshape(len(stance), -1)
+    loss = np.log(np.maximum(loss, 1e-300))
+    return logarithms(points).reshape(*loss.shape, -1), loss
 
 
 def returns(stride_map: StrideMap, slope: float, gaits: NDArray) -> NDArray:
