@@ -1,6 +1,7 @@
 # make train   set up .venv and run the training script
 # make install set up .venv with the tools for tests and lint
 # make test    the same, and run the tests          (make test ARGS='-m slow' for the long ones)
+# make docs    the same, and build the documentation's site in docs/_build
 # make lint    style, import rules, types
 # make clean   remove .venv and every cache; what training wrote under runs/ stays
 
@@ -10,7 +11,7 @@ ARGS :=
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: train install test lint clean
+.PHONY: train install test docs lint clean
 
 train: $(VENV)/.installed-train
 	$(BIN)/python train.py $(ARGS)
@@ -22,6 +23,11 @@ test: export SDL_VIDEODRIVER = dummy
 test: export MPLBACKEND = Agg
 test: $(VENV)/.installed-dev
 	$(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal $(ARGS)
+
+# Notebooks run while the site is built; a warning is an error.
+docs: export SDL_VIDEODRIVER = dummy
+docs: $(VENV)/.installed-docs
+	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
@@ -42,7 +48,11 @@ $(VENV)/.installed-dev: pyproject.toml constraints.txt | $(VENV)/.created
 	$(INSTALL) -e ".[train,render,figures,dev]"
 	touch $(VENV)/.installed-train $@
 
+$(VENV)/.installed-docs: $(VENV)/.installed-dev
+	$(INSTALL) -e ".[docs]"
+	touch $@
+
 clean:
-	rm -rf $(VENV) build dist docs/_build *.egg-info
+	rm -rf $(VENV) build dist docs/_build docs/_generated *.egg-info
 	rm -rf .pytest_cache .ruff_cache .hypothesis .import_linter_cache
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

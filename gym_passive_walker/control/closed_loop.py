@@ -185,14 +185,12 @@ def closed_loop_gait(
 ) -> ClosedLoopGait:
     """The periodic gait that a walker has under a policy.
 
-    ```python
-    >>> import gym_passive_walker as gpw
-    >>> from gym_passive_walker.control.baselines import LinearFeedback
-    >>> gait = gpw.closed_loop_gait(LinearFeedback("steep"), "steep")
-    >>> gait.stable, round(gait.speed, 3)
-    (True, 0.325)
-
-    ```
+    Example:
+        >>> import gym_passive_walker as gpw
+        >>> from gym_passive_walker.control.baselines import LinearFeedback
+        >>> gait = gpw.closed_loop_gait(LinearFeedback("steep"), "steep")
+        >>> gait.stable, round(gait.speed, 3)
+        (True, 0.325)
 
     The walker walks for a while, and Newton's method closes what remains; so gaits are found that
     the policy holds, and unstable ones near the start. Derivatives are central differences through

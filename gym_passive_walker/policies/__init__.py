@@ -66,14 +66,12 @@ def policy_folder(name: str | Path) -> Path:
 def load_policy(name_or_folder: str | Path) -> TrainedPolicy:
     """A trained policy, which NumPy alone can act by.
 
-    ```python
-    >>> import gym_passive_walker as gpw
-    >>> policy = gpw.load_policy("level-ppo")
-    >>> gait = gpw.closed_loop_gait(policy, policy.scene)
-    >>> gait.stable, round(gait.speed, 2)
-    (True, 0.15)
-
-    ```
+    Example:
+        >>> import gym_passive_walker as gpw
+        >>> policy = gpw.load_policy("level-ppo")
+        >>> gait = gpw.closed_loop_gait(policy, policy.scene)
+        >>> gait.stable, round(gait.speed, 2)
+        (True, 0.15)
 
     Args:
         name_or_folder: A policy that comes with the package, by its name: "level-ppo", "steep-ppo",
