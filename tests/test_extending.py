@@ -28,20 +28,22 @@ def missing(walker, slope, state):
     stride = gpw.stride(walker, slope, state, tolerance=1e-12)
     assert stride.outcome == gpw.Outcome.HEELSTRIKE
     gained = energy(stride.state) - energy(state)
-    return (stride.gravity_work - gained - stride.collision_loss) / units.energy
+    given, lost = stride.gravity_work + stride.spring_work, stride.collision_loss
+    return (given - gained - lost - stride.friction_loss) / units.energy
 
 for name, slope in (("lab", 0.036), ("A", 0.03)):
     walker = gpw.WALKERS[name]
     units, state = units_of(walker), gpw.find_gait(walker, slope).state
-    spring = {"hip_stiffness": 0.02 * units.energy}
+    hardening = {"hip_hardening": 0.02 * units.energy}
     friction = {"hip_friction": 0.005 * units.energy * units.time}
-    for more in ({}, spring, friction, spring | friction):
+    for more in ({}, hardening, hardening | friction):
         print(missing(replace(walker, **more), slope, state))
-    stiff = replace(walker, hip_stiffness=0.01 * units.energy)
-    by = gpw.stride_jacobian(stiff, slope, state, wrt="hip_stiffness")[:, 0]
+    print(gpw.stride(replace(walker, **hardening), slope, state).spring_work / units.energy)
+    hard = replace(walker, hip_hardening=0.01 * units.energy)
+    by = gpw.stride_jacobian(hard, slope, state, wrt="hip_hardening")[:, 0]
     step = 1e-5 * units.energy
     ends = [
-        gpw.stride(replace(stiff, hip_stiffness=stiff.hip_stiffness + s), slope, state).state
+        gpw.stride(replace(hard, hip_hardening=hard.hip_hardening + s), slope, state).state
         for s in (step, -step)
     ]
     kept = [0, 3, 4, 5] if walker.knees else [0, 3, 4]
@@ -55,7 +57,7 @@ def test_the_change_touches_three_files():
 
 
 @pytest.mark.slow
-def test_a_spring_keeps_energy_and_friction_takes_it(tmp_path):
+def test_a_spring_that_hardens_keeps_its_energy(tmp_path):
     shutil.copytree(ROOT / "gym_passive_walker", tmp_path / "gym_passive_walker")
     (tmp_path / "change.diff").write_text(CHANGE[1], encoding="utf-8")
     subprocess.run(["git", "apply", "change.diff"], cwd=tmp_path, check=True)
@@ -64,7 +66,7 @@ def test_a_spring_keeps_energy_and_friction_takes_it(tmp_path):
         cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(tmp_path)},
         check=True, capture_output=True, text=True,
     ).stdout.split()  # fmt: skip
-    for plain, spring, friction, both, slope_error in zip(*[map(float, told)] * 5, strict=True):
-        assert abs(plain) < 1e-13 and abs(spring) < 1e-13
-        assert 1e-3 < friction < 1e-2 and 1e-3 < both < 1e-2
+    for plain, hardening, both, given, slope_error in zip(*[map(float, told)] * 5, strict=True):
+        assert abs(plain) < 1e-13 and abs(hardening) < 1e-13 and abs(both) < 1e-13
+        assert abs(given) > 1e-5
         assert slope_error < 1e-6

@@ -25,7 +25,7 @@ from gym_passive_walker.engine.layout import (
 )
 from gym_passive_walker.engine.native import Code, Function, Memory, Module, uses
 from gym_passive_walker.engine.runge_kutta import Pair
-from gym_passive_walker.engine.step import Equations
+from gym_passive_walker.engine.step import Equations, without_absent
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import Control, Ground, Outcome, Phase, State, System
 from gym_passive_walker.physics.systems import SYSTEMS
@@ -55,6 +55,8 @@ _STATES = (
     "stage",
     "moved",
     "turned",
+    "lost",
+    "power",
     "ground",
     "control",
     "body",
@@ -62,7 +64,8 @@ _STATES = (
 _TIMES = ("time", "end")
 _COURSES = ("before", "rate_before", "bend_before", "after", "rate_after", "bend_after")
 _RECORDS = ("state", "start", "ground", "control", "time", "knee_time", "knee_loss", "heel_loss")
-_RECORDS += ("step_length", "gravity_work", "moved", "turned", "body")
+_RECORDS += ("step_length", "gravity_work", "spring_work", "friction_loss", "moved", "turned")
+_RECORDS += ("body",)
 _DIGEST = sha256().digest_size
 _LOSSES = {Outcome.KNEESTRIKE: "knee_loss", Outcome.HEELSTRIKE: "heel_loss"}
 
@@ -71,12 +74,14 @@ def constants_used(system: System, phase: Phase) -> tuple[str, ...]:
     """Names of the constants that a phase's equations and guards read, in the body's order."""
     known: dict = {}
     names: tuple[str, ...] = system.Body._fields  # type: ignore[attr-defined]
-    body = system.Body(*(read(known, name) for name in names))
+    body = without_absent(system, system.Body(*(read(known, name) for name in names)))
     equations = Equations(system, phase, ())
     state = equations.as_state(*([read(known, kind, i) for i in range(3)] for kind in "ab"))
     control = Control(*(read(known, "c", i) for i in range(len(Control._fields))))
     ground = Ground(*(read(known, "g", i) for i in range(len(Ground._fields))))
     results = [*phase.accelerations(body, state, control, ground)]
+    if system.friction_power:
+        results.append(system.friction_power(body, state))
     for guard in phase.guards:
         results.append(guard.falls(body, state))
         if guard.when:
@@ -164,9 +169,14 @@ def _begin(system: System, record: Memory, body: Memory) -> None:
     _open(system, system.phases[0], record, body)
 
 
+def _constants(system: System, body: Memory) -> Any:
+    """A walker's constants."""
+    return without_absent(system, system.Body(*body.entries("body")))
+
+
 def _open(system: System, phase: Phase, record: Memory, body: Memory) -> None:
     """Begin a stride or a tick within the bounds of its phase, or not at all."""
-    state, constants = State(*record.entries("state")), system.Body(*body.entries("body"))
+    state, constants = State(*record.entries("state")), _constants(system, body)
     outcome: Expression | float = float(Outcome.RUNNING)
     for guard in reversed(phase.guards):
         if guard.watch == guard.watch.BOUND:
@@ -177,7 +187,7 @@ def _open(system: System, phase: Phase, record: Memory, body: Memory) -> None:
 
 def _reset(system: System, phase: Phase, outcome: Outcome, record: Memory, body: Memory) -> None:
     """A strike: the state after it, what it cost, and what follows."""
-    constants, reset = system.Body(*body.entries("body")), phase.resets[outcome]
+    constants, reset = _constants(system, body), phase.resets[outcome]
     after, loss = reset.strike(constants, State(*record.entries("state")))
     for i, value in enumerate(after):
         record["state", i] = value
@@ -198,19 +208,21 @@ def _reset(system: System, phase: Phase, outcome: Outcome, record: Memory, body:
 
 
 def _measure(system: System, body: Any, after: State, record: Memory) -> None:
-    """The step that a heelstrike has ended, and gravity's work in it; the next one starts here."""
+    """The step that a heelstrike has ended, and the work done in it; the next one starts here."""
     ground = Ground(*record.entries("ground"))
     start = after._replace(**dict(zip(State._fields[:3], record.entries("start"), strict=True)))
     end = after._replace(stance=-after.stance, thigh=-after.thigh, shank=-after.shank)
     record["step_length"] = legs.step_length(body, start.stance, after.stance)
     record["gravity_work"] = -system.potential_gain(body, start, end, ground)
+    if system.spring_gain:
+        record["spring_work"] = -system.spring_gain(body, start, end)
     for i in range(3):
         record["start", i] = after[i]
 
 
 def _place(system: System, record: Memory, body: Memory) -> None:
     """Where the hip is, for whoever counts the way from step to step."""
-    record["place"] = legs.progress(system.Body(*body.entries("body")), record["state", 0])
+    record["place"] = legs.progress(_constants(system, body), record["state", 0])
 
 
 _ALIVE: list[Any] = []

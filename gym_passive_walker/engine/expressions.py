@@ -54,6 +54,12 @@ class Expression:
             a, b = a.args[0], b.args[0]
         if op == "mul" and 1.0 in (a.value, b.value):
             return b if a.value == 1.0 else a
+        if op == "mul" and 0.0 in (a.value, b.value):
+            return self.number(0.0)
+        if op in ("add", "sub") and b.value == 0.0:
+            return a
+        if op == "add" and a.value == 0.0:
+            return b
         return self._with(op, a, b)
 
     @property

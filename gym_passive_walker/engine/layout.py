@@ -26,7 +26,7 @@ MOST_CONSTANTS = 24
 """Constants of a body that the equations of one phase may use."""
 
 MOST_GUARDS = 12
-"""Guards that a phase may have, and controls besides."""
+"""Guards that a phase may have, with what controls move and friction takes."""
 
 LINKS = 3
 _CONTROLS, _GROUND, _LINE = len(Control._fields), len(Ground._fields), (WIDTH,)
@@ -46,8 +46,10 @@ RECORD = np.dtype(
         ("knee_time", "f8"),
         ("knee_loss", "f8"),
         ("heel_loss", "f8"),
+        ("friction_loss", "f8"),
         ("step_length", "f8"),  # of the stride that a heelstrike has ended
         ("gravity_work", "f8"),  # in it
+        ("spring_work", "f8"),
         ("place", "f8"),  # of the hip from where its foot stands at stance angle 0
         ("phase", "i8"),  # index in the system's phases
         ("outcome", "i8"),
@@ -68,6 +70,8 @@ def tile_for(pair: Pair) -> np.dtype:
             ("stage", "f8", (pair.stages + 1, LINKS, *_LINE)),
             ("moved", "f8", (_CONTROLS, *_LINE)),
             ("turned", "f8", (_CONTROLS, *_LINE)),
+            ("lost", "f8", _LINE),  # to friction
+            ("power", "f8", _LINE),  # that friction takes, on average over the step
             ("ground", "f8", (_GROUND, *_LINE)),
             ("control", "f8", (_CONTROLS, *_LINE)),
             ("body", "f8", (MOST_CONSTANTS, *_LINE)),
@@ -91,7 +95,7 @@ TILE = tile_for(PAIR)
 
 COURSE = np.dtype(
     [
-        # Of each guard, then of what each control moves: at both ends of a step.
+        # Of each guard, of what each control moves, of what friction takes: at a step's ends.
         ("before", "f8", (MOST_GUARDS,)),
         ("rate_before", "f8", (MOST_GUARDS,)),
         ("bend_before", "f8", (MOST_GUARDS,)),

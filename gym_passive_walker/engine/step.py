@@ -66,9 +66,18 @@ class Equations:
     def body(self, tile: Memory) -> Any:
         """The walker's constants; those that the phase does not use are NaN."""
         rows = {name: tile["body", i] for i, name in enumerate(self.names)}
-        return self.system.Body(
-            *(rows.get(name, float("nan")) for name in self.system.Body._fields)  # type: ignore[attr-defined]
-        )
+        unused = dict.fromkeys(self.system.Body._fields, float("nan"))  # type: ignore[attr-defined]
+        return without_absent(self.system, self.system.Body(**unused | rows))
+
+    @property
+    def dissipates(self) -> bool:
+        """Whether there is friction."""
+        return self.system.friction_power is not None
+
+    def friction(self, tile: Memory, state: State) -> Expression:
+        """What friction takes at a state."""
+        assert self.system.friction_power is not None
+        return self.system.friction_power(self.body(tile), state)
 
     def state(self, tile: Memory, prefix: str = "") -> State:
         """The state at a step's start, or with "new_" at its end."""
@@ -123,6 +132,7 @@ class Equations:
                 tile[field, i] = value
         for i in range(len(Control._fields)):
             tile["moved", i] = tile["turned", i] = 0.0
+        tile["lost"] = 0.0
         step, rest = record["step"], record["end"] - record["time"]
         following = choose(step > 0.0, step, tile.argument(0))
         tile["time"], tile["end"], tile["next"] = record["time"], record["end"], following
@@ -151,6 +161,10 @@ class Equations:
             for name, change in (("moved", late * rate), ("turned", late * abs(rate))):
                 whole = record[name, i] + tile[name, i]
                 record[name, i] = choose(up, whole + change, whole)
+        if self.dissipates:
+            whole = record["friction_loss"] + tile["lost"]
+            more = late * self.friction(tile, state)
+            record["friction_loss"] = choose(up, whole + more, whole)
         record["time"] = choose(up, tile["end"], tile["time"])
         record["step"], record["steps"] = tile["next"], record["steps"] + tile["steps"]
 
@@ -171,14 +185,20 @@ class Equations:
             tile["angle", link] = tile["new_angle", link] + late * (rate + 0.5 * late * bend)
             tile["rate", link] = rate + late * bend
             tile["stage", 0, link] = bend
+
+        def further(i: int) -> Expression:
+            bend = course["bend_after", i]
+            return course["after", i] + late * (course["rate_after", i] + 0.5 * late * bend)
+
         for k in range(len(Control._fields)):
             i = len(self.phase.guards) + k
-            before, after = course["before", i], course["after", i]
-            after = after + late * (course["rate_after", i] + 0.5 * late * course["bend_after", i])
+            before, after = course["before", i], further(i)
             fraction = course["turning", k]
             middle = choose(fraction < 0.0, before, quintic(course, i, tile["h"], fraction))
             tile["moved", k] = tile["moved", k] + (after - before)
             tile["turned", k] = tile["turned", k] + (abs(middle - before) + abs(after - middle))
+        if self.dissipates:
+            tile["lost"] = tile["lost"] + further(len(self.phase.guards) + len(Control._fields))
         tile["time"] = tile["time"] + (tile["h"] + late)
         tile["event"] = 0.0
 
@@ -201,12 +221,24 @@ class Equations:
                 angles.append(angle + h * (node * rate + h * shift))
                 rates.append(rate + h * self._weighted(tile, self.pair.rates[index], link))
             state = self.as_state(angles, rates)
+            if self.dissipates:
+                self._dissipate(tile, state, index)
             for link, value in enumerate(self.accelerations(tile, state)):
                 tile["stage", index, link] = value
                 if index == self.pair.stages:
                     tile["new_angle", link], tile["new_rate", link] = angles[link], rates[link]
 
         return code
+
+    def _dissipate(self, tile: Memory, state: State, index: int) -> None:
+        """Add a stage's part to what friction takes on average, by the weights of the rates."""
+        weights = self.pair.rates[-1]
+        taken = tile["power"]
+        if index == 1:
+            taken = float(weights[0]) * self.friction(tile, self.state(tile))
+        if index < self.pair.stages and weights[index] != 0.0:
+            taken = taken + float(weights[index]) * self.friction(tile, state)
+        tile["power"] = taken
 
     def _weighted(self, tile: Memory, weights: Any, link: int) -> Expression | float:
         """The weighted sum of the link's stage accelerations that have a part in it."""
@@ -264,6 +296,8 @@ class Equations:
         for i, (start, end) in enumerate(moves):
             tile["moved", i] = tile["moved", i] + choose(plain, end - start, 0.0)
             tile["turned", i] = tile["turned", i] + choose(plain, abs(end - start), 0.0)
+        if self.dissipates:
+            tile["lost"] = tile["lost"] + choose(plain, h * tile["power"], 0.0)
         for link in self.links:
             for old, new in (("angle", "new_angle"), ("rate", "new_rate")):
                 tile[old, link] = choose(plain, tile[new, link], tile[old, link])
@@ -301,7 +335,7 @@ class Equations:
         return self.system.travel(state)[control]
 
     def look(self, tile: Memory, course: Memory) -> None:
-        """How each guard, and what each control moves, runs over a lane's step."""
+        """How guards, what controls move and what friction takes run over a lane's step."""
         body = self.body(tile)
         functions: list[Callable[[State], Expression]] = [
             *(partial(guard.falls, body) for guard in self.phase.guards),
@@ -314,10 +348,20 @@ class Equations:
                 value, rate, bend = self.along(function, state, bends)
                 course[when, i], course[f"rate_{when}", i] = value, rate
                 course[f"bend_{when}", i] = bend
+            if self.dissipates:
+                power, change, _ = self.along(partial(self.friction, tile), state, bends)
+                last = len(functions)
+                course[when, last] = tile["h"] * tile["power"] if when == "after" else 0.0
+                course[f"rate_{when}", last], course[f"bend_{when}", last] = power, change
         end = self.state(tile, "new_")
         for i, guard in enumerate(self.phase.guards):
             counts = guard.when(body, end) if guard.when else None
             course["counts", i] = 1.0 if counts is None else choose(counts, 1.0, 0.0)
+
+
+def without_absent(system: System, body: Any) -> Any:
+    """A walker's constants, zero where they are so for certain."""
+    return body._replace(**{name: 0.0 for name in system.absent if name in body._fields})
 
 
 def sum_of(terms: list[Expression]) -> Any:

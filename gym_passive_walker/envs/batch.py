@@ -22,7 +22,7 @@ from gym_passive_walker.envs.interface import refuse
 from gym_passive_walker.envs.scene import Scene, SceneError
 from gym_passive_walker.envs.starts import DRAWS, Starts, checked_state
 from gym_passive_walker.physics.hybrid import System
-from gym_passive_walker.physics.systems import bodies, system_of
+from gym_passive_walker.physics.systems import bodies, kind_of, system_of
 from gym_passive_walker.walkers import Walker
 
 OPTIONS = ("state", "slope")
@@ -100,8 +100,7 @@ class Batch:
                 raise SceneError(f"{name}: {len(given)} of them for {count} environments")
         self.scene, self.count, self.threads = scene, count, threads
         self.walkers = [scene.walker] * count if walkers is None else list(walkers)
-        systems = {system_of(walker).name for walker in self.walkers}
-        if len(systems) > 1:
+        if len({kind_of(walker) for walker in self.walkers}) > 1:
             raise SceneError(
                 "walkers of one batch must be of one kind: all with knees, all with straight legs, "
                 "or all with legs without mass"
@@ -127,7 +126,7 @@ class Batch:
     @property
     def system(self) -> System:
         """Which equations the walkers obey."""
-        return system_of(self.walkers[0])
+        return system_of(*set(self.walkers), moving=self.scene.randomise)
 
     def start(
         self,

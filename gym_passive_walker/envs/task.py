@@ -31,6 +31,7 @@ EVERY_STRIDE = (
     "hip_cost",
     "net_hip_cost",
     "collision_cost",
+    "friction_cost",
     "kneestrike_time",
 )
 """What `info` tells besides where a stride ends; zero at other steps."""
@@ -149,7 +150,8 @@ def tell(ledger, asked, steps, strides, outcomes, ended, struck, told):
         told[0, i], told[1, i], told[2, i] = row.step_length, row.step_period, row.speed
         told[3, i], told[4, i] = row.cost_of_transport, row.gravity_cost
         told[5, i], told[6, i] = row.hip_cost, row.net_hip_cost
-        told[7, i], told[8, i] = row.collision_cost, row.kneestrike_time
+        told[7, i], told[8, i] = row.collision_cost, row.friction_cost
+        told[9, i] = row.kneestrike_time
         struck[i] = row.outcome == _HEELSTRIKE
         strikes += struck[i]
     return present, endings, strikes
@@ -234,10 +236,12 @@ def end_stride(record, row):
     row.net_hip_cost = row.net_work / length
     row.cost_of_transport = row.gravity_cost + row.hip_cost
     row.collision_cost = (record.knee_loss + record.heel_loss) / length
+    row.friction_cost = record.friction_loss / length
     row.kneestrike_time = record.knee_time
     row.net_work, row.charge, row.progress = 0.0, 0.0, 0.0
     row.origin -= 2.0 * record.place
-    record.time, record.knee_time, record.knee_loss, record.heel_loss = 0.0, 0.0, 0.0, 0.0
+    record.time, record.knee_time = 0.0, 0.0
+    record.knee_loss, record.heel_loss, record.friction_loss = 0.0, 0.0, 0.0
 
 
 @jitted
@@ -302,7 +306,7 @@ def forget_stride(row):
     """Clear what is told where a stride ends."""
     row.step_length, row.step_period, row.speed, row.cost_of_transport = 0.0, 0.0, 0.0, 0.0
     row.gravity_cost, row.hip_cost, row.net_hip_cost = 0.0, 0.0, 0.0
-    row.collision_cost, row.kneestrike_time = 0.0, 0.0
+    row.collision_cost, row.friction_cost, row.kneestrike_time = 0.0, 0.0, 0.0
 
 
 @Kernel

@@ -80,8 +80,8 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     "step_length" / l, "step_period" / sqrt(l/g), "speed" / sqrt(g l), "kneestrike_time" since
     the stride began (0 without knees), and, each as energy over weight and step length,
     "gravity_cost" (what gravity paid), "hip_cost" (what the motor was charged for), their sum
-    "cost_of_transport", "net_hip_cost" (net work of the motor) and "collision_cost" (what the
-    strikes lost); and "outcome" is "heelstrike".
+    "cost_of_transport", "net_hip_cost" (net work of the motor), "collision_cost" (what the strikes
+    lost) and "friction_cost" (what friction took); and "outcome" is "heelstrike".
 
     ## Starting State
 

@@ -17,6 +17,7 @@ from gym_passive_walker.physics.bodies import KneedBody
 from gym_passive_walker.physics.hybrid import Control, Ground, State
 from gym_passive_walker.physics.legs import hip_torque as torque_at_hip
 from gym_passive_walker.physics.legs import impulse, turned
+from gym_passive_walker.physics.legs import knee_torque as torque_at_knee
 from gym_passive_walker.physics.numbers import sine_cosine
 from gym_passive_walker.physics.systems import body_of, system_of
 from gym_passive_walker.units import units_of
@@ -42,7 +43,7 @@ def torque_about(joint, moment, inertia, acceleration):
     return inertia * acceleration + impulse(moment[0], moment[1], joint[0], joint[1])
 
 
-def reactions(body, angles, rates, accelerations, lift, torque):
+def reactions(body, angles, rates, accelerations, lift, torque, knee_torque=0.0):
     """Force on the stance foot, and torque on the stops of both knees.
 
     Across a collision, accelerations and lift are jumps of velocity, rates and torque are zero, and
@@ -56,6 +57,7 @@ def reactions(body, angles, rates, accelerations, lift, torque):
         lift: Acceleration of the foot besides its rolling and beyond free fall, (back, up): only
             gravity's (sin(slope), cos(slope)) while it rolls.
         torque: Hip torque.
+        knee_torque: Of a spring at the swing knee.
 
     Returns:
         Force of the ground backwards and upwards; torque on the stance knee's and on the swing
@@ -90,7 +92,7 @@ def reactions(body, angles, rates, accelerations, lift, torque):
     sine, cosine = sine_cosine(angles[2])
     below = turned(body.shank_along, body.shank_across, sine, cosine)
     shank = swung(below, rates[2], accelerations[2])
-    swing_torque = -torque_about(
+    swing_torque = knee_torque - torque_about(
         (hip[0] + back, hip[1] + up), below, body.shank_inertia, accelerations[2]
     )
 
@@ -183,8 +185,9 @@ def forces(
         for link in range(3):  # the shank of a straight leg goes with the thigh
             turns[link, here] = found[min(link, phase.links - 1)][here]
     carried = reactions(
-        body, state[:3], state[3:], turns, ground, torque_at_hip(body, state, control)
-    )
+        body, state[:3], state[3:], turns, ground,
+        torque_at_hip(body, state, control), torque_at_knee(body, state),
+    )  # fmt: skip
     return _in_own_units(walker, turns, carried, 1.0)
 
 

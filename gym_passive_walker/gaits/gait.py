@@ -42,7 +42,8 @@ class Gait:
         stride: The first stride of the gait with its ledger.
         step_period: Mean time of a stride.
         step_length: Mean distance between contacts along the slope.
-        collision_loss: Mean energy lost in a stride.
+        collision_loss: Mean energy lost at the strikes of a stride.
+        friction_loss: Mean energy lost to friction in a stride.
     """
 
     walker: Walker
@@ -55,6 +56,7 @@ class Gait:
     step_period: float
     step_length: float
     collision_loss: float
+    friction_loss: float
 
     @property
     def stance_angle(self) -> float:
@@ -73,8 +75,9 @@ class Gait:
 
     @property
     def cost_of_transport(self) -> float:
-        """Energy lost at collisions over weight times distance (Eq. 4.3)."""
-        return self.collision_loss / (self.stride.weight * self.step_length)
+        """Energy lost at collisions and to friction over weight times distance (Eq. 4.3)."""
+        lost = self.collision_loss + self.friction_loss
+        return lost / (self.stride.weight * self.step_length)
 
     @property
     def kneestrike_time(self) -> float:
@@ -148,4 +151,5 @@ def measure(stride_map: StrideMap, u: NDArray, slope: float, period: int) -> Gai
         step_period=duration,
         step_length=sum(float(walk.step_length) for walk in walks) / period,
         collision_loss=sum(float(walk.collision_loss) for walk in walks) / period,
+        friction_loss=sum(float(walk.friction_loss) for walk in walks) / period,
     )

@@ -23,7 +23,7 @@ class Change:
         ends: Points after the strides, (n, m).
         durations: Of all strides, (n,).
         lengths: Of all steps along the slope, (n,).
-        lost: Energy lost at collisions, (n,).
+        lost: Energy lost at collisions and to friction, (n,).
         supplied: Energy supplied by gravity and torque, as if each stride ended at the height where
             it began, (n,).
         knee_times: When the knee locks in the last stride, (n,); NaN without knees.

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from gym_passive_walker.gaits.log_chart import from_logarithms, logarithms
 from gym_passive_walker.gaits.posture import heelstrike, step_lengths
 from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.physics.systems import kind_of
 from gym_passive_walker.walkers import Walker
 
 # Ratios to the step angle, just before heelstrike: of the stance leg's rate, and of the swing
@@ -50,7 +51,7 @@ def starts(stride_map: StrideMap, slope: float) -> NDArray:
     """
     u, loss = _grid(stride_map.walker)
     found = []
-    for share in _LOSS_SHARES[stride_map.system.name]:
+    for share in _LOSS_SHARES[kind_of(stride_map.walker)]:
         goal = math.log(share * math.sin(slope))
         rows = np.flatnonzero((loss[:, 0] < goal) & (goal < loss[:, -1]))
         above = np.argmax(loss[rows] > goal, axis=1)
@@ -69,7 +70,7 @@ def _grid(walker: Walker) -> tuple[NDArray, NDArray]:
         the step's length, (ratios, angles).
     """
     stride_map = StrideMap.of(walker)
-    stance, excess = (x.ravel() for x in np.meshgrid(*_RATIOS_OF[stride_map.system.name]))
+    stance, excess = (x.ravel() for x in np.meshgrid(*_RATIOS_OF[kind_of(walker)]))
     angle = np.tile(_ANGLES, len(stance))
     stance_rate = np.repeat(stance, len(_ANGLES)) * angle
     swing_rate = np.repeat(stance + excess, len(_ANGLES)) * angle

@@ -27,9 +27,10 @@ class Stride(NamedTuple):
     """One application of the stride map, with its ledger, in the walker's own units.
 
     Each field is a number for one walker and an array of shape (n,) for n of them; `state` has
-    shape (6,) or (n, 6). The ledger closes: gravity_work + hip_work is the kinetic energy gained
-    plus kneestrike_loss plus heelstrike_loss. For the simplest walker energies are the hip's; its
-    torque works on feet of vanishing mass, so hip_work is 0.
+    shape (6,) or (n, 6). The ledger closes: gravity_work + spring_work + hip_work is the kinetic
+    energy gained plus kneestrike_loss plus heelstrike_loss plus friction_loss. For the simplest
+    walker energies are the hip's; its torque, spring and friction work on feet of vanishing mass,
+    so hip_work, spring_work and friction_loss are 0.
 
     Attributes:
         state: Where the stride ended: [stance, thigh, shank] angles in rad, then their rates;
@@ -44,6 +45,8 @@ class Stride(NamedTuple):
         heelstrike_loss: Energy lost at heelstrike.
         gravity_work: Work of gravity.
         weight: Total mass times gravity.
+        spring_work: What springs gave, less what they took.
+        friction_loss: Energy lost to friction at the hip.
     """
 
     state: NDArray[np.float64]
@@ -57,6 +60,8 @@ class Stride(NamedTuple):
     heelstrike_loss: NDArray[np.float64]
     gravity_work: NDArray[np.float64]
     weight: float
+    spring_work: NDArray[np.float64]
+    friction_loss: NDArray[np.float64]
 
     @property
     def hip_work_positive(self) -> NDArray[np.float64]:
@@ -71,7 +76,7 @@ class Stride(NamedTuple):
     @property
     def cost_of_transport(self) -> NDArray[np.float64]:
         """Energy lost over weight times step length: sin(slope) on a passive gait."""
-        return self.collision_loss / (self.weight * self.step_length)
+        return (self.collision_loss + self.friction_loss) / (self.weight * self.step_length)
 
 
 def stride(
@@ -132,12 +137,13 @@ def stride(
     records = new_records(flat.reshape(count, 6), slopes, torques, end=longest)
     record = advance(system, own, records, tolerance=tolerance, scuff=stub, threads=threads)[:, 0]
     outcome, length = record["outcome"], record["step_length"]
-    gravity, knee_time = record["gravity_work"], record["knee_time"]
+    gravity, spring, knee_time = (record[x] for x in ("gravity_work", "spring_work", "knee_time"))
     knee_time[knee_time <= 0.0] = np.nan
     outcome[outcome == _RUNNING] = _STALLED
     lost = outcome != _STRUCK
     if lost.any():
-        length[lost], gravity[lost] = np.nan, _gravity_work(system, own, record[lost])
+        length[lost] = np.nan
+        gravity[lost], spring[lost] = _conservative_work(system, own, record[lost])
     torque = record["control"][:, 0] * system.works
 
     def shaped(values: NDArray) -> NDArray:
@@ -155,12 +161,17 @@ def stride(
         heelstrike_loss=shaped(record["heel_loss"] * units.energy),
         gravity_work=shaped(gravity * units.energy),
         weight=units.force,
+        spring_work=shaped(spring * units.energy),
+        friction_loss=shaped(record["friction_loss"] * units.energy),
     )
 
 
-def _gravity_work(system: System, own: NDArray, record: NDArray) -> NDArray[np.float64]:
-    """Work of gravity on walkers that stand on the foot with which their stride began."""
+def _conservative_work(
+    system: System, own: NDArray, record: NDArray
+) -> tuple[NDArray[np.float64], NDArray[np.float64] | float]:
+    """Work of gravity and of springs on walkers that stand on the foot they began a stride with."""
     body, ground = system.Body(*own[0, 0]), Ground(*record["ground"].T)
     angles = (record["start"].T, record["state"][:, :3].T)
     start, end = (State(*part, *record["state"][:, 3:].T) for part in angles)
-    return -system.potential_gain(body, start, end, ground)
+    springs = system.spring_gain(body, start, end) if system.spring_gain else 0.0
+    return -system.potential_gain(body, start, end, ground), -springs

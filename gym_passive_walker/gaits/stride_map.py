@@ -8,7 +8,7 @@ strides lead from point to point of the `section`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
 from types import SimpleNamespace
@@ -33,6 +33,7 @@ _INFINITESIMAL = 1e-100  # imaginary part that carries a derivative: its square 
 
 _CONTROLS = ("state", "slope", "torque")  # to differentiate by, besides parameters
 _FEW = 4  # strides that are so rarely all in vain that it does not pay to try them first
+_OF_ONE_STRIDE = ("time", "step", "knee_time", "knee_loss", "friction_loss", "moved", "turned")
 _FIELDS = [field.name for field in fields(Change)]
 _STRUCK, _STALLED = int(Outcome.HEELSTRIKE), int(Outcome.STALLED)
 
@@ -70,10 +71,14 @@ class StrideMap(Section):
         """The same map, followed with another tolerance."""
         return replace(self, tolerance=tolerance)
 
-    @cached_property
+    @property
     def system(self) -> System:
         """Which equations the walker obeys."""
-        return system_of(self.walker)
+        return self._system()
+
+    def _system(self, moved: Collection[str] = ()) -> System:
+        """Which equations it obeys as some of its parameters change."""
+        return system_of(self.walker, moving={*moved, self.parameter or ""})
 
     @cached_property
     def bodies(self) -> NDArray[np.float64]:
@@ -151,7 +156,7 @@ class StrideMap(Section):
         )
         told, ended = self._follow(
             points[walking], slopes[walking], torques[walking],
-            self._seeded_bodies(columns, walking), strides, seeds,
+            self._seeded_bodies(columns, walking), strides, seeds, by,
         )  # fmt: skip
         outcomes[walking] = ended
         # Whether a stride exists at all may differ by a rounding; then there is none.
@@ -182,8 +187,10 @@ class StrideMap(Section):
         bodies: NDArray,
         strides: int,
         seeds: Seeds | None = None,
+        by: Sequence[str] = (),
     ) -> tuple[NDArray, NDArray[np.int8]]:
         """What `Change` tells, values before derivatives, (1 + k, m + 6, n); and the outcomes."""
+        system = self._system(by)
         planes = 0 if seeds is None else seeds.states.shape[1]  # type: ignore[union-attr]
         walking = np.flatnonzero(np.isfinite(points).all(axis=1))
         outcomes = np.full(len(points), Outcome.DIVERGED, np.int8)
@@ -200,10 +207,10 @@ class StrideMap(Section):
                 if len(walking) == 0:
                     break
                 if stride:
-                    for name in ("time", "step", "knee_time", "knee_loss", "moved", "turned"):
+                    for name in _OF_ONE_STRIDE:
                         records[name] = 0.0
                     records["outcome"] = 0
-                advance(self.system, own, records, tolerance=self.tolerance, scuff=self.stub)
+                advance(system, own, records, tolerance=self.tolerance, scuff=self.stub)
                 self._add(totals, records)
                 outcomes[walking] = ended = _outcomes(records)
                 on = ended == _STRUCK
@@ -224,7 +231,7 @@ class StrideMap(Section):
         length, sine = records["step_length"], records["ground"][..., 0]
         durations += records["time"]
         lengths += length
-        lost += records["knee_loss"] + records["heel_loss"]
+        lost += records["knee_loss"] + records["heel_loss"] + records["friction_loss"]
         supplied += _product(sine, length)
         if self.system.works:  # not on feet of vanishing mass
             supplied += _product(records["control"], records["moved"]).sum(axis=2)

@@ -19,10 +19,14 @@ class SimplestBody(NamedTuple):
     Attributes:
         foot_radius: Of the foot.
         leg: Foot centre to hip.
+        hip_stiffness: Of the spring between the legs, per unit of foot mass / (g l).
+        hip_friction: Of the hip, per unit of foot mass / (g l sqrt(l/g)).
     """
 
     foot_radius: Number
     leg: Number
+    hip_stiffness: Number
+    hip_friction: Number
 
 
 class StraightBody(NamedTuple):
@@ -41,6 +45,8 @@ class StraightBody(NamedTuple):
         leg_com_along: Its centre of mass from the foot centre.
         leg_com_across: Likewise.
         leg_spin: Moment of inertia about that centre of mass.
+        hip_stiffness: Of the spring between the legs, / (m g l).
+        hip_friction: Of the hip, torque per rate, / (m g l sqrt(l/g)).
     """
 
     foot_radius: Number
@@ -55,6 +61,8 @@ class StraightBody(NamedTuple):
     leg_com_along: Number
     leg_com_across: Number
     leg_spin: Number
+    hip_stiffness: Number
+    hip_friction: Number
 
 
 class KneedBody(NamedTuple):
@@ -72,6 +80,7 @@ class KneedBody(NamedTuple):
         knee_sine: Sine part.
         knee_along: Knee from the hip, in the thigh.
         knee_across: Likewise.
+        knee_stiffness: Of the spring that straightens the knee, / (m g l).
     """
 
     foot_radius: Number
@@ -86,6 +95,8 @@ class KneedBody(NamedTuple):
     leg_com_along: Number
     leg_com_across: Number
     leg_spin: Number
+    hip_stiffness: Number
+    hip_friction: Number
     thigh_along: Number
     thigh_across: Number
     thigh_inertia: Number
@@ -97,6 +108,7 @@ class KneedBody(NamedTuple):
     knee_sine: Number
     knee_along: Number
     knee_across: Number
+    knee_stiffness: Number
 
 
 def body_from(p: Any, Body: type) -> Any:
@@ -118,7 +130,13 @@ def body_from(p: Any, Body: type) -> Any:
     epsilon_shank = np.arcsin(p.thigh_length * sin(epsilon_thigh) / reach)
     leg = p.thigh_length * cos(epsilon_thigh) + reach * cos(epsilon_shank)
     m, ml, ml2 = mass, mass * length, mass * length**2
-    values = {"foot_radius": p.foot_radius / length, "leg": leg / length}
+    torque = p.gravity * (length if Body is SimplestBody else ml)
+    values = {
+        "foot_radius": p.foot_radius / length,
+        "leg": leg / length,
+        "hip_stiffness": p.hip_stiffness / torque,
+        "hip_friction": p.hip_friction / (torque * (length / p.gravity) ** 0.5),
+    }
     if Body is SimplestBody:
         return SimplestBody(**values)
 
@@ -192,4 +210,5 @@ def body_from(p: Any, Body: type) -> Any:
         knee_sine=knee_sine / ml2,
         knee_along=knee[0] / length,
         knee_across=knee[1] / length,
+        knee_stiffness=p.knee_stiffness / torque,
     )

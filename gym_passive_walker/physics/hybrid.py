@@ -173,8 +173,8 @@ class System(NamedTuple):
         phases: Its phases; a stride begins in the first.
         kinetic_energy: Function of body and state.
         potential_gain: Function of body, two states over the same contact, and ground: what the
-            potential energy gains from the first to the second, without loss of digits where they
-            are close.
+            energy in gravity's field gains from the first to the second, without loss of digits
+            where they are close.
         foot_clearance: Function of body and state: height of the swing foot over the ground, which
             is a whole circle here.
         mass_matrix: Function of body and state: its upper triangle, row by row; of legs that have
@@ -182,6 +182,11 @@ class System(NamedTuple):
         travel: Function of a state: for each control the coordinate that it moves, so that the work
             of a constant control is it times the change of that coordinate.
         works: Whether controls cost work: not on legs without mass.
+        spring_gain: Function of body and two states: what the energy of springs gains, likewise;
+            None where it counts for nothing.
+        friction_power: Function of body and state: what friction takes; None likewise.
+        absent: Constants of its body that are zero for certain. Code is made without them, so that
+            a walker does not pay for what it has not.
     """
 
     name: str
@@ -193,3 +198,6 @@ class System(NamedTuple):
     mass_matrix: Callable[[Any, State], tuple[Number, ...]] | None = None
     travel: Callable[[State], Control] = travel
     works: bool = True
+    spring_gain: Callable[[Any, State, State], Number] | None = None
+    friction_power: Callable[[Any, State], Number] | None = None
+    absent: tuple[str, ...] = ()

@@ -71,6 +71,7 @@ def forces(body, state, control, ground):
     shank_back, shank_up = turned(body.shank_along, body.shank_across, *sine_cosine(state.shank))
     bend_sine, bend_cosine = bend(state)
     hip_torque = legs.hip_torque(body, state, control)
+    knee_torque = legs.knee_torque(body, state)
     bend_slope = body.knee_sine * bend_cosine - body.knee_cosine * bend_sine
     stance_square = state.stance_rate * state.stance_rate
     thigh_square = state.thigh_rate * state.thigh_rate
@@ -84,10 +85,12 @@ def forces(body, state, control, ground):
         (hip_back * thigh_up - hip_rise * thigh_back) * stance_square
         - bend_slope * shank_square
         + weight_moment(thigh_back, thigh_up, ground)
-        + hip_torque,
+        + hip_torque
+        - knee_torque,
         (hip_back * shank_up - hip_rise * shank_back) * stance_square
         + bend_slope * thigh_square
-        + weight_moment(shank_back, shank_up, ground),
+        + weight_moment(shank_back, shank_up, ground)
+        + knee_torque,
     )
 
 
@@ -113,6 +116,12 @@ def potential_gain(body, start, end, ground):
     thigh = difference(body.thigh_along, body.thigh_across, start.thigh, end.thigh)
     shank = difference(body.shank_along, body.shank_across, start.shank, end.shank)
     return legs.potential_gain(body, start, end, ground, thigh, shank)
+
+
+def spring_gain(body, start, end):
+    """Energy that springs gain between two states / (m g l)."""
+    knee = legs.stretch_gain(start.thigh - start.shank, end.thigh - end.shank)
+    return legs.hip_spring_gain(body, start, end) + body.knee_stiffness * knee
 
 
 def kneestrike(body, before):
@@ -261,6 +270,8 @@ SYSTEM = System(
     ),
     kinetic_energy=kinetic_energy,
     potential_gain=potential_gain,
+    spring_gain=spring_gain,
+    friction_power=legs.friction_power,
     foot_clearance=foot_clearance,
     mass_matrix=mass_matrix,
 )

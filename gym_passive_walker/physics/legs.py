@@ -52,13 +52,39 @@ def solve_hanging(mass, mobility, force):
     return x1, x2, f3 * mobility - a * x1 - b * x2
 
 
+# What is fitted to the joints: springs that are relaxed where legs are parallel and straight, and
+# viscous friction.
+
+
 def hip_torque(body, state, control):
     """Torque between stance leg and swing thigh, positive when it opens the legs."""
-    return control.hip
+    opened, opening = state.thigh - state.stance, state.thigh_rate - state.stance_rate
+    return control.hip - body.hip_stiffness * opened - body.hip_friction * opening
+
+
+def knee_torque(body, state):
+    """Torque between swing thigh and shank, positive when it straightens the leg."""
+    return body.knee_stiffness * (state.thigh - state.shank)
+
+
+def friction_power(body, state):
+    """What friction takes / (m g l sqrt(g/l)), always positive."""
+    opening = state.thigh_rate - state.stance_rate
+    return body.hip_friction * (opening * opening)
+
+
+def stretch_gain(start, end):
+    """What half the square of a spring's angle gains, without loss of digits."""
+    return 0.5 * ((end - start) * (end + start))
+
+
+def hip_spring_gain(body, start, end):
+    """Energy that the hip's spring gains between two states / (m g l)."""
+    return body.hip_stiffness * stretch_gain(start.thigh - start.stance, end.thigh - end.stance)
 
 
 def potential_gain(body, start, end, ground, *hanging):
-    """Potential energy gained by the stance leg, the rest at its hip, and by what hangs there.
+    """Energy gained in gravity's field by stance leg, the rest at its hip, and what hangs there.
 
     Args:
         body: The walker.

@@ -3,7 +3,7 @@
 The limit of `straight` with point feet as the feet's mass goes to zero: the swing leg no longer
 acts on the stance leg. A hip torque that the limit survives is one in proportion to the foot's
 mass, so here the torque is per unit of foot mass (times g l), and its work, like the foot's kinetic
-energy, is nothing beside the hip's.
+energy, is nothing beside the hip's. So it is with a spring and friction at the hip.
 
 References:
     M. Garcia, A. Chatterjee, A. Ruina, M. Coleman, "The simplest walking model: stability,
@@ -27,7 +27,7 @@ def accelerations(body, state, control, ground):
         (cosine * swing_cosine + sine * swing_sine) * stance_acceleration
         - (sine * swing_cosine - cosine * swing_sine) * state.stance_rate * state.stance_rate
         - (swing_sine * ground.cosine - swing_cosine * ground.sine)
-        + control.hip
+        + legs.hip_torque(body, state, control)
     )
     return stance_acceleration, swing_acceleration
 

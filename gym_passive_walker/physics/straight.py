@@ -146,6 +146,8 @@ SYSTEM = System(
     ),
     kinetic_energy=kinetic_energy,
     potential_gain=potential_gain,
+    spring_gain=legs.hip_spring_gain,
+    friction_power=legs.friction_power,
     foot_clearance=foot_clearance,
     mass_matrix=mass_matrix,
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from functools import lru_cache
 from typing import Any
 
@@ -13,20 +14,41 @@ from gym_passive_walker.physics.bodies import body_from
 from gym_passive_walker.physics.hybrid import System
 from gym_passive_walker.walkers import Walker
 
-SYSTEMS = {system.name: system for system in (kneed.SYSTEM, straight.SYSTEM, simplest.SYSTEM)}
-"""By name."""
+FITTINGS = ("hip_stiffness", "hip_friction", "knee_stiffness")
+"""Constants of what may be fitted to a walker's joints."""
+
+_KINDS = (kneed.SYSTEM, straight.SYSTEM, simplest.SYSTEM)
+
+_BARE = {"absent": FITTINGS, "spring_gain": None, "friction_power": None}
+
+SYSTEMS = {kind.name: kind._replace(**_BARE) for kind in _KINDS} | {
+    f"{kind.name}-fitted": kind._replace(name=f"{kind.name}-fitted") for kind in _KINDS
+}
+"""By name; of each kind one without springs and friction, and one that has them."""
 
 
-def system_of(walker: Walker) -> System:
-    """Which equations this walker obeys."""
+def kind_of(walker: Walker) -> str:
+    """What kind of legs a walker has: "kneed", "straight" or "simplest"."""
     if walker.massless_legs:
-        return simplest.SYSTEM
-    return kneed.SYSTEM if walker.knees else straight.SYSTEM
+        return simplest.SYSTEM.name
+    return kneed.SYSTEM.name if walker.knees else straight.SYSTEM.name
+
+
+def system_of(*walkers: Walker, moving: Collection[str] = ()) -> System:
+    """Which equations walkers of one kind obey.
+
+    Args:
+        walkers: The walkers.
+        moving: Parameters that may change.
+    """
+    fitted = any(getattr(walker, name) for walker in walkers for name in FITTINGS)
+    fitted = fitted or not set(FITTINGS).isdisjoint(moving)
+    return SYSTEMS[f"{kind_of(walkers[0])}-fitted" if fitted else kind_of(walkers[0])]
 
 
 def body_of(walker: Walker) -> Any:
     """The constants of a walker."""
-    return body_from(walker, system_of(walker).Body)
+    return body_from(walker, SYSTEMS[kind_of(walker)].Body)
 
 
 @lru_cache(maxsize=4096)

@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, fields
 
+_NOT_NEGATIVE = ("thigh_mass", "shank_mass", "hip_mass", "thigh_gyration", "shank_gyration")
+_NOT_NEGATIVE += ("hip_stiffness", "hip_friction", "knee_stiffness")
+
 
 class WalkerError(ValueError):
     """The parameters describe no walker; the message says which, and what is allowed."""
@@ -31,6 +34,11 @@ class Walker:
         foot_radius: R, from 0 (a point foot) to below the shank's length.
         foot_angle: epsilon_T in rad, from the thigh forward to the line hip-foot centre.
         hip_mass: one extra point mass at the hip.
+        hip_stiffness: of a torsional spring between the legs, relaxed where they are parallel; per
+            unit of foot mass where legs have none.
+        hip_friction: viscous, torque per rate at which the legs open; likewise.
+        knee_stiffness: of a torsional spring at the knee, relaxed where the leg is straight; of no
+            effect on locked knees.
         knees: whether the swing knee is free until it strikes its stop; False locks both knees.
         gravity: g.
 
@@ -52,6 +60,9 @@ class Walker:
     foot_radius: float = 0.0
     foot_angle: float = 0.0
     hip_mass: float = 0.0
+    hip_stiffness: float = 0.0
+    hip_friction: float = 0.0
+    knee_stiffness: float = 0.0
     knees: bool = True
     gravity: float = 9.81
 
@@ -73,7 +84,7 @@ class Walker:
         for name in ("thigh_length", "shank_length", "gravity"):
             if getattr(self, name) <= 0.0:
                 raise WalkerError(f"{name} must be positive, not {getattr(self, name)}")
-        for name in ("thigh_mass", "shank_mass", "hip_mass", "thigh_gyration", "shank_gyration"):
+        for name in _NOT_NEGATIVE:
             if getattr(self, name) < 0.0:
                 raise WalkerError(f"{name} must not be negative, but is {getattr(self, name)}")
         if not 0.0 <= self.foot_radius < self.shank_length:

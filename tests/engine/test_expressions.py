@@ -187,8 +187,14 @@ def test_equal_expressions_are_one():
     assert x * y + 2.0 is x * y + 2.0
     assert x * y is not y * x
     assert x * 2.0 is not x * 3.0
-    assert (x + 0.0) is not (x + -0.0)
     assert sine_cosine(x * y)[1] is sine_cosine(x * y)[1]
+
+
+def test_nothing_costs_nothing():
+    (x,) = entries("x")
+    assert x + 0.0 is 0.0 + x is x - 0.0 is x
+    assert (0.0 * x).value == (x * 0.0).value == 0.0
+    assert (x + 0.0 * (x + 1.0)) is x
 
 
 def test_numbers_are_reckoned_at_once():

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from gym_passive_walker import WALKERS, Outcome
+from gym_passive_walker import Outcome
 from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.run import _advance as advance_phases
 from gym_passive_walker.engine.run import advance, new_records, options, workspace
@@ -43,7 +43,7 @@ EVENTS = {
 
 @pytest.mark.parametrize(("system", "index", "number"), GUARDS)
 def test_a_guard_is_zero_on_its_event_and_has_a_sign_beside_it(system, index, number):
-    guard, body = system.phases[index].guards[number], body_of(WALKERS[EXAMPLES[system.name]])
+    guard, body = system.phases[index].guards[number], body_of(EXAMPLES[system.name])
     on = [INSIDE._replace(**event) for event in EVENTS[guard.outcome]]
     values = [abs(guard.falls(body, state)) for state in on]
     assert min(values) < 1e-15
@@ -53,7 +53,7 @@ def test_a_guard_is_zero_on_its_event_and_has_a_sign_beside_it(system, index, nu
 
 @pytest.mark.parametrize(("system", "index"), PHASES)
 def test_a_walker_in_full_swing_is_inside_all_bounds(system, index):
-    body = body_of(WALKERS[EXAMPLES[system.name]])
+    body = body_of(EXAMPLES[system.name])
     outcomes = set()
     for guard in system.phases[index].guards:
         outcomes.add(guard.outcome)
@@ -68,7 +68,7 @@ def test_a_walker_that_begins_beyond_a_bound_has_ended_at_once(system, index, nu
     guard = system.phases[index].guards[number]
     if guard.watch != Watch.BOUND:
         return
-    walker = WALKERS[EXAMPLES[system.name]]
+    walker = EXAMPLES[system.name]
     for event in EVENTS[guard.outcome]:
         state = INSIDE._replace(**{name: 1.2 * value for name, value in event.items()})
         if guard.falls(body_of(walker), state) > 0.0:
@@ -94,7 +94,7 @@ def phases_whose_strikes_do_nothing(system):
 @pytest.mark.parametrize(("system", "index"), PHASES)
 def test_a_walker_lands_where_its_guard_is_zero(system, index, tolerance):
     """To rounding at the finest tolerance; else to a share of it, on this side or the other."""
-    rng, walker, count = np.random.default_rng(1), WALKERS[EXAMPLES[system.name]], 200
+    rng, walker, count = np.random.default_rng(1), EXAMPLES[system.name], 200
     states = np.array(INSIDE) + rng.normal(size=(count, 6)) * [0.1, 0.1, 0.1, 1.5, 1.5, 1.5]
     if system.phases[index].links == 2:
         states[:, 2], states[:, 5] = states[:, 1], states[:, 4]

@@ -7,6 +7,7 @@ import pytest
 
 from gym_passive_walker import WALKERS, find_gait, lab_walker_from_parts, stride, stride_jacobian
 from gym_passive_walker.gaits.stability import NoStride
+from gym_passive_walker.physics.systems import FITTINGS
 from tests.physics.examples import LONG_GAITS
 
 STENCIL = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
@@ -88,6 +89,8 @@ def test_the_derivative_by_a_parameter_is_that_of_the_map(name, parameter):
     walker, (slope, state) = WALKERS[name], start(name)
     if parameter == "hip_mass":
         walker = replace(walker, hip_mass=0.1 * walker.total_mass)
+    if parameter in FITTINGS:
+        walker = replace(walker, **{parameter: 0.02 * walker.total_mass})
     point, value = coordinates(state, walker), getattr(walker, parameter)
     found = stride_jacobian(walker, slope, state, wrt=parameter)[:, 0]
     step = 3e-4 * max(abs(value), 0.3 * walker.leg_length)

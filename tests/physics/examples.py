@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
 from gym_passive_walker import WALKERS, Walker
+from gym_passive_walker.units import units_of
 
 MASSIVE = [name for name, walker in WALKERS.items() if not walker.massless_legs]
 KNEED = [name for name, walker in WALKERS.items() if walker.knees]
@@ -80,6 +82,17 @@ def random_walker(rng: np.random.Generator, *, knees: bool, gravity: float | Non
         hip_mass=mass * rng.uniform(0.0, 3.0),
         knees=knees,
         gravity=rng.uniform(0.5, 20.0) if gravity is None else gravity,
+    )
+
+
+def fitted(walker: Walker, spring=0.05, friction=0.004, knee=0.01) -> Walker:
+    """The walker with springs and friction at its joints, dimensionless."""
+    units = units_of(walker)
+    return replace(
+        walker,
+        hip_stiffness=spring * units.torque,
+        hip_friction=friction * units.torque * units.time,
+        knee_stiffness=knee * units.torque if walker.knees else 0.0,
     )
 
 

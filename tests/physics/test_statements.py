@@ -18,12 +18,13 @@ from gym_passive_walker.physics import kneed, legs, straight
 from gym_passive_walker.physics.bodies import body_from
 from gym_passive_walker.physics.hybrid import Control, Ground, State, System
 from gym_passive_walker.physics.systems import SYSTEMS, bodies, body_of, system_of
-from tests.physics.examples import KNEED, MASSIVE, random_walker
+from tests.physics.examples import KNEED, MASSIVE, fitted, random_walker
 from tests.physics.statements import ground
 
 DIGITS = 40
 
-EXAMPLES = {"kneed": "lab", "straight": "A", "simplest": "D"}
+EXAMPLES = {"kneed": WALKERS["lab"], "straight": WALKERS["A"], "simplest": WALKERS["D"]}
+EXAMPLES |= {f"{name}-fitted": fitted(walker) for name, walker in EXAMPLES.items()}
 """A walker of each system."""
 
 PHASES = [
@@ -33,14 +34,26 @@ PHASES = [
 ]
 
 
+MASSIVE_PHASES = [phase for phase in PHASES if phase.values[0].mass_matrix]
+
+
 def some_walker(rng: np.random.Generator, system: System):
     """A walker that obeys a system: any one, unless its legs have no mass."""
-    if system.name == "simplest":
+    kind, *fittings = system.name.split("-")
+    if kind == "simplest":
         walker = replace(WALKERS["D"], thigh_length=rng.uniform(0.2, 2.0))
     else:
-        walker = random_walker(rng, knees=system.name == "kneed")
+        walker = random_walker(rng, knees=kind == "kneed")
+    if fittings:
+        walker = fitted(walker, *rng.uniform(0.001, [0.2, 0.02, 0.02]))
     assert system_of(walker) is system
     return walker
+
+
+def energy_gain(system: System, body, start: State, end: State, slope: Ground):
+    """What gravity and springs gain from one state to another over the same contact."""
+    springs = system.spring_gain(body, start, end) if system.spring_gain else 0.0
+    return system.potential_gain(body, start, end, slope) + springs
 
 
 def some_state(rng: np.random.Generator, links: int, count: int | None = None) -> State:
@@ -124,7 +137,8 @@ def lagrange(system: System, body, links: int, state: State, control: Control, s
     moving = State(*angles, *rates)
     here = exactly(State(*state[:3], 0.0, 0.0, 0.0))
     kinetic = system.kinetic_energy(body, moving)
-    energy = kinetic - system.potential_gain(body, here, moving, slope)
+    energy = kinetic - energy_gain(system, body, here, moving, slope)
+    friction = system.friction_power(body, moving) if system.friction_power else 0
     work = sum(c * x for c, x in zip(control, system.travel(moving), strict=True))
     values = dict(zip((*angles, *rates), state, strict=True))
     index = 0 if links == system.phases[0].links else 1
@@ -137,6 +151,7 @@ def lagrange(system: System, body, links: int, state: State, control: Control, s
             *(momentum.diff(rates[j]) * found[j] for j in range(links)),
             -energy.diff(angles[i]),
             -sp.sympify(work).diff(angles[i]),
+            sp.sympify(friction).diff(rates[i]) / 2,  # Rayleigh's dissipation function
         ]
         terms = [sp.N(sp.sympify(term).subs(values), DIGITS) for term in terms]
         scale = max(scale, *(abs(term) for term in terms))
@@ -144,7 +159,7 @@ def lagrange(system: System, body, links: int, state: State, control: Control, s
     return max(abs(x) for x in left) / scale
 
 
-@pytest.mark.parametrize(("system", "index"), PHASES[:3])
+@pytest.mark.parametrize(("system", "index"), MASSIVE_PHASES)
 def test_energies_and_the_travel_of_controls_give_the_motion(system, index):
     """Lagrange's equations of the second kind, to thirty digits: signs and factors of everything.
 
@@ -187,7 +202,7 @@ def test_a_walkers_constants_are_those_of_its_exact_parameters(name):
 def test_the_simplest_hips_energy_gives_its_motion():
     """Feet without mass have no energy; the hip falls as an inverted pendulum's."""
     rng, system = np.random.default_rng(5), SYSTEMS["simplest"]
-    body, slope = system.Body(0.0, 1.0), ground(0.2)
+    body, slope = system.Body(0.0, 1.0, 0.0, 0.0), ground(0.2)
     for _ in range(20):
         state = some_state(rng, 2)
         stance, _ = system.phases[0].accelerations(body, state, Control(0.0), slope)
@@ -202,7 +217,7 @@ def test_the_simplest_hips_energy_gives_its_motion():
 
 @pytest.mark.parametrize(("system", "index"), PHASES)
 def test_power_is_the_control_times_what_it_moves(system, index):
-    """Energy changes by the motor's power alone; that of the simplest walker's hip not at all."""
+    """Energy changes by motor and friction alone; by the simplest walker's not at all."""
     rng, phase = np.random.default_rng(6), system.phases[index]
     tiny = 1e-100
     for _ in range(50):
@@ -214,9 +229,11 @@ def test_power_is_the_control_times_what_it_moves(system, index):
             *(x + 1j * tiny * v for x, v in zip(state, (*state[3:], *bends), strict=True))
         )
         kinetic = system.kinetic_energy(body, moved).imag / tiny
-        potential = system.potential_gain(body, state, moved, slope).imag / tiny
+        potential = np.imag(energy_gain(system, body, state, moved, slope)) / tiny
         travel = np.imag(system.travel(moved)) / tiny
         power = float(np.dot(control, travel)) if system.works else 0.0
+        if system.friction_power:
+            power -= system.friction_power(body, state)
         scale = 1.0 + abs(kinetic) + abs(potential)
         assert kinetic + potential == pytest.approx(power, rel=0.0, abs=1e-12 * scale)
 
@@ -333,7 +350,7 @@ def test_a_heelstrike_costs_the_kinetic_energy_that_is_gone(system):
 @pytest.mark.parametrize("system", SYSTEMS.values(), ids=SYSTEMS)
 def test_a_heelstrike_mirrors_legs_that_all_but_mirror_each_other(system):
     """Landing leaves a rounding between the legs' angles; the next stride begins without it."""
-    body = body_of(WALKERS[EXAMPLES[system.name]])
+    body = body_of(EXAMPLES[system.name])
     after, _ = (
         system.phases[-1]
         .resets[Outcome.HEELSTRIKE]
