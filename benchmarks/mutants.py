@@ -15,9 +15,9 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = "gym_passive_walker"
 
 NOT_MOTION = {
-    "fingerprint", "cache_directory", "_kernels_cached_here", "aligned", "in_parts", "_crew",
-    "_machine", "_kept", "_keep", "object_code", "loaded", "_parsed", "_call", "__post_init__",
-    "_check_masses",
+    "fingerprint", "cache_directory", "_bases", "_private", "found", "keep", "_warn", "_name",
+    "load_overload", "save_overload", "aligned", "in_parts", "_crew", "_machine", "_kept",
+    "object_code", "loaded", "_parsed", "_call", "__post_init__", "_check_masses",
 }  # fmt: skip
 """Functions about compiling, caching, threads and messages: no walker moves by them."""
 

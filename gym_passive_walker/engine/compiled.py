@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from contextlib import suppress
-from functools import cache, lru_cache, partial
+from functools import lru_cache, partial
 from hashlib import sha256
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from llvmlite import binding as llvm
 from numpy.typing import NDArray
 
-from gym_passive_walker.engine.cache import cache_directory
+from gym_passive_walker.engine import cache
 from gym_passive_walker.engine.expressions import Expression, choose, read
 from gym_passive_walker.engine.layout import (
     COURSE,
@@ -66,7 +64,6 @@ _COURSES = ("before", "rate_before", "bend_before", "after", "rate_after", "bend
 _RECORDS = ("state", "start", "ground", "control", "time", "knee_time", "knee_loss", "heel_loss")
 _RECORDS += ("step_length", "gravity_work", "spring_work", "friction_loss", "moved", "turned")
 _RECORDS += ("body",)
-_DIGEST = sha256().digest_size
 _LOSSES = {Outcome.KNEESTRIKE: "knee_loss", Outcome.HEELSTRIKE: "heel_loss"}
 
 
@@ -229,7 +226,7 @@ _ALIVE: list[Any] = []
 """Whoever holds native code: it lives as long as the process."""
 
 
-@cache
+@lru_cache
 def _machine() -> Any:
     """What code is made for: this processor, or the one that numba is told to make it for."""
     llvm.initialize_native_target()
@@ -247,23 +244,12 @@ def _machine() -> Any:
 
 def _kept(name: str, write: Callable[[], Module]) -> Any:
     """Native code, from the cache or written anew."""
-    path = cache_directory() / f"{name}-{sha256(_machine()[1].encode()).hexdigest()[:16]}.o"
-    data = _found(path)
+    name = f"{name}-{sha256(_machine()[1].encode()).hexdigest()[:16]}.o"
+    data = cache.found(name)
     if data is None:
         data = object_code(write())
-        with suppress(OSError):  # a full disk: it will be made again next time
-            _keep(path, data)
+        cache.keep(name, data)
     return loaded(data)
-
-
-def _found(path: Path) -> bytes | None:
-    """What a file keeps, if it is there and whole: damaged code would take the process with it."""
-    try:
-        kept = path.read_bytes()
-    except OSError:
-        return None
-    digest, data = kept[:_DIGEST], kept[_DIGEST:]
-    return data if sha256(data).digest() == digest else None
 
 
 def object_code(module: Module) -> bytes:
@@ -286,10 +272,3 @@ def _parsed(text: str) -> Any:
     module.triple, module.data_layout = _machine()[0].triple, str(_machine()[0].target_data)
     module.verify()
     return module
-
-
-def _keep(path: Path, data: bytes) -> None:
-    """Write a file in one go, behind a digest of what it keeps."""
-    aside = path.with_suffix(f".{os.getpid()}")
-    aside.write_bytes(sha256(data).digest() + data)
-    os.replace(aside, path)

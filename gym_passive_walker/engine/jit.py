@@ -2,31 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import hashlib
+import inspect
+import pickle
+import sys
+from collections.abc import Callable
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numba
 from llvmlite import ir
 from numba import types
+from numba.core.caching import NullCache
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
 from numba.extending import intrinsic, typeof_impl
 
-from gym_passive_walker.engine.cache import cache_directory
+from gym_passive_walker.engine import cache
 
 # "numpy": a division never raises.
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
-
-
-@contextmanager
-def _kernels_cached_here() -> Iterator[None]:
-    """Numba reads its cache folder when a function is decorated; set it only for ours."""
-    before = numba.config.CACHE_DIR  # type: ignore[attr-defined]
-    numba.config.CACHE_DIR = str(cache_directory())  # type: ignore[attr-defined]
-    try:
-        yield
-    finally:
-        numba.config.CACHE_DIR = before  # type: ignore[attr-defined]
 
 
 def jitted(function: Callable[..., Any]) -> Any:
@@ -37,6 +33,35 @@ def jitted(function: Callable[..., Any]) -> Any:
 def inlined(function: Callable[..., Any]) -> Any:
     """Compile a few operations that melt into whoever calls them."""
     return numba.njit(forceinline=True, **_OPTIONS)(function)
+
+
+class _Kept(NullCache):
+    """Numba's door to what is kept of a function, which it opens before and after it compiles.
+
+    Numba's own cache trusts what it finds and stops where it cannot write.
+
+    Args:
+        function: What is compiled; of its sources, `cache.fingerprint` leaves out its own file.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        source = Path(inspect.getfile(function))
+        self._function = f"{source.stem}.{function.__qualname__}"
+        self._made_by = sys.implementation.cache_tag, numba.__version__, source.read_bytes()
+
+    def _name(self, signature: Any, codegen: Any) -> str:
+        told = repr((self._made_by, signature, codegen.magic_tuple()))
+        return f"{self._function}-{hashlib.sha256(told.encode()).hexdigest()[:16]}.nb"
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The compiled function for arguments of these types, if it is kept."""
+        target_context.refresh()
+        data = cache.found(self._name(sig, target_context.codegen()))
+        return data and CompileResult._rebuild(target_context, *pickle.loads(data))
+
+    def save_overload(self, sig: Any, cres: Any) -> None:
+        """Keep a compiled function."""
+        cache.keep(self._name(sig, cres.codegen), dumps(cres._reduce()))
 
 
 class Kernel:
@@ -55,8 +80,9 @@ class Kernel:
     @cached_property
     def compiled(self) -> Any:
         """What numba makes of it."""
-        with _kernels_cached_here():
-            return numba.njit(cache=True, nogil=True, **_OPTIONS)(self.function)
+        dispatcher = numba.njit(nogil=True, **_OPTIONS)(self.function)
+        dispatcher._cache = _Kept(self.function)
+        return dispatcher
 
     def __call__(self, *arguments: Any) -> Any:
         """Run it."""

@@ -49,7 +49,8 @@ def _rules(scene: Scene, system: System, step_limit: float) -> NDArray:
 @cache
 def _say_if_long() -> None:
     """Say, once, that the first step will take a while, if its kernel is not compiled yet."""
-    if not any(cache_directory().rglob("task.step-*.nbi")):
+    kept = cache_directory()
+    if kept is None or not any(kept.glob("task.step-*")):
         print(
             "gym_passive_walker: compiling the engine, once; some seconds",
             file=sys.stderr,

@@ -11,6 +11,7 @@ import pytest
 
 from gym_passive_walker.engine import cache
 from gym_passive_walker.engine import compiled as machinery
+from gym_passive_walker.engine.jit import Kernel
 from gym_passive_walker.physics import simplest
 
 STRIDE = """
@@ -110,28 +111,138 @@ def test_code_is_kept_where_it_is_told_to_be(tmp_path, monkeypatch):
 def test_a_place_that_cannot_be_written_to_is_passed_over(tmp_path, monkeypatch):
     blocked = tmp_path / "a file"
     blocked.write_text("")
-    monkeypatch.setattr(cache.tempfile, "gettempdir", lambda: str(tmp_path / "last"))
+    monkeypatch.setattr(cache.tempfile, "gettempdir", lambda: str(tmp_path))
     found = folder(monkeypatch, NUMBA_CACHE_DIR=blocked, XDG_CACHE_HOME=blocked)
-    assert found.is_relative_to(tmp_path / "last")
+    assert found.parent.parent == tmp_path
+    assert found.parent.stat().st_mode & 0o777 == 0o700
+    assert folder(monkeypatch, NUMBA_CACHE_DIR=blocked, XDG_CACHE_HOME=blocked) == found
+
+
+def test_without_any_place_nothing_is_kept_and_one_warning_says_so(tmp_path, monkeypatch):
+    blocked = tmp_path / "a file"
+    blocked.write_text("")
     monkeypatch.setattr(cache.tempfile, "gettempdir", lambda: str(blocked))
-    with pytest.raises(OSError, match="NUMBA_CACHE_DIR"):
-        folder(monkeypatch, NUMBA_CACHE_DIR=blocked, XDG_CACHE_HOME=blocked)
+    with pytest.warns(RuntimeWarning, match="NUMBA_CACHE_DIR") as said:
+        assert folder(monkeypatch, NUMBA_CACHE_DIR=blocked, XDG_CACHE_HOME=blocked) is None
+        assert folder(monkeypatch, NUMBA_CACHE_DIR=blocked, XDG_CACHE_HOME=blocked) is None
+    assert len(said) == 1
 
 
-def test_damaged_code_is_made_again(tmp_path, monkeypatch):
-    monkeypatch.setattr(machinery, "cache_directory", lambda: tmp_path)
-    made = []
+def test_a_user_without_a_home_has_a_cache(tmp_path, monkeypatch):
+    def homeless():
+        raise RuntimeError("Could not determine home directory.")
 
-    def write():
-        made.append(1)
-        return machinery.written(simplest.SYSTEM)
+    monkeypatch.setattr(cache.Path, "home", homeless)
+    monkeypatch.setattr(cache.tempfile, "gettempdir", lambda: str(tmp_path))
+    assert folder(monkeypatch).is_relative_to(tmp_path)
 
-    machinery._kept("simplest", write)
-    (kept,) = tmp_path.glob("*.o")
+
+def _open_to_all(shared, tmp_path):
+    shared.mkdir()
+    shared.chmod(0o777)
+
+
+def _a_link(shared, tmp_path):
+    (tmp_path / "elsewhere").mkdir(mode=0o700)
+    shared.symlink_to(tmp_path / "elsewhere", target_is_directory=True)
+
+
+def _someone_elses(shared, tmp_path):
+    shared.mkdir(mode=0o700)
+    os.chown(shared, os.getuid() + 1, -1)
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="temporary folders are private here")
+@pytest.mark.parametrize("trap", [_open_to_all, _a_link, _someone_elses])
+def test_no_code_is_run_from_a_shared_folder_that_others_can_write_to(trap, tmp_path):
+    shared = tmp_path / "shared"
+    try:
+        trap(shared, tmp_path)
+    except PermissionError:
+        pytest.skip("only root can make a folder someone else's")
+    assert not cache._private(shared, os.getuid())
+
+
+def _sum_of_digits(number):
+    total = 0
+    while number:
+        total += number % 10
+        number //= 10
+    return total
+
+
+def _bookkeeping():
+    """What numba compiles."""
+    assert Kernel(_sum_of_digits)(1234) == 10
+
+
+def _equations():
+    """What is written as native code."""
+    code = machinery._kept("simplest", lambda: machinery.written(simplest.SYSTEM))
+    assert code.get_function_address("place")
+
+
+@pytest.fixture
+def kept_in(tmp_path, monkeypatch):
+    """A cache of the test's own, where nothing has been warned of yet."""
+    monkeypatch.setattr(cache, "cache_directory", lambda: tmp_path)
+    cache._warn.cache_clear()
+    return tmp_path
+
+
+@pytest.mark.parametrize("code", [_bookkeeping, _equations])
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda whole: b"",
+        lambda whole: whole[: len(whole) // 2],
+        lambda whole: whole[:-1] + bytes([whole[-1] ^ 1]),
+        lambda whole: bytes(len(whole)),
+    ],
+    ids=["empty", "half written", "one bit", "zeros"],
+)
+def test_damaged_code_is_made_again_with_one_warning(kept_in, code, damage):
+    code()
+    (kept,) = kept_in.iterdir()
     whole = kept.read_bytes()
-    for damaged in (b"", whole[: len(whole) // 2], whole[:-1] + b"?", bytes(len(whole))):
-        kept.write_bytes(damaged)
-        machinery._kept("simplest", write)
-        assert kept.read_bytes() == whole
-    machinery._kept("simplest", write)
-    assert len(made) == 5
+    kept.write_bytes(damage(whole))
+    with pytest.warns(RuntimeWarning, match="damaged, and is made afresh"):
+        code()
+    assert cache.found(kept.name) and list(kept_in.iterdir()) == [kept]
+    kept.write_bytes(damage(whole))
+    code()  # in silence: it has been said
+    assert cache.found(kept.name)
+
+
+@pytest.mark.parametrize("code", [_bookkeeping, _equations])
+def test_code_on_disk_that_is_whole_is_not_made_again(kept_in, code, monkeypatch):
+    code()
+    monkeypatch.setattr(cache, "keep", lambda *_: pytest.fail("made again"))
+    code()
+
+
+@pytest.mark.parametrize("code", [_bookkeeping, _equations])
+def test_a_full_disk_stops_nobody_and_keeps_no_half_of_it(kept_in, code):
+    resource = pytest.importorskip("resource", reason="limits of files are POSIX")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+    try:
+        with pytest.warns(RuntimeWarning, match="free some space") as said:
+            code()
+            code()
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    assert len(said) == 1 and not list(kept_in.iterdir())
+
+
+@pytest.mark.parametrize("code", [_bookkeeping, _equations])
+def test_a_cache_that_goes_away_stops_nobody(kept_in, code):
+    kept_in.rmdir()
+    with pytest.warns(RuntimeWarning, match="cannot be kept"):
+        code()
+
+
+@pytest.mark.parametrize("code", [_bookkeeping, _equations])
+def test_without_a_cache_code_lives_as_long_as_the_process(monkeypatch, code):
+    monkeypatch.setattr(cache, "cache_directory", lambda: None)
+    code()
