@@ -79,10 +79,12 @@ def remedies(
     if slope > 0.0:
         say("looking for the nearest walker that has one")
         alike = _nearest_walker(walker, slope, kind)
-        found += _about_tuning(walker, slope, kind)
+        if max(abs(error) for error in tuning_errors(walker)) > _TUNED:
+            has = "has one" if _tuned_walks(walker, slope, kind) else "has none either"
+            found.append(f"tuned by `tune` it {has} at this slope")
     if alike is not None:
         name, share, other = alike
-        fate = "lose" if glance(tune(other), slope, kind) is None else "keep"
+        fate = "keep" if _tuned_walks(other, slope, kind) else "lose"
         found.append(
             f"of the walkers between {name!r} in its size and this one, those up to "
             f"{100 * share:.0f} % of the way have one, and `tune` would {fate} it there"
@@ -103,16 +105,12 @@ def _patient(failure: str) -> Callable[[str], None]:
     return say
 
 
-def _about_tuning(walker: Walker, slope: float, kind: GaitKind) -> list[str]:
-    """Whether tuning the walker would help, if it is not tuned."""
-    if max(abs(error) for error in tuning_errors(walker)) < _TUNED:
-        return []
+def _tuned_walks(walker: Walker, slope: float, kind: GaitKind) -> bool:
+    """Whether the walker, tuned, has a gait."""
     try:
-        tuned = tune(walker)
-    except WalkerError:
-        return []
-    has = "has one" if glance(tuned, slope, kind) is not None else "has none either"
-    return [f"tuned by `tune` it {has} at this slope"]
+        return glance(tune(walker), slope, kind) is not None
+    except WalkerError:  # it cannot be tuned
+        return False
 
 
 def _nearest_slope(walker: Walker, slope: float, kind: GaitKind) -> float | None:
