@@ -223,8 +223,11 @@ def optimise_walker(
     _known(objective)
     if objective == SPECTRAL_RADIUS and (maximise or SPECTRAL_RADIUS in ranges):
         raise ValueError("a spectral radius is made least without a bound: maximise something else")
-    before = find_gait(walker, slope, gait_kind(kind))
     names = {objective, *ranges}
+    if "knee_margin" in names and not walker.knees:
+        raise ValueError("knee_margin is of walkers with knees, and this one has none")
+    iterations = whole(iterations, "iterations")
+    before = find_gait(walker, slope, gait_kind(kind))
     candidates = Candidates(
         before,
         parameters,
@@ -234,7 +237,7 @@ def optimise_walker(
     )
     programme = _Programme(candidates, objective, -1.0 if maximise else 1.0, ranges)
     first = candidates.at(candidates.first)
-    found = programme.solve(whole(iterations, "iterations"))
+    found = programme.solve(iterations)
     missed = programme.missed(found.x)
     last = candidates.at(found.x[: len(parameters)])
     if last is None or not missed < _MET:

@@ -67,7 +67,7 @@ def remedies(
             "Gaits of several strides branch off where the gait of one doubles its period: "
             "`doubling_cascade` locates where."
         )
-    say = _patient(f"no {kind}-step gait at slope {slope:g} rad")
+    say = patient(f"no {kind}-step gait at slope {slope:g} rad")
     found: list[str] = []
     say("looking for the nearest slope that has one")
     near = _nearest_slope(walker, slope, kind)
@@ -93,8 +93,8 @@ def remedies(
     return Remedies(f"{sentence[0].upper()}{sentence[1:]}.", near, alike and alike[2])
 
 
-def _patient(failure: str) -> Callable[[str], None]:
-    """Says on stderr what is being done, once a second has passed."""
+def patient(failure: str) -> Callable[[str], None]:
+    """Who says on stderr, once and only after a second, what is being done about a failure."""
     began, said = time.monotonic(), []
 
     def say(doing: str) -> None:

@@ -61,7 +61,7 @@ class Sensitivity(NamedTuple):
 
     place: Place
     by: tuple[str, ...]
-    coordinates: NDArray[np.float64]
+    coordinates: NDArray
     map: NDArray[np.float64]
     passage: Passage
     change: Change

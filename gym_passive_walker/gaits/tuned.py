@@ -7,12 +7,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
-from scipy.stats.qmc import Sobol
+from scipy.stats.qmc import Halton
 
 from gym_passive_walker.arguments import gait_kind, number, one_slope
 from gym_passive_walker.gaits.candidates import Candidates
 from gym_passive_walker.gaits.circle import inside
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
+from gym_passive_walker.gaits.remedies import patient
 from gym_passive_walker.gaits.search import glance, seek
 from gym_passive_walker.gaits.sensitivity import place_near
 from gym_passive_walker.walkers import Walker, as_walker, describe, tune
@@ -25,7 +26,7 @@ _LOOKS = 128  # designs looked at
 
 
 def tune_to_walk(
-    walker: Walker | str, slope: float, kind: GaitKind = "long", *, radius: float = 0.95
+    walker: Walker | str, slope: float, kind: GaitKind = "long", *, radius: float = 0.8
 ) -> Gait:
     """The nearest tuned walker that walks, stably, at a slope; as its gait.
 
@@ -38,8 +39,9 @@ def tune_to_walk(
         walker: The walker, or a preset's name.
         slope: Slope in rad.
         kind: Which gait, "long" or "short".
-        radius: The largest modulus that a multiplier may have; at vanishing slopes that of every
-            tuned walker tends to 1.
+        radius: The largest modulus that a multiplier may have. Nearer to 1 the walk is lost by ever
+            smaller changes of the design, which is hardly nearer for it; but at vanishing slopes
+            every tuned walker needs that.
 
     Returns:
         The gait; `gait.walker` is the design. It is nearest among those near it; the search begins
@@ -55,7 +57,9 @@ def tune_to_walk(
     gait = seek(tuned, slope, kind).gait
     if gait is not None and np.abs(gait.multipliers[0]) <= radius:
         return gait
+    say = patient(f"tuned, {describe(walker)} does not walk so at slope {slope:g} rad")
     start = _start(tuned, slope, kind, radius)
+    say("looking for the nearest tuned walker that does")
     nearest = start and _nearest(start, tuned, radius)
     if nearest is None:
         raise GaitNotFound(
@@ -77,7 +81,7 @@ def _start(tuned: Walker, slope: float, kind: GaitKind, radius: float) -> Gait |
         return None
     lengths = np.repeat([tuned.thigh_length, tuned.shank_length], 2)
     low, high = _SHARES
-    places = (low + (high - low) * Sobol(4, seed=0).random(_LOOKS)) * lengths
+    places = (low + (high - low) * Halton(4, scramble=False).random(_LOOKS)) * lengths
     walkers = [
         tune(replace(tuned, **dict(zip(_MOVED, place, strict=True)))) for place in places.tolist()
     ]
