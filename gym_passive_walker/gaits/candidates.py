@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.gaits.circle import coefficients
+from gym_passive_walker.gaits.circle import coefficients, inside
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.log_chart import logarithms
 from gym_passive_walker.gaits.quantities import QUANTITIES, Graded, size_of
@@ -41,6 +41,20 @@ class Judged(NamedTuple):
     gait: Sensitivity
     quantities: dict[str, Graded]
     cubic: tuple[NDArray[np.float64], NDArray[np.float64]] | None
+
+    def inside(self, radius: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Conditions that all multipliers lie inside a circle, positive if so.
+
+        Returns:
+            Values (5,), and derivatives (5, k + 1) by the shares and the radius.
+
+        Raises:
+            ValueError: if the multipliers were not asked for.
+        """
+        if self.cubic is None:
+            raise ValueError("this candidate was not judged by its multipliers")
+        values, by = inside(self.cubic[0], radius)
+        return values, np.column_stack([by[:, :3] @ self.cubic[1], by[:, 3]])
 
 
 class Candidates:

@@ -11,7 +11,6 @@ from scipy.stats.qmc import Halton
 
 from gym_passive_walker.arguments import gait_kind, number, one_slope
 from gym_passive_walker.gaits.candidates import Candidates
-from gym_passive_walker.gaits.circle import inside
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
 from gym_passive_walker.gaits.remedies import patient
 from gym_passive_walker.gaits.search import glance, seek
@@ -57,7 +56,7 @@ def tune_to_walk(
     gait = seek(tuned, slope, kind).gait
     if gait is not None and np.abs(gait.multipliers[0]) <= radius:
         return gait
-    say = patient(f"tuned, {describe(walker)} does not walk so at slope {slope:g} rad")
+    say = patient(f"tuned, this walker does not walk so at slope {slope:g} rad")
     start = _start(tuned, slope, kind, radius)
     say("looking for the nearest tuned walker that does")
     nearest = start and _nearest(start, tuned, radius)
@@ -111,11 +110,10 @@ def _nearest(start: Gait, tuned: Walker, radius: float) -> Gait | None:
 
     def circle(x: NDArray) -> tuple[NDArray, NDArray]:
         judged = candidates.at(x)
-        if judged is None or judged.cubic is None:
+        if judged is None:
             return -np.ones(5), np.zeros((5, 6))
-        cubic, by_share = judged.cubic
-        values, by = inside(cubic, radius)
-        return values, by[:, :3] @ by_share
+        values, by = judged.inside(radius)
+        return values, by[:, :6]
 
     def distance(x: NDArray) -> tuple[float, NDArray]:
         away = (x - goal) * width / length
