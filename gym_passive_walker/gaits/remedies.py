@@ -16,7 +16,7 @@ import numpy as np
 
 from gym_passive_walker.gaits.gait import Gait, GaitKind
 from gym_passive_walker.gaits.log_chart import logarithms
-from gym_passive_walker.gaits.search import ACCURACY, glance, search, seek
+from gym_passive_walker.gaits.search import ACCURACY, glance, search
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.walkers import (
     WALKERS,
@@ -60,8 +60,8 @@ def remedies(
         period: Strides until the gait repeats.
         guessed: Whether the search began at a guess instead of its own starts.
     """
-    if guessed and seek(walker, slope, kind, period=period).gait is not None:
-        return Remedies("Without `guess=` the search finds one.", slope, walker)
+    if guessed:
+        return Remedies("Without `guess=` the search begins at starts of its own.")
     if period > 1:
         return Remedies(
             "Gaits of several strides branch off where the gait of one doubles its period: "

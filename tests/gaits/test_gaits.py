@@ -278,10 +278,9 @@ def test_a_walker_of_another_size_gets_the_same_advice():
     assert large.walker.thigh_gyration == pytest.approx(10.0 * small.walker.thigh_gyration)
 
 
-def test_a_guess_in_vain_says_that_none_was_needed():
-    assert "Without `guess=` the search finds one" in str(
-        missed("lab", 0.036, guess=[0.6, -0.6, -0.6, -3.0, -3.0, -3.0])
-    )
+def test_a_guess_in_vain_is_told_to_do_without():
+    far = missed("lab", 0.036, guess=[0.6, -0.6, -0.6, -3.0, -3.0, -3.0])
+    assert "Without `guess=` the search begins at starts of its own" in str(far)
 
 
 def test_a_long_search_says_on_stderr_what_it_does(capsys, monkeypatch):
