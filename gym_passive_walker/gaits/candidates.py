@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from gym_passive_walker.gaits.circle import coefficients, inside
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.log_chart import logarithms
+from gym_passive_walker.gaits.passage import NoStride
 from gym_passive_walker.gaits.quantities import QUANTITIES, Graded, size_of
 from gym_passive_walker.gaits.sensitivity import (
     SLOPE,
@@ -41,6 +42,12 @@ class Judged(NamedTuple):
     gait: Sensitivity
     quantities: dict[str, Graded]
     cubic: tuple[NDArray[np.float64], NDArray[np.float64]] | None
+
+    @property
+    def complete(self) -> bool:
+        """Whether everything that was asked for has a value and derivatives."""
+        told = [*self.quantities.values(), *([self.cubic] if self.cubic else [])]
+        return all(np.isfinite(array).all() for pair in told for array in pair)
 
     def inside(self, radius: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Conditions that all multipliers lie inside a circle, positive if so.
@@ -100,7 +107,9 @@ class Candidates:
             try:
                 gait = self._followed(self._low + self._width * x)
                 judged = None if gait is None else self._judged(gait)
-            except (WalkerError, np.linalg.LinAlgError):
+            except (WalkerError, NoStride, np.linalg.LinAlgError):
+                judged = None
+            if judged is not None and not judged.complete:  # strides beside it fail
                 judged = None
             self._last = x.tobytes(), judged
         return self._last[1]

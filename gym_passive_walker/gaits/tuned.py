@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize
 from scipy.stats.qmc import Halton
 
-from gym_passive_walker.arguments import gait_kind, number, one_slope
+from gym_passive_walker.arguments import number, one_slope
 from gym_passive_walker.gaits.candidates import Candidates
-from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
+from gym_passive_walker.gaits.gait import Gait, GaitNotFound, measure
 from gym_passive_walker.gaits.remedies import patient
 from gym_passive_walker.gaits.search import glance, seek
 from gym_passive_walker.gaits.sensitivity import place_near
@@ -24,10 +24,8 @@ _SHARES = (0.05, 0.6)  # of a segment's length: where such designs are looked fo
 _LOOKS = 128  # designs looked at
 
 
-def tune_to_walk(
-    walker: Walker | str, slope: float, kind: GaitKind = "long", *, radius: float = 0.8
-) -> Gait:
-    """The nearest tuned walker that walks, stably, at a slope; as its gait.
+def tune_to_walk(walker: Walker | str, slope: float, *, radius: float = 0.8) -> Gait:
+    """The nearest tuned walker that walks, stably, at a slope; as its long-step gait.
 
     `tune` moves offsets alone, and what it makes of a walker that walks may have no gait. Here the
     centres of mass and the gyrations of thigh and shank change as well, as little as need be: by
@@ -37,36 +35,34 @@ def tune_to_walk(
     Args:
         walker: The walker, or a preset's name.
         slope: Slope in rad.
-        kind: Which gait, "long" or "short".
         radius: The largest modulus that a multiplier may have. Nearer to 1 the walk is lost by ever
             smaller changes of the design, which is hardly nearer for it; but at vanishing slopes
             every tuned walker needs that.
 
     Returns:
-        The gait; `gait.walker` is the design. It is nearest among those near it; the search begins
-        at the nearest of 128 designs that walk.
+        The gait; `gait.walker` is the design. It is nearest among those near it; the search, of
+        some seconds, begins at the nearest of 128 designs that walk so.
 
     Raises:
         GaitNotFound: if none of these walks.
         WalkerError: if the walker cannot be tuned.
     """
-    walker, slope, kind = as_walker(walker), one_slope(slope), gait_kind(kind)
+    walker, slope = as_walker(walker), one_slope(slope)
     radius = number(radius, "radius", above=0.0)
     tuned = tune(walker)
-    gait = seek(tuned, slope, kind).gait
+    gait = seek(tuned, slope).gait
     if gait is not None and np.abs(gait.multipliers[0]) <= radius:
         return gait
     say = patient(f"tuned, this walker does not walk so at slope {slope:g} rad")
-    start = _start(tuned, slope, kind, radius)
-    say("looking for the nearest tuned walker that does")
-    nearest = start and _nearest(start, tuned, radius)
-    if nearest is None:
+    start = _start(tuned, slope, radius)
+    if start is None:
         raise GaitNotFound(
-            f"no tuned walker near {describe(walker)} has a {kind}-step gait at slope {slope:g} "
+            f"no tuned walker near {describe(walker)} has a long-step gait at slope {slope:g} "
             f"rad with multipliers up to {radius:g}: none of {_LOOKS} with their segments' centres "
             "of mass and gyrations elsewhere; change lengths, masses or the foot, or the slope"
         )
-    return nearest
+    say("looking for the nearest tuned walker that does")
+    return _nearest(start, tuned, radius) or start
 
 
 def _place(walker: Walker) -> NDArray[np.float64]:
@@ -74,7 +70,7 @@ def _place(walker: Walker) -> NDArray[np.float64]:
     return np.array([getattr(walker, name) for name in _ALL])
 
 
-def _start(tuned: Walker, slope: float, kind: GaitKind, radius: float) -> Gait | None:
+def _start(tuned: Walker, slope: float, radius: float) -> Gait | None:
     """The gait of a tuned walker, the nearest of many that walk."""
     if tuned.massless_legs:  # nothing to move
         return None
@@ -86,7 +82,7 @@ def _start(tuned: Walker, slope: float, kind: GaitKind, radius: float) -> Gait |
     ]
     walkers.sort(key=lambda walker: float(np.linalg.norm(_place(walker) - _place(tuned))))
     for walker in walkers:
-        gait = glance(walker, slope, kind)
+        gait = glance(walker, slope, "long")
         if gait is not None and np.abs(gait.multipliers[0]) <= radius:
             return gait
     return None
