@@ -10,6 +10,7 @@ from gym_passive_walker.gaits.bifurcation import (
     bifurcation_diagram,
     crisis_slope,
 )
+from gym_passive_walker.gaits.design import Design, optimise_walker
 from gym_passive_walker.gaits.doubling import Cascade, doubling_cascade
 from gym_passive_walker.gaits.family import GaitFamily, gait_family, parameter_family
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
@@ -32,6 +33,7 @@ from gym_passive_walker.gaits.scaling import (
 from gym_passive_walker.gaits.series import Extreme
 from gym_passive_walker.gaits.stability import stride_jacobian
 from gym_passive_walker.gaits.stride import Stride, stride
+from gym_passive_walker.gaits.tuned import tune_to_walk
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.policies import PolicyError, TrainedPolicy, load_policy
 from gym_passive_walker.walkers import (
@@ -53,6 +55,7 @@ __all__ = [
     "BifurcationDiagram",
     "Cascade",
     "ClosedLoopGait",
+    "Design",
     "Extreme",
     "FootVelocity",
     "Gait",
@@ -92,12 +95,14 @@ __all__ = [
     "measures",
     "optimal_gait",
     "optimal_gaits",
+    "optimise_walker",
     "parameter_family",
     "reality_check",
     "stride",
     "stride_jacobian",
     "transition_slope",
     "tune",
+    "tune_to_walk",
     "tuning_errors",
 ]
 

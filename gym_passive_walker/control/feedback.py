@@ -16,6 +16,7 @@ from scipy.linalg import solve_discrete_are
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.gaits.newton import fixed_point
+from gym_passive_walker.gaits.search import seek
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker
@@ -51,10 +52,10 @@ def powered_gait(walker: Walker, slope: float) -> PoweredGait:
     Raises:
         GaitNotFound: if the walker has no passive gait to begin with, or loses it on the way.
     """
-    try:
-        return PoweredGait(find_gait(walker, slope).state, 0.0)
-    except GaitNotFound:
-        gait = find_gait(walker, _REFERENCE_SLOPE)
+    passive = seek(walker, slope).gait
+    if passive is not None:
+        return PoweredGait(passive.state, 0.0)
+    gait = find_gait(walker, _REFERENCE_SLOPE)
     if walker.massless_legs:
         raise GaitNotFound("no torque drives the simplest walker: its legs have no mass to work on")
     # A stride turns the legs by four times the stance angle against each other.

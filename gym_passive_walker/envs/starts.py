@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.envs.scene import SCENES, Scene, SceneError, make_scene
-from gym_passive_walker.gaits.fixed_point import find_gait
-from gym_passive_walker.gaits.gait import GaitNotFound
+from gym_passive_walker.gaits.search import seek
 from gym_passive_walker.walkers import WALKERS, Walker, WalkerError
 
 REFERENCE_SLOPES = (0.01, 0.02, 0.036, 0.06, 0.09, 0.005, 0.0025)
@@ -72,11 +71,8 @@ def searched_gait(walker: Walker, slope: float, guess: State | None = None) -> S
     """
     units = np.array([1.0, 1.0, 1.0, *[walker.time_unit] * 3])
     for start in (None,) if guess is None else (np.array(guess) / units, None):
-        try:
-            gait = find_gait(walker, slope, kind="long", guess=start)
-        except GaitNotFound:
-            continue
-        if gait.kind == "long":
+        gait = seek(walker, slope, guess=start).gait
+        if gait is not None and gait.kind == "long":
             return tuple((gait.state * units).tolist())
     return None
 

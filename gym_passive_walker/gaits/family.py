@@ -11,9 +11,10 @@ from gym_passive_walker.arguments import gait_kind, number, one_slope
 from gym_passive_walker.gaits.continuation import follow
 from gym_passive_walker.gaits.curve import Axis, Curve, Point, locate
 from gym_passive_walker.gaits.ends import BOUND, STANCE_STOPS, End, margins
-from gym_passive_walker.gaits.fixed_point import find_gait, glance
+from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.log_chart import logarithms
+from gym_passive_walker.gaits.search import glance, seek
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import PARAMETERS, Walker, WalkerError, as_walker, describe
@@ -144,14 +145,14 @@ def _halts(
 
 def _some_gait(walker: Walker, slopes: NDArray, kind: GaitKind) -> Gait:
     """The gait at the lowest of some slopes that has one; searched thoroughly only if need be."""
-    for search, some in ((glance, slopes), (find_gait, slopes[::4])):
-        for slope in some:
-            try:
-                gait = search(walker, float(slope), kind)
-            except GaitNotFound:
-                continue
-            if gait is not None:
-                return gait
+    for slope in slopes.tolist():
+        gait = glance(walker, slope, kind)
+        if gait is not None:
+            return gait
+    for slope in slopes[::4].tolist():
+        gait = seek(walker, slope, kind).gait
+        if gait is not None:
+            return gait
     raise GaitNotFound(
         f"no {kind}-step gait of {describe(walker)} at any of {len(slopes)} slopes from "
         f"{min(slopes):.3g} to {max(slopes):.3g} rad"

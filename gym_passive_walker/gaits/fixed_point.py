@@ -1,176 +1,15 @@
-"""Gaits: fixed points of the stride map, found without a guess.
-
-Many starts are followed as lanes; the most promising go on to Newton's method with the exact
-derivative, a batch at a time, the next batch away from the gaits already found.
-"""
+"""Gaits: fixed points of the stride map, found without a guess, or a sentence on why not."""
 
 from __future__ import annotations
 
-import math
-from collections import Counter
-from collections.abc import Callable
+from numpy.typing import ArrayLike
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-from gym_passive_walker.arguments import check_state, gait_kind, one_slope, whole
-from gym_passive_walker.gaits.equations import gait_equations
-from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
-from gym_passive_walker.gaits.log_chart import from_logarithms, logarithms
-from gym_passive_walker.gaits.newton import newton
-from gym_passive_walker.gaits.starts import returns, starts
+from gym_passive_walker.arguments import gait_kind, one_slope, whole
+from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound
+from gym_passive_walker.gaits.remedies import remedies
+from gym_passive_walker.gaits.search import ACCURACY, begin, search, seek
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.walkers import Walker, as_walker, describe
-
-_BATCHES = (12, 24, 96)  # promising starts tried by Newton's method, as long as need be
-_APART = 0.03  # starts closer than this are tried once
-_LOOKS = 64  # at the swing leg during a stride
-_LARGEST = 1.4  # stance angle of a gait, in rad
-_ROUGHLY, _FINELY = 1e-6, 1e-14  # tolerances
-
-
-def _distinct(u: NDArray, others: list[NDArray], apart: float) -> NDArray:
-    """Points that differ from others, and from all before them, by more than a distance."""
-    kept: list[NDArray] = []
-    for point in u:
-        if all(np.abs(point - other).max() > apart for other in kept + others):
-            kept.append(point)
-    return np.array(kept).reshape(-1, u.shape[1])
-
-
-class _Starts:
-    """Starts of a search, handed out the most promising first.
-
-    A start promises the more the less its strides move it, and what counts is that movement over
-    its distance from the gaits already found: near one of those every start moves little.
-    """
-
-    def __init__(self, u: NDArray, end: NDArray) -> None:
-        self.u, self.score = u, np.abs(end - u).max(axis=1)
-        self.left = np.ones(len(u), bool)
-
-    def avoid(self, point: NDArray) -> None:
-        """Turn away from a gait."""
-        distance = np.abs(self.u - point).max(axis=1)
-        self.score = self.score / np.clip(distance, 1e-6, 1.0)
-
-    def best(self, count: int) -> NDArray:
-        """The next starts, each apart from the others."""
-        chosen = []
-        while len(chosen) < count and np.any(self.left):
-            i = np.argmin(np.where(self.left, self.score, np.inf))
-            chosen.append(self.u[i])
-            self.left &= np.abs(self.u - self.u[i]).max(axis=1) > _APART
-        return np.array(chosen).reshape(-1, self.u.shape[1])
-
-
-def _search(
-    stride_map: StrideMap,
-    slope: float,
-    u: NDArray,
-    period: int,
-    enough: Callable[[list[Gait]], bool],
-    batches: tuple[int, ...] = _BATCHES,
-) -> tuple[list[Gait], Counter]:
-    """Gaits that Newton's method reaches from some starts; and how the starts' strides ended."""
-    gaits: list[Gait] = []
-    found: list[NDArray] = []
-    roughly, finely = stride_map.with_tolerance(_ROUGHLY), stride_map.with_tolerance(_FINELY)
-
-    def solutions(followed: StrideMap, guesses: NDArray, accuracy: float, limit: float) -> NDArray:
-        def equations(u: NDArray) -> tuple[NDArray, NDArray]:
-            sane = np.where(u[:, :1] < math.log(_LARGEST), u, np.nan)
-            gait = gait_equations(followed, sane, slope, period=period)
-            return gait.values, gait.derivatives
-
-        solved = newton(equations, guesses, accuracy=accuracy)
-        return solved.points[solved.sizes < limit]
-
-    first = roughly.apply(from_logarithms(u), slope, strides=period)
-    ends = Counter({Outcome(i).name: n for i, n in enumerate(np.bincount(first.outcomes)) if n})
-    candidates = _Starts(u[first.alive], logarithms(first.ends[first.alive]))
-    for batch in batches:
-        chosen = candidates.best(batch)
-        if len(chosen) == 0:
-            break
-        rough = _distinct(solutions(roughly, chosen, 1e-5, 1e-5), found, 1e-3)
-        for point in _distinct(solutions(finely, rough, 1e-15, 1e-9), found, 1e-6):
-            if any(np.abs(point - other).max() < 1e-6 for other in found):
-                continue  # another stride of a gait found in this batch
-            orbit = _orbit(stride_map, point, slope, period)
-            if len(orbit) == period and _human(roughly, point, slope):
-                gaits.append(measure(stride_map, point, slope, period))
-            for stride in orbit:
-                found.append(stride)
-                candidates.avoid(stride)
-        if enough(gaits):
-            break
-    gaits.sort(key=lambda gait: -gait.stance_angle)
-    return gaits, ends
-
-
-def _orbit(stride_map: StrideMap, u: NDArray, slope: float, period: int) -> list[NDArray]:
-    """The points that a gait passes through, from one of them on until it repeats."""
-    orbit = [u]
-    while len(orbit) < period:
-        end = logarithms(stride_map.apply(from_logarithms(orbit[-1][None]), slope).ends)[0]
-        if period % len(orbit) == 0 and np.abs(end - u).max() < 1e-7:
-            break
-        orbit.append(end)
-    return orbit
-
-
-def _human(stride_map: StrideMap, u: NDArray, slope: float) -> bool:
-    """Whether the swing leg swings forward once: no walk of several swings a step."""
-    point, walker = from_logarithms(u[None]), stride_map.walker
-    duration = stride_map.apply(point, slope).durations
-    times = duration[:, None] * np.linspace(0.0, 1.0 - 1e-4, _LOOKS)
-    rates = stride_map.sample(point, slope, times).states[0, :, 3:]
-    forward = walker.thigh_length * rates[:, 1] + walker.shank_length * rates[:, 2]
-    swings = np.count_nonzero(np.diff(forward > 0.0, prepend=False) & (forward > 0.0))
-    return swings == 1
-
-
-def _begin(
-    walker: Walker | str, slope: float, period: int, guess: ArrayLike | None
-) -> tuple[StrideMap, float, NDArray, int]:
-    """The arguments of a search, checked, and its starts."""
-    stride_map = StrideMap.of(walker, tolerance=1e-12)
-    slope, period = one_slope(slope), whole(period, "period")
-    return stride_map, slope, _starts(stride_map, slope, period, guess), period
-
-
-def _starts(
-    stride_map: StrideMap, slope: float, period: int = 1, guess: ArrayLike | None = None
-) -> NDArray:
-    """Where a search begins: at a guess, or where gaits of this period may be."""
-    if guess is not None:
-        states = np.atleast_2d(check_state(guess))
-        if np.any(states[:, 0] <= 0.0):
-            raise ValueError("a guess must be a section state: its stance angle is positive")
-        return logarithms(stride_map.points_at(states))
-    if slope <= 0.0:
-        return np.empty((0, stride_map.dimension))
-    u = starts(stride_map, slope)
-    if period == 1:
-        return u
-    gaits, _ = _search(stride_map, slope, u, 1, lambda gaits: len(gaits) >= 2)
-    if not gaits:
-        return u
-    points = stride_map.points_at([gait.state for gait in gaits])
-    return np.concatenate([returns(stride_map, slope, logarithms(points)), u])
-
-
-def glance(walker: Walker, slope: float, kind: GaitKind) -> Gait | None:
-    """A gait of a kind if a quick search finds one: for looking over many slopes."""
-
-    def enough(gaits: list[Gait]) -> bool:
-        return any(gait.kind == kind for gait in gaits)
-
-    stride_map = StrideMap.of(walker, tolerance=1e-12)
-    gaits, _ = _search(stride_map, slope, _starts(stride_map, slope), 1, enough, _BATCHES[:1])
-    return next((gait for gait in gaits if gait.kind == kind), None)
 
 
 def find_gaits(
@@ -187,8 +26,10 @@ def find_gaits(
     Returns:
         Zero, one or two gaits for walkers like the published ones.
     """
-    search = _begin(walker, slope, period, guess)
-    return _search(*search, lambda gaits: len(gaits) >= 2)[0]
+    stride_map = StrideMap.of(walker, tolerance=ACCURACY)
+    slope, period = one_slope(slope), whole(period, "period")
+    starts = begin(stride_map, slope, period, guess)
+    return search(stride_map, slope, starts, period, lambda gaits: len(gaits) >= 2)[0]
 
 
 def find_gait(
@@ -214,26 +55,22 @@ def find_gait(
         The gait, its state exact to about 1e-12 relative.
 
     Raises:
-        GaitNotFound: if there is none; the message says what was tried and how it ended.
+        GaitNotFound: if there is none. The message says what was tried, how it ended and what would
+            help: the nearest slope with such a gait, or a walker alike that has one here; and the
+            exception has both as `slope` and `walker`. To look for them may take some seconds.
     """
-    kind = gait_kind(kind)
-    search = _begin(walker, slope, period, guess)
-
-    def wanted(gaits: list[Gait]) -> list[Gait]:
-        return [gait for gait in gaits if guess is not None or period > 1 or gait.kind == kind]
-
-    def enough(gaits: list[Gait]) -> bool:
-        return any(guess is not None or gait.beyond_fold == (kind == "short") for gait in gaits)
-
-    gaits, ends = _search(*search, lambda gaits: enough(wanted(gaits)))
-    if wanted(gaits):
-        return wanted(gaits)[0 if kind == "long" else -1]
+    walker, slope = as_walker(walker), one_slope(slope)
+    kind, period = gait_kind(kind), whole(period, "period")
+    gait, gaits, ends = seek(walker, slope, kind, period=period, guess=guess)
+    if gait is not None:
+        return gait
     tried = ", ".join(f"{count} {name}" for name, count in ends.most_common()) or "none"
     others = f"; only a {gaits[0].kind}-step gait was found" if gaits else ""
+    remedy = remedies(walker, slope, kind, period, guessed=guess is not None)
     raise GaitNotFound(
-        f"no {kind}-step gait of period {period} for {describe(as_walker(walker))} at slope "
-        f"{slope} rad{others}. "
-        f"First strides of the {sum(ends.values())} starts ended so: {tried}. "
-        "A passive gait needs a downhill slope that suits the walker; `gait_family` shows where "
-        "its gaits begin and end, and `guess=` starts the search from a state of your own."
+        f"no {kind}-step gait of period {period} for {describe(walker)} at slope {slope} rad"
+        f"{others}. First strides of the {sum(ends.values())} starts ended so: {tried}. "
+        f"{remedy.sentence}",
+        slope=remedy.slope,
+        walker=remedy.walker,
     )

@@ -22,7 +22,18 @@ _EXACT = 1e-13  # tolerance with which gaits are measured
 
 
 class GaitNotFound(Exception):
-    """No such gait; the message says for which walker and slope, and what was tried."""
+    """No such gait; the message says for whom, where, what was tried and what would help.
+
+    Attributes:
+        slope: A slope in rad near the one asked for at which there is one; None if none is known.
+        walker: A walker near the one asked for that has one; None if none is known.
+    """
+
+    def __init__(
+        self, message: str, *, slope: float | None = None, walker: Walker | None = None
+    ) -> None:
+        super().__init__(message)
+        self.slope, self.walker = slope, walker
 
 
 @dataclass(frozen=True)

@@ -64,6 +64,10 @@ def tune(walker: Walker | str) -> Walker:
     mass goes under the knee, then the thigh's goes where it brings the whole body's onto the line
     from hip to foot centre. A straight-legged walker is given the same offsets as its kneed twin.
 
+    The conditions are necessary for walking at vanishing slopes, not sufficient for walking at any:
+    a walker that walks may be tuned into one that does not. So it is with the laboratory's, whose
+    gyrations would have to change as well. `tune_to_walk` gives the nearest tuned one that walks.
+
     Raises:
         WalkerError: if the thigh has no mass to balance an angled foot with.
     """

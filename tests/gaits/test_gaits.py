@@ -1,5 +1,6 @@
 """Every gait is found without a guess, exact, and known from the literature where it is known."""
 
+import pickle
 from dataclasses import asdict, replace
 
 import numpy as np
@@ -235,6 +236,59 @@ def test_a_gait_that_is_not_there_says_what_was_tried():
     assert "starts ended so" in message and "HEELSTRIKE" in message
 
 
+def missed(walker, slope, kind="long", **arguments):
+    """What is said of a gait that is not there."""
+    with pytest.raises(GaitNotFound) as caught:
+        find_gait(walker, slope, kind, **arguments)
+    return caught.value
+
+
+def test_where_there_is_no_gait_the_nearest_slope_with_one_is_a_fold_of_its_family():
+    for slope in (0.001, 0.015):
+        near = missed("lab", slope)
+        assert near.slope == pytest.approx(0.0191229, rel=1e-3)
+        assert "nearest slope found that has one is 0.01912" in str(near)
+        assert find_gait("lab", near.slope).slope == near.slope
+    # From steeper ground the gaits beyond the gap are the nearer ones.
+    assert missed("lab", 0.1).slope == pytest.approx(0.16372248, rel=1e-3)
+
+
+def test_where_there_is_no_gait_the_nearest_walker_that_has_one_stands_on_the_way_from_a_preset():
+    missing = missed(tune("lab"), 0.036)
+    assert missing.walker != tune("lab")
+    assert find_gait(missing.walker, 0.036).kind == "long"
+    # Tuning undoes it: that is how this walker came to be.
+    assert "up to 22 % of the way have one, and `tune` would lose it there" in str(missing)
+    assert "tuned by `tune` it" not in str(missing)  # it is tuned
+    assert "tuned by `tune` it has none either" in str(missed("lab", 0.1))
+    assert pickle.loads(pickle.dumps(missing)).walker == missing.walker
+
+
+def test_a_walker_of_another_size_gets_the_same_advice():
+    giant = replace(
+        tune("lab"),
+        **{
+            name: 10.0 * value
+            for name, value in asdict(tune("lab")).items()
+            if name.endswith(("length", "offset", "gyration", "com", "radius", "mass"))
+        },
+    )
+    small, large = missed(tune("lab"), 0.036), missed(giant, 0.036)
+    assert large.slope == pytest.approx(small.slope, rel=1e-9)
+    assert large.walker.thigh_gyration == pytest.approx(10.0 * small.walker.thigh_gyration)
+
+
+def test_a_guess_in_vain_is_told_to_do_without():
+    far = missed("lab", 0.036, guess=[0.6, -0.6, -0.6, -3.0, -3.0, -3.0])
+    assert "Without `guess=` the search begins at starts of its own" in str(far)
+
+
+def test_a_long_search_says_on_stderr_what_it_does(capsys, monkeypatch):
+    monkeypatch.setattr("gym_passive_walker.gaits.remedies._PATIENCE", 0.0)
+    missed("lab", 0.001)
+    assert "looking for the nearest slope" in capsys.readouterr().err
+
+
 def test_a_missing_kind_says_which_gait_there_is():
     with pytest.raises(GaitNotFound, match="only a long-step gait was found"):
         find_gait("lab", 0.03, "short")
@@ -243,8 +297,8 @@ def test_a_missing_kind_says_which_gait_there_is():
 @pytest.mark.parametrize("slope", [0.0, -0.01])
 def test_no_passive_gait_walks_on_the_level_or_uphill(slope):
     assert find_gaits("E", slope) == []
-    with pytest.raises(GaitNotFound):
-        find_gait("E", slope)
+    # The nearest ground on which it walks is gentle and goes down.
+    assert 0.0 < missed("E", slope).slope < 0.001
 
 
 @pytest.mark.parametrize(

@@ -1,15 +1,19 @@
 """Walkers that can walk at vanishing slopes (Fig. 4.7), and what de-tuning does (Fig. 4.8)."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from gym_passive_walker import (
     WALKERS,
     GaitNotFound,
+    Walker,
     blend,
     find_gait,
     gait_family,
     tune,
+    tune_to_walk,
     tuning_errors,
 )
 from gym_passive_walker.gaits.ends import KNEE_MEETS_HEEL, TANGENTIAL
@@ -49,6 +53,42 @@ def test_a_tuned_walker_takes_longer_steps_than_an_untuned_one():
             a, b = find_gait(tune(WALKERS[tuned]), slope), find_gait(untuned, slope)
             assert a.stance_angle > b.stance_angle
             assert a.froude_speed > b.froude_speed
+
+
+HEAVY = Walker(
+    thigh_length=0.40, thigh_mass=5.0, thigh_com=0.2, thigh_gyration=0.1,
+    shank_length=0.45, shank_mass=3.0, shank_com=0.2, shank_gyration=0.15,
+    hip_mass=10.0, foot_radius=0.15, foot_angle=0.15,
+)  # fmt: skip
+SPREAD = ("thigh_com", "thigh_gyration", "shank_com", "shank_gyration")
+
+
+@pytest.mark.parametrize(("walker", "slope"), [(LAB, 0.036), (HEAVY, 0.03)], ids=["lab", "heavy"])
+def test_a_walker_that_tuning_would_stop_is_tuned_so_that_it_walks(walker, slope):
+    assert find_gait(walker, slope).stable
+    with pytest.raises(GaitNotFound):
+        find_gait(tune(walker), slope)
+    gait = tune_to_walk(walker, slope)
+    assert np.abs(tuning_errors(gait.walker)).max() < 1e-15
+    assert np.abs(gait.multipliers[0]) == pytest.approx(0.8, rel=1e-5)
+    assert find_gait(gait.walker, slope).stance_angle == pytest.approx(gait.stance_angle, rel=1e-9)
+    # Nothing else than how mass is spread over thigh and shank has changed.
+    offsets = {name: getattr(walker, name) for name in ("thigh_offset", "shank_offset")}
+    kept = {name: getattr(walker, name) for name in SPREAD}
+    assert replace(gait.walker, **kept, **offsets) == walker
+    # Nearer to what `tune` alone gives, the walk is not as stable.
+    nearer = tune(blend(gait.walker, tune(walker), 3e-4))
+    assert np.abs(find_gait(nearer, slope, guess=gait.state).multipliers[0]) > 0.801
+
+
+def test_a_tuned_walker_that_walks_needs_no_more():
+    for name, slope in (("A", 0.02), ("lab-straight", 0.03), ("D", 0.009)):
+        assert tune_to_walk(name, slope).walker == tune(WALKERS[name])
+
+
+def test_where_no_tuned_walker_walks_it_is_said():
+    with pytest.raises(GaitNotFound, match="no tuned walker near walker 'lab'"):
+        tune_to_walk("lab", -0.01)
 
 
 def merged(fraction):

@@ -1,0 +1,200 @@
+"""Design by gradient: walkers that do something best, of all within bounds.
+
+Every walker tried is judged by its gait and the gait's derivatives (see `candidates`); SciPy's
+SLSQP (D. Kraft, 1988) chooses the next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker.arguments import gait_kind, number, one_slope, whole
+from gym_passive_walker.gaits.candidates import Candidates, Judged
+from gym_passive_walker.gaits.circle import spectral_radius
+from gym_passive_walker.gaits.fixed_point import find_gait
+from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
+from gym_passive_walker.gaits.programme import Programme
+from gym_passive_walker.gaits.quantities import QUANTITIES, SPECTRAL_RADIUS
+from gym_passive_walker.gaits.sensitivity import SLOPE
+from gym_passive_walker.walkers import PARAMETERS, Walker, as_walker, describe
+
+Range = float | tuple[float | None, float | None]
+"""What a quantity has to be: a value, or one from low to high, either of them None."""
+
+_MET = 1e-6  # by what share of its size a constraint may be missed
+_OF_THE_SIMPLEST = (SLOPE, "thigh_length", "shank_length", "hip_mass", "gravity")
+
+
+@dataclass(frozen=True)
+class Design:
+    """A walker that does something best.
+
+    Attributes:
+        objective: What was made best.
+        before: The gait that the search began with.
+        after: The gait of the walker found.
+        values: The objective and whatever was constrained, before and after, by name.
+        tried: Walkers tried.
+        converged: Whether no direction is better where the search ended. Otherwise it was given
+            up, or stands at an edge beyond which there is no gait.
+        message: What SciPy says of how it ended.
+    """
+
+    objective: str
+    before: Gait
+    after: Gait
+    values: dict[str, tuple[float, float]]
+    tried: int
+    converged: bool
+    message: str
+
+    @property
+    def walker(self) -> Walker:
+        """The walker found."""
+        return self.after.walker
+
+
+def optimise_walker(
+    walker: Walker | str,
+    objective: str,
+    parameters: Sequence[str],
+    bounds: Sequence[tuple[float, float]],
+    *,
+    slope: float,
+    kind: GaitKind = "long",
+    constraints: Mapping[str, Range] | None = None,
+    maximise: bool = False,
+    iterations: int = 200,
+) -> Design:
+    """The walker, within bounds, whose gait does something best.
+
+    The optimum is a local one, reached from the walker's own gait by its exact derivatives.
+
+    Args:
+        walker: The walker to begin with, or a preset's name.
+        objective: What is to be least: "cost_of_transport", "slope", "speed", "froude_speed",
+            "step_length", "step_period", "stance_angle" as of `Gait`; "leg_length", "total_mass" as
+            of `Walker`; "clearance", the least height of the passing swing foot as of
+            `RealityCheck`; "knee_margin", the time from kneestrike to heelstrike over the stride's;
+            or "spectral_radius", the modulus of the largest multiplier.
+        parameters: What may change: "slope", and numerical parameters of `Walker`.
+        bounds: Lowest and highest value of each of them, in the walker's own units.
+        slope: Slope in rad; if it may change, that to begin with.
+        kind: Which gait, "long" or "short".
+        constraints: For any of the objectives a value, or lowest and highest value of which one
+            may be None. The spectral radius has a highest value only.
+        maximise: Whether the objective is to be greatest instead.
+        iterations: Most iterations of SLSQP.
+
+    Returns:
+        The design; its gait meets the constraints to a millionth.
+
+    Raises:
+        GaitNotFound: if the walker has no such gait to begin with, or the constraints are not met
+            where the search ends.
+        ValueError: if an argument is none of those above.
+    """
+    walker, slope = as_walker(walker), one_slope(slope)
+    ranges = _ranges(constraints or {})
+    box = _box(walker, slope, parameters, bounds)
+    _known(objective)
+    if objective == SPECTRAL_RADIUS and (maximise or SPECTRAL_RADIUS in ranges):
+        raise ValueError("a spectral radius is made least without a bound: maximise something else")
+    names = {objective, *ranges}
+    if "knee_margin" in names and not walker.knees:
+        raise ValueError("knee_margin is of walkers with knees, and this one has none")
+    iterations = whole(iterations, "iterations")
+    before = find_gait(walker, slope, gait_kind(kind))
+    candidates = Candidates(
+        before,
+        parameters,
+        box,
+        sorted(names - {SPECTRAL_RADIUS}),
+        multipliers=SPECTRAL_RADIUS in names,
+    )
+    programme = Programme(candidates, objective, -1.0 if maximise else 1.0, ranges)
+    first = candidates.at(candidates.first)
+    found = programme.solve(iterations)
+    missed = programme.missed(found.x)
+    last = candidates.at(found.x[: len(parameters)])
+    if last is None or not missed < _MET:
+        raise GaitNotFound(
+            f"no walker like {describe(walker)} with {', '.join(parameters)} in these bounds meets "
+            f"the constraints: the search ended {missed:.1e} of their size from it "
+            f"({found.message}); widen the bounds, or begin with a walker that is nearer to it"
+        )
+    place = last.gait.place
+    return Design(
+        objective=objective,
+        before=before,
+        after=measure(place.stride_map, place.u, place.slope, 1),
+        values={name: (_value(first, name), _value(last, name)) for name in sorted(names)},
+        tried=candidates.tried,
+        converged=bool(found.success),
+        message=str(found.message),
+    )
+
+
+def _value(judged: Judged | None, name: str) -> float:
+    """One of a candidate's quantities."""
+    if judged is None:
+        return np.nan
+    if name == SPECTRAL_RADIUS:
+        return spectral_radius(judged.gait.map)
+    return float(judged.quantities[name][0])
+
+
+def _known(name: str) -> None:
+    """Refuse what is no quantity."""
+    if name != SPECTRAL_RADIUS and name not in QUANTITIES:
+        raise ValueError(
+            f"no quantity {name!r} to design by: choose from {SPECTRAL_RADIUS}, "
+            f"{', '.join(QUANTITIES)}"
+        )
+
+
+def _ranges(constraints: Mapping[str, Range]) -> dict[str, tuple[float | None, float | None]]:
+    """Lowest and highest values, checked."""
+    ranges = {}
+    for name, allowed in constraints.items():
+        _known(name)
+        low, high = allowed if isinstance(allowed, tuple | list) else (allowed, allowed)
+        low, high = (x if x is None else number(x, name) for x in (low, high))
+        if name == SPECTRAL_RADIUS and (high is None or low is not None):
+            raise ValueError("spectral_radius has a highest value only: give it as (None, 0.9)")
+        if low is None and high is None:
+            raise ValueError(f"{name} needs a value, or a lowest and a highest one")
+        if low is not None and high is not None and low > high:
+            raise ValueError(f"{name} cannot lie from {low:g} to {high:g}: give the lowest first")
+        ranges[name] = low, high
+    return ranges
+
+
+def _box(
+    walker: Walker, slope: float, parameters: Sequence[str], bounds: Sequence[tuple[float, float]]
+) -> NDArray[np.float64]:
+    """Bounds of the parameters, checked, (k, 2)."""
+    allowed = _OF_THE_SIMPLEST if walker.massless_legs else (SLOPE, *PARAMETERS)
+    if isinstance(parameters, str) or not parameters or len(set(parameters)) < len(parameters):
+        raise ValueError(f"parameters must be different names, a list of them, not {parameters!r}")
+    for name in parameters:
+        if name not in allowed:
+            raise ValueError(
+                f"cannot vary {name!r} of this walker: choose from {', '.join(allowed)}"
+            )
+    if len(bounds) != len(parameters):
+        raise ValueError(f"give a pair of bounds for each of the {len(parameters)} parameters")
+    box = []
+    for name, (low, high) in zip(parameters, bounds, strict=True):
+        here = slope if name == SLOPE else getattr(walker, name)
+        low, high = number(low, f"lowest {name}"), number(high, f"highest {name}")
+        if not (-np.inf < low < high < np.inf and low <= here <= high):
+            raise ValueError(
+                f"{name} is {here:g} to begin with: give finite bounds low <= {here:g} <= high"
+            )
+        box.append((low, high))
+    return np.array(box)

@@ -1,0 +1,216 @@
+"""The search for gaits without a guess: fixed points of the stride map.
+
+Many starts are followed as lanes; the most promising go on to Newton's method with the exact
+derivative, a batch at a time, the next batch away from the gaits already found.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gym_passive_walker.arguments import check_state
+from gym_passive_walker.gaits.equations import gait_equations
+from gym_passive_walker.gaits.gait import Gait, GaitKind, measure
+from gym_passive_walker.gaits.log_chart import from_logarithms, logarithms
+from gym_passive_walker.gaits.newton import newton
+from gym_passive_walker.gaits.starts import returns, starts
+from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.walkers import Walker
+
+ACCURACY = 1e-12
+"""Tolerance of the strides by which gaits are told apart."""
+
+_BATCHES = (12, 24, 96)  # promising starts tried by Newton's method, as long as need be
+_APART = 0.03  # starts closer than this are tried once
+_LOOKS = 64  # at the swing leg during a stride
+_LARGEST = 1.4  # stance angle of a gait, in rad
+_ROUGHLY, _FINELY = 1e-6, 1e-14  # tolerances
+
+
+def _distinct(u: NDArray, others: list[NDArray], apart: float) -> NDArray:
+    """Points that differ from others, and from all before them, by more than a distance."""
+    kept: list[NDArray] = []
+    for point in u:
+        if all(np.abs(point - other).max() > apart for other in kept + others):
+            kept.append(point)
+    return np.array(kept).reshape(-1, u.shape[1])
+
+
+class _Starts:
+    """Starts of a search, handed out the most promising first.
+
+    A start promises the more the less its strides move it, and what counts is that movement over
+    its distance from the gaits already found: near one of those every start moves little.
+    """
+
+    def __init__(self, u: NDArray, end: NDArray) -> None:
+        self.u, self.score = u, np.abs(end - u).max(axis=1)
+        self.left = np.ones(len(u), bool)
+
+    def avoid(self, point: NDArray) -> None:
+        """Turn away from a gait."""
+        distance = np.abs(self.u - point).max(axis=1)
+        self.score = self.score / np.clip(distance, 1e-6, 1.0)
+
+    def best(self, count: int) -> NDArray:
+        """The next starts, each apart from the others."""
+        chosen = []
+        while len(chosen) < count and np.any(self.left):
+            i = np.argmin(np.where(self.left, self.score, np.inf))
+            chosen.append(self.u[i])
+            self.left &= np.abs(self.u - self.u[i]).max(axis=1) > _APART
+        return np.array(chosen).reshape(-1, self.u.shape[1])
+
+
+def search(
+    stride_map: StrideMap,
+    slope: float,
+    u: NDArray,
+    period: int,
+    enough: Callable[[list[Gait]], bool],
+    batches: tuple[int, ...] = _BATCHES,
+) -> tuple[list[Gait], Counter]:
+    """Gaits that Newton's method reaches from some starts; and how the starts' strides ended.
+
+    Args:
+        stride_map: Of one walker.
+        slope: Slope in rad.
+        u: Starts in logarithmic coordinates, (n, m).
+        period: Strides until a gait repeats.
+        enough: Whether the gaits found are all that is wanted.
+        batches: Starts tried by Newton's method, as long as it is not enough.
+    """
+    gaits: list[Gait] = []
+    found: list[NDArray] = []
+    roughly, finely = stride_map.with_tolerance(_ROUGHLY), stride_map.with_tolerance(_FINELY)
+
+    def solutions(followed: StrideMap, guesses: NDArray, accuracy: float, limit: float) -> NDArray:
+        def equations(u: NDArray) -> tuple[NDArray, NDArray]:
+            sane = np.where(u[:, :1] < math.log(_LARGEST), u, np.nan)
+            gait = gait_equations(followed, sane, slope, period=period)
+            return gait.values, gait.derivatives
+
+        solved = newton(equations, guesses, accuracy=accuracy)
+        return solved.points[solved.sizes < limit]
+
+    first = roughly.apply(from_logarithms(u), slope, strides=period)
+    ends = Counter({Outcome(i).name: n for i, n in enumerate(np.bincount(first.outcomes)) if n})
+    candidates = _Starts(u[first.alive], logarithms(first.ends[first.alive]))
+    for batch in batches:
+        chosen = candidates.best(batch)
+        if len(chosen) == 0:
+            break
+        rough = _distinct(solutions(roughly, chosen, 1e-5, 1e-5), found, 1e-3)
+        for point in _distinct(solutions(finely, rough, 1e-15, 1e-9), found, 1e-6):
+            if any(np.abs(point - other).max() < 1e-6 for other in found):
+                continue  # another stride of a gait found in this batch
+            orbit = _orbit(stride_map, point, slope, period)
+            if len(orbit) == period and _human(roughly, point, slope):
+                gaits.append(measure(stride_map, point, slope, period))
+            for stride in orbit:
+                found.append(stride)
+                candidates.avoid(stride)
+        if enough(gaits):
+            break
+    gaits.sort(key=lambda gait: -gait.stance_angle)
+    return gaits, ends
+
+
+def _orbit(stride_map: StrideMap, u: NDArray, slope: float, period: int) -> list[NDArray]:
+    """The points that a gait passes through, from one of them on until it repeats."""
+    orbit = [u]
+    while len(orbit) < period:
+        end = logarithms(stride_map.apply(from_logarithms(orbit[-1][None]), slope).ends)[0]
+        if period % len(orbit) == 0 and np.abs(end - u).max() < 1e-7:
+            break
+        orbit.append(end)
+    return orbit
+
+
+def _human(stride_map: StrideMap, u: NDArray, slope: float) -> bool:
+    """Whether the swing leg swings forward once: no walk of several swings a step."""
+    point, walker = from_logarithms(u[None]), stride_map.walker
+    duration = stride_map.apply(point, slope).durations
+    times = duration[:, None] * np.linspace(0.0, 1.0 - 1e-4, _LOOKS)
+    rates = stride_map.sample(point, slope, times).states[0, :, 3:]
+    forward = walker.thigh_length * rates[:, 1] + walker.shank_length * rates[:, 2]
+    swings = np.count_nonzero(np.diff(forward > 0.0, prepend=False) & (forward > 0.0))
+    return swings == 1
+
+
+def begin(
+    stride_map: StrideMap, slope: float, period: int = 1, guess: ArrayLike | None = None
+) -> NDArray:
+    """Where a search begins: at a guess, or where gaits of this period may be."""
+    if guess is not None:
+        states = np.atleast_2d(check_state(guess))
+        if np.any(states[:, 0] <= 0.0):
+            raise ValueError("a guess must be a section state: its stance angle is positive")
+        return logarithms(stride_map.points_at(states))
+    if slope <= 0.0:
+        return np.empty((0, stride_map.dimension))
+    u = starts(stride_map, slope)
+    if period == 1:
+        return u
+    gaits, _ = search(stride_map, slope, u, 1, lambda gaits: len(gaits) >= 2)
+    if not gaits:
+        return u
+    points = stride_map.points_at([gait.state for gait in gaits])
+    return np.concatenate([returns(stride_map, slope, logarithms(points)), u])
+
+
+class Sought(NamedTuple):
+    """What a search for one gait came to.
+
+    Attributes:
+        gait: The gait, if there is one.
+        all: Every gait found on the way, longest step first.
+        ends: How the first strides of the starts ended, and how many did so.
+    """
+
+    gait: Gait | None
+    all: list[Gait]
+    ends: Counter
+
+
+def seek(
+    walker: Walker,
+    slope: float,
+    kind: GaitKind = "long",
+    *,
+    period: int = 1,
+    guess: ArrayLike | None = None,
+) -> Sought:
+    """As `fixed_point.find_gait`, for whom no gait is an answer like any other."""
+    stride_map = StrideMap.of(walker, tolerance=ACCURACY)
+
+    def wanted(gaits: list[Gait]) -> list[Gait]:
+        return [gait for gait in gaits if guess is not None or period > 1 or gait.kind == kind]
+
+    def enough(gaits: list[Gait]) -> bool:
+        return any(
+            guess is not None or gait.beyond_fold == (kind == "short") for gait in wanted(gaits)
+        )
+
+    u = begin(stride_map, slope, period, guess)
+    gaits, ends = search(stride_map, slope, u, period, enough)
+    chosen = wanted(gaits)
+    return Sought(chosen[0 if kind == "long" else -1] if chosen else None, gaits, ends)
+
+
+def glance(walker: Walker, slope: float, kind: GaitKind) -> Gait | None:
+    """A gait of a kind if a quick search finds one: for looking over many slopes."""
+
+    def enough(gaits: list[Gait]) -> bool:
+        return any(gait.kind == kind for gait in gaits)
+
+    stride_map = StrideMap.of(walker, tolerance=ACCURACY)
+    gaits, _ = search(stride_map, slope, begin(stride_map, slope), 1, enough, _BATCHES[:1])
+    return next((gait for gait in gaits if gait.kind == kind), None)

@@ -1,0 +1,166 @@
+"""How a gait changes with its walker and its ground: derivatives of a fixed point.
+
+The gait's equations F(u, p) = 0 hold along a curve of gaits, so u' = -F_u^-1 F_p (the implicit
+function theorem), with both derivatives carried exactly through the stride. What would take second
+derivatives, such as how multipliers change, is differenced: exact values at four places along the
+curve's tangent, with a relative error below 1e-8 (see `tests/gaits/test_sensitivity.py`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker.gaits.equations import gait_equations
+from gym_passive_walker.gaits.newton import newton
+from gym_passive_walker.gaits.passage import Change, Passage
+from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.walkers import Walker
+
+SLOPE = "slope"
+
+_ACCURACY, _CLOSED = 1e-14, 1e-9  # violation that is aimed at, and the largest of a gait
+_STEP = 2.5e-4  # between places looked at: longest change of a coordinate, or of what is varied
+_PLACES = np.array([-2.0, -1.0, 1.0, 2.0])
+_WEIGHTS = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0
+
+
+class Place(NamedTuple):
+    """Where a gait is.
+
+    Attributes:
+        stride_map: Whose strides.
+        slope: Slope in rad.
+        u: Logarithmic coordinates of the gait, (m,).
+    """
+
+    stride_map: StrideMap
+    slope: float
+    u: NDArray[np.float64]
+
+    @property
+    def walker(self) -> Walker:
+        """Who walks."""
+        return self.stride_map.walker
+
+
+class Sensitivity(NamedTuple):
+    """A gait of one stride, and how it changes with k of its walker's parameters and the slope.
+
+    Attributes:
+        place: Where it is.
+        by: Names of what it is derived by, k of them.
+        coordinates: Derivatives of u, (m, k).
+        map: The stride map's derivative by u, (m, m): its eigenvalues are the multipliers.
+        passage: The stride, dimensionless.
+        change: Its derivatives along the gaits, with k columns.
+    """
+
+    place: Place
+    by: tuple[str, ...]
+    coordinates: NDArray
+    map: NDArray[np.float64]
+    passage: Passage
+    change: Change
+
+
+def place_near(walker: Walker, slope: float, guess: NDArray) -> Place | None:
+    """The gait of one stride nearest to a guess, if Newton's method reaches one.
+
+    Args:
+        walker: Who walks.
+        slope: Slope in rad.
+        guess: Logarithmic coordinates, (m,).
+    """
+    stride_map = StrideMap.of(walker)
+
+    def equations(u: NDArray) -> tuple[NDArray, NDArray]:
+        gait = gait_equations(stride_map, u, slope)
+        return gait.values, gait.derivatives
+
+    found = newton(equations, guess[None], accuracy=_ACCURACY, damped=False)
+    return Place(stride_map, slope, found.points[0]) if found.sizes[0] < _CLOSED else None
+
+
+def sensitivity(place: Place, by: Sequence[str]) -> Sensitivity:
+    """The exact derivatives of a gait.
+
+    Args:
+        place: The gait.
+        by: "slope", or parameters of the walker. As for `StrideMap.linearise`, all else is held
+            dimensionless.
+
+    Raises:
+        numpy.linalg.LinAlgError: at a fold, where the gait has none.
+    """
+    stride_map, slope, u = place
+    m = len(u)
+    gait = gait_equations(stride_map, u[None], slope, by=by)
+    coordinates = -np.linalg.solve(gait.derivatives[0, :, :m], gait.derivatives[0, :, m:])
+    change = Change(
+        **{
+            name: value[..., :m] @ coordinates + value[..., m:]
+            for name, value in vars(gait.change).items()
+        }
+    )
+    return Sensitivity(place, tuple(by), coordinates, gait.map[0], gait.passage, change)
+
+
+Look = Callable[[StrideMap, NDArray, NDArray], NDArray]
+"""Takes n walkers at coordinates (n, m) on slopes (n,) to something of each, (n, ...)."""
+
+
+def change_along(gait: Sensitivity, sizes: Sequence[float], look: Look) -> NDArray[np.float64]:
+    """How something changes along the gaits, by central differences of fourth order.
+
+    Args:
+        gait: A gait with its derivatives.
+        sizes: What counts as large a change of each quantity that is varied, k of them.
+        look: What to look at; it need not be on a gait to be told.
+
+    Returns:
+        Derivatives by what is varied in the last axis, (..., k).
+    """
+    stride_map, slope, u = gait.place
+    columns = []
+    for name, direction, size in zip(gait.by, gait.coordinates.T, sizes, strict=True):
+        step = _STEP / max(1.0 / size, np.abs(direction).max())
+        beside = u + step * _PLACES[:, None] * direction
+        slopes = np.full(len(_PLACES), slope)
+        walkers = stride_map
+        if name == SLOPE:
+            slopes = slope + step * _PLACES
+        else:
+            values = getattr(stride_map.walker, name) + step * _PLACES
+            walkers = stride_map.with_parameter(name, values)
+        columns.append(np.tensordot(_WEIGHTS, look(walkers, beside, slopes), axes=1) / step)
+    return np.stack(columns, axis=-1)
+
+
+def map_change(gait: Sensitivity, sizes: Sequence[float]) -> NDArray[np.float64]:
+    """How the stride map's derivative by u changes along the gaits, (m, m, k)."""
+    return change_along(
+        gait, sizes, lambda walkers, u, slopes: gait_equations(walkers, u, slopes).map
+    )
+
+
+def multiplier_changes(
+    map_derivative: NDArray, change: NDArray
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    """Multipliers, largest modulus first, and their derivatives, by left and right eigenvectors.
+
+    Args:
+        map_derivative: Of the stride map, (m, m).
+        change: Its derivatives, (m, m, k).
+
+    Returns:
+        Multipliers (m,), and derivatives (m, k); without meaning where two multipliers meet.
+    """
+    values, right = np.linalg.eig(map_derivative)
+    order = np.argsort(-np.abs(values), kind="stable")
+    values, right = values[order].astype(complex), right[:, order]
+    moved = np.einsum("ij,jkc,ki->ic", np.linalg.inv(right), change, right)
+    return values, moved.astype(complex)

@@ -1,0 +1,168 @@
+"""A gait's derivatives are those of gaits found anew beside it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gym_passive_walker import WALKERS, find_gait, reality_check, tune
+from gym_passive_walker.gaits.circle import coefficients, inside, spectral_radius
+from gym_passive_walker.gaits.gait import multipliers_of
+from gym_passive_walker.gaits.log_chart import from_logarithms, logarithms
+from gym_passive_walker.gaits.quantities import QUANTITIES, size_of
+from gym_passive_walker.gaits.sensitivity import (
+    Place,
+    map_change,
+    multiplier_changes,
+    place_near,
+    sensitivity,
+)
+from gym_passive_walker.gaits.stride_map import StrideMap
+
+BY = {
+    "lab": ("slope", "thigh_com", "shank_gyration", "foot_radius", "thigh_mass", "thigh_length"),
+    "A": ("slope", "shank_com", "foot_angle", "gravity"),
+    "E": ("slope", "shank_mass", "shank_com"),
+    "D": ("slope", "thigh_length"),
+}
+SLOPES = {"lab": 0.036, "A": 0.02, "E": 0.02, "D": 0.009}
+
+
+def gait_of(name):
+    """A preset's long-step gait and its derivatives."""
+    walker, slope = WALKERS[name], SLOPES[name]
+    stride_map = StrideMap.of(walker)
+    u = logarithms(stride_map.points_at(find_gait(walker, slope).state))[0]
+    return sensitivity(Place(stride_map, slope, u), BY[name])
+
+
+def found_beside(gait, name, column, distance):
+    """The gait of the walker whose parameter is changed, found anew by Newton's method."""
+    place = gait.place
+    guess = place.u + distance * gait.coordinates[:, column]
+    walker, slope = place.walker, place.slope
+    if name == "slope":
+        slope += distance
+    else:
+        walker = replace(walker, **{name: getattr(walker, name) + distance})
+    beside = place_near(walker, slope, guess)
+    assert beside is not None
+    return sensitivity(beside, gait.by)
+
+
+def differenced(gait, column, quantity):
+    """How a quantity of gaits changes with a parameter, by gaits at four distances."""
+    name = gait.by[column]
+    size = size_of(name, gait.place.walker, gait.place.slope)
+    h = 2e-4 / max(1.0 / size, np.abs(gait.coordinates[:, column]).max())
+    values = [quantity(found_beside(gait, name, column, k * h)) for k in (-2, -1, 1, 2)]
+    return np.tensordot([1.0, -8.0, 8.0, -1.0], np.array(values), axes=1) / (12.0 * h)
+
+
+@pytest.mark.parametrize("name", BY)
+def test_a_gait_moves_as_the_implicit_function_theorem_says(name):
+    gait = gait_of(name)
+    for column in range(len(gait.by)):
+        moved = differenced(gait, column, lambda gait: gait.place.u)
+        np.testing.assert_allclose(
+            gait.coordinates[:, column], moved, atol=1e-8 * np.abs(moved).max() + 1e-10
+        )
+
+
+@pytest.mark.parametrize("name", BY)
+def test_quantities_of_a_gait_change_as_their_gradients_say(name):
+    gait = gait_of(name)
+    kneed = WALKERS[name].knees
+    # A straight leg scuffs as it leaves the ground, and the simplest walker's all along.
+    names = [n for n in QUANTITIES if kneed or n not in ("clearance", "knee_margin")]
+    values, gradients = zip(*(QUANTITIES[n](gait) for n in names), strict=True)
+    for column in range(len(gait.by)):
+        moved = differenced(gait, column, lambda gait: [QUANTITIES[n](gait)[0] for n in names])
+        size = np.maximum(np.abs(moved), np.abs(values))
+        gradient = np.array([gradient[column] for gradient in gradients])
+        np.testing.assert_allclose(gradient / size, moved / size, atol=1e-8)
+
+
+@pytest.mark.parametrize("name", BY)
+def test_multipliers_change_as_those_of_gaits_found_beside_do(name):
+    gait = gait_of(name)
+    sizes = [size_of(n, gait.place.walker, gait.place.slope) for n in gait.by]
+    change = map_change(gait, sizes)
+    values, moved = multiplier_changes(gait.map, change)
+    np.testing.assert_allclose(values, multipliers_of(gait.map), atol=1e-14)
+    _, by = coefficients(gait.map, change)
+    for column in range(len(gait.by)):
+        differences = differenced(gait, column, lambda gait: gait.map)
+        size = np.abs(differences).max()
+        np.testing.assert_allclose(change[..., column], differences, atol=1e-8 * size + 1e-10)
+        of_cubic = differenced(gait, column, lambda gait: coefficients(gait.map, change)[0])
+        np.testing.assert_allclose(by[:, column], of_cubic, atol=1e-8 * size + 1e-10)
+        sums = differenced(gait, column, lambda gait: np.trace(gait.map))
+        assert moved[:, column].sum() == pytest.approx(sums, rel=1e-7, abs=1e-8 * size + 1e-10)
+    # The largest multiplier alone, where it is simple and real.
+    if values[0].imag == 0.0:
+        largest = differenced(gait, 0, lambda gait: multipliers_of(gait.map)[0].real)
+        assert moved[0, 0].real == pytest.approx(largest, rel=1e-7)
+
+
+def test_quantities_are_those_that_users_know():
+    walker, slope = WALKERS["lab"], 0.036
+    gait, known = gait_of("lab"), find_gait("lab", 0.036)
+    for name in QUANTITIES:
+        value = QUANTITIES[name](gait)[0]
+        if name == "clearance":
+            expected = reality_check(walker, slope, known.state).clearance.value
+        elif name == "knee_margin":
+            expected = 1.0 - known.kneestrike_time / known.step_period
+        else:
+            expected = getattr(known, name, None) or getattr(walker, name)
+        assert value == pytest.approx(expected, rel=1e-9), name
+    assert spectral_radius(gait.map) == pytest.approx(abs(known.multipliers[0]), rel=1e-9)
+
+
+def test_where_the_knee_stop_turns_the_swing_foot_up_its_height_is_followed_there():
+    # Tuned, C's foot would go on down if its knee did not lock.
+    walker, slope = tune("C"), 0.05
+    stride_map = StrideMap.of(walker)
+    known = find_gait(walker, slope)
+    place = Place(stride_map, slope, logarithms(stride_map.points_at(known.state))[0])
+    gait = sensitivity(place, ("slope", "shank_com"))
+    _, gradient = QUANTITIES["clearance"](gait)
+    for column in (0, 1):
+        moved = differenced(gait, column, lambda gait: QUANTITIES["clearance"](gait)[0])
+        assert gradient[column] == pytest.approx(moved, rel=1e-6)
+
+
+def test_there_is_no_gait_near_to_a_guess_far_from_any():
+    gait = gait_of("lab")
+    assert place_near(WALKERS["lab"], 0.001, gait.place.u) is None
+
+
+def test_all_roots_lie_inside_a_circle_just_where_its_conditions_are_positive():
+    random = np.random.default_rng(3)
+    agreed = {True: 0, False: 0}
+    for _ in range(2000):
+        matrix = random.standard_normal((3, 3)) * random.uniform(0.1, 1.0)
+        if random.random() < 0.3:
+            matrix[:, 0] = 0.0  # a direction that is forgotten
+        cubic, _ = coefficients(matrix, np.zeros((3, 3, 1)))
+        radius = random.uniform(0.3, 1.5)
+        within = spectral_radius(matrix) < radius
+        assert (inside(cubic, radius)[0] > 0.0).all() == within
+        agreed[bool(within)] += 1
+    assert min(agreed.values()) > 200
+
+
+def test_the_conditions_of_a_circle_change_as_their_derivatives_say():
+    cubic, radius, h = np.array([0.3, -0.2, 0.1]), 0.7, 1e-4
+    _, by = inside(cubic, radius)
+    for column in range(4):
+        step = h * np.eye(4)[column]
+        ends = [inside(cubic + s * step[:3], radius + s * step[3])[0] for s in (-1.0, 1.0)]
+        np.testing.assert_allclose(by[:, column], (ends[1] - ends[0]) / (2.0 * h), atol=1e-6)
+
+
+def test_states_of_a_place_are_the_gait_s():
+    gait = gait_of("lab").place
+    state = gait.stride_map.states_at(from_logarithms(gait.u[None]))[0]
+    np.testing.assert_allclose(state, find_gait("lab", 0.036).state, rtol=1e-11)
