@@ -29,6 +29,7 @@ from gym_passive_walker.engine.step import Equations
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import Control, Ground, Outcome, Phase, State, System
 from gym_passive_walker.physics.systems import SYSTEMS
+from gym_passive_walker.progress import compiling
 
 OF_LANE = ("equip", "load", "move", "unload", "look", "accept")
 OF_LANES = ("first", "sweep")
@@ -218,6 +219,18 @@ _ALIVE: list[Any] = []
 
 
 @cache
+def _context() -> Any:
+    """Where modules are parsed: their pointers are opaque, which llvmlite 0.44 has to be asked."""
+    asked: Any = llvm.context
+    before = getattr(asked, "opaque_pointers_enabled", True)
+    asked.opaque_pointers_enabled = True
+    try:
+        return llvm.create_context()
+    finally:
+        asked.opaque_pointers_enabled = before
+
+
+@cache
 def _machine() -> Any:
     """What code is made for: this processor, or the one that numba is told to make it for."""
     llvm.initialize_native_target()
@@ -238,7 +251,8 @@ def _kept(name: str, write: Callable[[], Module]) -> Any:
     path = cache_directory() / f"{name}-{sha256(_machine()[1].encode()).hexdigest()[:16]}.o"
     data = _found(path)
     if data is None:
-        data = object_code(write())
+        with compiling(f"the equations {name}"):
+            data = object_code(write())
         with suppress(OSError):  # a full disk: it will be made again next time
             _keep(path, data)
     return loaded(data)
@@ -270,7 +284,7 @@ def loaded(data: bytes) -> Any:
 
 def _parsed(text: str) -> Any:
     """A module for this machine."""
-    module = llvm.parse_assembly(text)
+    module = llvm.parse_assembly(text, _context())
     module.triple, module.data_layout = _machine()[0].triple, str(_machine()[0].target_data)
     module.verify()
     return module

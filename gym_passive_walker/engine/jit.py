@@ -12,6 +12,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic, typeof_impl
 
+from gym_passive_walker.engine.announced import announce
 from gym_passive_walker.engine.cache import cache_directory
 
 # "numpy": a division never raises.
@@ -56,7 +57,9 @@ class Kernel:
     def compiled(self) -> Any:
         """What numba makes of it."""
         with _kernels_cached_here():
-            return numba.njit(cache=True, nogil=True, **_OPTIONS)(self.function)
+            compiled = numba.njit(cache=True, nogil=True, **_OPTIONS)(self.function)
+        announce(compiled, f"the kernel {self.function.__name__.strip('_')}")
+        return compiled
 
     def __call__(self, *arguments: Any) -> Any:
         """Run it."""
