@@ -43,7 +43,7 @@ class _Line:
 
     def __init__(self) -> None:
         self.bars: list[_Bar] = []
-        self._written = 0
+        self._drawn = False
         self._shown = -_PACE
 
     def show(self) -> None:
@@ -53,19 +53,20 @@ class _Line:
             return
         self._shown = now
         if sys.stderr is not None and sys.stderr.isatty():
-            text = f"{', '.join(map(str, bars))}, {now - bars[0].began:.0f} s"
-            self._write(text[: shutil.get_terminal_size().columns - 1])
+            self._write(f"{', '.join(map(str, bars))}, {now - bars[0].began:.0f} s")
+            self._drawn = True
 
     def wipe(self) -> None:
         """Leave nothing of it."""
-        if self._written:
+        if self._drawn:
             self._write("")
-            self._write("")  # blanks, and back to where they begin
+            sys.stderr.write("\r")
+            self._drawn = False
 
     def _write(self, text: str) -> None:
-        sys.stderr.write("\r" + text.ljust(self._written))
+        columns = shutil.get_terminal_size().columns - 1
+        sys.stderr.write("\r" + text[:columns].ljust(columns))
         sys.stderr.flush()
-        self._written = len(text)
 
 
 _LINE = _Line()
@@ -85,6 +86,9 @@ def progress(what: str, total: float | None = None) -> Iterator[Callable[..., No
         A function to call whenever one more is done, or a given amount.
     """
     bar = _Bar(what, total)
+    if total == 1:  # what is done in one go has no parts to show
+        yield bar.advance
+        return
     _LINE.bars.append(bar)
     try:
         yield bar.advance

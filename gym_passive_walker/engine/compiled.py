@@ -219,7 +219,7 @@ _ALIVE: list[Any] = []
 
 
 @cache
-def _context() -> Any:
+def context() -> Any:
     """Where modules are parsed: their pointers are opaque, which llvmlite 0.44 has to be asked."""
     asked: Any = llvm.context
     before = getattr(asked, "opaque_pointers_enabled", True)
@@ -284,7 +284,7 @@ def loaded(data: bytes) -> Any:
 
 def _parsed(text: str) -> Any:
     """A module for this machine."""
-    module = llvm.parse_assembly(text, _context())
+    module = llvm.parse_assembly(text, context())
     module.triple, module.data_layout = _machine()[0].triple, str(_machine()[0].target_data)
     module.verify()
     return module

@@ -347,7 +347,7 @@ class _Emitter:
         return self._splat(self.owner.new(f"load double, ptr {address}, align 8"))
 
     def _alike(self, kind: str, constant: str) -> str:
-        """A literal, alike in all lanes; written out, since older versions of LLVM know no splat."""
+        """A literal, alike in all lanes: written out, since LLVM 15 knows no `splat`."""
         return f"<{', '.join([f'{kind} {constant}'] * GROUP)}>" if self.vector else constant
 
     def _splat(self, value: str) -> str:
