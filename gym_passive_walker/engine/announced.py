@@ -19,16 +19,20 @@ class _Announcer(Listener):
 
     def on_start(self, event: Event) -> None:
         """Numba begins to compile a function."""
-        kernel = event.data["dispatcher"]
+        kernel = _compiled(event)
         if kernel in self.names and not self._under_way:  # a kernel that it calls belongs to it
             self._under_way[kernel] = compiling(self.names[kernel])
             self._under_way[kernel].__enter__()
 
     def on_end(self, event: Event) -> None:
         """Numba has compiled it, or failed to."""
-        under_way = self._under_way.pop(event.data["dispatcher"], None)
+        under_way = self._under_way.pop(_compiled(event), None)
         if under_way is not None:
             under_way.__exit__(None, None, None)
+
+
+def _compiled(event: Any) -> Any:
+    return event.data["dispatcher"]
 
 
 _ANNOUNCER = _Announcer()
