@@ -46,6 +46,7 @@ def video(command: ArgumentParser) -> Callable[[Namespace], Report]:
     )
 
     def run(arguments: Namespace) -> Report:
+        need("pygame", "render")
         from gym_passive_walker.render.film import film
 
         film(
@@ -67,7 +68,6 @@ def figures(command: ArgumentParser) -> Callable[[Namespace], Report]:
     add("--out", type=Path, default=Path("figures"), metavar="FOLDER", help="(%(default)s)")
 
     def run(arguments: Namespace) -> Report:
-        need("matplotlib", "figures")
         from gym_passive_walker.render.figures import FIGURES, draw
 
         paths, names = [], arguments.names or list(FIGURES)
