@@ -5,20 +5,17 @@ from __future__ import annotations
 import time
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import gymnasium as gym
 import numpy as np
 
 from gym_passive_walker.cli.report import Report
 from gym_passive_walker.engine.compiled import compiled
-from gym_passive_walker.engine.run import planes_of
 from gym_passive_walker.envs.registration import ID
-from gym_passive_walker.gaits.stability import stride_jacobian
-from gym_passive_walker.gaits.stride import stride
+from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.physics.systems import SYSTEMS
 from gym_passive_walker.progress import progress
-
-_STATE = (0.2, -0.2, -0.2, -1.0, -0.5, -1.0)
 
 
 def warmup(command: ArgumentParser) -> Callable[[Namespace], Report]:
@@ -41,14 +38,10 @@ def warmup(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
 def _pieces() -> Iterator[Callable[[], object]]:
     """All that is compiled, as what compiles it."""
-    for name, system in SYSTEMS.items():
-        planes = planes_of(system)
-        for carried, moving in ((0, False), (planes, False), (planes, True)):
-            yield lambda told=(name, carried, moving): compiled(
-                told[0], told[1], moving_body=told[2]
-            )
-    yield lambda: stride("C", 0.03, _STATE)
-    yield lambda: stride_jacobian("C", 0.03, _STATE)
+    for name in SYSTEMS:
+        yield partial(compiled, name)
+        yield partial(compiled, name, derived=True)
+    yield lambda: find_gait("C", 0.03)
     yield lambda: _act(gym.make_vec(ID, num_envs=2))
     yield lambda: _act(gym.make(ID))
 
