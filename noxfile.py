@@ -33,3 +33,13 @@ def processors(session: nox.Session) -> None:
     kernels = {"XDG_CACHE_HOME": session.create_tmp()}
     chosen = ["tests/engine/test_lanes.py", "-k", "another_processor", "-m", "slow or not slow"]
     session.run("python", "-m", "pytest", *chosen, env=QUIET | kernels)
+
+
+@nox.session
+def base(session: nox.Session) -> None:
+    """Walk with nothing installed but the package itself and what it cannot do without."""
+    session.install(".")
+    kernels = {"XDG_CACHE_HOME": session.create_tmp()}
+    session.chdir(session.create_tmp())  # away from the sources
+    session.run("passive-walker", "warmup", env=kernels)
+    session.run("passive-walker", "evaluate", "level-ppo", "--episodes", "2", env=kernels)

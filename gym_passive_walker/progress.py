@@ -52,8 +52,9 @@ class _Line:
         if not bars or now - bars[0].began < _UNSEEN or now - self._shown < _PACE:
             return
         self._shown = now
-        if sys.stderr is not None and sys.stderr.isatty():
-            self._write(f"{', '.join(map(str, bars))}, {now - bars[0].began:.0f} s")
+        parts = [str(bar) for bar in bars if bar.total != 1]  # else it has no parts to show
+        if parts and sys.stderr is not None and sys.stderr.isatty():
+            self._write(f"{', '.join(parts)}, {now - bars[0].began:.0f} s")
             self._drawn = True
 
     def wipe(self) -> None:
@@ -86,9 +87,6 @@ def progress(what: str, total: float | None = None) -> Iterator[Callable[..., No
         A function to call whenever one more is done, or a given amount.
     """
     bar = _Bar(what, total)
-    if total == 1:  # what is done in one go has no parts to show
-        yield bar.advance
-        return
     _LINE.bars.append(bar)
     try:
         yield bar.advance

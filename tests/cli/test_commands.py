@@ -3,10 +3,12 @@
 import csv
 import json
 import os
+import re
 import shlex
 import subprocess
 import sys
 from dataclasses import asdict, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -63,6 +65,16 @@ def test_each_command_has_help_with_examples_that_it_understands(command, mine, 
     for words in examples(command):
         assert words[0] == command.__name__ and shlex.join(words) in said
         parser().parse_args(words)
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/commands.md", "docs/tutorial.md"])
+def test_what_the_pages_type_is_understood(page, mine):
+    text = (Path(__file__).parents[2] / page).read_text()
+    lines = re.findall(r"(?:^|`)passive-walker ([a-z].*?)(?:`|\s+#|$)", text, re.M)
+    assert lines
+    for line in lines:
+        if line not in NAMES:  # named, not typed
+            assert "run" in parser().parse_args(shlex.split(line))
 
 
 def test_the_version_is_the_package_s(capsys):
