@@ -67,7 +67,9 @@ def test_each_command_has_help_with_examples_that_it_understands(command, mine, 
         parser().parse_args(words)
 
 
-@pytest.mark.parametrize("page", ["README.md", "docs/commands.md", "docs/tutorial.md"])
+@pytest.mark.parametrize(
+    "page", ["README.md", "docs/commands.md", "docs/tutorial.md", "docs/walkers.md"]
+)
 def test_what_the_pages_type_is_understood(page, mine):
     text = (Path(__file__).parents[2] / page).read_text()
     lines = re.findall(r"(?:^|`)passive-walker ([a-z].*?)(?:`|\s+#|$)", text, re.M)
