@@ -119,7 +119,8 @@ def evaluate(command: ArgumentParser) -> Callable[[Namespace], Report]:
         arena = gym.make_vec(ID, num_envs=episodes, scene=scene)
         agents = {name: policy, "without a motor": Passive()}
         walks = {who: evaluated(agent, arena, seed=arguments.seed) for who, agent in agents.items()}
-        title = f"{name}, {describe(scene.walker)}, slope {scene.slope} rad; {episodes} episodes"
+        slope = " to ".join(f"{bound:g}" for bound in np.atleast_1d(scene.slope))
+        title = f"{name}, {describe(scene.walker)}, slope {slope} rad; {episodes} episodes"
         return Report(
             compared(title, walks), [row for who, done in walks.items() for row in done.rows(who)]
         )
