@@ -2,6 +2,7 @@
 # make install set up .venv with the tools for tests and lint
 # make test    the same, and run the tests          (make test ARGS='-m slow' for the long ones)
 # make docs    the same, and build the documentation's site in docs/_build
+# make test-matrix  the fast tests on each Python, with the oldest libraries allowed and the newest
 # make lint    style, import rules, types
 # make clean   remove .venv and every cache; what training wrote under runs/ stays
 
@@ -11,7 +12,7 @@ ARGS :=
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: train install test docs lint clean
+.PHONY: train install test test-matrix docs lint clean
 
 train: $(VENV)/.installed-train
 	$(BIN)/python train.py $(ARGS)
@@ -28,6 +29,9 @@ test: $(VENV)/.installed-dev
 docs: export SDL_VIDEODRIVER = dummy
 docs: $(VENV)/.installed-docs
 	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build
+
+test-matrix: $(VENV)/.installed-dev
+	$(BIN)/nox $(ARGS)
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
@@ -54,5 +58,5 @@ $(VENV)/.installed-docs: $(VENV)/.installed-dev
 
 clean:
 	rm -rf $(VENV) build dist docs/_build docs/_generated *.egg-info
-	rm -rf .pytest_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf .pytest_cache .ruff_cache .hypothesis .import_linter_cache .nox
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -19,7 +19,6 @@ from tqdm import tqdm
 
 from agents import worlds
 from agents.config import ALGORITHMS, ConfigError, configure
-from agents.evaluation import HUNDRED, WALKED_ON, Walks, evaluate
 from agents.files import replacing
 from agents.learner import load_policy
 from agents.training import Run
@@ -29,6 +28,7 @@ from gym_passive_walker.control.baselines import BASELINES
 from gym_passive_walker.control.closed_loop import closed_loop_gait
 from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.control.trials import kicks, rough_strides
+from gym_passive_walker.control.walks import HUNDRED, WALKED_ON, Walks, evaluate
 from gym_passive_walker.envs.scene import SCENES, make_scene
 
 AGENTS = (*BASELINES, *ALGORITHMS)

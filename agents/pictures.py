@@ -12,13 +12,14 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from agents import worlds
-from agents.evaluation import EPISODES, SEED, evaluate
+from agents.evaluation import EPISODES, SEED
 from agents.files import replacing
 from agents.learner import learned
 from gym_passive_walker.control.baselines import Passive
 from gym_passive_walker.control.closed_loop import ClosedLoopGait
 from gym_passive_walker.control.optimal import OptimalGait
 from gym_passive_walker.control.policy import Policy
+from gym_passive_walker.control.walks import evaluate
 from gym_passive_walker.render import strobe, strobe_of
 from gym_passive_walker.units import units_of
 

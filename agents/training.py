@@ -12,9 +12,10 @@ from tqdm import tqdm
 from agents import checkpoint, files, worlds
 from agents.callbacks import Milestones, StopRequest
 from agents.config import Config, ConfigError
-from agents.evaluation import HUNDRED, evaluate, write_rows
+from agents.evaluation import write_rows
 from agents.exploration import explorers
 from agents.learner import LearnedPolicy, build
+from gym_passive_walker.control.walks import HUNDRED, evaluate
 
 EPISODES = 20
 """Episodes of each evaluation."""

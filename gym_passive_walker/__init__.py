@@ -1,5 +1,7 @@
 """Exact passive walkers for reinforcement learning and gait analysis."""
 
+__version__ = "0.1.0"
+
 from gym_passive_walker.control.closed_loop import ClosedLoopGait, closed_loop_gait
 from gym_passive_walker.control.optimal import optimal_gait, optimal_gaits
 from gym_passive_walker.control.optimum import OptimalGait

@@ -16,6 +16,7 @@ from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.newton import fixed_point
 from gym_passive_walker.gaits.section import Section
+from gym_passive_walker.progress import progress
 
 _SETTLING = 100  # strides before the search begins
 _CLOSED = 1e-5  # observations are single numbers in single precision: no stride closes to rounding
@@ -80,22 +81,24 @@ def policy_strides(
     ends, torques = np.full_like(points, np.nan), []
     length, duration, work = np.zeros(n), np.zeros(n), np.zeros((3, n))
     left = np.where(sound, count, 0)
-    for step in steps(policy, worlds, seen):
-        if (left == count).any():
-            shares = np.clip(step.actions[:, 0], -1.0, 1.0)
-            torques.append(np.where(left == count, shares * scene.max_hip_torque, np.nan))
-        struck = (left > 0) & step.struck
-        if struck.any():
-            far = step.infos["step_length"][struck]
-            length[struck] += far
-            duration[struck] += step.infos["step_period"][struck]
-            work[:, struck] += far * [step.infos[name][struck] for name in _WORK]
-        left[struck] -= 1
-        there = struck & (left == 0)
-        ends[there] = Section(walker=walker).points_at(worlds.states[there])
-        left[step.terminated] = 0
-        if not left.any():
-            break
+    with progress("steps under a policy") as taken:
+        for step in steps(policy, worlds, seen):
+            if (left == count).any():
+                shares = np.clip(step.actions[:, 0], -1.0, 1.0)
+                torques.append(np.where(left == count, shares * scene.max_hip_torque, np.nan))
+            struck = (left > 0) & step.struck
+            if struck.any():
+                far = step.infos["step_length"][struck]
+                length[struck] += far
+                duration[struck] += step.infos["step_period"][struck]
+                work[:, struck] += far * [step.infos[name][struck] for name in _WORK]
+            left[struck] -= 1
+            there = struck & (left == 0)
+            ends[there] = Section(walker=walker).points_at(worlds.states[there])
+            left[step.terminated] = 0
+            if not left.any():
+                break
+            taken()
     return Strides(ends, length, duration, work, np.reshape(torques, (-1, n)))
 
 

@@ -17,6 +17,7 @@ from gym_passive_walker.control.ticks import ticked_stride
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.gaits.section import Section
+from gym_passive_walker.progress import progress
 from gym_passive_walker.units import units_of
 
 STORE = Path(__file__).parent / "gaits"
@@ -108,24 +109,26 @@ def optimal_gaits(
     natural = constant_torque_gait(scene)
     speeds = sorted(speeds, key=lambda speed: abs(speed - natural.speed))
     best = {natural.speed: natural} if natural.hip_cost == 0.0 else {}
-    for way in (
-        [speed for speed in speeds if speed >= natural.speed],
-        [speed for speed in speeds if speed < natural.speed],
-    ):
-        last = natural
-        for speed in [*way, *way[::-1]]:
-            if speed in best and last is best[speed]:
-                continue
-            try:
-                last = found = optimal_gait(scene, speed, start=last)
-            except GaitNotFound:
-                if speed not in best:
-                    break
+    with progress("searches for an optimal gait") as searched:
+        for way in (
+            [speed for speed in speeds if speed >= natural.speed],
+            [speed for speed in speeds if speed < natural.speed],
+        ):
+            last = natural
+            for speed in [*way, *way[::-1]]:
+                if speed in best and last is best[speed]:
+                    continue
+                searched()
+                try:
+                    last = found = optimal_gait(scene, speed, start=last)
+                except GaitNotFound:
+                    if speed not in best:
+                        break
+                    last = best[speed]
+                    continue
+                if speed not in best or found.hip_cost < best[speed].hip_cost:
+                    best[speed] = found
                 last = best[speed]
-                continue
-            if speed not in best or found.hip_cost < best[speed].hip_cost:
-                best[speed] = found
-            last = best[speed]
     return [best[speed] for speed in sorted(best)]
 
 

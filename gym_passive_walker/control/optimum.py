@@ -9,6 +9,7 @@ SLSQP solves it with exact derivatives (see `ticks`).
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import dataclass
 from typing import Any
 
@@ -151,19 +152,22 @@ class Problem:
             GaitNotFound: if SLSQP finds none.
         """
         scale = 100.0  # of the cost, to the size of the constraints
-        found = minimize(
-            lambda z: scale * self.at(z)[0],
-            start,
-            jac=lambda z: scale * self.at(z)[1],
-            method="SLSQP",
-            bounds=[*self.box],
-            constraints={
-                "type": "eq",
-                "fun": lambda z: self.at(z)[2],
-                "jac": lambda z: self.at(z)[3],
-            },
-            options={"maxiter": _ITERATIONS, "ftol": 1e-11},
-        )
+        with warnings.catch_warnings():
+            # Before SciPy 1.15 a step out of the box by rounding is said to be clipped to it.
+            warnings.filterwarnings("ignore", "Values in x were outside bounds", RuntimeWarning)
+            found = minimize(
+                lambda z: scale * self.at(z)[0],
+                start,
+                jac=lambda z: scale * self.at(z)[1],
+                method="SLSQP",
+                bounds=[*self.box],
+                constraints={
+                    "type": "eq",
+                    "fun": lambda z: self.at(z)[2],
+                    "jac": lambda z: self.at(z)[3],
+                },
+                options={"maxiter": _ITERATIONS, "ftol": 1e-11},
+            )
         z = self._closed(np.clip(found.x, *self.box.T))
         violation = float(np.max(np.abs(self.at(z)[2])))
         if not violation < _CLOSED:

@@ -27,6 +27,7 @@ from gym_passive_walker.engine.step import Equations, without_absent
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import Control, Ground, Outcome, Phase, State, System
 from gym_passive_walker.physics.systems import SYSTEMS
+from gym_passive_walker.progress import compiling
 
 OF_LANE = ("equip", "load", "move", "unload", "look", "accept")
 OF_LANES = ("first", "sweep")
@@ -227,6 +228,18 @@ _ALIVE: list[Any] = []
 
 
 @lru_cache
+def context() -> Any:
+    """Where modules are parsed: their pointers are opaque, which llvmlite 0.44 has to be asked."""
+    asked: Any = llvm.context
+    before = getattr(asked, "opaque_pointers_enabled", True)
+    asked.opaque_pointers_enabled = True
+    try:
+        return llvm.create_context()
+    finally:
+        asked.opaque_pointers_enabled = before
+
+
+@lru_cache
 def _machine() -> Any:
     """What code is made for: this processor, or the one that numba is told to make it for."""
     llvm.initialize_native_target()
@@ -244,11 +257,12 @@ def _machine() -> Any:
 
 def _kept(name: str, write: Callable[[], Module]) -> Any:
     """Native code, from the cache or written anew."""
-    name = f"{name}-{sha256(_machine()[1].encode()).hexdigest()[:16]}.o"
-    data = cache.found(name)
+    file = f"{name}-{sha256(_machine()[1].encode()).hexdigest()[:16]}.o"
+    data = cache.found(file)
     if data is None:
-        data = object_code(write())
-        cache.keep(name, data)
+        with compiling(f"the equations {name}"):
+            data = object_code(write())
+        cache.keep(file, data)
     return loaded(data)
 
 
@@ -268,7 +282,7 @@ def loaded(data: bytes) -> Any:
 
 def _parsed(text: str) -> Any:
     """A module for this machine."""
-    module = llvm.parse_assembly(text)
+    module = llvm.parse_assembly(text, context())
     module.triple, module.data_layout = _machine()[0].triple, str(_machine()[0].target_data)
     module.verify()
     return module

@@ -20,6 +20,7 @@ from numba.core.serialize import dumps
 from numba.extending import intrinsic, typeof_impl
 
 from gym_passive_walker.engine import cache
+from gym_passive_walker.engine.announced import announce
 
 # "numpy": a division never raises.
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
@@ -82,6 +83,7 @@ class Kernel:
         """What numba makes of it."""
         dispatcher = numba.njit(nogil=True, **_OPTIONS)(self.function)
         dispatcher._cache = _Kept(self.function)
+        announce(dispatcher, f"the kernel {self.function.__name__.strip('_')}")
         return dispatcher
 
     def __call__(self, *arguments: Any) -> Any:

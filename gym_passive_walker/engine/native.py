@@ -294,7 +294,7 @@ class _Emitter:
             case "and" | "or":
                 return self.owner.new(f"{op} {self.truth} {values[0]}, {values[1]}")
             case "not":
-                true = "splat (i1 true)" if self.vector else "true"
+                true = self._alike("i1", "true")
                 return self.owner.new(f"xor {self.truth} {values[0]}, {true}")
             case "choose":
                 condition, yes, no = values
@@ -325,7 +325,7 @@ class _Emitter:
     def _flipped(self, x: str, last_bit: str) -> str:
         """A number with its sign changed if another's last bit is set."""
         new, word = self.owner.new, self.word
-        places = "splat (i64 63)" if self.vector else "63"
+        places = self._alike("i64", "63")
         sign = new(f"shl {word} {new(f'bitcast {self.number} {last_bit} to {word}')}, {places}")
         flipped = new(f"xor {word} {new(f'bitcast {self.number} {x} to {word}')}, {sign}")
         return new(f"bitcast {word} {flipped} to {self.number}")
@@ -345,6 +345,10 @@ class _Emitter:
         offset = 8 * table.setdefault((value, self.taken[value]), len(table))
         address = self.owner.new(f"getelementptr i8, ptr %p1, i64 {offset}")
         return self._splat(self.owner.new(f"load double, ptr {address}, align 8"))
+
+    def _alike(self, kind: str, constant: str) -> str:
+        """A literal, alike in all lanes: written out, since LLVM 15 knows no `splat`."""
+        return f"<{', '.join([f'{kind} {constant}'] * GROUP)}>" if self.vector else constant
 
     def _splat(self, value: str) -> str:
         if not self.vector:

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
-from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import check_slope, check_state
-from gym_passive_walker.engine.cache import cache_directory
 from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import in_parts, options, workspace
@@ -44,18 +41,6 @@ def _rules(scene: Scene, system: System, step_limit: float) -> NDArray:
     rules["step_limit"] = step_limit
     rules["works"] = system.works
     return rules
-
-
-@cache
-def _say_if_long() -> None:
-    """Say, once, that the first step will take a while, if its kernel is not compiled yet."""
-    kept = cache_directory()
-    if kept is None or not any(kept.glob("task.step-*")):
-        print(
-            "gym_passive_walker: compiling the engine, once; some seconds",
-            file=sys.stderr,
-            flush=True,
-        )
 
 
 def _radii(walkers: Sequence[Walker]) -> NDArray[np.float64]:
@@ -121,7 +106,6 @@ class Batch:
         self.ledger = np.zeros(count, task.LEDGER)
         self.rules = _rules(scene, self.system, step_limit)
         self.randoms: list[np.random.Generator] = []
-        _say_if_long()
         self.machinery = compiled(self.system.name), *workspace()
 
     @property

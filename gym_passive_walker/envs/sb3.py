@@ -18,13 +18,16 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from stable_baselines3.common.vec_env import VecEnv
 
 from gym_passive_walker.envs import interface, task
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.extras import extra
 from gym_passive_walker.walkers import Walker
+
+with extra("train"):
+    from stable_baselines3.common.vec_env import VecEnv
 
 
 class Lane:

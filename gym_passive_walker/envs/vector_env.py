@@ -16,6 +16,7 @@ from gym_passive_walker.envs import interface, task
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import Scene, make_scene, walker_from
+from gym_passive_walker.extras import need
 from gym_passive_walker.walkers import Walker
 
 _OUTCOMES = np.array(interface.OUTCOMES, object)
@@ -65,6 +66,8 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             changes.setdefault("walker", walkers[0])
         self.scene = make_scene(scene, **changes)
         self.num_envs = num_envs
+        if render_mode is not None:
+            need("pygame", "render")
         self.render_mode = render_mode
         self.autoreset_mode = AutoresetMode(autoreset_mode)
         self.metadata = {

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from gym_passive_walker.envs import interface, task
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.scene import Scene, make_scene
+from gym_passive_walker.extras import need
 from gym_passive_walker.walkers import Walker
 
 _STRIDE, _STRIDES, _OUTCOME, _REWARD = (
@@ -165,6 +166,8 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
                 f"not {render_mode!r}"
             )
         self.scene = make_scene(scene, **changes)
+        if render_mode is not None:
+            need("pygame", "render")
         self.render_mode = render_mode
         self.observation_space = interface.observation_space()
         self.action_space = interface.action_space()

@@ -12,6 +12,7 @@ from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.log_chart import logarithms
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.progress import progress
 
 FELL, UNSETTLED = -1, -2
 """Instead of a gait's index: the walker fell, or still walks on none of the gaits."""
@@ -87,18 +88,20 @@ def walk_until_settled(
         points.copy(),
     )
     walking = np.arange(count)
-    for _ in range(most):
-        passage = stride_map.apply(settled.points[walking], slope)
-        on = passage.alive
-        settled.outcome[walking] = passage.outcomes
-        settled.index[walking[~on]] = FELL
-        walking, ends = walking[on], passage.ends[on]
-        settled.points[walking] = ends
-        settled.strides[walking] += 1
-        settled.index[walking] = index = gaits.of(ends)
-        walking = walking[index == UNSETTLED]
-        if len(walking) == 0:
-            break
+    with progress("strides until all have settled", most) as taken:
+        for _ in range(most):
+            passage = stride_map.apply(settled.points[walking], slope)
+            on = passage.alive
+            settled.outcome[walking] = passage.outcomes
+            settled.index[walking[~on]] = FELL
+            walking, ends = walking[on], passage.ends[on]
+            settled.points[walking] = ends
+            settled.strides[walking] += 1
+            settled.index[walking] = index = gaits.of(ends)
+            walking = walking[index == UNSETTLED]
+            if len(walking) == 0:
+                break
+            taken()
     return settled
 
 

@@ -29,6 +29,7 @@ from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.posture import heelstrike
 from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.progress import progress
 from gym_passive_walker.walkers import Walker, as_walker, describe
 
 _CHUNK = 1 << 16  # cells walked together
@@ -159,10 +160,12 @@ def basin_of_attraction(
     stable = [x for x in known if x.stable]
     stable += _others(stride_map, slope, points, stable)
     attractors = Attractors(stride_map, stable, near)
-    parts = [
-        walk_until_settled(stride_map, points[i : i + _CHUNK], slope, attractors, strides)[:3]
-        for i in range(0, len(points), _CHUNK)
-    ]
+    parts = []
+    with progress("cells of the basin", len(points)) as walked:
+        for i in range(0, len(points), _CHUNK):
+            some = points[i : i + _CHUNK]
+            parts.append(walk_until_settled(stride_map, some, slope, attractors, strides)[:3])
+            walked(len(some))
     settled, outcome, taken = (
         np.concatenate(pieces).reshape(grid[0].shape) for pieces in zip(*parts, strict=True)
     )
@@ -247,4 +250,7 @@ def largest_push(
 
     # A stance leg falls forward with a negative rate.
     time = stride_map.units.time
-    return Push(limit(-1.0) / time, limit(1.0) / time)
+    with progress("ways to push", 2) as pushed:
+        forward = limit(-1.0) / time
+        pushed()
+        return Push(forward, limit(1.0) / time)

@@ -27,6 +27,7 @@ from gym_passive_walker.gaits.attractors import period_of
 from gym_passive_walker.gaits.family import GaitFamily, gait_family
 from gym_passive_walker.gaits.gait import GaitKind
 from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.progress import progress
 from gym_passive_walker.walkers import Walker, as_walker
 
 _NUDGE = 1e-4  # off the gait, which a walker would otherwise stay on though it be unstable
@@ -113,9 +114,11 @@ def _settle(
     """Stance angles of the strides kept, (n, keep), and the points at their end."""
     points = stride_map.apply(points, slopes, strides=settle).ends
     angles = np.empty((len(slopes), keep))
-    for i in range(keep):
-        points = stride_map.apply(points, slopes).ends
-        angles[:, i] = points[:, 0]
+    with progress("strides kept", keep) as taken:
+        for i in range(keep):
+            points = stride_map.apply(points, slopes).ends
+            angles[:, i] = points[:, 0]
+            taken()
     angles[np.isnan(angles[:, -1])] = np.nan
     return angles, points
 
@@ -163,11 +166,13 @@ def bifurcation_diagram(
     points = beginnings(stride_map, values, kind, start)
     if sweep:
         angles = np.full((len(values), keep), np.nan)
-        for i in range(len(values)):
-            if i > 0 and np.all(np.isfinite(points[i - 1])):
-                points[i] = points[i - 1]
-            one = slice(i, i + 1)
-            angles[one], points[one] = _settle(stride_map, points[one], values[one], settle, keep)
+        with progress("slopes", len(values)) as done:
+            for i in range(len(values)):
+                if i > 0 and np.all(np.isfinite(points[i - 1])):
+                    points[i] = points[i - 1]
+                at = slice(i, i + 1)
+                angles[at], points[at] = _settle(stride_map, points[at], values[at], settle, keep)
+                done()
     else:
         angles, points = _settle(stride_map, points, values, settle, keep)
     period = period_of(angles, longest_period)
@@ -223,12 +228,14 @@ def crisis_slope(
     if np.all(np.isfinite(_all_walk(stride_map, crowd, high, strides))):
         raise ValueError(f"walking has not ended at slope {high}")
     step = (high - low) / 64.0
-    while step > accuracy:
-        there = _all_walk(stride_map, crowd, low + step, strides)
-        if np.all(np.isfinite(there)):
-            low, crowd = low + step, there
-        else:
-            step *= 0.5
+    with progress("slopes tried") as tried:
+        while step > accuracy:
+            there = _all_walk(stride_map, crowd, low + step, strides)
+            if np.all(np.isfinite(there)):
+                low, crowd = low + step, there
+            else:
+                step *= 0.5
+            tried()
     return low
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from gym_passive_walker.gaits.curve import Curve, Point, doubling_test, locate
 from gym_passive_walker.gaits.ends import BOUND, VANISHED, End, margins, reason_of
+from gym_passive_walker.progress import progress
 
 _FIRST_STEP, _SHORTEST_STEP = 0.02, 1e-7
 _VANISHING = 10.0  # rate over angle of a walker that rocks rather than steps
@@ -73,27 +74,29 @@ def follow(curve: Curve, start: Point, low: float, high: float, resolution: floa
         located = locate(curve, points[-1], there, test) if crossed else None
         return [curve.value_at(located)] if located else []
 
-    for there in points_along(curve, start, first=_FIRST_STEP, longest=resolution):
-        here, p = points[-1], there.y[-1]
-        if abs(there.y[1]) > _VANISHING:
-            end = End(curve.value_at(here), VANISHED)
-            break
-        if not low <= p <= high:
-            bound = low if p < low else high
-            fraction = (bound - here.y[-1]) / (p - here.y[-1])
-            guess = here.y + fraction * (there.y - here.y)
-            guess[-1] = bound
-            last = curve.correct(guess)
-            end = End(float(curve.axis.value(bound)), BOUND)
-            if last is not None:
-                doublings += crossings(last, doubling_test)
-                points.append(last)
-            break
-        folds += crossings(there, lambda point: float(point.tangent[-1]))
-        doublings += crossings(there, doubling_test)
-        points.append(there)
-    else:
-        end = reason_of(*curve.gaits_at(points[-_LAST:]), curve.period)
+    with progress("gaits along a curve") as followed:
+        for there in points_along(curve, start, first=_FIRST_STEP, longest=resolution):
+            followed()
+            here, p = points[-1], there.y[-1]
+            if abs(there.y[1]) > _VANISHING:
+                end = End(curve.value_at(here), VANISHED)
+                break
+            if not low <= p <= high:
+                bound = low if p < low else high
+                fraction = (bound - here.y[-1]) / (p - here.y[-1])
+                guess = here.y + fraction * (there.y - here.y)
+                guess[-1] = bound
+                last = curve.correct(guess)
+                end = End(float(curve.axis.value(bound)), BOUND)
+                if last is not None:
+                    doublings += crossings(last, doubling_test)
+                    points.append(last)
+                break
+            folds += crossings(there, lambda point: float(point.tangent[-1]))
+            doublings += crossings(there, doubling_test)
+            points.append(there)
+        else:
+            end = reason_of(*curve.gaits_at(points[-_LAST:]), curve.period)
     return Branch(_thinned(points), folds, doublings, end)
 
 

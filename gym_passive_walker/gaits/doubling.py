@@ -19,6 +19,7 @@ from gym_passive_walker.gaits.family import gait_family
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
 from gym_passive_walker.gaits.log_chart import logarithms
 from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.progress import progress
 from gym_passive_walker.walkers import Walker, as_walker, describe
 
 FEIGENBAUM = 4.669201609102990
@@ -98,13 +99,15 @@ def doubling_cascade(
     here = curve.correct(np.append(u, np.log(slope)))
     slopes: list[float] = []
     gaits: list[Gait] = []
-    while here is not None:
-        slopes.append(curve.value_at(here))
-        gaits.append(measure(stride_map, here.y[:-1], slopes[-1], curve.period))
-        if len(slopes) == doublings:
-            break
-        curve = replace(curve, period=2 * curve.period)
-        here = _next_doubling(curve, here, np.log(slope_max))
+    with progress("period doublings", doublings) as located:
+        while here is not None:
+            slopes.append(curve.value_at(here))
+            gaits.append(measure(stride_map, here.y[:-1], slopes[-1], curve.period))
+            located()
+            if len(slopes) == doublings:
+                break
+            curve = replace(curve, period=2 * curve.period)
+            here = _next_doubling(curve, here, np.log(slope_max))
     periods = tuple(gait.period for gait in gaits)
     return Cascade(walker, periods, tuple(slopes), tuple(gaits))
 
@@ -122,10 +125,12 @@ def _next_doubling(curve: Curve, birth: Point, high: float) -> Point | None:
     if here.tangent @ (here.y - birth.y) < 0.0:
         here = here._replace(tangent=-here.tangent)
     along = points_along(curve, here, first=step, longest=longest, shortest=_SHORTEST_STEP)
-    for there in islice(along, _MOST_STEPS):
-        if there.y[-1] > high:
-            return None
-        if doubling_test(here) * doubling_test(there) < 0.0:
-            return locate(curve, here, there, doubling_test)
-        here = there
+    with progress(f"gaits of period {curve.period}") as followed:
+        for there in islice(along, _MOST_STEPS):
+            if there.y[-1] > high:
+                return None
+            if doubling_test(here) * doubling_test(there) < 0.0:
+                return locate(curve, here, there, doubling_test)
+            here = there
+            followed()
     return None

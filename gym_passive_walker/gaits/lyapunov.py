@@ -14,6 +14,7 @@ from gym_passive_walker.gaits.bifurcation import beginnings
 from gym_passive_walker.gaits.gait import GaitKind
 from gym_passive_walker.gaits.log_chart import by_logarithms, in_logarithms
 from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.progress import progress
 from gym_passive_walker.walkers import Walker
 
 
@@ -59,16 +60,18 @@ def lyapunov_exponents(
     points = points[walking]
     frames = np.broadcast_to(np.eye(m)[:, :count], (len(points), m, count))
     sums = np.zeros((len(points), count))
-    for _ in range(strides):
-        if len(walking) == 0:
-            break
-        # In logarithmic coordinates, as rates are of another size than angles.
-        along = by_logarithms(points) @ frames
-        passage, change = stride_map.linearise(points, values[walking], along=along)
-        on = passage.alive
-        walking, points, sums = walking[on], passage.ends[on], sums[on]
-        frames, triangle = np.linalg.qr(in_logarithms(points, change.ends[on]))
-        with np.errstate(divide="ignore"):  # a direction that a strike forgets: minus infinity
-            sums = sums + np.log(np.abs(np.diagonal(triangle, axis1=1, axis2=2)))
+    with progress("strides averaged over", strides) as averaged:
+        for _ in range(strides):
+            averaged()
+            if len(walking) == 0:
+                break
+            # In logarithmic coordinates, as rates are of another size than angles.
+            along = by_logarithms(points) @ frames
+            passage, change = stride_map.linearise(points, values[walking], along=along)
+            on = passage.alive
+            walking, points, sums = walking[on], passage.ends[on], sums[on]
+            frames, triangle = np.linalg.qr(in_logarithms(points, change.ends[on]))
+            with np.errstate(divide="ignore"):  # a direction that a strike forgets: minus infinity
+                sums = sums + np.log(np.abs(np.diagonal(triangle, axis1=1, axis2=2)))
     exponents[walking] = sums / strides
     return exponents

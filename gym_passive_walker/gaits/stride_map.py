@@ -24,6 +24,7 @@ from gym_passive_walker.gaits.trajectory import just_before
 from gym_passive_walker.physics.bodies import body_from
 from gym_passive_walker.physics.hybrid import Outcome, System
 from gym_passive_walker.physics.systems import system_of
+from gym_passive_walker.progress import progress
 from gym_passive_walker.walkers import Walker, as_walker
 
 LONGEST = 20.0
@@ -202,7 +203,7 @@ class StrideMap(Section):
             seeds=own_seeds, planes=planes,
         )  # fmt: skip
         totals = np.zeros((5, len(walking), planes + 1))
-        with np.errstate(all="ignore"):
+        with np.errstate(all="ignore"), progress("strides", strides) as taken:
             for stride in range(strides):
                 if len(walking) == 0:
                     break
@@ -212,6 +213,7 @@ class StrideMap(Section):
                     records["outcome"] = 0
                 advance(system, own, records, tolerance=self.tolerance, scuff=self.stub)
                 self._add(totals, records)
+                taken()
                 outcomes[walking] = ended = _outcomes(records)
                 on = ended == _STRUCK
                 if not on.all():

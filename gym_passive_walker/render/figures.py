@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from gym_passive_walker.extras import extra, need
 from gym_passive_walker.gaits.bifurcation import bifurcation_diagram
 from gym_passive_walker.gaits.family import GaitFamily, gait_family
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitKind
-from gym_passive_walker.render.extras import extra
 from gym_passive_walker.render.strobe import phase_portrait, strobe
 from gym_passive_walker.walkers import WALKERS, Walker, blend, tune
 
@@ -204,6 +204,7 @@ def draw(name: str, folder: str | Path) -> Path:
     """
     if name not in FIGURES:
         raise ValueError(f"no figure {name!r}: choose from {', '.join(FIGURES)}")
+    need("matplotlib", "figures")
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / f"figure-{name}.png"

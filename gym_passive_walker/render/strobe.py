@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import check_state
+from gym_passive_walker.extras import extra, need
 from gym_passive_walker.gaits.trajectory import Trajectory, trajectory
 from gym_passive_walker.render import look
-from gym_passive_walker.render.extras import extra
 from gym_passive_walker.render.pose import Leg, legs_by_identity, level, pose
 from gym_passive_walker.walkers import Walker, as_walker
 
@@ -76,6 +76,7 @@ def strobe(
         ValueError: if a number is not finite or out of its range.
         ImportError: if matplotlib is not installed.
     """
+    need("matplotlib", "figures")
     walk = trajectory(walker, slope, state, strides=strides, samples=flashes, hip_torque=hip_torque)
     # A heelstrike is one posture, though the walk has it before and after.
     once = np.append(np.diff(walk.strides) == 0, True)
@@ -214,6 +215,7 @@ def phase_portrait(
         ValueError: if a number is not finite or out of its range.
         ImportError: if matplotlib is not installed.
     """
+    need("matplotlib", "figures")
     walker = as_walker(walker)
     walk = trajectory(walker, slope, state, strides=strides, samples=samples, hip_torque=hip_torque)
     figure, (over_time, portrait) = _figure((9.0, 4.0), columns=2)

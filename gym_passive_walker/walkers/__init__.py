@@ -12,11 +12,12 @@ References:
 """
 
 from gym_passive_walker.walkers.parts import Part, assemble, combine, lab_walker_from_parts
-from gym_passive_walker.walkers.presets import WALKERS, as_walker, describe
+from gym_passive_walker.walkers.presets import ABOUT, WALKERS, as_walker, describe
 from gym_passive_walker.walkers.tuning import TuningErrors, blend, tune, tuning_errors
 from gym_passive_walker.walkers.walker import PARAMETERS, Walker, WalkerError
 
 __all__ = [
+    "ABOUT",
     "PARAMETERS",
     "WALKERS",
     "Part",

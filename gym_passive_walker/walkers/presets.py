@@ -64,6 +64,18 @@ WALKERS: dict[str, Walker] = {
 """The walkers of the source document: A to E of Table 4.1, F of Fig. 4.5, and the laboratory's
 walker of Fig. 4.3 with its knees free and locked."""
 
+ABOUT: dict[str, str] = {
+    "A": "straight legs with round feet, masses as the laboratory's walker; tuned",
+    "B": "straight legs with round feet, point masses at hip and feet; tuned",
+    "C": "knees, round feet, masses near those of the laboratory's walker; tuned",
+    "D": "the simplest walker: straight legs without mass, point feet, all mass at the hip",
+    "E": "straight legs, point feet, point masses: 0.1 at each foot, 0.8 at the hip",
+    "F": "as E with lighter feet: 0.05 at each foot, 0.9 at the hip",
+    "lab": "the laboratory's machine as it was built: knees, round feet, not tuned",
+    "lab-straight": "the laboratory's machine with its knees locked",
+}
+"""What each of `WALKERS` is, in words. Tuned walkers may walk at vanishing slope (`tune`)."""
+
 
 def as_walker(walker: Walker | str) -> Walker:
     """A walker as given, or the preset of that name.

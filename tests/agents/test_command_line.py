@@ -8,6 +8,7 @@ import torch
 import train
 from agents import files
 from agents.config import Config
+from gym_passive_walker.control import optimal
 
 TINY = ["--steps", "128", "--envs", "8", "--every", "64", "--quiet"]
 
@@ -96,6 +97,11 @@ def test_a_run_is_not_resumed_as_another(trained, change, capsys):
 def test_a_run_is_not_written_over(trained, capsys):
     assert train.main(["--out", str(trained)]) == 2
     assert "--resume" in capsys.readouterr().err
+
+
+def test_the_table_of_optima_has_a_line_for_each_gait(capsys):
+    assert train.main(["optimal", "--scene", "steep"]) == 0
+    assert len(capsys.readouterr().out.splitlines()) == 1 + len(optimal.load("steep"))
 
 
 def test_the_program_keeps_torch_to_one_thread():

@@ -7,8 +7,9 @@ import pytest
 
 from agents import worlds
 from agents.config import configure
-from agents.evaluation import WALKED_ON, Walks, evaluate, table, write_rows
+from agents.evaluation import write_rows
 from gym_passive_walker.control.baselines import Passive
+from gym_passive_walker.control.walks import WALKED_ON, Walks, evaluate, table
 
 
 def made_up(**changes):

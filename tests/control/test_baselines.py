@@ -1,19 +1,19 @@
 """Agents that learn nothing."""
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from agents import worlds
-from agents.config import configure
-from agents.evaluation import WALKED_ON, evaluate
 from gym_passive_walker.control.baselines import ConstantTorque, LinearFeedback, Passive
 from gym_passive_walker.control.feedback import powered_gait
+from gym_passive_walker.control.walks import WALKED_ON, evaluate
 
 
 def walks(policy, scene, episodes=4, **env):
     """Some walks of an agent in a scene."""
-    return evaluate(policy, worlds.arena(configure("ppo", scene, env=env), episodes), seed=7)
+    arena = gym.make_vec("PassiveWalker-v0", num_envs=episodes, scene=scene, **env)
+    return evaluate(policy, arena, seed=7)
 
 
 @pytest.mark.parametrize(
@@ -62,7 +62,7 @@ def test_feedback_holds_its_torque_through_the_ticks_of_a_stride():
     policy = LinearFeedback("level")
     held = walks(policy, "level", perturbation=0.02)
     assert held.endings == [WALKED_ON] * 4
-    world = worlds.single(configure(env={"perturbation": 0.02}))
+    world = gym.make("PassiveWalker-v0", perturbation=0.02)
     observation, _ = world.reset(seed=1)
     state, torques, strides = None, [], []
     for _ in range(120):

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from llvmlite import binding as llvm
 
+from gym_passive_walker.engine.compiled import context
 from gym_passive_walker.engine.expressions import Expression
 from gym_passive_walker.engine.layout import WIDTH, aligned
 from gym_passive_walker.engine.native import GROUP, Function, Module
@@ -69,7 +70,7 @@ class Native:
         machine = llvm.Target.from_default_triple().create_target_machine(
             cpu=cpu, features=features, opt=2, jit=True
         )
-        parsed = llvm.parse_assembly(str(module))
+        parsed = llvm.parse_assembly(str(module), context())
         parsed.triple, parsed.data_layout = machine.triple, str(machine.target_data)
         parsed.verify()
         self.engine = llvm.create_mcjit_compiler(parsed, machine)

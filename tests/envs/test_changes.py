@@ -4,11 +4,18 @@ import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
 
-from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 
 ZEROS = np.zeros((3, 1))
 BUMPY = np.array([0.02, 0.036, 0.05])
+
+
+def learners(*arguments, **others):
+    """Environments as stable-baselines3 has them."""
+    pytest.importorskip("stable_baselines3")
+    from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
+
+    return PassiveWalkerVecEnv(*arguments, **others)
 
 
 def strides_on(scene="lab", **arguments):
@@ -98,7 +105,7 @@ def test_one_walker_alone_meets_the_ground_that_it_meets_in_a_crowd(make, assert
 
 
 def test_learners_can_meet_rough_ground_too():
-    env = PassiveWalkerVecEnv(3, "lab", seed=4)
+    env = learners(3, "lab", seed=4)
     env.reset()
     seen = env.set_slopes(BUMPY)
     assert seen[:, 7] == pytest.approx(BUMPY)
@@ -126,7 +133,7 @@ def test_the_price_of_a_motor_can_change():
 
 
 def test_none_is_the_price_of_the_scene(make):
-    for world in (make(scene="lab", energy="net"), PassiveWalkerVecEnv(2, "lab", energy="net")):
+    for world in (make(scene="lab", energy="net"), learners(2, "lab", energy="net")):
         world.charge_for("positive")
         world.charge_for(None)
         charged = (
@@ -143,6 +150,6 @@ def test_an_unknown_price_is_refused(make):
 
 
 def test_every_environment_of_a_learner_is_told_the_price():
-    env = PassiveWalkerVecEnv(3)
+    env = learners(3)
     env.env_method("charge_for", "positive", indices=0)
     assert env.get_attr("charged_for") == ["positive"] * 3  # one motor's price is that of all

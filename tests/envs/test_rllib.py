@@ -6,7 +6,7 @@ RLlib pins an older Gymnasium, so this has an extra of its own: `pip install -e 
 import numpy as np
 import pytest
 
-pytest.importorskip("ray.rllib")
+pytest.importorskip("ray.rllib.algorithms.ppo", exc_type=ImportError)
 
 from ray.rllib.algorithms.ppo import PPOConfig
 from ray.rllib.env.single_agent_env_runner import SingleAgentEnvRunner

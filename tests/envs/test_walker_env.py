@@ -237,6 +237,14 @@ def test_an_unknown_render_mode_is_refused(make):
         PassiveWalkerEnv(render_mode="ascii")
 
 
+@pytest.mark.parametrize("make", [gymnasium.make, gymnasium.make_vec])
+def test_pictures_that_cannot_be_drawn_are_refused_before_the_first_step(make, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pygame", None)
+    monkeypatch.setattr("gym_passive_walker.envs.batch.compiled", lambda *_: pytest.fail("late"))
+    with pytest.raises(ImportError, match=r'pip install "gym-passive-walker\[render\]"'):
+        make(ID, render_mode="rgb_array")
+
+
 def test_pictures_follow_the_walker(play):
     pytest.importorskip("pygame")
     env = gymnasium.make(ID, scene="lab", render_mode="rgb_array").unwrapped

@@ -1,0 +1,206 @@
+"""Commands about gaits: each takes a parser, asks for what it needs, and returns what to do."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, Namespace
+from collections import Counter
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from gym_passive_walker.cli.arguments import (
+    add_kind,
+    add_slope,
+    add_slopes,
+    add_walker,
+    gait_of,
+    walker_of,
+)
+from gym_passive_walker.cli.report import Report, listing, record, table
+from gym_passive_walker.gaits.attractors import FELL, UNSETTLED
+from gym_passive_walker.gaits.basin import basin_of_attraction
+from gym_passive_walker.gaits.bifurcation import bifurcation_diagram
+from gym_passive_walker.gaits.family import gait_family
+from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
+from gym_passive_walker.gaits.reality import reality_check
+from gym_passive_walker.walkers import ABOUT, WALKERS, describe, tuning_errors
+
+_GAIT = ("kind", "period", "stance_angle", "state", "step_period", "step_length", "speed")
+_GAIT += ("froude_speed", "cost_of_transport", "multipliers", "stable")
+_FAMILY = ("slope", "stance_angle", "step_period", "step_length", "speed", "froude_speed")
+
+
+def walkers(command: ArgumentParser) -> Callable[[Namespace], Report]:
+    """List the walkers that come with the package, and say what each of them is.
+
+    passive-walker walkers
+    """
+
+    def run(_: Namespace) -> Report:
+        rows = []
+        for name, walker in WALKERS.items():
+            sizes = record(walker, ("leg_length", "total_mass", "foot_radius"))
+            errors = tuning_errors(walker)
+            off = max(abs(errors.collinearity), abs(errors.shank_under_knee))
+            rows.append(
+                {"name": name, **sizes, "off tuning (legs)": off, "what it is": ABOUT[name]}
+            )
+        return Report(table(rows), rows)
+
+    return run
+
+
+def gait(command: ArgumentParser) -> Callable[[Namespace], Report]:
+    """Find every gait of a walker at a slope, with its measures and its stability.
+
+    passive-walker gait lab 0.036
+    passive-walker gait C 0.09 --period 2
+    passive-walker gait mine.json 0.02 --tune
+    """
+    add_walker(command)
+    add_slope(command)
+    command.add_argument("--period", type=int, default=1, help="strides until it repeats (1)")
+
+    def run(arguments: Namespace) -> Report:
+        walker, slope, period = walker_of(arguments), arguments.slope, arguments.period
+        found = find_gaits(walker, slope, period=period)
+        # Where there is none, the search for one says why.
+        gaits = found or [find_gait(walker, slope, period=period)]
+        records = [record(gait, _GAIT) for gait in gaits]
+        texts = [
+            listing(
+                f"{gait['kind']}-step gait of {describe(walker)} at slope {slope:g} rad, "
+                f"period {gait['period']}",
+                {name: gait[name] for name in _GAIT[2:]},
+            )
+            for gait in records
+        ]
+        return Report("\n\n".join(texts), records)
+
+    return run
+
+
+def family(command: ArgumentParser) -> Callable[[Namespace], Report]:
+    """Follow a gait over slopes, through folds, to where it ends and why.
+
+    passive-walker family lab 0.005 0.1
+    passive-walker family C 0.01 0.1 --kind short --json
+    """
+    add_walker(command)
+    add_slopes(command)
+    add_kind(command)
+
+    def run(arguments: Namespace) -> Report:
+        walker = walker_of(arguments)
+        found = gait_family(walker, arguments.low, arguments.high, arguments.kind)
+        columns: dict[str, Any] = record(found, _FAMILY)
+        columns |= {"multiplier": np.abs(found.multipliers[:, 0]), "stable": found.stable}
+        marks = record(found, ("folds", "period_doublings", "halts"))
+        facts: dict[str, Any] = {f"{name} (rad)": values for name, values in marks.items()}
+        for side, end in zip(("first", "last"), found.ends, strict=True):
+            facts[f"{side} end"] = f"{end.value:.8g} rad: {end.reason}"
+        title = f"{len(found)} {arguments.kind}-step gaits of {describe(walker)}"
+        text = f"{table(_rows(columns))}\n\n{listing(title, facts)}"
+        return Report(text, {"gaits": columns, **marks, "ends": found.ends})
+
+    return run
+
+
+def bifurcation(command: ArgumentParser) -> Callable[[Namespace], Report]:
+    """Say where walks settle, slope by slope: a gait, its doublings, chaos, or a fall.
+
+    passive-walker bifurcation C 0.07 0.098 --slopes 15
+    """
+    add_walker(command)
+    add_slopes(command)
+    add_kind(command)
+    add = command.add_argument
+    add("--slopes", type=int, default=50, metavar="N", help="how many slopes (%(default)s)")
+    add("--settle", type=int, default=500, metavar="N", help="strides before (%(default)s)")
+    add("--keep", type=int, default=64, metavar="N", help="strides looked at (%(default)s)")
+
+    def run(arguments: Namespace) -> Report:
+        slopes = np.linspace(arguments.low, arguments.high, arguments.slopes)
+        found = bifurcation_diagram(
+            walker_of(arguments), slopes, settle=arguments.settle, keep=arguments.keep,
+            kind=arguments.kind,
+        )  # fmt: skip
+        angles = found.stance_angle
+        rows = _rows(
+            {
+                "slope": found.slope,
+                "least stance angle (rad)": angles.min(axis=1),
+                "greatest stance angle (rad)": angles.max(axis=1),
+                "settles on": [
+                    "a fall" if not on else f"period {n}" if n else "no period up to 32"
+                    for on, n in zip(found.walks, found.period, strict=True)
+                ],
+            }
+        )
+        data = record(found, ("slope", "period", "walks", "stance_angle"))
+        return Report(table(rows), data)
+
+    return run
+
+
+def basin(command: ArgumentParser) -> Callable[[Namespace], Report]:
+    """Say how many starts on a slice through a gait lead to which gait, and how many to a fall.
+
+    passive-walker basin lab 0.036 --resolution 100
+    """
+    add_walker(command)
+    add_slope(command)
+    add = command.add_argument
+    add("--resolution", type=int, default=100, metavar="N", help="angles and rates (%(default)s)")
+    add("--strides", type=int, default=300, metavar="N", help="at most (%(default)s)")
+
+    def run(arguments: Namespace) -> Report:
+        found = basin_of_attraction(
+            walker_of(arguments), arguments.slope, resolution=arguments.resolution,
+            strides=arguments.strides,
+        )  # fmt: skip
+        names = {FELL: "a fall", UNSETTLED: "no gait yet"}
+        for i, gait in enumerate(found.gaits):
+            names[i] = f"the {gait.kind}-step gait, {gait.stance_angle:.6g} rad"
+            names[i] += f", period {gait.period}" * (gait.period > 1)
+        counts = Counter(found.settled.ravel().tolist())
+        rows = [
+            {"leads to": names[index], "starts": count, "share": count / found.settled.size}
+            for index, count in counts.most_common()
+        ]
+        angle, rate = found.stance_angle, found.stance_rate
+        title = f"stance angles {angle[0]:.4g} to {angle[-1]:.4g} rad, stance rates {rate[0]:.4g} "
+        title += f"to {rate[-1]:.4g} rad/s"
+        data = record(found, ("slope", "stance_angle", "stance_rate", "settled", "strides"))
+        data["gaits"] = [record(gait, _GAIT) for gait in found.gaits]
+        return Report(f"{title}\n{table(rows)}", data)
+
+    return run
+
+
+def check(command: ArgumentParser) -> Callable[[Namespace], Report]:
+    """Say whether a gait could happen: scuffing, knee lock, contact, friction, hyperextension.
+
+    passive-walker check lab 0.036
+    passive-walker check C 0.03 --friction 0.5
+    """
+    add_walker(command)
+    add_slope(command)
+    add_kind(command)
+    add = command.add_argument
+    add("--friction", type=float, default=0.8, help="coefficient of foot and ground (%(default)s)")
+
+    def run(arguments: Namespace) -> Report:
+        gait = gait_of(arguments)
+        found = reality_check(
+            gait.walker, gait.slope, gait.state, strides=gait.period, friction=arguments.friction
+        )
+        return Report(str(found), {"holds": found.holds, "passed": found.passed, "found": found})
+
+    return run
+
+
+def _rows(columns: dict[str, Any]) -> list[dict[str, Any]]:
+    """Columns of a table as its rows."""
+    return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]

@@ -1,0 +1,91 @@
+"""Commands that draw: strobe pictures, films, and the source document's figures."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, Namespace
+from collections.abc import Callable
+from pathlib import Path
+
+from gym_passive_walker.cli.arguments import add_walk, start_of, walker_of
+from gym_passive_walker.cli.report import Report
+from gym_passive_walker.extras import need
+from gym_passive_walker.progress import progress
+
+
+def strobe(command: ArgumentParser) -> Callable[[Namespace], Report]:
+    """Draw a walk as a strobe picture.
+
+    passive-walker strobe lab 0.036 --strides 3 --out walk.png
+    """
+    add_walk(command, strides=3)
+    _add_out(command, "strobe.png", "a picture: .png, .pdf, .svg")
+
+    def run(arguments: Namespace) -> Report:
+        need("matplotlib", "figures")
+        from gym_passive_walker.render.strobe import strobe as drawn
+
+        drawn(
+            walker_of(arguments), arguments.slope, start_of(arguments), strides=arguments.strides,
+            hip_torque=arguments.torque, path=arguments.out,
+        )  # fmt: skip
+        return _saved([arguments.out])
+
+    return run
+
+
+def video(command: ArgumentParser) -> Callable[[Namespace], Report]:
+    """Film a walk at its own pace.
+
+    passive-walker video lab 0.036 --strides 10 --out walk.mp4
+    passive-walker video D 0.009 --slower 4 --out walk.gif
+    """
+    add_walk(command, strides=10)
+    _add_out(command, "walk.mp4", "a film, .mp4 or .gif")
+    command.add_argument(
+        "--slower", type=float, default=1.0, metavar="TIMES", help="in slow motion (%(default)s)"
+    )
+
+    def run(arguments: Namespace) -> Report:
+        need("pygame", "render")
+        from gym_passive_walker.render.film import film
+
+        film(
+            walker_of(arguments), arguments.slope, start_of(arguments), arguments.out,
+            strides=arguments.strides, hip_torque=arguments.torque, slower=arguments.slower,
+        )  # fmt: skip
+        return _saved([arguments.out])
+
+    return run
+
+
+def figures(command: ArgumentParser) -> Callable[[Namespace], Report]:
+    """Draw figures of the source document, computed anew; all of them if none is named.
+
+    passive-walker figures 4.6 4.10 --out figures
+    """
+    add = command.add_argument
+    add("names", nargs="*", metavar="NUMBER", help="of a figure in the source, such as 4.6")
+    add("--out", type=Path, default=Path("figures"), metavar="FOLDER", help="(%(default)s)")
+
+    def run(arguments: Namespace) -> Report:
+        from gym_passive_walker.render.figures import FIGURES, draw
+
+        paths, names = [], arguments.names or list(FIGURES)
+        with progress("figures", len(names)) as drawn:
+            for name in names:
+                paths.append(draw(name, arguments.out))
+                drawn()
+        return _saved(paths)
+
+    return run
+
+
+def _add_out(command: ArgumentParser, default: str, about: str) -> None:
+    """Ask where a picture goes."""
+    command.add_argument(
+        "--out", type=Path, default=Path(default), metavar="FILE", help=f"{about} (%(default)s)"
+    )
+
+
+def _saved(paths: list[Path]) -> Report:
+    return Report("\n".join(f"saved {path}" for path in paths), {"files": [*map(str, paths)]})

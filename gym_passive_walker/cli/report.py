@@ -1,0 +1,126 @@
+"""What commands have to say: tables for people, JSON for programs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from typing import Any, NamedTuple
+
+import numpy as np
+
+_LABELS = {
+    "slope": "slope (rad)",
+    "stance_angle": "stance angle (rad)",
+    "stance_angles": "stance angles (rad)",
+    "state": "section state (rad, rad/s)",
+    "duration": "duration (s)",
+    "step_period": "step period (s)",
+    "step_length": "step length (m)",
+    "speed": "speed (m/s)",
+    "froude_speed": "speed / √(g l)",
+    "kneestrike_time": "kneestrike (s)",
+    "kneestrike_loss": "kneestrike loss (J)",
+    "heelstrike_loss": "heelstrike loss (J)",
+    "hip_work": "hip work (J)",
+    "multiplier": "|multiplier|",
+    "leg_length": "leg (m)",
+    "total_mass": "mass (kg)",
+    "foot_radius": "foot radius (m)",
+    "seconds": "seconds (s)",
+}
+"""Names of quantities with their units: the presets', and what a walker's file is taken to be in.
+
+A quantity without a unit is called by its name.
+"""
+
+
+class Report(NamedTuple):
+    """What a command has found out.
+
+    Attributes:
+        text: For people.
+        data: For programs: anything that `plain` makes plain.
+    """
+
+    text: str
+    data: Any
+
+
+def record(source: Any, names: Iterable[str]) -> dict[str, Any]:
+    """Some of an object's attributes by name."""
+    return {name: getattr(source, name) for name in names}
+
+
+def listing(title: str, values: Mapping[str, Any]) -> str:
+    """A title, and below it a quantity a line."""
+    labels = [_label(name) for name in values]
+    width = max(map(len, labels))
+    lines = [
+        f"  {label:<{width}}  {_written(value, digits=8)}"
+        for label, value in zip(labels, values.values(), strict=True)
+    ]
+    return "\n".join([title, *lines])
+
+
+def table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Rows with the same quantities below each other; words to the left, numbers to the right."""
+    cells = [[_label(name) for name in rows[0]]]
+    cells += [[_written(value) for value in row.values()] for row in rows]
+    words = [isinstance(value, str) for value in rows[0].values()]
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    lines = (
+        "  ".join(
+            cell.ljust(width) if left else cell.rjust(width)
+            for cell, width, left in zip(row, widths, words, strict=True)
+        ).rstrip()
+        for row in cells
+    )
+    return "\n".join(lines)
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON has it: NaN is null, a complex number its parts, an outcome its name."""
+    match value:
+        case Enum():
+            return value.name
+        case None | bool() | int() | str():
+            return value
+        case float():
+            return value if math.isfinite(value) else None
+        case complex():
+            return [plain(value.real), plain(value.imag)]
+        case np.ndarray() | np.generic():
+            return plain(value.tolist())
+        case Mapping():
+            return {str(name): plain(part) for name, part in value.items()}
+    if is_dataclass(value):
+        return plain({field.name: getattr(value, field.name) for field in fields(value)})
+    if hasattr(value, "_asdict"):
+        return plain(value._asdict())
+    if isinstance(value, Iterable):
+        return [plain(part) for part in value]
+    return str(value)
+
+
+def _label(name: str) -> str:
+    return _LABELS.get(name, name.replace("_", " "))
+
+
+def _written(value: Any, digits: int = 6) -> str:
+    """A quantity as people read it."""
+    match value:
+        case Enum():
+            return value.name.lower().replace("_", " ")
+        case bool() | np.bool_():
+            return ("no", "yes")[int(value)]
+        case str():
+            return value
+        case complex() if value.imag:
+            return f"{value.real:.{digits}g}{value.imag:+.{digits}g}i"
+        case complex():
+            return _written(value.real, digits)
+        case np.ndarray() | tuple() | list():
+            return ", ".join(_written(part, digits) for part in value) or "none"
+    return "-" if math.isnan(value) else f"{value:.{digits}g}"

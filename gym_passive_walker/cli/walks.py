@@ -1,0 +1,128 @@
+"""Commands that follow a walk: its strides, its pictures, and walks under a policy."""
+
+from __future__ import annotations
+
+import csv
+from argparse import ArgumentParser, Namespace
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from gym_passive_walker.arguments import whole
+from gym_passive_walker.cli.arguments import A_WALKER, a_walker, add_walk, start_of, walker_of
+from gym_passive_walker.cli.report import Report, record, table
+from gym_passive_walker.control.baselines import BASELINES, Passive
+from gym_passive_walker.control.walks import evaluate as evaluated
+from gym_passive_walker.control.walks import table as compared
+from gym_passive_walker.envs.registration import ID
+from gym_passive_walker.envs.scene import SCENES, make_scene
+from gym_passive_walker.gaits.stride import stride
+from gym_passive_walker.gaits.trajectory import Trajectory, trajectory
+from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.policies import load_policy, shipped_policies
+from gym_passive_walker.walkers import describe
+
+_STRIDE = ("duration", "step_length", "kneestrike_time", "kneestrike_loss", "heelstrike_loss")
+_STRIDE += ("hip_work",)
+
+
+def simulate(command: ArgumentParser) -> Callable[[Namespace], Report]:
+    """Follow a walk stride by stride; write what it passes through as CSV or NPZ.
+
+    passive-walker simulate lab 0.036 --strides 20
+    passive-walker simulate lab 0.036 --state 0.3 -0.3 -0.3 -1.5 -0.8 -2 --out walk.csv
+    """
+    add_walk(command, strides=10)
+    add = command.add_argument
+    add("--samples", type=int, default=100, metavar="N", help="of a stride (%(default)s)")
+    add("--out", type=Path, metavar="FILE", help="a .csv or .npz file for the samples")
+
+    def run(arguments: Namespace) -> Report:
+        out: Path | None = arguments.out
+        if out is not None and out.suffix not in _WRITERS:
+            raise ValueError(f"--out takes a name that ends in .csv or .npz, not {out}")
+        walker, slope, state = walker_of(arguments), arguments.slope, start_of(arguments)
+        if out is not None:
+            walk = trajectory(
+                walker, slope, state, strides=arguments.strides, samples=arguments.samples,
+                hip_torque=arguments.torque,
+            )  # fmt: skip
+            _WRITERS[out.suffix](out, _columns(walk))
+        rows: list[dict[str, Any]] = []
+        while len(rows) < arguments.strides:
+            walk = stride(walker, slope, state, hip_torque=arguments.torque)
+            rows.append({"stride": len(rows) + 1, "stance_angle": state[0],
+                         **record(walk, _STRIDE), "ends with": walk.outcome})  # fmt: skip
+            if walk.outcome != Outcome.HEELSTRIKE:
+                break
+            state = walk.state
+        said = [table(rows)] + [f"\nsaved {out}"] * (out is not None)
+        return Report("\n".join(said), rows)
+
+    return run
+
+
+def _columns(walk: Trajectory) -> dict[str, np.ndarray]:
+    """What a walk passes through, by name."""
+    angles = [
+        f"{part}_{what}" for what in ("angle", "rate") for part in ("stance", "thigh", "shank")
+    ]
+    return {
+        "time": walk.times,
+        "stride": walk.strides,
+        "phase": walk.phases,
+        **dict(zip(angles, walk.states.T, strict=True)),
+        "contact_x": walk.contact_x,
+    }
+
+
+def _write_csv(path: Path, columns: dict[str, np.ndarray]) -> None:
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows(zip(*(column.tolist() for column in columns.values()), strict=True))
+
+
+def _write_npz(path: Path, columns: dict[str, np.ndarray]) -> None:
+    np.savez_compressed(path, **columns)  # type: ignore[arg-type]
+
+
+_WRITERS = {".csv": _write_csv, ".npz": _write_npz}
+
+
+def evaluate(command: ArgumentParser) -> Callable[[Namespace], Report]:
+    """Let a policy walk some episodes in a scene, beside the same walker without a motor.
+
+    passive-walker evaluate level-ppo
+    passive-walker evaluate lab-ppo --scene level --walker lab --slope 0.01
+    """
+    known = ", ".join([*shipped_policies(), *BASELINES])
+    add = command.add_argument
+    add("policy", metavar="POLICY", help=f"{known}, or the folder of an exported one")
+    add("--scene", choices=list(SCENES), help="(the policy's own; level)")
+    add("--walker", type=a_walker, metavar="WALKER", help=A_WALKER)
+    add("--slope", type=float, metavar="RAD", help="another slope")
+    add("--episodes", type=int, default=20, metavar="N", help="(%(default)s)")
+    add("--seed", type=int, default=1000, metavar="N", help="of the first one (%(default)s)")
+
+    def run(arguments: Namespace) -> Report:
+        name, episodes = arguments.policy, whole(arguments.episodes, "--episodes")
+        trained = None if name in BASELINES else load_policy(name)
+        changes: dict[str, Any] = {} if arguments.slope is None else {"slope": arguments.slope}
+        if arguments.walker is not None:  # whether stubbing a toe ends a walk is for its legs
+            changes |= {"walker": arguments.walker, "stub": None}
+        scene = make_scene(arguments.scene or (trained.scene if trained else "level"), **changes)
+        policy = trained or BASELINES[name](scene)
+        arena = gym.make_vec(ID, num_envs=episodes, scene=scene)
+        agents = {name: policy, "without a motor": Passive()}
+        walks = {who: evaluated(agent, arena, seed=arguments.seed) for who, agent in agents.items()}
+        slope = " to ".join(f"{bound:g}" for bound in np.atleast_1d(scene.slope))
+        title = f"{name}, {describe(scene.walker)}, slope {slope} rad; {episodes} episodes"
+        return Report(
+            compared(title, walks), [row for who, done in walks.items() for row in done.rows(who)]
+        )
+
+    return run

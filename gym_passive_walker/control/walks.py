@@ -1,0 +1,200 @@
+"""Walks: what becomes of an agent in a number of episodes, and what there is to say of it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from gymnasium.vector import VectorEnv
+from numpy.typing import NDArray
+
+from gym_passive_walker.control.policy import Policy, steps
+from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
+from gym_passive_walker.progress import progress
+
+HUNDRED = 100
+"""Strides after which a walk counts as one that goes on."""
+
+WALKED_ON = "walked on"
+"""The ending of a walk that the time limit ended."""
+
+_MEDIANS = ("distance", "strides", "speed", "cost_of_transport")
+_WORK = {"hip_work": "hip_cost", "net_work": "net_hip_cost", "gravity_work": "gravity_cost"}
+_PER_EPISODE = ("seeds", "slopes", "reward", *_MEDIANS, "gravity_cost")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Walks:
+    """Some episodes of one agent, each entry an array over episodes; dimensionless.
+
+    Attributes:
+        seeds: Seed of each episode.
+        slopes: Slope in rad.
+        reward: Sum of the rewards.
+        distance: Distance of the whole episode, in leg lengths.
+        strides: Heelstrikes.
+        length: Distance of the complete strides.
+        duration: Time of the complete strides.
+        hip_work: What the motor was charged for in them, over weight and leg length.
+        net_work: The motor's net work in them.
+        gravity_work: What gravity paid in them.
+        endings: How each ended: "walked on" to the time limit, or an outcome's name.
+    """
+
+    seeds: NDArray
+    slopes: NDArray
+    reward: NDArray
+    distance: NDArray
+    strides: NDArray
+    length: NDArray
+    duration: NDArray
+    hip_work: NDArray
+    net_work: NDArray
+    gravity_work: NDArray
+    endings: list[str]
+
+    def __len__(self) -> int:
+        return len(self.endings)
+
+    @property
+    def speed(self) -> NDArray:
+        """Mean speed over sqrt(g l); 0 without a stride."""
+        return np.nan_to_num(_ratio(self.length, self.duration))
+
+    @property
+    def cost_of_transport(self) -> NDArray:
+        """Work of gravity and motor over weight and distance; NaN without a stride."""
+        return _ratio(self.gravity_work + self.hip_work, self.length)
+
+    @property
+    def gravity_cost(self) -> NDArray:
+        """Gravity's share of the cost of transport."""
+        return _ratio(self.gravity_work, self.length)
+
+    @property
+    def hip_cost(self) -> NDArray:
+        """What the motor was charged for, over weight and distance."""
+        return _ratio(self.hip_work, self.length)
+
+    @property
+    def net_hip_cost(self) -> NDArray:
+        """The motor's net work over weight and distance."""
+        return _ratio(self.net_work, self.length)
+
+    def rows(self, agent: str) -> list[dict[str, Any]]:
+        """One row an episode, for a table."""
+        columns = {name: np.round(getattr(self, name), 6).tolist() for name in _PER_EPISODE}
+        columns["ending"] = self.endings
+        return [
+            {"agent": agent, **dict(zip(columns, row, strict=True))}
+            for row in zip(*columns.values(), strict=True)
+        ]
+
+    def summary(self) -> dict[str, float]:
+        """One row for a learning curve: medians, but the mean of the return."""
+        medians = {name: _median(getattr(self, name)) for name in _MEDIANS}
+        return {
+            "reward": float(np.mean(self.reward)),
+            **medians,
+            "walked_on": self.endings.count(WALKED_ON) / len(self),
+            "hundred_strides": float(np.mean(self.strides >= HUNDRED)),
+        }
+
+
+def _ratio(amount: NDArray, whole: NDArray) -> NDArray:
+    return np.divide(amount, whole, out=np.full(len(whole), np.nan), where=whole > 0.0)
+
+
+def _median(values: NDArray) -> float:
+    """The median of those that are numbers; NaN if none is."""
+    values = values[np.isfinite(values)]
+    return float(np.median(values)) if len(values) else float("nan")
+
+
+def evaluate(policy: Policy, arena: VectorEnv, *, seed: int) -> Walks:
+    """Let an agent walk one episode in each of some environments.
+
+    Args:
+        policy: The agent; it acts deterministically.
+        arena: A native batch in its usual "NextStep" mode, each lane an episode.
+        seed: Seed of the first episode, the next ones follow. The same seed is the same starts
+            and the same slopes, whoever walks.
+    """
+    count = arena.num_envs
+    sums = {name: np.zeros(count) for name in ("length", "duration", *_WORK)}
+    reward, distance, strides = np.zeros((3, count))
+    endings = [""] * count
+    observations, _ = arena.reset(seed=seed)
+    slopes = arena.slopes  # type: ignore[attr-defined]
+    under_way = np.ones(count, bool)
+    with progress("steps of each walk", MAX_EPISODE_STEPS) as taken:
+        for step in steps(policy, arena, observations):
+            taken()
+            infos = step.infos
+            reward[under_way] += step.rewards[under_way]
+            struck = step.struck & under_way
+            if struck.any():
+                length = infos["step_length"][struck]
+                sums["length"][struck] += length
+                sums["duration"][struck] += infos["step_period"][struck]
+                for name, cost in _WORK.items():
+                    sums[name][struck] += infos[cost][struck] * length
+            over = step.terminated | step.truncated
+            for i in np.flatnonzero(over & under_way):
+                distance[i], strides[i] = infos["episode_distance"][i], infos["strides"][i]
+                fell = step.terminated[i]
+                endings[i] = infos["outcome"][i].replace("_", " ") if fell else WALKED_ON
+            under_way &= ~over
+            if not under_way.any():
+                break
+    return Walks(
+        seeds=seed + np.arange(count),
+        slopes=slopes,
+        reward=reward,
+        distance=distance,
+        strides=strides.astype(int),
+        **sums,
+        endings=endings,
+    )
+
+
+_QUANTITIES: tuple[tuple[str, Callable[[Walks], NDArray], str], ...] = (
+    ("distance / leg length", lambda walks: walks.distance, ".1f"),
+    ("strides", lambda walks: walks.strides, ".0f"),
+    ("speed / √(g l)", lambda walks: walks.speed, ".3f"),
+    ("cost of transport", lambda walks: walks.cost_of_transport, ".4f"),
+    ("  of it gravity's", lambda walks: walks.gravity_cost, ".4f"),
+    ("return", lambda walks: walks.reward, ".2f"),
+)
+
+
+def table(title: str, columns: dict[str, Walks]) -> str:
+    """Agents side by side: medians over the episodes, with their range, and how walks ended."""
+    rows = [["", *columns]]
+    for label, quantity, form in _QUANTITIES:
+        rows.append([label, *(_spread(quantity(walks), form) for walks in columns.values())])
+    for ending, _ in Counter(e for walks in columns.values() for e in walks.endings).most_common():
+        counts = (f"{walks.endings.count(ending)} of {len(walks)}" for walks in columns.values())
+        rows.append([ending, *counts])
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    lines = [
+        "  ".join(
+            cell.rjust(width) if index else cell.ljust(width)
+            for index, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
+        for row in rows
+    ]
+    rule = "─" * len(lines[0])
+    return "\n".join([title, rule, lines[0], rule, *lines[1:], rule])
+
+
+def _spread(values: NDArray, form: str) -> str:
+    """Median and range of some numbers."""
+    values = values[np.isfinite(values)]
+    if not len(values):
+        return "–"
+    low, middle, high = (f"{np.percentile(values, q):{form}}" for q in (0, 50, 100))
+    return middle if low == high else f"{middle} ({low} to {high})"

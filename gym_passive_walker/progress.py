@@ -1,0 +1,129 @@
+"""What long work says while it lasts, on standard error.
+
+That something compiles is said wherever standard error goes, since a silent minute looks like a
+fault. A bar is for eyes: it is drawn on a terminal alone, and only of work that takes a while.
+"""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+_UNSAID = 1.0  # seconds of compiling that pass without a word
+_UNSEEN = 2.0  # seconds of work that pass without a bar
+_PACE = 0.1  # seconds between two looks of a bar
+_CELLS = 20
+
+
+class _Bar:
+    """One piece of work, and how much of it is done."""
+
+    def __init__(self, what: str, total: float | None) -> None:
+        self.what, self.total, self.done = what, total, 0.0
+        self.began = time.monotonic()
+
+    def advance(self, amount: float = 1.0) -> None:
+        """So much more is done."""
+        self.done += amount
+        _LINE.show()
+
+    def __str__(self) -> str:
+        if self.total is None:
+            return f"{self.what} {self.done:g}"
+        full = round(_CELLS * min(self.done / self.total, 1.0))
+        return f"{self.what} [{'#' * full:-<{_CELLS}}] {self.done:g}/{self.total:g}"
+
+
+class _Line:
+    """The terminal's last line: what is under way, the outermost work first."""
+
+    def __init__(self) -> None:
+        self.bars: list[_Bar] = []
+        self._drawn = False
+        self._shown = -_PACE
+
+    def show(self) -> None:
+        """Draw it, if it is time to."""
+        bars, now = tuple(self.bars), time.monotonic()
+        if not bars or now - bars[0].began < _UNSEEN or now - self._shown < _PACE:
+            return
+        self._shown = now
+        parts = [str(bar) for bar in bars if bar.total != 1]  # else it has no parts to show
+        if parts and sys.stderr is not None and sys.stderr.isatty():
+            self._write(f"{', '.join(parts)}, {now - bars[0].began:.0f} s")
+            self._drawn = True
+
+    def wipe(self) -> None:
+        """Leave nothing of it."""
+        if self._drawn:
+            self._write("")
+            sys.stderr.write("\r")
+            self._drawn = False
+
+    def _write(self, text: str) -> None:
+        columns = shutil.get_terminal_size().columns - 1
+        sys.stderr.write("\r" + text[:columns].ljust(columns))
+        sys.stderr.flush()
+
+
+_LINE = _Line()
+
+
+@contextmanager
+def progress(what: str, total: float | None = None) -> Iterator[Callable[..., None]]:
+    """Show a bar while something long is done; nothing where there is no terminal to draw it on.
+
+    Work within the work is shown behind it, on the same line.
+
+    Args:
+        what: What is done.
+        total: How much there is to do; None if nobody knows.
+
+    Yields:
+        A function to call whenever one more is done, or a given amount.
+    """
+    bar = _Bar(what, total)
+    _LINE.bars.append(bar)
+    try:
+        yield bar.advance
+    finally:
+        _LINE.bars.remove(bar)
+        if not _LINE.bars:
+            _LINE.wipe()
+
+
+@contextmanager
+def compiling(what: str) -> Iterator[None]:
+    """Say once what compiles, and how long it took, unless that is over in a second.
+
+    Args:
+        what: What is compiled.
+    """
+    began, said = time.monotonic(), threading.Event()
+
+    def say() -> None:
+        said.set()
+        _LINE.wipe()
+        _tell(f"gym_passive_walker compiles {what}, this once ...")
+
+    timer = threading.Timer(_UNSAID, say)
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+        timer.join()
+        if said.is_set():
+            _tell(f" {time.monotonic() - began:.1f} s\n")
+
+
+def _tell(text: str) -> None:
+    """Write to standard error, where there is one."""
+    if sys.stderr is not None:
+        sys.stderr.write(text)
+        sys.stderr.flush()

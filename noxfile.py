@@ -1,0 +1,45 @@
+"""The fast tests on every Python, with the oldest libraries allowed and with the newest.
+
+`make test-matrix` runs all of it; a Python that is not on this machine is left out, and said to be.
+Learning is left out too: its libraries are large, and its tests run with the pinned ones.
+"""
+
+import nox
+
+nox.options.default_venv_backend = "uv"
+nox.options.download_python = "never"
+
+QUIET = {"SDL_VIDEODRIVER": "dummy", "MPLBACKEND": "Agg"}
+
+
+@nox.session
+@nox.parametrize(
+    "python,resolution",
+    [("3.11", "lowest-direct"), ("3.11", "highest"), ("3.12", "highest"), ("3.13", "highest")],
+)
+def tests(session: nox.Session, resolution: str) -> None:
+    """Walk in an environment of its own, with kernels compiled anew."""
+    # Matplotlib 3.10.0 calls pyparsing by names that 3.3 warns of.
+    bounds = ["pyparsing~=3.2.0"] * (resolution == "lowest-direct")
+    session.install(f"--resolution={resolution}", ".[render,figures,test]", *bounds)
+    kernels = {"XDG_CACHE_HOME": session.create_tmp()}
+    session.run("python", "-m", "pytest", *session.posargs, env=QUIET | kernels)
+
+
+@nox.session
+def processors(session: nox.Session) -> None:
+    """Walk on lesser processors, by their instructions alone."""
+    session.install(".[test]")
+    kernels = {"XDG_CACHE_HOME": session.create_tmp()}
+    chosen = ["tests/engine/test_lanes.py", "-k", "another_processor", "-m", "slow or not slow"]
+    session.run("python", "-m", "pytest", *chosen, env=QUIET | kernels)
+
+
+@nox.session
+def base(session: nox.Session) -> None:
+    """Walk with nothing installed but the package itself and what it cannot do without."""
+    session.install(".")
+    kernels = {"XDG_CACHE_HOME": session.create_tmp()}
+    session.chdir(session.create_tmp())  # away from the sources
+    session.run("passive-walker", "warmup", env=kernels)
+    session.run("passive-walker", "evaluate", "level-ppo", "--episodes", "2", env=kernels)

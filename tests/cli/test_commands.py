@@ -1,0 +1,358 @@
+"""What people and programs are told by `passive-walker`."""
+
+import csv
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.cli import COMMANDS, main, parser
+from gym_passive_walker.control.walks import WALKED_ON
+from gym_passive_walker.walkers import ABOUT
+
+NAMES = [command.__name__ for command in COMMANDS]
+
+
+@pytest.fixture
+def told(capsys):
+    """What a command prints as JSON."""
+
+    def run(*words):
+        assert main([*map(str, words), "--json"]) == 0
+        return json.loads(capsys.readouterr().out)
+
+    return run
+
+
+@pytest.fixture
+def mine(tmp_path, monkeypatch):
+    """A file with a walker: the laboratory's at half its size, in a folder to work in."""
+    monkeypatch.chdir(tmp_path)
+    lab = asdict(gpw.WALKERS["lab"])
+    for name in lab:
+        if name.endswith(("length", "offset", "gyration", "com", "radius")):
+            lab[name] /= 2.0
+    (tmp_path / "mine.json").write_text(json.dumps(lab))
+    return tmp_path / "mine.json"
+
+
+def examples(command):
+    """What a command's help shows as examples, a list of words each."""
+    return [shlex.split(line)[1:] for line in command.__doc__.splitlines()[1:] if line.strip()]
+
+
+def test_without_a_command_there_is_help(capsys):
+    assert main([]) == 0
+    said = capsys.readouterr().out
+    assert all(f"\n    {name}" in said for name in NAMES)
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=NAMES)
+def test_each_command_has_help_with_examples_that_it_understands(command, mine, capsys):
+    with pytest.raises(SystemExit) as end:
+        main([command.__name__, "--help"])
+    assert end.value.code == 0
+    said = capsys.readouterr().out
+    assert examples(command)
+    for words in examples(command):
+        assert words[0] == command.__name__ and shlex.join(words) in said
+        parser().parse_args(words)
+
+
+@pytest.mark.parametrize(
+    "page", ["README.md", "docs/commands.md", "docs/tutorial.md", "docs/walkers.md"]
+)
+def test_what_the_pages_type_is_understood(page, mine):
+    text = (Path(__file__).parents[2] / page).read_text()
+    lines = re.findall(r"(?:^|`)passive-walker ([a-z].*?)(?:`|\s+#|$)", text, re.M)
+    assert lines
+    for line in lines:
+        if line not in NAMES:  # named, not typed
+            assert "run" in parser().parse_args(shlex.split(line))
+
+
+def test_the_version_is_the_package_s(capsys):
+    with pytest.raises(SystemExit) as end:
+        main(["--version"])
+    assert end.value.code == 0
+    assert capsys.readouterr().out == f"passive-walker {gpw.__version__}\n"
+
+
+def test_what_is_said_of_the_walkers_is_true(told):
+    rows = {row["name"]: row for row in told("walkers")}
+    assert list(rows) == list(gpw.WALKERS) == list(ABOUT)
+    for name, walker in gpw.WALKERS.items():
+        about = rows[name]["what it is"]
+        if name not in ("F", "lab-straight"):  # told by another's
+            assert ("straight legs" in about) == (not walker.knees)
+            assert ("round feet" in about) == (walker.foot_radius > 0.0)
+        if "tuned" in about:
+            off = max(map(abs, gpw.tuning_errors(walker)))
+            assert off > 1e-2 if "not tuned" in about else off < 1e-3
+
+
+def test_a_gait_is_told_to_the_last_digit(told):
+    (gait,) = told("gait", "lab", 0.036)
+    exact = gpw.find_gait("lab", 0.036)
+    assert gait["state"] == exact.state.tolist()
+    assert [complex(*pair) for pair in gait["multipliers"]] == exact.multipliers.tolist()
+    assert gait["stable"] is True and gait["kind"] == "long"
+
+
+def test_a_table_has_names_and_units(capsys):
+    assert main(["gait", "lab", "0.036"]) == 0
+    said = capsys.readouterr().out
+    for words in ("stance angle (rad)    ", "step period (s)", "speed / √(g l)", "stable"):
+        assert words in said
+
+
+@pytest.mark.parametrize("suffix", ["json", "yaml"])
+def test_a_walker_of_one_s_own_walks_by_the_laws_of_size(suffix, mine, told):
+    """Half as large, the same angles in 1/√2 of the time."""
+    file = mine
+    if suffix == "yaml":
+        yaml = pytest.importorskip("yaml")
+        file = mine.with_suffix(".yaml")
+        file.write_text(yaml.safe_dump(json.loads(mine.read_text())))
+    (small,), (large,) = told("gait", file, 0.036), told("gait", "lab", 0.036)
+    assert small["stance_angle"] == pytest.approx(large["stance_angle"], rel=1e-10)
+    assert small["step_period"] == pytest.approx(large["step_period"] / np.sqrt(2.0), rel=1e-10)
+    assert small["speed"] == pytest.approx(large["speed"] / np.sqrt(2.0), rel=1e-10)
+
+
+def test_a_file_may_change_a_preset(mine, told):
+    mine.write_text('{"preset": "C", "hip_mass": 1.0}')
+    gait, *_ = told("gait", mine, 0.03, "--tune")
+    heavy = gpw.tune(replace(gpw.WALKERS["C"], hip_mass=1.0))
+    assert gait["stance_angle"] == gpw.find_gaits(heavy, 0.03)[0].stance_angle
+
+
+WRONG = {
+    "gait nobody 0.03": "choose from A, B, C",
+    "gait lab": "required: SLOPE",
+    "gait lab steep": "SLOPE: invalid float value: 'steep'",
+    "gait lab 2": "between -pi/2 and pi/2",
+    "gait lab 0.03 --period 0": "period must be a whole number from 1 on",
+    "gait no.json 0.03": "no.json cannot be read: No such file",
+    "gait torn.json 0.03": "torn.json cannot be read: Expecting",
+    "gait list.json 0.03": "must name a walker's parameters",
+    "gait four.json 0.03": "a walker has no legs; it has thigh_length",
+    "gait light.json 0.03": "light.json: thigh_mass must not be negative",
+    "family lab 0.1 0.01": "0 < slope_min < slope_max",
+    "bifurcation C 0.07 0.09 --keep 8": "keep more strides than the longest period 32",
+    "basin lab 0.036 --resolution 0": "resolution must be a whole number from 1 on",
+    "simulate lab 0.036 --out walk.txt": "ends in .csv or .npz",
+    "figures 9.9": "no figure '9.9': choose from 4.3",
+    "video lab 0.036 --out walk.doc": "must end in .mp4 or .gif",
+    "evaluate nobody": "no policy 'nobody': choose from lab-ppo",
+    "evaluate level-ppo --episodes 0": "--episodes must be a whole number from 1 on",
+    "fly": "invalid choice: 'fly'",
+}
+
+
+@pytest.mark.parametrize("line", WRONG)
+def test_bad_input_is_answered_in_one_sentence(line, mine, capsys):
+    if line.startswith("figures"):
+        pytest.importorskip("matplotlib")
+    if line.startswith("video"):
+        pytest.importorskip("moviepy")
+    (mine.parent / "torn.json").write_text("{'a")
+    (mine.parent / "list.json").write_text("[1, 2]")
+    (mine.parent / "four.json").write_text('{"preset": "lab", "legs": 4}')
+    (mine.parent / "light.json").write_text('{"preset": "lab", "thigh_mass": -1}')
+    try:
+        status = main(line.split())
+    except SystemExit as end:
+        status = end.code
+    said = capsys.readouterr()
+    assert status == 2
+    assert said.out == "" and said.err.startswith("error: ") and said.err.count("\n") == 1
+    assert WRONG[line] in said.err
+
+
+def test_where_there_is_no_gait_the_status_tells(capsys):
+    assert main(["gait", "lab", "0.001"]) == 1
+    said = capsys.readouterr()
+    assert said.out == "" and "no long-step gait" in said.err
+
+
+def test_a_missing_library_is_named_before_anything_is_computed(monkeypatch, capsys):
+    def never(*_, **__):
+        pytest.fail("a gait was searched for")
+
+    monkeypatch.setattr("gym_passive_walker.cli.arguments.find_gait", never)
+    for module, words in (
+        ("matplotlib", "strobe lab 0.036"),
+        ("matplotlib", "figures 4.6"),
+        ("pygame", "video lab 0.036"),
+    ):
+        monkeypatch.setitem(sys.modules, module, None)
+        assert main(words.split()) == 2
+        said = capsys.readouterr().err
+        assert f"needs {module}" in said and 'pip install "gym-passive-walker[' in said
+
+
+def test_a_family_is_told_with_its_ends(told, capsys):
+    family, exact = told("family", "D", 0.005, 0.02), gpw.gait_family("D", 0.005, 0.02)
+    assert family["gaits"]["stance_angle"] == exact.stance_angle.tolist()
+    assert family["period_doublings"] == list(exact.period_doublings) != []
+    assert family["ends"] == [list(end) for end in exact.ends] or family["ends"][0]["reason"]
+    assert main("family D 0.005 0.02".split()) == 0
+    assert exact.ends[0].reason in capsys.readouterr().out
+
+
+def test_walks_settle_on_doubled_periods_as_the_slope_grows(told, capsys):
+    words = ["bifurcation", "D", 0.012, 0.0175, "--slopes", 3, "--settle", 300]
+    assert told(*words)["period"] == [1, 1, 2]
+    assert main(list(map(str, words))) == 0
+    assert "period 2" in capsys.readouterr().out.splitlines()[-1]
+
+
+def test_each_start_of_a_basin_leads_somewhere(told, capsys):
+    found = told("basin", "D", 0.009, "--resolution", 12, "--strides", 100)
+    settled = np.array(found["settled"])
+    assert settled.shape == (12, 12) and found["gaits"][0]["stable"]
+    assert main("basin D 0.009 --resolution 12 --strides 100".split()) == 0
+    rows = capsys.readouterr().out.splitlines()[2:]
+    shares = [float(row.split()[-1]) for row in rows]
+    assert sum(shares) == pytest.approx(1.0, abs=1e-5)
+    assert shares[0] == pytest.approx(np.mean(settled == -1), abs=1e-5)
+
+
+def test_a_check_is_the_reality_check_of_the_gait(told, capsys):
+    gait = gpw.find_gait("lab", 0.036)
+    exact = gpw.reality_check("lab", 0.036, gait.state)
+    assert told("check", "lab", 0.036)["passed"] == exact.passed
+    assert main(["check", "lab", "0.036"]) == 0
+    assert capsys.readouterr().out == f"{exact}\n"
+
+
+def test_a_walk_on_its_gait_repeats_itself(told):
+    strides = told("simulate", "lab", 0.036, "--strides", 4)
+    assert [row["ends with"] for row in strides] == ["HEELSTRIKE"] * 4
+    angles = [row["stance_angle"] for row in strides]
+    assert angles == pytest.approx([gpw.find_gait("lab", 0.036).stance_angle] * 4, rel=1e-9)
+
+
+def test_a_walk_that_falls_is_told_to_its_end(told):
+    start = [0.3, -0.3, -0.3, -0.5, -0.5, -0.5]
+    strides = told("simulate", "lab", 0.036, "--state", *start)
+    assert strides[-1]["ends with"] != "HEELSTRIKE" and strides[-1]["step_length"] is None
+
+
+def test_csv_and_npz_hold_the_same_walk(told, tmp_path):
+    words = ["simulate", "D", 0.009, "--strides", 3, "--samples", 20]
+    told(*words, "--out", tmp_path / "walk.csv")
+    told(*words, "--out", tmp_path / "walk.npz")
+    with (tmp_path / "walk.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    with np.load(tmp_path / "walk.npz") as arrays:
+        assert list(arrays) == list(rows[0])
+        for name in arrays:
+            assert arrays[name].tolist() == [float(row[name]) for row in rows]
+        assert len(arrays["time"]) == 60 and np.all(np.diff(arrays["time"]) >= 0.0)
+        assert arrays["stance_angle"][0] == gpw.find_gait("D", 0.009).stance_angle
+
+
+def test_a_shipped_policy_walks_on_where_its_walker_would_not(told):
+    rows = told("evaluate", "level-ppo", "--episodes", 3)
+    endings = {who: [row["ending"] for row in rows if row["agent"] == who] for who in
+               ("level-ppo", "without a motor")}  # fmt: skip
+    assert endings == {"level-ppo": [WALKED_ON] * 3, "without a motor": ["stubbed toe"] * 3}
+
+
+def test_a_policy_may_drive_another_walker_on_another_slope(mine, told):
+    rows = told("evaluate", "lab-ppo", "--walker", "A", "--slope", 0.02, "--episodes", 2)
+    assert {row["slopes"] for row in rows} == {0.02} and rows[0]["distance"] > 10.0
+    assert told("evaluate", "passive", "--scene", "lab", "--walker", mine, "--episodes", 1)
+
+
+def test_a_strobe_picture_is_drawn(tmp_path, capsys):
+    pytest.importorskip("matplotlib")
+    path = tmp_path / "walk.png"
+    assert main(["strobe", "D", "0.009", "--out", str(path)]) == 0
+    assert path.read_bytes().startswith(b"\x89PNG")
+    assert str(path) in capsys.readouterr().out
+
+
+def test_a_film_lasts_as_long_as_its_walk(tmp_path):
+    pytest.importorskip("pygame")
+    pytest.importorskip("moviepy")
+    from PIL import Image
+
+    path = tmp_path / "walk.gif"
+    words = ["video", "D", "0.009", "--strides", "2", "--slower", "0.5", "--out", str(path)]
+    assert main(words) == 0
+    lasts = 2.0 * gpw.find_gait("D", 0.009).step_period
+    with Image.open(path) as film:
+        assert film.n_frames == pytest.approx(0.5 * lasts * 30, abs=1.5)
+        first = np.asarray(film.convert("L"))
+        film.seek(film.n_frames - 1)
+        assert np.any(first != np.asarray(film.convert("L")))
+
+
+WALKS = """
+import sys
+import numba.core.event as events
+import gymnasium as gym, numpy as np
+import gym_passive_walker as gpw
+from gym_passive_walker.engine import compiled
+
+heard = []
+
+
+class Ear(events.Listener):
+    def on_start(self, event):
+        heard.append(event.data["dispatcher"].py_func.__name__)
+
+    def on_end(self, event):
+        pass
+
+
+events.register("numba:compile", Ear())
+write = compiled.object_code
+compiled.object_code = lambda module: heard.append("equations") or write(module)
+for walker, slope in (("C", 0.03), ("A", 0.03), ("D", 0.009)):
+    gait = gpw.find_gait(walker, slope)
+    gpw.gait_family(walker, 0.9 * slope, slope)
+    gpw.stride(walker, slope, np.tile(gait.state, (100, 1)))
+    env = gym.make("PassiveWalker-v0", walker=walker, slope=slope)
+    env.reset(seed=1)
+    env.step(np.zeros(1))
+    worlds = gym.make_vec("PassiveWalker-v0", num_envs=50, walker=walker, control="stride",
+                          slope=slope, randomise={"gravity": 0.1})
+    worlds.reset(seed=1)
+    for _ in range(5):
+        worlds.step(np.zeros((50, 1)))
+gpw.parameter_family("lab", "gravity", 9.8, 9.82, slope=0.036)
+gpw.optimal_gait("level", 0.15)
+sys.exit(f"compiled: {heard}" if heard else 0)
+"""
+
+
+@pytest.mark.slow
+def test_after_the_warm_up_nothing_compiles(tmp_path):
+    cold = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    cold.pop("NUMBA_CACHE_DIR", None)
+    options = {"env": cold, "capture_output": True, "text": True}
+    warm = subprocess.run([sys.executable, "-m", "gym_passive_walker", "warmup"], **options)
+    assert "everything is compiled" in warm.stdout
+    assert "gym_passive_walker compiles the kernel" in warm.stderr
+    done = subprocess.run([sys.executable, "-c", WALKS], **options)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_whoever_has_read_enough_may_stop_reading():
+    line = f"{sys.executable} -m gym_passive_walker walkers | head -c 1"
+    done = subprocess.run(
+        ["bash", "-c", f"set -o pipefail; {line}"], capture_output=True, text=True
+    )
+    assert done.stdout == "n" and "Traceback" not in done.stderr

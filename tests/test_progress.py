@@ -1,0 +1,96 @@
+"""What long work says of itself."""
+
+import io
+import time
+from types import SimpleNamespace
+
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker import progress as module
+from gym_passive_walker.progress import compiling, progress
+
+
+class Terminal(io.StringIO):
+    """A standard error that someone looks at."""
+
+    def isatty(self):
+        """Whether there is someone."""
+        return True
+
+
+@pytest.fixture
+def terminal(monkeypatch):
+    """Someone who looks on, and sees each bar at once."""
+    seen = Terminal()
+    monkeypatch.setattr(module, "sys", SimpleNamespace(stderr=seen))
+    monkeypatch.setattr(module, "_UNSEEN", 0.0)
+    monkeypatch.setattr(module, "_PACE", 0.0)
+    return seen
+
+
+def pictures(seen):
+    """What has stood on the line, one after the other."""
+    return [text.rstrip() for text in seen.getvalue().split("\r")[1:]]
+
+
+def test_a_bar_grows_and_goes(terminal):
+    with progress("strides", 4) as taken:
+        for _ in range(4):
+            taken()
+    *bars, last, home = pictures(terminal)
+    assert [bar.split(",")[0] for bar in bars] == [
+        f"strides [{'#' * 5 * n:-<20}] {n}/4" for n in (1, 2, 3, 4)
+    ]
+    assert last == home == ""
+
+
+def test_work_within_work_stands_on_the_same_line(terminal):
+    with progress("figures", 2) as drawn:
+        with progress("gaits") as followed:
+            followed(3)
+        drawn()
+    assert pictures(terminal)[0].startswith(f"figures [{'-' * 20}] 0/2, gaits 3, ")
+
+
+def test_work_that_fails_leaves_nothing_on_the_line(terminal):
+    with pytest.raises(KeyError), progress("strides", 2) as taken:
+        taken()
+        raise KeyError
+    with progress("others", 2) as taken:
+        taken()
+    assert "strides" not in pictures(terminal)[-3]
+
+
+def test_short_work_shows_nothing(terminal, monkeypatch):
+    monkeypatch.setattr(module, "_UNSEEN", 60.0)
+    gpw.gait_family("D", 0.005, 0.01)
+    assert terminal.getvalue() == ""
+
+
+def test_long_work_shows_how_far_it_is(terminal):
+    gpw.gait_family("D", 0.005, 0.01)
+    gpw.bifurcation_diagram("D", [0.005, 0.01], settle=5, keep=40)
+    said = terminal.getvalue()
+    assert "gaits along a curve" in said and "strides [" in said and "strides kept [" in said
+
+
+def test_without_a_terminal_there_are_no_bars(monkeypatch, capfd):
+    monkeypatch.setattr(module, "_UNSEEN", 0.0)
+    gpw.gait_family("D", 0.005, 0.01)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_long_compiling_is_told_once_with_its_seconds(monkeypatch, capsys):
+    monkeypatch.setattr(module, "_UNSAID", 0.05)
+    with compiling("the kernel advance"):
+        time.sleep(0.3)
+    said = capsys.readouterr().err
+    assert said.count("the kernel advance") == 1 and said.endswith(" s\n")
+    assert 0.2 < float(said.split()[-2]) < 5.0
+
+
+def test_quick_compiling_is_not_told(capsys):
+    with compiling("the kernel advance"):
+        pass
+    assert capsys.readouterr().err == ""
