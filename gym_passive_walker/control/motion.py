@@ -55,6 +55,7 @@ class _Columns(NamedTuple):
     slopes: NDArray[np.float64]  # (k,)
     torques: NDArray[np.float64]
     starts: NDArray[np.float64]
+    ends: NDArray[np.float64]
 
 
 @lru_cache
@@ -63,7 +64,9 @@ def _columns(walker: Walker, by: tuple[str, ...]) -> _Columns:
     of_state = {"state": np.eye(_SIZE), "point": section.state(np.eye(section.dimension))}
     states = [of_state.get(name, np.zeros((1, _SIZE))) for name in by]
     names = tuple(name for name, rows in zip(by, states, strict=True) for _ in rows)
-    others = (np.array([float(x == name) for x in names]) for name in ("slope", "torque", "start"))
+    others = (
+        np.array([float(x == name) for x in names]) for name in ("slope", "torque", "start", "end")
+    )
     return _Columns(names, np.concatenate([np.zeros((0, _SIZE)), *states]), *others)
 
 
@@ -129,8 +132,8 @@ class Motion:
                 (see `new_records`); left as they are.
             by: Columns of the derivatives, in order: "state" (one for each of its six numbers) or
                 "point" (one for each coordinate of the section), "slope", "torque", a parameter of
-                the walker, or "start", the stance angle with which the stride began (legs
-                mirrored), by which its length changes.
+                the walker, "start", the stance angle with which the stride began (legs
+                mirrored), by which its length changes, or "end", the time to stop.
             lanes: Which walkers these are, where parameters are given for more.
             from_section: Whether a stride begins here.
         """
@@ -145,6 +148,7 @@ class Motion:
             changes["ground"] = columns.slopes[:, None] * turn
         if "start" in by:
             changes["start"] = columns.starts[:, None] * _MIRRORED
+        changes["end"] = columns.ends
         bodies = self.bodies(columns.names)
         bodies = bodies if len(bodies) == 1 else bodies[lanes]
         self.advance(bodies, walked, from_section=from_section)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import lru_cache
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.physics import kneed, simplest, straight
 from gym_passive_walker.physics.bodies import body_from
 from gym_passive_walker.physics.hybrid import System
-from gym_passive_walker.walkers import Walker
+from gym_passive_walker.walkers import Walker, varied
 
 SYSTEMS = {system.name: system for system in (kneed.SYSTEM, straight.SYSTEM, simplest.SYSTEM)}
 """By name."""
@@ -54,8 +53,8 @@ def varied_bodies(walker: Walker, parameters: Mapping[str, ArrayLike]) -> NDArra
     Returns:
         Shape (1 or n, constants).
     """
-    varied = SimpleNamespace(**{**vars(walker), **parameters})
-    constants = np.broadcast_arrays(*body_from(varied, system_of(walker).Body))
+    body = body_from(varied(walker, parameters), system_of(walker).Body)
+    constants = np.broadcast_arrays(*body)
     return np.stack(constants, axis=-1).reshape(-1, len(constants))
 
 

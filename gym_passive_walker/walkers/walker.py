@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from types import SimpleNamespace
+from typing import Any
 
 
 class WalkerError(ValueError):
@@ -143,3 +146,9 @@ class Walker:
 
 PARAMETERS = tuple(field.name for field in fields(Walker) if field.name != "knees")
 """Names of the numbers that make a walker."""
+
+
+def varied(walker: Walker, parameters: Mapping[str, Any]) -> Any:
+    """What has a walker's attributes, with other values of some parameters: arrays, tensors, ..."""
+    attributes = {**vars(walker), "massless_legs": walker.massless_legs, **parameters}
+    return SimpleNamespace(**attributes)

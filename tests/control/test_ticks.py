@@ -155,7 +155,7 @@ def test_the_hip_s_way_and_work_in_a_tick_have_their_derivatives(name):
 
 
 def test_a_strike_that_grazes_says_so():
-    """Towards grazing the rate of fall goes as the root of the distance, derivatives as its inverse."""
+    """Towards grazing the rate of fall goes as the root of the distance; derivatives, inversely."""
     strides, motion = StrideMap.of("D"), Motion(walker=gpw.WALKERS["D"], tolerance=1e-13)
     point = strides.points_at(gpw.find_gait("D", 0.009).state)
 
