@@ -211,6 +211,15 @@ def heyoka_swings(p: Problem, end: float, lanes: int = 8) -> Callable[[NDArray, 
 
 def diffrax_batch(p: Problem, method: str, tolerance: float) -> Callable[[NDArray], NDArray]:
     """A function from section states to the next by diffrax, compiled by JAX for all at once."""
+    stride = diffrax_stride(p, method, tolerance)
+    import jax
+
+    strides = jax.jit(jax.vmap(stride))
+    return lambda starts: np.asarray(strides(starts))
+
+
+def diffrax_stride(p: Problem, method: str, tolerance: float, **options: Any) -> Callable:
+    """A function of JAX, for one section state; `options` are those of `diffeqsolve`."""
     one_core = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
     os.environ.setdefault("XLA_FLAGS", one_core)
     import diffrax
@@ -234,7 +243,7 @@ def diffrax_batch(p: Problem, method: str, tolerance: float) -> Callable[[NDArra
         found = diffrax.diffeqsolve(
             diffrax.ODETerm(rates), getattr(diffrax, method)(), 0.0, _LONGEST, None, state,
             stepsize_controller=control, event=diffrax.Event(event, finder, direction=False),
-            throw=False,
+            throw=False, **options,
         )  # fmt: skip
         assert found.ys is not None
         return found.ys[-1]
@@ -245,5 +254,30 @@ def diffrax_batch(p: Problem, method: str, tolerance: float) -> Callable[[NDArra
             y = jnp.stack(struck(p, phase, follow(phase, y)))
         return y
 
-    strides = jax.jit(jax.vmap(stride))
-    return lambda starts: np.asarray(strides(starts))
+    return stride
+
+
+def torchdiffeq_stride(p: Problem, method: str, tolerance: float) -> Callable:
+    """A function of torch, for one section state, by torchdiffeq's `odeint_event`."""
+    import torch
+    from torchdiffeq import odeint, odeint_event
+
+    sine_cosine.register(torch.Tensor, lambda x: (torch.sin(x), torch.cos(x)))
+    begin = torch.tensor(0.0, dtype=torch.float64)
+
+    def stride(start: Any) -> Any:
+        y = torch.stack(coordinates(p.system.phases[0], start))
+        for phase in p.system.phases:
+
+            def event(_, y, phase=phase):  # type: ignore[no-untyped-def]
+                return falls(p, phase, y) if counts(p, phase, y) else torch.ones((), dtype=y.dtype)
+
+            _, found = odeint_event(
+                lambda _, y, phase=phase: torch.stack(side(p, phase, y)), y, begin,
+                event_fn=event, odeint_interface=odeint, method=method,
+                rtol=tolerance, atol=0.1 * tolerance,
+            )  # fmt: skip
+            y = torch.stack(list(struck(p, phase, found[-1])))
+        return y
+
+    return stride

@@ -61,7 +61,7 @@ class Units(NamedTuple):
 
 
 def units_of(walker: Any) -> Units:
-    """The units of a walker, or of anything with the attributes of one, numbers or arrays."""
+    """The units of a walker, or of anything with its attributes: numbers, arrays or tensors."""
     return _of_walker(walker) if isinstance(walker, Walker) else _of(walker)
 
 
@@ -69,10 +69,10 @@ def _of(walker: Any) -> Units:
     length = walker.thigh_length + walker.shank_length
     mass = 2.0 * (walker.thigh_mass + walker.shank_mass) + walker.hip_mass
     quotient = length / walker.gravity
-    time = math.sqrt(quotient) if isinstance(quotient, float) else np.sqrt(quotient)
+    time = math.sqrt(quotient) if isinstance(quotient, float) else quotient**0.5
     energy = mass * walker.gravity * length
-    massless = np.all(np.equal(walker.thigh_mass + walker.shank_mass, 0.0))
-    return Units(length, time, energy, walker.gravity * length if massless else energy)
+    torque = walker.gravity * length if walker.massless_legs else energy
+    return Units(length, time, energy, torque)
 
 
 _of_walker = lru_cache(maxsize=4096)(_of)

@@ -88,7 +88,7 @@ def constant_torque_gait(scene: Scene) -> OptimalGait:
     torque = np.array([powered.hip_torque / units_of(walker).torque])
     walked = ticked_stride(walker, slope, point, torque, tick=math.inf)
     ticks = 1 if scene.control == "stride" else math.ceil(walked.duration / scene.tick)
-    problem = Problem(scene, walked.length / walked.duration, ticks, len(point))
+    problem = Problem(scene, float(walked.length / walked.duration), ticks, len(point))
     return problem.measured(problem.guess(point, torque))
 
 

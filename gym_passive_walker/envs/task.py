@@ -15,6 +15,7 @@ import numpy as np
 
 from gym_passive_walker.engine.jit import Kernel, address, call, jitted
 from gym_passive_walker.engine.run import OPTIONS, carry_on
+from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import Outcome
 
 EVERY_STEP = ("distance", "energy", "episode_distance", "episode_energy", "strides")
@@ -83,7 +84,30 @@ BOUNDS = np.array([0.5 * math.pi, math.pi, math.pi, *[RATE_BOUND] * 3, 1.0, 0.5 
 """Largest size of each number in an observation."""
 
 _HEELSTRIKE, _STALLED = int(Outcome.HEELSTRIKE), int(Outcome.STALLED)
-_ABSOLUTE, _POSITIVE = ENERGIES.index("absolute"), ENERGIES.index("positive")
+_ABSOLUTE, _POSITIVE, _NET = map(ENERGIES.index, ("absolute", "positive", "net"))
+
+
+def motor_charge(charged, torque, moved, turned):
+    """What the motor is charged: a torque held constant works by the angle that it turns.
+
+    Args:
+        charged: For what, an index into ENERGIES.
+        torque: A number, an array or a tensor, as the others.
+        moved: Angle by which the hip opened.
+        turned: Angle by which it turned, either way.
+    """
+    net, absolute = torque * moved, abs(torque) * turned
+    if charged == _ABSOLUTE:
+        return absolute
+    return 0.5 * (absolute + net) if charged == _POSITIVE else net
+
+
+def reward(distance, energy, energy_weight):
+    """What a step is worth, in leg lengths; of numbers, arrays or tensors."""
+    return distance - energy_weight * energy
+
+
+_motor_charge, _reward, _travelled = jitted(motor_charge), jitted(reward), jitted(legs.travelled)
 
 
 @jitted
@@ -210,16 +234,10 @@ def command(records, ledger, rules, actions):
 
 @jitted
 def charge(record, row, rules):
-    """Enter the step's hip work; a torque held constant works by the angle that it turns."""
-    net = record.control[0] * record.moved[0]
-    absolute = abs(record.control[0]) * record.turned[0]
-    if rules.charged == _ABSOLUTE:
-        row.energy = absolute
-    elif rules.charged == _POSITIVE:
-        row.energy = 0.5 * (absolute + net)
-    else:
-        row.energy = net
-    row.net_work += net
+    """Enter the step's hip work."""
+    torque, moved, turned = record.control[0], record.moved[0], record.turned[0]
+    row.energy = _motor_charge(rules.charged, torque, moved, turned)
+    row.net_work += _motor_charge(_NET, torque, moved, turned)
     row.charge += row.energy
 
 
@@ -251,9 +269,7 @@ def progress(record, row):
     A stride without heelstrike does not count: what was paid for it in advance is taken back, or
     agents learn to dive, which carries the hip a whole leg length at once.
     """
-    # Before the legs changed roles, the hip was as far ahead of the old foot as behind the new one.
-    there = -record.place if record.outcome == _HEELSTRIKE else record.place
-    row.distance = there - row.place
+    row.distance = _travelled(row.place, record.place, record.outcome == _HEELSTRIKE)
     row.place = record.place
     if row.ending != 0:
         row.distance = 0.0 - row.progress
@@ -285,7 +301,7 @@ def settle(records, bodies, ledger, rules, phases, observations, rewards, termin
         if rules.max_hip_torque != 0.0 and rules.works:
             charge(record, row, rules)
         row.episode_energy += row.energy
-        row.reward = row.distance - rules.energy_weight * row.energy
+        row.reward = _reward(row.distance, row.energy, rules.energy_weight)
         row.total += row.reward
         row.steps += 1
         if struck:

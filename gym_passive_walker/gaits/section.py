@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from types import SimpleNamespace
 from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.units import Units, units_of
-from gym_passive_walker.walkers import Walker
+from gym_passive_walker.walkers import Walker, varied
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -47,7 +46,7 @@ class Section:
         """The walker's units; arrays (n,) where walkers differ."""
         if self.parameter is None:
             return units_of(self.walker)
-        return units_of(SimpleNamespace(**{**vars(self.walker), self.parameter: self.values}))
+        return units_of(varied(self.walker, {self.parameter: self.values}))
 
     def state(self, points: NDArray) -> NDArray:
         """Dimensionless states (..., 6) at points (..., m)."""

@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, lru_cache
-from types import SimpleNamespace
 from typing import Self
 
 import numpy as np
@@ -21,16 +20,13 @@ from gym_passive_walker.engine.run import Seeds, advance, new_records
 from gym_passive_walker.gaits.passage import Change, Passage, Samples
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.trajectory import just_before
-from gym_passive_walker.physics.bodies import body_from
 from gym_passive_walker.physics.hybrid import Outcome, System
-from gym_passive_walker.physics.systems import system_of
+from gym_passive_walker.physics.systems import bodies_by, system_of, varied_bodies
 from gym_passive_walker.progress import progress
 from gym_passive_walker.walkers import Walker, as_walker
 
 LONGEST = 20.0
 """Time in sqrt(l/g) after which a stride without heelstrike is given up; a usual one takes 3."""
-
-_INFINITESIMAL = 1e-100  # imaginary part that carries a derivative: its square is nothing
 
 _CONTROLS = ("state", "slope", "torque")  # to differentiate by, besides parameters
 _FEW = 4  # strides that are so rarely all in vain that it does not pay to try them first
@@ -84,19 +80,12 @@ class StrideMap(Section):
     @cached_property
     def bodies(self) -> NDArray[np.float64]:
         """What the engine knows of the walkers, (1 or n, 1, constants): one for all, or each."""
-        return self._bodies()[:, None]
+        return varied_bodies(self.walker, self._parameters)[:, None]
 
-    def _bodies(self, moved: str | None = None) -> NDArray:
-        """Constants of the walkers; by one of their parameters, how they change with it."""
-        rows = []
-        for value in [None] if self.values is None else self.values.tolist():
-            parameters = SimpleNamespace(**vars(self.walker))
-            if self.parameter is not None:
-                setattr(parameters, self.parameter, value)
-            if moved is not None:
-                setattr(parameters, moved, getattr(parameters, moved) + 1j * _INFINITESIMAL)
-            rows.append(np.array(body_from(parameters, self.system.Body)))
-        return np.array(rows) if moved is None else np.imag(rows) / _INFINITESIMAL
+    @property
+    def _parameters(self) -> dict[str, NDArray]:
+        """In what walkers differ."""
+        return {} if self.parameter is None else {self.parameter: self.values}  # type: ignore[dict-item]
 
     def apply(
         self, points: NDArray, slopes: ArrayLike, *, torque: ArrayLike = 0.0, strides: int = 1
@@ -176,7 +165,7 @@ class StrideMap(Section):
             return own
         rows = np.concatenate([own, np.zeros((len(own), len(columns), own.shape[2]))], axis=1)
         for name in parameters:
-            change = self._bodies(name)
+            change = bodies_by(self.walker, self._parameters, name)
             rows[:, 1 + columns.index(name)] = change if len(change) == 1 else change[lanes]
         return rows
 

@@ -115,6 +115,14 @@ def progress(body, stance):
     return -(body.foot_radius * stance + body.leg * sine)
 
 
+def travelled(before, after, struck):
+    """How far the hip has come, by its `progress` before and after; `struck` by heelstrike or not.
+
+    Before the legs changed roles, the hip was as far ahead of the old foot as it is behind the new.
+    """
+    return (1.0 - 2.0 * struck) * after - before
+
+
 def step_length(body, start, end):
     """From one contact point to the next, by the stance angles just after two heelstrikes."""
     sine, _ = sine_cosine(end)

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.physics import kneed, simplest, straight
 from gym_passive_walker.physics.bodies import body_from
 from gym_passive_walker.physics.hybrid import System
-from gym_passive_walker.walkers import Walker
+from gym_passive_walker.walkers import Walker, varied
 
 FITTINGS = ("hip_stiffness", "hip_friction", "knee_stiffness")
 """Constants of what may be fitted to a walker's joints."""
@@ -59,3 +59,30 @@ def _row(walker: Walker) -> NDArray[np.float64]:
 def bodies(*walkers: Walker) -> NDArray[np.float64]:
     """Constants of walkers of one kind as the engine reads them, (walkers, 1, constants)."""
     return np.concatenate([_row(walker) for walker in walkers])
+
+
+_INFINITESIMAL = 1e-100  # imaginary part that carries a derivative: its square is nothing
+
+
+def varied_bodies(walker: Walker, parameters: Mapping[str, ArrayLike]) -> NDArray[np.float64]:
+    """Constants of walkers that differ from one in some parameters.
+
+    Args:
+        walker: The one.
+        parameters: Values of parameters, a number for all or (n,).
+
+    Returns:
+        Shape (1 or n, constants).
+    """
+    body = body_from(varied(walker, parameters), system_of(walker).Body)
+    constants = np.broadcast_arrays(*body)
+    return np.stack(constants, axis=-1).reshape(-1, len(constants))
+
+
+def bodies_by(
+    walker: Walker, parameters: Mapping[str, ArrayLike], name: str
+) -> NDArray[np.float64]:
+    """How the constants of `varied_bodies` change with a parameter, of the same shape."""
+    value = parameters.get(name, getattr(walker, name))
+    moved = {**parameters, name: np.asarray(value) + 1j * _INFINITESIMAL}
+    return np.imag(varied_bodies(walker, moved)) / _INFINITESIMAL

@@ -14,7 +14,7 @@ References:
 from gym_passive_walker.walkers.parts import Part, assemble, combine, lab_walker_from_parts
 from gym_passive_walker.walkers.presets import ABOUT, WALKERS, as_walker, describe
 from gym_passive_walker.walkers.tuning import TuningErrors, blend, tune, tuning_errors
-from gym_passive_walker.walkers.walker import PARAMETERS, Walker, WalkerError
+from gym_passive_walker.walkers.walker import PARAMETERS, Walker, WalkerError, varied
 
 __all__ = [
     "ABOUT",
@@ -32,4 +32,5 @@ __all__ = [
     "lab_walker_from_parts",
     "tune",
     "tuning_errors",
+    "varied",
 ]

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from types import SimpleNamespace
+from typing import Any
 
 _NOT_NEGATIVE = ("thigh_mass", "shank_mass", "hip_mass", "thigh_gyration", "shank_gyration")
 _NOT_NEGATIVE += ("hip_stiffness", "hip_friction", "knee_stiffness")
@@ -154,3 +157,9 @@ class Walker:
 
 PARAMETERS = tuple(field.name for field in fields(Walker) if field.name != "knees")
 """Names of the numbers that make a walker."""
+
+
+def varied(walker: Walker, parameters: Mapping[str, Any]) -> Any:
+    """What has a walker's attributes, with other values of some parameters: arrays, tensors, ..."""
+    attributes = {**vars(walker), "massless_legs": walker.massless_legs, **parameters}
+    return SimpleNamespace(**attributes)

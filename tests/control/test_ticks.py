@@ -5,12 +5,19 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.control.feedback import powered_gait
-from gym_passive_walker.control.ticks import ticked_stride
+from gym_passive_walker.control.motion import Motion
+from gym_passive_walker.control.ticks import ticked_stride, ticked_strides
+from gym_passive_walker.engine.run import new_records
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stability import NoStride
+from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.physics import legs
+from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.physics.systems import body_of
 
 WALKER = gpw.WALKERS["C"]
 TICK, TICKS = 0.1, 32
+SLOPES = {"D": 0.009, "E": 0.009, "F": 0.009, "lab": 0.036}
 
 
 @pytest.fixture(scope="module")
@@ -66,3 +73,123 @@ def test_a_section_point_is_its_state(name):
 def test_a_fall_is_no_stride(level):
     with pytest.raises(NoStride, match="FELL"):
         ticked_stride(WALKER, 0.0, level * 0.1, np.full(TICKS, -0.05), tick=TICK)
+
+
+def crowd(count):
+    """Starts around a gait of the laboratory's walker, and torques of each: (n, m) and (n, N)."""
+    rng, strides = np.random.default_rng(2), StrideMap.of("lab")
+    points = strides.points_at(gpw.find_gait("lab", 0.036).state)
+    points = points * (1.0 + 0.01 * rng.uniform(-1.0, 1.0, (count, 4)))
+    return points, rng.normal(0.0, 0.003, (count, TICKS))
+
+
+def test_strides_of_a_crowd_are_those_of_each_alone():
+    points, torques = crowd(5)
+    points[3, 1] = -0.1  # too slow for the top
+    motion, alone = Motion(walker=gpw.WALKERS["lab"]), []
+    for point, held in zip(points, torques, strict=True):
+        alone.append(ticked_strides(motion, 0.036, point[None], held[None], tick=TICK))
+    together = ticked_strides(motion, 0.036, points, torques, tick=TICK)
+    assert together.outcomes.tolist() == [1, 1, 1, Outcome.FELL_BACKWARD, 1]
+    for name, values in together._asdict().items():
+        np.testing.assert_array_equal(values, np.concatenate([getattr(x, name) for x in alone]))
+    assert np.isnan(together.by[3]).all() and np.isnan(together.end[3]).all()
+
+
+def test_under_one_torque_a_stride_in_ticks_has_the_stride_map_s_derivatives():
+    """By the start, the torque, the slope and what the walker is made of, each walker its own."""
+    points, _ = crowd(3)
+    radii = gpw.WALKERS["lab"].foot_radius * np.array([1.0, 0.98, 1.01])
+    slopes, by = np.array([0.036, 0.034, 0.038]), ("slope", "foot_radius", "thigh_com")
+    motion = Motion(walker=gpw.WALKERS["lab"], parameters={"foot_radius": radii}, tolerance=1e-13)
+    held = np.full((3, TICKS), 0.002)
+    ticked = ticked_strides(motion, slopes, points, held, tick=TICK, by=by)
+    strides = StrideMap.of("lab").with_parameter("foot_radius", radii)
+    passage, change = strides.linearise(points, slopes, torque=0.002, by=("state", "torque", *by))
+    expected = [change.ends, change.durations[:, None], change.lengths[:, None]]
+    expected = np.concatenate([*expected, change.knee_times[:, None]], axis=1)
+    found = np.concatenate([ticked.by[:, :6], ticked.by[:, -1:]], axis=1)
+    torque = found[:, :, 4 : 4 + TICKS].sum(axis=2, keepdims=True)
+    found = np.concatenate([found[:, :, :4], torque, found[:, :, 4 + TICKS :]], axis=2)
+    np.testing.assert_allclose(ticked.length, passage.lengths, rtol=1e-11)
+    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", gpw.WALKERS)
+def test_the_hip_s_way_and_work_in_a_tick_have_their_derivatives(name):
+    """Tick by tick through a whole stride, by the state, the slope, the torque and a parameter."""
+    walker, slope = gpw.WALKERS[name], SLOPES.get(name, 0.03)
+    strides = StrideMap.of(walker)
+    start = strides.state(strides.points_at(gpw.find_gait(walker, slope).state))
+    by, outcome = ("state", "slope", "torque", "foot_radius"), Outcome.RUNNING
+    records, ticks = new_records(start, slope, 0.004), 0
+
+    def told(inputs):
+        """The ledgers of a tick from these records, with other inputs."""
+        moved = records.copy()
+        moved["state"][0, 0], moved["control"][0, 0] = inputs[:6], inputs[7]
+        moved["ground"][0, 0] = np.sin(inputs[6]), np.cos(inputs[6])
+        radius = {} if walker.massless_legs else {"foot_radius": inputs[8]}
+        motion = Motion(walker=walker, parameters=radius, tolerance=1e-13)
+        carried = motion.follow(moved, by, from_section=ticks == 0)
+        return carried, np.concatenate([carried.told[0], carried.distance])
+
+    way = 0.0
+    while outcome == Outcome.RUNNING:
+        records["end"] = 0.3 * (ticks + 1)
+        records["moved"] = records["turned"] = 0.0
+        inputs = np.array([*records["state"][0, 0], slope, 0.004, walker.foot_radius])
+        carried, found = told(inputs)
+        scale = np.abs(found[:, 1:]).max()
+        for i in range(8 if walker.massless_legs else 9):
+            step = 1e-5 * np.eye(9)[i]
+            ahead, behind = told(inputs + step)[1][:, 0], told(inputs - step)[1][:, 0]
+            difference = (ahead - behind) / 2e-5
+            # Where the hip hardly turns back, what it turns bends sharply.
+            np.testing.assert_allclose(found[:, 1 + i], difference, rtol=0.0, atol=1e-6 * scale)
+        records, way, ticks = carried.records.copy(), way + carried.distance[0, 0], ticks + 1
+        outcome = carried.outcomes[0]
+    assert outcome == Outcome.HEELSTRIKE and ticks > 5
+    body, angles = body_of(walker), (start[0, 0], records["state"][0, 0, 0])
+    assert way == pytest.approx(-sum(legs.progress(body, angle) for angle in angles), rel=1e-12)
+
+
+def test_a_strike_that_grazes_says_so():
+    """Towards grazing the rate of fall goes as the root of the distance; derivatives, inversely."""
+    strides, motion = StrideMap.of("D"), Motion(walker=gpw.WALKERS["D"], tolerance=1e-13)
+    point = strides.points_at(gpw.find_gait("D", 0.009).state)
+
+    def walk(share, by=("state",)):
+        """A stride that begins at a share of the gait's rate."""
+        start = strides.state(point * [1.0, share, 1.0])
+        return motion.follow(new_records(start, 0.009), by, from_section=True)
+
+    slow, fast = 1.0, 1.2  # too fast, and the swing leg comes too late to catch the walker
+    for _ in range(40):
+        middle = 0.5 * (slow + fast)
+        struck = walk(middle, ()).outcomes[0] == Outcome.HEELSTRIKE
+        slow, fast = (middle, fast) if struck else (slow, middle)
+    fallen = walk(fast + 1e-9)
+    assert fallen.outcomes[0] == Outcome.FELL_FORWARD and np.isnan(fallen.margins[0])
+    assert np.all(fallen.told[:, :, 1:] == 0.0)
+    near, nearer = (walk(slow - distance) for distance in (1e-4, 1e-6))
+    assert nearer.margins[0] == pytest.approx(0.1 * near.margins[0], rel=2e-2)
+    steep, steeper = (np.abs(x.told[0, :6, 1:]).max() for x in (near, nearer))
+    assert steeper == pytest.approx(10.0 * steep, rel=2e-2)
+    before_any_strike = new_records(strides.state(point), 0.009, end=1.0)
+    assert motion.follow(before_any_strike, ("state",)).margins[0] == np.inf
+
+
+@pytest.mark.parametrize("name", ["A", "lab"])
+def test_the_rate_at_which_a_heelstrike_falls_is_the_legs(name):
+    walker, slope = gpw.WALKERS[name], SLOPES.get(name, 0.03)
+    strides = StrideMap.of(walker)
+    point = strides.points_at(gpw.find_gait(walker, slope).state)
+    carried = Motion(walker=walker).follow(new_records(strides.state(point), slope, end=9.0))
+    at_end = carried.records["time"][0, 0]
+    stance, thigh = strides.before_strike(point[0], slope, at_end)[3:5]
+    knee = np.inf
+    if walker.knees:
+        at_lock = strides.before_strike(point[0], slope, carried.records["knee_time"][0, 0])
+        knee = abs(at_lock[5] - at_lock[4])
+    assert carried.margins[0] == pytest.approx(min(-(stance + thigh), knee), rel=1e-6)

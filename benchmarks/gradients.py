@@ -1,0 +1,253 @@
+"""What does a gradient through strikes cost, here and elsewhere?
+
+    python -m benchmarks.gradients
+
+How the distance that a compass walker has come after some strides changes with its start: by exact
+derivatives, by differences, and over a penalty contact. Errors are against differences of order
+eight in 80-bit arithmetic.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks import penalty, reference, rivals
+from benchmarks.problem import Problem, problem
+from benchmarks.report import command, keep, machine, plot, seconds, table
+from gym_passive_walker import WALKERS
+from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.physics import legs
+
+STRIDES = (1, 10, 100)
+CROWD = 64
+TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14)
+TIME_STEPS = {1: (1e-2, 1e-3, 1e-4), 10: (1e-2, 1e-3), 100: (1e-2,)}
+STEPS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # of this engine's differences
+PENALTY_STEPS = (0.03, 0.01, 3e-3, 1e-3)  # of those over the penalty contact; smaller are worse
+STENCIL = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
+"""Central differences of order eight."""
+
+Gradient = Callable[[], NDArray]
+"""How the distance changes with stance angle, stance rate and swing rate, (3,)."""
+
+
+def _states(points: Any) -> Any:
+    """Section states of points [angle, stance rate, swing rate], (..., 3) to (..., 6)."""
+    angle, stance, swing = np.moveaxis(points, -1, 0)
+    return np.stack([angle, -angle, -angle, stance, swing, swing], axis=-1)
+
+
+def _differences(distance: Callable, point: NDArray, step: Any, stencil: dict) -> NDArray:
+    """A gradient by central differences, from distances (k,) of points (k, 3)."""
+    moves = [(i, k * sign) for i in range(3) for k in stencil for sign in (1, -1)]
+    points = np.array([point + step * k * np.eye(3, dtype=point.dtype)[i] for i, k in moves])
+    found = np.zeros(3, points.dtype)
+    for (i, k), value in zip(moves, distance(points), strict=True):
+        found[i] += np.sign(k) * stencil[abs(k)] * value / step
+    return found
+
+
+def exact(p: Problem, point: NDArray, strides: int) -> tuple[NDArray, float]:
+    """The gradient in 80-bit arithmetic, and how far two widths of the differences are apart."""
+
+    def distance(points: NDArray) -> list:
+        states = _states(points)
+        way = np.zeros(len(points), np.longdouble)
+        for _ in range(strides):
+            after = reference.walks(p, states, 1)
+            way += _step(p, states[:, 0], after[:, 0])
+            states = after
+        return list(way)
+
+    wide, narrow = (
+        _differences(distance, point.astype(np.longdouble), np.longdouble(step), STENCIL)
+        for step in (2e-4, 1e-4)
+    )
+    return narrow.astype(float), _error(wide.astype(float), narrow.astype(float))
+
+
+def _step(p: Problem, start: Any, end: Any) -> Any:
+    """A step's length by the stance angles with which its stride and the next one begin."""
+    return legs.step_length(p.body, start, end)
+
+
+def _error(found: NDArray, truth: NDArray) -> float:
+    return float(np.abs(np.asarray(found) - truth).max() / np.abs(truth).max())
+
+
+def engine(point: NDArray, p: Problem, strides: int, tolerance: float, count: int) -> Gradient:
+    """This engine's: `count` walkers side by side."""
+    strides_of = StrideMap.of(WALKERS["A"], tolerance=tolerance)
+    points = np.tile(point, (count, 1))
+    return lambda: strides_of.linearise(points, p.slope, strides=strides)[1].lengths[0]
+
+
+def by_torch(point: NDArray, p: Problem, strides: int, tolerance: float) -> Gradient:
+    """This engine's, stride by stride through torch and back."""
+    import torch
+
+    from gym_passive_walker.torch import stride
+
+    walker = WALKERS["A"]
+    scale = np.array([1.0, *[1.0 / walker.time_unit] * 2])
+
+    def gradient() -> NDArray:
+        start = torch.tensor(point * scale, requires_grad=True)
+        state = torch.stack([start[0], -start[0], -start[0], start[1], start[2], start[2]])
+        way = torch.zeros((), dtype=torch.float64)
+        for _ in range(strides):
+            walked = stride(walker, p.slope, state, tolerance=tolerance)
+            state, way = walked.state, way + walked.step_length
+        (found,) = torch.autograd.grad(way, start)
+        return found.numpy() * scale / walker.leg_length
+
+    return gradient
+
+
+def differences(
+    point: NDArray, p: Problem, strides: int, tolerance: float, step: float
+) -> Gradient:
+    """Central differences of this engine's plain strides, six walks side by side."""
+    strides_of = StrideMap.of(WALKERS["A"], tolerance=tolerance)
+
+    def distance(points: NDArray) -> NDArray:
+        return strides_of.apply(points, p.slope, strides=strides).lengths
+
+    return lambda: _differences(distance, point, step, {1: 0.5})
+
+
+def diffrax(point: NDArray, p: Problem, strides: int, tolerance: float) -> Gradient:
+    """Diffrax with its differentiable events, by JAX's reverse mode, compiled."""
+    stride = rivals.diffrax_stride(p, "Dopri8", tolerance, max_steps=4096)
+    import jax
+    import jax.numpy as jnp
+
+    def distance(point: Any) -> Any:
+        angle, stance, swing = point
+        state = jnp.stack([angle, -angle, -angle, stance, swing, swing])
+
+        def on(state: Any, _: Any) -> Any:
+            after = stride(state)
+            return after, _step(p, state[0], after[0])
+
+        return jax.lax.scan(on, state, None, length=strides)[1].sum()
+
+    gradient = jax.jit(jax.grad(distance))
+    return lambda: np.asarray(gradient(point))
+
+
+def torchdiffeq(point: NDArray, p: Problem, strides: int, tolerance: float) -> Gradient:
+    """Torchdiffeq's `odeint_event`, by torch's reverse mode."""
+    stride = rivals.torchdiffeq_stride(p, "dopri8", tolerance)
+    import torch
+
+    def gradient() -> NDArray:
+        start = torch.tensor(point, requires_grad=True)
+        state = torch.stack([start[0], -start[0], -start[0], start[1], start[2], start[2]])
+        way = torch.zeros((), dtype=torch.float64)
+        for _ in range(strides):
+            after = stride(state)
+            state, way = after, way + _step(p, state[0], after[0])
+        return torch.autograd.grad(way, start)[0].numpy()
+
+    return gradient
+
+
+def contact(point: NDArray, p: Problem, strides: int, time_step: float, step: float) -> Gradient:
+    """Central differences over MuJoCo's penalty contact."""
+    walker = penalty.Contact(p, time_step, "implicitfast")
+
+    def distance(points: NDArray) -> list[float]:
+        ways = []
+        for angle, stance, swing in points:
+            strikes, _ = walker.walk(np.array([angle, -angle, stance, swing]), strides)
+            ends = 0.5 * (strikes[:, penalty.SWING] - strikes[:, penalty.STANCE])
+            starts = np.append(angle, ends[:-1])
+            whole = len(ends) == strides
+            ways.append(float(np.sum(_step(p, starts, ends))) if whole else np.nan)
+        return ways
+
+    return lambda: _differences(distance, point, step, {1: 0.5})
+
+
+def _methods(strides: int) -> Iterator[tuple[str, str, Callable[..., Gradient], int]]:
+    """Label, setting, method, and walkers that share its time."""
+    for tolerance in TOLERANCES:
+        setting = f"tolerance {tolerance:.0e}"
+        yield (
+            f"this engine, {CROWD} at once",
+            setting,
+            partial(engine, tolerance=tolerance, count=CROWD),
+            CROWD,
+        )
+        yield "this engine, alone", setting, partial(engine, tolerance=tolerance, count=1), 1
+        yield "this engine by torch", setting, partial(by_torch, tolerance=tolerance), 1
+        for step in STEPS:
+            yield (
+                "differences of this engine",
+                setting,
+                partial(differences, tolerance=tolerance, step=step),
+                1,
+            )
+    for tolerance in TOLERANCES[::2]:
+        setting = f"tolerance {tolerance:.0e}"
+        yield "diffrax, Dopri8", setting, partial(diffrax, tolerance=tolerance), 1
+        if strides <= 10:  # a hundred take minutes
+            yield "torchdiffeq, dopri8", setting, partial(torchdiffeq, tolerance=tolerance), 1
+    for time_step in TIME_STEPS[strides]:
+        for step in PENALTY_STEPS:
+            yield (
+                "MuJoCo, differences",
+                f"time step {time_step:.0e}",
+                partial(contact, time_step=time_step, step=step),
+                1,
+            )
+
+
+def main() -> None:
+    """Measure, draw and keep it."""
+    p = problem("straight")
+    point, rows, notes = p.starts[0][[0, 3, 4]], [], []
+    for strides in STRIDES:
+        truth, own = exact(p, point, strides)
+        notes.append(f"{own:.0e}")
+        best: dict[tuple[str, str], tuple[float, float]] = {}
+        for label, setting, method, count in _methods(strides):
+            try:
+                gradient = method(point, p, strides)
+                gradient()  # compiled, if it is to be
+            except ImportError as missing:
+                print(f"{label}: {missing}")
+                continue
+            began = time.perf_counter()
+            reached = _error(gradient(), truth)
+            took = time.perf_counter() - began
+            if took < 0.1:
+                took = seconds(gradient, repeats=3, at_least=0.02)
+            took /= count
+            key = (label, setting)
+            if np.isfinite(reached) and reached < best.get(key, (np.inf,))[0]:
+                best[key] = reached, took  # of several steps of differences, the best
+            print(strides, label, setting, reached, took, flush=True)
+        rows += [(strides, *key, f"{e:.0e}", 1e3 * t) for key, (e, t) in best.items()]
+        curves: dict[str, list[tuple[float, float]]] = {}
+        for (label, _), (reached, took) in best.items():
+            curves.setdefault(label, []).append((max(reached, 1e-16), took))
+        drawn = {label: np.transpose(curve).tolist() for label, curve in curves.items()}
+        title = f"The gradient of the distance after {strides} stride{'s' * (strides > 1)}"
+        names = "relative error of the gradient", "s a gradient, one core"
+        plot(f"gradients-{strides}", drawn, names, title=title, falling=True)
+    text = table(["strides", "method", "setting", "relative error", "ms a gradient"], rows)
+    used = machine("torch", "heyoka", "jax", "diffrax", "torchdiffeq", "mujoco")
+    keep("gradients", f"{text}\n\nThe references' own errors are about {', '.join(notes)}. {used}.")
+
+
+if __name__ == "__main__":
+    command(__doc__)
+    main()

@@ -1,0 +1,260 @@
+"""A walker's motion as one operation of torch.
+
+The engine carries derivatives along with the values, so that an operation knows the Jacobian of
+each walker when it has been computed: a gradient pulled back, and a tangent pushed forward, are one
+batched product. Everything is dimensionless here, float64, and on the processor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from gym_passive_walker.control.motion import ROWS, Motion
+from gym_passive_walker.engine.run import new_records
+from gym_passive_walker.physics.hybrid import Outcome, State
+from gym_passive_walker.walkers import PARAMETERS, Walker, WalkerError
+
+INPUTS = (*State._fields, "slope", "torque", "end")
+"""Columns of an operation's input; parameters of the walker follow."""
+
+RESULTS = (*ROWS, "distance")
+"""Columns of its result; see `control.motion.ROWS`, and how far the hip has come."""
+
+_SIZE = len(State._fields)
+_RUNNING, _STRUCK, _STALLED, _DIVERGED = map(
+    int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED, Outcome.DIVERGED)
+)
+
+
+@dataclass(frozen=True)
+class Manner:
+    """How walkers are to be carried on.
+
+    Attributes:
+        walker: The walker.
+        parameters: Those that are inputs.
+        by: Inputs that are differentiated by, besides the state: "slope", "torque", "end" or
+            parameters.
+        tolerance: Of the integration.
+        stub: Whether a stubbed toe ends a stride.
+        whole: Whether a stride begins here, and has stalled if it does not end.
+    """
+
+    walker: Walker
+    parameters: tuple[str, ...]
+    by: tuple[str, ...]
+    tolerance: float
+    stub: bool
+    whole: bool = False
+
+
+class Moved(NamedTuple):
+    """What has become of n walkers; without gradient but for the values.
+
+    Attributes:
+        values: In the order of RESULTS, (n, results).
+        jacobians: Of these by the inputs, (n, results, inputs).
+        phases: In which phase each is, (n,).
+        outcomes: An `Outcome`, (n,); RUNNING where the time was up.
+        margins: How fast strikes fell through zero, (n,); see `control.motion.Carried.margins`.
+    """
+
+    values: Tensor
+    jacobians: Tensor
+    phases: Tensor
+    outcomes: Tensor
+    margins: Tensor
+
+    def result(self, name: str) -> Tensor:
+        """One of RESULTS, (n,)."""
+        return self.values[:, RESULTS.index(name)]
+
+    @property
+    def walks(self) -> Tensor:
+        """Who has not fallen, (n,)."""
+        return self.outcomes <= _STRUCK
+
+    @property
+    def states(self) -> Tensor:
+        """States, (n, 6)."""
+        return self.values[:, :_SIZE]
+
+
+def carry_on(inputs: Tensor, phases: Tensor, going: Tensor, manner: Manner) -> Moved:
+    """Carry walkers on, each to its time's end, its heelstrike or its fall.
+
+    Args:
+        inputs: In the order of INPUTS, then parameters, (n, inputs).
+        phases: In which phase each is, (n,).
+        going: Whose walk goes on, (n,); the others stay where they are.
+        manner: How.
+
+    Raises:
+        WalkerError: if parameters describe no walker.
+    """
+    return Moved(*_CarryOn.apply(inputs, phases, going, manner))  # type: ignore[misc]
+
+
+class _CarryOn(torch.autograd.Function):
+    """`carry_on` for autograd."""
+
+    @staticmethod
+    def forward(inputs: Tensor, phases: Tensor, going: Tensor, manner: Manner) -> Any:
+        told = _walked(inputs.numpy(force=True), phases.numpy(), going.numpy(), manner)
+        return tuple(map(torch.from_numpy, told))
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
+        ctx.mark_non_differentiable(*output[1:])
+        ctx.save_for_backward(inputs[0], output[1])
+        ctx.save_for_forward(inputs[0], output[1])
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor, *_: Any) -> Any:  # type: ignore[override]
+        inputs, jacobians = ctx.saved_tensors
+        return _Product.apply(jacobians.mT, gradient, inputs), None, None, None
+
+    @staticmethod
+    def jvp(ctx: Any, tangent: Tensor, *_: Any) -> Any:  # type: ignore[override]
+        inputs, jacobians = ctx.saved_tensors
+        return _Product.apply(jacobians, tangent, inputs), None, None, None, None
+
+    @staticmethod
+    def vmap(info: Any, in_dims: Any, *given: Any) -> Any:
+        *tensors, manner = given
+        batch, several = info.batch_size, []
+        for tensor, dim in zip(tensors, in_dims[:-1], strict=True):
+            rows = tensor.expand(batch, *tensor.shape) if dim is None else tensor.movedim(dim, 0)
+            several.append(rows)
+        count = several[0].shape[1]
+        moved = _CarryOn.apply(*(rows.flatten(0, 1) for rows in several), manner)
+        return tuple(x.unflatten(0, (batch, count)) for x in moved), (0,) * len(moved)  # type: ignore[union-attr]
+
+
+class _Product(torch.autograd.Function):
+    """Jacobians (n, a, b) times vectors (n, b), constant where second derivatives are not asked."""
+
+    generate_vmap_rule = True
+
+    @staticmethod
+    def forward(jacobians: Tensor, vectors: Tensor, inputs: Tensor) -> Tensor:
+        return (jacobians @ vectors[..., None])[..., 0]
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
+        ctx.save_for_backward(inputs[0])
+        ctx.save_for_forward(inputs[0])
+
+    @staticmethod
+    def backward(ctx: Any, gradient: Tensor) -> Any:  # type: ignore[override]
+        if ctx.needs_input_grad[2]:
+            raise NotImplementedError(_SECOND)
+        (jacobians,) = ctx.saved_tensors
+        return None, (jacobians.mT @ gradient[..., None])[..., 0], None
+
+    @staticmethod
+    def jvp(ctx: Any, _: Any, tangent: Tensor, of_inputs: Any) -> Any:  # type: ignore[override]
+        if of_inputs is not None:
+            raise NotImplementedError(_SECOND)
+        (jacobians,) = ctx.saved_tensors
+        return (jacobians @ tangent[..., None])[..., 0]
+
+
+_SECOND = (
+    "walkers have first derivatives only: differentiate the gradient by differences, or use a "
+    "method that does without second derivatives (create_graph=True is not needed for those)"
+)
+
+
+def _walked(
+    inputs: NDArray, phases: NDArray, going: NDArray, manner: Manner
+) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
+    """What `Moved` tells, as arrays."""
+    walker, count = manner.walker, len(inputs)
+    values = np.zeros((count, len(RESULTS)))
+    values[:, :_SIZE] = inputs[:, :_SIZE]
+    jacobians = np.zeros((*values.shape, inputs.shape[1]))
+    after, margins = phases.copy(), np.full(count, np.inf)
+    outcomes = np.zeros(count, np.int64)
+    lanes = np.flatnonzero(going & np.isfinite(inputs).all(axis=1))
+    outcomes[going], margins[going] = _DIVERGED, np.nan
+    if len(lanes) == 0:
+        return values, jacobians, after, outcomes, margins
+    own = inputs[lanes]
+    _check(walker, manner.parameters, own[:, len(INPUTS) :])
+    states, slopes, torques, ends = own[:, :_SIZE].copy(), *own[:, _SIZE : len(INPUTS)].T
+    if not walker.knees:
+        states[:, 2], states[:, 5] = states[:, 1], states[:, 4]
+    records = new_records(states, slopes, torques, end=ends)
+    records["phase"][:, 0] = phases[lanes]
+    parameters = dict(zip(manner.parameters, own[:, len(INPUTS) :].T, strict=True))
+    motion = Motion(
+        walker=walker, parameters=parameters, tolerance=manner.tolerance, stub=manner.stub
+    )
+    by = ("state", *manner.by)
+    carried = motion.follow(records, by, from_section=manner.whole)
+    told = np.concatenate([carried.told, carried.distance[:, None]], axis=1)
+    names = (*INPUTS, *manner.parameters)
+    columns = [*range(_SIZE), *map(names.index, manner.by)]
+    values[lanes] = told[:, :, 0]
+    own_jacobians = np.zeros((len(lanes), len(RESULTS), inputs.shape[1]))
+    own_jacobians[:, :, columns] = told[:, :, 1:]
+    jacobians[lanes] = own_jacobians
+    after[lanes], outcomes[lanes] = carried.records["phase"][:, 0], carried.outcomes
+    margins[lanes] = carried.margins
+    if manner.whole:
+        stalled = going & (outcomes == _RUNNING)
+        outcomes[stalled], margins[stalled], jacobians[stalled] = _STALLED, np.nan, 0.0
+    return values, jacobians, after, outcomes, margins
+
+
+def _check(walker: Walker, names: tuple[str, ...], values: NDArray) -> None:
+    if names:
+        for row in set(map(tuple, values.tolist())):
+            _walker_with(walker, names, row)
+
+
+@lru_cache(maxsize=4096)
+def _walker_with(walker: Walker, names: tuple[str, ...], values: tuple[float, ...]) -> Walker:
+    return replace(walker, **dict(zip(names, values, strict=True)))
+
+
+def as_tensor(value: Any, name: str) -> Tensor:
+    """A number, an array or a tensor as a tensor that the engine can take.
+
+    Raises:
+        TypeError: if it is a tensor of other numbers than float64, or on another device.
+    """
+    if not isinstance(value, Tensor):
+        return torch.from_numpy(np.array(value, dtype=float))
+    if value.dtype != torch.float64:
+        raise TypeError(
+            f"walkers walk in float64, and {name} is {value.dtype}: give {name}.double(), and let "
+            "policies compute in float64 (policy.double())"
+        )
+    if value.device.type != "cpu":
+        raise TypeError(f"walkers walk on the processor, and {name} is on {value.device}: move it")
+    return value
+
+
+def check_parameters(parameters: Mapping[str, Any] | None) -> dict[str, Tensor]:
+    """Parameters as tensors, by name.
+
+    Raises:
+        WalkerError: if a walker has no such parameter.
+    """
+    given = dict(parameters or {})
+    unknown = sorted(set(given) - set(PARAMETERS))
+    if unknown:
+        raise WalkerError(
+            f"a walker has no parameter {', '.join(unknown)}: choose from {', '.join(PARAMETERS)}"
+        )
+    return {name: as_tensor(value, name) for name, value in given.items()}

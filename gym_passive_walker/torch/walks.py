@@ -1,0 +1,263 @@
+"""Strides and ticks of walkers with exact gradients, in the walkers' own units."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from itertools import compress
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor
+
+from gym_passive_walker.arguments import check_tolerance
+from gym_passive_walker.engine.run import LONGEST_STRIDE
+from gym_passive_walker.envs.task import ENERGIES, motor_charge
+from gym_passive_walker.physics.systems import system_of
+from gym_passive_walker.torch.operation import (
+    INPUTS,
+    Manner,
+    Moved,
+    as_tensor,
+    carry_on,
+    check_parameters,
+)
+from gym_passive_walker.units import Units, units_of
+from gym_passive_walker.walkers import Walker, as_walker, varied
+
+
+class Stride(NamedTuple):
+    """Strides, as those of `gym_passive_walker.stride`; each field (n,), `state` (n, 6).
+
+    Where a walker fell, nothing has a gradient, and what only a heelstrike or a kneestrike gives is
+    0 instead of NaN, so that sums stay finite.
+
+    Attributes:
+        state: Where each stride ended; the next section state.
+        duration: Time taken.
+        kneestrike_time: When the knee locked; 0 if it did not.
+        step_length: From one contact point to the next; 0 without heelstrike.
+        hip_work: Net work of the hip torque.
+        hip_work_absolute: Integral of the absolute hip power.
+        kneestrike_loss: Energy lost at kneestrike.
+        heelstrike_loss: Energy lost at heelstrike.
+        gravity_work: Work of gravity; 0 without heelstrike.
+        outcome: How it ended, an `Outcome`.
+        walks: Whether it ended with a heelstrike; only there are gradients.
+        margin: How fast what ended phases fell through zero at the strikes, the least of them, in
+            rad over sqrt(l/g): 0 at grazing, where derivatives grow beyond bounds. NaN at falls.
+    """
+
+    state: Tensor
+    duration: Tensor
+    kneestrike_time: Tensor
+    step_length: Tensor
+    hip_work: Tensor
+    hip_work_absolute: Tensor
+    kneestrike_loss: Tensor
+    heelstrike_loss: Tensor
+    gravity_work: Tensor
+    outcome: Tensor
+    walks: Tensor
+    margin: Tensor
+
+
+class Tick(NamedTuple):
+    """What became of walkers in a tick; each field (n,), `state` (n, 6).
+
+    Attributes:
+        state: Where each is; after a heelstrike, the state in which the next stride begins.
+        phase: In which phase of its stride; give it to the next tick.
+        duration: Time taken: that of the tick, or less to a heelstrike.
+        distance: How far the hip has come along the slope.
+        hip_work: Net work of the hip torque.
+        hip_work_absolute: Integral of the absolute hip power.
+        collision_loss: Energy lost at strikes.
+        outcome: How it ended, an `Outcome`: RUNNING or HEELSTRIKE unless the walker fell.
+        walks: Whether the walker has not fallen; only there are gradients.
+        margin: As of `Stride`; infinite without strikes.
+    """
+
+    state: Tensor
+    phase: Tensor
+    duration: Tensor
+    distance: Tensor
+    hip_work: Tensor
+    hip_work_absolute: Tensor
+    collision_loss: Tensor
+    outcome: Tensor
+    walks: Tensor
+    margin: Tensor
+
+
+def stride(
+    walker: Walker | str,
+    slope: Any,
+    state: Any,
+    *,
+    hip_torque: Any = 0.0,
+    parameters: Mapping[str, Any] | None = None,
+    tolerance: float = 1e-10,
+    longest: float = LONGEST_STRIDE,
+    stub: bool = False,
+) -> Stride:
+    """Follow walkers from one heelstrike to the next, with gradients by all that are tensors.
+
+    Args:
+        walker: The walker, or a preset's name.
+        slope: Slope in rad, a number or (n,).
+        state: State just after heelstrike, (6,) or (n, 6), in the walker's own units.
+        hip_torque: Torque held through the stride, a number or (n,).
+        parameters: Values of parameters of the walker, by name, in place of its own; numbers or
+            (n,).
+        tolerance: As of `gym_passive_walker.stride`, as are `longest` and `stub`.
+        longest: Time in units of sqrt(l/g) after which a stride has STALLED.
+        stub: Whether a kneed walker's locked swing leg below the ground ends the stride.
+
+    Raises:
+        TypeError: if a tensor is not of float64 on the processor.
+        ValueError: if shapes do not fit.
+        WalkerError: if parameters describe no walker.
+    """
+    walk = _walk(
+        walker, slope, state, hip_torque, parameters,
+        end=longest, tolerance=tolerance, stub=stub, whole=True,
+    )  # fmt: skip
+    knee_loss, heel_loss, gravity = walk.energies("knee_loss", "heel_loss", "gravity_work")
+    moved, units = walk.moved, walk.units
+    told = Stride(
+        state=walk.state,
+        duration=moved.result("time") * units.time,
+        kneestrike_time=moved.result("knee_time") * units.time,
+        step_length=moved.result("step_length") * units.length,
+        hip_work=walk.hip_work("net"),
+        hip_work_absolute=walk.hip_work("absolute"),
+        kneestrike_loss=knee_loss,
+        heelstrike_loss=heel_loss,
+        gravity_work=gravity,
+        outcome=moved.outcomes,
+        walks=moved.walks,
+        margin=moved.margins,
+    )
+    return told if walk.several else Stride(*(x[0] for x in told))
+
+
+def tick(
+    walker: Walker | str,
+    slope: Any,
+    state: Any,
+    hip_torque: Any,
+    *,
+    duration: Any,
+    phase: Any = 0,
+    parameters: Mapping[str, Any] | None = None,
+    tolerance: float = 1e-10,
+    stub: bool = False,
+) -> Tick:
+    """Follow walkers for a while, or to a heelstrike on the way, with gradients as of `stride`.
+
+    Args:
+        walker: The walker, or a preset's name.
+        slope: Slope in rad, a number or (n,).
+        state: Where walkers are, (6,) or (n, 6), in their own units.
+        hip_torque: Torque held through the tick, a number or (n,).
+        duration: How long the tick is, a number or (n,).
+        phase: In which phase of its stride each is, a number or (n,): 0 where one begins, else what
+            the tick before has told.
+        parameters: As of `stride`, as are `tolerance`, `stub` and what is raised.
+        tolerance: Error relative to the largest angle or rate.
+        stub: Whether a kneed walker's locked swing leg below the ground ends the walk.
+    """
+    walk = _walk(
+        walker, slope, state, hip_torque, parameters,
+        duration=duration, phase=phase, tolerance=tolerance, stub=stub,
+    )  # fmt: skip
+    moved, units = walk.moved, walk.units
+    told = Tick(
+        state=walk.state,
+        phase=moved.phases,
+        duration=moved.result("time") * units.time,
+        distance=moved.result("distance") * units.length,
+        hip_work=walk.hip_work("net"),
+        hip_work_absolute=walk.hip_work("absolute"),
+        collision_loss=sum(walk.energies("knee_loss", "heel_loss")),  # type: ignore[arg-type]
+        outcome=moved.outcomes,
+        walks=moved.walks,
+        margin=moved.margins,
+    )
+    return told if walk.several else Tick(*(x[0] for x in told))
+
+
+class _Walk(NamedTuple):
+    """What has become of walkers, with what turns it into their own units."""
+
+    moved: Moved
+    units: Units
+    time: Tensor  # the unit of time, (n, 1)
+    torques: Tensor  # dimensionless, (n,)
+    works: bool
+    several: bool
+
+    @property
+    def state(self) -> Tensor:
+        states = self.moved.states
+        return torch.cat([states[:, :3], states[:, 3:] / self.time], 1)
+
+    def energies(self, *names: str) -> list[Tensor]:
+        return [self.moved.result(name) * self.units.energy for name in names]
+
+    def hip_work(self, kind: str) -> Tensor:
+        """Work of the torque; without gradient where a walker fell."""
+        held = torch.where(self.moved.walks, self.torques, self.torques.detach()) * self.works
+        moved, turned = self.moved.result("moved"), self.moved.result("turned")
+        return motor_charge(ENERGIES.index(kind), held, moved, turned) * self.units.energy
+
+
+def _walk(
+    walker: Walker | str,
+    slope: Any,
+    state: Any,
+    hip_torque: Any,
+    parameters: Mapping[str, Any] | None,
+    *,
+    duration: Any = None,
+    end: float = math.inf,
+    phase: Any = 0,
+    tolerance: float,
+    stub: bool,
+    whole: bool = False,
+) -> _Walk:
+    """Carry walkers on: through a whole stride up to a dimensionless end, or for a duration."""
+    walker, given = as_walker(walker), check_parameters(parameters)
+    units = units_of(varied(walker, given) if given else walker)
+    states, phases = as_tensor(state, "state"), torch.as_tensor(phase, dtype=torch.int64)
+    torques = as_tensor(hip_torque, "hip_torque") / units.torque
+    ends = end if duration is None else as_tensor(duration, "duration") / units.time
+    held = [as_tensor(slope, "slope"), torques, as_tensor(ends, "longest"), *given.values()]
+    shapes = [states.shape[:-1], phases.shape, *(x.shape for x in held)]
+    shape = max(shapes, key=len)
+    if states.shape[-1:] != (6,) or len(shape) > 1 or not set(shapes) <= {shape, ()}:
+        raise ValueError(
+            "state must have shape (6,) or (n, 6), and slope, hip_torque and all else be numbers "
+            f"or (n,), but state is {tuple(states.shape)} and these are "
+            f"{[tuple(x.shape) for x in held]}"
+        )
+    count = math.prod(shape)
+    time = torch.as_tensor(units.time, dtype=torch.float64).expand(shape).reshape(count, 1)
+    states, phases = states.expand(*shape, 6).reshape(count, 6), phases.expand(shape).reshape(count)
+    columns = torch.stack([x.expand(shape).reshape(count) for x in held], 1)
+    inputs = torch.cat([states[:, :3], states[:, 3:] * time, columns], 1)
+    # Parameters move the units, and with them what is held in the walker's own.
+    by = [isinstance(slope, Tensor), isinstance(hip_torque, Tensor) or bool(given)]
+    by += [duration is not None and (isinstance(duration, Tensor) or bool(given))]
+    manner = Manner(
+        walker=walker,
+        parameters=tuple(given),
+        by=(*compress(("slope", "torque", "end"), by), *given),
+        tolerance=check_tolerance(tolerance),
+        stub=stub,
+        whole=whole,
+    )
+    moved = carry_on(inputs, phases, torch.ones(count, dtype=torch.bool), manner)
+    torques = inputs[:, INPUTS.index("torque")]
+    return _Walk(moved, units, time, torques, system_of(walker).works, bool(shape))

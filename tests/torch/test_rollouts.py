@@ -1,0 +1,150 @@
+"""Walks under a policy: the environment's rewards, and their gradients."""
+
+import numpy as np
+import pytest
+import torch
+
+from gym_passive_walker.control.feedback import powered_gait
+from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.torch import rollout, standing
+from gym_passive_walker.units import units_of
+
+COUNT = 6
+
+
+def network(seed=0, scale=1.0):
+    """A small smooth policy in float64."""
+    torch.manual_seed(seed)
+    layers = (torch.nn.Linear(8, 16), torch.nn.Tanh(), torch.nn.Linear(16, 1))
+    policy = torch.nn.Sequential(*layers).double()
+    with torch.no_grad():
+        for parameter in policy[2].parameters():
+            parameter *= scale
+    return policy
+
+
+class Steady(torch.nn.Module):
+    """The torque that carries a walker along level ground, and a little of a smooth policy."""
+
+    def __init__(self):
+        super().__init__()
+        walker = make_scene("level").walker
+        powered = powered_gait(walker, 0.0)
+        torque = powered.hip_torque / units_of(walker).torque
+        self.share = torch.nn.Parameter(torch.tensor(torque / 0.05))
+        self.start = units_of(walker).to_dimensionless(powered.state).tolist()
+        self.rest = network(scale=0.05)
+
+    def forward(self, observations):
+        """Shares of the largest torque."""
+        return self.share + self.rest(observations)[:, 0]
+
+
+@pytest.mark.parametrize(
+    "scene",
+    ["level", "steep", "rolling", "lab", {"walker": "A", "slope": 0.03},
+     {"walker": "D", "slope": 0.009}, {"energy": "positive"}, {"longest_stride": 1.0},
+     {"randomise": {"foot_radius": 0.1}, "energy": "net"}],
+)  # fmt: skip
+def test_rewards_observations_and_endings_are_the_environment_s(scene):
+    policy = network()
+    walked = rollout(policy, scene, 60, count=COUNT, seed=3)
+    env = PassiveWalkerVectorEnv(COUNT, scene, autoreset_mode="Disabled")
+    seen, _ = env.reset(seed=3)
+    going = np.ones(COUNT, bool)
+    for k in range(60):
+        np.testing.assert_array_equal(walked.going[k], going)
+        np.testing.assert_allclose(walked.observations[k].detach()[going], seen[going], atol=1e-6)
+        actions = policy(walked.observations[k]).detach().numpy()
+        seen, rewards, ended, _, told = env.step(actions)
+        np.testing.assert_allclose(walked.rewards[k].detach(), rewards, rtol=0.0, atol=1e-7)
+        np.testing.assert_allclose(
+            walked.distances[k].detach()[going], told["distance"][going], atol=1e-7
+        )
+        np.testing.assert_allclose(
+            walked.energies[k].detach()[going], told["energy"][going], atol=1e-7
+        )
+        going &= ~ended
+        if ended.any():  # the environment wants resets; nothing more is compared
+            break
+    np.testing.assert_array_equal(walked.going[k + 1] if k < 59 else walked.end.going, going)
+
+
+def test_gradients_go_through_hundreds_of_ticks_and_strikes():
+    policy = Steady()
+    scene = make_scene("level", start=tuple(policy.start), perturbation=0.01, tolerance=1e-12)
+    start = standing(scene, COUNT, seed=1)
+
+    def returned(parameters):
+        torch.nn.utils.vector_to_parameters(parameters, policy.parameters())
+        return rollout(policy, scene, 200, start=start)
+
+    chosen = torch.nn.utils.parameters_to_vector(policy.parameters()).detach()
+    walked = returned(chosen)
+    assert walked.end.going.all() and (walked.outcomes == Outcome.HEELSTRIKE).sum() > 5 * COUNT
+    strikes = walked.margins[walked.outcomes == Outcome.HEELSTRIKE]
+    assert torch.isfinite(strikes).all() and (strikes > 0.1).all()
+    walked.returns.sum().backward()
+    gradient = torch.cat([p.grad.reshape(-1) for p in policy.parameters()])
+    torch.manual_seed(1)
+    for direction in torch.randn(3, len(chosen), dtype=torch.float64):
+        step = 1e-6 * direction
+        with torch.no_grad():
+            ahead, behind = (returned(chosen + s).returns.sum() for s in (step, -step))
+        difference = float((ahead - behind) / 2e-6)
+        assert difference == pytest.approx(float(gradient @ direction), rel=1e-5)
+
+
+def test_a_stride_that_falls_is_worth_nothing_and_has_no_gradient():
+    """Distance alone counts here; the walkers dive in their first stride."""
+    share = torch.tensor(-1.0, dtype=torch.float64, requires_grad=True)
+    scene = make_scene("level", energy_weight=0.0, max_hip_torque=0.5)
+    walked = rollout(lambda seen: share.expand(len(seen)), scene, 40, count=COUNT, seed=0)
+    assert not walked.end.going.any() and (walked.outcomes <= Outcome.HEELSTRIKE)[0].all()
+    assert (walked.outcomes != Outcome.HEELSTRIKE).all()
+    torch.testing.assert_close(walked.returns, torch.zeros_like(walked.returns))
+    walked.returns.sum().backward()
+    assert abs(float(share.grad)) < 1e-15
+    assert torch.isnan(walked.margins).sum() == COUNT
+
+
+def test_a_walk_in_two_parts_is_the_walk():
+    policy, scene = Steady(), make_scene("level")
+    whole = rollout(policy, scene, 60, count=COUNT, seed=2)
+    first = rollout(policy, scene, 25, count=COUNT, seed=2)
+    second = rollout(policy, scene, 35, start=first.end)
+    assert torch.equal(torch.cat([first.rewards, second.rewards]), whole.rewards)
+    gradients = (
+        torch.autograd.grad(returns.sum(), policy.share)
+        for returns in (whole.returns, first.returns + second.returns)
+    )
+    torch.testing.assert_close(*gradients)
+    apart = rollout(policy, scene, 35, start=first.end.detach())
+    assert torch.equal(apart.rewards, second.rewards)
+    assert apart.end.states.requires_grad and not first.end.detach().states.requires_grad
+
+
+def test_what_walkers_are_made_of_has_a_gradient_through_a_walk():
+    policy = Steady()
+    scene = make_scene("level", start=tuple(policy.start), perturbation=0.0, tolerance=1e-12)
+
+    def returned(radius):
+        start = standing(scene, 1, seed=0, parameters={"foot_radius": radius})
+        return rollout(policy, scene, 100, start=start).returns.sum()
+
+    radius = torch.tensor(scene.walker.foot_radius, dtype=torch.float64, requires_grad=True)
+    returned(radius).backward()
+    with torch.no_grad():
+        difference = (returned(radius + 1e-6) - returned(radius - 1e-6)) / 2e-6
+    assert float(difference) == pytest.approx(float(radius.grad), rel=1e-6)
+
+
+def test_policies_of_other_numbers_are_refused():
+    with pytest.raises(TypeError, match=r"policy.double\(\)"):
+        rollout(lambda seen: seen[:, 0].float(), "level", 1)
+    with pytest.raises(ValueError, match=r"one action for each of 16 walkers"):
+        rollout(lambda seen: seen[:, :2], "level", 1)
+    with pytest.raises(ValueError, match="horizon must be a whole number"):
+        rollout(network(), "level", 0)

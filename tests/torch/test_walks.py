@@ -1,0 +1,222 @@
+"""Strides and ticks as operations of torch: values, gradients, and what falls."""
+
+import numpy as np
+import pytest
+import torch
+
+import gym_passive_walker as gpw
+from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.torch import stride, tick
+
+SLOPES = {"D": 0.009, "E": 0.009, "F": 0.009, "lab": 0.036}
+LEDGERS = (
+    "state", "duration", "step_length", "hip_work", "hip_work_absolute", "kneestrike_loss",
+    "heelstrike_loss", "gravity_work",
+)  # fmt: skip
+THOROUGHLY = {
+    "check_forward_ad": True,
+    "check_batched_grad": True,
+    "check_batched_forward_grad": True,
+    "atol": 1e-5,
+    "rtol": 1e-4,
+}
+
+
+def gait(name):
+    """A slope, and starts of two strides near the gait there, in the walker's own units."""
+    slope = SLOPES.get(name, 0.03)
+    state = gpw.find_gait(name, slope).state
+    return slope, torch.tensor(np.stack([state, 1.002 * state]), requires_grad=True)
+
+
+def number(value):
+    return torch.tensor(value, dtype=torch.float64, requires_grad=True)
+
+
+@pytest.mark.parametrize("name", gpw.WALKERS)
+def test_a_stride_is_the_stride(name):
+    slope, states = gait(name)
+    found = stride(name, slope, states, hip_torque=0.01, tolerance=1e-12)
+    expected = gpw.stride(name, slope, states.detach(), hip_torque=0.01, tolerance=1e-12)
+    for ledger in LEDGERS:
+        values = getattr(found, ledger).detach()
+        np.testing.assert_allclose(values, getattr(expected, ledger), rtol=1e-13, atol=1e-13)
+    assert found.walks.all() and (found.margin > 0.1).all()
+    alone = stride(name, slope, states[0], hip_torque=0.01, tolerance=1e-12)
+    assert torch.equal(alone.state, found.state[0]) and alone.duration.ndim == 0
+
+
+@pytest.mark.parametrize("name", gpw.WALKERS)
+def test_gradients_of_strides_are_those_of_differences(name):
+    """By start, slope, torque and parameters that move shape, mass and units; every way round."""
+    slope, states = gait(name)
+    mass = "hip_mass" if gpw.WALKERS[name].massless_legs else "thigh_mass"
+    varied = ("thigh_length", "gravity", mass)
+    values = [number(getattr(gpw.WALKERS[name], parameter)) for parameter in varied]
+
+    def walk(states, slope, torque, *values):
+        parameters = dict(zip(varied, values, strict=True))
+        walked = stride(
+            name, slope, states, hip_torque=torque, parameters=parameters, tolerance=1e-13
+        )
+        return walked[:9]
+
+    inputs = (states, number(slope), number([0.01, 0.02]), *values)
+    assert torch.autograd.gradcheck(walk, inputs, **THOROUGHLY)
+
+
+@pytest.mark.parametrize("name", gpw.WALKERS)
+def test_gradients_of_ticks_are_those_of_differences(name):
+    """Tick by tick through a stride, so that both strikes fall within one."""
+    slope, states = gait(name)
+    phase, outcomes, knees = torch.tensor([0, 0]), [], 0
+    parameters = {"foot_angle": number(gpw.WALKERS[name].foot_angle)}
+
+    def walk(states, slope, torque, duration):
+        told = tick(
+            name, slope, states, torque, duration=duration, phase=phase, parameters=parameters,
+            tolerance=1e-13,
+        )  # fmt: skip
+        return told.state, *told[2:7]
+
+    while not outcomes or outcomes[-1] == Outcome.RUNNING:
+        inputs = (states, number(slope), number([0.01, 0.02]), number(0.12))
+        assert torch.autograd.gradcheck(walk, inputs, **THOROUGHLY)
+        told = tick(name, *inputs[1::-1], inputs[2], duration=inputs[3], phase=phase)
+        assert told.walks.all()
+        knees += int(told.phase[0] > phase[0])
+        states, phase = told.state.detach().requires_grad_(), told.phase
+        outcomes.append(int(told.outcome[0]))
+    assert outcomes[-1] == Outcome.HEELSTRIKE and len(outcomes) > 3
+    assert knees == gpw.WALKERS[name].knees
+
+
+@pytest.mark.parametrize("parameter", ["foot_radius", "thigh_length", "gravity", "shank_mass"])
+def test_gradients_are_the_stride_jacobian(parameter):
+    slope, states = gait("lab")
+    state, wrt = states[0].detach(), ("state", "slope", "hip_torque", parameter)
+    expected = gpw.stride_jacobian("lab", slope, state, hip_torque=0.01, wrt=wrt)
+    coordinates = [0, 3, 4, 5]
+
+    def end(point, slope, torque, value):
+        mirrored = torch.stack([point[0], -point[0], -point[0], *point[1:]])
+        walked = stride(
+            "lab", slope, mirrored, hip_torque=torque, parameters={parameter: value},
+            tolerance=1e-13,
+        )  # fmt: skip
+        return walked.state[coordinates]
+
+    value = number(getattr(gpw.WALKERS["lab"], parameter))
+    inputs = (state[coordinates], number(slope), number(0.01), value)
+    for jacobian in (torch.func.jacrev, torch.func.jacfwd):
+        parts = jacobian(end, argnums=(0, 1, 2, 3))(*inputs)
+        found = torch.cat([parts[0], *(x[:, None] for x in parts[1:])], 1).detach()
+        np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-10)
+
+
+def test_ticks_one_after_another_make_the_stride():
+    slope, states = gait("lab")
+    torque = number([0.03, 0.02])
+    at_once = stride("lab", slope, states, hip_torque=torque, tolerance=1e-13)
+    here, phase, time, work, loss = states, torch.tensor([0, 0]), 0.0, 0.0, 0.0
+    going = torch.tensor([True, True])
+    while going.any():
+        told = tick("lab", slope, here, torque, duration=0.07, phase=phase, tolerance=1e-13)
+        time, work = time + going * told.duration, work + going * told.hip_work_absolute
+        loss = loss + going * told.collision_loss
+        here = torch.where(going[:, None], told.state, here)
+        phase = torch.where(going, told.phase, phase)
+        going = going & (told.outcome == Outcome.RUNNING)
+    losses = at_once.kneestrike_loss + at_once.heelstrike_loss
+    pairs = (
+        (here, at_once.state), (time, at_once.duration), (work, at_once.hip_work_absolute),
+        (loss, losses),
+    )  # fmt: skip
+    for found, expected in pairs:
+        torch.testing.assert_close(found, expected, rtol=1e-11, atol=1e-11)
+        gradients = (
+            torch.autograd.grad(x.sum(), (states, torque), retain_graph=True)
+            for x in (found, expected)
+        )
+        for a, b in zip(*gradients, strict=True):
+            torch.testing.assert_close(a, b, rtol=1e-8, atol=1e-8)
+
+
+def test_who_falls_has_no_gradient_and_says_so():
+    slope, states = gait("lab")
+    with torch.no_grad():
+        states[1, 3] *= 0.3  # too slow for the top
+    torque = number([0.01, 0.01])
+    walked = stride("lab", slope, states, hip_torque=torque)
+    assert walked.walks.tolist() == [True, False]
+    assert walked.outcome.tolist() == [Outcome.HEELSTRIKE, Outcome.FELL_BACKWARD]
+    assert walked.step_length[1] == 0.0 and torch.isnan(walked.margin[1])
+    sum(x.sum() for x in walked[:9]).backward()
+    assert (states.grad[1] == 0.0).all() and torque.grad[1] == 0.0
+    alone = states[:1].detach().requires_grad_()
+    sum(x.sum() for x in stride("lab", slope, alone, hip_torque=0.01)[:9]).backward()
+    torch.testing.assert_close(states.grad[:1], alone.grad)
+
+
+def test_who_is_given_up_or_starts_nowhere_has_no_gradient():
+    slope, states = gait("lab")
+    stalled = stride("lab", slope, states, longest=0.5)
+    assert stalled.outcome.tolist() == [Outcome.STALLED] * 2
+    with torch.no_grad():
+        states[0, 0] = float("nan")
+    walked = stride("lab", slope, states)
+    assert walked.outcome.tolist() == [Outcome.DIVERGED, Outcome.HEELSTRIKE]
+    (stalled.state.sum() + walked.state[1].sum()).backward()
+    assert (states.grad[0] == 0.0).all()
+
+
+def test_vmap_is_a_larger_crowd():
+    _, states = gait("lab")
+    several = torch.stack([states, 0.999 * states, 1.001 * states]).detach()
+    slopes = torch.tensor([0.036, 0.035, 0.037], dtype=torch.float64)
+
+    def length(states, slope):
+        return stride("lab", slope, states).step_length
+
+    found = torch.func.vmap(length)(several, slopes)
+    each = torch.stack([length(x, y) for x, y in zip(several, slopes, strict=True)])
+    assert torch.equal(found, each)
+    gradient = torch.func.grad(lambda states, slope: length(states, slope).sum())
+    found = torch.func.vmap(gradient)(several, slopes)
+    each = torch.stack([gradient(x, y) for x, y in zip(several, slopes, strict=True)])
+    assert torch.equal(found, each) and (found != 0.0).any()
+
+
+def test_second_derivatives_are_refused():
+    slope, states = gait("A")
+
+    def length(state):
+        return stride("A", slope, state).step_length
+
+    first, second = torch.func.jacrev, torch.func.jacfwd
+    for twice in (first(first(length)), first(second(length)), second(first(length))):
+        with pytest.raises(NotImplementedError, match="first derivatives only"):
+            twice(states[0].detach())
+    (gradient,) = torch.autograd.grad(length(states[0]), states, create_graph=True)
+    with pytest.raises(NotImplementedError, match="first derivatives only"):
+        gradient.sum().backward()
+
+
+def test_what_makes_no_sense_is_refused():
+    slope, states = gait("lab")
+    with pytest.raises(TypeError, match=r"state is torch.float32: give state.double\(\)"):
+        stride("lab", slope, states.float())
+    with pytest.raises(TypeError, match="hip_torque is on meta"):
+        stride("lab", slope, states, hip_torque=torch.zeros(2, dtype=torch.float64, device="meta"))
+    with pytest.raises(
+        gpw.walkers.WalkerError, match="no parameter knee: choose from thigh_length"
+    ):
+        stride("lab", slope, states, parameters={"knee": number(0.3)})
+    with pytest.raises(gpw.walkers.WalkerError, match="foot_radius must lie from 0"):
+        stride("lab", slope, states, parameters={"foot_radius": number(3.0)})
+    with pytest.raises(ValueError, match=r"state must have shape \(6,\) or \(n, 6\)"):
+        stride("lab", slope, states[:, :4])
+    with pytest.raises(ValueError, match=r"these are \[\(3,\), \(\), \(\)\]"):
+        stride("lab", number([0.03] * 3), states)
+    with pytest.raises(ValueError, match="tolerance must be"):
+        stride("lab", slope, states, tolerance=0.0)
