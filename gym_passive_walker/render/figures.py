@@ -15,7 +15,7 @@ from gym_passive_walker.gaits.bifurcation import bifurcation_diagram
 from gym_passive_walker.gaits.family import GaitFamily, gait_family
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitKind
-from gym_passive_walker.render.extras import extra
+from gym_passive_walker.extras import extra
 from gym_passive_walker.render.strobe import phase_portrait, strobe
 from gym_passive_walker.walkers import WALKERS, Walker, blend, tune
 

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.arguments import check_state
 from gym_passive_walker.gaits.trajectory import Trajectory, trajectory
 from gym_passive_walker.render import look
-from gym_passive_walker.render.extras import extra
+from gym_passive_walker.extras import extra
 from gym_passive_walker.render.pose import Leg, legs_by_identity, level, pose
 from gym_passive_walker.walkers import Walker, as_walker
 

@@ -1,4 +1,4 @@
-"""What pictures need beyond the package's own requirements, and what to say where it is missing."""
+"""What is needed beyond the package's own requirements, and what to say where it is missing."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def extra(name: str) -> Iterator[None]:
         yield
     except ImportError as error:
         raise ImportError(
-            f"this picture needs {error.name or 'a module'}, which is not installed: "
+            f"this needs {error.name or 'a module'}, which is not installed: "
             f'pip install "gym-passive-walker[{name}]"',
             name=error.name,
         ) from error
