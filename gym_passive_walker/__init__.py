@@ -1,5 +1,8 @@
 """Exact passive walkers for reinforcement learning and gait analysis."""
 
+# These enter what objects plot, and load nothing that draws.
+import gym_passive_walker.control.pictures
+import gym_passive_walker.render  # noqa: F401
 from gym_passive_walker.control.closed_loop import ClosedLoopGait, closed_loop_gait
 from gym_passive_walker.control.optimal import optimal_gait, optimal_gaits
 from gym_passive_walker.control.optimum import OptimalGait
@@ -32,6 +35,7 @@ from gym_passive_walker.gaits.scaling import (
 from gym_passive_walker.gaits.series import Extreme
 from gym_passive_walker.gaits.stability import stride_jacobian
 from gym_passive_walker.gaits.stride import Stride, stride
+from gym_passive_walker.gaits.trajectory import Trajectory, simulate
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.policies import PolicyError, TrainedPolicy, load_policy
 from gym_passive_walker.walkers import (
@@ -68,6 +72,7 @@ __all__ = [
     "RealityCheck",
     "Stride",
     "TrainedPolicy",
+    "Trajectory",
     "TuningErrors",
     "Walker",
     "WalkerError",
@@ -94,6 +99,7 @@ __all__ = [
     "optimal_gaits",
     "parameter_family",
     "reality_check",
+    "simulate",
     "stride",
     "stride_jacobian",
     "transition_slope",

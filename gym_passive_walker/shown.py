@@ -88,7 +88,7 @@ class Table(Shown):
             ImportError: if pandas is not installed.
         """
         with extra("tables"):
-            import pandas
+            import pandas  # type: ignore[import-not-found]
         return pandas.DataFrame(dict(self.columns()))
 
     def to_csv(self, path: str | PathLike[str]) -> None:

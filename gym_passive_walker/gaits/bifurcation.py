@@ -60,10 +60,11 @@ class BifurcationDiagram(Table):
 
     def facts(self) -> dict[str, str]:
         """Over which slopes, and what was found there."""
+        slopes = self.slope
         periods = ", ".join(map(str, np.unique(self.period[self.period > 0])))
         return {
             "walker": name_of(self.walker),
-            "slopes": f"{len(self.slope)} from {self.slope.min():.6g} to {self.slope.max():.6g} rad",
+            "slopes": f"{len(slopes)} from {slopes.min():.6g} to {slopes.max():.6g} rad",
             "walks at": str(self.walks.sum()),
             "strides kept": str(self.stance_angle.shape[1]),
             "periods": periods or "none",

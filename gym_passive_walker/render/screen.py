@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.render import look
 from gym_passive_walker.extras import extra
+from gym_passive_walker.render import look
 from gym_passive_walker.render.pose import Leg, legs_by_identity, level, pose
 from gym_passive_walker.walkers import Walker, as_walker
 

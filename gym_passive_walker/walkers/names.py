@@ -14,7 +14,7 @@ def name_of(walker: Walker) -> str:
             return name
     for name, preset in WALKERS.items():
         if tune(preset) == walker:
-            return f"{name}, tuned"
+            return f"{name} (tuned)"
     kind = "kneed" if walker.knees else "simplest" if walker.massless_legs else "straight-legged"
     return f"{kind}, leg length {walker.leg_length:.4g}, mass {walker.total_mass:.4g}"
 
