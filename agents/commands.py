@@ -103,11 +103,11 @@ def show_gait(arguments: Sequence[str]) -> int:
         known = []
     print(_described(gait, optimal.least_cost(known, gait.speed) if known else float("nan")))
     if args.out is not None:
-        from agents import pictures
+        from gym_passive_walker.render.axes import save
 
         near = min(known, key=lambda other: abs(other.speed - gait.speed), default=None)
         with replacing(args.out) as path:
-            pictures.closed_loop(path, gait, near)
+            save(gait.plot(optimum=near), path)
     return 0
 
 

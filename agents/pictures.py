@@ -9,25 +9,23 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from matplotlib.figure import Figure
 
 from agents import worlds
 from agents.evaluation import EPISODES, SEED
 from agents.files import replacing
 from agents.learner import learned
 from gym_passive_walker.control.baselines import Passive
-from gym_passive_walker.control.closed_loop import ClosedLoopGait
-from gym_passive_walker.control.optimal import OptimalGait
 from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.control.walks import evaluate
 from gym_passive_walker.render import strobe, strobe_of
+from gym_passive_walker.render.axes import GREY, legend, panels, save, series
 from gym_passive_walker.units import units_of
 
 _QUANTITIES = (
-    ("distance", "distance walked / leg length", "tab:blue"),
-    ("strides", "strides", "tab:green"),
-    ("speed", "speed / √(g l)", "tab:orange"),
-    ("cost_of_transport", "cost of transport", "tab:red"),
+    ("distance", "distance walked / l"),
+    ("strides", "strides"),
+    ("speed", "speed v / √(g l)"),
+    ("cost_of_transport", "cost of transport"),
 )
 
 _SETTLED, _SHOWN, _FLASHES = 20, 3, 8
@@ -58,23 +56,19 @@ def learning_curve(
         passive: The passive walker's quantities.
         title: What is on show.
     """
-    figure = Figure(figsize=(9.0, 5.6), layout="constrained")
-    figure.suptitle(title)
+    figure, axes = panels(2, 2, (9.0, 5.6), sharex=True)
+    figure.suptitle(title, fontsize="medium")
     millions = [row["steps"] / 1e6 for row in rows]
-    for ax, (name, label, colour) in zip(
-        figure.subplots(2, 2, sharex=True).flat, _QUANTITIES, strict=True
-    ):
-        ax.plot(millions, [row[name] for row in rows], "o-", color=colour, markersize=3)
-        ax.axhline(passive[name], color="grey", linestyle="--", linewidth=1.0, label="passive")
+    for ax, (name, label) in zip(axes, _QUANTITIES, strict=True):
+        ax.plot(millions, [row[name] for row in rows], label="in training", **series(0))
+        ax.axhline(passive[name], color=GREY, linestyle="--", linewidth=1.0, label="passive")
         ax.set_ylabel(label)
-        ax.spines[["top", "right"]].set_visible(False)
-        ax.grid(alpha=0.25)
         ax.set_ylim(bottom=0.0)
-    for ax in figure.axes[2:]:
+    for ax in axes[2:]:
         seconds = rows[-1]["seconds"]
         ax.set_xlabel(f"million steps ({seconds:.0f} s of training in all)")
-    figure.axes[0].legend(frameon=False)
-    figure.savefig(path, dpi=150)
+        legend(ax)
+    save(figure, path)
 
 
 def gait(path: Path, policy: Policy, world: gymnasium.Env, *, seed: int, title: str) -> None:
@@ -109,48 +103,5 @@ def gait(path: Path, policy: Policy, world: gymnasium.Env, *, seed: int, title: 
             walker.slope,
             strides=np.array(strides[shown]),
         )
-    figure.suptitle(title)
-    figure.savefig(path, dpi=150)
-
-
-def closed_loop(path: Path, gait: ClosedLoopGait, optimum: OptimalGait | None) -> None:
-    """Draw a gait under a policy: phase portrait, torque over the stride, multipliers and basin.
-
-    Args:
-        path: The picture's file.
-        gait: The gait.
-        optimum: An optimal gait at about its speed, whose torque is drawn beside.
-    """
-    figure = Figure(figsize=(9.0, 7.0), layout="constrained")
-    phase, torque, circle, basin = figure.subplots(2, 2).flat
-    for i, name in enumerate(("stance leg", "swing thigh", "swing shank")):
-        phase.plot(gait.states[:, i], gait.states[:, 3 + i], label=name)
-        phase.plot(*gait.states[0, [i, 3 + i]], "o", color=phase.lines[-1].get_color())
-    phase.set(xlabel="angle (rad)", ylabel="rate / √(g/l)", title="phase portrait")
-    phase.legend(frameon=False)
-    torque.step(gait.times, gait.torques, where="pre", label="this policy")
-    if optimum is not None:
-        held = np.append(optimum.torques, optimum.torques[-1])
-        tick = gait.scene.tick if gait.scene.control == "tick" else optimum.step_period
-        edges = np.minimum(tick * np.arange(len(held)), optimum.step_period)
-        label = f"optimal at {optimum.speed:.3f}"
-        torque.step(edges, held, where="post", color="black", linestyle="--", label=label)
-    torque.set(
-        xlabel="time / √(l/g)", ylabel="hip torque / (m g l)", title="torque over the stride"
-    )
-    torque.legend(frameon=False)
-    turn = np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 200))
-    circle.plot(np.real(turn), np.imag(turn), color="grey", linewidth=1.0)
-    circle.plot(gait.multipliers.real, gait.multipliers.imag, "x")
-    circle.set(aspect="equal", title="multipliers", xlabel="real", ylabel="imaginary")
-    found = gait.basin()
-    basin.pcolormesh(
-        found.stance_angles, found.stance_rates, found.survived, cmap="Blues", vmin=0, vmax=1.5
-    )
-    basin.plot(gait.point[0], gait.point[1], "k.")
-    basin.set(xlabel="stance angle (rad)", ylabel="stance rate / √(g/l)", title="basin")
-    name = getattr(gait.policy, "name", "policy")
-    figure.suptitle(
-        f"{name}: speed {gait.speed:.3f} √(g l), cost of transport {gait.cost_of_transport:.4f}"
-    )
-    figure.savefig(path, dpi=150)
+    figure.suptitle(title, fontsize="medium")
+    save(figure, path)

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from scipy.stats import bootstrap, trim_mean
 
@@ -21,6 +20,7 @@ from gym_passive_walker import GaitFamily, gait_family
 from gym_passive_walker.control import optimal
 from gym_passive_walker.control.walks import WALKED_ON
 from gym_passive_walker.envs.scene import SCENES
+from gym_passive_walker.render.axes import BLACK, GREY, SPEED, legend, panels, save, series
 
 BEGIN, END = "<!-- benchmark: begin -->", "<!-- benchmark: end -->"
 """Between these lines of a document stand the tables."""
@@ -176,21 +176,17 @@ def write_document(path: Path, text: str) -> None:
 def draw(path: Path, scores: Sequence[Score]) -> None:
     """Draw cost against speed on the level: passive, optimal, and who walks."""
     family, gaits = _passive(), optimal.load("level")
-    figure = Figure(figsize=(7.5, 5.0), layout="constrained")
-    ax = figure.subplots()
-    ax.plot(family.froude_speed, np.sin(family.slope), color="grey", label="passive, downhill")
-    ax.plot(
-        [g.speed for g in gaits], [g.cost_of_transport for g in gaits],
-        color="black", label="optimal, on the level",
-    )  # fmt: skip
-    for agent, walked in walking_on_the_level(scores).items():
-        ax.plot(
-            [s["speed"] for s in walked], [s["cost_of_transport"] for s in walked],
-            "o", markersize=5, alpha=0.7, label=f"{agent}, on the level",
-        )  # fmt: skip
-    ax.set(xlabel="speed / √(g l)", ylabel="cost of transport (absolute work)", yscale="log")
+    figure, (ax,) = panels(size=(7.0, 5.4))
+    ax.plot(family.froude_speed, np.sin(family.slope), "--", color=GREY, label="passive, downhill")
+    speeds = [g.speed for g in gaits]
+    costs = [g.cost_of_transport for g in gaits]
+    ax.plot(speeds, costs, color=BLACK, label="optimal, on the level")
+    for index, (agent, walked) in enumerate(walking_on_the_level(scores).items()):
+        speeds = [s["speed"] for s in walked]
+        costs = [s["cost_of_transport"] for s in walked]
+        style = {**series(index), "linestyle": "", "markersize": 5.0, "alpha": 0.7}
+        ax.plot(speeds, costs, label=f"{agent}, on the level", **style)
+    ax.set(xlabel=SPEED, ylabel="cost of transport (absolute work)", yscale="log")
     ax.set(xlim=(0.04, 0.2), ylim=(3e-4, 0.1))
-    ax.spines[["top", "right"]].set_visible(False)
-    ax.grid(alpha=0.25)
-    ax.legend(frameon=False)
-    figure.savefig(path, dpi=130)
+    legend(ax)
+    save(figure, path)

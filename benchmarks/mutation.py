@@ -45,6 +45,7 @@ TESTS = {
         for name in ("walker", "presets", "parts", "tuning")
     },
     "gaits/stride": _USERS,
+    "gaits/samples": ["tests/physics/test_trajectory.py"],
     "gaits/trajectory": ["tests/physics/test_trajectory.py"],
     "gaits/forces": ["tests/physics/test_forces.py", "tests/physics/test_trajectory.py"],
     "arguments": _USERS,

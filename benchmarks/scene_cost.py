@@ -17,7 +17,7 @@ import gym_passive_walker as gpw
 from benchmarks.engine import again, crowd
 from benchmarks.problem import problem
 from benchmarks.report import command, keep, machine, seconds, table
-from gym_passive_walker.gaits.trajectory import trajectory
+from gym_passive_walker.gaits.trajectory import simulate
 
 COUNT = 2048
 ROUNDS = 5
@@ -61,7 +61,7 @@ def analysis() -> str:
         {
             "kernel alone": again(p, crowd(p, 1), 1e-10),
             "stride(), with its ledger and units": lambda: gpw.stride(walker, 0.036, gait.state),
-            "trajectory()": lambda: trajectory(walker, 0.036, gait.state),
+            "simulate()": lambda: simulate(walker, 0.036, gait.state),
             "reality_check()": lambda: gpw.reality_check(walker, 0.036, gait.state),
         }
     )

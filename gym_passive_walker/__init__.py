@@ -2,6 +2,9 @@
 
 __version__ = "0.1.0"
 
+# These enter what objects plot, and load nothing that draws.
+import gym_passive_walker.control.pictures
+import gym_passive_walker.render  # noqa: F401
 from gym_passive_walker.control.closed_loop import ClosedLoopGait, closed_loop_gait
 from gym_passive_walker.control.optimal import optimal_gait, optimal_gaits
 from gym_passive_walker.control.optimum import OptimalGait
@@ -35,6 +38,7 @@ from gym_passive_walker.gaits.scaling import (
 from gym_passive_walker.gaits.series import Extreme
 from gym_passive_walker.gaits.stability import stride_jacobian
 from gym_passive_walker.gaits.stride import Stride, stride
+from gym_passive_walker.gaits.trajectory import Trajectory, simulate
 from gym_passive_walker.gaits.tuned import tune_to_walk
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.policies import PolicyError, TrainedPolicy, load_policy
@@ -73,6 +77,7 @@ __all__ = [
     "RealityCheck",
     "Stride",
     "TrainedPolicy",
+    "Trajectory",
     "TuningErrors",
     "Walker",
     "WalkerError",
@@ -100,6 +105,7 @@ __all__ = [
     "optimise_walker",
     "parameter_family",
     "reality_check",
+    "simulate",
     "stride",
     "stride_jacobian",
     "transition_slope",

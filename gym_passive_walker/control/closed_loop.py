@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +16,10 @@ from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.newton import fixed_point
 from gym_passive_walker.gaits.section import Section
+from gym_passive_walker.gaits.stride import STATE_NAMES
 from gym_passive_walker.progress import progress
+from gym_passive_walker.shown import Table
+from gym_passive_walker.walkers import name_of
 
 _SETTLING = 100  # strides before the search begins
 _CLOSED = 1e-5  # observations are single numbers in single precision: no stride closes to rounding
@@ -102,8 +105,8 @@ def policy_strides(
     return Strides(ends, length, duration, work, np.reshape(torques, (-1, n)))
 
 
-@dataclass(frozen=True)
-class ClosedLoopGait:
+@dataclass(frozen=True, repr=False)
+class ClosedLoopGait(Table):
     """The periodic gait of a walker under a policy; dimensionless, energies over weight and length.
 
     Attributes:
@@ -139,9 +142,14 @@ class ClosedLoopGait:
     gravity_cost: float
     hip_cost: float
     net_hip_cost: float
-    times: NDArray[np.float64] = field(repr=False)
-    states: NDArray[np.float64] = field(repr=False)
-    torques: NDArray[np.float64] = field(repr=False)
+    times: NDArray[np.float64]
+    states: NDArray[np.float64]
+    torques: NDArray[np.float64]
+
+    @property
+    def agent(self) -> str:
+        """What its policy is called."""
+        return str(getattr(self.policy, "name", type(self.policy).__name__))
 
     @property
     def stable(self) -> bool:
@@ -157,6 +165,24 @@ class ClosedLoopGait:
     def cost_of_transport(self) -> float:
         """Gravity's work and the motor's absolute work."""
         return self.gravity_cost + self.hip_cost
+
+    def facts(self) -> dict[str, str]:
+        """Who walks under whom, and its measures."""
+        return {
+            "policy": self.agent,
+            "walker": name_of(self.scene.walker),
+            "slope": f"{self.slope:.6g} rad",
+            "period": str(self.period),
+            "speed": f"{self.speed:.6g} √(g l)",
+            "cost of transport": f"{self.cost_of_transport:.6g}",
+            "largest multiplier": f"{abs(self.multipliers[0]):.3g}",
+            "": "stable" if self.stable else "unstable",
+        }
+
+    def columns(self) -> dict[str, NDArray]:
+        """A row for each instant of the first stride, dimensionless."""
+        states = dict(zip(STATE_NAMES, self.states.T, strict=True))
+        return {"time": self.times, **states, "torque": self.torques}
 
     def basin(self, *, resolution: int = 31, reach: float = 2.0, strides: int = 20) -> PolicyBasin:
         """From where the policy keeps the walker walking, on a slice through the gait.

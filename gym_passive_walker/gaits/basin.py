@@ -30,7 +30,8 @@ from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.posture import heelstrike
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.progress import progress
-from gym_passive_walker.walkers import Walker, as_walker, describe
+from gym_passive_walker.shown import Table
+from gym_passive_walker.walkers import Walker, as_walker, describe, name_of
 
 _CHUNK = 1 << 16  # cells walked together
 _PUSHES = 512  # tried at a time
@@ -38,8 +39,8 @@ _EXACT, _ROUGHLY = 1e-13, 1e-8  # tolerances, on a gait and where walks are only
 _SPAN = 2.2  # a default slice reaches from 0 to so many times the gait's angle and rate
 
 
-@dataclass(frozen=True)
-class Basin:
+@dataclass(frozen=True, repr=False)
+class Basin(Table):
     """Where walks lead from a slice of the section.
 
     Attributes:
@@ -67,6 +68,27 @@ class Basin:
     def walks(self) -> NDArray[np.bool_]:
         """Where the walker walks on, shape (m, n)."""
         return self.settled != FELL
+
+    def facts(self) -> dict[str, str]:
+        """The slice, and what share of it leads where."""
+        angles, rates = self.stance_angle, self.stance_rate
+        shares = {f"settles on gait {i}": self.settled == i for i in range(len(self.gaits))}
+        shares |= {"walks on unsettled": self.settled == UNSETTLED, "falls": ~self.walks}
+        return {
+            "walker": name_of(self.walker),
+            "slope": f"{self.slope:.6g} rad",
+            "stance angles": f"{len(angles)} from {angles.min():.4g} to {angles.max():.4g} rad",
+            "stance rates": f"{len(rates)} from {rates.min():.4g} to {rates.max():.4g}",
+            **{name: f"{where.mean():.2%}" for name, where in shares.items()},
+        }
+
+    def columns(self) -> dict[str, NDArray]:
+        """A row for each start of the slice."""
+        angle, rate = np.meshgrid(self.stance_angle, self.stance_rate)
+        names = ("settled", "outcome", "strides")
+        return {"stance_angle": angle.ravel(), "stance_rate": rate.ravel()} | {
+            name: getattr(self, name).ravel() for name in names
+        }
 
 
 class Push(NamedTuple):

@@ -28,13 +28,14 @@ from gym_passive_walker.gaits.family import GaitFamily, gait_family
 from gym_passive_walker.gaits.gait import GaitKind
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.progress import progress
-from gym_passive_walker.walkers import Walker, as_walker
+from gym_passive_walker.shown import Table
+from gym_passive_walker.walkers import Walker, as_walker, name_of
 
 _NUDGE = 1e-4  # off the gait, which a walker would otherwise stay on though it be unstable
 
 
-@dataclass(frozen=True)
-class BifurcationDiagram:
+@dataclass(frozen=True, repr=False)
+class BifurcationDiagram(Table):
     """Settled walks over slopes.
 
     Attributes:
@@ -57,6 +58,28 @@ class BifurcationDiagram:
     def walks(self) -> NDArray[np.bool_]:
         """Where the walker still walks."""
         return np.isfinite(self.stance_angle[:, -1])
+
+    def facts(self) -> dict[str, str]:
+        """Over which slopes, and what was found there."""
+        slopes = self.slope
+        periods = ", ".join(map(str, np.unique(self.period[self.period > 0])))
+        return {
+            "walker": name_of(self.walker),
+            "slopes": f"{len(slopes)} from {slopes.min():.6g} to {slopes.max():.6g} rad",
+            "walks at": str(self.walks.sum()),
+            "strides kept": str(self.stance_angle.shape[1]),
+            "periods": periods or "none",
+        }
+
+    def columns(self) -> dict[str, NDArray]:
+        """A row for each stride kept, slope by slope."""
+        count, keep = self.stance_angle.shape
+        return {
+            "slope": np.repeat(self.slope, keep),
+            "period": np.repeat(self.period, keep),
+            "stride": np.tile(np.arange(keep), count),
+            "stance_angle": self.stance_angle.ravel(),
+        }
 
 
 def nearest_on(family: GaitFamily, slopes: NDArray) -> NDArray[np.float64]:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from itertools import islice
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gym_passive_walker.arguments import whole
 from gym_passive_walker.gaits.continuation import points_along
@@ -20,7 +21,8 @@ from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
 from gym_passive_walker.gaits.log_chart import logarithms
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.progress import progress
-from gym_passive_walker.walkers import Walker, as_walker, describe
+from gym_passive_walker.shown import Table
+from gym_passive_walker.walkers import Walker, as_walker, describe, name_of
 
 FEIGENBAUM = 4.669201609102990
 """What the ratios of successive distances between doublings tend to (Feigenbaum, 1978)."""
@@ -30,8 +32,8 @@ _SHRINK = 2.5  # each branch is so much smaller than the one before
 _MOST_STEPS = 400
 
 
-@dataclass(frozen=True)
-class Cascade:
+@dataclass(frozen=True, repr=False)
+class Cascade(Table):
     """Period doublings one after the other.
 
     Attributes:
@@ -58,6 +60,23 @@ class Cascade:
         if len(self.slopes) < 2:
             return float("nan")
         return self.slopes[-1] + (self.slopes[-1] - self.slopes[-2]) / (FEIGENBAUM - 1.0)
+
+    def facts(self) -> dict[str, str]:
+        """Where the doublings are, and where they lead."""
+        doublings = zip(self.periods, self.slopes, strict=True)
+        return {
+            "walker": name_of(self.walker),
+            "period doubles": ", ".join(f"{n} at {slope:.8g}" for n, slope in doublings) + " rad",
+            "limit": f"{self.limit:.8g} rad",
+        }
+
+    def columns(self) -> dict[str, NDArray]:
+        """A row for each doubling."""
+        return {
+            "period": np.array(self.periods),
+            "slope": np.array(self.slopes),
+            "stance_angle": np.array([gait.stance_angle for gait in self.gaits]),
+        }
 
 
 def doubling_cascade(

@@ -16,14 +16,22 @@ from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, multipli
 from gym_passive_walker.gaits.log_chart import logarithms
 from gym_passive_walker.gaits.search import glance, seek
 from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import PARAMETERS, Walker, WalkerError, as_walker, describe
+from gym_passive_walker.walkers import (
+    PARAMETERS,
+    Walker,
+    WalkerError,
+    as_walker,
+    describe,
+    name_of,
+)
 
 _TOLERANCE = 1e-12
 
 
-@dataclass(frozen=True)
-class GaitFamily:
+@dataclass(frozen=True, repr=False)
+class GaitFamily(Table):
     """A curve of gaits, in order along the curve; arrays have one entry per gait.
 
     Attributes:
@@ -76,6 +84,36 @@ class GaitFamily:
 
     def __len__(self) -> int:
         return len(self.value)
+
+    def facts(self) -> dict[str, str]:
+        """From where to where it leads, and what happens on the way."""
+        marks = {
+            "folds": self.folds, "period doublings": self.period_doublings, "halts": self.halts
+        }  # fmt: skip
+        return {
+            "walker": name_of(self.walker),
+            "gaits": f"{len(self)} of period {self.period}, {self.stable.sum()} stable",
+            self.parameter: f"{self.value.min():.6g} to {self.value.max():.6g}",
+            **{name: ", ".join(f"{x:.6g}" for x in at) for name, at in marks.items() if at},
+            "ends": " and ".join(f"at {value:.6g} ({reason})" for value, reason in self.ends),
+        }
+
+    def columns(self) -> dict[str, NDArray]:
+        """A row for each gait, in order along the curve."""
+        varied = {} if self.parameter == "slope" else {self.parameter: self.value}
+        return varied | {
+            "slope": self.slope,
+            "stance_angle": self.stance_angle,
+            "stance_rate": self.state[:, 3],
+            "thigh_rate": self.state[:, 4],
+            "shank_rate": self.state[:, 5],
+            "step_length": self.step_length,
+            "step_period": self.step_period,
+            "speed": self.speed,
+            "froude_speed": self.froude_speed,
+            "largest_multiplier": np.abs(self.multipliers[:, 0]),
+            "stable": self.stable,
+        }
 
 
 def _family(

@@ -13,8 +13,9 @@ from gym_passive_walker.gaits.log_chart import from_logarithms
 from gym_passive_walker.gaits.posture import half_swing
 from gym_passive_walker.gaits.stride import Stride, stride
 from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.shown import Shown
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import Walker
+from gym_passive_walker.walkers import Walker, name_of
 
 GaitKind = Literal["long", "short"]
 
@@ -36,8 +37,8 @@ class GaitNotFound(Exception):
         self.slope, self.walker = slope, walker
 
 
-@dataclass(frozen=True)
-class Gait:
+@dataclass(frozen=True, repr=False)
+class Gait(Shown):
     """A periodic walk, in the walker's own units.
 
     Attributes:
@@ -114,6 +115,20 @@ class Gait:
     def stable(self) -> bool:
         """Whether small disturbances die out: all multipliers inside the unit circle."""
         return bool(np.abs(self.multipliers[0]) < 1.0)
+
+    def facts(self) -> dict[str, str]:
+        """Its measures, dimensionless."""
+        return {
+            "walker": name_of(self.walker),
+            "slope": f"{self.slope:.6g} rad",
+            "step": self.kind,
+            "period": str(self.period),
+            "stance angle": f"{self.stance_angle:.6g} rad",
+            "speed": f"{self.froude_speed:.6g} √(g l)",
+            "cost of transport": f"{self.cost_of_transport:.6g}",
+            "largest multiplier": f"{abs(self.multipliers[0]):.6g}",
+            "": "stable" if self.stable else "unstable",
+        }
 
 
 def _kind(walker: Walker, map_derivative: NDArray, duration: float) -> GaitKind:

@@ -60,7 +60,7 @@ def foot_velocity(walker: Walker | str, state: ArrayLike) -> FootVelocity:
     Args:
         walker: The walker, or a preset's name.
         state: States just *before* heelstrike, shape (6,) or (n, 6): the stance angle negative and
-            the swing angle its opposite. `trajectory.just_before` finds them.
+            the swing angle its opposite. `samples.just_before` finds them.
     """
     walker = as_walker(walker)
     states = check_state(state)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,15 +54,3 @@ class Passage(Change):
     def alive(self) -> NDArray[np.bool_]:
         """Whether every stride ended with a heelstrike, (n,)."""
         return ~np.isnan(self.ends[:, 0])
-
-
-class Samples(NamedTuple):
-    """Strides looked at inside, dimensionless.
-
-    Attributes:
-        states: Angles of stance leg, thigh and shank, then their rates, (n, k, 6).
-        phases: `events.FREE`, `LOCKED` or `SIMPLEST`, (n, k).
-    """
-
-    states: NDArray[np.float64]
-    phases: NDArray[np.int64]

@@ -13,9 +13,9 @@ from gym_passive_walker.gaits.forces import Reactions, forces, impulses
 from gym_passive_walker.gaits.measures import foot_velocity
 from gym_passive_walker.gaits.passage import NoStride
 from gym_passive_walker.gaits.posture import foot_clearance
+from gym_passive_walker.gaits.samples import states_at
 from gym_passive_walker.gaits.series import Extreme, fit
 from gym_passive_walker.gaits.stride import Stride
-from gym_passive_walker.gaits.trajectory import states_at
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker
 

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import check_state, check_tolerance, number, one_slope, whole
 from gym_passive_walker.gaits.passage import NoStride
@@ -28,12 +29,31 @@ from gym_passive_walker.gaits.posture import foot_clearance
 from gym_passive_walker.gaits.series import Extreme, greatest, least, ratio_turns, turns
 from gym_passive_walker.gaits.stride import stride
 from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import Walker, as_walker, describe
+from gym_passive_walker.walkers import Walker, as_walker, describe, name_of
 
 
-@dataclass(frozen=True)
-class RealityCheck:
+class Reading(NamedTuple):
+    """A line of a reality check.
+
+    Attributes:
+        item: Which item of 4.3.2 it belongs to.
+        quantity: What was measured.
+        extreme: Its worst value, and when; NaN if there is no such thing.
+        unit: What the value is divided by to be dimensionless.
+        unit_name: The name of that.
+    """
+
+    item: str
+    quantity: str
+    extreme: Extreme
+    unit: float
+    unit_name: str
+
+
+@dataclass(frozen=True, repr=False)
+class RealityCheck(Table):
     """What a walk takes of ground and knees, in the walker's own units. Print it for a table.
 
     Times count from the walk's start. Of several strides it holds the worst. NaN stands for what
@@ -116,7 +136,9 @@ class RealityCheck:
         """Whether every item holds."""
         return all(self.passed.values())
 
-    def __str__(self) -> str:
+    @property
+    def readings(self) -> list[Reading]:
+        """All that was measured, item by item."""
         length, time, torque, _ = units = units_of(self.walker)
         weight = units.force
         knee, heel = self.kneestrike_impulse, self.heelstrike_impulse
@@ -146,21 +168,48 @@ class RealityCheck:
                 ("  its depth below the ground", self.release_depth, length, "l"),
             ],
         }
+        return [Reading(item, *row) for item, rows in table.items() for row in rows]
+
+    def __str__(self) -> str:
         plural = "s" if self.strides > 1 else ""
         lines = [
             f"{self.strides} stride{plural} of {describe(self.walker)} "
             f"at slope {self.slope:.6g} rad, taking {self.duration:.6g}",
             f"{'':50}{'value':>12}{'at time':>11}{'scaled':>12}",
         ]
-        for item, rows in table.items():
-            head = f"{item:15}{'ok' if self.passed[item] else 'FAILS':6}"
-            for what, (value, when), unit, name in rows:
-                numbers = f"{value:>12.4g}{when:>11.4g}{value / unit:>12.4g} {name}"
-                numbers = f"{'-':>12}" if np.isnan(value) else numbers.rstrip()
-                lines.append(f"{head:21}{what:29}{numbers}")
-                head = ""
+        said = ""
+        for item, what, (value, when), unit, name in self.readings:
+            verdict = "ok" if self.passed[item] else "FAILS"
+            head = "" if item == said else f"{item:15}{verdict:6}"
+            numbers = f"{value:>12.4g}{when:>11.4g}{value / unit:>12.4g} {name}"
+            numbers = f"{'-':>12}" if np.isnan(value) else numbers.rstrip()
+            lines.append(f"{head:21}{what:29}{numbers}")
+            said = item
         lines.append(f"m, l: mass and leg length; v = sqrt(g l); friction up to {self.friction:g}")
         return "\n".join(lines)
+
+    def facts(self) -> dict[str, str]:
+        """Which items hold."""
+        return {
+            "walker": name_of(self.walker),
+            "slope": f"{self.slope:.6g} rad",
+            "strides": str(self.strides),
+            **{item: "ok" if holds else "fails" for item, holds in self.passed.items()},
+        }
+
+    def columns(self) -> dict[str, NDArray]:
+        """A row for each reading."""
+        items, quantities, extremes, units, names = zip(*self.readings, strict=True)
+        values, times = np.array(extremes).T
+        return {
+            "item": np.array(items),
+            "passed": np.array([self.passed[item] for item in items]),
+            "quantity": np.array([quantity.strip() for quantity in quantities]),
+            "value": values,
+            "time": times,
+            "scaled": values / units,
+            "unit": np.array(names),
+        }
 
 
 def _release_and_passing(heights: list[Extreme], rising: bool) -> tuple[Extreme, Extreme]:

@@ -17,13 +17,40 @@ from gym_passive_walker.arguments import (
 from gym_passive_walker.engine.run import LONGEST_STRIDE, advance, new_records
 from gym_passive_walker.physics.hybrid import Ground, Outcome, State, System
 from gym_passive_walker.physics.systems import bodies, system_of
+from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker, as_walker
 
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
 
+STATE_NAMES = (
+    "stance_angle",
+    "thigh_angle",
+    "shank_angle",
+    "stance_rate",
+    "thigh_rate",
+    "shank_rate",
+)
+"""What the six numbers of a state are called in tables."""
 
-class Stride(NamedTuple):
+
+class _Fields(NamedTuple):
+    state: NDArray[np.float64]
+    duration: NDArray[np.float64]
+    outcome: NDArray[np.int64]
+    kneestrike_time: NDArray[np.float64]
+    step_length: NDArray[np.float64]
+    hip_work: NDArray[np.float64]
+    hip_work_absolute: NDArray[np.float64]
+    kneestrike_loss: NDArray[np.float64]
+    heelstrike_loss: NDArray[np.float64]
+    gravity_work: NDArray[np.float64]
+    weight: float
+    spring_work: NDArray[np.float64]
+    friction_loss: NDArray[np.float64]
+
+
+class Stride(Table, _Fields):
     """One application of the stride map, with its ledger, in the walker's own units.
 
     Each field is a number for one walker and an array of shape (n,) for n of them; `state` has
@@ -49,19 +76,7 @@ class Stride(NamedTuple):
         friction_loss: Energy lost to friction at the hip.
     """
 
-    state: NDArray[np.float64]
-    duration: NDArray[np.float64]
-    outcome: NDArray[np.int64]
-    kneestrike_time: NDArray[np.float64]
-    step_length: NDArray[np.float64]
-    hip_work: NDArray[np.float64]
-    hip_work_absolute: NDArray[np.float64]
-    kneestrike_loss: NDArray[np.float64]
-    heelstrike_loss: NDArray[np.float64]
-    gravity_work: NDArray[np.float64]
-    weight: float
-    spring_work: NDArray[np.float64]
-    friction_loss: NDArray[np.float64]
+    __slots__ = ()
 
     @property
     def hip_work_positive(self) -> NDArray[np.float64]:
@@ -77,6 +92,31 @@ class Stride(NamedTuple):
     def cost_of_transport(self) -> NDArray[np.float64]:
         """Energy lost over weight times step length: sin(slope) on a passive gait."""
         return (self.collision_loss + self.friction_loss) / (self.weight * self.step_length)
+
+    def facts(self) -> dict[str, str]:
+        """How it ended, and its measures; of several, how many ended with a heelstrike."""
+        if np.ndim(self.outcome):
+            struck = np.count_nonzero(self.outcome == _STRUCK)
+            return {"strides": f"{np.size(self.outcome)}, {struck} end with a heelstrike"}
+        named = {
+            "duration": self.duration,
+            "step length": self.step_length,
+            "cost of transport": self.cost_of_transport,
+            "gravity's work": self.gravity_work,
+            "hip's work": self.hip_work,
+            "lost at kneestrike": self.kneestrike_loss,
+            "lost at heelstrike": self.heelstrike_loss,
+        }
+        if self.spring_work or self.friction_loss:
+            named |= {"springs' work": self.spring_work, "lost to friction": self.friction_loss}
+        ending = Outcome(int(self.outcome)).name.lower().replace("_", " ")
+        return {"ends": ending} | {name: f"{value:.6g}" for name, value in named.items()}
+
+    def columns(self) -> dict[str, NDArray]:
+        """A row for each stride; the state it ended with first."""
+        table = dict(zip(STATE_NAMES, np.reshape(self.state, (-1, 6)).T, strict=True))
+        told = (name for name in self._fields[1:] if name != "weight")
+        return table | {name: np.ravel(getattr(self, name)) for name in told}
 
 
 def stride(

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.engine.run import Seeds, advance, new_records
-from gym_passive_walker.gaits.passage import Change, Passage, Samples
+from gym_passive_walker.gaits.passage import Change, Passage
+from gym_passive_walker.gaits.samples import Samples, just_before, look_inside
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.gaits.trajectory import just_before
 from gym_passive_walker.physics.hybrid import Outcome, System
 from gym_passive_walker.physics.systems import bodies_by, system_of, varied_bodies
 from gym_passive_walker.progress import progress
@@ -240,19 +240,11 @@ class StrideMap(Section):
                 state that it ends with.
             torque: Hip torque held all along, one for all or (n,).
         """
-        count, looks = times.shape
-        slopes, torques = (np.repeat(_for_each(x, count), looks) for x in (slopes, torque))
-        ends = times.ravel()
-        records = new_records(
-            np.repeat(self.state(points), looks, axis=0), slopes, torques, end=ends
-        )
-        records[~np.isfinite(ends)] = np.zeros((), records.dtype)  # nothing to follow
-        own = self.bodies
-        own = own if len(own) == 1 else np.repeat(own, looks, axis=0)
-        record = advance(self.system, own, records, tolerance=self.tolerance, scuff=self.stub)[:, 0]
-        stages = np.array([phase.stage for phase in self.system.phases])
-        phases = stages[record["phase"]].reshape(count, looks)
-        return Samples(record["state"].reshape(count, looks, 6), phases)
+        slopes, torques = _for_each(slopes, len(points)), _for_each(torque, len(points))
+        return look_inside(
+            self.system, self.bodies, self.state(points), slopes, torques, times,
+            tolerance=self.tolerance, stub=self.stub,
+        )  # fmt: skip
 
     def before_strike(
         self, point: NDArray, slope: float, strike: float, *, torque: float = 0.0

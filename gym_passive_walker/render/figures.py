@@ -1,4 +1,4 @@
-"""The figures of the source document, computed: one function each, and `draw` for all of them.
+"""The figures of the source document, computed: a function and a caption each, `draw` for all.
 
 Each returns a matplotlib Figure that belongs to nobody; nothing is shown and nothing is global.
 """
@@ -6,56 +6,41 @@ Each returns a matplotlib Figure that belongs to nobody; nothing is shown and no
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from gym_passive_walker.extras import extra, need
+from gym_passive_walker.extras import need
 from gym_passive_walker.gaits.bifurcation import bifurcation_diagram
+from gym_passive_walker.gaits.doubling import doubling_cascade
 from gym_passive_walker.gaits.family import GaitFamily, gait_family
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitKind
-from gym_passive_walker.render.strobe import phase_portrait, strobe
-from gym_passive_walker.walkers import WALKERS, Walker, blend, tune
+from gym_passive_walker.render.axes import (
+    ANGLE,
+    BLACK,
+    BLUE,
+    GREY,
+    SKY_BLUE,
+    SLOPE,
+    VERMILION,
+    legend,
+    panels,
+    save,
+    series,
+)
+from gym_passive_walker.render.plots import MEASURES, draw_family, family_key
+from gym_passive_walker.render.portrait import phase_portrait
+from gym_passive_walker.render.strobe import strobe
+from gym_passive_walker.walkers import WALKERS, Walker, blend, name_of, tune
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-# Okabe and Ito's colours, which the colour-blind tell apart.
-_COLOURS = {"A": "#0072B2", "B": "#D55E00", "C": "#009E73", "D": "#000000", "E": "#CC79A7"}
-_KINDS: tuple[tuple[GaitKind, str], ...] = (("long", "-"), ("short", "--"))
-_ANGLE, _SPEED = "stance angle (rad)", "speed / √(g l)"
-
-
-def _panels(rows: int, columns: int, size: tuple[float, float]) -> tuple[Figure, list[Axes]]:
-    with extra("figures"):
-        from matplotlib.figure import Figure
-    figure = Figure(figsize=size, layout="constrained")
-    return figure, list(figure.subplots(rows, columns, squeeze=False).ravel())
-
-
-def _measure(family: GaitFamily, what: str) -> np.ndarray:
-    return family.stance_angle if what == _ANGLE else family.froude_speed
-
-
-def plot_family(ax: Axes, family: GaitFamily, what: str = _ANGLE, **style: Any) -> None:
-    """Draw a family over slope, heavy where it is stable.
-
-    Args:
-        ax: Where to draw.
-        family: The family.
-        what: "stance angle (rad)" or "speed / √(g l)".
-        **style: For matplotlib's lines.
-    """
-    label = style.pop("label", None)
-    value = _measure(family, what)
-    ax.plot(family.slope, value, linewidth=1.0, label=label, **style)
-    heavy = np.where(family.stable, value, np.nan)
-    ax.plot(family.slope, heavy, **{"linewidth": 2.8, "solid_capstyle": "butt", **style})
-    ax.set_xlabel("slope (rad)")
-    ax.set_ylabel(what)
+_ANGLE, _SPEED = "stance_angle", "froude_speed"
+_KINDS: tuple[tuple[GaitKind, float], ...] = (("long", 1.8), ("short", 0.9))
 
 
 def families(walker: Walker, low: float, high: float, looks: int = 8) -> list[GaitFamily]:
@@ -83,130 +68,213 @@ def _passes(family: GaitFamily, gait: Gait) -> bool:
     return bool(apart.min() < 0.05)
 
 
-def gait_cycle() -> Figure:
-    """Fig. 4.3, upper part: the angles of the laboratory's walker over a stride."""
+def _lab() -> tuple[Walker, float, Any]:
     gait = find_gait("lab", 0.036)
-    return phase_portrait(gait.walker, gait.slope, gait.state)
+    return gait.walker, gait.slope, gait.state
 
 
-def gait_strobe() -> Figure:
-    """Fig. 4.3, lower part: a strobe picture of the laboratory's walker."""
-    gait = find_gait("lab", 0.036)
-    return strobe(gait.walker, gait.slope, gait.state)
-
-
-def transition(what: str = _ANGLE) -> Figure:
+def transition(by: str = _ANGLE) -> Figure:
     """Figs. 4.5 and 4.11: the short step's change of scaling, for feet of two masses."""
-    figure, (ax,) = _panels(1, 1, (6.0, 4.5))
-    for name, ratio, colour in (("E", 0.125, "#CC79A7"), ("F", 0.05 / 0.9, "#0072B2")):
-        for kind, line in _KINDS:
+    figure, (ax,) = panels(size=(5.8, 5.2))
+    # E lies broad and pale under F, whose long steps it shares.
+    for name, ratio, colour, width in (("E", 0.125, SKY_BLUE, 4.0), ("F", 0.05 / 0.9, BLACK, 1.2)):
+        dashes: tuple[tuple[GaitKind, Any], ...] = (("long", "-"), ("short", (0, (4, 1.5))))
+        for kind, dash in dashes:
             family = gait_family(WALKERS[name], 1e-7, 0.2, kind)
-            ax.plot(
-                family.slope,
-                _measure(family, what),
-                line,
-                color=colour,
-                label=f"{name}, {kind} step",
-            )
-        ax.axvline(ratio**1.5, color=colour, linewidth=0.8, linestyle=":")
-    ax.set(xscale="log", yscale="log", xlabel="slope (rad)", ylabel=what)
-    ax.set_title("dotted: foot mass / hip mass, to the power 3/2", fontsize="small")
-    ax.legend(fontsize="small")
+            style = {"color": colour, "linestyle": dash, "linewidth": width}
+            label = f"{name}, {kind} step"
+            ax.plot(family.slope, family.columns()[by], label=label, dash_capstyle="butt", **style)
+        ax.axvline(
+            ratio**1.5, color=colour, linewidth=0.4 * width, linestyle=":",
+            label=f"{name}, (foot mass / hip mass)$^{{3/2}}$",
+        )  # fmt: skip
+    ax.set(xscale="log", yscale="log", xlabel=SLOPE, ylabel=MEASURES[by])
+    legend(ax)
     return figure
 
 
-def lab_families(what: str = _ANGLE) -> Figure:
-    """Figs. 4.6 and 4.12: the laboratory's walker, knees free and locked; heavy where stable."""
-    figure, (ax,) = _panels(1, 1, (6.0, 4.5))
-    for name, line in (("lab", "-"), ("lab-straight", "--")):
+def lab_families(by: str = _ANGLE) -> Figure:
+    """Figs. 4.6 and 4.12: the laboratory's walker, knees free and locked."""
+    figure, (ax,) = panels(size=(6.0, 5.8))
+    drawn = []
+    for name, colour, dash, said in (
+        ("lab", BLUE, "-", "knees free"), ("lab-straight", VERMILION, (0, (5, 1.5)), "knees locked")
+    ):  # fmt: skip
         for i, family in enumerate(families(WALKERS[name], 0.005, 0.1)):
-            label = name if i == 0 else None
-            plot_family(ax, family, what, linestyle=line, color="#0072B2", label=label)
-            slow = slice(0, int(np.argmin(family.slope)) + 1)
-            for halt in family.halts:
-                at = np.argmin(np.abs(family.slope[slow] - halt))
-                ax.plot(halt, _measure(family, what)[at], "o", color="#0072B2", fillstyle="none")
-    ax.set_title("o: the stance leg barely passes the vertical", fontsize="small")
+            label = "" if i else f"walker {name}: {said}"
+            draw_family(ax, family, by, label, color=colour, linestyle=dash)
+            drawn.append(family)
     ax.set_xlim(0.0, 0.1)
-    ax.legend(fontsize="small")
+    family_key(ax, *drawn)
+    legend(ax, columns=2)
     return figure
 
 
 def detuning(fractions: tuple[float, ...] = (0.0, 0.05, 0.3, 0.6, 0.75, 1.0)) -> Figure:
     """Fig. 4.8: families of the tuned kneed walker as it is changed into the laboratory's."""
-    figure, axes = _panels(2, 3, (9.0, 5.5))
+    figure, axes = panels(2, 3, (9.2, 6.4), sharex=True, sharey=True)
     tuned, lab = tune(WALKERS["C"]), WALKERS["lab"]
+    drawn = []
     for ax, fraction in zip(axes, fractions, strict=True):
-        for family in families(blend(tuned, lab, fraction), 1e-6, 0.15):
-            plot_family(ax, family, color="#0072B2")
-        ax.set(xlim=(0.0, 0.15), ylim=(0.0, 0.6), title=f"{fraction:.0%} de-tuned")
+        walker = blend(tuned, lab, fraction)
+        for family in families(walker, 1e-6, 0.15):
+            draw_family(ax, family)
+            drawn.append(family)
+        name = {0.0: " (C, tuned)", 1.0: " (lab)"}.get(fraction, "")
+        ax.set_title(f"{fraction:.0%} of the way{name}", fontsize="small")
+        ax.set(xlim=(0.0, 0.15), ylim=(0.0, 0.6), xlabel="", ylabel="")
+    for ax in axes[3:]:
+        ax.set_xlabel(SLOPE)
+    for ax in axes[::3]:
+        ax.set_ylabel(ANGLE)
+    family_key(axes[0], *drawn)
+    handles, labels = axes[0].get_legend_handles_labels()
+    style = {"frameon": False, "fontsize": "small"}
+    figure.legend(handles, labels, loc="outside lower center", ncols=3, **style)
     return figure
 
 
-def tuned_families(what: str = _ANGLE) -> Figure:
+def tuned_families(by: str = _ANGLE) -> Figure:
     """Figs. 4.9 and 4.13: five walkers that can walk at vanishing slope, linear and logarithmic."""
-    figure, axes = _panels(1, 2, (10.0, 4.5))
-    for name, colour in _COLOURS.items():
-        for kind, line in _KINDS:
+    figure, axes = panels(1, 2, (9.6, 5.4))
+    for index, name in enumerate("ABCDE"):
+        for kind, width in _KINDS:
             family = gait_family(tune(WALKERS[name]), 1e-5, 0.1, kind)
-            for ax in axes:
+            value = family.columns()[by]
+            style = {**series(index), "linewidth": width, "markersize": 4.5}
+            style["fillstyle"] = "full" if kind == "long" else "none"
+            for ax, spaced in zip(axes, (np.asarray, np.log), strict=True):
+                # Markers at equal distances along the axis, each walker's a little apart.
+                where = spaced(family.slope)
+                at = np.linspace(where.min(), where.max(), 9)[1:] - index * np.ptp(where) / 50.0
+                marked = sorted({int(np.argmin(np.abs(where - x))) for x in at})
                 label = f"{name}, {kind} step"
-                ax.plot(family.slope, _measure(family, what), line, color=colour, label=label)
+                ax.plot(family.slope, value, label=label, markevery=marked, **style)
     for ax in axes:
-        ax.set(xlabel="slope (rad)", ylabel=what)
+        ax.set(xlabel=SLOPE, ylabel=MEASURES[by])
     axes[1].set(xscale="log", yscale="log")
-    axes[1].legend(fontsize="x-small", ncols=2)
+    handles, labels = axes[1].get_legend_handles_labels()
+    style = {"frameon": False, "fontsize": "small"}
+    figure.legend(handles, labels, loc="outside lower center", ncols=5, **style)
     return figure
 
 
-def period_doubling(slopes: int = 500) -> Figure:
-    """Fig. 4.10: where walks of the tuned kneed walker settle; thin, its gait of period one."""
-    figure, (ax,) = _panels(1, 1, (6.0, 4.5))
+def period_doubling(slopes: int = 1200) -> Figure:
+    """Fig. 4.10: where walks of the tuned kneed walker settle, and its gait of period one."""
     walker = tune(WALKERS["C"])
-    diagram = bifurcation_diagram(walker, np.linspace(0.07, 0.098, slopes), settle=500, keep=64)
-    family = gait_family(walker, 0.07, 0.1)
-    ax.plot(family.slope, family.stance_angle, color="#0072B2", linewidth=0.8)
-    ax.plot(diagram.slope, diagram.stance_angle, ".", color="#000000", markersize=0.8)
-    ax.set(xlabel="slope (rad)", ylabel=_ANGLE)
+    diagram = bifurcation_diagram(walker, np.linspace(0.07, 0.098, slopes), settle=500, keep=100)
+    figure = diagram.plot()
+    (ax,) = figure.axes
+    family = gait_family(walker, 0.07, 0.098)
+    draw_family(ax, family, label="gait of period 1")
+    cascade = doubling_cascade(walker, 0.07, 0.098, doublings=3)
+    for period, slope in zip(cascade.periods, cascade.slopes, strict=True):
+        ax.axvline(slope, color=GREY, linewidth=0.6, linestyle=":")
+        ax.annotate(
+            f"→ {2 * period}", (slope, 1.0), (0, 2), xycoords=("data", "axes fraction"),
+            textcoords="offset points", ha="center", fontsize="x-small",
+        )  # fmt: skip
+    ax.set_title(f"walker {name_of(walker)}", fontsize="medium", pad=14.0)
+    ax.plot([], [], ".", color="black", label="stance angles of settled walks")
+    ax.plot([], [], ":", color=GREY, label="period becomes 2, 4, 8")
+    family_key(ax, family)
+    legend(ax)
     return figure
 
 
-FIGURES: dict[str, Callable[[], Figure]] = {
-    "4.3-angles": gait_cycle,
-    "4.3-strobe": gait_strobe,
-    "4.5": transition,
-    "4.6": lab_families,
-    "4.8": detuning,
-    "4.9": tuned_families,
-    "4.10": period_doubling,
-    "4.11": lambda: transition(_SPEED),
-    "4.12": lambda: lab_families(_SPEED),
-    "4.13": lambda: tuned_families(_SPEED),
+class Plate(NamedTuple):
+    """A figure that can be drawn.
+
+    Attributes:
+        draw: Draws it.
+        caption: What it shows, for whoever sees nothing but it.
+    """
+
+    draw: Callable[[], Figure]
+    caption: str
+
+
+_STABLE = (
+    "Heavy lines are stable gaits, light ones unstable; where a family ends, a marker gives the "
+    "reason."
+)
+_LAB_SAYS = (
+    "of the gaits of the laboratory's walker over slope, with its knees free and locked. "
+    + _STABLE
+    + " Hollow squares: gaits whose stance leg stops for an instant in mid-stride."
+)
+_TUNED_SAYS = (
+    "of the walkers A to E, tuned so that they can walk at vanishing slope, over slope, on linear "
+    "and on logarithmic axes. Heavy lines with full markers are long-step gaits, light ones with "
+    "hollow markers short-step gaits."
+)
+_TRANSITION_SAYS = (
+    "of the point-foot walkers E and F over slope. Long steps are as the cube root of the slope "
+    "for both; short steps change their scaling about where the slope is the ratio of foot mass to "
+    "hip mass to the power 3/2 (dotted)."
+)
+
+FIGURES: dict[str, Plate] = {
+    "4.3-angles": Plate(
+        lambda: phase_portrait(*_lab()),
+        "Two strides of the laboratory's kneed walker at a slope of 0.036 rad. Left: angles of "
+        "both legs' thighs and shanks over time, in units of √(l/g). Right: their rates over "
+        "them, by role; dots join what a strike parts.",
+    ),
+    "4.3-strobe": Plate(
+        lambda: strobe(*_lab(), strides=3),
+        "Three strides of the laboratory's kneed walker down a slope of 0.036 rad. Seven postures "
+        "of each stride, evenly spaced in time, heavy at heelstrike; stance legs are pale between. "
+        "Diamonds: the knee as it strikes its stop. Marks on the ground count leg lengths l.",
+    ),
+    "4.5": Plate(transition, "Stance angle just after heelstrike " + _TRANSITION_SAYS),
+    "4.6": Plate(lab_families, "Stance angle just after heelstrike " + _LAB_SAYS),
+    "4.8": Plate(
+        detuning,
+        "Stance angle over slope as the tuned kneed walker C is changed, all parameters in "
+        "proportion, into the laboratory's walker. " + _STABLE,
+    ),
+    "4.9": Plate(tuned_families, "Stance angle just after heelstrike " + _TUNED_SAYS),
+    "4.10": Plate(
+        period_doubling,
+        "The period-doubling route to chaos of the tuned kneed walker C. Black: stance angles of "
+        "100 successive strides, after 500 in which the walk settled, at each of 1200 slopes. "
+        "Blue: the gait of period one, heavy where it is stable. Dotted: where the period becomes "
+        "2, 4 and 8. At the dashed line settled walking ends: the walk is thrown out of its basin.",
+    ),
+    "4.11": Plate(partial(transition, _SPEED), "Mean speed over √(g l) " + _TRANSITION_SAYS),
+    "4.12": Plate(partial(lab_families, _SPEED), "Mean speed over √(g l) " + _LAB_SAYS),
+    "4.13": Plate(partial(tuned_families, _SPEED), "Mean speed over √(g l) " + _TUNED_SAYS),
 }
 """The figures that can be drawn, by their numbers in the source document.
 
 Figs. 4.1, 4.4 and 4.7 are sketches of definitions and Fig. 4.2 is a photograph: nothing to compute.
 """
 
+KINDS = ("png", "svg", "pdf")
+"""Kinds of file that a figure can be drawn to."""
 
-def draw(name: str, folder: str | Path) -> Path:
-    """Draw a figure to a PNG file.
+
+def draw(name: str, folder: str | Path, kind: str = "png") -> Path:
+    """Draw a figure to a file, which carries its caption.
 
     Args:
         name: One of `FIGURES`.
         folder: Where to write it; made if it is not there.
+        kind: Of the file, one of `KINDS`.
 
     Returns:
         The file.
 
     Raises:
-        ValueError: if there is no such figure.
+        ValueError: if there is no such figure, or no such kind.
     """
     if name not in FIGURES:
         raise ValueError(f"no figure {name!r}: choose from {', '.join(FIGURES)}")
     need("matplotlib", "figures")
-    folder = Path(folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"figure-{name}.png"
-    FIGURES[name]().savefig(path, dpi=150)
+    if kind not in KINDS:
+        raise ValueError(f"no kind of file {kind!r}: choose from {', '.join(KINDS)}")
+    path = Path(folder) / f"figure-{name}.{kind}"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    save(FIGURES[name].draw(), path, FIGURES[name].caption)
     return path

@@ -11,8 +11,9 @@ References:
     T. McGeer, "Passive walking with knees", IEEE ICRA (1990) 1640-1645.
 """
 
+from gym_passive_walker.walkers.names import describe, name_of
 from gym_passive_walker.walkers.parts import Part, assemble, combine, lab_walker_from_parts
-from gym_passive_walker.walkers.presets import ABOUT, WALKERS, as_walker, describe
+from gym_passive_walker.walkers.presets import ABOUT, WALKERS, as_walker
 from gym_passive_walker.walkers.tuning import TuningErrors, blend, tune, tuning_errors
 from gym_passive_walker.walkers.walker import PARAMETERS, Walker, WalkerError, varied
 
@@ -30,6 +31,7 @@ __all__ = [
     "combine",
     "describe",
     "lab_walker_from_parts",
+    "name_of",
     "tune",
     "tuning_errors",
     "varied",

@@ -90,11 +90,3 @@ def as_walker(walker: Walker | str) -> Walker:
     raise WalkerError(
         f"no walker {walker!r}: give a Walker, or one of the names {', '.join(WALKERS)}"
     )
-
-
-def describe(walker: Walker) -> str:
-    """A walker's preset name, or its parameters."""
-    for name, preset in WALKERS.items():
-        if preset == walker:
-            return f"walker {name!r}"
-    return str(walker)

@@ -8,6 +8,8 @@ from dataclasses import dataclass, fields
 from types import SimpleNamespace
 from typing import Any
 
+from gym_passive_walker.shown import Shown
+
 _NOT_NEGATIVE = ("thigh_mass", "shank_mass", "hip_mass", "thigh_gyration", "shank_gyration")
 _NOT_NEGATIVE += ("hip_stiffness", "hip_friction", "knee_stiffness")
 
@@ -16,8 +18,8 @@ class WalkerError(ValueError):
     """The parameters describe no walker; the message says which, and what is allowed."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Walker:
+@dataclass(frozen=True, kw_only=True, repr=False)
+class Walker(Shown):
     """A planar walker with two equal legs; masses are per leg.
 
     A walker whose legs have no mass (``thigh_mass = shank_mass = 0`` and ``hip_mass > 0``) is the
@@ -127,6 +129,18 @@ class Walker:
                 "a swing leg needs a moment of inertia about the hip: move some of its mass away "
                 "from the hip, or set both leg masses to 0 for the simplest walker"
             )
+
+    def facts(self) -> dict[str, str]:
+        """Its parameters, in its own units."""
+        return {field.name: f"{getattr(self, field.name):.6g}" for field in fields(self)} | {
+            "knees": str(self.knees)
+        }
+
+    def __repr__(self) -> str:
+        """As it may be made again: its parameters but those left as they are by default."""
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        given = (f.name for f in fields(self) if values[f.name] != f.default)
+        return f"Walker({', '.join(f'{name}={values[name]!r}' for name in given)})"
 
     @property
     def leg_length(self) -> float:

@@ -16,8 +16,8 @@ from gym_passive_walker import (
     tune,
 )
 from gym_passive_walker.gaits.posture import foot_clearance, heelstrike
+from gym_passive_walker.gaits.samples import states_at
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.gaits.trajectory import states_at
 from gym_passive_walker.units import units_of
 
 ALL = WALKERS | {

@@ -18,8 +18,8 @@ from gym_passive_walker import (
 from gym_passive_walker.gaits.forces import forces
 from gym_passive_walker.gaits.phases import Impulse
 from gym_passive_walker.gaits.posture import foot_clearance
+from gym_passive_walker.gaits.samples import states_at
 from gym_passive_walker.gaits.stability import NoStride
-from gym_passive_walker.gaits.trajectory import states_at
 
 SLOPE = 0.036
 START = np.array([0.25, -0.25, -0.25, -1.06, -0.35, -1.5])

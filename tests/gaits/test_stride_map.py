@@ -14,8 +14,8 @@ from gym_passive_walker.gaits.log_chart import (
 )
 from gym_passive_walker.gaits.newton import fixed_point, newton
 from gym_passive_walker.gaits.passage import Change
+from gym_passive_walker.gaits.samples import just_before, states_at
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.gaits.trajectory import just_before, states_at
 from gym_passive_walker.units import growth, units_of
 from gym_passive_walker.walkers import PARAMETERS
 from tests.physics.examples import LONG_GAITS

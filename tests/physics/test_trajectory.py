@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import Outcome, stride
-from gym_passive_walker.gaits.trajectory import just_before, states_at, trajectory
+from gym_passive_walker.gaits.samples import just_before, states_at
+from gym_passive_walker.gaits.trajectory import simulate
 from gym_passive_walker.physics.hybrid import Stage
 
 SLOPE = 0.036
@@ -12,13 +13,13 @@ GAIT = np.array([0.24395, -0.24395, -0.24395, -1.0491, -0.3015, -1.4831])
 
 
 def test_a_walk_starts_where_it_is_told_to():
-    walk = trajectory("lab", SLOPE, GAIT, samples=5)
+    walk = simulate("lab", SLOPE, GAIT, samples=5)
     assert walk.times[0] == 0.0 and walk.contact_x[0] == 0.0
     np.testing.assert_allclose(walk.states[0], GAIT, rtol=1e-15)
 
 
 def test_each_stride_starts_where_the_stride_map_says():
-    walk = trajectory("lab", SLOPE, GAIT, strides=3, samples=6)
+    walk = simulate("lab", SLOPE, GAIT, strides=3, samples=6)
     ends = stride("lab", SLOPE, GAIT)
     np.testing.assert_allclose(walk.states[6], ends.state, rtol=1e-14)
     assert walk.times[6] == ends.duration
@@ -28,20 +29,20 @@ def test_each_stride_starts_where_the_stride_map_says():
 
 
 def test_a_stride_ends_just_before_its_heelstrike():
-    walk = trajectory("lab", SLOPE, GAIT, samples=4)
+    walk = simulate("lab", SLOPE, GAIT, samples=4)
     after = stride("lab", SLOPE, GAIT).state
     np.testing.assert_allclose(walk.states[-1, :3], -after[:3], atol=1e-8)
     assert abs(walk.states[-1, 3] - after[4]) > 0.1  # the collision is still to come
 
 
 def test_a_sample_does_not_depend_on_the_others():
-    few = trajectory("lab", SLOPE, GAIT, samples=3)
-    many = trajectory("lab", SLOPE, GAIT, samples=201)
+    few = simulate("lab", SLOPE, GAIT, samples=3)
+    many = simulate("lab", SLOPE, GAIT, samples=201)
     np.testing.assert_array_equal(few.states[1], many.states[100])
 
 
 def test_samples_follow_the_rates():
-    walk = trajectory("lab", SLOPE, GAIT, samples=2001)
+    walk = simulate("lab", SLOPE, GAIT, samples=2001)
     smooth = walk.phases[2:] == walk.phases[:-2]  # rates jump at kneestrike
     steps = (walk.times[2:] - walk.times[:-2])[:, None]
     differences = (walk.states[2:, :3] - walk.states[:-2, :3]) / steps
@@ -49,21 +50,21 @@ def test_samples_follow_the_rates():
 
 
 def test_the_knee_is_free_first_and_locked_thereafter():
-    walk = trajectory("lab", SLOPE, GAIT, samples=50)
+    walk = simulate("lab", SLOPE, GAIT, samples=50)
     locked = walk.times > stride("lab", SLOPE, GAIT).kneestrike_time
     np.testing.assert_array_equal(walk.phases, np.where(locked, Stage.LOCKED, Stage.FREE))
     np.testing.assert_array_equal(walk.states[locked, 1], walk.states[locked, 2])
 
 
 def test_a_fall_ends_the_walk():
-    walk = trajectory("lab", SLOPE, [0.3, -0.3, -0.3, -0.1, 0.0, 0.0], strides=4, samples=7)
+    walk = simulate("lab", SLOPE, [0.3, -0.3, -0.3, -0.1, 0.0, 0.0], strides=4, samples=7)
     assert list(walk.outcomes) == [Outcome.FELL_BACKWARD]
     assert walk.states.shape == (7, 6)
     assert walk.states[-1, 0] == pytest.approx(0.5 * np.pi, abs=1e-6)
 
 
 def test_each_stride_has_its_own_torque():
-    walk = trajectory("lab", SLOPE, GAIT, strides=2, samples=3, hip_torque=[0.0, 0.02])
+    walk = simulate("lab", SLOPE, GAIT, strides=2, samples=3, hip_torque=[0.0, 0.02])
     second = stride("lab", SLOPE, walk.states[3], hip_torque=0.02)
     assert walk.times[-1] - walk.times[3] == pytest.approx(second.duration, rel=1e-8)
 
@@ -81,11 +82,11 @@ def test_each_stride_has_its_own_torque():
 def test_what_cannot_be_followed_is_refused(change, message):
     arguments = {"walker": "lab", "slope": SLOPE, "state": GAIT} | change
     with pytest.raises(ValueError, match=message):
-        trajectory(**arguments)
+        simulate(**arguments)
 
 
 def test_states_can_be_had_at_any_instants_in_any_order():
-    walk = trajectory("lab", SLOPE, GAIT, samples=5)
+    walk = simulate("lab", SLOPE, GAIT, samples=5)
     states, phases = states_at("lab", SLOPE, GAIT, walk.times[::-1])
     np.testing.assert_array_equal(states[::-1], walk.states)
     np.testing.assert_array_equal(phases[::-1], walk.phases)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, stride
-from gym_passive_walker.gaits.trajectory import trajectory
+from gym_passive_walker.gaits.trajectory import simulate
 from gym_passive_walker.physics import kneed
 from gym_passive_walker.physics.hybrid import State
 from gym_passive_walker.physics.systems import body_of
@@ -86,7 +86,7 @@ def test_a_straight_leg_ignores_its_shank():
 
 def test_the_stance_foot_rolls_and_never_slips():
     walker = WALKERS["lab"]
-    walk = trajectory(walker, SLOPE, GAIT, samples=50)
+    walk = simulate(walker, SLOPE, GAIT, samples=50)
     rolled = -walker.foot_radius * np.diff(walk.states[:, 0])
     np.testing.assert_allclose(np.diff(walk.contact_x), rolled, atol=1e-15)
     # The point of the sole that is on the ground stands still: a small roll moves it by a cycloid.
@@ -107,7 +107,7 @@ def test_a_heelstrike_moves_no_part_of_the_walker(name):
         "D": [0.20031, -0.20031, -0.20031, -0.62589, -0.57633, -0.57633],
     }[name]
     slope = {"lab": SLOPE, "B": 0.01, "D": 0.009}[name]
-    walk = trajectory(name, slope, start, strides=2, samples=2)
+    walk = simulate(name, slope, start, strides=2, samples=2)
     before = pose(name, walk.states[1], walk.contact_x[1])
     after = pose(name, walk.states[2], walk.contact_x[2])
     np.testing.assert_allclose(before.hip, after.hip, atol=1e-7)
@@ -128,7 +128,7 @@ def test_the_first_leg_stands_in_even_strides_and_swings_in_odd_ones():
 
 
 def test_many_states_are_posed_as_each_alone():
-    walk = trajectory("lab", SLOPE, GAIT, samples=4)
+    walk = simulate("lab", SLOPE, GAIT, samples=4)
     together = pose("lab", walk.states, walk.contact_x)
     assert together.hip.shape == (4, 2)
     for index, (state, contact) in enumerate(zip(walk.states, walk.contact_x, strict=True)):

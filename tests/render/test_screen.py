@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from gym_passive_walker.gaits.trajectory import trajectory
+from gym_passive_walker.gaits.trajectory import simulate
 from gym_passive_walker.render import look
 from gym_passive_walker.render.screen import Screen
 
@@ -63,7 +63,7 @@ def test_the_first_leg_stands_in_front_just_after_a_heelstrike(no_display):
 
 
 def test_legs_keep_their_colours_through_a_heelstrike(no_display):
-    walk = trajectory("lab", SLOPE, GAIT, strides=2, samples=2)
+    walk = simulate("lab", SLOPE, GAIT, strides=2, samples=2)
     screen = Screen("lab")
     before, after, swapped = (
         screen.draw(walk.states[i], SLOPE, walk.contact_x[i], strides).astype(int)

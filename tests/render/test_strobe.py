@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from gym_passive_walker.gaits.trajectory import trajectory
+from gym_passive_walker.gaits.trajectory import simulate
 from gym_passive_walker.render import phase_portrait, pose, strobe, strobe_of
 from gym_passive_walker.render.pose import level
 
@@ -29,13 +29,13 @@ def test_a_strobe_picture_has_one_posture_for_each_flash():
 
 def test_a_strobe_picture_stands_on_its_slope():
     figure = strobe("lab", SLOPE, GAIT, strides=1, flashes=3)
-    walk = trajectory("lab", SLOPE, GAIT, samples=3)
+    walk = simulate("lab", SLOPE, GAIT, samples=3)
     expected = level(pose("lab", walk.states, walk.contact_x).hip, SLOPE)
     np.testing.assert_allclose(hips(figure), expected)
 
 
 def test_a_recorded_walk_gives_the_same_picture():
-    walk = trajectory("lab", SLOPE, GAIT, samples=6)
+    walk = simulate("lab", SLOPE, GAIT, samples=6)
     recorded = strobe_of("lab", walk.states, walk.contact_x, SLOPE)
     simulated = strobe("lab", SLOPE, GAIT, strides=1, flashes=6)
     for one, other in zip(recorded.axes[0].lines, simulated.axes[0].lines, strict=True):
@@ -69,7 +69,7 @@ def test_a_phase_portrait_follows_each_leg_through_both_its_roles():
     figure = phase_portrait("lab", SLOPE, GAIT, strides=2, samples=50)
     over_time, portrait = figure.axes
     curves = {line.get_label(): line for line in over_time.lines}
-    walk = trajectory("lab", SLOPE, GAIT, strides=2, samples=50)
+    walk = simulate("lab", SLOPE, GAIT, strides=2, samples=50)
     np.testing.assert_array_equal(
         curves["first leg, thigh"].get_ydata(), np.append(walk.states[:50, 0], walk.states[50:, 1])
     )

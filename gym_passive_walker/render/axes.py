@@ -1,0 +1,127 @@
+"""The one style of all figures: sizes, lines, labels, legends.
+
+Figures are matplotlib's own objects, made without pyplot: no window, no display, and nothing stays
+behind when they go out of scope. Lines differ in colour (Okabe and Ito's, which the colour-blind
+tell apart) and in dash and marker besides, so that a figure survives a grey printer.
+"""
+
+from __future__ import annotations
+
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker.extras import extra
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+SLOPE, ANGLE, SPEED = "slope γ (rad)", "stance angle θ (rad)", "speed v / √(g l)"
+"""Labels of axes. Angles are in rad; all else is over its dimensionless unit."""
+
+BLACK, GREY = "#000000", "#808080"
+BLUE, VERMILION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
+ORANGE, SKY_BLUE = "#E69F00", "#56B4E9"
+_COLOURS = (BLUE, VERMILION, GREEN, BLACK, PURPLE, ORANGE, SKY_BLUE, GREY)
+_DASHES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (5, 1.5, 1, 1.5)), (0, (8, 2)))
+_MARKERS = "osD^vPX*"
+
+HEAVY, LIGHT = 2.6, 0.9
+"""Widths of lines: of what is stable, and of what is not."""
+
+_DPI = 200
+_COLUMN = 1.6  # of a legend, in inches
+
+
+def series(index: int) -> dict[str, Any]:
+    """Colour, dash and marker of the curve with this number."""
+    return {
+        "color": _COLOURS[index % len(_COLOURS)],
+        "linestyle": _DASHES[index % len(_DASHES)],
+        "marker": _MARKERS[index % len(_MARKERS)],
+        "markersize": 4.0,
+    }
+
+
+def panels(
+    rows: int = 1, columns: int = 1, size: tuple[float, float] = (5.6, 4.0), **options: Any
+) -> tuple[Figure, list[Axes]]:
+    """A figure that belongs to nobody, and its axes row by row.
+
+    Args:
+        rows: Of axes.
+        columns: Likewise.
+        size: Width and height in inches.
+        **options: As of matplotlib's `Figure.subplots`.
+
+    Raises:
+        ImportError: if matplotlib is not installed.
+    """
+    with extra("figures"):
+        from matplotlib.figure import Figure
+    figure = Figure(figsize=size, layout="constrained")
+    axes = list(figure.subplots(rows, columns, squeeze=False, **options).ravel())
+    for ax in axes:
+        plain(ax)
+    return figure, axes
+
+
+def plain(ax: Axes) -> None:
+    """Take off what says nothing."""
+    ax.spines[["top", "right"]].set_visible(False)
+    ax.tick_params(labelsize="small")
+
+
+def axes_for(ax: Axes | None, size: tuple[float, float] = (5.6, 4.0)) -> Axes:
+    """The axes given, or those of a figure of their own."""
+    return panels(size=size)[1][0] if ax is None else ax
+
+
+def figure_of(ax: Axes) -> Figure:
+    """The figure that axes belong to."""
+    figure: Any = ax.get_figure(root=True)
+    return figure
+
+
+def legend(ax: Axes, *, columns: int = 3, gap: float = 40.0) -> None:
+    """Say what the lines are where it covers nothing: below the axes.
+
+    Args:
+        ax: The axes.
+        columns: Of the legend, if the axes are wide enough.
+        gap: Left for the label of the horizontal axis, in points.
+    """
+    from matplotlib.transforms import ScaledTranslation
+
+    figure = figure_of(ax)
+    down = ScaledTranslation(0.0, -gap / 72.0, figure.dpi_scale_trans)
+    room = int(ax.get_window_extent().width / figure.dpi / _COLUMN)
+    ax.legend(
+        loc="upper center", bbox_to_anchor=(0.5, 0.0), bbox_transform=ax.transAxes + down,
+        ncols=max(1, min(columns, room)), frameon=False, fontsize="small", borderaxespad=0.0,
+    )  # fmt: skip
+
+
+def save(figure: Figure, path: str | PathLike[str] | None, caption: str = "") -> Figure:
+    """Write a figure to a file, if one is named, of the kind that its ending says.
+
+    Args:
+        figure: The figure.
+        path: The file; None writes nothing.
+        caption: What it shows, kept inside of PNG, SVG and PDF files.
+    """
+    if path is not None:
+        kind = Path(path).suffix.lower()
+        place = {".png": "Description", ".svg": "Description", ".pdf": "Subject"}.get(kind)
+        metadata = {place: caption} if place and caption else None
+        figure.savefig(path, dpi=_DPI, metadata=metadata)
+    return figure
+
+
+def broken(values: NDArray, at: NDArray) -> NDArray[np.float64]:
+    """Values with a gap before each of some places, where a line is to be lifted."""
+    return np.insert(np.asarray(values, dtype=float), at, np.nan)

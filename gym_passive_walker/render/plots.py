@@ -1,0 +1,333 @@
+"""What `plot` draws: a picture for each kind of object that shows itself."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker.gaits import ends
+from gym_passive_walker.gaits.attractors import UNSETTLED
+from gym_passive_walker.gaits.basin import Basin
+from gym_passive_walker.gaits.bifurcation import BifurcationDiagram
+from gym_passive_walker.gaits.doubling import Cascade
+from gym_passive_walker.gaits.family import GaitFamily
+from gym_passive_walker.gaits.gait import Gait
+from gym_passive_walker.gaits.reality import RealityCheck
+from gym_passive_walker.gaits.stride import Stride
+from gym_passive_walker.gaits.trajectory import Trajectory, simulate
+from gym_passive_walker.render.axes import (
+    ANGLE,
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    HEAVY,
+    LIGHT,
+    ORANGE,
+    SKY_BLUE,
+    SLOPE,
+    SPEED,
+    VERMILION,
+    axes_for,
+    figure_of,
+    legend,
+    panels,
+    series,
+)
+from gym_passive_walker.render.portrait import angles_over_time, both, portrait_of
+from gym_passive_walker.render.strobe import strobe
+from gym_passive_walker.shown import picture
+from gym_passive_walker.units import units_of
+from gym_passive_walker.walkers import name_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MEASURES = {
+    "stance_angle": ANGLE,
+    "froude_speed": SPEED,
+    "largest_multiplier": "modulus of the largest multiplier",
+}
+"""What a family can be drawn by, and its label."""
+
+_ENDS = {
+    ends.KNEE_MEETS_HEEL: "X",
+    ends.TANGENTIAL: "v",
+    ends.STANCE_STOPS: "s",
+    ends.VANISHED: "o",
+    ends.LOST: "x",
+}
+"""A marker for each reason for which a family ends, but the end of the range asked for."""
+
+
+def draw_family(
+    ax: Axes, family: GaitFamily, by: str = "stance_angle", label: str = "", **style: Any
+) -> None:
+    """Draw a family: heavy where it is stable, light where not, with its ends and their reasons.
+
+    Args:
+        ax: Where.
+        family: The family.
+        by: One of `MEASURES`.
+        label: For a legend.
+        **style: For matplotlib's lines.
+
+    Raises:
+        ValueError: if a family cannot be drawn by this.
+    """
+    if by not in MEASURES:
+        raise ValueError(f"a family is drawn by {', '.join(MEASURES)}, not by {by!r}")
+    value = family.columns()[by]
+    style = {"color": BLUE, "solid_capstyle": "butt", **style}
+    ax.plot(family.value, value, label=label or None, **{"linewidth": LIGHT, **style})
+    doublings = [_place(family, x, -_to_minus_one(family)) for x in family.period_doublings]
+    halts = [_place(family, x, family.step_period) for x in family.halts]
+    along = np.arange(len(family))
+    # The heavy part goes on from its last gait to where it loses its stability.
+    fine = np.sort(np.append(along, doublings))
+    heavy = np.isin(fine, np.append(along[family.stable], doublings))
+    curve = np.interp(fine, along, family.value), np.interp(fine, along, value)
+    ax.plot(curve[0], np.where(heavy, curve[1], np.nan), **{"linewidth": HEAVY, **style})
+    point = {"linestyle": "", "color": style["color"], "zorder": 3, "markersize": 6.0}
+    for end, at in zip(family.ends, (0, -1), strict=True):
+        reason = end.reason.split(";")[0]
+        if reason in _ENDS:
+            ax.plot(family.value[at], value[at], _ENDS[reason], **point)
+    for marker, places in ((_ENDS[ends.STANCE_STOPS], halts), ("d", doublings)):
+        where = np.interp(places, along, family.value), np.interp(places, along, value)
+        ax.plot(*where, marker, fillstyle="none", **point)
+    ax.set(xlabel=SLOPE if family.parameter == "slope" else family.parameter, ylabel=MEASURES[by])
+
+
+def _to_minus_one(family: GaitFamily) -> NDArray[np.float64]:
+    """How far each gait is from doubling its period."""
+    return np.abs(family.multipliers + 1.0).min(axis=1)
+
+
+def _place(family: GaitFamily, value: float, likely: NDArray) -> float:
+    """Where along a family it passes a value, as an index with a fraction.
+
+    Args:
+        family: The family, which may pass the value more than once.
+        value: Of what is varied.
+        likely: Of several places, the one where this is largest is meant, (n,).
+    """
+    here, there = family.value[:-1], family.value[1:]
+    passed = np.flatnonzero((here - value) * (there - value) <= 0.0)
+    if not len(passed):
+        return float(np.argmin(np.abs(family.value - value)))
+    at = passed[np.argmax(np.maximum(likely[passed], likely[passed + 1]))]
+    return float(at + (value - here[at]) / (there[at] - here[at] or 1.0))
+
+
+def family_key(ax: Axes, *families: GaitFamily) -> None:
+    """Enter in the legend what widths and markers of some families mean, as far as they occur."""
+
+    def enter(label: str, **style: Any) -> None:
+        ax.plot([], [], color=GREY, label=label, **style)
+
+    stable = np.concatenate([family.stable for family in families])
+    if stable.any():
+        enter("heavy: stable", linewidth=HEAVY)
+    if not stable.all():
+        enter("light: unstable", linewidth=LIGHT)
+    reasons = {end.reason.split(";")[0] for family in families for end in family.ends}
+    for reason in [reason for reason in _ENDS if reason in reasons]:
+        enter(f"end: {reason}", linestyle="", marker=_ENDS[reason])
+    hollow = {"linestyle": "", "fillstyle": "none"}
+    if any(family.halts for family in families):
+        enter(ends.STANCE_STOPS, marker=_ENDS[ends.STANCE_STOPS], **hollow)
+    if any(family.period_doublings for family in families):
+        enter("period doubles", marker="d", **hollow)
+
+
+@picture.register(GaitFamily)
+def _family(
+    family: GaitFamily, ax: Axes | None = None, by: str = "stance_angle", **style
+) -> Figure:
+    ax = axes_for(ax, (5.6, 4.6))
+    draw_family(ax, family, by, **style)
+    family_key(ax, family)
+    period = f", period {family.period}" if family.period > 1 else ""
+    ax.set_title(f"gaits of walker {name_of(family.walker)}{period}", fontsize="medium")
+    legend(ax, columns=2)
+    return figure_of(ax)
+
+
+@picture.register(BifurcationDiagram)
+def _diagram(diagram: BifurcationDiagram, ax: Axes | None = None, **style: Any) -> Figure:
+    ax = axes_for(ax, (6.4, 4.6))
+    dots = {"color": BLACK, "markersize": 0.7, "markeredgewidth": 0.0, "rasterized": True}
+    ax.plot(diagram.slope, diagram.stance_angle, ".", **{**dots, **style})
+    ax.set(xlabel=SLOPE, ylabel=ANGLE)
+    ax.set_title(f"where walks of walker {name_of(diagram.walker)} settle", fontsize="medium")
+    last = diagram.slope[diagram.walks].max() if diagram.walks.any() else np.nan
+    if last < diagram.slope.max():
+        ax.axvline(last, color=GREY, linewidth=0.8, linestyle="--")
+        ax.annotate(
+            f"beyond {last:.5g} rad\nevery walk begun ends in a fall",
+            (last, 0.03), (-4, 0), xycoords=("data", "axes fraction"),
+            textcoords="offset points", ha="right", fontsize="small", color=GREY,
+        )  # fmt: skip
+    return figure_of(ax)
+
+
+@picture.register(Cascade)
+def _cascade(cascade: Cascade, ax: Axes | None = None, **style: Any) -> Figure:
+    ax = axes_for(ax)
+    gaps = cascade.limit - np.array(cascade.slopes)
+    ax.semilogy(cascade.periods, gaps, **{**series(0), **style})
+    ax.set_xscale("log", base=2)
+    ax.set(xlabel="period that doubles (strides)", ylabel="slope still to the limit (rad)")
+    ax.set_title(
+        f"doublings of walker {name_of(cascade.walker)}, limit {cascade.limit:.6g} rad",
+        fontsize="medium",
+    )
+    return figure_of(ax)
+
+
+@picture.register(Basin)
+def _basin(basin: Basin, ax: Axes | None = None) -> Figure:
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+
+    ax = axes_for(ax, (5.6, 4.8))
+    settled, rates = basin.settled.astype(int), basin.stance_rate * units_of(basin.walker).time
+    # From dark to pale, so that greys tell them apart too.
+    shades = ["#f2f2f2", "#8c8c8c", BLUE, SKY_BLUE, GREEN, VERMILION]
+    kinds = [(-1, "falls"), (UNSETTLED, "walks on, settles on no gait")]
+    for i, gait in enumerate(basin.gaits):
+        kinds.append((i, f"settles on {_gait_in_words(gait)}"))
+    code = np.zeros(settled.shape)
+    for index, (kind, _) in enumerate(kinds):
+        code[settled == kind] = index
+    colours = [shades[min(i, len(shades) - 1)] for i in range(len(kinds))]
+    norm = BoundaryNorm(np.arange(len(kinds) + 1) - 0.5, len(kinds))
+    mesh = {"cmap": ListedColormap(colours), "norm": norm, "rasterized": True, "shading": "nearest"}
+    ax.pcolormesh(basin.stance_angle, rates, code, **mesh)
+    for i, (kind, label) in enumerate(kinds):
+        if np.any(settled == kind):
+            swatch = {"color": colours[i], "markeredgecolor": GREY, "markersize": 9.0}
+            ax.plot([], [], "s", linestyle="", label=label, **swatch)
+    for gait in basin.gaits:
+        rate = gait.state[3] * units_of(basin.walker).time
+        star = {"color": "white", "markeredgecolor": BLACK, "markersize": 11.0}
+        ax.plot(gait.stance_angle, rate, "*", linestyle="", label="stable gait", **star)
+    ax.set(xlabel=ANGLE, ylabel="stance rate dθ/dt / √(g/l)")
+    ax.set_title(
+        f"basin of walker {name_of(basin.walker)}, slope {basin.slope:.4g} rad", fontsize="medium"
+    )
+    legend(ax, columns=2)
+    return figure_of(ax)
+
+
+def _gait_in_words(gait: Gait) -> str:
+    return f"the {gait.kind}-step gait" + (f" of period {gait.period}" if gait.period > 1 else "")
+
+
+@picture.register(RealityCheck)
+def _reality(check: RealityCheck, ax: Axes | None = None) -> Figure:
+    ax = axes_for(ax, (7.6, 5.2))
+    readings = [reading for reading in check.readings if not np.isnan(reading.extreme.value)]
+    passed = check.passed
+    rows = -np.arange(len(readings))
+    values = np.array([reading.extreme.value / reading.unit for reading in readings])
+    items = np.array([reading.item for reading in readings])
+    wrong = (values < 0.0) | ((items == "friction") & (values > check.friction))
+    fails = wrong & ~np.array([passed[item] for item in items])
+    for label, which, marker, colour in (
+        ("holds", ~fails, "o", BLUE), ("fails", fails, "X", VERMILION)
+    ):  # fmt: skip
+        if which.any():
+            ax.hlines(rows[which], 0.0, values[which], color=colour, linewidth=1.0)
+            ax.plot(values[which], rows[which], marker, color=colour, linestyle="", label=label)
+    friction = items == "friction"
+    ax.vlines(
+        check.friction, rows[friction].min() - 0.4, rows[friction].max() + 0.4,
+        color=BLACK, linestyle=":", label=f"friction there is, {check.friction:g}",
+    )  # fmt: skip
+    ax.axvline(0.0, color=BLACK, linewidth=0.8)
+    names = [f"{r.item}: {r.quantity.strip()}" + f" / ({r.unit_name})" * bool(r.unit_name)
+             for r in readings]  # fmt: skip
+    ax.set_yticks(rows, names, fontsize="small")
+    ax.set_xscale("symlog", linthresh=0.01)
+    ax.set(xlabel="value (linear below 0.01)", xlim=(None, 2.0 * max(1.0, values.max())))
+    ax.set_title(
+        f"what walker {name_of(check.walker)} takes of ground and knees, "
+        f"slope {check.slope:.4g} rad",
+        fontsize="medium",
+        loc="right",
+    )
+    legend(ax)
+    return figure_of(ax)
+
+
+@picture.register(Stride)
+def _stride(strides: Stride, ax: Axes | None = None) -> Figure:
+    ax = axes_for(ax)
+    paid = np.array([np.ravel(strides.gravity_work), np.ravel(strides.hip_work)])
+    lost = -np.array([np.ravel(strides.kneestrike_loss), np.ravel(strides.heelstrike_loss)])
+    parts = [("gravity's work", BLUE, "", paid[0]), ("hip's work", SKY_BLUE, "//", paid[1]),
+             ("lost at kneestrike", ORANGE, "..", lost[0]),
+             ("lost at heelstrike", VERMILION, "xx", lost[1])]  # fmt: skip
+    edges = np.arange(paid.shape[1] + 1) - 0.5
+    above, below = np.zeros((2, paid.shape[1]))
+    for label, colour, hatch, values in parts:
+        under = np.where(values >= 0.0, above, below)
+        style = {"color": colour, "hatch": hatch, "edgecolor": BLACK, "linewidth": 0.5}
+        ax.stairs(under + values, edges, baseline=under, fill=True, label=label, **style)
+        above, below = above + np.maximum(values, 0.0), below + np.minimum(values, 0.0)
+    ax.axhline(0.0, color=BLACK, linewidth=0.8)
+    ax.set(xlabel="stride", ylabel="energy (in the walker's own units)")
+    if len(edges) == 2:
+        ax.set_xticks([0], [""])
+    legend(ax, columns=4)
+    return figure_of(ax)
+
+
+@picture.register(Trajectory)
+def _trajectory(walk: Trajectory, ax: Axes | None = None) -> Figure:
+    if ax is None:
+        return both(walk)
+    angles_over_time(ax, walk)
+    legend(ax)
+    return figure_of(ax)
+
+
+@picture.register(Gait)
+def _gait(gait: Gait, ax: Axes | None = None) -> Figure:
+    walk = simulate(gait.walker, gait.slope, gait.state, max(2, gait.period), samples=400)
+    if ax is not None:
+        portrait_of(ax, walk)
+        legend(ax)
+        return figure_of(ax)
+    figure, (over_time, portrait, still, circle) = panels(2, 2, (9.2, 8.0))
+    angles_over_time(over_time, walk)
+    portrait_of(portrait, walk)
+    strobe(gait.walker, gait.slope, gait.state, strides=max(2, gait.period), ax=still)
+    still.set_title("")
+    multipliers(circle, gait.multipliers)
+    legend(over_time, columns=2)
+    legend(portrait, columns=2)
+    figure.suptitle(
+        f"walker {name_of(gait.walker)}, slope {gait.slope:.4g} rad: {_gait_in_words(gait)}, "
+        f"{'stable' if gait.stable else 'unstable'}",
+        fontsize="medium",
+    )
+    return figure
+
+
+def multipliers(ax: Axes, values: NDArray) -> None:
+    """Draw multipliers in the complex plane, inside of the unit circle if they are stable."""
+    turn = 2.0 * np.pi * np.linspace(0.0, 1.0, 200)
+    ax.plot(np.cos(turn), np.sin(turn), color=GREY, linewidth=1.0)
+    inside = np.abs(values) < 1.0
+    for which, marker, colour in ((inside, "o", BLUE), (~inside, "X", VERMILION)):
+        there = np.real(values[which]), np.imag(values[which])
+        ax.plot(*there, marker, color=colour, linestyle="")
+    for axis in (ax.axhline, ax.axvline):
+        axis(0.0, color=GREY, linewidth=0.4)
+    ax.set(aspect="equal", xlabel="real part", ylabel="imaginary part")
+    ax.set_title("multipliers, and the unit circle", fontsize="small")

@@ -1,0 +1,149 @@
+"""How the angles of a walk move: over time, as in the upper part of Fig. 4.3, and their rates."""
+
+from __future__ import annotations
+
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gym_passive_walker.gaits.trajectory import Trajectory, simulate
+from gym_passive_walker.render.axes import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    VERMILION,
+    broken,
+    figure_of,
+    legend,
+    panels,
+    save,
+)
+from gym_passive_walker.render.strobe import LEGS
+from gym_passive_walker.units import units_of
+from gym_passive_walker.walkers import Walker, name_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+TIME, ANGLES, RATES = "time t / √(l/g)", "angle θ (rad)", "rate dθ/dt / √(g/l)"
+
+PARTS = (("stance leg", BLUE, "-"), ("swing thigh", VERMILION, (0, (5, 1.5))),
+         ("swing shank", GREEN, (0, (1, 1))))  # fmt: skip
+"""Name, colour and dash of each angle of a state."""
+
+
+def _by_leg(walk: Trajectory) -> NDArray[np.float64]:
+    """Angles of both legs' thigh and shank, shape (n, 2, 2).
+
+    The first leg is the one that stands in stride 0; it keeps its place when the roles change.
+    """
+    stance, thigh, shank = walk.states[:, :3].T
+    standing = np.stack([stance, stance], axis=-1)
+    swinging = np.stack([thigh, shank], axis=-1)
+    odd = (walk.strides % 2 == 1)[:, None]
+    return np.stack([np.where(odd, swinging, standing), np.where(odd, standing, swinging)], axis=1)
+
+
+def angles_over_time(ax: Axes, walk: Trajectory) -> None:
+    """Draw each leg's angles over time, through both its roles; upright lines are heelstrikes."""
+    times = walk.times / units_of(walk.walker).time
+    angles = _by_leg(walk)
+    segments = (", thigh", ", shank") if walk.walker.knees else ("",)
+    for leg, name in enumerate(("leg that stands first", "other leg")):
+        for segment, part in enumerate(segments):
+            ax.plot(
+                times, angles[:, leg, segment], label=name + part, color=LEGS[leg],
+                linewidth=(1.8, 1.1)[leg], linestyle=("-", (0, (4.0, 1.2)))[segment],
+            )  # fmt: skip
+    heels = np.flatnonzero(np.diff(walk.strides)) + 1
+    knees = np.setdiff1d(walk.struck, heels)
+    few = len(walk.outcomes) <= 12  # beyond, they would be a hatching
+    for label, dash, at in (("heelstrike", "-", heels), ("kneestrike", ":", knees)):
+        for index, time in enumerate(times[at] if few else ()):
+            ax.axvline(time, color=GREY, linewidth=0.8, linestyle=dash, label=label * (not index))
+    ax.set(xlabel=TIME, ylabel=ANGLES)
+
+
+def rates_over_angles(ax: Axes, states: NDArray, struck: NDArray, knees: bool) -> None:
+    """Draw how a walk's angles move against their rates, by the roles of the legs.
+
+    Args:
+        ax: Where.
+        states: Angles in rad, and dimensionless rates, (n, 6).
+        struck: The first samples after each strike. Lines are lifted there; dots join them.
+        knees: Whether thigh and shank differ.
+    """
+    parts = PARTS if knees else (PARTS[0], ("swing leg", *PARTS[1][1:]))
+    for part, (name, colour, dash) in reversed(list(enumerate(parts))):
+        angle, rate = states[:, part], states[:, 3 + part]
+        style: dict[str, Any] = {"color": colour, "linewidth": 1.5}
+        moves = broken(angle, struck), broken(rate, struck)
+        ax.plot(*moves, linestyle=dash, label=name, **style)
+        ax.plot(angle[0], rate[0], "o", color=colour, markersize=5.0)
+        for after in struck:
+            jump = slice(after - 1, after + 1)
+            ax.plot(angle[jump], rate[jump], ":", color=colour, linewidth=0.7)
+    ax.plot([], [], "o", color=BLACK, markersize=5.0, label="just after heelstrike")
+    ax.plot([], [], ":", color=BLACK, linewidth=0.7, label="strike")
+    ax.axhline(0.0, color=GREY, linewidth=0.4)
+    ax.set(xlabel=ANGLES, ylabel=RATES)
+
+
+def portrait_of(ax: Axes, walk: Trajectory) -> None:
+    """Draw a walk's rates over its angles."""
+    states = units_of(walk.walker).to_dimensionless(walk.states)
+    rates_over_angles(ax, states, walk.struck, walk.walker.knees)
+
+
+def phase_portrait(
+    walker: Walker | str,
+    slope: float,
+    state: ArrayLike,
+    *,
+    strides: int = 2,
+    samples: int = 400,
+    hip_torque: ArrayLike = 0.0,
+    path: str | PathLike[str] | None = None,
+) -> Figure:
+    """Angles of both legs over time, like the upper part of Fig. 4.3, and rates over angles.
+
+    Lines break where a collision changes the rates, which dots join.
+
+    Args:
+        walker: The walker, or a preset's name.
+        slope: Slope in rad, positive downhill.
+        state: [stance, thigh, shank] angles in rad, then their rates, just after heelstrike, (6,).
+        strides: How many strides to follow.
+        samples: Instants of each stride.
+        hip_torque: Torque held through a stride: a number, or one for each.
+        path: File to write, of any kind that matplotlib knows by its ending.
+
+    Returns:
+        The figure; its two axes show each leg's angles over time, and rates over angles of the
+        leg that stands and of the one that swings.
+
+    Raises:
+        ValueError: if a number is not finite or out of its range.
+        ImportError: if matplotlib is not installed.
+    """
+    walk = simulate(walker, slope, state, strides=strides, samples=samples, hip_torque=hip_torque)
+    return save(both(walk), path)
+
+
+def both(walk: Trajectory) -> Figure:
+    """A figure of a walk: angles over time, and rates over angles."""
+    _, (over_time, portrait) = panels(1, 2, (9.2, 4.4))
+    angles_over_time(over_time, walk)
+    portrait_of(portrait, walk)
+    figure = figure_of(portrait)
+    figure.suptitle(
+        f"walker {name_of(walk.walker)}, slope {walk.slope:.4g} rad, strides: {len(walk.outcomes)}",
+        fontsize="medium",
+    )
+    legend(over_time, columns=2)
+    legend(portrait, columns=2)
+    return figure

@@ -1,0 +1,25 @@
+"""What a walker is called."""
+
+from __future__ import annotations
+
+from gym_passive_walker.walkers.presets import WALKERS
+from gym_passive_walker.walkers.tuning import tune
+from gym_passive_walker.walkers.walker import Walker
+
+
+def name_of(walker: Walker) -> str:
+    """A walker's name as a preset, or as a preset tuned; else its kind, leg length and mass."""
+    for name, preset in WALKERS.items():
+        if preset == walker:
+            return name
+    for name, preset in WALKERS.items():
+        if tune(preset) == walker:
+            return f"{name} (tuned)"
+    kind = "kneed" if walker.knees else "simplest" if walker.massless_legs else "straight-legged"
+    return f"{kind}, leg length {walker.leg_length:.4g}, mass {walker.total_mass:.4g}"
+
+
+def describe(walker: Walker) -> str:
+    """A walker in the midst of a sentence: by its preset's name, or by its parameters."""
+    name = name_of(walker)
+    return f"walker {name!r}" if name in WALKERS else str(walker)
