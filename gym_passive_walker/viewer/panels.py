@@ -32,7 +32,8 @@ def portrait(sheet: Sheet, box: Rect, walk: LiveWalk) -> None:
     plot = Rect(box.left + 44, box.top + 34, box.width - 60, box.height - 64)
     states = np.array([sample.state for sample in trail]).reshape(-1, 2, 3)  # angles and rates
     spans = np.array([_span(states[:, 0]), _span(states[:, 1])])
-    sheet.write("phase portrait", (box.left + 10, box.top + 9))
+    shanks = " (thin: free shank)" if walk.walker.knees else ""
+    sheet.write(f"phase portrait{shanks}", (box.left + 10, box.top + 9))
     _axes(sheet, plot, spans)
     shares = states.swapaxes(1, 2) / spans  # of each link, (n, 3, 2)
     pixels = plot.center + 0.5 * np.array([plot.width, -plot.height]) * shares

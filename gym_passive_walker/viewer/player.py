@@ -181,7 +181,7 @@ class Player:
     def state_of_walk(self) -> str:
         """What the walk is doing, in words."""
         if self.walk.outcome != Outcome.RUNNING:
-            return f"{self.walk.outcome.name.replace('_', ' ').lower()}: press R"
+            return f"{self.walk.outcome.name.replace('_', ' ').lower()} (R begins anew)"
         return "paused" if self.paused else ""
 
     def _try(self, change: Callable[[], object]) -> None:

@@ -25,7 +25,9 @@ SLIDERS = Rect(800, 0, 480, 560)
 LEGEND = Rect(800, 560, 480, 160)
 
 _TRACK_LEFT, _TRACK_WIDTH = SLIDERS.left + 170, 200
+_KNOB = 7  # its radius
 _TOP = SLIDERS.top + 34  # of the first slider
+_MESSAGE = 64  # pixels kept for it below the last one
 
 
 class View:
@@ -57,7 +59,9 @@ class View:
         return bool(SCENE.collidepoint(place))
 
     def slider_at(self, place: tuple[int, int]) -> int | None:
-        """Which slider is at a place, if there is one."""
+        """Which slider's track or knob is at a place, if there is one."""
+        if not _TRACK_LEFT - _KNOB <= place[0] <= _TRACK_LEFT + _TRACK_WIDTH + _KNOB:
+            return None
         return next((i for i in range(self._sliders) if self._row(i).collidepoint(place)), None)
 
     def value_at(self, player: Player, index: int, x: float) -> float:
@@ -73,7 +77,7 @@ class View:
         return round(_TRACK_LEFT + share * _TRACK_WIDTH), self._row(index).centery
 
     def _row(self, index: int) -> Rect:
-        height = min(28, (SLIDERS.bottom - _TOP) // self._sliders)
+        height = min(28, (SLIDERS.bottom - _MESSAGE - _TOP) // self._sliders)
         return Rect(SLIDERS.left, _TOP + index * height, SLIDERS.width, height)
 
     def _scene(self, player: Player) -> None:
@@ -102,7 +106,7 @@ class View:
         self._sheet.arrow(start, along)
         downhill, up = player.impulse
         words = f"push {downhill:+.3f} downhill, {up:+.3f} up, in m √(g l)"
-        self._sheet.write(words, (SCENE.centerx, 62), at="midtop")
+        self._sheet.write(words, (20, 44))
 
     def _settings(self, player: Player) -> None:
         """The sliders; the one that keys move is marked."""
@@ -118,13 +122,12 @@ class View:
             track = Rect(_TRACK_LEFT, row.centery - 2, _TRACK_WIDTH, 4)
             colour = look.SKY if index == player.selected else look.GROUND
             pygame.draw.rect(self._sheet.surface, colour, track, border_radius=2)
-            pygame.draw.circle(self._sheet.surface, look.LEGS[0], knob, 7)
+            pygame.draw.circle(self._sheet.surface, look.LEGS[0], knob, _KNOB)
             self._sheet.write(setting.label, (row.left + 12, row.centery), at="midleft")
-            value = f"{setting.read(walk):.5g}"
+            value = f"{setting.read(walk):.5g}".replace("-", "−")
             self._sheet.write(value, (row.right - 14, row.centery), at="midright")
-        if player.message:
-            place = SCENE.left + 12, SCENE.bottom - 10
-            self._sheet.write(player.message, place, at="bottomleft", wide=SCENE.width - 24)
+        place = SLIDERS.left + 12, SLIDERS.bottom - 10
+        self._sheet.write(player.message, place, at="bottomleft", wide=SLIDERS.width - 24)
 
     def _keys(self) -> None:
         """What can be pressed, in two columns."""

@@ -128,6 +128,8 @@ class LiveWalk:
 
     def advance(self, duration: float) -> None:
         """Let the walker go on for a time in its own units, or until it falls."""
+        if self.outcome != Outcome.RUNNING:
+            return
         left = duration / self._units.time
         record = self._record
         stub = self.policy is not None and self.policy.scene.stub and self.walker.knees
