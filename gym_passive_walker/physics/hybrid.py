@@ -150,6 +150,8 @@ class Phase(NamedTuple):
         accelerations: Function of body, state, control and ground: one for each link.
         guards: What ends it; of several that fall at one instant, the first counts.
         resets: By the outcome that they answer; other outcomes are falls.
+        push: Function of body, state and an impulse on the hip, by its parts back and up: by how
+            much the rate of each link jumps while the stance foot stays where it is.
     """
 
     stage: Stage
@@ -157,6 +159,7 @@ class Phase(NamedTuple):
     accelerations: Callable[[Any, State, Control, Ground], tuple[Number, ...]]
     guards: tuple[Guard, ...]
     resets: dict[Outcome, Reset]
+    push: Callable[[Any, State, Number, Number], tuple[Number, ...]] | None = None
 
 
 def travel(state: State) -> Control:

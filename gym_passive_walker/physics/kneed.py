@@ -100,6 +100,12 @@ def accelerations(body, state, control, ground):
     return solve_hanging(mass, body.shank_mobility, force)
 
 
+def push(body, state, back, up):
+    """Changes of the three rates by an impulse (back, up) on the hip, the knee free."""
+    momenta = legs.moment_of_push(body, state.stance, back, up), 0.0, 0.0
+    return solve_hanging(mass_matrix(body, state), body.shank_mobility, momenta)
+
+
 def kinetic_energy(body, state):
     """Kinetic energy / (m g l)."""
     m11, m12, m13, m22, m23, m33 = mass_matrix(body, state)
@@ -239,6 +245,7 @@ SYSTEM = System(
                     ),
                 )
             },
+            push=push,
         ),
         Phase(
             Stage.LOCKED,
@@ -266,6 +273,7 @@ SYSTEM = System(
                 ),
             ),
             resets={Outcome.HEELSTRIKE: Reset(heelstrike)},
+            push=straight.push,
         ),
     ),
     kinetic_energy=kinetic_energy,

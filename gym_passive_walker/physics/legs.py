@@ -148,6 +148,15 @@ def striking_velocity(body, state):
     )
 
 
+def moment_of_push(body, stance, back, up):
+    """Angular momentum about the contact that an impulse (back, up) on the hip brings.
+
+    That is all a push does to the angles' momenta: the hip moves with the stance leg alone.
+    """
+    hip_back, hip_up = hip(body, stance)
+    return impulse(hip_back, hip_up, back, up)
+
+
 def straight(stance, thigh, stance_rate, thigh_rate):
     """A state with a straight swing leg."""
     return State(stance, thigh, thigh, stance_rate, thigh_rate, thigh_rate)

@@ -32,6 +32,13 @@ def accelerations(body, state, control, ground):
     return stance_acceleration, swing_acceleration
 
 
+def push(body, state, back, up):
+    """Changes of both rates by an impulse (back, up) on the hip; the swing foot is drawn along."""
+    stance_change = legs.moment_of_push(body, state.stance, back, up)
+    _, cosine = sine_cosine(state.thigh - state.stance)
+    return stance_change, cosine * stance_change
+
+
 def kinetic_energy(body, state):
     """Kinetic energy of the hip / (m g l)."""
     return 0.5 * state.stance_rate * state.stance_rate
@@ -66,6 +73,7 @@ SYSTEM = System(
             accelerations,
             guards=(legs.HEELSTRIKE, *legs.STANCE_FALLS, *legs.THIGH_OVER_THE_TOP),
             resets={Outcome.HEELSTRIKE: Reset(heelstrike)},
+            push=push,
         ),
     ),
     kinetic_energy=kinetic_energy,

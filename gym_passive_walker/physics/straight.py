@@ -58,6 +58,12 @@ def accelerations(body, state, control, ground):
     return solve(*mass_matrix(body, state), *forces(body, state, control, ground))
 
 
+def push(body, state, back, up):
+    """Changes of both rates by an impulse (back, up) on the hip: mass matrix times them is it."""
+    moment = legs.moment_of_push(body, state.stance, back, up)
+    return solve(*mass_matrix(body, state), moment, 0.0)
+
+
 def kinetic_energy(body, state):
     """Kinetic energy / (m g l)."""
     m11, m12, m22 = mass_matrix(body, state)
@@ -142,6 +148,7 @@ SYSTEM = System(
             accelerations,
             guards=(legs.HEELSTRIKE, *legs.STANCE_FALLS, *legs.THIGH_OVER_THE_TOP),
             resets={Outcome.HEELSTRIKE: Reset(heelstrike)},
+            push=push,
         ),
     ),
     kinetic_energy=kinetic_energy,

@@ -114,6 +114,12 @@ class Screen:
         self._show(frame)
         return None
 
+    def hip_on_frame(self, state: ArrayLike, slope: float) -> tuple[float, float]:
+        """Where a frame shows the hip, in pixels from its upper left corner."""
+        hip = pose(self.walker, state).hip
+        x, y = self._pixel(hip, np.array([hip[0], 0.0]), slope) / _OVERSAMPLING
+        return float(x), float(y)
+
     def close(self) -> None:
         """Close the window, if there is one. A closed screen draws nothing."""
         if self._window is not None:

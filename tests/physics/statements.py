@@ -82,3 +82,13 @@ def heelstrike(walker: Walker, stance: float, rates):
     after, loss = struck(walker, -1, Outcome.HEELSTRIKE, before)
     assert after[:3] == (-stance, stance, stance)
     return np.array(after[3:]), loss
+
+
+def pushed(walker: Walker, state, impulse: complex, *, locked: bool) -> np.ndarray:
+    """The rates stated after an impulse on the hip, forward plus i times up from the ground."""
+    units, s = units_of(walker), State(*dimensionless(walker, state))
+    part = impulse / (units.force * units.time)
+    phase = system_of(walker).phases[-1 if locked else 0]
+    jumps = phase.push(body_of(walker), s, -part.real, part.imag)
+    assert len(jumps) == phase.links
+    return np.array(state[3:]) + np.array(jumps)[[0, 1, -1]] * units.rate

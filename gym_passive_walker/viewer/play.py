@@ -1,0 +1,91 @@
+"""The viewer's window, and what it starts with."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from gym_passive_walker.policies import TrainedPolicy, load_policy
+from gym_passive_walker.render.extras import extra
+from gym_passive_walker.viewer.walk import LiveWalk
+from gym_passive_walker.walkers import Walker, as_walker
+
+_LONGEST_FRAME = 0.1  # seconds: after a longer pause of the machine time stands still
+
+
+def play(
+    walker: Walker | str | None = None,
+    slope: float | None = None,
+    *,
+    policy: TrainedPolicy | str | Path | None = None,
+    start: ArrayLike | None = None,
+    seconds: float | None = None,
+    film: str | Path | None = None,
+    picture: str | Path | None = None,
+) -> None:
+    """Watch a walker in a window, and change what it is, where it goes and what drives it.
+
+    The motion is the engine's, as exact as anywhere else; what is changed counts from the next
+    frame on. It takes the extra "render", and a display unless SDL_VIDEODRIVER=dummy.
+
+    Args:
+        walker: The walker, or a preset's name; None is the policy's own, or the laboratory's.
+        slope: Slope in rad; None is the policy's own, or a gentle one.
+        policy: A trained policy that works the hip, or what `load_policy` takes.
+        start: Section state to start from, in the walker's own units, (6,); None is a gait.
+        seconds: When to close the window; None leaves that to the user.
+        film: File to record all frames in, MP4 or GIF.
+        picture: File to write the last frame to, of a kind that pygame knows, such as PNG.
+
+    Raises:
+        ValueError: if an argument is out of its range; subclasses say which (`WalkerError`,
+            `SceneError`, `PolicyError`).
+        ImportError: if pygame is not installed, or moviepy for a film.
+    """
+    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "hide")
+    with extra("render"):
+        import pygame
+
+        from gym_passive_walker.viewer.controls import KEYS, Controls
+        from gym_passive_walker.viewer.film import film_path
+        from gym_passive_walker.viewer.player import FPS, Player, gentle_slope
+        from gym_passive_walker.viewer.view import SIZE, View
+    if isinstance(policy, str | Path):
+        policy = load_policy(policy)
+    if walker is None:
+        walker = "lab" if policy is None else policy.scene.walker
+    walker = as_walker(walker)
+    if slope is None:
+        slope = gentle_slope(walker) if policy is None else float(np.mean(policy.scene.slope))
+    film = None if film is None else film_path(Path(film))
+    player = Player(LiveWalk(walker, slope, policy=policy, start=start))
+    view = View(KEYS)
+    controls = Controls(player, view)
+    if film is not None:
+        player.film_to(film, SIZE)
+    pygame.display.init()
+    try:
+        window = pygame.display.set_mode(SIZE)
+        pygame.display.set_caption("passive walker")
+        clock, shown = pygame.time.Clock(), 0.0
+        while player.running and (seconds is None or shown < seconds):
+            elapsed = min(clock.tick(FPS) / 1000.0, _LONGEST_FRAME)
+            if player.film is not None:
+                elapsed = 1.0 / FPS  # a film's frames are evenly spaced, however long they take
+            for event in pygame.event.get():
+                controls.handle(event)
+            player.frame(elapsed)
+            shown += elapsed
+            surface = view.draw(player)
+            if player.film is not None:
+                player.film.write(surface)
+            window.blit(surface, (0, 0))
+            pygame.display.flip()
+        if picture is not None:
+            pygame.image.save(view.draw(player), str(picture))
+    finally:
+        player.close()
+        pygame.display.quit()

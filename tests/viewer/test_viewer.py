@@ -1,0 +1,284 @@
+"""The viewer obeys its user: events in, and what is seen and what walks follows."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+
+from gym_passive_walker import WALKERS, Outcome, find_gait, load_policy
+from gym_passive_walker.render import look
+from gym_passive_walker.viewer import play
+from gym_passive_walker.viewer.seeker import Question
+from gym_passive_walker.viewer.walk import LiveWalk
+
+pygame = pytest.importorskip("pygame")
+
+from gym_passive_walker.viewer.controls import KEYS, Controls  # noqa: E402
+from gym_passive_walker.viewer.player import FPS, PUSH, Player, gentle_slope  # noqa: E402
+from gym_passive_walker.viewer.view import MULTIPLIERS, PORTRAIT, SCENE, SIZE, View  # noqa: E402
+
+SLOPE = 0.036
+
+
+@pytest.fixture(autouse=True)
+def headless(monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    monkeypatch.delenv("DISPLAY", raising=False)
+
+
+class Session:
+    """A viewer whose user's hands are here."""
+
+    def __init__(self, walk: LiveWalk) -> None:
+        self.player = Player(walk)
+        self.view = View(KEYS)
+        self.controls = Controls(self.player, self.view)
+        self.frames(1)
+
+    @property
+    def walk(self) -> LiveWalk:
+        return self.player.walk
+
+    def frames(self, count: int) -> np.ndarray:
+        """Let some frames pass; the last one, (height, width, 3)."""
+        for _ in range(count):
+            self.player.frame(1 / FPS)
+        surface = self.view.draw(self.player)
+        return pygame.surfarray.array3d(surface).swapaxes(0, 1).astype(int)
+
+    def key(self, key: int, *, shift: bool = False) -> None:
+        mod = pygame.KMOD_SHIFT if shift else 0
+        self.controls.handle(pygame.event.Event(pygame.KEYDOWN, key=key, mod=mod))
+
+    def drag(self, start: tuple[int, int], end: tuple[int, int]) -> None:
+        self.press(start)
+        self.move(start, end)
+        self.controls.handle(pygame.event.Event(pygame.MOUSEBUTTONUP, pos=end, button=1))
+
+    def press(self, place: tuple[int, int]) -> None:
+        self.controls.handle(pygame.event.Event(pygame.MOUSEBUTTONDOWN, pos=place, button=1))
+
+    def move(self, start: tuple[int, int], end: tuple[int, int]) -> None:
+        rel = end[0] - start[0], end[1] - start[1]
+        event = pygame.event.Event(pygame.MOUSEMOTION, pos=end, rel=rel, buttons=(1, 0, 0))
+        self.controls.handle(event)
+
+    def gait(self):
+        """The gait of what is set, once it is found."""
+        deadline = time.monotonic() + 60.0
+        while (gait := self.player.gait) is None or gait.question != Question.of(self.walk):
+            assert time.monotonic() < deadline
+            time.sleep(0.005)
+        return gait
+
+
+@pytest.fixture
+def session():
+    session = Session(LiveWalk(WALKERS["lab"], SLOPE))
+    yield session
+    session.player.close()
+
+
+def shows(frame: np.ndarray, box, colour) -> bool:
+    part = frame[box.top : box.bottom, box.left : box.right]
+    return int((np.abs(part - colour) < 12).all(axis=-1).sum()) > 20
+
+
+def test_a_walker_walks_in_real_time(session):
+    session.frames(2 * FPS - 1)
+    gait = find_gait("lab", SLOPE)
+    assert session.walk.strides == int(2.0 / gait.step_period)
+
+
+def test_space_stops_time_and_n_lets_one_frame_pass(session):
+    session.key(pygame.K_SPACE)
+    before = session.walk.state
+    session.frames(5)
+    np.testing.assert_array_equal(session.walk.state, before)
+    session.key(pygame.K_n)
+    apart = session.walk.state[0] - before[0]
+    assert apart == pytest.approx(before[3] / FPS, rel=0.2)
+    session.key(pygame.K_SPACE)
+    session.frames(1)
+    assert session.walk.state[0] != before[0] + apart
+
+
+def test_slow_motion_passes_the_same_postures_more_slowly(session):
+    other = LiveWalk(WALKERS["lab"], SLOPE)
+    other.advance(1 / FPS)
+    session.key(pygame.K_MINUS)
+    session.key(pygame.K_MINUS)
+    session.frames(40)
+    other.advance(10 / FPS)
+    np.testing.assert_allclose(session.walk.state, other.state, rtol=0.0, atol=1e-9)
+    session.key(pygame.K_PLUS)
+    assert session.player.pace == 0.5
+
+
+def test_a_slider_sets_what_it_says_while_the_walker_walks(session):
+    for index, setting in enumerate(session.player.settings):
+        knob = session.view.knob(session.player, index)
+        state = session.walk.state
+        session.press(knob)
+        session.move(knob, (knob[0] + 3, knob[1]))
+        value = session.view.value_at(session.player, index, knob[0] + 3)
+        assert session.player.message == "" or setting.read(session.walk) == setting.home
+        if session.player.message == "":
+            assert setting.read(session.walk) == pytest.approx(value, rel=1e-12)
+        np.testing.assert_allclose(session.walk.state, state, rtol=1e-12)
+        session.key(pygame.K_HOME)
+        assert setting.read(session.walk) == setting.home
+
+
+def test_keys_choose_a_setting_and_move_it(session):
+    session.key(pygame.K_RIGHT)
+    assert session.walk.slope == pytest.approx(SLOPE + 0.0002)
+    session.key(pygame.K_LEFT, shift=True)
+    assert session.walk.slope == pytest.approx(SLOPE - 0.0038)
+    session.key(pygame.K_DOWN)
+    session.key(pygame.K_DOWN)
+    session.key(pygame.K_RIGHT)
+    assert session.walk.walker.gravity > 9.81
+    session.controls.handle(pygame.event.Event(pygame.MOUSEWHEEL, x=0, y=-1))
+    assert session.walk.walker.gravity == pytest.approx(9.81)
+
+
+def test_a_walker_that_cannot_be_is_refused_in_words(session):
+    labels = [setting.label for setting in session.player.settings]
+    session.player.set(labels.index("shank mass"), 0.0)
+    assert "moment of inertia" in session.player.message
+    assert session.walk.walker == WALKERS["lab"]
+
+
+def test_dragging_the_scene_pushes_the_hip_where_it_is_dragged(session):
+    before = session.walk.state
+    session.press(SCENE.center)
+    session.move((0, 0), (60, 0))
+    assert session.player.impulse[0] == pytest.approx(60 * PUSH * np.cos(SLOPE))
+    assert session.player.impulse[1] == pytest.approx(60 * PUSH * np.sin(SLOPE))
+    session.drag(SCENE.center, (SCENE.centerx + 60, SCENE.centery))
+    assert session.walk.state[3] < before[3]
+    np.testing.assert_array_equal(session.walk.state[:3], before[:3])
+
+
+def test_r_begins_at_the_gait_of_what_is_set(session):
+    session.player.set(0, 0.04)
+    session.gait()
+    session.key(pygame.K_r)
+    expected = find_gait("lab", 0.04)
+    np.testing.assert_allclose(session.walk.state, expected.state, rtol=1e-12)
+
+
+def test_multipliers_follow_the_slope(session):
+    for slope in (0.03, 0.04):
+        session.player.set(0, slope)
+        expected = find_gait("lab", slope).multipliers
+        np.testing.assert_allclose(session.gait().multipliers, expected, rtol=0.0, atol=1e-9)
+    session.player.set(0, -0.05)
+    assert session.gait().state is None and not session.gait().stable
+
+
+@pytest.mark.slow
+def test_multipliers_of_a_torque_and_of_a_policy_are_those_of_their_own_gaits():
+    policy = load_policy("lab-ppo")
+    session = Session(LiveWalk(WALKERS["lab"], SLOPE, policy=policy))
+    assert session.gait().stable
+    session.player.set(1, 1e-7)
+    assert session.walk.policy is None
+    passive = find_gait("lab", SLOPE).multipliers
+    np.testing.assert_allclose(session.gait().multipliers, passive, rtol=0.0, atol=2e-3)
+    session.key(pygame.K_p)
+    assert session.walk.policy is policy
+    session.player.close()
+
+
+def test_the_picture_shows_both_legs_everywhere_they_belong(session):
+    session.gait()
+    frame = session.frames(FPS)
+    assert frame.shape == (SIZE[1], SIZE[0], 3)
+    for colour in look.LEGS:
+        assert shows(frame, SCENE, colour) and shows(frame, PORTRAIT, colour)
+    assert shows(frame, MULTIPLIERS, look.LEGS[0])
+
+
+def test_a_push_is_drawn_from_the_hip(session):
+    session.key(pygame.K_SPACE)
+    frame = session.frames(1)
+    session.press(SCENE.center)
+    session.move((0, 0), (100, 0))
+    changed = np.abs(session.frames(1) - frame).sum(axis=-1) > 60
+    hip = session.view._screen.hip_on_frame(session.walk.state, SLOPE)  # type: ignore[union-attr]
+    row = changed[round(hip[1]), : SCENE.right]
+    assert row[round(hip[0]) + 30 : round(hip[0]) + 95].all()
+    assert not row[round(hip[0]) + 110 :].any()
+
+
+def test_a_fall_is_told(session):
+    session.walk.push(-0.5, 0.0)
+    session.frames(10 * FPS)
+    assert len(session.walk.trail) < 200  # how it fell, not how it lies there
+    assert session.walk.outcome == Outcome.FELL_BACKWARD
+    assert session.player.state_of_walk == "fell backward (R begins anew)"
+
+
+def test_w_goes_through_all_walkers_and_back(session):
+    names = []
+    for _ in WALKERS:
+        session.key(pygame.K_w)
+        names.append(session.player.name)
+        session.frames(2)
+    assert sorted(names) == sorted(WALKERS)
+    session.key(pygame.K_w, shift=True)
+    assert session.player.name == names[-2]
+
+
+def test_q_and_a_closed_window_end_it(session):
+    session.key(pygame.K_q)
+    assert not session.player.running
+    session.player.running = True
+    session.controls.handle(pygame.event.Event(pygame.QUIT))
+    assert not session.player.running
+
+
+def test_the_window_does_what_was_asked_and_writes_its_last_picture(tmp_path):
+    pygame.display.init()
+    for key in (pygame.K_RIGHT, pygame.K_SPACE):
+        pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=key, mod=0))
+    play("lab", SLOPE, seconds=0.2, picture=tmp_path / "seen.png")
+    seen = pygame.surfarray.array3d(pygame.image.load(tmp_path / "seen.png")).swapaxes(0, 1)
+    assert shows(seen.astype(int), SCENE, look.LEGS[0])
+    assert not pygame.display.get_init()
+
+
+@pytest.mark.parametrize("ending", [".mp4", ".gif"])
+def test_a_film_has_a_frame_for_each_instant(tmp_path, ending):
+    moviepy = pytest.importorskip("moviepy")
+    path = tmp_path / f"walk{ending}"
+    play("lab", SLOPE, seconds=0.5, film=path)
+    with moviepy.VideoFileClip(str(path)) as clip:
+        assert clip.duration == pytest.approx(0.5, abs=0.06)
+        frame = clip.get_frame(0.4).astype(int)
+    shrunk = SIZE[0] // frame.shape[1]
+    assert frame.shape == (SIZE[1] // shrunk, SIZE[0] // shrunk, 3)
+    assert int((np.abs(frame - look.LEGS[1]) < 40).all(axis=-1).sum()) > 100
+
+
+def test_a_gentle_slope_lets_its_walker_walk():
+    for name in ("lab", "C", "D"):
+        assert find_gait(name, gentle_slope(WALKERS[name])).stable
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        ({"walker": "Z"}, "no walker"),
+        ({"slope": 2.0}, "slope"),
+        ({"policy": "none"}, "no policy"),
+        ({"film": "walk.txt"}, ".mp4"),
+    ],
+)
+def test_bad_arguments_are_refused_in_a_sentence(arguments, told):
+    with pytest.raises(ValueError, match=told):
+        play(**{"walker": "lab", "slope": SLOPE, "seconds": 0.1, **arguments})

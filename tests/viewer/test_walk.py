@@ -1,0 +1,193 @@
+"""What is changed while a walker walks changes its equations at that instant, and nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+from gym_passive_walker import WALKERS, Outcome, find_gait, load_policy, stride
+from gym_passive_walker.gaits.trajectory import just_before, states_at
+from gym_passive_walker.viewer.walk import LiveWalk
+from tests.physics.bodies import kinetic_energy, potential_energy
+from tests.physics.examples import LONG_GAITS
+
+FRAME = 1 / 60
+
+
+def walk_of(name: str) -> LiveWalk:
+    gait = LONG_GAITS[name]
+    return LiveWalk(WALKERS[name], gait.slope, start=gait.state)
+
+
+def until_heelstrikes(walk: LiveWalk, count: int) -> None:
+    while walk.strides < count:
+        assert walk.outcome == Outcome.RUNNING
+        walk.advance(FRAME * walk.walker.time_unit)
+
+
+@pytest.mark.parametrize("name", LONG_GAITS)
+def test_frames_cut_a_walk_into_pieces_and_change_nothing(name):
+    gait = LONG_GAITS[name]
+    walk, walker = walk_of(name), WALKERS[name]
+    first = stride(walker, gait.slope, gait.state)
+    passed = 0.0
+    while passed < 0.8 * first.duration:
+        walk.advance(FRAME)
+        passed += FRAME
+        expected, _ = states_at(walker, gait.slope, gait.state, [passed])
+        np.testing.assert_allclose(walk.state, expected[0], rtol=0.0, atol=1e-8)
+    walk.advance(first.duration - passed + 0.1)
+    second, _ = states_at(walker, gait.slope, first.state, [0.1])
+    np.testing.assert_allclose(walk.state, second[0], rtol=0.0, atol=1e-7)
+    assert walk.strides == 1
+    rolled = walker.foot_radius * (first.state[0] - second[0, 0])
+    assert walk.contact == pytest.approx(first.step_length + rolled, rel=1e-7)
+
+
+@pytest.mark.parametrize("name", ["lab", "A", "D"])
+def test_the_last_stride_is_measured_as_the_gait_is(name):
+    walk, gait = walk_of(name), find_gait(name, LONG_GAITS[name].slope)
+    until_heelstrikes(walk, 1)
+    assert walk.last is not None
+    assert walk.last.speed == pytest.approx(gait.froude_speed, rel=1e-6)
+    assert walk.last.cost_of_transport == pytest.approx(np.sin(gait.slope), rel=1e-6)
+
+
+def test_a_change_in_a_stride_leaves_it_unmeasured_and_the_next_one_measured():
+    walk = walk_of("lab")
+    walk.advance(0.3)
+    walk.change_slope(0.037)
+    until_heelstrikes(walk, 1)
+    assert walk.last is None
+    until_heelstrikes(walk, 2)
+    assert walk.last is not None
+
+
+@pytest.mark.parametrize(
+    "changes", [{"foot_radius": 0.25}, {"thigh_length": 0.5}, {"gravity": 3.0}, {"hip_mass": 2.0}]
+)
+def test_another_parameter_keeps_angles_rates_and_the_contact(changes):
+    walk = walk_of("lab")
+    walk.advance(0.3)
+    state, contact = walk.state, walk.contact
+    walk.change_walker(replace(walk.walker, **changes))
+    np.testing.assert_allclose(walk.state, state, rtol=1e-14)
+    assert walk.contact == pytest.approx(contact, rel=1e-14)
+
+
+def energy(walk: LiveWalk) -> float:
+    state = walk.state
+    return kinetic_energy(walk.walker, state) + potential_energy(walk.walker, walk.slope, state[:3])
+
+
+@pytest.mark.parametrize("name", ["lab", "A"])
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda walk: walk.change_walker(replace(walk.walker, gravity=5.0, thigh_mass=3.0)),
+        lambda walk: walk.change_walker(replace(walk.walker, foot_radius=0.1)),
+        lambda walk: walk.change_slope(0.08),
+        lambda walk: walk.push(0.02, 0.01),
+    ],
+)
+def test_energy_is_conserved_from_a_change_on(name, change):
+    """Kneestrike costs energy; the knee of this walker is free here, or always locked."""
+    walk = walk_of(name)
+    walk.advance(0.1)
+    change(walk)
+    before = energy(walk)
+    for _ in range(6):
+        walk.advance(0.02)
+    assert walk.strides == 0 and (not walk.walker.knees or not walk.knee_locked)
+    assert energy(walk) == pytest.approx(before, rel=1e-9)
+
+
+def test_less_gravity_is_slower_walking_through_the_same_postures():
+    """Time goes with sqrt(l/g): a quarter of the gravity takes twice the time."""
+    gait = LONG_GAITS["lab"]
+    moon = replace(WALKERS["lab"], gravity=WALKERS["lab"].gravity / 4)
+    start = gait.state * [1, 1, 1, 0.5, 0.5, 0.5]
+    here, there = walk_of("lab"), LiveWalk(moon, gait.slope, start=start)
+    for _ in range(90):
+        here.advance(FRAME)
+        there.advance(2 * FRAME)
+    assert here.strides == there.strides > 0
+    np.testing.assert_allclose(there.state[:3], here.state[:3], rtol=0.0, atol=1e-8)
+
+
+def test_a_held_torque_is_that_of_the_stride_map():
+    gait, walker = LONG_GAITS["lab"], WALKERS["lab"]
+    walk = walk_of("lab")
+    walk.hold(0.002)
+    expected = stride(
+        walker,
+        gait.slope,
+        gait.state,
+        hip_torque=0.002 * walker.total_mass * walker.gravity * walker.leg_length,
+    )
+    walk.advance(float(expected.duration) * (1.0 - 1e-8))
+    before = just_before(
+        walker,
+        gait.slope,
+        gait.state,
+        float(expected.duration),
+        hip_torque=0.002 * walker.total_mass * walker.gravity * walker.leg_length,
+    )
+    np.testing.assert_allclose(walk.state, before, rtol=0.0, atol=1e-6)
+
+
+def test_a_push_downhill_hastens_the_stance_leg_and_one_uphill_slows_it():
+    for push, faster in ((0.02, True), (-0.02, False)):
+        walk = walk_of("lab")
+        walk.advance(0.2)
+        before = walk.state[3]
+        walk.push(push, 0.0)
+        assert (walk.state[3] < before) == faster
+
+
+def test_a_walker_that_falls_stays_where_it_is_until_it_begins_anew():
+    walk = walk_of("lab")
+    walk.push(-0.5, 0.0)
+    walk.advance(10.0)
+    assert walk.outcome == Outcome.FELL_BACKWARD
+    fallen = walk.state
+    walk.advance(1.0)
+    np.testing.assert_array_equal(walk.state, fallen)
+    walk.begin()
+    walk.advance(1.0)
+    assert walk.outcome == Outcome.RUNNING
+
+
+def test_knees_that_come_or_go_begin_a_walk_anew():
+    walk = walk_of("lab")
+    until_heelstrikes(walk, 1)
+    walk.change_walker(WALKERS["A"])
+    assert walk.strides == 0 and walk.state[2] == walk.state[1]
+    walk.advance(1.0)
+    assert walk.outcome == Outcome.RUNNING
+
+
+@pytest.mark.parametrize("name", ["level-ppo", "steep-ppo"])
+def test_a_policy_walks_in_frames_as_in_its_environment(name):
+    """Torques are held for ticks, whatever the frames do."""
+    policy = load_policy(name)
+    env = gym.make(
+        "PassiveWalker-v0", **vars(policy.scene) | {"perturbation": 0.0, "tolerance": 1e-10}
+    )
+    seen, _ = env.reset(seed=0)
+    walk = LiveWalk(
+        env.unwrapped.walker, env.unwrapped.slope, policy=policy, start=env.unwrapped.state
+    )
+    struck = 0
+    while struck < 3:
+        seen, _, fell, _, info = env.step(policy.predict(seen)[0])
+        assert not fell
+        struck = info["strides"]
+        if "step_length" in info:
+            until_heelstrikes(walk, struck)
+            assert walk.last is not None
+            assert walk.last.step_length == pytest.approx(info["step_length"], rel=1e-5)
+            assert walk.last.cost_of_transport == pytest.approx(info["cost_of_transport"], rel=1e-4)
