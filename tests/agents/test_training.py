@@ -24,6 +24,7 @@ from agents.config import Config, ConfigError, configure
 from agents.evaluation import evaluate
 from agents.learner import LearnedPolicy, export, learned, load_policy
 from agents.training import Run
+from benchmarks.kills import kill
 
 SMALL = {"n_envs": 8, "every": 128}
 # What follows the steps asked for would go on otherwise when more are asked for.
@@ -320,6 +321,12 @@ def test_tensorboard_gets_its_logs_where_asked(tmp_path):
     run = Run(small(), tmp_path, tensorboard=True)
     run.train(progress=False)
     assert list((tmp_path / "tensorboard").rglob("events.out.tfevents.*"))
+
+
+@pytest.mark.learning
+def test_a_training_that_is_killed_twice_ends_as_if_it_had_not_been(tmp_path):
+    found = kill(tmp_path, 2)
+    assert found.differ == 0 and found.compared > 100_000
 
 
 @pytest.mark.learning
