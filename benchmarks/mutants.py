@@ -1,10 +1,15 @@
-"""Every change of one sign, number, operator or comparison that a module's source admits."""
+"""The package with something wrong: faults that were thought up, and changes of single signs.
+
+A fault stands in `faults`, as data: where it is, what is wrong, the text before and after. A change
+is one sign, number, operator or comparison of a module's source, in random order.
+"""
 
 from __future__ import annotations
 
 import ast
 import copy
 import random
+import tomllib
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from itertools import zip_longest
@@ -13,6 +18,7 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = "gym_passive_walker"
+FAULTS = Path(__file__).parent / "faults"
 
 NOT_MOTION = {
     "fingerprint", "cache_directory", "_bases", "_private", "found", "keep", "_warn", "_name",
@@ -30,28 +36,25 @@ _SWAPS: dict[type, type] = {
 
 
 class Mutant(NamedTuple):
-    """One change.
+    """The package with one thing wrong.
 
     Attributes:
-        file: Module, by its path in the package, without its suffix.
+        name: What is wrong, and where, though lines may move.
+        file: Module, by its path in the package (or in the repository: "agents/config"), without
+            its suffix.
         line: Where, in the original.
-        scope: The function around it.
-        before: The expression changed, as source.
-        after: What it became.
-        source: The whole module with the change.
+        source: The whole module with it.
     """
 
+    name: str
     file: str
     line: int
-    scope: str
-    before: str
-    after: str
     source: str
 
     @property
-    def name(self) -> str:
-        """What identifies it though lines may move."""
-        return f"{self.file}.{self.scope}: {self.before} -> {self.after}"
+    def room(self) -> str:
+        """The room of the house that it is in."""
+        return self.file.split("/")[0]
 
 
 def changes(node: ast.AST) -> Iterator[ast.AST]:
@@ -127,13 +130,14 @@ class Finder(ast.NodeVisitor):
             put(old)
         scope = ".".join(self.scopes) or "module"
         line = getattr(old, "lineno", 0)
-        short = [" ".join(text.split())[:100] for text in (context, after)]
-        self.found.append(Mutant(self.file, line, scope, *short, source))
+        before, after = (" ".join(text.split())[:100] for text in (context, after))
+        name = f"{self.file}.{scope}: {before} -> {after}"
+        self.found.append(Mutant(name, self.file, line, source))
 
 
 def path_of(file: str) -> Path:
     """A module's path within the tree."""
-    return Path(PACKAGE) / f"{file}.py"
+    return Path("" if file.startswith("agents/") else PACKAGE) / f"{file}.py"
 
 
 def mutants(file: str) -> list[Mutant]:
@@ -145,7 +149,7 @@ def mutants(file: str) -> list[Mutant]:
     for mutant in finder.found:
         seen[mutant.name] += 1
         if (count := seen[mutant.name]) > 1:
-            mutant = mutant._replace(after=f"{mutant.after} ({count})")
+            mutant = mutant._replace(name=f"{mutant.name} ({count})")
         unique.append(mutant)
     return unique
 
@@ -158,3 +162,18 @@ def sample(files: Sequence[str], seed: int) -> list[Mutant]:
         random_order.shuffle(pool)
     turns = zip_longest(*pools)
     return [mutant for turn in turns for mutant in turn if mutant is not None]
+
+
+def faults() -> tuple[list[Mutant], list[str]]:
+    """Every fault that was thought up; and the names of those whose text the code has no more."""
+    found, gone = [], []
+    for path in sorted(FAULTS.glob("*.toml")):
+        for fault in tomllib.loads(path.read_text(encoding="utf-8"))["fault"]:
+            file, old, new = fault["file"], fault["old"], fault["new"]
+            name, source = f"{file}: {fault['wrong']}", (ROOT / path_of(file)).read_text()
+            if source.count(old) != 1:
+                gone.append(name)
+                continue
+            line = source[: source.index(old)].count("\n") + 1
+            found.append(Mutant(name, file, line, source.replace(old, new)))
+    return found, gone

@@ -1,11 +1,14 @@
-"""Would the tests notice a wrong sign? Change the physics in one place at a time and see.
+"""Would the tests notice? Put one thing wrong at a time into the package, and see.
 
-    python -m benchmarks.mutation --count 200 --results build/mutants.jsonl
+    python -m benchmarks.mutation                            every fault that was thought up
+    python -m benchmarks.mutation --changes 100 --write      and single signs of physics and engine
 
-Each mutant is a copy of the package with one sign, number, operator or comparison changed. The
-tests that concern its file run on it and should fail. What its change may have got into is compiled
-anew, which takes some twenty seconds. Results are kept, one line of JSON for each, and a run that
-was stopped goes on where it was.
+Each mutant is a copy of the package with one thing wrong: a fault such as a programmer makes
+(`faults`, in the rooms from `gaits` up), or one sign, number, operator or comparison changed (in
+the equations and the machinery below). The tests that concern its module run on it, those most
+likely to notice first, until one fails. What its change may have got into is compiled anew, which
+takes some twenty seconds. Results are kept, one line of JSON for each, and a run that was stopped
+goes on where it was.
 """
 
 from __future__ import annotations
@@ -14,23 +17,32 @@ import argparse
 import json
 import os
 import shutil
-import subprocess
+import signal
 import sys
 import tempfile
+import time
 from collections.abc import Sequence
+from contextlib import suppress
+from importlib import import_module
 from pathlib import Path
+from typing import NoReturn
+
+import pytest
 
 from benchmarks.equivalent_mutants import EQUIVALENT
-from benchmarks.mutants import PACKAGE, ROOT, Mutant, path_of, sample
+from benchmarks.mutants import PACKAGE, ROOT, Mutant, faults, path_of, sample
 from benchmarks.report import DOCS, keep, machine, table
 
 PAGE = DOCS / "stability.md"
 PATIENCE = 300.0  # seconds after which a mutant that still runs counts as noticed
+LIBRARIES = ("numba", "scipy.optimize", "scipy.linalg", "gymnasium", "torch", "stable_baselines3")
+"""What tests import and no mutant changes."""
+
 
 _MECHANICS = ["tests/physics", "tests/engine"]
 _MACHINERY = ["tests/engine", "tests/physics", "tests/stress"]
 _USERS = ["tests/physics/test_strides.py", "tests/physics"]
-TESTS = {
+CHANGED = {
     **{
         f"physics/{name}": _MECHANICS
         for name in ("kneed", "straight", "simplest", "legs", "numbers", "hybrid", "bodies")
@@ -51,7 +63,63 @@ TESTS = {
     "arguments": _USERS,
     "units": _USERS,
 }  # fmt: skip
-"""Tests in the order in which they are likely to notice a change of a file."""
+"""Modules of which single signs are changed, and the tests that concern them."""
+
+_FIRST = {
+    "agents/evaluation": ["evaluation"],
+    "agents/exploration": ["exploration"],
+    "agents/callbacks": ["callbacks"],
+    "agents/benchmark": ["benchmark"],
+    "agents/standings": ["benchmark"],
+    "agents/checkpoint": ["training"],
+    "agents/training": ["training"],
+    "agents/learner": ["config", "evaluation", "training"],
+    "agents/worlds": ["config"],
+    "agents/commands": ["command_line"],
+    "agents/config": ["config"],
+    "agents/files": ["files"],
+    "control/ticks": ["ticks"],
+    "control/closed_loop": ["closed_loop"],
+    "control/trials": ["trials"],
+    "control/baselines": ["baselines"],
+    "control/feedback": ["baselines"],
+    "control/policy": ["trials", "baselines"],
+    "control/optimum": ["optimal"],
+    "control/optimal": ["optimal"],
+    "envs/starts": ["starts"],
+    "envs/scene": ["scene"],
+    "envs/task": ["task"],
+    "envs/sb3": ["sb3"],
+    "envs/batch": ["crowds", "changes", "vector_env"],
+    "envs/vector_env": ["crowds", "changes", "vector_env"],
+    "envs/walker_env": ["walker_env"],
+    "gaits/basin": ["basin"],
+    "gaits/attractors": ["basin", "bifurcation"],
+    "gaits/bifurcation": ["bifurcation"],
+    "gaits/lyapunov": ["bifurcation"],
+    "gaits/doubling": ["bifurcation"],
+    "gaits/family": ["families"],
+    "gaits/continuation": ["families"],
+    "gaits/ends": ["families"],
+    "gaits/curve": ["families"],
+    "gaits/measures": ["measures"],
+    "gaits/posture": ["measures"],
+    "gaits/reality": ["reality"],
+    "gaits/phases": ["reality"],
+    "gaits/scaling": ["scaling"],
+    "gaits/series": ["series"],
+    "gaits/stability": ["jacobian"],
+    "gaits/stride_map": ["stride_map"],
+}
+"""Tests of a room that are most likely to notice what is wrong with a module."""
+
+
+def tests_of(file: str) -> list[str]:
+    """The tests that concern a module, in the order in which they are likely to notice."""
+    if file in CHANGED:
+        return CHANGED[file]
+    folder = f"tests/{file.split('/')[0]}"
+    return [f"{folder}/test_{name}.py" for name in _FIRST.get(file, [])] + [folder]
 
 
 class Copy:
@@ -63,9 +131,10 @@ class Copy:
 
     def __init__(self, tree: Path) -> None:
         self.tree, self.cache, self.filled = tree, tree / "cache", tree / "filled"
-        for name in (PACKAGE, "tests", "benchmarks"):
+        for name in (PACKAGE, "agents", "tests", "benchmarks"):
             shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
-        shutil.copy(ROOT / "pyproject.toml", tree)
+        for name in ("pyproject.toml", "train.py"):
+            shutil.copy(ROOT / name, tree)
         # The cache's place hangs on all sources; here is decided what a change makes stale.
         folder = tree / PACKAGE / "engine" / "cache.py"
         text = folder.read_text()
@@ -73,9 +142,8 @@ class Copy:
         end = text.index("    return digest")
         folder.write_text(text[:start] + '    return "copy"\n' + text[text.index("\n", end) + 1 :])
 
-    def fill(self) -> None:
-        """Let an unchanged package pass its tests, and keep what it has compiled."""
-        every = list(dict.fromkeys(test for tests in TESTS.values() for test in tests))
+    def fill(self, every: Sequence[str]) -> None:
+        """Let an unchanged package pass tests, and keep what it has compiled."""
         if failure := self.tests_fail(every, patience=20.0 * PATIENCE):
             raise SystemExit(f"tests fail without any change: {failure}")
         self.cache.rename(self.filled)
@@ -85,80 +153,117 @@ class Copy:
         path = self.tree / path_of(mutant.file)
         path.write_text(mutant.source)
         shutil.rmtree(self.cache, ignore_errors=True)
-        room = mutant.file.split("/")[0]
-        if room not in ("physics", "engine"):
+        if mutant.room not in ("physics", "engine"):
             shutil.copytree(self.filled, self.cache)
-        elif room == "physics" and mutant.file != "physics/hybrid":
+        elif mutant.room == "physics" and mutant.file != "physics/hybrid":
             # Bookkeeping knows no equations.
             shutil.copytree(self.filled, self.cache, ignore=shutil.ignore_patterns("*.o"))
         try:
-            return self.tests_fail(TESTS[mutant.file])
+            return self.tests_fail(tests_of(mutant.file))
         finally:
             shutil.copy2(ROOT / path_of(mutant.file), path)  # as old as before: see numba's cache
 
     def tests_fail(self, tests: Sequence[str], patience: float = PATIENCE) -> str:
-        """What tests say: the first failure, "time" if they ran on, "" if they pass."""
-        present = [test for test in tests if (self.tree / test).exists()]
-        command = [
-            sys.executable, "-m", "pytest", "-x", "-q", "--no-header", "--tb=no", "-p",
-            "no:cacheprovider", *present,
-        ]  # fmt: skip
-        variables = {
-            **os.environ,
-            "NUMBA_CACHE_DIR": str(self.cache),
-            "PYTHONPATH": os.pathsep.join([str(self.tree), os.environ.get("PYTHONPATH", "")]),
-            "PYTHONDONTWRITEBYTECODE": "1",
-        }
+        """What tests say: the first failure, "time" if they ran on, "" if they pass.
+
+        They run in a fork of this process, which has imported already what takes long.
+        """
+        said = self.tree / "said"
+        child = os.fork()
+        if child == 0:
+            self._be_tested([test for test in tests if (self.tree / test).exists()], said)
+        until, ended, status = time.monotonic() + patience, 0, 0
         try:
-            run = subprocess.run(
-                command, cwd=self.tree, env=variables, timeout=patience, capture_output=True,
-                text=True,
-            )  # fmt: skip
-        except subprocess.TimeoutExpired:
-            return "time"
-        if run.returncode == 0:
+            while not ended:
+                if time.monotonic() > until:
+                    return "time"
+                time.sleep(0.05)
+                ended, status = os.waitpid(child, os.WNOHANG)
+        finally:
+            if not ended:
+                os.killpg(child, signal.SIGKILL)
+                os.waitpid(child, 0)
+        if os.waitstatus_to_exitcode(status) == 0:
             return ""
-        lines = [line for line in run.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
+        lines = [x for x in said.read_text().splitlines() if x.startswith(("FAILED", "ERROR"))]
         return lines[0].split(" - ")[0] if lines else "does not run"
 
+    def _be_tested(self, tests: list[str], said: Path) -> NoReturn:
+        """Become a process that runs tests of the copy, and writes down what they say."""
+        os.setsid()
+        with said.open("w") as out:
+            for stream in (1, 2):
+                os.dup2(out.fileno(), stream)
+        os.chdir(self.tree)
+        sys.path.insert(0, str(self.tree))
+        paths = [str(self.tree), os.environ.get("PYTHONPATH", "")]
+        os.environ |= {
+            "NUMBA_CACHE_DIR": str(self.cache),
+            "PYTHONPATH": os.pathsep.join(paths),
+            "PYTHONDONTWRITEBYTECODE": "1",
+        }
+        sys.dont_write_bytecode = True
+        for name in [name for name in sys.modules if name.split(".")[0] == "benchmarks"]:
+            del sys.modules[name]
+        options = ["-x", "-q", "--no-header", "--tb=no", "-p", "no:cacheprovider"]
+        code = 1
+        try:
+            code = int(pytest.main([*options, *tests]))
+            sys.stdout.flush()
+        finally:
+            os._exit(code)
 
-def run(chosen: list[Mutant], results: Path) -> list[dict]:
-    """Try the mutants that have no result yet, and return all results."""
+
+def run(chosen: list[Mutant], results: Path, *, again: bool = False) -> list[dict]:
+    """Try the mutants that have no result yet, and return the results of all.
+
+    Args:
+        chosen: The mutants.
+        results: Where results are kept.
+        again: Whether those that were not noticed are tried once more.
+    """
     results.parent.mkdir(parents=True, exist_ok=True)
-    known = [json.loads(line) for line in results.open()] if results.exists() else []
-    done = {record["name"] for record in known}
-    waiting = [mutant for mutant in chosen if mutant.name not in done]
+    lines = [json.loads(line) for line in results.open()] if results.exists() else []
+    known = {record["name"]: record for record in lines}
+    waiting = [
+        mutant
+        for mutant in chosen
+        if mutant.name not in known or (again and not known[mutant.name]["noticed_by"])
+    ]
+    for library in LIBRARIES:
+        with suppress(ImportError):
+            import_module(library)
     with tempfile.TemporaryDirectory() as folder:
         copy = Copy(Path(folder))
         if waiting:
-            copy.fill()
+            copy.fill(list(dict.fromkeys(t for mutant in waiting for t in tests_of(mutant.file))))
         for mutant in waiting:
             failure = copy.notice(mutant)
             record = {"name": mutant.name, "line": mutant.line, "noticed_by": failure}
-            known.append(record)
+            known[mutant.name] = record
             with results.open("a") as log:
                 log.write(json.dumps(record) + "\n")
             print("noticed " if failure else "SURVIVED", mutant.line, mutant.name, flush=True)
-    chosen_names = {mutant.name for mutant in chosen}
-    return [record for record in known if record["name"] in chosen_names]
+    return [{"room": mutant.room, **known[mutant.name]} for mutant in chosen]
 
 
 def report(records: list[dict]) -> str:
-    """Score and survivors."""
-    rows = []
-    for file in TESTS:
-        mine = [r for r in records if r["name"].startswith(file + ".")]
-        survived = [r for r in mine if not r["noticed_by"]]
-        argued = [r for r in survived if r["name"] in EQUIVALENT]
-        if mine:
-            noticed, unexplained = len(mine) - len(survived), len(survived) - len(argued)
-            rows.append([file, len(mine), noticed, len(argued), unexplained])
+    """The score of each room, and what was not noticed."""
+    rows: list[list] = []
+    for room in dict.fromkeys(record["room"] for record in records):
+        mine = [record for record in records if record["room"] == room]
+        left = [record["name"] for record in mine if not record["noticed_by"]]
+        argued = sum(name in EQUIVALENT for name in left)
+        rows.append([room, len(mine), len(mine) - len(left), argued, len(left) - argued])
     rows.append(["all", *(sum(row[i] for row in rows) for i in range(1, 5))])
-    text = table(["file", "changes", "noticed", "without effect", "survived"], rows)
-    left = [r for r in records if not r["noticed_by"]]
+    for row in rows:
+        row.append(f"{row[2] / max(1, row[1] - row[3]):.0%}")
+    heads = ["room", "wrong", "noticed", "without effect", "survived", "score"]
+    text = table(heads, rows)
+    left = [record["name"] for record in records if not record["noticed_by"]]
     if left:
-        reasons = [(code(r["name"]), EQUIVALENT.get(r["name"], "**survived**")) for r in left]
-        text += "\n\n" + table(["change not noticed", "why it changes no walk"], reasons)
+        reasons = [(code(name), EQUIVALENT.get(name, "**survived**")) for name in left]
+        text += "\n\n" + table(["not noticed", "why it changes no walk"], reasons)
     return text
 
 
@@ -170,16 +275,24 @@ def code(text: str) -> str:
 def main() -> None:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
-    parser.add_argument("--count", type=int, default=200, help="how many changes to try")
-    parser.add_argument("--file", choices=sorted(TESTS), help="one module only")
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--results", type=Path, default=ROOT / "build" / "mutants.jsonl")
-    parser.add_argument("--write", action="store_true", help=f"put the tables into {PAGE.name}")
+    add = parser.add_argument
+    add("--changes", type=int, default=0, help="how many single signs to change (%(default)s)")
+    add("--seed", type=int, default=1, help="of their order")
+    add("--rooms", nargs="+", metavar="ROOM", help="these rooms only")
+    add("--again", action="store_true", help="try once more what was not noticed")
+    add("--results", type=Path, default=ROOT / "build" / "mutants.jsonl")
+    add("--write", action="store_true", help=f"put the tables into {PAGE.name}")
     options = parser.parse_args()
-    pool = sample([options.file] if options.file else list(TESTS), options.seed)
-    found = report(run(pool[: options.count], options.results))
+    pool = sample(list(CHANGED), options.seed)
+    thought_up, gone = faults()
+    chosen = pool[: options.changes] + thought_up
+    if options.rooms:
+        chosen = [mutant for mutant in chosen if mutant.room in options.rooms]
+    found = report(run(chosen, options.results, again=options.again))
     command = " ".join(["python -m benchmarks.mutation", *sys.argv[1:]])
-    share = f"{min(options.count, len(pool))} of {len(pool)} possible changes."
+    share = f"{len(thought_up)} faults, and {options.changes} of {len(pool)} single changes."
+    for name in gone:
+        share += f"\nThe code that this fault was written for has changed: {name}."
     text = f"`{command}`\n{machine('scipy')}\n\n{share}\n\n{found}"
     if options.write:
         keep("mutation", text, PAGE)

@@ -33,7 +33,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--long", action="store_true", help="try each a hundred times as often")
     parser.add_argument("--only", default="", help="statements or topics that contain this")
-    parser.add_argument("--write", action="store_true", help=f"put the table into {PAGE.name}")
+    parser.add_argument("--write", action="store_true", help=f"put the table into {PAGE.name}, "
+        "where that of all statements stands, or that of those asked for")  # fmt: skip
     options = parser.parse_args()
     rows, broken = [], 0
     for case in STATEMENTS:
@@ -50,7 +51,7 @@ def main() -> int:
     heads = ["topic", "statement", "tried", "failed", "largest error"]
     text = f"`{command}`\n{machine('scipy')}\n\n{table(heads, rows)}"
     if options.write:
-        keep("stress", text, PAGE)
+        keep(f"stress {options.only}".strip(), text, PAGE)
     else:
         print(f"\n{text}")
     return 1 if broken else 0

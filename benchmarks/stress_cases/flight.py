@@ -103,8 +103,8 @@ class Flock(NamedTuple):
             )  # fmt: skip
         return records
 
-    def ledger(self, starts: NDArray, records: NDArray) -> NDArray[np.float64]:
-        """What is missing in each ledger, relative to the energy that moved in it."""
+    def books(self, starts: NDArray, records: NDArray) -> tuple[NDArray, NDArray]:
+        """What is missing in each ledger, and the energy that moved in it; both / (m g l)."""
         before = self.kinetic_energy(starts)
         gained = self.kinetic_energy(records["state"]) - before
         gravity = self.gravity_work(starts, records)
@@ -112,7 +112,12 @@ class Flock(NamedTuple):
         hip, turned = torque * records["moved"][:, 0], np.abs(torque) * records["turned"][:, 0]
         lost = records["knee_loss"] + records["heel_loss"]
         missing = np.abs(gravity + hip - gained - lost)
-        return missing / (before + np.abs(gained) + np.abs(gravity) + turned + lost)
+        return missing, before + np.abs(gained) + np.abs(gravity) + turned + lost
+
+    def ledger(self, starts: NDArray, records: NDArray) -> NDArray[np.float64]:
+        """What is missing in each ledger, relative to the energy that moved in it."""
+        missing, moved = self.books(starts, records)
+        return missing / moved
 
 
 def flock(walker: Walker) -> Flock:

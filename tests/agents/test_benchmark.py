@@ -9,7 +9,11 @@ import pytest
 import train
 from agents import benchmark, standings
 from agents.benchmark import Unit
-from agents.config import ConfigError
+from agents.config import ConfigError, configure
+from gym_passive_walker import closed_loop_gait, find_gait
+from gym_passive_walker.control import optimal
+from gym_passive_walker.control.baselines import Optimal
+from gym_passive_walker.control.trials import kicks
 
 
 def score(agent="ppo", seed=0, scene="level", **changes):
@@ -59,6 +63,64 @@ def test_a_training_that_was_stopped_is_not_judged(tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         benchmark.run(tmp_path, [Unit("steep", "ppo", 0)], budget=0.01, progress=False)
     assert not benchmark.load_scores(tmp_path)
+
+
+def test_a_training_makes_its_share_of_the_presets_steps(tmp_path, monkeypatch):
+    asked = []
+
+    def train(run, **_):
+        asked.append(run.config)
+        return False
+
+    monkeypatch.setattr(benchmark.Run, "train", train)
+    for budget in (1.0, 0.25):
+        with pytest.raises(KeyboardInterrupt):
+            benchmark.measure(tmp_path / str(budget), Unit("steep", "ppo", 4), budget)
+    whole, quarter = asked
+    assert whole.steps == configure("ppo", "steep").steps == 4 * quarter.steps
+    assert whole.seed == quarter.seed == 4
+
+
+@pytest.fixture(scope="module")
+def optimal_score():
+    """The score of the optimal gait's policy on the level, over few episodes."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(benchmark, "EPISODES", 6)
+        return benchmark.judge(Optimal("level"), "level")
+
+
+def test_who_plays_the_optimum_costs_about_as_much(optimal_score):
+    assert optimal_score["walked_on"] == 1.0
+    assert 0.0 < optimal_score["above_optimum"] < 0.1
+
+
+def test_work_is_driving_and_braking(optimal_score):
+    hip, net = optimal_score["hip_cost"], optimal_score["net_hip_cost"]
+    drives = optimal_score["positive_hip_cost"]
+    assert net == pytest.approx(drives - (hip - drives), rel=1e-12)
+    assert 0.0 < net < drives < hip
+    assert optimal_score["cost_of_transport"] == hip + optimal_score["gravity_cost"]
+
+
+def test_kicks_are_told_as_forward_and_backward(optimal_score):
+    gait = closed_loop_gait(Optimal("level"), "level")
+    told = optimal_score["kick_forward"], optimal_score["kick_backward"]
+    assert told == kicks(gait) and told[0] != told[1]
+
+
+def test_who_walks_on_the_level_stands_beside_the_passive_walker_at_its_speed():
+    gait = find_gait("C", 0.01)
+    walks = {"speed": gait.froude_speed, "cost_of_transport": 0.02}
+    scores = [
+        score("passive", walked_on=0.0), score("lqr", **walks), score("lqr", scene="lab"),
+    ]  # fmt: skip
+    assert list(standings.walking_on_the_level(scores)) == ["lqr"]
+    *_, line = standings.equal_speeds(scores).splitlines()
+    least = optimal.least_cost(optimal.load("level"), gait.froude_speed)
+    cells = [cell.strip() for cell in line.strip("|").split("|")]
+    assert cells == [
+        "lqr", f"{gait.froude_speed:.3f}", "0.0200", f"{least:.4f}", f"{math.sin(0.01):.4f}"
+    ]  # fmt: skip
 
 
 def test_the_middle_of_some_seeds_forgets_the_odd_ones():

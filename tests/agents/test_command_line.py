@@ -1,14 +1,17 @@
 """What `train.py` makes of its arguments."""
 
+import csv
 import shutil
 
 import pytest
 import torch
 
 import train
-from agents import files
+from agents import evaluation, files, pictures, worlds
 from agents.config import Config
+from agents.learner import load_policy
 from gym_passive_walker.control import optimal
+from gym_passive_walker.control.baselines import Passive
 
 TINY = ["--steps", "128", "--envs", "8", "--every", "64", "--quiet"]
 
@@ -32,6 +35,31 @@ def test_a_run_leaves_everything_in_its_folder(trained):
         assert (trained / name).read_bytes().startswith(b"\x89PNG")
     assert "passive" in (trained / "evaluation.txt").read_text()
     assert len((trained / "evaluation.csv").read_text().splitlines()) == 1 + 2 * 20
+
+
+def test_an_evaluation_tells_each_agents_own_episodes(trained):
+    with (trained / "evaluation.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    config = Config.load(trained / files.CONFIG)
+    for name, agent in (("SAC", load_policy(trained)), ("passive", Passive())):
+        walks = evaluation.evaluate(agent, worlds.arena(config, 20), seed=1000)
+        told = [float(row["reward"]) for row in rows if row["agent"] == name]
+        assert told == pytest.approx(walks.reward, abs=1e-6)
+
+
+def test_a_gait_is_drawn_beside_the_optimal_gait_of_about_its_speed(tmp_path, monkeypatch):
+    drawn = []
+
+    def draw(path, *gaits):
+        path.touch()
+        drawn.append(gaits)
+
+    monkeypatch.setattr(pictures, "closed_loop", draw)
+    line = ["gait", "constant", "--scene", "level", "--out", str(tmp_path / "gait.png")]
+    assert train.main(line) == 0
+    ((gait, beside),) = drawn
+    apart = [abs(other.speed - gait.speed) for other in optimal.load("level")]
+    assert abs(beside.speed - gait.speed) == min(apart) < 0.01
 
 
 def test_an_evaluation_can_be_repeated(trained, capsys):

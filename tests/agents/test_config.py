@@ -1,9 +1,13 @@
 """A run's configuration: presets, and what the user puts over them."""
 
+import numpy as np
 import pytest
 import yaml
 
+from agents import worlds
 from agents.config import ALGORITHMS, Config, ConfigError, configure, presets
+from agents.learner import build
+from gym_passive_walker.envs.scene import make_scene
 
 SCENES = ("level", "steep", "rolling", "lab")
 
@@ -65,6 +69,39 @@ def test_a_preset_with_a_callback_of_another_algorithm_is_refused(algo, monkeypa
     monkeypatch.setattr("agents.config.presets", lambda algo: {"level": other})
     with pytest.raises(ConfigError, match=f"{algo.upper()} has no callback"):
         configure(algo, "level")
+
+
+def test_what_is_asked_for_is_what_is_done():
+    config = configure("sac", "lab", steps=1000, every=70, seed=3)
+    assert (config.steps, config.every, config.seed) == (1000, 70, 3)
+    assert configure(steps=1000).every == 50
+
+
+def test_agents_learn_in_short_episodes_from_hard_starts_and_are_judged_in_neither():
+    config = configure("ppo", "lab", env={"control": "stride", "perturbation": 0.01}, n_envs=3)
+    learning, judged = worlds.training_worlds(config), worlds.arena(config, 3)
+    learning.reset(), judged.reset()
+    done = [learning.step(np.zeros((3, 1)))[2] for _ in range(config.episode_steps)]
+    assert not np.any(done[:-1]) and np.all(done[-1])
+    assert not any(judged.step(np.zeros((3, 1)))[3].any() for _ in range(500))
+    level = configure("ppo", "level", env={"slope": 0.001})
+    assert worlds.training_worlds(level, 1).scene.perturbation == 0.15
+    assert worlds.arena(level, 1).scene == make_scene("level", slope=0.001)
+    assert worlds.single(level).unwrapped.scene == make_scene("level", slope=0.001)
+
+
+def test_a_learning_rate_may_fall_to_zero_as_training_ends():
+    config = configure("ppo", "steep", n_envs=2)
+    assert config.hyperparams["learning_rate"] == "lin_2e-3"
+    model = build(config, worlds.training_worlds(config))
+    assert [model.lr_schedule(left) for left in (1.0, 0.5, 0.0)] == [2e-3, 1e-3, 0.0]
+
+
+@pytest.mark.parametrize("algo", ALGORITHMS)
+def test_returns_are_normalised_with_the_discount_that_is_learned_with(algo):
+    config = configure(algo, "level", n_envs=2)
+    normalizer = build(config, worlds.training_worlds(config)).get_vec_normalize_env()
+    assert normalizer.gamma == config.hyperparams["gamma"] != 0.99
 
 
 def test_a_configuration_survives_its_file(tmp_path):

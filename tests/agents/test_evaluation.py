@@ -2,12 +2,15 @@
 
 import csv
 
+import gymnasium
 import numpy as np
 import pytest
 
 from agents import worlds
 from agents.config import configure
 from agents.evaluation import write_rows
+from agents.learner import LearnedPolicy, build, moments
+from agents.worlds import training_worlds
 from gym_passive_walker.control.baselines import Passive
 from gym_passive_walker.control.walks import WALKED_ON, Walks, evaluate, table
 
@@ -74,6 +77,57 @@ def test_episodes_are_the_same_for_every_agent_and_every_crowd():
     for name in ("slopes", "distance", "strides", "reward", "duration"):
         assert np.array_equal(getattr(few, name), getattr(many, name)[:2])
     assert few.endings == many.endings[:2]
+
+
+class Wavering:
+    """Torques that depend on what is seen, and on nothing else."""
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        """Push where the legs are, brake where they go."""
+        return 0.3 * np.sin(20.0 * observation[..., :1] + observation[..., 3:4]), state
+
+
+def test_an_evaluation_tells_what_each_episode_would_be_alone():
+    """Some end soon and some late; nobody's next episode counts."""
+    arguments = {"scene": "rolling", "energy": "positive", "max_episode_steps": 150}
+    walks = evaluate(Wavering(), gymnasium.make_vec(worlds.ID, num_envs=8, **arguments), seed=40)
+    world = gymnasium.make(worlds.ID, **arguments)
+    lasted = []
+    for i in range(8):
+        seen, _ = world.reset(seed=40 + i)
+        slope, sums, over = world.unwrapped.slope, np.zeros(6), False
+        steps = 0
+        while not over:
+            seen, reward, terminated, truncated, info = world.step(Wavering().predict(seen)[0])
+            sums[0] += reward
+            if info.get("outcome") == "heelstrike":
+                length = info["step_length"]
+                costs = (info[name] for name in ("hip_cost", "net_hip_cost", "gravity_cost"))
+                sums[1:] += [length, info["step_period"], *(cost * length for cost in costs)]
+            over, steps = terminated or truncated, steps + 1
+        names = ("reward", "length", "duration", "hip_work", "net_work", "gravity_work")
+        told = [getattr(walks, name)[i] for name in names]
+        assert told == pytest.approx(sums, rel=1e-12, abs=1e-15)
+        assert (walks.slopes[i], walks.seeds[i]) == (slope, 40 + i)
+        assert walks.distance[i] == info["episode_distance"]
+        assert walks.strides[i] == info["strides"]
+        assert walks.endings[i] == (info["outcome"].replace("_", " ") if terminated else WALKED_ON)
+        lasted.append(steps)
+    assert min(lasted) < 75 < max(lasted) == 150
+
+
+@pytest.mark.parametrize("algo", ["ppo", "sac"])
+def test_to_be_judged_changes_nothing_in_an_agent(algo):
+    config = configure(algo, "level", n_envs=2)
+    model = build(config, training_worlds(config))
+    normalizer = model.get_vec_normalize_env()
+    normalizer.obs_rms.mean += 0.1
+    agent, before = LearnedPolicy(model, algo), dict(moments(normalizer))
+    arena = worlds.arena(config, 3)
+    first, again = (evaluate(agent, arena, seed=0) for _ in range(2))
+    assert np.array_equal(first.reward, again.reward) and first.endings == again.endings
+    for name, value in moments(normalizer).items():
+        assert np.array_equal(value, before[name]), name
 
 
 def test_a_passive_walk_costs_the_sine_of_its_slope():

@@ -9,12 +9,13 @@ from agents.learner import build
 from agents.worlds import training_worlds
 
 
-def test_noise_and_charge_follow_the_steps_made():
+@pytest.mark.parametrize("log_std", [{0.2: -1.0, 0.6: -3.0}, {0.6: -3.0, 0.2: -1.0}])
+def test_noise_and_charge_follow_the_steps_made(log_std):
     config = configure(n_envs=4)
     worlds = training_worlds(config)
     model = build(config, worlds)
     model._total_timesteps = 1000
-    schedule = Schedule({0.2: -1.0, 0.6: -3.0}, energy="positive", until=0.5)
+    schedule = Schedule(log_std, energy="positive", until=0.5)
     schedule.init_callback(model)
     seen = []
     for model.num_timesteps in (0, 200, 400, 600, 1000):

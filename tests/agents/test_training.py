@@ -18,11 +18,13 @@ import torch
 import yaml
 
 import train
-from agents import checkpoint, files, worlds
+from agents import checkpoint, files, training, worlds
 from agents.callbacks import Milestones
 from agents.config import Config, ConfigError, configure
+from agents.evaluation import evaluate
 from agents.learner import LearnedPolicy, export, learned, load_policy
 from agents.training import Run
+from benchmarks.kills import kill
 
 SMALL = {"n_envs": 8, "every": 128}
 # What follows the steps asked for would go on otherwise when more are asked for.
@@ -60,18 +62,34 @@ def _short_exams(monkeypatch):
     monkeypatch.setattr(worlds, "arena", short)
 
 
+def varied(steps):
+    """SAC in short episodes of walkers that vary; its memory is soon full, its actions random."""
+    config = dataclasses.replace(
+        small("sac", steps), episode_steps=7, training={"randomise": {"foot_radius": 0.2}}
+    )
+    config.hyperparams.update({"buffer_size": 160, "learning_starts": 300})
+    return config
+
+
 @pytest.mark.parametrize(
-    ("algo", "scene"), [("ppo", "rolling"), ("sac", "level"), ("ppo", "steep")]
+    "config",
+    [
+        lambda steps: small("ppo", steps, "rolling"),
+        lambda steps: small("sac", steps, "level"),
+        lambda steps: small("ppo", steps, "steep"),
+        varied,
+    ],
+    ids=["ppo-rolling", "sac-level", "ppo-steep", "sac-varied"],
 )
-def test_a_resumed_run_goes_on_as_if_uninterrupted(tmp_path, algo, scene):
-    whole = Run(small(algo, 384, scene), tmp_path / "whole")
+def test_a_resumed_run_goes_on_as_if_uninterrupted(tmp_path, config):
+    whole = Run(config(384), tmp_path / "whole")
     assert whole.train(progress=False)
-    part = Run(small(algo, 256, scene), tmp_path / "parts")
+    part = Run(config(256), tmp_path / "parts")
     assert part.train(progress=False)
     # What else the process does in between must not matter.
     np.random.seed(5)  # noqa: NPY002
     torch.manual_seed(5)
-    rest = Run(small(algo, 384, scene), tmp_path / "parts")
+    rest = Run(config(384), tmp_path / "parts")
     assert rest.resumed and rest.steps == 256
     assert np.array_equal(weights(rest), weights(part))
     assert rest.train(progress=False)
@@ -83,6 +101,85 @@ def test_a_resumed_run_goes_on_as_if_uninterrupted(tmp_path, algo, scene):
     normalizers = [run.model.get_vec_normalize_env() for run in (whole, rest)]
     assert np.array_equal(normalizers[0].obs_rms.mean, normalizers[1].obs_rms.mean)
     assert np.array_equal(normalizers[0].returns, normalizers[1].returns)
+
+
+def draws(run):
+    """What each source of random numbers in a training draws next."""
+    worlds = run.model.env.unwrapped
+    return [
+        torch.rand(3).tolist(), np.random.random(3).tolist(),  # noqa: NPY002
+        *([run.model.action_space.sample().item() for _ in range(3)]),
+        *(source.random() for source in worlds._native.np_random),
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("algo", ["ppo", "sac"])
+def test_a_checkpoint_brings_back_every_source_of_random_numbers(tmp_path, algo):
+    run = Run(small(algo), tmp_path)
+    run.train(progress=False)
+    expected = draws(run)
+    assert draws(run) != expected
+    assert draws(Run(small(algo), tmp_path)) == expected
+
+
+def test_a_checkpoint_brings_back_all_that_an_agent_remembers(tmp_path):
+    """A memory that has been full for long, of episodes that a fall or the time limit ended."""
+    run = Run(varied(256), tmp_path)
+    run.train(progress=False)
+    again = Run(varied(256), tmp_path)
+    theirs, ours = run.model.replay_buffer, again.model.replay_buffer
+    assert theirs.full and theirs.timeouts.any()
+    for name, value in vars(theirs).items():
+        if isinstance(value, np.ndarray):
+            assert np.array_equal(getattr(ours, name), value), name
+    assert (ours.pos, ours.full) == (theirs.pos, theirs.full)
+
+
+def exams(monkeypatch, rewards, tell):
+    """Let evaluations come out as told, and look at each."""
+    left = iter(rewards)
+
+    def told(policy, arena, *, seed):
+        walks = evaluate(policy, arena, seed=seed)
+        reward = float(next(left))
+        tell(policy, walks, reward)
+        return dataclasses.replace(walks, reward=np.full(len(walks), reward))
+
+    monkeypatch.setattr(training, "evaluate", told)
+
+
+def test_training_keeps_the_policy_that_did_best_in_its_evaluations(tmp_path, monkeypatch):
+    """Whenever that was, and though the run was interrupted since."""
+    seen = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 8)).astype(np.float32)
+    acted = {}
+
+    def tell(policy, walks, reward):
+        acted[reward] = policy.predict(seen)[0]
+
+    exams(monkeypatch, [1.0, 5.0, 3.0, 4.0], tell)
+    for steps in (256, 384):
+        Run(small(steps=steps), tmp_path).train(progress=False)
+    assert list(acted) == [1.0, 5.0, 3.0, 4.0]
+    kept = load_policy(tmp_path)
+    assert kept.predict(seen)[0] == pytest.approx(acted[5.0], abs=1e-6)
+    assert kept.predict(seen)[0] != pytest.approx(acted[4.0], abs=1e-6)
+
+
+def test_all_evaluations_of_a_run_are_of_the_same_episodes(tmp_path, monkeypatch):
+    starts = []
+    exams(monkeypatch, range(10), lambda policy, walks, reward: starts.append(walks))
+    Run(small(scene="rolling"), tmp_path).train(progress=False)
+    assert len(starts) == 3
+    for walks in starts:
+        assert np.array_equal(walks.slopes, starts[0].slopes)
+        assert np.array_equal(walks.seeds, starts[0].seeds)
+
+
+def test_seconds_of_training_add_up(tmp_path, monkeypatch):
+    run = Run(small(), tmp_path)
+    for spent in (2.0, 3.0, 5.0):
+        run._evaluate(spent)
+    assert [row["seconds"] for row in run.notes["curve"]] == [2.0, 5.0, 10.0]
 
 
 def test_the_same_seed_learns_the_same(tmp_path):
@@ -227,6 +324,12 @@ def test_tensorboard_gets_its_logs_where_asked(tmp_path):
 
 
 @pytest.mark.learning
+def test_a_training_that_is_killed_twice_ends_as_if_it_had_not_been(tmp_path):
+    found = kill(tmp_path, 2)
+    assert found.differ == 0 and found.compared > 100_000
+
+
+@pytest.mark.learning
 def test_a_killed_training_loses_one_interval_at_most(tmp_path):
     folder, every = tmp_path / "run", 8192
     script = Path(train.__file__)
@@ -288,7 +391,8 @@ def test_a_training_says_when_it_first_walked(tmp_path):
     run.notes["curve"] = [
         {"steps": 64, "seconds": 0.5, "hundred_strides": 0.4},
         {"steps": 1024, "seconds": 1.5, "hundred_strides": 0.5},
+        {"steps": 2048, "seconds": 2.5, "hundred_strides": 0.9},
     ]
     assert "1.5 s of training, 1,024 steps" in run.first_hundred()
-    run.notes["curve"].pop()
+    del run.notes["curve"][1:]
     assert run.first_hundred().startswith("Never")

@@ -1,18 +1,18 @@
 """Agents that learn nothing."""
 
-import gymnasium as gym
+import gymnasium
 import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.control.baselines import ConstantTorque, LinearFeedback, Passive
-from gym_passive_walker.control.feedback import powered_gait
+from gym_passive_walker.control.feedback import gains, powered_gait
 from gym_passive_walker.control.walks import WALKED_ON, evaluate
 
 
 def walks(policy, scene, episodes=4, **env):
     """Some walks of an agent in a scene."""
-    arena = gym.make_vec("PassiveWalker-v0", num_envs=episodes, scene=scene, **env)
+    arena = gymnasium.make_vec("PassiveWalker-v0", num_envs=episodes, scene=scene, **env)
     return evaluate(policy, arena, seed=7)
 
 
@@ -62,7 +62,7 @@ def test_feedback_holds_its_torque_through_the_ticks_of_a_stride():
     policy = LinearFeedback("level")
     held = walks(policy, "level", perturbation=0.02)
     assert held.endings == [WALKED_ON] * 4
-    world = gym.make("PassiveWalker-v0", perturbation=0.02)
+    world = gymnasium.make("PassiveWalker-v0", perturbation=0.02)
     observation, _ = world.reset(seed=1)
     state, torques, strides = None, [], []
     for _ in range(120):
@@ -109,6 +109,58 @@ def test_deadbeat_feedback_is_back_on_the_gait_in_a_few_strides(pieces, strides)
     closed = LinearFeedback("level", "deadbeat", pieces=pieces).closed_loop
     assert np.max(np.abs(np.linalg.matrix_power(closed, strides))) < 1e-9
     assert np.max(np.abs(np.linalg.matrix_power(closed, strides - 1))) > 1e-3
+
+
+def test_two_torques_a_stride_are_held_through_a_half_each():
+    rows = LinearFeedback("level", pieces=2).rows
+    (change,) = np.flatnonzero(np.any(np.diff(rows, axis=0) != 0.0, axis=1))
+    assert change + 1 == pytest.approx(len(rows) / 2, abs=0.5)
+
+
+def test_lqr_gains_cost_least_over_all_strides_to_come():
+    """Of deviations squared and weighted torques squared, against any other gains nearby."""
+    random = np.random.default_rng(2)
+    a, b, weight = random.normal(size=(3, 3)), random.normal(size=(3, 2)), 0.7
+    scaled = weight / np.max(np.abs(b)) ** -2
+
+    def cost(k):
+        state, sum_of_costs = np.eye(3), 0.0
+        for _ in range(200):
+            torque = -k @ state
+            sum_of_costs += np.sum(state**2) + scaled * np.sum(torque**2)
+            state = a @ state + b @ torque
+        return sum_of_costs
+
+    best = gains(a, b, "lqr", torque_weight=weight)
+    for _ in range(20):
+        assert cost(best + 1e-3 * random.normal(size=best.shape)) > cost(best)
+
+
+def test_each_walker_of_a_batch_has_a_stride_of_its_own():
+    """Who begins a stride plans it anew; the others go on with theirs."""
+    scene = {"slope": 0.03, "perturbation": 0.03}
+    policy = LinearFeedback(scene, pieces=2)
+    crowd = gymnasium.make_vec("PassiveWalker-v0", num_envs=4, **scene)
+    singles = [gymnasium.make("PassiveWalker-v0", **scene) for _ in range(4)]
+    seen, state = crowd.reset(seed=0)[0], None
+    alone = [(world.reset(seed=i)[0], None) for i, world in enumerate(singles)]
+    for _ in range(150):
+        action, state = policy.predict(seen, state)
+        seen = crowd.step(action)[0]
+        for i, world in enumerate(singles):
+            own, its_state = policy.predict(*alone[i])
+            assert own == pytest.approx(action[i])
+            alone[i] = world.step(own)[0], its_state
+
+
+def test_feedback_begins_anew_with_each_episode_wherever_it_starts():
+    policy = LinearFeedback("level", pieces=2)
+    seen = np.tile([0.2, -0.25, -0.3, -0.5, -0.1, -0.2, 0.0, 0.0], (2, 1))  # in mid-stride
+    _, memory = policy.predict(np.tile([0.3, -0.3, -0.3, -0.4, -0.2, -0.4, 0.0, 0.0], (2, 1)))
+    fresh, _ = policy.predict(seen)
+    both, (_, step) = policy.predict(seen, memory, np.array([True, False]))
+    assert both[0] == fresh[0] and both[1] != fresh[1]
+    assert step.tolist() == [0, 1]
 
 
 def test_a_stride_of_one_torque_has_no_two_pieces():

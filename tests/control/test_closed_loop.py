@@ -5,8 +5,15 @@ import pytest
 
 import agents
 import gym_passive_walker as gpw
-from gym_passive_walker.control.baselines import ConstantTorque, LinearFeedback, Passive
-from gym_passive_walker.control.closed_loop import closed_loop_gait
+from gym_passive_walker.control.baselines import (
+    ConstantTorque,
+    LinearFeedback,
+    Optimal,
+    Passive,
+)
+from gym_passive_walker.control.closed_loop import closed_loop_gait, policy_strides
+from gym_passive_walker.gaits.section import Section
+from gym_passive_walker.units import units_of
 
 
 def test_without_a_motor_it_is_the_passive_gait():
@@ -55,6 +62,56 @@ def test_feedback_widens_the_basin_of_a_gait():
         for policy in (Passive(), LinearFeedback("steep"))
     ]
     assert areas[0] < 0.01 < areas[1]
+
+
+def test_a_cell_of_a_basin_says_what_walking_from_it_does():
+    """Rows are rates and columns angles; the swing leg's rates go with the stance leg's."""
+    policy = LinearFeedback("steep")
+    gait = closed_loop_gait(policy, "steep")
+    basin = gait.basin(resolution=20, reach=1.4, strides=6)
+    assert not np.array_equal(basin.survived, basin.survived.T)
+    for row, rate in zip(basin.survived, basin.stance_rates, strict=True):
+        points = np.tile(gait.point * rate / gait.point[1], (20, 1))
+        points[:, 0] = basin.stance_angles
+        ends = policy_strides(policy, gait.scene, gait.slope, points, 6).ends
+        np.testing.assert_array_equal(row, np.isfinite(ends).all(axis=1))
+
+
+def test_a_gait_of_two_strides_is_the_passive_gait_of_two_strides():
+    passive = gpw.find_gait("D", 0.016, period=2)
+    units = units_of(passive.walker)
+    start = Section(walker=passive.walker).points_at(passive.state)[0]
+    scene = {"walker": "D", "slope": 0.016}
+    closed = closed_loop_gait(Passive(), scene, period=2, start=start)
+    assert closed.step_length * units.length == pytest.approx(passive.step_length, rel=1e-6)
+    assert closed.step_period * units.time == pytest.approx(passive.step_period, rel=1e-6)
+    assert closed.speed == pytest.approx(passive.froude_speed, rel=1e-6)
+    assert closed.cost_of_transport == pytest.approx(np.sin(0.016), rel=1e-5)
+    assert closed.stable
+
+
+def test_a_gait_over_a_range_of_slopes_is_that_of_its_middle():
+    closed = closed_loop_gait(LinearFeedback("rolling"), "rolling")
+    assert closed.slope == pytest.approx(0.03) and closed.stable
+    assert closed.cost_of_transport == pytest.approx(np.sin(0.03), rel=1e-3)
+
+
+def test_what_a_gait_costs_does_not_hang_on_what_its_motor_is_charged_for():
+    policy = ConstantTorque(0.0025, "level")
+    absolute, net = (closed_loop_gait(policy, {"energy": energy}) for energy in ("absolute", "net"))
+    assert net.hip_cost == absolute.hip_cost > net.net_hip_cost == absolute.net_hip_cost
+
+
+def test_the_portrait_tells_the_torque_of_each_tick():
+    policy = Optimal("level")
+    closed = closed_loop_gait(policy, "level")
+    for time, torque in zip(closed.times[1:], closed.torques[1:], strict=True):
+        ticks = time / closed.scene.tick  # the last one reaches to the heelstrike
+        tick = min(int(np.ceil(ticks - 1e-9)), len(policy.gait.torques)) - 1
+        assert torque == pytest.approx(policy.gait.torques[tick], abs=2e-4)
+    assert len(np.unique(closed.torques)) > 10
+    first, last = closed.states[0], closed.states[-1]
+    assert last[[1, 0]] == pytest.approx(first[:2], abs=1e-5)
 
 
 def test_a_walker_that_only_falls_has_no_gait():

@@ -70,6 +70,32 @@ def test_a_passive_gait_is_its_own_optimum_without_a_motor():
     assert found.multipliers[0] == pytest.approx(abs(gait.multipliers[0]), rel=1e-6)
 
 
+def test_optima_at_several_speeds_are_those_that_are_stored():
+    found = optimal.optimal_gaits("steep", [0.33, 0.32])
+    passive = gpw.find_gait("C", 0.11).froude_speed
+    assert [gait.speed for gait in found] == pytest.approx([0.32, passive, 0.33])
+    for gait in found:
+        stored = min(optimal.load("steep"), key=lambda other: abs(other.speed - gait.speed))
+        assert gait.hip_cost == pytest.approx(stored.hip_cost, abs=1e-7)
+    speeds, costs = np.array([(gait.speed, gait.cost_of_transport) for gait in found]).T
+    assert optimal.least_cost(found, speeds[1]) == costs[1]
+    for beyond in (speeds[0] - 1e-6, speeds[-1] + 1e-6):
+        assert np.isnan(optimal.least_cost(found, beyond))
+
+
+@pytest.mark.parametrize("energy", ["absolute", "positive", "net"])
+def test_the_motor_of_an_optimal_gait_is_charged_as_its_scene_says(energy):
+    scene = make_scene("lab", control="stride", slope=0.03, energy=energy)
+    gait = optimal.optimal_gait(scene, 0.16)
+    torque, point = np.array(gait.torques), np.array(gait.point)
+    walked = ticked_stride(scene.walker, 0.03, point, torque, tick=np.inf)
+    absolute, net = np.abs(torque) @ walked.turn, torque @ walked.swing
+    work = {"absolute": absolute, "positive": 0.5 * (absolute + net), "net": net}[energy]
+    assert gait.hip_cost == pytest.approx(work / walked.length, rel=1e-9)
+    assert gait.cost_of_transport == pytest.approx(np.sin(0.03) + gait.hip_cost)
+    assert not net == pytest.approx(absolute, rel=1e-3)
+
+
 def test_the_optimal_policy_plays_its_gait_and_returns_to_it():
     policy = Optimal("level")
     closed = closed_loop_gait(policy, "level")
@@ -86,6 +112,8 @@ def test_stored_gaits_belong_to_a_scene_however_it_is_named():
     assert Optimal(make_scene("steep")).gait == Optimal("steep").gait
     with pytest.raises(ValueError, match="optimal_gait"):
         Optimal(make_scene("level", slope=0.001))
+    with pytest.raises(ValueError, match="optimal_gait"):
+        Optimal(make_scene("steep", walker=gpw.tune("C")))
 
 
 @pytest.mark.parametrize(

@@ -6,14 +6,17 @@ import pytest
 import gym_passive_walker as gpw
 from gym_passive_walker.control.feedback import powered_gait
 from gym_passive_walker.control.motion import Motion
+from gym_passive_walker.control.optimum import Problem
 from gym_passive_walker.control.ticks import ticked_stride, ticked_strides
 from gym_passive_walker.engine.run import new_records
+from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stability import NoStride
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.physics.systems import body_of
+from gym_passive_walker.units import units_of
 
 WALKER = gpw.WALKERS["C"]
 TICK, TICKS = 0.1, 32
@@ -52,6 +55,40 @@ def test_equal_ticks_are_one_torque(level):
     assert walked.duration * WALKER.time_unit == pytest.approx(float(whole.duration))
     assert gait.hip_torque * walked.turn.sum() == pytest.approx(float(whole.hip_work_absolute))
     assert gait.hip_torque * walked.swing.sum() == pytest.approx(float(whole.hip_work))
+
+
+@pytest.fixture(scope="module")
+def stubbing():
+    """A point and a torque whose stride stubs its toe, if that is a rule."""
+    random, section, units = np.random.default_rng(0), Section(walker=WALKER), units_of(WALKER)
+    point = section.points_at(gpw.find_gait(WALKER, 0.02).state)[0]
+    points = point * (1.0 + 0.3 * random.uniform(-1.0, 1.0, (4000, 4)))
+    torques = random.uniform(-0.05, 0.05, 4000)
+    strides = [
+        gpw.stride(
+            WALKER, 0.02, section.states_at(points), hip_torque=torques * units.torque, stub=stub
+        )
+        for stub in (False, True)
+    ]
+    walks, stubs = (strike.outcome for strike in strides)
+    both = (walks == gpw.Outcome.HEELSTRIKE) & (stubs == gpw.Outcome.STUBBED_TOE)
+    which = np.flatnonzero(both)[0]
+    return points[which], np.array([torques[which]])
+
+
+def test_a_stubbed_toe_ends_a_stride_where_that_is_a_rule(stubbing):
+    ticked_stride(WALKER, 0.02, *stubbing, tick=TICK)
+    with pytest.raises(NoStride, match="STUBBED_TOE"):
+        ticked_stride(WALKER, 0.02, *stubbing, tick=TICK, stub=True)
+
+
+def test_a_gait_says_whether_its_toe_would_stub(stubbing):
+    point, torque = stubbing
+    problem = Problem(make_scene("level", slope=0.02), 0.1, 1, 4)
+    assert problem.measured(problem.guess(point, torque)).stubs
+    gait = gpw.find_gait(WALKER, 0.02)
+    point = Section(walker=WALKER).points_at(gait.state)[0]
+    assert not problem.measured(problem.guess(point, [0.0])).stubs
 
 
 def test_torques_after_the_heelstrike_have_no_effect(level):

@@ -77,6 +77,24 @@ def test_a_time_limit_and_a_heelstrike_may_coincide():
     assert done[0] and infos[0]["outcome"] == "time_limit" and infos[0]["strides"] == 3
 
 
+def test_a_fall_in_the_last_step_is_a_fall():
+    def fallen(limit):
+        env = PassiveWalkerVecEnv(1, max_episode_steps=limit, seed=0)
+        env.reset()
+        steps = 0
+        while True:
+            _, _, done, infos = env.step(np.ones((1, 1)))
+            steps += 1
+            if done[0]:
+                return steps, infos[0]
+
+    steps, expected = fallen(4000)
+    assert expected["outcome"] != "time_limit"
+    again, found = fallen(steps)
+    assert again == steps and found["outcome"] == expected["outcome"]
+    assert found["TimeLimit.truncated"] is False
+
+
 def test_what_others_write_into_infos_stays_there():
     env = PassiveWalkerVecEnv(3)
     env.reset()

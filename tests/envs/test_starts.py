@@ -52,6 +52,13 @@ def test_starts_stay_within_the_perturbation_and_fill_it():
     assert 0.9 <= ratios.min() < 0.91 and 1.09 < ratios.max() <= 1.1
 
 
+def test_angles_stance_rate_and_swing_rates_are_off_by_draws_of_their_own():
+    exact = draws(Scene(slope=0.02, perturbation=0.0), 1)[0, 1:]
+    ratios = draws(Scene(slope=0.02, perturbation=0.1), 500)[:, 1:] / exact
+    draw = np.array([0, 0, 0, 1, 2, 2])
+    np.testing.assert_allclose(np.corrcoef(ratios.T), draw[:, None] == draw, atol=0.2)
+
+
 def test_the_knee_of_every_start_opens():
     states = draws(Scene(slope=0.001, perturbation=0.5))[:, 1:]
     assert np.all(states[:, 2] == states[:, 1]) and np.all(states[:, 5] <= states[:, 4])
@@ -69,11 +76,13 @@ def test_slopes_are_drawn_from_their_range_and_gaits_go_with_them():
 
 
 def test_varied_walkers_stay_within_their_shares():
-    scene = Scene(slope=0.02, randomise={"foot_radius": 0.2, "hip_mass": 0.1})
+    scene = Scene(slope=0.02, randomise={"foot_radius": 0.2, "shank_mass": 0.1})
     walkers = begun(scene, 50).walkers
     ratios = np.array([w.foot_radius for w in walkers]) / WALKERS["C"].foot_radius
     assert 0.8 <= ratios.min() < 0.85 and 1.15 < ratios.max() <= 1.2
     assert {w.thigh_mass for w in walkers} == {WALKERS["C"].thigh_mass}
+    masses = [w.shank_mass for w in walkers]
+    assert abs(np.corrcoef(ratios, masses)[0, 1]) < 0.5  # each parameter for itself
 
 
 def test_a_start_may_be_given_instead():

@@ -300,6 +300,33 @@ def test_the_lab_walker_walks_on_and_settles_on_its_gait(make, play):
     assert done[-1]["step_length"] == pytest.approx(length, rel=1e-6)
 
 
+def test_a_stride_stalls_when_its_time_is_up_and_not_at_the_end_of_a_tick(make, play):
+    course = play(make(longest_stride=0.55, perturbation=0.0), seed=0)
+    held = play(make(longest_stride=0.55, perturbation=0.0, control="stride"), seed=0)
+    assert len(course) == 6 and len(held) == 1
+    np.testing.assert_allclose(course[-1][0], held[-1][0], atol=1e-6)
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-12])
+def test_a_scene_is_as_exact_as_it_is_asked_to_be(make, tolerance):
+    env = make(scene="lab", control="stride", tolerance=tolerance, perturbation=0.2)
+    env.reset(seed=1)
+    expected = stride(env.walker, env.slope, env.state, tolerance=tolerance, stub=True)
+    env.step(np.zeros(1))
+    np.testing.assert_allclose(env.state, expected.state, rtol=1e-13, atol=1e-13)
+
+
+def test_positive_work_is_that_of_a_motor_that_drives_and_then_brakes(make, play):
+    env = make(scene="lab", energy="positive", control="stride", tolerance=1e-10)
+    env.reset(seed=0)
+    unit = env.walker.total_mass * env.walker.gravity * env.walker.leg_length
+    torque = 0.03 * 0.3
+    walked = stride(env.walker, env.slope, env.state, hip_torque=torque * unit, tolerance=1e-10)
+    *_, info = env.step(np.array([0.3]))
+    assert 0.0 < abs(walked.hip_work) < 0.99 * walked.hip_work_absolute
+    assert info["energy"] * unit == pytest.approx(walked.hip_work_positive, rel=1e-8)
+
+
 def test_actions_beyond_the_box_are_clipped(make, play, assert_same):
     env = make()
     assert_same(play(env, 1.0, steps=20, seed=0), play(env, 7.0, steps=20, seed=0))

@@ -12,6 +12,8 @@ from gym_passive_walker import (
     stride,
 )
 from gym_passive_walker.gaits.attractors import FELL, UNSETTLED
+from gym_passive_walker.gaits.log_chart import logarithms
+from gym_passive_walker.gaits.stride_map import StrideMap
 
 
 @pytest.fixture(scope="module")
@@ -61,6 +63,72 @@ def test_a_cell_says_what_walking_from_it_does():
         assert (end.outcome == Outcome.HEELSTRIKE) == basin.walks[row, column]
         if basin.walks[row, column]:
             assert state[0] == pytest.approx(basin.gaits[0].stance_angle, rel=1e-4)
+
+
+def walked(name, slope, gaits, angle, rate, near=1e-4):
+    """Strides until a walk has come to one of some gaits or fallen, and which, or how it fell."""
+    walker_map = StrideMap.of(name)
+    places = []
+    for index, gait in enumerate(gaits):
+        state = gait.state
+        for _ in range(gait.period):
+            places.append((index, logarithms(walker_map.points_at(state))[0]))
+            state = stride(name, slope, state, tolerance=1e-12).state
+    state = state_at(name, slope, angle, rate)
+    for count in range(300):
+        end = stride(name, slope, state, tolerance=1e-8)
+        if end.outcome != Outcome.HEELSTRIKE:
+            return count, FELL, end.outcome
+        state = end.state
+        u = logarithms(walker_map.points_at(state))[0]
+        for index, place in places:
+            if np.abs(u - place).max() < near:
+                return count + 1, index, Outcome.HEELSTRIKE
+    return 300, UNSETTLED, Outcome.HEELSTRIKE
+
+
+@pytest.mark.parametrize("slope", [0.009, 0.0125])
+def test_a_cell_tells_how_many_strides_lead_where(slope):
+    """Also to a gait of three strides, by whichever of them a walk comes to first."""
+    angles, rates = np.linspace(0.17, 0.27, 9), np.linspace(-0.75, -0.5, 12)
+    basin = basin_of_attraction("D", slope, stance_angles=angles, stance_rates=rates)
+    assert basin.settled.shape == (12, 9)
+    for (row, column), settled in np.ndenumerate(basin.settled):
+        count, index, outcome = walked("D", slope, basin.gaits, angles[column], rates[row])
+        assert basin.strides[row, column] == pytest.approx(count, abs=1)  # near the near
+        assert (settled, basin.outcome[row, column]) == (index, outcome)
+    exact = [
+        basin.strides[i] == walked("D", slope, basin.gaits, angles[i[1]], rates[i[0]])[0]
+        for i in np.ndindex(basin.settled.shape)
+    ]
+    assert np.mean(exact) > 0.97
+
+
+def test_a_cell_is_what_it_is_however_many_there_are():
+    angles, rates = np.linspace(0.01, 0.45, 220), np.linspace(-1.6, -0.1, 320)
+    many = basin_of_attraction("D", 0.009, stance_angles=angles, stance_rates=rates)
+    few = basin_of_attraction("D", 0.009, stance_angles=angles[::20], stance_rates=rates[9::10])
+    assert many.settled.size > 1 << 16
+    for name in ("settled", "outcome", "strides"):
+        np.testing.assert_array_equal(getattr(many, name)[9::10, ::20], getattr(few, name))
+
+
+def test_a_walk_that_never_settles_walks():
+    basin = basin_of_attraction("D", 0.0188, resolution=12, strides=6)
+    assert basin.gaits == () and np.any(basin.settled == UNSETTLED)
+    np.testing.assert_array_equal(basin.walks, basin.outcome == Outcome.HEELSTRIKE)
+
+
+def test_a_slice_by_ratios_starts_with_each_rate_in_its_ratio():
+    angles, rates = np.linspace(0.15, 0.35, 5), np.linspace(-2.0, -0.5, 8)
+    basin = basin_of_attraction(
+        "lab", 0.036, stance_angles=angles, stance_rates=rates, ratios=(0.25, 1.5), strides=1
+    )
+    for (row, column), outcome in np.ndenumerate(basin.outcome):
+        angle, rate = angles[column], rates[row]
+        swing = 0.25 * rate, 1.5 * rate
+        assert outcome == stride("lab", 0.036, [angle, -angle, -angle, rate, *swing]).outcome
+    assert len(np.unique(basin.outcome)) > 2
 
 
 def test_two_stable_gaits_share_a_basin_s_picture():

@@ -10,11 +10,14 @@ from gym_passive_walker import (
     crisis_slope,
     doubling_cascade,
     find_gait,
+    find_gaits,
     gait_family,
     lyapunov_exponents,
+    stride,
     tune,
 )
 from gym_passive_walker.gaits.attractors import period_of
+from gym_passive_walker.gaits.bifurcation import nearest_on
 from gym_passive_walker.gaits.doubling import FEIGENBAUM
 
 
@@ -80,6 +83,60 @@ def test_a_sweep_keeps_to_the_walk_it_is_on():
     np.testing.assert_array_equal(
         bifurcation_diagram("D", sweep.slope, settle=150, keep=40).period, 1
     )
+
+
+def test_a_sweep_is_one_walk_over_ground_that_tilts():
+    slopes, state = [0.0125, 0.0128, 0.0122], find_gait("D", 0.0125, period=3).state
+    sweep = bifurcation_diagram(
+        "D", slopes, start=state, sweep=True, settle=4, keep=5, longest_period=3
+    )
+    for i, slope in enumerate(slopes):
+        angles = []
+        for _ in range(9):
+            state = stride("D", slope, state).state
+            angles.append(state[0])
+        assert sweep.stance_angle[i] == pytest.approx(angles[4:], rel=1e-8)
+        assert sweep.state[i] == pytest.approx(state, rel=1e-8)
+
+
+def test_a_sweep_that_fell_begins_again_beside_the_next_gait():
+    sweep = bifurcation_diagram("D", [0.0185, 0.0195, 0.012], sweep=True, settle=300, keep=40)
+    np.testing.assert_array_equal(sweep.walks, [True, False, True])
+    angle = find_gait("D", 0.012).stance_angle
+    assert sweep.stance_angle[2] == pytest.approx(angle, rel=1e-8)
+
+
+def test_a_walk_that_falls_after_a_while_has_no_angles():
+    state = bifurcation_diagram("D", [0.0185]).state[0]
+    fall = bifurcation_diagram("D", [0.0195], start=state, settle=0, keep=200)
+    assert np.isfinite(stride("D", 0.0195, state).step_length)
+    assert np.all(np.isnan(fall.stance_angle)) and not fall.walks[0]
+
+
+def test_slopes_are_walked_each_for_itself():
+    slopes = [0.0125, 0.0195, 0.0135, 0.009]
+    start = find_gait("D", 0.0125).state
+    many = bifurcation_diagram("D", slopes, start=start, settle=7, keep=40)
+    for i, slope in enumerate(slopes):
+        alone = bifurcation_diagram("D", [slope], start=start, settle=7, keep=40)
+        np.testing.assert_array_equal(many.stance_angle[i], alone.stance_angle[0])
+        np.testing.assert_array_equal(many.state[i], alone.state[0])
+    exponents = lyapunov_exponents("D", slopes, start=start, settle=0, strides=100, count=2)
+    assert np.isnan(exponents[1]).all() and np.isfinite(exponents[[0, 2, 3]]).all()
+    for i, slope in enumerate(slopes):
+        alone = lyapunov_exponents("D", slope, start=start, settle=0, strides=100, count=2)
+        np.testing.assert_array_equal(exponents[i], alone[0])
+
+
+def test_where_a_family_passes_a_slope_twice_walks_begin_beside_its_stabler_gait():
+    family = gait_family("lab", 0.03, 0.0528)
+    slopes = np.array([0.04, 0.045])
+    for slope, state in zip(slopes, nearest_on(family, slopes), strict=True):
+        long, short = find_gaits("lab", slope)
+        assert long.stable and not short.stable
+        gap = np.abs(state - long.state).max()
+        assert gap < 0.02 * np.abs(state - short.state).max()
+    assert np.all(np.isnan(nearest_on(family, np.array([0.02]))))
 
 
 def test_the_simplest_walker_has_a_stable_gait_of_three_strides():

@@ -60,6 +60,19 @@ def test_a_family_agrees_with_gaits_found_alone(lab):
         np.testing.assert_allclose(near.multipliers, lab.multipliers[i], atol=1e-8)
 
 
+def test_a_family_measures_its_gaits_as_each_measures_itself(lab):
+    for i in (45, 60):
+        gait = find_gait("lab", lab.slope[i], guess=lab.state[i])
+        assert lab.froude_speed[i] == pytest.approx(gait.froude_speed, rel=1e-9)
+        assert lab.speed[i] == pytest.approx(gait.speed, rel=1e-9)
+
+
+def test_no_gait_of_a_family_comes_twice(lab):
+    points = np.column_stack([np.log(lab.slope), lab.stance_angle])
+    gaps = np.abs(points[:, None] - points).max(axis=2)
+    assert np.min(gaps[~np.eye(len(lab), dtype=bool)]) > 1e-9
+
+
 def test_a_fold_is_where_a_search_stops_to_find_gaits(lab):
     i = int(np.argmax(lab.slope))
     found = fold_by_search("lab", 0.0529, 0.0532, lab.state[i])

@@ -42,6 +42,14 @@ def test_a_tuned_kneed_walker_s_long_step_turns_from_the_cube_root_to_proportion
     assert at == pytest.approx(1 / 3, abs=0.04)
 
 
+def test_where_exponents_cross_does_not_hang_on_how_finely_a_family_is_followed():
+    found = [
+        exponent_crossings(gait_family("E", 1e-5, 0.02, "short", resolution=resolution))
+        for resolution in (0.2, 0.03)
+    ]
+    assert found[0] == pytest.approx(found[1], rel=2e-3) and len(found[0]) == 1
+
+
 def test_the_exponent_is_the_slope_of_the_family_in_logarithms():
     family = gait_family("E", 1e-3, 0.02, "short")
     local = local_exponents(family)

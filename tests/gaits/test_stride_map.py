@@ -121,6 +121,54 @@ def test_who_falls_is_told_apart_from_who_walks():
         assert np.all(np.isnan(passage.ends[1:3])) and np.all(np.isnan(passage.lengths[1:3]))
 
 
+def test_who_falls_takes_nothing_from_the_others():
+    """Each has a body, a slope, a torque and directions of its own, however many still walk."""
+    walker_map, _, points = beside("lab", 9)
+    lengths, slopes = np.linspace(0.44, 0.48, 9), np.linspace(0.034, 0.038, 9)
+    torques = np.linspace(-0.001, 0.001, 9)
+    points[[0, 4], 1] *= 0.1  # too slow to get over the vertical
+    points[2] = np.nan
+    torques[6] = -0.01  # brakes, and falls back in its fourth stride
+    along = np.random.default_rng(2).standard_normal((9, 4, 2))
+    by = ("state", "slope", "shank_length", "torque")
+    crowd = walker_map.with_parameter("shank_length", lengths)
+    for strides in (1, 3, 12):
+        asked = {"torque": torques, "strides": strides, "by": by, "along": along}
+        told = crowd.linearise(points, slopes, **asked)
+        plain = crowd.apply(points, slopes, torque=torques, strides=strides)
+        np.testing.assert_array_equal(plain.outcomes, told[0].outcomes)
+        for i in range(9):
+            own = StrideMap.of(replace(WALKERS["lab"], shank_length=lengths[i]), tolerance=1e-14)
+            asked = {"torque": torques[i], "strides": strides, "by": by, "along": along[i : i + 1]}
+            alone = own.linearise(points[i : i + 1], slopes[i], **asked)
+            for mine, its in zip(told, alone, strict=True):
+                for what in TOLD:
+                    np.testing.assert_array_equal(getattr(mine, what)[i], getattr(its, what)[0])
+            np.testing.assert_allclose(plain.ends[i], alone[0].ends[0], rtol=1e-10)
+    assert np.count_nonzero(plain.alive) < 6
+
+
+def test_a_stride_that_takes_longer_than_it_may_is_given_up():
+    walker_map, slope, points = beside("lab")
+    duration = walker_map.apply(points, slope).durations[0]
+    for share, outcome in ((0.99, Outcome.STALLED), (1.01, Outcome.HEELSTRIKE)):
+        hasty = StrideMap.of("lab", longest=share * duration)
+        assert hasty.apply(points, slope).outcomes.tolist() == [outcome]
+
+
+def test_a_toe_may_be_made_to_stub():
+    points = beside("C")[2] * (1.0 + 0.3 * np.random.default_rng(0).uniform(-1, 1, (2000, 4)))
+    torque = np.random.default_rng(1).uniform(-0.05, 0.05, 2000)
+    outcomes = []
+    for stub in (False, True):
+        walker_map = StrideMap.of("C", tolerance=1e-10, stub=stub)
+        units, states = walker_map.units, walker_map.states_at(points)
+        walked = stride("C", 0.03, states, hip_torque=torque * units.torque, stub=stub)
+        outcomes.append(walker_map.apply(points, 0.03, torque=torque).outcomes)
+        np.testing.assert_array_equal(outcomes[-1], walked.outcome)
+    assert Outcome.STUBBED_TOE in outcomes[1] and Outcome.STUBBED_TOE not in outcomes[0]
+
+
 def test_directions_may_be_chosen():
     walker_map, slope, points = beside_each("C", 3)
     directions = np.random.default_rng(2).standard_normal((3, 4, 2))
@@ -140,6 +188,17 @@ def test_samples_are_states_inside_the_stride(name):
         states, phases = states_at(name, slope, state, times[i] * units.time, tolerance=1e-14)
         np.testing.assert_allclose(units.to_own(samples.states[i]), states, atol=1e-13)
         np.testing.assert_array_equal(samples.phases[i], phases)
+
+
+def test_samples_of_walkers_that_differ_are_each_walkers_own():
+    walker_map, slope, points = beside_each("lab", 3)
+    lengths, times = np.array([0.44, 0.46, 0.48]), np.tile([0.1, 0.7, 1.2, 2.0], (3, 1))
+    samples = walker_map.with_parameter("shank_length", lengths).sample(points, slope, times)
+    for i, length in enumerate(lengths):
+        own = StrideMap.of(replace(WALKERS["lab"], shank_length=length), tolerance=1e-14)
+        alone = own.sample(points[i : i + 1], slope, times[i : i + 1])
+        np.testing.assert_array_equal(samples.states[i], alone.states[0])
+        np.testing.assert_array_equal(samples.phases[i], alone.phases[0])
 
 
 def test_the_verge_of_a_strike_is_the_same_in_any_units():

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.policies import DESCRIPTION, TENSORS, policy_folder
 from gym_passive_walker.policies.network import ACTIVATIONS, Network
 from gym_passive_walker.policies.tensors import read_tensors
@@ -74,7 +75,7 @@ def test_it_acts_as_stable_baselines3_does(exported, observations, algo, activat
 
 
 @pytest.mark.parametrize("algo", ["ppo", "sac"])
-@pytest.mark.parametrize("layers", [(), (4,), (8, 8, 8)])
+@pytest.mark.parametrize("layers", [(), (4,), (8, 8, 8), (8,) * 7])
 def test_networks_may_be_of_any_depth(exported, observations, algo, layers):
     original, policy = exported(algo, layers=layers)
     expected, actions = (who.predict(observations)[0] for who in (original, policy))
@@ -91,6 +92,22 @@ def test_noise_is_drawn_as_stable_baselines3_draws_it(exported, observations, al
     for share in (10, 25, 50, 75, 90):
         drawn = [np.percentile(actions, share) for actions in (theirs, ours)]
         assert drawn[0] == pytest.approx(drawn[1], abs=0.03)
+
+
+@pytest.mark.parametrize("size", [0.1, 10.0])
+def test_sac_s_noise_has_bounds(size):
+    """However far from anything seen: from nothing at all to a deviation of exp(2)."""
+    tensors = read_tensors(policy_folder("steep-sac") / TENSORS)
+    tensors["actor.log_std.weight"] = np.zeros_like(tensors["actor.log_std.weight"])
+    tensors["actor.mu.weight"] = np.zeros_like(tensors["actor.mu.weight"])
+    tensors["actor.mu.bias"] = np.zeros(1, np.float32)
+    tensors["actor.log_std.bias"] = np.full(1, 20.0 * size, np.float32)
+    policy = Network(tensors, algo="sac", activation="ReLU", normalizer=None)
+    policy.random = np.random.default_rng(0)
+    drawn, _ = policy.predict(np.zeros((4000, 8)), deterministic=False)
+    # Half of a normal distribution's draws lie within 0.674 deviations.
+    assert np.median(np.abs(drawn)) == pytest.approx(np.tanh(0.6745 * np.exp(2.0)), abs=1e-3)
+    assert np.mean(np.abs(drawn) < np.tanh(1.0)) == pytest.approx(0.1077, abs=0.02)
 
 
 def test_its_memory_is_what_it_was_given_and_its_noise_has_a_seed():
@@ -122,6 +139,29 @@ def test_tensors_are_those_that_the_formats_own_library_reads():
     assert theirs.keys() == ours.keys()
     for name, tensor in theirs.items():
         assert ours[name].dtype == tensor.dtype and np.array_equal(ours[name], tensor)
+
+
+def test_tensors_of_every_kind_are_those_that_the_formats_own_library_writes(tmp_path):
+    library = pytest.importorskip("safetensors.numpy")
+    values = np.random.default_rng(0).integers(-9, 9, (3, 5))
+    kinds = (np.float16, np.float32, np.float64, np.int32, np.int64)
+    written = {kind.__name__: (values / 2).astype(kind) for kind in kinds}
+    library.save_file(written, tmp_path / "kinds.safetensors")
+    for name, tensor in read_tensors(tmp_path / "kinds.safetensors").items():
+        assert tensor.dtype == written[name].dtype and np.array_equal(tensor, written[name])
+
+
+def test_a_policy_knows_its_scene_and_how_it_was_trained(tmp_path):
+    pytest.importorskip("stable_baselines3")
+    from agents.config import configure
+    from agents.learner import LearnedPolicy, build, export
+    from agents.worlds import training_worlds
+
+    config = configure("ppo", "lab", env={"slope": 0.05, "walker": "C"}, n_envs=2, seed=8)
+    export(LearnedPolicy(build(config, training_worlds(config)), "PPO"), config, tmp_path)
+    policy = gpw.load_policy(tmp_path)
+    assert policy.scene == make_scene("lab", slope=0.05, walker="C")
+    assert policy.trained["seed"] == 8 and policy.trained["steps"] == config.steps
 
 
 @pytest.fixture

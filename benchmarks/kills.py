@@ -1,0 +1,148 @@
+"""Kill a training again and again: does it end as if nothing had happened?
+
+    python -m benchmarks.kills --kills 5 --write
+
+A training of SAC runs in one piece. Another one of the same configuration is killed at moments that
+chance chooses, each time it has come past another checkpoint, and resumed. What both remember in
+the end is compared bit by bit: weights, optimisers, memory, normaliser, walkers and all sources of
+random numbers.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from stable_baselines3.common.save_util import load_from_zip_file
+
+import train
+from agents import files
+from benchmarks.report import DOCS, keep, machine, table
+
+PAGE = DOCS / "stability.md"
+STEPS, EVERY, ENVS = 8192, 512, 8  # half of them learn
+_SLOWEST = 2.0  # seconds that a training goes on after a checkpoint, at most, until it is killed
+
+
+class Kills(NamedTuple):
+    """What killing a training showed.
+
+    Attributes:
+        kills: How often it was killed.
+        steps: Steps of its newest checkpoint at each kill.
+        compared: Numbers that both trainings remember.
+        differ: How many of them differ.
+    """
+
+    kills: int
+    steps: list[int]
+    compared: int
+    differ: int
+
+
+def begin(folder: Path, *, resume: bool) -> subprocess.Popen:
+    """Start a training, or go on with it."""
+    place = ["--resume", str(folder)] if resume else ["--out", str(folder), "--algo", "sac"]
+    size = ["--steps", str(STEPS), "--every", str(EVERY)]
+    envs = [] if resume else ["--envs", str(ENVS)]
+    command = [sys.executable, train.__file__, *place, *size, *envs, "--quiet"]
+    return subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+
+def reached(folder: Path) -> int:
+    """Steps of a run's newest checkpoint."""
+    newest = files.newest_checkpoint(folder)
+    return 0 if newest is None else int(newest.name)
+
+
+def finish(training: subprocess.Popen) -> None:
+    """Wait for a training's end."""
+    if training.wait() != 0:
+        raise SystemExit(f"a training ended with {training.returncode}")
+
+
+def remembered(folder: Path) -> Iterator[np.ndarray]:
+    """All numbers of a run's newest checkpoint, in one order."""
+
+    def leaves(value: Any) -> Iterator[np.ndarray]:
+        if isinstance(value, dict):
+            for name in sorted(value, key=str):
+                yield from leaves(value[name])
+        elif isinstance(value, list | tuple):
+            for entry in value:
+                yield from leaves(entry)
+        elif hasattr(value, "detach"):
+            yield value.detach().numpy()
+        else:
+            yield np.array([str(value)])
+
+    newest = files.newest_checkpoint(folder)
+    assert newest is not None
+    yield from leaves(load_from_zip_file(newest / "model.zip", load_data=False)[1:])
+    for path in sorted(newest.glob("*.npz")):
+        with np.load(path) as arrays:
+            yield from (arrays[name] for name in sorted(arrays.files))
+    yield from leaves(json.loads((newest / "worlds.json").read_text()))
+    notes = json.loads((newest / "notes.json").read_text())
+    yield from leaves([notes[name] for name in ("counters", "numpy", "action_space")])
+
+
+def kill(folder: Path, times: int, *, seed: int = 0) -> Kills:
+    """Train twice, once in one piece and once killed so many times.
+
+    Args:
+        folder: An empty folder.
+        times: How often.
+        seed: Of the moments.
+    """
+    rng, steps = np.random.default_rng(seed), []
+    whole, killed = folder / "whole", folder / "killed"
+    finish(begin(whole, resume=False))
+    training = begin(killed, resume=False)
+    while len(steps) < times:
+        before = steps[-1] if steps else 0
+        while reached(killed) <= before:
+            if training.poll() is not None:
+                raise SystemExit("a training ended before it was killed often enough")
+            time.sleep(0.02)
+        time.sleep(rng.uniform(0.0, _SLOWEST))
+        training.kill()
+        training.wait()
+        steps.append(reached(killed))
+        training = begin(killed, resume=True)
+    finish(training)
+    pairs = list(zip(remembered(whole), remembered(killed), strict=True))
+    compared = sum(ours.size for ours, _ in pairs)
+    differ = sum(int(np.count_nonzero(ours != theirs)) for ours, theirs in pairs)
+    return Kills(times, steps, compared, differ)
+
+
+def main() -> int:
+    """Run from the command line; the exit status says whether nothing differed."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--kills", type=int, default=5, help="how often (%(default)s)")
+    parser.add_argument("--write", action="store_true", help=f"put the table into {PAGE.name}")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        found = kill(Path(folder), options.kills)
+    heads = ["kills", "with a newest checkpoint of", "of steps", "numbers compared", "differ"]
+    row = [found.kills, ", ".join(map(str, found.steps)), STEPS, found.compared, found.differ]
+    command = " ".join(["python -m benchmarks.kills", *sys.argv[1:]])
+    text = f"`{command}`\n{machine('torch', 'stable-baselines3')}\n\n{table(heads, [row])}"
+    if options.write:
+        keep("kills", text, PAGE)
+    else:
+        print(f"\n{text}")
+    return 1 if found.differ else 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
