@@ -7,7 +7,7 @@ happen. Everything is dimensionless.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from typing import NamedTuple
@@ -25,14 +25,14 @@ from gym_passive_walker.walkers import Walker
 
 _RECORDED = (
     "state", "time", "moved", "turned", "knee_time", "knee_loss", "heel_loss", "step_length",
-    "gravity_work",
+    "gravity_work", "spring_work", "friction_loss",
 )  # fmt: skip
 
 ROWS = (*State._fields, *_RECORDED[1:])
 """What is told of a walker, in order: the state, after a heelstrike that of the next stride; the
 time since the stride began; how far the hip has opened, net and either way: the work of a unit
-torque; when the knee locked, what both strikes cost, and the step length and gravity's work of a
-stride that has ended, 0 where there are none."""
+torque; when the knee locked, what both strikes cost; the step length and the work of gravity and
+of springs in a stride that has ended, 0 where there are none; and what friction has taken."""
 
 _PLACES = [
     place // 8 + i
@@ -86,10 +86,9 @@ class Motion:
     tolerance: float = 1e-12
     stub: bool = False
 
-    @cached_property
-    def system(self) -> System:
-        """Which equations the walkers obey."""
-        return system_of(self.walker)
+    def system(self, moving: Collection[str] = ()) -> System:
+        """Which equations the walkers obey, as some of their parameters change."""
+        return system_of(self.walker, moving={*self.parameters, *moving})
 
     @cached_property
     def section(self) -> Section:
@@ -151,13 +150,15 @@ class Motion:
         changes["end"] = columns.ends
         bodies = self.bodies(columns.names)
         bodies = bodies if len(bodies) == 1 else bodies[lanes]
-        self.advance(bodies, walked, from_section=from_section)
+        self.advance(columns.names, bodies, walked, from_section=from_section)
         return Carried(self, columns, bodies, records, walked, from_section)
 
-    def advance(self, bodies: NDArray, records: NDArray, *, from_section: bool) -> None:
+    def advance(
+        self, moving: Collection[str], bodies: NDArray, records: NDArray, *, from_section: bool
+    ) -> None:
         """Carry records on in place; see `engine.run.advance`."""
         told = {"tolerance": self.tolerance, "scuff": self.stub, "from_section": from_section}
-        advance(self.system, bodies, records, **told)
+        advance(self.system(moving), bodies, records, **told)
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,7 +207,7 @@ class Carried:
         """How far hips have come along the slope, and its derivatives, (n, 1 + k)."""
         stances = np.empty(self.walked.shape)
         stances[:, :1], stances[:, 1:] = self.before["state"][..., 0], self.columns.states[:, 0]
-        Body = self.motion.system.Body
+        Body = self.motion.system().Body
         before = _places(Body, self.bodies, stances)
         after = _places(Body, self.bodies, self.walked["state"][..., 0])
         return self._told(legs.travelled(before, after, self.outcomes[:, None] == _STRUCK))
@@ -241,12 +242,13 @@ class Carried:
     ) -> NDArray[np.float64]:
         """How fast a strike's guard changes on the verge of it, for some walkers, (lanes,)."""
         motion, verge = self.motion, self.before[lanes]
+        system = motion.system()
         bodies = (self.bodies if len(self.bodies) == 1 else self.bodies[lanes])[:, :1]
         verge["end"], verge["outcome"] = times - _VERGE * (times - verge["time"]), 0
-        motion.advance(bodies, verge, from_section=self.from_section)
+        motion.advance((), bodies, verge, from_section=self.from_section)
         record = verge[:, 0]
-        phase = motion.system.phases[record["phase"][0]]
-        body, state = motion.system.Body(*bodies[:, 0].T), State(*record["state"].T)
+        phase = system.phases[record["phase"][0]]
+        body, state = system.Body(*bodies[:, 0].T), State(*record["state"].T)
         control, ground = Control(*record["control"].T), Ground(*record["ground"].T)
         stance, thigh, *shank = phase.accelerations(body, state, control, ground)
         motion_of = (*state[3:], stance, thigh, *(shank or [thigh]))

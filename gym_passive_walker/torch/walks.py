@@ -42,6 +42,8 @@ class Stride(NamedTuple):
         kneestrike_loss: Energy lost at kneestrike.
         heelstrike_loss: Energy lost at heelstrike.
         gravity_work: Work of gravity; 0 without heelstrike.
+        spring_work: What springs gave, less what they took; likewise.
+        friction_loss: Energy lost to friction at the hip.
         outcome: How it ended, an `Outcome`.
         walks: Whether it ended with a heelstrike; only there are gradients.
         margin: How fast what ended phases fell through zero at the strikes, the least of them, in
@@ -57,6 +59,8 @@ class Stride(NamedTuple):
     kneestrike_loss: Tensor
     heelstrike_loss: Tensor
     gravity_work: Tensor
+    spring_work: Tensor
+    friction_loss: Tensor
     outcome: Tensor
     walks: Tensor
     margin: Tensor
@@ -73,6 +77,7 @@ class Tick(NamedTuple):
         hip_work: Net work of the hip torque.
         hip_work_absolute: Integral of the absolute hip power.
         collision_loss: Energy lost at strikes.
+        friction_loss: Energy lost to friction at the hip.
         outcome: How it ended, an `Outcome`: RUNNING or HEELSTRIKE unless the walker fell.
         walks: Whether the walker has not fallen; only there are gradients.
         margin: As of `Stride`; infinite without strikes.
@@ -85,6 +90,7 @@ class Tick(NamedTuple):
     hip_work: Tensor
     hip_work_absolute: Tensor
     collision_loss: Tensor
+    friction_loss: Tensor
     outcome: Tensor
     walks: Tensor
     margin: Tensor
@@ -123,7 +129,9 @@ def stride(
         walker, slope, state, hip_torque, parameters,
         end=longest, tolerance=tolerance, stub=stub, whole=True,
     )  # fmt: skip
-    knee_loss, heel_loss, gravity = walk.energies("knee_loss", "heel_loss", "gravity_work")
+    knee_loss, heel_loss, gravity, springs, friction = walk.energies(
+        "knee_loss", "heel_loss", "gravity_work", "spring_work", "friction_loss"
+    )
     moved, units = walk.moved, walk.units
     told = Stride(
         state=walk.state,
@@ -135,6 +143,8 @@ def stride(
         kneestrike_loss=knee_loss,
         heelstrike_loss=heel_loss,
         gravity_work=gravity,
+        spring_work=springs,
+        friction_loss=friction,
         outcome=moved.outcomes,
         walks=moved.walks,
         margin=moved.margins,
@@ -173,6 +183,7 @@ def tick(
         duration=duration, phase=phase, tolerance=tolerance, stub=stub,
     )  # fmt: skip
     moved, units = walk.moved, walk.units
+    knee_loss, heel_loss, friction = walk.energies("knee_loss", "heel_loss", "friction_loss")
     told = Tick(
         state=walk.state,
         phase=moved.phases,
@@ -180,7 +191,8 @@ def tick(
         distance=moved.result("distance") * units.length,
         hip_work=walk.hip_work("net"),
         hip_work_absolute=walk.hip_work("absolute"),
-        collision_loss=sum(walk.energies("knee_loss", "heel_loss")),  # type: ignore[arg-type]
+        collision_loss=knee_loss + heel_loss,
+        friction_loss=friction,
         outcome=moved.outcomes,
         walks=moved.walks,
         margin=moved.margins,

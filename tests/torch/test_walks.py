@@ -11,7 +11,7 @@ from gym_passive_walker.torch import stride, tick
 SLOPES = {"D": 0.009, "E": 0.009, "F": 0.009, "lab": 0.036}
 LEDGERS = (
     "state", "duration", "step_length", "hip_work", "hip_work_absolute", "kneestrike_loss",
-    "heelstrike_loss", "gravity_work",
+    "heelstrike_loss", "gravity_work", "spring_work", "friction_loss",
 )  # fmt: skip
 THOROUGHLY = {
     "check_forward_ad": True,
@@ -59,7 +59,7 @@ def test_gradients_of_strides_are_those_of_differences(name):
         walked = stride(
             name, slope, states, hip_torque=torque, parameters=parameters, tolerance=1e-13
         )
-        return walked[:9]
+        return walked[:11]
 
     inputs = (states, number(slope), number([0.01, 0.02]), *values)
     assert torch.autograd.gradcheck(walk, inputs, **THOROUGHLY)
@@ -77,7 +77,7 @@ def test_gradients_of_ticks_are_those_of_differences(name):
             name, slope, states, torque, duration=duration, phase=phase, parameters=parameters,
             tolerance=1e-13,
         )  # fmt: skip
-        return told.state, *told[2:7]
+        return told.state, *told[2:8]
 
     while not outcomes or outcomes[-1] == Outcome.RUNNING:
         inputs = (states, number(slope), number([0.01, 0.02]), number(0.12))
@@ -91,7 +91,9 @@ def test_gradients_of_ticks_are_those_of_differences(name):
     assert knees == gpw.WALKERS[name].knees
 
 
-@pytest.mark.parametrize("parameter", ["foot_radius", "thigh_length", "gravity", "shank_mass"])
+@pytest.mark.parametrize(
+    "parameter", ["foot_radius", "thigh_length", "gravity", "shank_mass", "hip_stiffness"]
+)
 def test_gradients_are_the_stride_jacobian(parameter):
     slope, states = gait("lab")
     state, wrt = states[0].detach(), ("state", "slope", "hip_torque", parameter)
@@ -151,10 +153,10 @@ def test_who_falls_has_no_gradient_and_says_so():
     assert walked.walks.tolist() == [True, False]
     assert walked.outcome.tolist() == [Outcome.HEELSTRIKE, Outcome.FELL_BACKWARD]
     assert walked.step_length[1] == 0.0 and torch.isnan(walked.margin[1])
-    sum(x.sum() for x in walked[:9]).backward()
+    sum(x.sum() for x in walked[:11]).backward()
     assert (states.grad[1] == 0.0).all() and torque.grad[1] == 0.0
     alone = states[:1].detach().requires_grad_()
-    sum(x.sum() for x in stride("lab", slope, alone, hip_torque=0.01)[:9]).backward()
+    sum(x.sum() for x in stride("lab", slope, alone, hip_torque=0.01)[:11]).backward()
     torch.testing.assert_close(states.grad[:1], alone.grad)
 
 
