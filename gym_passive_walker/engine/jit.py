@@ -81,7 +81,7 @@ class Kernel:
     @cached_property
     def compiled(self) -> Any:
         """What numba makes of it."""
-        dispatcher = numba.njit(nogil=True, **_OPTIONS)(self.function)
+        dispatcher: Any = numba.njit(nogil=True, **_OPTIONS)(self.function)
         dispatcher._cache = _Kept(self.function)
         announce(dispatcher, f"the kernel {self.function.__name__.strip('_')}")
         return dispatcher
