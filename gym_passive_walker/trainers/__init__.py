@@ -1,0 +1,1 @@
+"""Walkers as trainers that live on tensors take them: rsl_rl, skrl, torchrl."""

@@ -1,0 +1,53 @@
+"""Walkers for torchrl: an `EnvBase` over a batch of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import torch
+from tensordict import TensorDict, TensorDictBase
+from torchrl.data import Binary, Bounded, Composite, Unbounded
+from torchrl.envs import EnvBase
+
+from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
+
+
+class TorchRlWalkers(EnvBase):
+    """Walkers as torchrl takes them.
+
+    torchrl begins episodes itself, by a mask: so the environment below does not.
+
+    Args:
+        num_envs: How many walkers.
+        seed: Seeds the walkers with seed, seed + 1, ...
+        **scene: As of `PassiveWalkerTorchEnv`.
+    """
+
+    def __init__(self, num_envs: int = 64, *, seed: int | None = None, **scene: Any) -> None:
+        self.walkers = PassiveWalkerTorchEnv(num_envs, autoreset_mode="Disabled", **scene)
+        super().__init__(device=self.walkers.device, batch_size=torch.Size([num_envs]))
+        size, space = (num_envs,), self.walkers.observation_space
+        low, high = (torch.tensor(x).expand(num_envs, -1) for x in (space.low, space.high))
+        flag = Binary(n=1, shape=(*size, 1), dtype=torch.bool)
+        self.observation_spec = Composite(observation=Bounded(low=low, high=high), shape=size)
+        self.action_spec = Bounded(low=-1.0, high=1.0, shape=(*size, 1), dtype=torch.float32)
+        self.reward_spec = Unbounded(shape=(*size, 1), dtype=torch.float32)
+        self.done_spec = Composite(done=flag, terminated=flag, truncated=flag, shape=size)
+        self._next_seed = seed
+
+    def _reset(self, tensordict: TensorDictBase | None = None, **_: Any) -> TensorDict:
+        options = {}
+        if tensordict is not None and "_reset" in tensordict.keys():
+            options["reset_mask"] = tensordict["_reset"].reshape(self.batch_size)
+        observations, _ = self.walkers.reset(seed=self._next_seed, options=options)
+        self._next_seed = None
+        return TensorDict({"observation": observations}, batch_size=self.batch_size)
+
+    def _step(self, tensordict: TensorDictBase) -> TensorDict:
+        observations, rewards, fell, late, _ = self.walkers.step(tensordict["action"])
+        told = {"reward": rewards.float(), "terminated": fell, "truncated": late}
+        told = {name: values[:, None] for name, values in (told | {"done": fell | late}).items()}
+        return TensorDict({"observation": observations} | told, batch_size=self.batch_size)
+
+    def _set_seed(self, seed: int | None) -> None:
+        self._next_seed = seed

@@ -1,0 +1,102 @@
+"""Trainers that live on tensors find what they expect of walkers."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+
+def reference(steps: list, seed: int, **told):
+    """Rewards and endings of the same walkers in the vector environment."""
+    from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+
+    worlds = PassiveWalkerVectorEnv(8, autoreset_mode="SameStep", **told)
+    worlds.reset(seed=seed)
+    return [worlds.step(actions.numpy())[:4] for actions in steps]
+
+
+_RANDOM = torch.Generator().manual_seed(0)
+ACTIONS = [2.0 * torch.rand((8, 1), generator=_RANDOM) - 1.0 for _ in range(150)]
+
+
+def test_rsl_rl_is_told_timeouts_apart_from_falls():
+    pytest.importorskip("rsl_rl")
+    from gym_passive_walker.trainers.rsl_rl import RslRlWalkers
+
+    worlds = RslRlWalkers(8, max_episode_steps=45, seed=1, perturbation=0.2)
+    late = fallen = 0
+    for actions, expected in zip(
+        ACTIONS, reference(ACTIONS, 1, max_episode_steps=45, perturbation=0.2), strict=True
+    ):
+        observations, rewards, dones, extras = worlds.step(actions)
+        np.testing.assert_array_equal(observations["policy"], expected[0])
+        np.testing.assert_array_equal(rewards, expected[1].astype(np.float32))
+        np.testing.assert_array_equal(dones.bool(), expected[2] | expected[3])
+        np.testing.assert_array_equal(extras["time_outs"], expected[3] & ~expected[2])
+        assert (worlds.episode_length_buf[dones.bool()] == 0).all()
+        assert (worlds.episode_length_buf < 45).all()
+        late, fallen = late + int(extras["time_outs"].sum()), fallen + int(expected[2].sum())
+    assert late and fallen
+
+
+def test_rsl_rl_trains():
+    pytest.importorskip("rsl_rl")
+    from rsl_rl.runners import OnPolicyRunner
+
+    from gym_passive_walker.trainers.rsl_rl import RslRlWalkers
+
+    OnPolicyRunner(RslRlWalkers(8, seed=0), rsl_rl_configuration()).learn(2)
+
+
+def rsl_rl_configuration() -> dict:
+    """A PPO of rsl_rl in small."""
+    network = {"class_name": "MLPModel", "hidden_dims": [64, 64], "activation": "relu"}
+    noise = {"class_name": "GaussianDistribution", "init_std": 0.37}
+    return {
+        "num_steps_per_env": 64, "save_interval": 10**9, "logger": "tensorboard",
+        "obs_groups": {"actor": ["policy"], "critic": ["policy"]},
+        "actor": {**network, "obs_normalization": True, "distribution_cfg": noise},
+        "critic": {**network, "obs_normalization": True},
+        "algorithm": {
+            "class_name": "PPO", "gamma": 0.995, "lam": 0.98, "clip_param": 0.1,
+            "learning_rate": 1e-3, "schedule": "fixed", "num_learning_epochs": 10,
+            "num_mini_batches": 2, "entropy_coef": 0.0, "value_loss_coef": 0.5,
+            "max_grad_norm": 0.5, "use_clipped_value_loss": False,
+        },
+    }  # fmt: skip
+
+
+def test_skrl_finds_columns_and_begins_once():
+    pytest.importorskip("skrl")
+    from gym_passive_walker.trainers.skrl import SkrlWalkers
+
+    worlds = SkrlWalkers(8, max_episode_steps=45, seed=1, perturbation=0.2)
+    first, _ = worlds.reset()
+    for actions, expected in zip(
+        ACTIONS, reference(ACTIONS, 1, max_episode_steps=45, perturbation=0.2), strict=True
+    ):
+        found = worlds.step(actions)
+        np.testing.assert_array_equal(found[0], expected[0])
+        for column, values in zip(found[1:4], expected[1:4], strict=True):
+            np.testing.assert_array_equal(column[:, 0], values.astype(column.numpy().dtype))
+        assert torch.equal(worlds.reset()[0], found[0])  # they go on
+    assert first.shape == (8, 8)
+
+
+def test_torchrl_finds_its_specifications_met():
+    pytest.importorskip("torchrl")
+    from torchrl.envs.utils import check_env_specs
+
+    from gym_passive_walker.trainers.torchrl import TorchRlWalkers
+
+    check_env_specs(TorchRlWalkers(8, seed=0))
+    worlds = TorchRlWalkers(8, seed=1, max_episode_steps=45, perturbation=0.2)
+    rollout = worlds.rollout(150, break_when_any_done=False)
+    done, late = rollout["next", "done"], rollout["next", "truncated"]
+    assert late.any() and rollout["next", "terminated"].any()
+    assert (done == (late | rollout["next", "terminated"])).all()
+    begins = rollout["observation"][:, 1:][done[:, :-1, 0]]
+    ends = rollout["next", "observation"][:, :-1][done[:, :-1, 0]]
+    assert not (begins == ends).all(dim=1).any()  # a new episode, and the last one's end is kept
