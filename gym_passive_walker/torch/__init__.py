@@ -1,4 +1,4 @@
-"""Walkers for torch: strides, ticks and whole walks with exact gradients.
+"""Walkers for torch: strides, ticks and whole walks with exact gradients, and an environment.
 
     from gym_passive_walker.torch import stride, tick, rollout
 
@@ -15,7 +15,18 @@ except ImportError as error:
         name="torch",
     ) from error
 
+from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
 from gym_passive_walker.torch.rollouts import Rollout, Standing, rollout, standing
 from gym_passive_walker.torch.walks import Stride, Tick, stride, tick
 
-__all__ = ["Rollout", "Standing", "Stride", "Tick", "rollout", "standing", "stride", "tick"]
+__all__ = [
+    "PassiveWalkerTorchEnv",
+    "Rollout",
+    "Standing",
+    "Stride",
+    "Tick",
+    "rollout",
+    "standing",
+    "stride",
+    "tick",
+]
