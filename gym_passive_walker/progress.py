@@ -11,9 +11,9 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 
-_UNSAID = 1.0  # seconds of compiling that pass without a word
+_UNSAID = 1.0  # seconds that pass without a word
 _UNSEEN = 2.0  # seconds of work that pass without a bar
 _PACE = 0.1  # seconds between two looks of a bar
 _CELLS = 20
@@ -97,18 +97,18 @@ def progress(what: str, total: float | None = None) -> Iterator[Callable[..., No
 
 
 @contextmanager
-def compiling(what: str) -> Iterator[None]:
-    """Say once what compiles, and how long it took, unless that is over in a second.
+def said(what: str) -> Iterator[None]:
+    """Say once what is done, and how long it took, unless that is over in a second.
 
     Args:
-        what: What is compiled.
+        what: What is done, a sentence without its full stop.
     """
-    began, said = time.monotonic(), threading.Event()
+    began, heard = time.monotonic(), threading.Event()
 
     def say() -> None:
-        said.set()
+        heard.set()
         _LINE.wipe()
-        _tell(f"gym_passive_walker compiles {what}, this once ...")
+        _tell(f"{what} ...")
 
     timer = threading.Timer(_UNSAID, say)
     timer.daemon = True
@@ -118,8 +118,17 @@ def compiling(what: str) -> Iterator[None]:
     finally:
         timer.cancel()
         timer.join()
-        if said.is_set():
+        if heard.is_set():
             _tell(f" {time.monotonic() - began:.1f} s\n")
+
+
+def compiling(what: str) -> AbstractContextManager[None]:
+    """Say once what is compiled, as `said`.
+
+    Args:
+        what: What is compiled.
+    """
+    return said(f"gym_passive_walker compiles {what}, this once")
 
 
 def _tell(text: str) -> None:

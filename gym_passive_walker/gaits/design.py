@@ -27,6 +27,7 @@ Range = float | tuple[float | None, float | None]
 
 _MET = 1e-6  # by what share of its size a constraint may be missed
 _OF_THE_SIMPLEST = (SLOPE, "thigh_length", "shank_length", "hip_mass", "gravity")
+_OF_THE_SIMPLEST += ("hip_stiffness", "hip_friction")
 
 
 @dataclass(frozen=True)

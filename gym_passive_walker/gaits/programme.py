@@ -13,6 +13,7 @@ from gym_passive_walker.gaits.candidates import Candidates, Judged
 from gym_passive_walker.gaits.circle import spectral_radius
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.gaits.quantities import SPECTRAL_RADIUS
+from gym_passive_walker.progress import progress
 
 _LEAST_RADIUS, _LARGEST_RADIUS = 1e-3, 1e3
 _MARGIN = 1.05  # of the radius that the search for the least begins with, over the largest modulus
@@ -129,10 +130,12 @@ class Programme:
             for kind, f in (("eq", self.equalities), ("ineq", self.inequalities))
             if len(f(self.start)[0])
         ]
-        return minimize(
-            self.cost, self.start, jac=True, method="SLSQP", bounds=bounds,
-            constraints=constraints, options={"maxiter": iterations, "ftol": 1e-10},
-        )  # fmt: skip
+        with progress(f"{self.objective}: iterations") as one_more:
+            return minimize(
+                self.cost, self.start, jac=True, method="SLSQP", bounds=bounds,
+                constraints=constraints, options={"maxiter": iterations, "ftol": 1e-10},
+                callback=lambda _: one_more(),
+            )  # fmt: skip
 
     def missed(self, z: NDArray) -> float:
         """By how much the constraints are missed at most, over their sizes."""

@@ -23,13 +23,16 @@ Graded = tuple[float, NDArray[np.float64]]
 
 def size_of(name: str, walker: Walker, slope: float) -> float:
     """What counts as a large change of a parameter or the slope."""
-    if name == SLOPE:
-        return abs(slope)
-    if name == "gravity":
-        return walker.gravity
-    if name == "foot_angle":
-        return 1.0
-    return walker.total_mass if name.endswith("mass") else walker.leg_length
+    units = units_of(walker)
+    sizes = {
+        SLOPE: abs(slope),
+        "gravity": walker.gravity,
+        "foot_angle": 1.0,
+        "hip_stiffness": units.torque,
+        "knee_stiffness": units.torque,
+        "hip_friction": units.torque * units.time,
+    }
+    return sizes.get(name, walker.total_mass if name.endswith("mass") else walker.leg_length)
 
 
 def _in_units(gait: Sensitivity, quantity: Graded, *, length: int = 0, time: int = 0) -> Graded:

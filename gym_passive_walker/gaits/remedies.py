@@ -6,8 +6,6 @@ there is a fold, or an edge of the stride itself; where exactly, a `gait_family`
 
 from __future__ import annotations
 
-import sys
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
@@ -18,6 +16,7 @@ from gym_passive_walker.gaits.gait import Gait, GaitKind
 from gym_passive_walker.gaits.log_chart import logarithms
 from gym_passive_walker.gaits.search import ACCURACY, glance, search
 from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.progress import said
 from gym_passive_walker.walkers import (
     WALKERS,
     Walker,
@@ -31,7 +30,6 @@ _GENTLEST, _STEEPEST = 1e-4, 0.6  # slopes in rad looked at
 _RATIO, _MOST_RATIO = 1.2, 30.0  # of slopes looked at, and how far from the one asked for
 _FIRST, _LAST = 0.125, 1e-5  # share of the way in which a gait is followed at first, and at last
 _TUNED = 1e-12  # tuning error of a tuned walker
-_PATIENCE = 1.0  # seconds before a word is said
 
 
 class Remedies(NamedTuple):
@@ -67,9 +65,13 @@ def remedies(
             "Gaits of several strides branch off where the gait of one doubles its period: "
             "`doubling_cascade` locates where."
         )
-    say = patient(f"no {kind}-step gait at slope {slope:g} rad")
+    with said(f"no {kind}-step gait at slope {slope:g} rad: looking for what would help"):
+        return _looked_for(walker, slope, kind)
+
+
+def _looked_for(walker: Walker, slope: float, kind: GaitKind) -> Remedies:
+    """What would help a search for a gait of one stride."""
     found: list[str] = []
-    say("looking for the nearest slope that has one")
     near = _nearest_slope(walker, slope, kind)
     if near is None:
         found.append("it has none at slopes near this one either")
@@ -77,7 +79,6 @@ def remedies(
         found.append(f"the nearest slope found that has one is {near:.5g} rad")
     alike = None
     if slope > 0.0:
-        say("looking for the nearest walker that has one")
         alike = _nearest_walker(walker, slope, kind)
         if max(abs(error) for error in tuning_errors(walker)) > _TUNED:
             has = "has one" if _tuned_walks(walker, slope, kind) else "has none either"
@@ -91,18 +92,6 @@ def remedies(
         )
     sentence = "; ".join(found)
     return Remedies(f"{sentence[0].upper()}{sentence[1:]}.", near, alike and alike[2])
-
-
-def patient(failure: str) -> Callable[[str], None]:
-    """Who says on stderr, once and only after a second, what is being done about a failure."""
-    began, said = time.monotonic(), []
-
-    def say(doing: str) -> None:
-        if time.monotonic() - began > _PATIENCE and not said:
-            said.append(doing)
-            print(f"{failure}: {doing} ...", file=sys.stderr, flush=True)
-
-    return say
 
 
 def _tuned_walks(walker: Walker, slope: float, kind: GaitKind) -> bool:

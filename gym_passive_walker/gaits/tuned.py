@@ -12,9 +12,9 @@ from scipy.stats.qmc import Halton
 from gym_passive_walker.arguments import number, one_slope
 from gym_passive_walker.gaits.candidates import Candidates
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound, measure
-from gym_passive_walker.gaits.remedies import patient
 from gym_passive_walker.gaits.search import glance, seek
 from gym_passive_walker.gaits.sensitivity import place_near
+from gym_passive_walker.progress import said
 from gym_passive_walker.walkers import Walker, as_walker, describe, tune
 
 _MOVED = ("thigh_com", "thigh_gyration", "shank_com", "shank_gyration")
@@ -53,16 +53,15 @@ def tune_to_walk(walker: Walker | str, slope: float, *, radius: float = 0.8) -> 
     gait = seek(tuned, slope).gait
     if gait is not None and np.abs(gait.multipliers[0]) <= radius:
         return gait
-    say = patient(f"tuned, this walker does not walk so at slope {slope:g} rad")
-    start = _start(tuned, slope, radius)
-    if start is None:
-        raise GaitNotFound(
-            f"no tuned walker near {describe(walker)} has a long-step gait at slope {slope:g} "
-            f"rad with multipliers up to {radius:g}: none of {_LOOKS} with their segments' centres "
-            "of mass and gyrations elsewhere; change lengths, masses or the foot, or the slope"
-        )
-    say("looking for the nearest tuned walker that does")
-    return _nearest(start, tuned, radius) or start
+    with said(f"tuned, this walker does not walk so at slope {slope:g} rad: looking for one"):
+        start = _start(tuned, slope, radius)
+        if start is not None:
+            return _nearest(start, tuned, radius) or start
+    raise GaitNotFound(
+        f"no tuned walker near {describe(walker)} has a long-step gait at slope {slope:g} "
+        f"rad with multipliers up to {radius:g}: none of {_LOOKS} with their segments' centres "
+        "of mass and gyrations elsewhere; change lengths, masses or the foot, or the slope"
+    )
 
 
 def _place(walker: Walker) -> NDArray[np.float64]:

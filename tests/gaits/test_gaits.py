@@ -284,9 +284,12 @@ def test_a_guess_in_vain_is_told_to_do_without():
 
 
 def test_a_long_search_says_on_stderr_what_it_does(capsys, monkeypatch):
-    monkeypatch.setattr("gym_passive_walker.gaits.remedies._PATIENCE", 0.0)
+    monkeypatch.setattr("gym_passive_walker.progress._UNSAID", 0.0)
     missed("lab", 0.001)
-    assert "looking for the nearest slope" in capsys.readouterr().err
+    assert (
+        "no long-step gait at slope 0.001 rad: looking for what would help"
+        in capsys.readouterr().err
+    )
 
 
 def test_a_missing_kind_says_which_gait_there_is():

@@ -25,7 +25,10 @@ BY = {
     "E": ("slope", "shank_mass", "shank_com"),
     "D": ("slope", "thigh_length"),
 }
-SLOPES = {"lab": 0.036, "A": 0.02, "E": 0.02, "D": 0.009}
+BY["sprung"] = ("slope", "hip_stiffness", "hip_friction", "knee_stiffness", "shank_mass")
+SLOPES = {"lab": 0.036, "A": 0.02, "E": 0.02, "D": 0.009, "sprung": 0.036}
+SPRUNG = replace(WALKERS["lab"], hip_stiffness=0.3, hip_friction=0.02, knee_stiffness=0.01)
+WALKERS = {**WALKERS, "sprung": SPRUNG}
 
 
 def gait_of(name):
@@ -105,9 +108,10 @@ def test_multipliers_change_as_those_of_gaits_found_beside_do(name):
         assert moved[0, 0].real == pytest.approx(largest, rel=1e-7)
 
 
-def test_quantities_are_those_that_users_know():
-    walker, slope = WALKERS["lab"], 0.036
-    gait, known = gait_of("lab"), find_gait("lab", 0.036)
+@pytest.mark.parametrize("name", ["lab", "sprung"])
+def test_quantities_are_those_that_users_know(name):
+    walker, slope = WALKERS[name], 0.036
+    gait, known = gait_of(name), find_gait(walker, slope)
     for name in QUANTITIES:
         value = QUANTITIES[name](gait)[0]
         if name == "clearance":
