@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
+from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
@@ -58,7 +60,7 @@ def check_state(state: ArrayLike) -> NDArray[np.float64]:
 
 def _single(value: Any, name: str) -> float:
     try:
-        if isinstance(value, str | bytes):
+        if isinstance(value, str | bytes | bool | np.bool_):
             raise TypeError
         return float(value)
     except (TypeError, ValueError):
@@ -112,12 +114,29 @@ def whole(value: Any, name: str, least: int = 1) -> int:
     """
     try:
         found = int(value)
-        whole_number = found == value and found >= least
+        truth = isinstance(value, bool | np.bool_)
+        whole_number = found == value and found >= least and not truth
     except (TypeError, ValueError, OverflowError):
         whole_number = False
     if not whole_number:
         raise ValueError(f"{name} must be a whole number from {least} on, not {value!r}")
     return found
+
+
+def unknown(names: Iterable[Any], known: Sequence[str], who: str) -> str | None:
+    """A sentence on names that are not known, and the nearest that are; None if all are known.
+
+    Args:
+        names: What was asked for.
+        known: All that there is.
+        who: Whose names they are: "a walker".
+    """
+    strange = [name for name in names if name not in known]
+    if not strange:
+        return None
+    near = {name: get_close_matches(str(name), known, 1) for name in strange}
+    said = [f"{name} ({close[0]}?)" if close else str(name) for name, close in near.items()]
+    return f"{who} has no {', '.join(said)}; it has {', '.join(known)}"
 
 
 def gait_kind(kind: Any) -> Any:

@@ -46,6 +46,44 @@ def test_every_parameter_is_a_number(name, value):
         replace(LAB, **{name: value})
 
 
+@pytest.mark.parametrize("value", ["3", b"3", True, 1j])
+def test_what_only_looks_like_a_number_is_none(value):
+    with pytest.raises(WalkerError, match="shank_mass must be a number, not"):
+        replace(LAB, shank_mass=value)
+
+
+def test_a_misspelt_parameter_is_answered_with_the_nearest():
+    with pytest.raises(
+        WalkerError, match=r"no thigh_len \(thigh_length\?\); it has thigh_length, "
+    ):
+        Walker(thigh_len=0.35, thigh_mass=2.0, shank_length=0.46, shank_mass=1.0)
+    with pytest.raises(WalkerError, match=r"no foot_angel \(foot_angle\?\), colour; it has"):
+        replace(LAB, foot_angel=0.1, colour="red")
+
+
+@pytest.mark.parametrize("segment", ["thigh", "shank"])
+@pytest.mark.parametrize("measure", ["com", "offset", "gyration"])
+def test_a_mass_farther_from_its_joint_than_two_legs_is_a_slip(segment, measure):
+    """17 for 0.17."""
+    name, two_legs = f"{segment}_{measure}", 2.0 * LAB.leg_length
+    assert getattr(replace(LAB, **{name: two_legs}), name) == two_legs
+    for value in (17.0, -17.0)[: 1 if measure == "gyration" else 2]:
+        with pytest.raises(
+            WalkerError, match=f"{name} must be at most two leg lengths, 1.62, .* {value}"
+        ):
+            replace(LAB, **{name: value})
+
+
+@pytest.mark.parametrize(
+    "parts", [3, None, [3], [Part("1", 0.1)], [Part(1.0, None)], [(1.0,)], [Part(1.0, 0.1, 0, -1)]]
+)
+def test_what_is_no_part_makes_no_segment(parts):
+    with pytest.raises(
+        WalkerError, match=r"a segment is a list of Part|mass and inertia of a part"
+    ):
+        combine(parts)
+
+
 @pytest.mark.parametrize("knees", [1, 0, None, "yes"])
 def test_knees_are_there_or_not(knees):
     with pytest.raises(WalkerError, match="knees must be True or False"):
@@ -281,8 +319,9 @@ def test_a_blend_of_knees_and_none_is_refused():
 def test_a_blend_that_is_no_walker_is_refused():
     with pytest.raises(WalkerError):
         blend(WALKERS["E"], WALKERS["F"], 10.0)
-    with pytest.raises(WalkerError, match="finite"):
-        blend(WALKERS["E"], WALKERS["F"], math.nan)
+    for fraction in (math.nan, "half", None, True):
+        with pytest.raises(ValueError, match="fraction must be"):
+            blend(WALKERS["E"], WALKERS["F"], fraction)
 
 
 def test_the_laboratorys_parts_make_the_captions_walker():

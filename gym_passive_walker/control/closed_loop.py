@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker.arguments import one_slope, whole
 from gym_passive_walker.control.policy import Policy, steps
 from gym_passive_walker.control.ticks import course
 from gym_passive_walker.envs.scene import Scene, make_scene
@@ -236,12 +237,15 @@ def closed_loop_gait(
 
     Raises:
         GaitNotFound: if the walker falls at once, or no gait is found.
-        ValueError: if the period is not positive.
+        ValueError: if the policy cannot act, the slope is none, or the period not positive.
     """
-    if period < 1:
-        raise ValueError(f"a gait repeats after 1 stride or more, not {period!r}")
+    period = whole(period, "period")
+    if not hasattr(policy, "predict"):
+        raise ValueError(
+            f"policy must be what acts, by `predict`, as `load_policy` gives it, not {policy!r}"
+        )
     scene = make_scene(scene, energy="absolute", perturbation=0.0, randomise={})
-    slope = float(np.mean(scene.slope)) if slope is None else float(slope)
+    slope = float(np.mean(scene.slope)) if slope is None else one_slope(slope)
     scene = make_scene(scene, slope=slope)
 
     def ends(points: NDArray, count: int = period) -> NDArray:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from gym_passive_walker.arguments import number
 from gym_passive_walker.control.feedback import powered_gait
 from gym_passive_walker.control.optimum import OptimalGait, Problem, slope_of
 from gym_passive_walker.control.ticks import ticked_stride
@@ -46,7 +47,7 @@ def optimal_gait(
     """
     scene = make_scene(scene)
     slope_of(scene)  # refuses a range before there is work done
-    if not 0.0 < speed < 2.0:
+    if not 0.0 < number(speed, "speed", above=0.0) < 2.0:
         raise ValueError(f"speed must lie between 0 and 2, over sqrt(g l), not {speed!r}")
     start = start or constant_torque_gait(scene)
     ticks = 1 if scene.control == "stride" else math.ceil(_SPARE * start.step_period / scene.tick)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import check_slope, check_state
+from gym_passive_walker.arguments import check_slope, check_state, whole
 from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import in_parts, options, workspace
@@ -79,12 +79,15 @@ class Batch:
         step_limit: float = math.inf,
         threads: int | None = None,
     ) -> None:
-        if count < 1:
-            raise SceneError(f"there must be at least one walker, not {count!r}")
         for name, given in (("walkers", walkers), ("slopes", slopes)):
-            if given is not None and len(given) != count:
-                raise SceneError(f"{name}: {len(given)} of them for {count} environments")
-        self.scene, self.count, self.threads = scene, count, threads
+            row = isinstance(given, Sequence | np.ndarray)
+            if given is not None and not (row and len(given) == count):
+                found = f"{len(given)} of them" if row else repr(given)
+                raise SceneError(
+                    f"{name} must be in a row, one for each of {count} environments, not {found}"
+                )
+        self.scene, self.count = scene, count
+        self.threads = None if threads is None else whole(threads, "threads")
         self.walkers = [scene.walker] * count if walkers is None else list(walkers)
         if len({kind_of(walker) for walker in self.walkers}) > 1:
             raise SceneError(
@@ -183,21 +186,22 @@ class Batch:
         self, options: Mapping[str, Any]
     ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
         """The states and slopes that options ask for, one for each walker."""
-        unknown = set(options) - set(OPTIONS)
-        if unknown:
-            raise ValueError(
-                f"reset knows no option {', '.join(map(repr, sorted(unknown)))}; "
-                f"it knows {', '.join(map(repr, OPTIONS))}"
-            )
-        states, slopes = None, None
-        try:
-            if options.get("state") is not None:
-                states = np.broadcast_to(check_state(options["state"]), (self.count, 6))
-            if options.get("slope") is not None:
-                slopes = np.broadcast_to(check_slope(options["slope"]), (self.count,))
-        except (TypeError, ValueError) as error:
-            raise ValueError(f"reset options {dict(options)!r}: {error}") from None
-        return states, slopes
+        found: list[NDArray[np.float64] | None] = []
+        for name, check, size in (("state", check_state, (6,)), ("slope", check_slope, ())):
+            if options.get(name) is None:
+                found.append(None)
+                continue
+            try:
+                given = check(options[name])
+            except ValueError as error:
+                raise ValueError(f"options[{name!r}]: {error}") from None
+            if given.shape not in (size, (1, *size), (self.count, *size)):
+                raise ValueError(
+                    f"options[{name!r}] must have shape {size}, or {(self.count, *size)} for one "
+                    f"for each environment, not {given.shape}"
+                )
+            found.append(np.broadcast_to(given, (self.count, *size)))
+        return found[0], found[1]
 
     def set_slopes(self, slopes: ArrayLike, lanes: NDArray[np.bool_]) -> None:
         """Put the strides that some walkers begin on slopes of their own.
@@ -273,7 +277,7 @@ class Batch:
                 actions, observations, rewards, terminated, truncated,
             )  # fmt: skip
             if wrong >= 0:
-                refuse(actions[wrong], int(wrong))
+                refuse(actions[wrong], int(wrong) if self.count > 1 else None)
             return strides, endings
         for wrong in np.flatnonzero(~np.isfinite(actions) & ~self.over):  # before anyone steps
             refuse(actions[wrong], int(wrong))

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, NoReturn
 
 import numpy as np
 from gymnasium import spaces
 
+from gym_passive_walker.arguments import unknown, whole
 from gym_passive_walker.envs import task
 from gym_passive_walker.physics.hybrid import Outcome
 
@@ -31,16 +33,34 @@ def step_limit(max_episode_steps: int | None) -> float:
     """Steps of an episode, where -1 and None mean without limit."""
     if max_episode_steps in (None, -1):
         return math.inf
-    if max_episode_steps < 1:
-        raise ValueError(f"max_episode_steps must be positive, -1 or None: {max_episode_steps!r}")
-    return float(max_episode_steps)
+    try:
+        return float(whole(max_episode_steps, "max_episode_steps"))
+    except ValueError as error:
+        raise ValueError(f"{error}; without limit it is None or -1") from None
 
 
-def refuse(action: object, lane: int | None = None) -> None:
+def reset_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> dict[str, Any]:
+    """A copy of the options of a reset.
+
+    Raises:
+        ValueError: if they are no options, or unknown ones.
+    """
+    if options is None:
+        return {}
+    if not isinstance(options, Mapping):
+        raise ValueError(f"options must map names to values, not {options!r}")
+    if said := unknown(options, known, "reset"):
+        raise ValueError(said)
+    return dict(options)
+
+
+def refuse(action: object, lane: int | None = None) -> NoReturn:
     """Say what is wrong with an action.
 
     Raises:
         ValueError: always.
     """
     where = "" if lane is None else f" of environment {lane}"
-    raise ValueError(f"the action{where} must be one finite number from -1 to 1, not {action!r}")
+    raise ValueError(
+        f"the action{where} must be one finite number (beyond -1 and 1 it is clipped), not {action}"
+    )

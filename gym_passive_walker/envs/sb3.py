@@ -114,6 +114,7 @@ class PassiveWalkerVecEnv(VecEnv):
             **changes,
         )
         self.batch, self.scene = self._native.batch, self._native.scene
+        num_envs = self._native.num_envs
         self.lanes = [Lane(self, i) for i in range(num_envs)]
         super().__init__(num_envs, interface.observation_space(), interface.action_space())
         metadata: dict[str, Any] = self.metadata
@@ -144,7 +145,10 @@ class PassiveWalkerVecEnv(VecEnv):
 
     def step_async(self, actions: NDArray) -> None:
         """Take note of the actions, shape (num_envs, 1)."""
-        actions = np.asarray(actions, dtype=np.float64)
+        try:
+            actions = np.asarray(actions, dtype=np.float64)
+        except (TypeError, ValueError):
+            interface.refuse(actions)
         if actions.shape != (self.num_envs, 1):
             raise ValueError(f"actions must have shape ({self.num_envs}, 1), not {actions.shape}")
         self._actions = actions.reshape(-1)

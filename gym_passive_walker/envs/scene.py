@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from gym_passive_walker.arguments import check_slope, check_tolerance
+from gym_passive_walker.arguments import check_slope, check_tolerance, number, unknown
 from gym_passive_walker.envs.task import ENERGIES
-from gym_passive_walker.walkers import Walker, WalkerError, as_walker
+from gym_passive_walker.walkers import PARAMETERS, Walker, WalkerError, as_walker
 
 CONTROLS = ("tick", "stride")
 
@@ -26,12 +26,12 @@ class SceneError(ValueError):
 def _number(name: str, value: Any, low: float, high: float) -> float:
     """The value as a finite number from `low` to `high`."""
     try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise SceneError(f"{name} must be a number, not {value!r}") from None
-    if not (math.isfinite(number) and low <= number <= high):
+        found = number(value, name)
+    except ValueError:
+        found = math.nan
+    if not low <= found <= high:
         raise SceneError(f"{name} must be a number from {low:g} to {high:g}, not {value!r}")
-    return number
+    return found
 
 
 def walker_from(value: Walker | str | Mapping[str, Any]) -> Walker:
@@ -46,13 +46,9 @@ def walker_from(value: Walker | str | Mapping[str, Any]) -> Walker:
         return as_walker(value)
     parameters = dict(value)
     preset = parameters.pop("preset", None)
-    unknown = set(parameters) - {f.name for f in fields(Walker)}
-    if unknown:
-        known = ", ".join(f.name for f in fields(Walker))
-        raise WalkerError(f"a walker has no {', '.join(sorted(unknown))}; it has {known}")
-    if preset is not None:
-        return replace(as_walker(preset), **parameters)
     try:
+        if preset is not None:
+            return replace(as_walker(preset), **parameters)
         return Walker(**parameters)
     except TypeError as error:
         raise WalkerError(f"these parameters are no walker: {error}") from None
@@ -156,15 +152,10 @@ class Scene:
 
     def _checked_shares(self) -> dict[str, float]:
         """Shares by which parameters of the walker may vary."""
-        known = [f.name for f in fields(Walker) if f.name != "knees"]
         if not isinstance(self.randomise, Mapping):
             raise SceneError(f"randomise must map parameters to shares, not {self.randomise!r}")
-        unknown = set(self.randomise) - set(known)
-        if unknown:
-            raise SceneError(
-                f"randomise: a walker has no {', '.join(sorted(unknown))}; "
-                f"it has {', '.join(known)}"
-            )
+        if said := unknown(self.randomise, PARAMETERS, "randomise: a walker"):
+            raise SceneError(said)
         return {
             name: _number(f"randomise[{name!r}]", share, 0.0, 0.5)
             for name, share in sorted(self.randomise.items())
@@ -225,7 +216,6 @@ def make_scene(scene: Scene | str | Mapping[str, Any] = "level", **changes: Any)
     else:
         raise SceneError(f"no scene {scene!r}: give a Scene, or one of {', '.join(SCENES)}")
     arguments.update(changes)
-    unknown = set(arguments) - set(known)
-    if unknown:
-        raise SceneError(f"a scene has no {', '.join(sorted(unknown))}; it has {', '.join(known)}")
+    if said := unknown(arguments, known, "a scene"):
+        raise SceneError(said)
     return Scene(**arguments)

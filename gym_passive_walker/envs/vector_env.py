@@ -12,8 +12,9 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker.arguments import whole
 from gym_passive_walker.envs import interface, task
-from gym_passive_walker.envs.batch import Batch
+from gym_passive_walker.envs.batch import OPTIONS, Batch
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import Scene, make_scene, walker_from
 from gym_passive_walker.extras import need
@@ -61,11 +62,11 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         self._screens: dict[Walker, Any] = {}  # first: what was refused is closed as well
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode must be 'rgb_array' or None, not {render_mode!r}")
-        if walkers is not None and len(walkers):
+        self.num_envs = num_envs = whole(num_envs, "num_envs")
+        if isinstance(walkers, Sequence | np.ndarray) and len(walkers):
             walkers = [walker_from(walker) for walker in walkers]
             changes.setdefault("walker", walkers[0])
         self.scene = make_scene(scene, **changes)
-        self.num_envs = num_envs
         if render_mode is not None:
             need("pygame", "render")
         self.render_mode = render_mode
@@ -107,7 +108,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         Raises:
             ValueError: if an option or the number of seeds is wrong.
         """
-        options = dict(options or {})
+        options = interface.reset_options(options, (*OPTIONS, "reset_mask"))
         lanes = np.arange(self.num_envs)
         if "reset_mask" in options:
             mask = self._checked_mask(options.pop("reset_mask"), "options['reset_mask']")
@@ -135,7 +136,10 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             ValueError: if an action is not one finite number; nothing has changed then.
             ResetNeeded: if an environment must be reset first.
         """
-        actions = np.asarray(actions, dtype=np.float64)
+        try:
+            actions = np.asarray(actions, dtype=np.float64)
+        except (TypeError, ValueError):
+            interface.refuse(actions)
         if actions.shape != (self.num_envs, 1):
             raise ValueError(f"actions must have shape ({self.num_envs}, 1), not {actions.shape}")
         if self._any_ended and (not self._begun or self.autoreset_mode == AutoresetMode.DISABLED):
@@ -328,8 +332,10 @@ def seed_randoms(
         seeds: Sequence[int | None] = [None] * batch.count
     elif isinstance(seed, (int, np.integer)):
         seeds = [int(seed) + i for i in range(batch.count)]
-    else:
+    elif isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str):
         seeds = seed
+    else:
+        raise ValueError(f"seed must be a whole number, a row of them, or None, not {seed!r}")
     if len(seeds) != batch.count:
         raise ValueError(f"{len(seeds)} seeds for {batch.count} environments")
     if not batch.randoms:

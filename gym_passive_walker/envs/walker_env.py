@@ -11,7 +11,7 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
 from gym_passive_walker.envs import interface, task
-from gym_passive_walker.envs.batch import Batch
+from gym_passive_walker.envs.batch import OPTIONS, Batch
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.extras import need
 from gym_passive_walker.walkers import Walker
@@ -194,7 +194,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         super().reset(seed=seed)
         self.batch.randoms = [self.np_random]
         observation = np.empty(task.SIZE, np.float32)
-        self.batch.start((0,), observation, options)
+        self.batch.start((0,), observation, interface.reset_options(options, OPTIONS))
         self._ready = True
         if self.render_mode == "human":
             self.render()
@@ -209,7 +209,10 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             ValueError: if the action is not one finite number; nothing has changed then.
             ResetNeeded: if no episode is under way.
         """
-        actions = np.asarray(action, dtype=np.float64)
+        try:
+            actions = np.asarray(action, dtype=np.float64)
+        except (TypeError, ValueError):
+            interface.refuse(action)
         if actions.shape != (1,):
             raise ValueError(f"the action must have shape (1,), not {actions.shape}")
         if not self._ready:

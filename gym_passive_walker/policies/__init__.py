@@ -54,9 +54,10 @@ def policy_folder(name: str | Path) -> Path:
     Raises:
         PolicyError: if there is none.
     """
-    for folder in (_SHIPPED / name, Path(name)):
-        if (folder / DESCRIPTION).is_file():
-            return folder
+    if isinstance(name, str | Path):
+        for folder in (_SHIPPED / name, Path(name)):
+            if (folder / DESCRIPTION).is_file():
+                return folder
     raise PolicyError(
         f"no policy {str(name)!r}: choose from {', '.join(shipped_policies())}, or give a folder "
         f"with {TENSORS} and {DESCRIPTION}, as `python train.py export RUN FOLDER` writes it"

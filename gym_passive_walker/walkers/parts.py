@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
+from gym_passive_walker.arguments import number
 from gym_passive_walker.walkers.walker import Walker, WalkerError
 
 
@@ -26,8 +27,19 @@ class Part(NamedTuple):
 
 
 def combine(parts: Iterable[Part]) -> Part:
-    """The rigid body made of several parts (parallel-axis theorem)."""
-    parts = list(parts)
+    """The rigid body made of several parts (parallel-axis theorem).
+
+    Raises:
+        WalkerError: if they are no parts, or have no mass.
+    """
+    try:
+        parts = [Part(*(number(value, "each entry") for value in part)) for part in parts]
+    except (TypeError, ValueError) as error:
+        raise WalkerError(
+            f"a segment is a list of Part(mass, com, offset, inertia), all numbers: {error}"
+        ) from None
+    if any(part.mass < 0.0 or part.inertia < 0.0 for part in parts):
+        raise WalkerError("mass and inertia of a part must not be negative")
     mass = sum(part.mass for part in parts)
     if mass <= 0.0:
         raise WalkerError("the parts of a segment need some mass")

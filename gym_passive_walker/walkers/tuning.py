@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from typing import NamedTuple
 
+from gym_passive_walker.arguments import number
 from gym_passive_walker.walkers.presets import as_walker
 from gym_passive_walker.walkers.walker import PARAMETERS, Walker, WalkerError
 
@@ -98,9 +99,10 @@ def blend(a: Walker | str, b: Walker | str, fraction: float) -> Walker:
         fraction: Usually between 0 and 1; beyond them is allowed while it is still a walker.
 
     Raises:
+        ValueError: if the fraction is no number.
         WalkerError: if one has knees and the other has not, or the result is no walker.
     """
-    a, b = as_walker(a), as_walker(b)
+    a, b, fraction = as_walker(a), as_walker(b), number(fraction, "fraction")
     if a.knees != b.knees:
         raise WalkerError("cannot blend a walker with knees and one without")
     values = {

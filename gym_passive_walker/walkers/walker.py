@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 from types import SimpleNamespace
 from typing import Any
 
+from gym_passive_walker.arguments import unknown
 from gym_passive_walker.shown import Shown
 
 _NOT_NEGATIVE = ("thigh_mass", "shank_mass", "hip_mass", "thigh_gyration", "shank_gyration")
@@ -48,8 +49,8 @@ class Walker(Shown):
         gravity: g.
 
     Raises:
-        WalkerError: if a parameter is not finite, out of its range, or leaves a joint with nothing
-            to turn.
+        WalkerError: if a parameter is unknown, not finite, out of its range, or leaves a joint with
+            nothing to turn.
     """
 
     thigh_length: float
@@ -71,6 +72,12 @@ class Walker(Shown):
     knees: bool = True
     gravity: float = 9.81
 
+    def __new__(cls, **parameters: Any) -> Walker:
+        """Refuse what no walker has, before `__init__` does so in Python's words."""
+        if said := unknown(parameters, [field.name for field in fields(cls)], "a walker"):
+            raise WalkerError(said)
+        return super().__new__(cls)
+
     def __post_init__(self) -> None:
         """Refuse what is no walker."""
         for field in fields(self):
@@ -80,6 +87,8 @@ class Walker(Shown):
                     raise WalkerError(f"knees must be True or False, not {value!r}")
                 continue
             try:
+                if isinstance(value, str | bytes | bool):
+                    raise TypeError
                 value = float(value)
             except (TypeError, ValueError):
                 raise WalkerError(f"{field.name} must be a number, not {value!r}") from None
@@ -104,7 +113,19 @@ class Walker(Shown):
                 f"foot_angle {self.foot_angle} rad cannot be reached by this shank: its size must "
                 f"be below {limit:.6g} rad (sin of it below (l_s - R)/l_t)"
             )
+        self._check_places()
         self._check_masses()
+
+    def _check_places(self) -> None:
+        """A centre of mass metres from its leg is a slip of the decimal point, or of the unit."""
+        farthest = 2.0 * self.leg_length
+        for segment in ("thigh", "shank"):
+            for name in (f"{segment}_com", f"{segment}_offset", f"{segment}_gyration"):
+                if abs(getattr(self, name)) > farthest:
+                    raise WalkerError(
+                        f"{name} must be at most two leg lengths, {farthest:g}, for the mass to "
+                        f"belong to a leg; it is {getattr(self, name)}"
+                    )
 
     def _check_masses(self) -> None:
         """Every joint must have something to turn."""

@@ -124,5 +124,5 @@ def test_the_package_and_its_agents_tell_the_same_gait():
 
 
 def test_periods_are_positive():
-    with pytest.raises(ValueError, match="1 stride or more"):
+    with pytest.raises(ValueError, match="period must be a whole number from 1 on"):
         closed_loop_gait(Passive(), "lab", period=0)

@@ -165,7 +165,7 @@ def test_walkers_of_different_kinds_do_not_mix(make_vec):
 
 @pytest.mark.parametrize("given", [{"walkers": ["C"]}, {"slopes": [0.1]}])
 def test_there_is_one_for_each_or_none(make_vec, given):
-    with pytest.raises(SceneError, match="1 of them for 2"):
+    with pytest.raises(SceneError, match="each of 2 environments, not 1 of them"):
         make_vec(2, **given)
 
 

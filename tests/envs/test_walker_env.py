@@ -163,13 +163,15 @@ def test_options_take_as_many_random_numbers_as_none(make, assert_same):
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"states": [0.0] * 6}, "knows no option 'states'"),
-        ({"state": [0.0] * 5}, "reset options"),
-        ({"state": "upright"}, "reset options"),
-        ({"state": 0.2}, "reset options"),
+        ({"states": [0.0] * 6}, r"reset has no states \(state\?\); it has state, slope"),
+        ({"state": [0.0] * 5}, r"options\['state'\]: state must be"),
+        ({"state": "upright"}, "state must be .* not 'upright'"),
+        ({"state": 0.2}, r"shape \(6,\)"),
         ({"state": [2.0, 0.0, 0.0, 0.0, 0.0, 0.0]}, "has fallen"),
         ({"slope": 2.0}, "slope must be an angle"),
-        ({"slope": [0.1, 0.2]}, "reset options"),
+        ({1: 2, "a": 3}, "reset has no 1, a; it has state, slope"),
+        ("state", "options must map names to values"),
+        ({"slope": [0.1, 0.2]}, r"options\['slope'\] must have shape \(\)"),
     ],
 )
 def test_impossible_resets_are_refused_and_change_nothing(make, options, message):
