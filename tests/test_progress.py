@@ -19,6 +19,12 @@ class Terminal(io.StringIO):
         return True
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _compiled():
+    """What these tests walk with is compiled, and has nothing more to say of that."""
+    gpw.gait_family("D", 0.005, 0.01)
+
+
 @pytest.fixture
 def terminal(monkeypatch):
     """Someone who looks on, and sees each bar at once."""
