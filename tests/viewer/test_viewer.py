@@ -189,7 +189,6 @@ def test_multipliers_follow_the_slope(session):
     assert session.gait().state is None and not session.gait().stable
 
 
-@pytest.mark.slow
 def test_multipliers_of_a_torque_and_of_a_policy_are_those_of_their_own_gaits():
     policy = load_policy("lab-ppo")
     session = Session(LiveWalk(WALKERS["lab"], SLOPE, policy=policy))
@@ -272,6 +271,17 @@ def test_a_film_has_a_frame_for_each_instant(tmp_path, ending):
     shrunk = SIZE[0] // frame.shape[1]
     assert frame.shape == (SIZE[1] // shrunk, SIZE[0] // shrunk, 3)
     assert int((np.abs(frame - look.LEGS[1]) < 40).all(axis=-1).sum()) > 100
+
+
+def test_f_films_until_the_end_and_never_over_another_film(tmp_path, monkeypatch):
+    pytest.importorskip("moviepy")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "walk-1.mp4").write_text("another film")
+    pygame.display.init()
+    pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=pygame.K_f, mod=0))
+    play("lab", SLOPE, seconds=0.1)
+    assert (tmp_path / "walk-1.mp4").read_text() == "another film"
+    assert (tmp_path / "walk-2.mp4").stat().st_size > 1000
 
 
 def test_a_gentle_slope_lets_its_walker_walk():
