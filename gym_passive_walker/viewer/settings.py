@@ -7,9 +7,12 @@ from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
+from gym_passive_walker.units import units_of
 from gym_passive_walker.viewer.walk import LiveWalk
 from gym_passive_walker.walkers import Walker
 from gym_passive_walker.walkers.walker import PARAMETERS
+
+_FELT = 0.2  # of m g l, a rad
 
 
 class Setting(NamedTuple):
@@ -77,4 +80,5 @@ def _bounds(walker: Walker, name: str) -> tuple[float, float]:
         return -0.4, 0.4
     if kind in ("gyration", "com", "radius"):
         return 0.0, 0.6 * leg
-    return 0.0, max(2.0 * value, 1.0)
+    torque = units_of(walker).torque  # springs and friction: felt, yet a walker still walks
+    return 0.0, max(2.0 * value, _FELT * torque)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
+import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +13,7 @@ import pytest
 from gym_passive_walker import WALKERS, Outcome, find_gait, load_policy
 from gym_passive_walker.render import look
 from gym_passive_walker.viewer import play
+from gym_passive_walker.viewer.__main__ import main
 from gym_passive_walker.viewer.seeker import Question
 from gym_passive_walker.viewer.walk import LiveWalk
 
@@ -39,6 +43,7 @@ class Session:
 
     @property
     def walk(self) -> LiveWalk:
+        """What walks."""
         return self.player.walk
 
     def frames(self, count: int) -> np.ndarray:
@@ -49,18 +54,22 @@ class Session:
         return pygame.surfarray.array3d(surface).swapaxes(0, 1).astype(int)
 
     def key(self, key: int, *, shift: bool = False) -> None:
+        """Press a key."""
         mod = pygame.KMOD_SHIFT if shift else 0
         self.controls.handle(pygame.event.Event(pygame.KEYDOWN, key=key, mod=mod))
 
     def drag(self, start: tuple[int, int], end: tuple[int, int]) -> None:
+        """Drag the mouse from one place to another, and let go."""
         self.press(start)
         self.move(start, end)
         self.controls.handle(pygame.event.Event(pygame.MOUSEBUTTONUP, pos=end, button=1))
 
     def press(self, place: tuple[int, int]) -> None:
+        """Press the mouse."""
         self.controls.handle(pygame.event.Event(pygame.MOUSEBUTTONDOWN, pos=place, button=1))
 
     def move(self, start: tuple[int, int], end: tuple[int, int]) -> None:
+        """Move the mouse, its button held."""
         rel = end[0] - start[0], end[1] - start[1]
         event = pygame.event.Event(pygame.MOUSEMOTION, pos=end, rel=rel, buttons=(1, 0, 0))
         self.controls.handle(event)
@@ -180,7 +189,6 @@ def test_multipliers_follow_the_slope(session):
     assert session.gait().state is None and not session.gait().stable
 
 
-@pytest.mark.slow
 def test_multipliers_of_a_torque_and_of_a_policy_are_those_of_their_own_gaits():
     policy = load_policy("lab-ppo")
     session = Session(LiveWalk(WALKERS["lab"], SLOPE, policy=policy))
@@ -265,6 +273,17 @@ def test_a_film_has_a_frame_for_each_instant(tmp_path, ending):
     assert int((np.abs(frame - look.LEGS[1]) < 40).all(axis=-1).sum()) > 100
 
 
+def test_f_films_until_the_end_and_never_over_another_film(tmp_path, monkeypatch):
+    pytest.importorskip("moviepy")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "walk-1.mp4").write_text("another film")
+    pygame.display.init()
+    pygame.event.post(pygame.event.Event(pygame.KEYDOWN, key=pygame.K_f, mod=0))
+    play("lab", SLOPE, seconds=0.1)
+    assert (tmp_path / "walk-1.mp4").read_text() == "another film"
+    assert (tmp_path / "walk-2.mp4").stat().st_size > 1000
+
+
 def test_a_gentle_slope_lets_its_walker_walk():
     for name in ("lab", "C", "D"):
         assert find_gait(name, gentle_slope(WALKERS[name])).stable
@@ -282,3 +301,29 @@ def test_a_gentle_slope_lets_its_walker_walk():
 def test_bad_arguments_are_refused_in_a_sentence(arguments, told):
     with pytest.raises(ValueError, match=told):
         play(**{"walker": "lab", "slope": SLOPE, "seconds": 0.1, **arguments})
+
+
+def test_the_command_shows_a_walker_and_refuses_others_in_a_sentence(tmp_path, capsys):
+    seen = tmp_path / "seen.png"
+    assert main(["lab", "0.036", "--seconds", "0.05", "--picture", str(seen)]) == 0
+    assert seen.stat().st_size > 0
+    assert main(["Z"]) == 2
+    assert capsys.readouterr().err.startswith("error: no walker")
+
+
+def test_the_code_on_the_viewers_page_opens_a_window_until_it_is_closed():
+    page = (Path(__file__).parents[2] / "docs" / "viewer.md").read_text()
+    (code,) = re.findall(r"```python\n(.*?)```", page, re.S)
+    pygame.display.init()
+    pygame.event.post(pygame.event.Event(pygame.QUIT))
+    exec(compile(code, "viewer.md", "exec"), {})
+    assert not pygame.display.get_init()
+
+
+def test_the_viewer_is_refused_in_a_sentence_without_pygame(monkeypatch):
+    for name in [name for name in sys.modules if name.startswith("gym_passive_walker.viewer.")]:
+        if name.rpartition(".")[2] in ("controls", "view", "film", "player", "panels", "sheet"):
+            monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "pygame", None)
+    with pytest.raises(ImportError, match=r"gym-passive-walker\[render\]"):
+        play("lab", SLOPE)
