@@ -2,8 +2,8 @@
 
     python -m benchmarks.kills --kills 5 --write
 
-A training of SAC runs in one piece. Another one of the same configuration is killed at moments that
-chance chooses, each time it has come past another checkpoint, and resumed. What both remember in
+A training of SAC runs in one piece. Another one of the same configuration is killed from time to
+time, at moments that chance chooses, and resumed. What both remember in
 the end is compared bit by bit: weights, optimisers, memory, normaliser, walkers and all sources of
 random numbers.
 """
@@ -108,8 +108,7 @@ def kill(folder: Path, times: int, *, seed: int = 0) -> Kills:
     finish(begin(whole, resume=False))
     training = begin(killed, resume=False)
     while len(steps) < times:
-        before = steps[-1] if steps else 0
-        while reached(killed) <= before:
+        while reached(killed) < STEPS * (len(steps) + 1) / (times + 1):
             if training.poll() is not None:
                 raise SystemExit("a training ended before it was killed often enough")
             time.sleep(0.02)

@@ -65,61 +65,64 @@ CHANGED = {
 }  # fmt: skip
 """Modules of which single signs are changed, and the tests that concern them."""
 
-_FIRST = {
-    "agents/evaluation": ["evaluation"],
-    "agents/exploration": ["exploration"],
-    "agents/callbacks": ["callbacks"],
-    "agents/benchmark": ["benchmark"],
-    "agents/standings": ["benchmark"],
-    "agents/checkpoint": ["training"],
-    "agents/training": ["training"],
-    "agents/learner": ["config", "evaluation", "training"],
-    "agents/worlds": ["config"],
-    "agents/commands": ["command_line"],
-    "agents/config": ["config"],
-    "agents/files": ["files"],
-    "control/ticks": ["ticks"],
-    "control/closed_loop": ["closed_loop"],
-    "control/trials": ["trials"],
-    "control/baselines": ["baselines"],
-    "control/feedback": ["baselines"],
-    "control/policy": ["trials", "baselines"],
-    "control/optimum": ["optimal"],
-    "control/optimal": ["optimal"],
-    "envs/starts": ["starts"],
-    "envs/scene": ["scene"],
-    "envs/task": ["task"],
-    "envs/sb3": ["sb3"],
-    "envs/batch": ["crowds", "changes", "vector_env"],
-    "envs/vector_env": ["crowds", "changes", "vector_env"],
-    "envs/walker_env": ["walker_env"],
-    "gaits/basin": ["basin"],
-    "gaits/attractors": ["basin", "bifurcation"],
-    "gaits/bifurcation": ["bifurcation"],
-    "gaits/lyapunov": ["bifurcation"],
-    "gaits/doubling": ["bifurcation"],
-    "gaits/family": ["families"],
-    "gaits/continuation": ["families"],
-    "gaits/ends": ["families"],
-    "gaits/curve": ["families"],
-    "gaits/measures": ["measures"],
-    "gaits/posture": ["measures"],
-    "gaits/reality": ["reality"],
-    "gaits/phases": ["reality"],
-    "gaits/scaling": ["scaling"],
-    "gaits/series": ["series"],
-    "gaits/stability": ["jacobian"],
-    "gaits/stride_map": ["stride_map"],
+_CONCERNING = {
+    "agents/benchmark": "benchmark",
+    "agents/callbacks": "callbacks training",
+    "agents/checkpoint": "training",
+    "agents/commands": "command_line",
+    "agents/config": "config",
+    "agents/evaluation": "evaluation command_line",
+    "agents/exploration": "exploration training",
+    "agents/files": "files training",
+    "agents/learner": "config evaluation training",
+    "agents/standings": "benchmark",
+    "agents/training": "training",
+    "agents/worlds": "config training",
+    "control/baselines": "baselines closed_loop optimal",
+    "control/closed_loop": "closed_loop",
+    "control/feedback": "baselines ticks",
+    "control/optimal": "optimal",
+    "control/optimum": "optimal ticks",
+    "control/policy": "trials baselines closed_loop",
+    "control/ticks": "ticks closed_loop",
+    "control/trials": "trials",
+    "envs/batch": "crowds changes vector_env starts walker_env task",
+    "envs/sb3": "sb3 crowds",
+    "envs/scene": "scene task",
+    "envs/starts": "starts",
+    "envs/task": "task starts vector_env crowds walker_env",
+    "envs/vector_env": "crowds changes vector_env",
+    "envs/walker_env": "crowds walker_env",
+    "gaits/attractors": "basin bifurcation",
+    "gaits/basin": "basin",
+    "gaits/bifurcation": "bifurcation",
+    "gaits/continuation": "families",
+    "gaits/doubling": "bifurcation",
+    "gaits/family": "families",
+    "gaits/fixed_point": "gaits",
+    "gaits/gait": "gaits",
+    "gaits/lyapunov": "bifurcation",
+    "gaits/measures": "measures",
+    "gaits/phases": "reality",
+    "gaits/posture": "measures reality",
+    "gaits/reality": "reality",
+    "gaits/scaling": "scaling",
+    "gaits/series": "series reality",
+    "gaits/stability": "jacobian",
+    "gaits/stride_map": "stride_map",
+    "policies/__init__": "network shipped",
+    "policies/network": "network",
+    "policies/tensors": "network",
 }
-"""Tests of a room that are most likely to notice what is wrong with a module."""
+"""Tests of its own room that concern a module, the likeliest to notice first."""
 
 
 def tests_of(file: str) -> list[str]:
     """The tests that concern a module, in the order in which they are likely to notice."""
     if file in CHANGED:
         return CHANGED[file]
-    folder = f"tests/{file.split('/')[0]}"
-    return [f"{folder}/test_{name}.py" for name in _FIRST.get(file, [])] + [folder]
+    room = f"tests/{file.split('/')[0]}"
+    return [f"{room}/test_{name}.py" for name in _CONCERNING[file].split()]
 
 
 class Copy:

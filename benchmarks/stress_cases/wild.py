@@ -32,7 +32,7 @@ def crowd(rng: np.random.Generator, kind: int) -> Flock:
     TOPIC,
     "Walkers of random shapes, thrown any way, pushed by any torque: each stride has an outcome, "
     "finite numbers, and a ledger that closes as well as it is integrated",
-    quick=60_000, long=10_000_000, bound=1000.0, unit="tolerance × energy that moved + 10⁻¹⁴",
+    quick=60_000, long=10_000_000, bound=1000.0, unit="tolerance × energy of its angles and rates",
 )  # fmt: skip
 def any_walker(count: int, rng: np.random.Generator) -> Finding:
     """With knees, with straight legs and with legs without mass, in turn."""
@@ -51,7 +51,9 @@ def any_walker(count: int, rng: np.random.Generator) -> Finding:
         failed += int((~known).sum())
         if mine.works:
             missing, moved = mine.books(states, walks)
-            share = missing / (tolerance * moved + _ROUNDING)
+            # A tolerance is of the largest angle or rate: a slow walker errs by more than it moves.
+            largest = np.maximum(np.abs(states), np.abs(walks["state"])).max(axis=1)
+            share = missing / (tolerance * (moved + largest**2) + _ROUNDING)
             worst = max(worst, float(share[known].max()))
     return Finding(tried, failed, worst)
 

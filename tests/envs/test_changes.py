@@ -66,6 +66,13 @@ def test_the_ground_does_not_change_in_the_midst_of_a_stride():
     assert np.array_equal(worlds.get_state()["records"], before["records"])
 
 
+def test_a_walker_whose_time_is_up_has_no_stride_to_begin():
+    worlds, _ = strides_on(max_episode_steps=1)
+    assert worlds.step(ZEROS)[3].all()
+    with pytest.raises(ValueError, match=r"are walkers \[0, 1, 2\]"):
+        worlds.set_slopes(0.05)
+
+
 def test_a_fallen_walker_has_no_stride_to_begin(make):
     env = make(scene="lab")
     env.reset(seed=0, options={"state": [0.01, -0.01, -0.01, -0.1, 0.0, 0.0]})

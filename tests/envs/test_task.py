@@ -122,6 +122,20 @@ def test_reward_is_distance_less_the_weight_of_energy(make, play, name, energy):
     )
 
 
+@pytest.mark.parametrize("energy", ["absolute", "positive", "net"])
+def test_strides_add_up_to_the_episode(make, play, energy):
+    """Their costs times their lengths, and how far each went from heelstrike to heelstrike."""
+    env = make(scene="lab", energy=energy, perturbation=0.02)
+    done = strides(play(env, lambda k, _: 0.1 * math.cos(0.3 * k), steps=400, seed=1))
+    assert len(done) > 8
+    for before, info in pairwise(done):
+        charged = info["episode_energy"] - before["episode_energy"]
+        assert info["hip_cost"] * info["step_length"] == pytest.approx(charged, rel=1e-9)
+        walked = info["episode_distance"] - before["episode_distance"]
+        assert info["step_length"] == pytest.approx(walked, abs=0.05)
+        assert energy != "net" or info["net_hip_cost"] == info["hip_cost"]
+
+
 def test_energies_are_parts_of_one_ledger(make, play):
     def infos(energy):
         env = make(**SCENES["C"], energy=energy)
