@@ -87,7 +87,7 @@ class Brush:
         self, text: str, place: ArrayLike, anchor: str = "midtop",
         colour: look.Colour = look.GROUND_LINE,
     ) -> float:  # fmt: skip
-        """Lettering whose anchor (pygame's name of a corner) lies at a pixel; returns its height."""
+        """Lettering whose anchor (pygame's name of a corner) lies at a pixel; its height."""
         drawn = self._font.render(text, True, colour)
         right, down = np.asarray(place, dtype=float)
         self.canvas.blit(drawn, drawn.get_rect(**{anchor: (float(right), float(down))}))
