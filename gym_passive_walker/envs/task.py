@@ -50,6 +50,9 @@ LEDGER = np.dtype(
         ("slope", "f8"),
         ("origin", "f8"),  # where the stance foot would touch the ground, its leg along the normal
         ("place", "f8"),  # of the hip from there, before the step
+        # Of the strides that have ended since the episode began: their time, and gravity's work.
+        ("clock", "f8"),
+        ("descent", "f8"),
         # Since the stride began: of the motor, and of the hip.
         ("net_work", "f8"),
         ("charge", "f8"),
@@ -257,6 +260,8 @@ def end_stride(record, row):
     row.friction_cost = record.friction_loss / length
     row.kneestrike_time = record.knee_time
     row.net_work, row.charge, row.progress = 0.0, 0.0, 0.0
+    row.clock += record.time
+    row.descent += record.gravity_work
     row.origin -= 2.0 * record.place
     record.time, record.knee_time = 0.0, 0.0
     record.knee_loss, record.heel_loss, record.friction_loss = 0.0, 0.0, 0.0

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.arguments import whole
 from gym_passive_walker.envs import interface, task
 from gym_passive_walker.envs.batch import OPTIONS, Batch
+from gym_passive_walker.envs.frames import frame
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import Scene, make_scene, walker_from
 from gym_passive_walker.extras import need
@@ -59,7 +60,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         render_mode: str | None = None,
         **changes: Any,
     ) -> None:
-        self._screens: dict[Walker, Any] = {}  # first: what was refused is closed as well
+        self._screens: dict[int, Any] = {}  # first: what was refused is closed as well
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise ValueError(f"render_mode must be 'rgb_array' or None, not {render_mode!r}")
         self.num_envs = num_envs = whole(num_envs, "num_envs")
@@ -257,22 +258,17 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         return mask
 
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
-        """A picture of each walker."""
+        """A picture of each walker, smaller as they are more; `render.tiled` makes them one."""
         if self.render_mode is None:
             return None
         from gym_passive_walker.render.screen import Screen
+        from gym_passive_walker.render.tiles import tile_size
 
-        frames = []
-        for i, (walker, state) in enumerate(zip(self.walkers, self.states, strict=True)):
-            if walker not in self._screens:
-                self._screens[walker] = Screen(walker, self.render_mode)
-            row = self.batch.ledger[i]
-            frames.append(
-                self._screens[walker].draw(
-                    state, float(row["slope"]), self.batch.contact(i), int(row["strides"])
-                )
-            )
-        return tuple(frames)
+        for i, walker in enumerate(self.batch.walkers):
+            if i not in self._screens or self._screens[i].walker != walker:
+                size = tile_size(self.num_envs)
+                self._screens[i] = Screen(walker, self.render_mode, size=size)
+        return tuple(frame(self.batch, i, self._screens[i]) for i in range(self.num_envs))
 
     def close_extras(self, **_: Any) -> None:
         """Close what draws."""

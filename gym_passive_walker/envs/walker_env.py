@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.envs import interface, task
 from gym_passive_walker.envs.batch import OPTIONS, Batch
+from gym_passive_walker.envs.frames import frame
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.extras import need
 from gym_passive_walker.walkers import Walker
@@ -244,9 +245,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             self.close()
             fps = self.metadata["render_fps"]
             self._screen = Screen(self.walker, self.render_mode, fps)
-        return self._screen.draw(
-            self.state, self.slope, self.contact, int(self.batch.ledger["strides"][0])
-        )
+        return frame(self.batch, 0, self._screen)
 
     def close(self) -> None:
         """Close the window, if there is one."""

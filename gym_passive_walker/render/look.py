@@ -10,6 +10,8 @@ HIP: Colour = (38, 42, 50)
 SKY: Colour = (250, 250, 247)
 GROUND: Colour = (226, 222, 212)
 GROUND_LINE: Colour = (92, 88, 80)
+TORQUE: Colour = (0, 128, 94)
+WARNING: Colour = (200, 30, 30)
 
 
 def unit(colour: Colour) -> tuple[float, float, float]:

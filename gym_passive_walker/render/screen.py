@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import os
-from itertools import pairwise
+from collections import deque
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.extras import extra
 from gym_passive_walker.render import look
-from gym_passive_walker.render.pose import Leg, legs_by_identity, level, pose
+from gym_passive_walker.render.brush import Brush
+from gym_passive_walker.render.pose import Leg, Pose, legs_by_identity, pose
 from gym_passive_walker.walkers import Walker, as_walker
 
 if TYPE_CHECKING:
@@ -24,6 +26,8 @@ _OVERSAMPLING = 2  # frames are drawn this much larger, then shrunk: smooth edge
 _LEG_SHARE = 0.62  # of the frame's height
 _GROUND_SHARE = 0.17  # of the frame's height, under the hip
 _MARKS = 4  # on the ground, to a leg length
+_GHOSTS, _GHOST_APART = 5, 0.22  # how many, and how far the hip is from one to the next
+_SCUFF = 1e-3  # depth in leg lengths from which on a foot is seen to scuff
 
 
 def _pygame() -> ModuleType:
@@ -38,8 +42,10 @@ class Screen:
     """Draws one walker, frame by frame; the camera goes along with the hip.
 
     The slope is as steep as it is. Marks on the ground stand a quarter of a leg length apart, and
-    long ones with a number (the distance in leg lengths) one leg length. Each leg keeps its colour
-    through heelstrikes if `draw` is told how many there were.
+    long ones with a number one leg length l. Each leg keeps its colour through heelstrikes if
+    `draw` is told how many there were. Pale ghosts stand where the walker was; an arrow about the
+    hip is the motor's torque, longer as it is larger; what of the swing foot is below the ground,
+    where the model lets it pass, is drawn in the colour of warnings.
 
     As "rgb_array" it needs no display and opens no window. As "human" it opens one, and keeps the
     pace of `fps`; once its user has closed it, frames are no longer drawn.
@@ -71,13 +77,24 @@ class Screen:
         self.mode, self.fps, self.size = mode, fps, size
         self._pygame = pygame = _pygame()
         self._canvas = pygame.Surface((_OVERSAMPLING * size[0], _OVERSAMPLING * size[1]), depth=32)
-        self._scale = _LEG_SHARE * self._canvas.get_height() / self.walker.leg_length
+        scale = _LEG_SHARE * self._canvas.get_height()
+        self._brush = Brush(pygame, self._canvas, scale, self.walker.leg_length)
+        self._trail: deque[tuple[Pose, int]] = deque(maxlen=_GHOSTS)
         self._window: Any = None
         self._clock: Any = None
         self._open = True
 
     def draw(
-        self, state: ArrayLike, slope: float, contact_x: float = 0.0, strides: int = 0
+        self,
+        state: ArrayLike,
+        slope: float,
+        contact_x: float = 0.0,
+        strides: int = 0,
+        *,
+        torque: float = 0.0,
+        notes: tuple[Sequence[str], Sequence[str]] = ((), ()),
+        warning: str = "",
+        profile: ArrayLike | None = None,
     ) -> NDArray[np.uint8] | None:
         """Draw one frame.
 
@@ -86,6 +103,11 @@ class Screen:
             slope: Slope in rad, positive downhill.
             contact_x: Where the stance foot touches the ground, along the slope.
             strides: Heelstrikes so far: the legs change roles, not colours.
+            torque: Hip torque as a share of the largest, from -1 to 1.
+            notes: Lines of text for the upper left and the upper right corner.
+            warning: A line below those on the left that is not to be overlooked.
+            profile: The ground as points (x, y) along and off the slope, shape (n, 2), x rising;
+                None is the slope itself.
 
         Returns:
             The frame, uint8 of shape (height, width, 3), as "rgb_array"; nothing as "human".
@@ -97,16 +119,21 @@ class Screen:
             return None
         if np.shape(state) != (6,):
             raise ValueError(f"a frame shows one state of shape (6,), not {np.shape(state)}")
-        posture = pose(self.walker, state, contact_x)
-        camera = np.array([posture.hip[0], 0.0])
+        brush, posture = self._brush, pose(self.walker, state, contact_x)
+        ground = np.array([[-1.0, 0.0], [1.0, 0.0]]) if profile is None else np.asarray(profile)
+        self._look_at(posture.hip[0], np.interp(posture.hip[0], *ground.T), slope)
         self._canvas.fill(look.SKY)
-        self._ground(camera, slope)
+        self._follow(posture, strides)
+        hip = brush.at(posture.hip)
         near, far = legs_by_identity(posture, strides)
-        hip = self._pixel(posture.hip, camera, slope)
-        self._leg(hip, far, look.LEGS[1], camera, slope)
-        self._leg(hip, near, look.LEGS[0], camera, slope)
-        self._disc(hip, 0.050, look.HIP)
-        self._disc(hip, 0.018, look.SKY)
+        self._leg(hip, far, look.LEGS[1])
+        self._leg(hip, near, look.LEGS[0])
+        brush.disc(hip, 0.050, look.HIP)
+        brush.disc(hip, 0.018, look.SKY)
+        brush.turn(hip, 0.17, 1.9 * torque, look.TORQUE)
+        self._ground(ground)
+        self._scuff(posture.swing, ground)
+        self._write(notes, warning)
         frame = self._pygame.transform.smoothscale(self._canvas, self.size)
         if self.mode == "rgb_array":
             pixels = bytearray(self._pygame.image.tobytes(frame, "RGB"))
@@ -117,8 +144,15 @@ class Screen:
     def hip_on_frame(self, state: ArrayLike, slope: float) -> tuple[float, float]:
         """Where a frame shows the hip, in pixels from its upper left corner."""
         hip = pose(self.walker, state).hip
-        x, y = self._pixel(hip, np.array([hip[0], 0.0]), slope) / _OVERSAMPLING
+        self._look_at(hip[0], 0.0, slope)
+        x, y = self._brush.at(hip) / _OVERSAMPLING
         return float(x), float(y)
+
+    def _look_at(self, along: float, below: float, slope: float) -> None:
+        """Begin a frame about a place on the ground."""
+        width, height = self._canvas.get_size()
+        origin = 0.5 * width, (1.0 - _GROUND_SHARE) * height
+        self._brush.look_at(np.array([along, below]), slope, origin)
 
     def close(self) -> None:
         """Close the window, if there is one. A closed screen draws nothing."""
@@ -141,78 +175,91 @@ class Screen:
         elif self.fps:
             self._clock.tick(self.fps)
 
-    def _pixel(self, points: NDArray, camera: NDArray, slope: float) -> NDArray:
-        """Pixels on the canvas of points along the slope, shape (..., 2)."""
-        width, height = self._canvas.get_size()
-        right_up = self._scale * level(points - camera, slope)
-        origin = np.array([0.5 * width, (1.0 - _GROUND_SHARE) * height])
-        return origin + right_up * np.array([1.0, -1.0])
+    def _follow(self, posture: Pose, strides: int) -> None:
+        """Draw the ghosts of a walk, and keep the posture as one of them if it is far enough on.
 
-    def _disc(self, centre: NDArray, radius: float, colour: look.Colour) -> None:
-        """A disc of a radius in leg lengths."""
-        pixels = radius * self.walker.leg_length * self._scale
-        self._pygame.draw.circle(self._canvas, colour, tuple(centre), pixels)
+        Where the walker jumps, as at a reset, another walk begins.
+        """
+        length = self.walker.leg_length
+        if self._trail:
+            last, before = self._trail[-1]
+            ahead = (posture.hip[0] - last.hip[0]) / length
+            if strides < before or not -_GHOST_APART < ahead < 2.0:
+                self._trail.clear()
+        for age, (ghost, struck) in enumerate(reversed(self._trail)):
+            paleness = 0.62 + 0.30 * age / _GHOSTS
+            for leg, colour in zip(
+                reversed(legs_by_identity(ghost, struck)), look.LEGS[::-1], strict=True
+            ):
+                places = self._brush.at(np.array([ghost.hip, leg.knee, leg.tip]))
+                self._brush.line(places, 0.010, look.shaded(colour, look.SKY, paleness))
+        if not self._trail or ahead > _GHOST_APART:
+            self._trail.append((posture, strides))
 
-    def _polygon(self, corners: list[NDArray] | NDArray, colour: look.Colour) -> None:
-        """A filled polygon."""
-        self._pygame.draw.polygon(self._canvas, colour, [tuple(corner) for corner in corners])
-
-    def _limb(
-        self, start: NDArray, end: NDArray, wide: float, narrow: float, colour: look.Colour
-    ) -> None:
-        """A limb with round ends, its half-widths in leg lengths."""
-        along = end - start
-        length = math.hypot(*along)
-        if length > 0.0:
-            across = np.array([-along[1], along[0]]) / length * self.walker.leg_length * self._scale
-            first, last = wide * across, narrow * across
-            self._polygon([start + first, end + last, end - last, start - first], colour)
-        self._disc(start, wide, colour)
-        self._disc(end, narrow, colour)
-
-    def _leg(
-        self, hip: NDArray, leg: Leg, colour: look.Colour, camera: NDArray, slope: float
-    ) -> None:
+    def _leg(self, hip: NDArray, leg: Leg, colour: look.Colour) -> None:
         """Thigh, shank and foot."""
+        brush = self._brush
         instep = leg.foot + 0.45 * (leg.tip - leg.foot)
-        knee, instep, tip = (self._pixel(p, camera, slope) for p in (leg.knee, instep, leg.tip))
+        knee, instep, tip = (brush.at(place) for place in (leg.knee, instep, leg.tip))
         dark = look.shaded(colour, look.HIP, 0.45)
-        self._limb(hip, knee, 0.034, 0.026, colour)
-        self._limb(knee, instep + 0.5 * (tip - instep), 0.026, 0.017, colour)
+        brush.limb(hip, knee, 0.034, 0.026, colour)
+        brush.limb(knee, instep + 0.5 * (tip - instep), 0.026, 0.017, colour)
         if self.walker.foot_radius > 0.0:
-            sole = self._pixel(leg.sole, camera, slope)
-            self._polygon([*sole, instep], colour)
-            for start, end in pairwise(sole):
-                self._limb(start, end, 0.006, 0.006, dark)
+            sole = brush.at(leg.sole)
+            brush.polygon([*sole, instep], colour)
+            brush.line(sole, 0.006, dark)
         else:
-            self._disc(tip, 0.024, dark)
+            brush.disc(tip, 0.024, dark)
         if self.walker.knees:
-            self._disc(knee, 0.016, dark)
+            brush.disc(knee, 0.016, dark)
 
-    def _ground(self, camera: NDArray, slope: float) -> None:
-        """The slope, with marks that pass by as the walker goes."""
-        length, (width, height) = self.walker.leg_length, self._canvas.get_size()
-        seen = 0.6 * math.hypot(width, height) / self._scale  # to beyond every corner
-        box = camera + seen * np.array([[-1.0, 0.0], [1.0, 0.0], [1.0, -1.0], [-1.0, -1.0]])
-        corners = self._pixel(box, camera, slope)
-        self._polygon(corners, look.GROUND)
+    def _ground(self, profile: NDArray) -> None:
+        """The ground, with marks that pass by as the walker goes, and numbers: the scale.
+
+        Args:
+            profile: Points (x, y) along and off the slope, (n, 2); level beyond both ends.
+        """
+        brush, length = self._brush, self.walker.leg_length
+        height = self._canvas.get_height()
+        seen = 0.6 * math.hypot(*self._canvas.get_size()) / brush.scale * length  # every corner
+        middle, floor = brush.camera
+        inner = profile[np.abs(profile[:, 0] - middle) < seen]
+        ends = middle + seen * np.array([-1.0, 1.0])
+        x = np.concatenate([ends[:1], inner[:, 0], ends[1:]])
+        surface = brush.at(np.column_stack([x, np.interp(x, *profile.T)]))
+        deep = brush.at(np.column_stack([ends[::-1], [floor - seen] * 2]))
+        brush.polygon([*surface, *deep], look.GROUND)
         pitch = length / _MARKS
-        first, last = (math.ceil((camera[0] + side * seen) / pitch) for side in (-1.0, 1.0))
-        for index in range(first, last):
+        for index in range(math.ceil(ends[0] / pitch), math.ceil(ends[1] / pitch)):
             numbered = index % _MARKS == 0
-            depth = (0.07 if numbered else 0.035) * length
-            top, bottom = self._pixel(
-                np.array([[index * pitch, 0.0], [index * pitch, -depth]]), camera, slope
-            )
-            self._limb(top, bottom, 0.003, 0.003, look.GROUND_LINE)
+            top = np.array([index * pitch, np.interp(index * pitch, *profile.T)])
+            mark = brush.at([top, top - [0.0, (0.07 if numbered else 0.035) * length]])
+            brush.line(mark, 0.003, look.GROUND_LINE)
             if numbered:
-                text = self._text(str(index // _MARKS))
-                middle = float(bottom[0]), float(bottom[1]) + 0.012 * height
-                self._canvas.blit(text, text.get_rect(midtop=middle))
-        self._limb(corners[0], corners[1], 0.005, 0.005, look.GROUND_LINE)
+                brush.write(f"{index // _MARKS} l", mark[1] + [0.0, 0.012 * height])
+        brush.line(surface, 0.005, look.GROUND_LINE)
 
-    def _text(self, text: str) -> Any:
-        """A piece of lettering; its font is not kept, for others may shut pygame down meanwhile."""
-        self._pygame.font.init()
-        font = self._pygame.font.Font(None, round(0.05 * self._canvas.get_height()))
-        return font.render(text, True, look.GROUND_LINE)
+    def _scuff(self, leg: Leg, profile: NDArray) -> None:
+        """Mark what of the swing foot is below the ground, where the model lets it pass."""
+        depth = np.interp(leg.sole[:, 0], *profile.T) - leg.sole[:, 1]
+        if depth.max() > _SCUFF * self.walker.leg_length:
+            below = self._brush.at(leg.sole[depth > 0.0])
+            self._brush.line(np.atleast_2d(below), 0.008, look.WARNING)
+            self._brush.disc(self._brush.at(leg.sole[np.argmax(depth)]), 0.012, look.WARNING)
+            right, down = below.mean(axis=0)
+            place = right, down + 0.15 * self._brush.scale  # below the marks
+            self._brush.write("foot scuffs", place, "midtop", look.WARNING)
+
+    def _write(self, notes: tuple[Sequence[str], Sequence[str]], warning: str) -> None:
+        """Lettering in the upper corners."""
+        width, height = self._canvas.get_size()
+        edge = 0.03 * height
+        for lines, across, anchor in (
+            (notes[0], edge, "topleft"),
+            (notes[1], width - edge, "topright"),
+        ):
+            down = edge
+            for line in lines:
+                down += 1.15 * self._brush.write(line, (across, down), anchor, look.HIP)
+            if anchor == "topleft" and warning:
+                self._brush.write(warning, (across, down), anchor, look.WARNING)

@@ -144,7 +144,7 @@ def _joined(ended: np.ndarray, last: dict[str, Any], rest: dict[str, Any]) -> di
     joined = {}
     for name in (last | rest).keys() - {"final_obs", "final_info"}:
         if not name.startswith("_"):
-            some = last.get(name, rest.get(name))
+            some = last[name] if name in last else rest[name]
             nothing = np.full(ended.shape, None if some.dtype == object else 0, some.dtype)
             joined[name] = np.where(ended, last.get(name, nothing), rest.get(name, nothing))
     return joined

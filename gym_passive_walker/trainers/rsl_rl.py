@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 import torch
-from rsl_rl.env import VecEnv
-from tensordict import TensorDict
+from rsl_rl.env import VecEnv  # type: ignore[import-not-found]
+from tensordict import TensorDict  # type: ignore[import-not-found]
 from torch import Tensor
 
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS

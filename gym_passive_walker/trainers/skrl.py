@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from skrl.envs.wrappers.torch import Wrapper
+from skrl.envs.wrappers.torch import Wrapper  # type: ignore[import-not-found]
 from torch import Tensor
 
 from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
@@ -29,9 +29,10 @@ class SkrlWalkers(Wrapper):
 
     def reset(self) -> tuple[Tensor, dict[str, Any]]:
         """Begin all episodes, the first time; later they go on."""
-        if self._begun is None:
-            self._begun, _ = self._env.reset(seed=self._seed)
-        return self._begun, {}
+        begun = self._begun
+        if begun is None:
+            begun = self._begun = self._env.reset(seed=self._seed)[0]
+        return begun, {}
 
     def step(self, actions: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor, dict[str, Any]]:
         """A step of every walker; who has ended begins anew."""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 import torch
-from tensordict import TensorDict, TensorDictBase
-from torchrl.data import Binary, Bounded, Composite, Unbounded
-from torchrl.envs import EnvBase
+from tensordict import TensorDict, TensorDictBase  # type: ignore[import-not-found]
+from torchrl.data import Binary, Bounded, Composite, Unbounded  # type: ignore[import-not-found]
+from torchrl.envs import EnvBase  # type: ignore[import-not-found]
 
 from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
 

@@ -1,0 +1,53 @@
+"""What an environment's pictures show, and tell in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from gym_passive_walker.envs.batch import Batch
+from gym_passive_walker.envs.interface import OUTCOMES
+from gym_passive_walker.walkers import name_of
+
+
+def frame(batch: Batch, lane: int, screen: Any) -> Any:
+    """Draw a walker of a batch as it stands on a `render.Screen`; what `draw` of it returns."""
+    row, record = batch.ledger[lane], batch.records[lane, 0]
+    largest = batch.scene.max_hip_torque
+    ended = OUTCOMES[row["ending"]]
+    return screen.draw(
+        batch.states[lane],
+        float(row["slope"]),
+        batch.contact(lane),
+        int(row["strides"]),
+        torque=float(record["control"][0]) / largest if largest else 0.0,
+        notes=_notes(batch, lane),
+        warning=ended.replace("_", " ") if ended else "",
+    )
+
+
+def _notes(batch: Batch, lane: int) -> tuple[Sequence[str], Sequence[str]]:
+    """Lines for the left and the right, dimensionless; speed and cost are means of the episode."""
+    row, record = batch.ledger[lane], batch.records[lane, 0]
+    walker, distance = batch.walkers[lane], float(row["episode_distance"])
+    time = float(row["clock"] + record["time"])
+    # Gravity pays for the height lost in the strides that have ended, and by the slope in this one.
+    paid = float(row["descent"]) + math.sin(row["slope"]) * float(row["progress"])
+    speed = f"{distance / time:.3f}" if time > 0.0 else "–"
+    cost = f"{(paid + row['episode_energy']) / distance:.4f}" if distance > 0.0 else "–"
+    unit = "g l a foot mass" if walker.massless_legs else "m g l"
+    number = f"{lane + 1}: " if batch.count > 1 else ""
+    left = (
+        f"{number}walker {name_of(walker)}",
+        f"slope {row['slope']:.3f} rad",
+        f"stride {row['strides'] + 1}",
+        f"time {time:.1f} √(l/g)",
+    )
+    right = (
+        f"speed {speed} √(g l)",
+        f"cost of transport {cost}",
+        f"hip torque {record['control'][0]:+.3f} {unit}",
+        f"leg length l = {walker.leg_length:.3g}",
+    )
+    return left, right

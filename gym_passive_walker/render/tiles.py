@@ -1,0 +1,51 @@
+"""Many walkers in one picture."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker.render import look
+
+_WIDTH = 1600  # of a picture with many tiles
+_LARGEST, _SMALLEST = 800, 160  # widths of tiles, which are 16 to 9
+
+
+def tile_size(count: int) -> tuple[int, int]:
+    """Width and height in pixels of each of so many frames that go into one picture; both even."""
+    width = min(_LARGEST, max(_SMALLEST, _WIDTH // columns_of(count)))
+    return width // 2 * 2, width * 9 // 32 * 2
+
+
+def columns_of(count: int) -> int:
+    """Columns of a picture of so many frames: about as many as rows."""
+    return math.ceil(math.sqrt(count))
+
+
+def tiled(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    """One picture of many frames, row by row.
+
+    Args:
+        frames: What a vector environment's `render` gives: one or more frames of one shape
+            (height, width, 3).
+
+    Returns:
+        The picture, (rows * height, columns * width, 3); places left over have the sky's colour.
+
+    Raises:
+        ValueError: if there are no frames, or they differ in shape.
+    """
+    shapes = {np.shape(frame) for frame in frames}
+    if len(shapes) != 1:
+        raise ValueError(f"frames must be one or more of one shape, not of shapes {shapes}")
+    height, width, _ = shapes.pop()
+    columns = columns_of(len(frames))
+    rows = math.ceil(len(frames) / columns)
+    picture = np.full((rows * height, columns * width, 3), look.SKY, np.uint8)
+    for index, frame in enumerate(frames):
+        top, left = index // columns * height, index % columns * width
+        picture[top : top + height, left : left + width] = frame
+    return picture
