@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 from pathlib import Path
@@ -19,8 +18,9 @@ from gym_passive_walker.control.walks import evaluate as evaluated
 from gym_passive_walker.control.walks import table as compared
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.scene import SCENES, make_scene
+from gym_passive_walker.gaits import trajectory
 from gym_passive_walker.gaits.stride import stride
-from gym_passive_walker.gaits.trajectory import Trajectory, trajectory
+from gym_passive_walker.gaits.trajectory import Trajectory
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.policies import load_policy, shipped_policies
 from gym_passive_walker.walkers import describe
@@ -46,11 +46,11 @@ def simulate(command: ArgumentParser) -> Callable[[Namespace], Report]:
             raise ValueError(f"--out takes a name that ends in .csv or .npz, not {out}")
         walker, slope, state = walker_of(arguments), arguments.slope, start_of(arguments)
         if out is not None:
-            walk = trajectory(
-                walker, slope, state, strides=arguments.strides, samples=arguments.samples,
+            walk = trajectory.simulate(
+                walker, slope, state, arguments.strides, samples=arguments.samples,
                 hip_torque=arguments.torque,
             )  # fmt: skip
-            _WRITERS[out.suffix](out, _columns(walk))
+            _WRITERS[out.suffix](walk, out)
         rows: list[dict[str, Any]] = []
         while len(rows) < arguments.strides:
             walk = stride(walker, slope, state, hip_torque=arguments.torque)
@@ -65,32 +65,11 @@ def simulate(command: ArgumentParser) -> Callable[[Namespace], Report]:
     return run
 
 
-def _columns(walk: Trajectory) -> dict[str, np.ndarray]:
-    """What a walk passes through, by name."""
-    angles = [
-        f"{part}_{what}" for what in ("angle", "rate") for part in ("stance", "thigh", "shank")
-    ]
-    return {
-        "time": walk.times,
-        "stride": walk.strides,
-        "phase": walk.phases,
-        **dict(zip(angles, walk.states.T, strict=True)),
-        "contact_x": walk.contact_x,
-    }
+def _write_npz(walk: Trajectory, path: Path) -> None:
+    np.savez_compressed(path, **walk.columns())  # type: ignore[arg-type]
 
 
-def _write_csv(path: Path, columns: dict[str, np.ndarray]) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(columns)
-        writer.writerows(zip(*(column.tolist() for column in columns.values()), strict=True))
-
-
-def _write_npz(path: Path, columns: dict[str, np.ndarray]) -> None:
-    np.savez_compressed(path, **columns)  # type: ignore[arg-type]
-
-
-_WRITERS = {".csv": _write_csv, ".npz": _write_npz}
+_WRITERS = {".csv": Trajectory.to_csv, ".npz": _write_npz}
 
 
 def evaluate(command: ArgumentParser) -> Callable[[Namespace], Report]:

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from gym_passive_walker.arguments import number
 from gym_passive_walker.extras import extra, need
-from gym_passive_walker.gaits.trajectory import trajectory
+from gym_passive_walker.gaits.trajectory import simulate
 from gym_passive_walker.progress import progress
 from gym_passive_walker.render.screen import Screen
 from gym_passive_walker.walkers import Walker, as_walker
@@ -56,9 +56,7 @@ def film(
     with extra("render"):
         from moviepy import ImageSequenceClip
 
-    walk = trajectory(
-        walker, slope, state, strides=strides, samples=_SAMPLES, hip_torque=hip_torque
-    )
+    walk = simulate(walker, slope, state, strides, samples=_SAMPLES, hip_torque=hip_torque)
     instants = np.arange(0.0, walk.times[-1], 1.0 / (FPS * slower))
     screen, frames = Screen(as_walker(walker)), []
     with progress("frames", len(instants)) as drawn:

@@ -8,7 +8,7 @@ import numpy as np
 import pygame
 from pygame import Surface
 
-from gym_passive_walker.render.extras import extra
+from gym_passive_walker.extras import extra
 
 ENDINGS = (".mp4", ".gif")
 _GIF = "fps=20,scale=iw/2:-1:flags=lanczos,split[a][b];[a]palettegen[p];[b][p]paletteuse"

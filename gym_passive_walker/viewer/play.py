@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gym_passive_walker.extras import extra
 from gym_passive_walker.policies import TrainedPolicy, load_policy
-from gym_passive_walker.render.extras import extra
 from gym_passive_walker.viewer.walk import LiveWalk
 from gym_passive_walker.walkers import Walker, as_walker
 
