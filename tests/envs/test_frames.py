@@ -37,7 +37,7 @@ def walked(steps, share=0.4, **scene):
 
 
 def test_time_speed_and_cost_are_those_of_the_episode():
-    _, infos, heard = walked(4, 0.01, scene="steep")
+    _, infos, heard = walked(5, 0.05, scene="lab", control="stride")
     time, length = (sum(i[name] for i in infos) for name in ("step_period", "step_length"))
     cost = sum(i["cost_of_transport"] * i["step_length"] for i in infos) / length
     assert f"time {time:.1f} √(l/g)" in heard.said
