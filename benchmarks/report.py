@@ -12,6 +12,8 @@ from datetime import date
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from gym_passive_walker.render.axes import HEAVY, LIGHT, legend, panels, save, series
+
 DOCS = Path(__file__).parent.parent / "docs"
 PAGE = DOCS / "benchmarks.md"
 
@@ -111,22 +113,17 @@ def plot(
         title: Over the picture.
         falling: Whether the horizontal axis runs from large to small.
     """
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(figsize=(8, 4.2), layout="constrained")
-    for label, (across, up) in curves.items():
-        width = 2.0 if label.startswith("this engine") else 1.0
-        axes.loglog(across, up, "o-", markersize=3, label=label, linewidth=width, zorder=1 + width)
-    axes.set(title=title, xlabel=axes_names[0], ylabel=axes_names[1])
+    figure, (axes,) = panels(size=(7.0, 5.6))
+    for index, (label, (across, up)) in enumerate(curves.items()):
+        width = HEAVY if label.startswith("this engine") else LIGHT
+        style = {**series(index), "linewidth": width, "zorder": 1 + width}
+        axes.loglog(across, up, label=label, **style)
+    axes.set(xlabel=axes_names[0], ylabel=axes_names[1])
+    axes.set_title(title, fontsize="medium")
     if falling:
         axes.invert_xaxis()
-    axes.grid(alpha=0.3)
-    figure.legend(loc="outside right upper", fontsize=8)
-    figure.savefig(DOCS / "images" / f"{name}.png", dpi=130)
-    plt.close(figure)
+    legend(axes)
+    save(figure, DOCS / "images" / f"{name}.png")
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:

@@ -27,6 +27,7 @@ _LEG_SHARE = 0.62  # of the frame's height
 _GROUND_SHARE = 0.17  # of the frame's height, under the hip
 _MARKS = 4  # on the ground, to a leg length
 _GHOSTS, _GHOST_APART = 5, 0.22  # how many, and how far the hip is from one to the next
+_LEVEL = np.array([[-1.0, 0.0], [1.0, 0.0]])  # ground that is the slope itself
 _SCUFF = 1e-3  # depth in leg lengths from which on a foot is seen to scuff
 
 
@@ -120,8 +121,8 @@ class Screen:
         if np.shape(state) != (6,):
             raise ValueError(f"a frame shows one state of shape (6,), not {np.shape(state)}")
         brush, posture = self._brush, pose(self.walker, state, contact_x)
-        ground = np.array([[-1.0, 0.0], [1.0, 0.0]]) if profile is None else np.asarray(profile)
-        self._look_at(posture.hip[0], np.interp(posture.hip[0], *ground.T), slope)
+        ground = _LEVEL if profile is None else np.asarray(profile, dtype=float)
+        self._look_at(posture, slope, ground)
         self._canvas.fill(look.SKY)
         self._follow(posture, strides)
         hip = brush.at(posture.hip)
@@ -143,16 +144,10 @@ class Screen:
 
     def hip_on_frame(self, state: ArrayLike, slope: float) -> tuple[float, float]:
         """Where a frame shows the hip, in pixels from its upper left corner."""
-        hip = pose(self.walker, state).hip
-        self._look_at(hip[0], 0.0, slope)
-        x, y = self._brush.at(hip) / _OVERSAMPLING
+        posture = pose(self.walker, state)
+        self._look_at(posture, slope, _LEVEL)
+        x, y = self._brush.at(posture.hip) / _OVERSAMPLING
         return float(x), float(y)
-
-    def _look_at(self, along: float, below: float, slope: float) -> None:
-        """Begin a frame about a place on the ground."""
-        width, height = self._canvas.get_size()
-        origin = 0.5 * width, (1.0 - _GROUND_SHARE) * height
-        self._brush.look_at(np.array([along, below]), slope, origin)
 
     def close(self) -> None:
         """Close the window, if there is one. A closed screen draws nothing."""
@@ -175,6 +170,12 @@ class Screen:
         elif self.fps:
             self._clock.tick(self.fps)
 
+    def _look_at(self, posture: Pose, slope: float, ground: NDArray) -> None:
+        """Let the camera go along with the hip, at the height of the ground below."""
+        width, height = self._canvas.get_size()
+        camera = np.array([posture.hip[0], np.interp(posture.hip[0], *ground.T)])
+        self._brush.look_at(camera, slope, (0.5 * width, (1.0 - _GROUND_SHARE) * height))
+
     def _follow(self, posture: Pose, strides: int) -> None:
         """Draw the ghosts of a walk, and keep the posture as one of them if it is far enough on.
 
@@ -188,9 +189,10 @@ class Screen:
                 self._trail.clear()
         for age, (ghost, struck) in enumerate(reversed(self._trail)):
             paleness = 0.62 + 0.30 * age / _GHOSTS
-            for leg, colour in zip(
-                reversed(legs_by_identity(ghost, struck)), look.LEGS[::-1], strict=True
-            ):
+            if posture.hip[0] - ghost.hip[0] < 0.5 * _GHOST_APART * length:
+                continue  # as good as the walker itself
+            near, far = legs_by_identity(ghost, struck)
+            for leg, colour in ((far, look.LEGS[1]), (near, look.LEGS[0])):
                 places = self._brush.at(np.array([ghost.hip, leg.knee, leg.tip]))
                 self._brush.line(places, 0.010, look.shaded(colour, look.SKY, paleness))
         if not self._trail or ahead > _GHOST_APART:

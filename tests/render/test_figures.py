@@ -20,6 +20,17 @@ def test_an_unknown_figure_is_refused_with_the_known_ones(tmp_path):
         draw("4.2", tmp_path)
 
 
+@pytest.mark.parametrize(("kind", "sign"), [("svg", b"<?xml"), ("pdf", b"%PDF")])
+def test_a_figure_is_drawn_as_vectors_too_and_carries_its_caption(kind, sign, tmp_path):
+    found = draw("4.3-strobe", tmp_path, kind).read_bytes()
+    assert found.startswith(sign) and b"leg lengths l" in found.replace(b"\n", b" ")
+
+
+def test_an_unknown_kind_of_file_is_refused(tmp_path):
+    with pytest.raises(ValueError, match="png, svg, pdf"):
+        draw("4.5", tmp_path, "gif")
+
+
 @pytest.mark.slow
 def test_the_stable_part_of_the_laboratory_s_curve_is_heavy():
     (ax,) = figures.lab_families().axes

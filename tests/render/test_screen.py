@@ -1,12 +1,14 @@
 """Frames of a walk show the walker, on its slope, without a display."""
 
+import os
+import subprocess
 import sys
 
 import numpy as np
 import pytest
 
 from gym_passive_walker.gaits.trajectory import simulate
-from gym_passive_walker.render import look
+from gym_passive_walker.render import level, look, pose, tiled
 from gym_passive_walker.render.screen import Screen
 
 pygame = pytest.importorskip("pygame")
@@ -71,6 +73,102 @@ def test_legs_keep_their_colours_through_a_heelstrike(no_display):
     )
     assert np.abs(after - before).mean() < 0.01
     assert np.abs(swapped - before).mean() > 1.0
+
+
+def test_no_frame_is_black_where_there_is_no_display():
+    code = (
+        "import gymnasium as gym, gym_passive_walker\n"
+        "env = gym.make('PassiveWalker-v0', scene='lab', render_mode='rgb_array')\n"
+        "env.reset(seed=0)\n"
+        "assert env.render().mean() > 200\n"
+    )
+    bare = {k: v for k, v in os.environ.items() if k not in ("DISPLAY", "SDL_VIDEODRIVER")}
+    done = subprocess.run([sys.executable, "-c", code], env=bare, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_hip_is_drawn_where_the_geometry_has_it(no_display):
+    for name in ("lab", "D"):
+        screen = Screen(name)
+        walk = simulate(name, SLOPE, GAIT, samples=9)
+        for state in walk.states[:5]:
+            rows, columns = np.nonzero(mask(screen.draw(state, SLOPE)[: 450 * 4 // 5], look.HIP))
+            drawn = columns.mean(), rows.mean()
+            assert drawn == pytest.approx(screen.hip_on_frame(state, SLOPE), abs=1.5)
+            # A leg length is 0.62 of a frame, and the ground 0.17 from below.
+            scale = 0.62 * 450 / screen.walker.leg_length
+            x, y = level([0.0, pose(name, state).hip[1]], SLOPE)
+            assert drawn == pytest.approx((400 + scale * x, 0.83 * 450 - scale * y), abs=1.5)
+
+
+@pytest.mark.parametrize("torque", [-0.8, 0.8])
+def test_the_torque_is_an_arrow_that_turns_as_the_swing_leg_is_driven(torque, no_display):
+    assert not mask(Screen("lab").draw(GAIT, SLOPE), look.TORQUE).any()
+    arrow = mask(Screen("lab").draw(GAIT, SLOPE, torque=torque), look.TORQUE)
+    # The head is the broad end: on the side to which the free leg is swung.
+    columns = np.flatnonzero(arrow.any(axis=0))
+    middle = 0.5 * (columns[0] + columns[-1])
+    across = np.nonzero(arrow)[1]
+    assert np.sign((across > middle).sum() - (across < middle).sum()) == np.sign(torque)
+
+
+def test_a_longer_arrow_is_a_larger_torque(no_display):
+    drawn = [mask(Screen("lab").draw(GAIT, 0.0, torque=t), look.TORQUE).sum() for t in (0.2, 0.9)]
+    assert drawn[1] > 1.3 * drawn[0] > 0
+
+
+def test_a_foot_below_the_ground_is_marked_and_one_above_is_not(no_display):
+    above, below = [0.1, -0.1, -0.7, 0.0, 0.0, 0.0], [0.2, 0.05, 0.05, 0.0, 0.0, 0.0]
+    assert (
+        pose("lab", above).swing.sole[:, 1].min() > 0.0 > pose("lab", below).swing.sole[:, 1].min()
+    )
+    assert not mask(Screen("lab").draw(above, SLOPE), look.WARNING).any()
+    assert mask(Screen("lab").draw(below, SLOPE), look.WARNING).sum() > 20
+
+
+def test_ghosts_stand_where_the_walker_was_and_vanish_when_it_begins_anew(no_display):
+    screen = Screen("lab")
+    alone = screen.draw(GAIT, 0.0)
+    length = screen.walker.leg_length
+    followed = screen.draw(GAIT, 0.0, 0.5 * length)
+    again = screen.draw(GAIT, 0.0)
+    ghost = np.abs(followed.astype(int) - Screen("lab").draw(GAIT, 0.0, 0.5 * length)).sum(axis=-1)
+    columns = np.flatnonzero(ghost.any(axis=0))
+    # The same posture, half a leg length to the left: 0.62 of a frame's height is a leg length.
+    legs = np.flatnonzero((mask(alone, look.LEGS[0]) | mask(alone, look.LEGS[1])).any(axis=0))
+    assert columns[0] == pytest.approx(legs[0] - 0.5 * 0.62 * 450, abs=35)
+    np.testing.assert_array_equal(again, alone)
+
+
+def test_rough_ground_is_drawn_where_its_profile_is(no_display):
+    screen = Screen("lab")
+    length = screen.walker.leg_length
+    step = np.array([[-9.0, 0.0], [0.5, 0.0], [0.501, -0.1], [9.0, -0.1]]) * length
+    frame = screen.draw(GAIT, 0.0, profile=step)
+    line = mask(frame, look.GROUND_LINE)
+    left, right = (int(np.argmax(line[:, x])) for x in (60, 740))
+    assert right - left == pytest.approx(0.1 * 0.62 * 450, abs=2)
+
+
+def test_notes_stand_in_the_corners_and_a_warning_in_its_colour(no_display):
+    plain = Screen("lab").draw(GAIT, SLOPE)
+    told = Screen("lab").draw(GAIT, SLOPE, notes=(["a"], ["b"]), warning="fell forward")
+    changed = (plain != told).any(axis=-1)
+    assert changed[:100, :200].any() and changed[:100, 600:].any()
+    assert not changed[200:].any() and mask(told, look.WARNING)[:100, :200].sum() > 20
+
+
+def test_tiles_are_frames_side_by_side():
+    frames = [np.full((2, 4, 3), i, np.uint8) for i in range(5)]
+    picture = tiled(frames)
+    assert picture.shape == (4, 12, 3)
+    np.testing.assert_array_equal(picture[::2, ::4, 0], [[0, 1, 2], [3, 4, look.SKY[0]]])
+
+
+def test_nothing_and_frames_of_two_shapes_are_no_picture():
+    for frames in ([], [np.zeros((2, 4, 3), np.uint8), np.zeros((2, 2, 3), np.uint8)]):
+        with pytest.raises(ValueError, match="one shape"):
+            tiled(frames)
 
 
 def test_frames_survive_another_user_of_pygame(no_display):

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from gym_passive_walker.gaits.trajectory import simulate
+from gym_passive_walker.physics.hybrid import Stage
 from gym_passive_walker.render import phase_portrait, pose, strobe, strobe_of
 from gym_passive_walker.render.pose import level
+from gym_passive_walker.walkers import WALKERS
 
 pytest.importorskip("matplotlib")
 
@@ -34,13 +36,24 @@ def test_a_strobe_picture_stands_on_its_slope():
     np.testing.assert_allclose(hips(figure), expected)
 
 
-def test_a_recorded_walk_gives_the_same_picture():
+def test_a_recorded_walk_gives_the_same_picture_but_for_its_kneestrikes():
     walk = simulate("lab", SLOPE, GAIT, samples=6)
-    recorded = strobe_of("lab", walk.states, walk.contact_x, SLOPE)
-    simulated = strobe("lab", SLOPE, GAIT, strides=1, flashes=6)
-    for one, other in zip(recorded.axes[0].lines, simulated.axes[0].lines, strict=True):
+    recorded = strobe_of("lab", walk.states, walk.contact_x, SLOPE).axes[0].lines
+    simulated = strobe("lab", SLOPE, GAIT, strides=1, flashes=6).axes[0].lines
+    simulated = [line for line in simulated if line.get_marker() != "D"]
+    for one, other in zip(recorded, simulated, strict=True):
         np.testing.assert_array_equal(one.get_xydata(), other.get_xydata())
         assert one.get_color() == other.get_color()
+
+
+def test_a_kneestrike_is_marked_where_thigh_and_shank_meet():
+    (ax,) = strobe("lab", SLOPE, GAIT, strides=2).axes
+    (marked,) = [line.get_xydata() for line in ax.lines if line.get_marker() == "D"]
+    assert len(marked) == 2
+    walk = simulate("lab", SLOPE, GAIT, samples=20_001)
+    struck = np.argmax(walk.phases == Stage.LOCKED)
+    knee = pose("lab", walk.states[struck], walk.contact_x[struck]).swing.knee
+    np.testing.assert_allclose(marked[0], level(knee, SLOPE), atol=1e-4)
 
 
 def test_a_fall_can_be_pictured():
@@ -65,24 +78,38 @@ def test_pictures_are_written_to_files(name, slope, start, tmp_path):
     assert "<svg" in (tmp_path / "portrait.svg").read_text()
 
 
-def test_a_phase_portrait_follows_each_leg_through_both_its_roles():
-    figure = phase_portrait("lab", SLOPE, GAIT, strides=2, samples=50)
-    over_time, portrait = figure.axes
+def test_angles_over_time_follow_each_leg_through_both_its_roles():
+    over_time, _ = phase_portrait("lab", SLOPE, GAIT, strides=2, samples=50).axes
     curves = {line.get_label(): line for line in over_time.lines}
     walk = simulate("lab", SLOPE, GAIT, strides=2, samples=50)
     np.testing.assert_array_equal(
-        curves["first leg, thigh"].get_ydata(), np.append(walk.states[:50, 0], walk.states[50:, 1])
+        curves["leg that stands first, thigh"].get_ydata(),
+        np.append(walk.states[:50, 0], walk.states[50:, 1]),
     )
     np.testing.assert_array_equal(
         curves["other leg, shank"].get_ydata(), np.append(walk.states[:50, 2], walk.states[50:, 0])
     )
-    # Two kneestrikes and a heelstrike, for two segments of two legs.
-    assert sum(line.get_linestyle() == ":" for line in portrait.lines) == 3 * 4
+    np.testing.assert_allclose(
+        curves["other leg, shank"].get_xdata(), walk.times / WALKERS["lab"].time_unit
+    )
+
+
+def test_a_portrait_is_lifted_at_strikes_and_dots_join_what_they_part():
+    _, portrait = phase_portrait("lab", SLOPE, GAIT, strides=2, samples=50).axes
+    curves = {line.get_label(): line.get_xydata() for line in portrait.lines}
+    assert np.isnan(curves["swing shank"][:, 1]).sum() == 3  # two kneestrikes, one heelstrike
+    jumps = [
+        line
+        for line in portrait.lines
+        if line.get_linestyle() == ":" and len(line.get_xdata()) == 2
+    ]
+    assert len(jumps) == 3 * 3
 
 
 def test_a_straight_leg_has_one_curve():
-    labels = [line.get_label() for line in phase_portrait("D", 0.009, SHORT).axes[0].lines]
-    assert {"first leg", "other leg"} <= set(labels)
+    over_time, portrait = phase_portrait("D", 0.009, SHORT).axes
+    labels = [line.get_label() for ax in (over_time, portrait) for line in ax.lines]
+    assert {"leg that stands first", "other leg", "stance leg", "swing leg"} <= set(labels)
     assert not any("shank" in label for label in labels)
 
 

@@ -1,0 +1,143 @@
+"""What objects say and draw of themselves is what the analysis found."""
+
+import csv
+import sys
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.control.baselines import LinearFeedback
+from gym_passive_walker.shown import Table
+
+pytest.importorskip("matplotlib")
+
+
+@pytest.fixture(scope="module")
+def gait():
+    return gpw.find_gait("lab", 0.036)
+
+
+@pytest.fixture(scope="module")
+def family():
+    return gpw.gait_family("lab", 0.005, 0.1)
+
+
+@pytest.fixture(scope="module")
+def shown(gait, family):
+    lab, slope = gait.walker, gait.slope
+    strides = gpw.stride(lab, slope, gait.state * np.array([[0.99], [1.0], [1.3]]))
+    return [
+        lab,
+        gait,
+        family,
+        gait.stride,
+        strides,
+        gpw.simulate(lab, slope, gait.state, 3, samples=20),
+        gpw.reality_check(lab, slope, gait.state),
+        gpw.bifurcation_diagram("C", [0.07, 0.075], settle=50, keep=40),
+        gpw.basin_of_attraction(lab, slope, resolution=12),
+        gpw.closed_loop_gait(LinearFeedback("steep"), "steep"),
+    ]
+
+
+def test_each_says_in_a_short_line_what_it_is(shown):
+    for one in shown:
+        assert "\n" not in repr(one) and len(repr(one)) < 420
+
+
+def test_each_is_a_small_table_in_a_notebook(shown):
+    for one in shown:
+        html = one._repr_html_()
+        assert html.startswith("<table>") and html.count("<tr>") == len(one.facts())
+
+
+def test_each_draws_into_a_figure_of_its_own_or_into_given_axes(shown):
+    from matplotlib.figure import Figure
+
+    for one in shown:
+        assert one.plot().axes[0].has_data()
+        figure = Figure()
+        left, right = figure.subplots(1, 2)
+        assert one.plot(ax=right) is figure
+        assert right.has_data() and not left.has_data()
+
+
+def test_each_table_reads_back_the_same(shown, tmp_path):
+    for one in shown:
+        if not isinstance(one, Table):
+            continue
+        one.to_csv(tmp_path / "table.csv")
+        with open(tmp_path / "table.csv", newline="", encoding="utf-8") as file:
+            rows = list(csv.DictReader(file))
+        for name, column in one.columns().items():
+            assert len(rows) == len(column)
+            if column.dtype.kind == "f":
+                np.testing.assert_array_equal([float(row[name]) for row in rows], column)
+
+
+def test_a_table_goes_to_pandas(family):
+    pandas = pytest.importorskip("pandas")
+    frame = family.to_dataframe()
+    assert isinstance(frame, pandas.DataFrame)
+    np.testing.assert_array_equal(frame["stance_angle"], family.stance_angle)
+
+
+def test_without_pandas_the_error_says_what_to_install(family, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(ImportError, match=r'pip install "gym-passive-walker\[tables\]"'):
+        family.to_dataframe()
+
+
+def test_a_walker_s_line_makes_it_again():
+    for walker in gpw.WALKERS.values():
+        assert eval(repr(walker), {"Walker": gpw.Walker}) == walker
+
+
+def test_a_family_is_heavy_exactly_where_it_is_stable(family):
+    (ax,) = family.plot().axes
+    light, heavy = ax.lines[:2]
+    np.testing.assert_array_equal(light.get_ydata(), family.stance_angle)
+    drawn = heavy.get_ydata()[np.isfinite(heavy.get_ydata())]
+    assert np.isin(family.stance_angle[family.stable], drawn).all()
+    assert not np.isin(family.stance_angle[~family.stable], drawn).any()
+
+
+def test_a_family_s_period_doublings_are_marked_where_they_are(family):
+    (ax,) = family.plot().axes
+    marks = [line for line in ax.lines if line.get_marker() == "d" and len(line.get_xdata())]
+    np.testing.assert_allclose(marks[0].get_xdata(), family.period_doublings, rtol=1e-12)
+
+
+def test_a_family_says_why_it_ends(family):
+    (ax,) = family.plot().axes
+    said = {text.get_text() for text in ax.get_legend().get_texts()}
+    for end in family.ends:
+        assert f"end: {end.reason.split(';')[0]}" in said
+
+
+def test_a_family_is_drawn_by_what_it_has(family):
+    with pytest.raises(ValueError, match="froude_speed"):
+        family.plot(by="colour")
+
+
+def test_legends_cover_nothing(gait, family):
+    figure = gait.plot()
+    figure.draw_without_rendering()
+    for ax in [*figure.axes, *family.plot().axes]:
+        if ax.get_legend():
+            ax.get_figure().draw_without_rendering()
+            assert not ax.get_legend().get_window_extent().overlaps(ax.get_window_extent())
+
+
+def test_a_walk_that_ends_says_how():
+    walk = gpw.simulate("lab", 0.036, [0.3, -0.3, -0.3, -0.1, 0.0, 0.0], 4, samples=7)
+    assert walk.ending == "fell backward" and "fell backward" in repr(walk)
+
+
+def test_drawing_leaves_matplotlib_s_settings_alone(gait):
+    import matplotlib
+
+    before = dict(matplotlib.rcParams)
+    gait.plot()
+    assert dict(matplotlib.rcParams) == before
