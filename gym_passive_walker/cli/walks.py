@@ -20,7 +20,8 @@ from gym_passive_walker.control.walks import table as compared
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.scene import SCENES, make_scene
 from gym_passive_walker.gaits.stride import stride
-from gym_passive_walker.gaits.trajectory import Trajectory, trajectory
+from gym_passive_walker.gaits.trajectory import Trajectory
+from gym_passive_walker.gaits.trajectory import simulate as simulated
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.policies import load_policy, shipped_policies
 from gym_passive_walker.walkers import describe
@@ -46,7 +47,7 @@ def simulate(command: ArgumentParser) -> Callable[[Namespace], Report]:
             raise ValueError(f"--out takes a name that ends in .csv or .npz, not {out}")
         walker, slope, state = walker_of(arguments), arguments.slope, start_of(arguments)
         if out is not None:
-            walk = trajectory(
+            walk = simulated(
                 walker, slope, state, strides=arguments.strides, samples=arguments.samples,
                 hip_torque=arguments.torque,
             )  # fmt: skip
