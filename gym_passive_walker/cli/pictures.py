@@ -6,10 +6,12 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 from pathlib import Path
 
-from gym_passive_walker.cli.arguments import add_walk, start_of, walker_of
+from gym_passive_walker.cli.arguments import A_WALKER, a_walker, add_walk, start_of, walker_of
 from gym_passive_walker.cli.report import Report
 from gym_passive_walker.extras import need
 from gym_passive_walker.progress import progress
+from gym_passive_walker.viewer.__main__ import add_arguments
+from gym_passive_walker.viewer.play import play as shown
 
 
 def strobe(command: ArgumentParser) -> Callable[[Namespace], Report]:
@@ -54,6 +56,23 @@ def video(command: ArgumentParser) -> Callable[[Namespace], Report]:
             strides=arguments.strides, hip_torque=arguments.torque, slower=arguments.slower,
         )  # fmt: skip
         return _saved([arguments.out])
+
+    return run
+
+
+def play(command: ArgumentParser) -> Callable[[Namespace], Report]:
+    """Watch a walker in a window; push it, and change it while it walks.
+
+    passive-walker play
+    passive-walker play C 0.03
+    passive-walker play --policy level-ppo --film walk.mp4 --seconds 10
+    """
+    add_arguments(command, a_walker, A_WALKER)
+
+    def run(arguments: Namespace) -> Report:
+        asked = ("walker", "slope", "policy", "seconds", "film", "picture")
+        shown(**{name: getattr(arguments, name) for name in asked})
+        return _saved([Path(x) for x in (arguments.film, arguments.picture) if x is not None])
 
     return run
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Self
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import number
 from gym_passive_walker.extras import extra, need
-from gym_passive_walker.gaits.trajectory import trajectory
+from gym_passive_walker.gaits.trajectory import simulate
 from gym_passive_walker.progress import progress
 from gym_passive_walker.render.screen import Screen
 from gym_passive_walker.walkers import Walker, as_walker
@@ -19,6 +20,66 @@ FPS = 30
 
 _SAMPLES = 200  # of a stride, from which frames are taken
 _KINDS = (".mp4", ".gif")
+_GIF_FPS = 30  # more of them few browsers show
+
+
+def film_path(path: str | Path) -> Path:
+    """A path that a film may be written to.
+
+    Raises:
+        ValueError: if its ending is that of no film.
+    """
+    path = Path(path)
+    if path.suffix not in _KINDS:
+        raise ValueError(f"a film's name must end in {' or '.join(_KINDS)}, not {path}")
+    return path
+
+
+class Film:
+    """A film that is written frame by frame; a context, or closed by `close`.
+
+    Args:
+        path: The file, .mp4 or .gif.
+        size: Width and height of a frame in pixels, even numbers.
+        fps: Frames a second.
+        shrink: By what whole number a GIF is smaller than its frames.
+
+    Raises:
+        ValueError: if a film of no such kind can be written.
+        ImportError: if moviepy is not installed.
+    """
+
+    def __init__(
+        self, path: str | Path, size: tuple[int, int], fps: int, *, shrink: int = 1
+    ) -> None:
+        self.path = film_path(path)
+        with extra("render"):
+            from moviepy.video.io.ffmpeg_writer import FFMPEG_VideoWriter
+        gif = self.path.suffix == ".gif"
+        palette = "split[a][b];[a]palettegen[p];[b][p]paletteuse"
+        shrunk = f"fps={min(fps, _GIF_FPS)},scale=iw/{shrink}:-1:flags=lanczos,{palette}"
+        self._writer = FFMPEG_VideoWriter(
+            str(self.path),
+            size,
+            fps,
+            codec="gif" if gif else "libx264",
+            preset="veryfast",
+            ffmpeg_params=["-vf", shrunk] if gif else None,
+        )
+
+    def write(self, frame: NDArray[np.uint8]) -> None:
+        """Add a frame, shape (height, width, 3)."""
+        self._writer.write_frame(frame)
+
+    def close(self) -> None:
+        """Finish the file."""
+        self._writer.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
 
 def film(
@@ -49,27 +110,17 @@ def film(
         ValueError: if a number is out of its range, or a film of no such kind can be written.
         ImportError: if pygame or moviepy is not installed.
     """
-    path, slower = Path(path), number(slower, "slower", above=0.0)
-    if path.suffix not in _KINDS:
-        raise ValueError(f"a film's name must end in {' or '.join(_KINDS)}, not {path}")
+    path, slower = film_path(path), number(slower, "slower", above=0.0)
     need("pygame", "render")
-    with extra("render"):
-        from moviepy import ImageSequenceClip
-
-    walk = trajectory(
-        walker, slope, state, strides=strides, samples=_SAMPLES, hip_torque=hip_torque
-    )
+    need("moviepy", "render")
+    walk = simulate(walker, slope, state, strides=strides, samples=_SAMPLES, hip_torque=hip_torque)
     instants = np.arange(0.0, walk.times[-1], 1.0 / (FPS * slower))
-    screen, frames = Screen(as_walker(walker)), []
-    with progress("frames", len(instants)) as drawn:
+    screen = Screen(as_walker(walker))
+    with Film(path, screen.size, FPS) as written, progress("frames", len(instants)) as drawn:
         for i in np.searchsorted(walk.times, instants):
-            frames.append(
-                screen.draw(walk.states[i], slope, float(walk.contact_x[i]), int(walk.strides[i]))
+            frame = screen.draw(
+                walk.states[i], slope, float(walk.contact_x[i]), int(walk.strides[i])
             )
+            written.write(frame)  # type: ignore[arg-type]
             drawn()
-    clip = ImageSequenceClip(frames, fps=FPS)
-    if path.suffix == ".gif":
-        clip.write_gif(str(path), logger=None)
-    else:
-        clip.write_videofile(str(path), audio=False, logger=None)
-    return len(frames)
+    return len(instants)

@@ -4,34 +4,45 @@ from __future__ import annotations
 
 import argparse
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from gym_passive_walker.policies import shipped_policies
 from gym_passive_walker.viewer.play import play
-from gym_passive_walker.walkers import WALKERS
+from gym_passive_walker.walkers import WALKERS, Walker
 
 
-def parser() -> argparse.ArgumentParser:
-    """What the viewer understands."""
-    words = argparse.ArgumentParser(
-        prog="python -m gym_passive_walker.viewer",
-        description=play.__doc__.splitlines()[0] if play.__doc__ else None,
-        epilog="example: python -m gym_passive_walker.viewer C 0.03",
-    )
-    words.add_argument("walker", nargs="?", help=f"one of {', '.join(WALKERS)}")
-    words.add_argument("slope", nargs="?", type=float, help="slope in rad, downhill")
+def add_arguments(
+    command: argparse.ArgumentParser,
+    a_walker: Callable[[str], Walker | str] = str,
+    walkers: str = f"one of {', '.join(WALKERS)}",
+) -> None:
+    """Ask for what `play` takes.
+
+    Args:
+        command: The parser.
+        a_walker: Reads a walker.
+        walkers: What it reads, in words.
+    """
     policies = f"who works the hip: {', '.join(shipped_policies())}, or an exported policy's folder"
-    words.add_argument("--policy", help=policies)
-    words.add_argument("--seconds", type=float, help="close the window after so long")
-    words.add_argument("--film", help="record everything in this file: .mp4 or .gif")
-    words.add_argument("--picture", help="write the last frame to this file, such as a .png")
-    return words
+    add = command.add_argument
+    add("walker", nargs="?", type=a_walker, metavar="WALKER", help=walkers)
+    add("slope", nargs="?", type=float, metavar="SLOPE", help="in rad, downhill")
+    add("--policy", metavar="POLICY", help=policies)
+    add("--seconds", type=float, metavar="TIME", help="close the window after so long")
+    add("--film", metavar="FILE", help="record everything in this file, .mp4 or .gif")
+    add("--picture", metavar="FILE", help="write the last frame to this file, such as a .png")
 
 
 def main(words: Sequence[str] | None = None) -> int:
     """Run the viewer; bad input ends with a sentence, not a traceback."""
+    parser = argparse.ArgumentParser(
+        prog="python -m gym_passive_walker.viewer",
+        description="Watch a walker in a window; push it, and change it while it walks.",
+        epilog="example: python -m gym_passive_walker.viewer C 0.03",
+    )
+    add_arguments(parser)
     try:
-        play(**vars(parser().parse_args(words)))
+        play(**vars(parser.parse_args(words)))
     except (ValueError, ImportError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2

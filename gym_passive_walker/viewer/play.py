@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gym_passive_walker.extras import extra
 from gym_passive_walker.policies import TrainedPolicy, load_policy
-from gym_passive_walker.render.extras import extra
+from gym_passive_walker.render.film import film_path
 from gym_passive_walker.viewer.walk import LiveWalk
 from gym_passive_walker.walkers import Walker, as_walker
 
@@ -50,7 +51,6 @@ def play(
         import pygame
 
         from gym_passive_walker.viewer.controls import KEYS, Controls
-        from gym_passive_walker.viewer.film import film_path
         from gym_passive_walker.viewer.player import FPS, Player, gentle_slope
         from gym_passive_walker.viewer.view import SIZE, View
     if isinstance(policy, str | Path):
@@ -60,7 +60,7 @@ def play(
     walker = as_walker(walker)
     if slope is None:
         slope = gentle_slope(walker) if policy is None else float(np.mean(policy.scene.slope))
-    film = None if film is None else film_path(Path(film))
+    film = None if film is None else film_path(film)
     player = Player(LiveWalk(walker, slope, policy=policy, start=start))
     view = View(KEYS)
     controls = Controls(player, view)
@@ -81,7 +81,8 @@ def play(
             shown += elapsed
             surface = view.draw(player)
             if player.film is not None:
-                player.film.write(surface)
+                pixels = pygame.image.tobytes(surface, "RGB")
+                player.film.write(np.frombuffer(pixels, np.uint8))
             window.blit(surface, (0, 0))
             pygame.display.flip()
         if picture is not None:

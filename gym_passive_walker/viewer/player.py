@@ -12,8 +12,8 @@ from gym_passive_walker.envs.starts import REFERENCE_SLOPES
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.render.film import Film
 from gym_passive_walker.render.pose import level
-from gym_passive_walker.viewer.film import Film
 from gym_passive_walker.viewer.seeker import Answer, Question, Seeker
 from gym_passive_walker.viewer.settings import settings_of
 from gym_passive_walker.viewer.walk import LiveWalk
@@ -167,7 +167,7 @@ class Player:
         """Record frames of this size from now on."""
         self.stop_film()
         try:
-            self.film = Film(path, size, FPS)
+            self.film = Film(path, size, FPS, shrink=2)
         except (ImportError, OSError) as error:
             self.message = str(error)
 

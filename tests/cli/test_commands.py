@@ -68,7 +68,8 @@ def test_each_command_has_help_with_examples_that_it_understands(command, mine, 
 
 
 @pytest.mark.parametrize(
-    "page", ["README.md", "docs/commands.md", "docs/tutorial.md", "docs/walkers.md"]
+    "page",
+    ["README.md", "docs/commands.md", "docs/tutorial.md", "docs/walkers.md", "docs/viewer.md"],
 )
 def test_what_the_pages_type_is_understood(page, mine):
     text = (Path(__file__).parents[2] / page).read_text()
