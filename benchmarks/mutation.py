@@ -71,7 +71,7 @@ _CONCERNING = {
     "agents/checkpoint": "training",
     "agents/commands": "command_line",
     "agents/config": "config",
-    "agents/evaluation": "evaluation command_line",
+    "agents/evaluation": "command_line",
     "agents/exploration": "exploration training",
     "agents/files": "files training",
     "agents/learner": "config evaluation training",
@@ -86,6 +86,7 @@ _CONCERNING = {
     "control/policy": "trials baselines closed_loop",
     "control/ticks": "ticks closed_loop",
     "control/trials": "trials",
+    "control/walks": "agents/evaluation",
     "envs/batch": "crowds changes vector_env starts walker_env task",
     "envs/sb3": "sb3 crowds",
     "envs/scene": "scene task",
@@ -99,14 +100,15 @@ _CONCERNING = {
     "gaits/continuation": "families",
     "gaits/doubling": "bifurcation",
     "gaits/family": "families",
-    "gaits/fixed_point": "gaits",
     "gaits/gait": "gaits",
     "gaits/lyapunov": "bifurcation",
     "gaits/measures": "measures",
     "gaits/phases": "reality",
     "gaits/posture": "measures reality",
     "gaits/reality": "reality",
+    "gaits/samples": "stride_map",
     "gaits/scaling": "scaling",
+    "gaits/search": "gaits",
     "gaits/series": "series reality",
     "gaits/stability": "jacobian",
     "gaits/stride_map": "stride_map",
@@ -121,8 +123,9 @@ def tests_of(file: str) -> list[str]:
     """The tests that concern a module, in the order in which they are likely to notice."""
     if file in CHANGED:
         return CHANGED[file]
-    room = f"tests/{file.split('/')[0]}"
-    return [f"{room}/test_{name}.py" for name in _CONCERNING[file].split()]
+    room = file.split("/")[0]
+    names = (name if "/" in name else f"{room}/{name}" for name in _CONCERNING[file].split())
+    return [f"tests/{Path(name).parent}/test_{Path(name).name}.py" for name in names]
 
 
 class Copy:

@@ -7,6 +7,7 @@ million strides.
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 import time
 
@@ -47,7 +48,7 @@ def main() -> int:
         rows.append(row(case, finding))
         mark = "    " if held else "NOT "
         print(f"{mark}{time.perf_counter() - before:7.1f} s  {case.statement}", flush=True)
-    command = " ".join(["python -m benchmarks.stress", *sys.argv[1:]])
+    command = f"python -m benchmarks.stress {shlex.join(sys.argv[1:])}"
     heads = ["topic", "statement", "tried", "failed", "largest error"]
     text = f"`{command}`\n{machine('scipy')}\n\n{table(heads, rows)}"
     if options.write:
