@@ -7,11 +7,12 @@ import pytest
 import torch
 
 import train
-from agents import evaluation, files, pictures, worlds
+from agents import evaluation, files, worlds
 from agents.config import Config
 from agents.learner import load_policy
 from gym_passive_walker.control import optimal
 from gym_passive_walker.control.baselines import Passive
+from gym_passive_walker.control.closed_loop import ClosedLoopGait
 
 TINY = ["--steps", "128", "--envs", "8", "--every", "64", "--quiet"]
 
@@ -48,13 +49,13 @@ def test_an_evaluation_tells_each_agents_own_episodes(trained):
 
 
 def test_a_gait_is_drawn_beside_the_optimal_gait_of_about_its_speed(tmp_path, monkeypatch):
-    drawn = []
+    drawn, plot = [], ClosedLoopGait.plot
 
-    def draw(path, *gaits):
-        path.touch()
-        drawn.append(gaits)
+    def draw(gait, *, optimum):
+        drawn.append((gait, optimum))
+        return plot(gait, optimum=optimum)
 
-    monkeypatch.setattr(pictures, "closed_loop", draw)
+    monkeypatch.setattr(ClosedLoopGait, "plot", draw)
     line = ["gait", "constant", "--scene", "level", "--out", str(tmp_path / "gait.png")]
     assert train.main(line) == 0
     ((gait, beside),) = drawn

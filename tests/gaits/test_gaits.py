@@ -212,6 +212,16 @@ def test_a_doubled_gait_repeats_after_two_strides_and_no_sooner():
     assert gait.step_period == pytest.approx(0.5 * float(once.duration + twice.duration), rel=1e-9)
 
 
+@pytest.mark.parametrize("slope", [0.012, 0.016])
+def test_a_gait_of_one_stride_is_none_of_two(slope):
+    """Also where it is found from its own state, as one that has come back after two strides."""
+    gait = find_gait("D", slope)
+    assert find_gaits("D", slope, period=2, guess=gait.state) == []
+    for found in find_gaits("D", slope, period=2):
+        once = stride("D", slope, found.state, tolerance=1e-13)
+        assert abs(once.state[0] - found.state[0]) > 1e-3
+
+
 def test_gaits_of_one_orbit_are_one_gait():
     gaits = find_gaits("D", 0.018, period=4)
     angles = [gait.stance_angle for gait in gaits]
