@@ -17,6 +17,7 @@ learning curve (CSV and PNG), the evaluation (CSV and table) and a strobe pictur
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
@@ -37,14 +38,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
     keep_to_one_thread()
     try:
         if arguments and arguments[0] in commands.COMMANDS:
-            return commands.COMMANDS[arguments[0]](arguments[1:])
-        return train(train_parser().parse_args(arguments))
-    except ConfigError as error:
+            status = commands.COMMANDS[arguments[0]](arguments[1:])
+        else:
+            status = train(train_parser().parse_args(arguments))
+        sys.stdout.flush()
+        return status
+    except BrokenPipeError:  # who reads has read enough
+        forget_output()
+        return 0
+    except (ValueError, OSError) as error:
+        try:
+            sys.stdout.flush()  # first what was computed
+        except OSError:
+            forget_output()
         print(f"train.py: error: {error}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("\ntrain.py: stopped; --resume goes on from the last checkpoint", file=sys.stderr)
         return 130
+
+
+def forget_output() -> None:
+    """Leave what cannot be printed, so that Python does not try to at its end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def keep_to_one_thread() -> None:
@@ -85,7 +101,7 @@ def train_parser() -> argparse.ArgumentParser:
 def whole(text: str) -> int:
     """A whole number, as 250000 or 2.5e5."""
     number = float(text)
-    if number != int(number):
+    if not number.is_integer():
         raise argparse.ArgumentTypeError(f"{text} is not a whole number")
     return int(number)
 
@@ -140,12 +156,21 @@ def train(args: argparse.Namespace) -> int:
         folder = files.new_run(args.out, f"{config.scene}-{config.algo}")
     run = Run(config, folder, tensorboard=args.tensorboard)
     print(f"{worlds.describe(config)}: {config.algo.upper()}, {config.steps:,} steps, in {folder}")
-    finished = run.train(progress=not args.quiet)
+    try:
+        finished = run.train(progress=not args.quiet)
+    except OSError as error:
+        print(run.first_hundred())
+        raise ConfigError(
+            f"stopped after {run.steps:,} steps: {error}; once there is room go on with: python "
+            f"train.py --resume {folder}"
+        ) from None
     if not finished:
         print(f"Stopped after {run.steps:,} steps; go on with: python train.py --resume {folder}")
-    print(evaluation.judge(folder))
+    text, rows = evaluation.judge(folder)
+    print(text)
     print(run.first_hundred())
-    pictures.draw_run(folder)
+    evaluation.keep(folder, text, rows)
+    pictures.draw_run(folder, run.notes["curve"])
     print(f"Saved in {folder}: {', '.join(sorted(p.name for p in folder.iterdir()))}")
     return 0
 

@@ -19,7 +19,7 @@ from tqdm import tqdm
 
 from agents import worlds
 from agents.config import ALGORITHMS, ConfigError, configure
-from agents.files import replacing
+from agents.files import read_json, replacing
 from agents.learner import load_policy
 from agents.training import Run
 from gym_passive_walker import GaitNotFound
@@ -107,7 +107,7 @@ def score_path(folder: Path, unit: Unit) -> Path:
 def load_scores(folder: Path) -> list[dict[str, Any]]:
     """All scores that are there, each with its unit."""
     paths = sorted((folder / "scores").glob("*.json"))
-    return [json.loads(path.read_text(encoding="utf-8")) for path in paths]
+    return [read_json(path) for path in paths]
 
 
 def measure(folder: Path, unit: Unit, budget: float) -> dict[str, Any]:

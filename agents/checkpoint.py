@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv
 
-from agents.files import replacing
-from agents.learner import MODEL, moments, restore_moments, restore_weights
+from agents.files import read_arrays, read_json, replacing
+from agents.learner import MODEL, moments, restore_moments, restore_weights, save_model
 from gym_passive_walker.envs.scene import walker_from
 
 _ARRAYS, _REPLAY, _NOTES = "arrays.npz", "replay.npz", "notes.json"
@@ -52,7 +52,7 @@ def save(path: Path, model: BaseAlgorithm, notes: dict[str, Any]) -> None:
     }
     with replacing(path) as folder:
         folder.mkdir()
-        model.save(folder / MODEL)
+        save_model(folder / MODEL, model)
         np.savez(folder / _ARRAYS, **arrays)
         _save_walkers(model.env, folder)
         replay = getattr(model, "replay_buffer", None)
@@ -68,31 +68,34 @@ def restore(path: Path, model: BaseAlgorithm) -> dict[str, Any]:
 
     Returns:
         The notes that were saved with it.
+
+    Raises:
+        ConfigError: if a file of it is damaged.
     """
     assert model.env is not None
     restore_weights(model, path / MODEL)
-    state = json.loads((path / _NOTES).read_text(encoding="utf-8"))
+    state = read_json(path / _NOTES)
     for name, value in state["counters"].items():
         setattr(model, name, value)
     model.ep_info_buffer = deque(state["episodes"], maxlen=model._stats_window_size)
     model.ep_success_buffer = deque(maxlen=model._stats_window_size)
     # The environments first: what follows is the learner's side of the same moment.
     _restore_walkers(model.env, path)
-    with np.load(path / _ARRAYS) as arrays:
-        for name in _LAST:
-            setattr(model, name, arrays[name] if name in arrays else None)
-        normalizer = model.get_vec_normalize_env()
-        if normalizer is not None:
-            restore_moments(normalizer, arrays)
-            normalizer.returns = arrays["returns"]
-        keys: NDArray = arrays["numpy"]
-        torch.set_rng_state(torch.from_numpy(arrays["torch"]))
+    arrays = read_arrays(path / _ARRAYS)
+    for name in _LAST:
+        setattr(model, name, arrays.get(name))
+    normalizer = model.get_vec_normalize_env()
+    if normalizer is not None:
+        restore_moments(normalizer, arrays)
+        normalizer.returns = arrays["returns"]
+    keys: NDArray = arrays["numpy"]
+    torch.set_rng_state(torch.from_numpy(arrays["torch"]))
     replay = getattr(model, "replay_buffer", None)
     if replay is not None:
-        with np.load(path / _REPLAY) as stored:
-            for name in _STORED:
-                getattr(replay, name)[: len(stored[name])] = stored[name]
-            replay.pos, replay.full = int(stored["position"]), bool(stored["full"])
+        stored = read_arrays(path / _REPLAY)
+        for name in _STORED:
+            getattr(replay, name)[: len(stored[name])] = stored[name]
+        replay.pos, replay.full = int(stored["position"]), bool(stored["full"])
     kind, *place = state["numpy"]
     np.random.set_state((kind, keys, *place))  # noqa: NPY002
     model.action_space.np_random.bit_generator.state = state["action_space"]
@@ -113,9 +116,9 @@ def _save_walkers(worlds: VecEnv, folder: Path) -> None:
 def _restore_walkers(worlds: VecEnv, folder: Path) -> None:
     """Put back what `_save_walkers` wrote."""
     native: Any = worlds.unwrapped
-    rest: dict[str, Any] = json.loads((folder / _RANDOMS).read_text(encoding="utf-8"))
+    rest: dict[str, Any] = read_json(folder / _RANDOMS)
     walkers = [walker_from(parameters) for parameters in rest["walkers"]]
     if len(walkers) == 1:
         walkers *= native.num_envs
-    with np.load(folder / _RECORDS) as arrays:
-        native.set_state(dict(arrays) | {"walkers": walkers, "random": rest["random"]})
+    state = read_arrays(folder / _RECORDS) | {"walkers": walkers, "random": rest["random"]}
+    native.set_state(state)

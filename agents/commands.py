@@ -40,11 +40,12 @@ def evaluate(arguments: Sequence[str]) -> int:
     add("--episodes", type=int, default=evaluation.EPISODES, metavar="N", help="(%(default)s)")
     add("--seed", type=int, default=evaluation.SEED, help="of the episodes (%(default)s)")
     args = parser.parse_args(arguments)
-    keep = args.run is not None
-    if keep and not args.run.is_dir():
+    if args.run is not None and not args.run.is_dir():
         raise ConfigError(f"{args.run} is not the folder of a run")
-    policy = args.run or args.policy
-    print(evaluation.judge(policy, episodes=args.episodes, seed=args.seed, keep=keep))
+    text, rows = evaluation.judge(args.run or args.policy, episodes=args.episodes, seed=args.seed)
+    print(text)
+    if args.run is not None:
+        evaluation.keep(args.run, text, rows)
     return 0
 
 

@@ -10,6 +10,8 @@ from typing import Any
 
 import yaml
 
+from gym_passive_walker.arguments import unknown, whole
+
 ALGORITHMS = ("ppo", "sac")
 DEFAULT_SCENE = "level"
 EVALUATIONS = 20
@@ -24,6 +26,12 @@ _EXPLORATION = {"ppo": "agents.exploration.Schedule", "sac": "agents.exploration
 
 class ConfigError(ValueError):
     """A run cannot be set up so; the message says what is wrong, and what is allowed."""
+
+
+def reason(error: Exception) -> str:
+    """What an error says, in one line."""
+    said = " ".join(str(error).split()) or type(error).__name__
+    return f"{said} is missing" if isinstance(error, KeyError) else said
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,6 +67,31 @@ class Config:
     exploration: dict[str, Any] | None = None
     training: dict[str, Any] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        """Refuse what no run can begin with.
+
+        Raises:
+            ConfigError: if a value is of another kind, or out of range.
+        """
+        try:
+            for name in ("n_envs", "steps", "every"):
+                whole(getattr(self, name), name)
+            if self.episode_steps is not None:
+                whole(self.episode_steps, "episode_steps")
+            whole(self.seed, "seed", least=0)
+        except ValueError as error:
+            raise ConfigError(str(error)) from None
+        if self.seed >= 2**31:
+            raise ConfigError(f"seed must be below {2**31}, not {self.seed}")
+        for name in ("algo", "scene"):
+            if not isinstance(getattr(self, name), str):
+                raise ConfigError(f"{name} must be the name of one, not {getattr(self, name)!r}")
+        presets(self.algo)
+        for name in ("env", "hyperparams", "training", "normalize", "exploration"):
+            value, may_be_none = getattr(self, name), name in ("normalize", "exploration")
+            if not (isinstance(value, dict) or (value is None and may_be_none)):
+                raise ConfigError(f"{name} must map names to values, not {value!r}")
+
     def save(self, path: Path) -> None:
         """Write the run's YAML."""
         path.write_text(yaml.safe_dump(asdict(self), sort_keys=False), encoding="utf-8")
@@ -81,10 +114,13 @@ class Config:
             raise ConfigError(f"{path.parent} is not a run: it has no {path.name}")
         try:
             values = yaml.safe_load(path.read_text(encoding="utf-8"))
-            config = cls(**values)
-        except (yaml.YAMLError, TypeError) as error:
-            raise ConfigError(f"{path} is not a run's configuration: {error}") from None
-        return config
+            if not isinstance(values, dict):
+                raise ConfigError("it maps no names to values")
+            if said := unknown(values, [f.name for f in fields(cls)], "a run"):
+                raise ConfigError(said)
+            return cls(**values)
+        except (OSError, yaml.YAMLError, TypeError, ValueError) as error:
+            raise ConfigError(f"{path} is not a run's configuration: {reason(error)}") from None
 
     def differences(self, other: Config, *, ignore: tuple[str, ...] = ()) -> list[str]:
         """What another configuration says otherwise, one line each."""
@@ -150,11 +186,6 @@ def configure(
         preset["batch_size"] = preset["n_steps"] * n_envs // batches
     n_envs = count if n_envs is None else n_envs
     steps = total if steps is None else steps
-    for label, number in (("envs", n_envs), ("steps", steps), ("every", every)):
-        if number is not None and number < 1:
-            raise ConfigError(f"{label} must be at least 1, not {number}")
-    if not 0 <= seed < 2**31:
-        raise ConfigError(f"seed must lie between 0 and {2**31 - 1}, not {seed}")
     return Config(
         algo=algo,
         scene=scene,

@@ -10,6 +10,7 @@ from typing import Any
 from agents import worlds
 from agents.files import replacing
 from agents.learner import learned
+from gym_passive_walker.arguments import whole
 from gym_passive_walker.control.baselines import Passive
 from gym_passive_walker.control.walks import evaluate, table
 
@@ -26,22 +27,23 @@ def write_rows(path: Path, rows: Sequence[dict[str, Any]]) -> None:
 
 
 def judge(
-    which: Path | str, *, episodes: int = EPISODES, seed: int = SEED, keep: bool = True
-) -> str:
+    which: Path | str, *, episodes: int = EPISODES, seed: int = SEED
+) -> tuple[str, list[dict[str, Any]]]:
     """Let a policy and the passive walker walk the same episodes.
 
     Args:
         which: A policy, as of `learned`.
         episodes: How many episodes.
         seed: Of the first one.
-        keep: Whether evaluation.csv and evaluation.txt are written into its folder.
 
     Returns:
-        The table.
+        The table, and a row for each episode, which `keep` writes.
 
     Raises:
         ConfigError: if there is no such policy.
+        ValueError: if there is no episode, or the seed is negative.
     """
+    episodes, seed = whole(episodes, "episodes"), whole(seed, "seed", least=0)
     config, policy = learned(which)
     arena = worlds.arena(config, episodes)
     columns = {
@@ -49,9 +51,12 @@ def judge(
         for name, agent in ((config.algo.upper(), policy), (Passive.name, Passive()))
     }
     text = table(f"{worlds.describe(config)}; {episodes} episodes", columns)
-    if keep:
-        with replacing(Path(which) / "evaluation.txt") as path:
-            path.write_text(text + "\n", encoding="utf-8")
-        with replacing(Path(which) / "evaluation.csv") as path:
-            write_rows(path, [row for name, walks in columns.items() for row in walks.rows(name)])
-    return text
+    return text, [row for name, walks in columns.items() for row in walks.rows(name)]
+
+
+def keep(run: Path, text: str, rows: Sequence[dict[str, Any]]) -> None:
+    """Write what `judge` found into a run's folder."""
+    with replacing(run / "evaluation.txt") as path:
+        path.write_text(text + "\n", encoding="utf-8")
+    with replacing(run / "evaluation.csv") as path:
+        write_rows(path, rows)

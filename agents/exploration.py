@@ -10,6 +10,10 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.noise import ActionNoise, NormalActionNoise, VectorizedActionNoise
 from stable_baselines3.common.preprocessing import get_action_dim
 
+from agents.config import ConfigError, reason
+from gym_passive_walker.arguments import number
+from gym_passive_walker.envs.scene import make_scene
+
 
 class Schedule(BaseCallback):
     """Keeps PPO from settling for the first gait that it finds.
@@ -31,8 +35,13 @@ class Schedule(BaseCallback):
         self, log_std: Mapping[float, float], energy: str | None = None, until: float = 0.0
     ) -> None:
         super().__init__()
-        self.shares, self.values = zip(*sorted(log_std.items()), strict=True)
-        self.energy, self.until = energy, until
+        shares = sorted(log_std)
+        if not shares:
+            raise ValueError("log_std must say the noise at one share of the steps or more")
+        if energy is not None:
+            make_scene(energy=energy)  # refuses what is none
+        self.shares, self.values = np.array([shares, [log_std[share] for share in shares]], float)
+        self.energy, self.until = energy, number(until, "until")
 
     def _on_rollout_start(self) -> None:
         share = self.model.num_timesteps / self.model._total_timesteps
@@ -57,7 +66,8 @@ class Ladder(BaseCallback):
 
     def __init__(self, lowest: float, highest: float) -> None:
         super().__init__()
-        self.lowest, self.highest = lowest, highest
+        self.lowest = number(lowest, "lowest", above=0.0)
+        self.highest = number(highest, "highest", above=0.0)
 
     def _init_callback(self) -> None:
         count = self.training_env.num_envs
@@ -78,5 +88,12 @@ _EXPLORERS: dict[str, type[BaseCallback]] = {"ppo": Schedule, "sac": Ladder}
 
 
 def explorers(algo: str, arguments: Mapping[str, Any] | None) -> list[BaseCallback]:
-    """The callback by which an algorithm explores; none if it is told no arguments of it."""
-    return [] if arguments is None else [_EXPLORERS[algo](**arguments)]
+    """The callback by which an algorithm explores; none if it is told no arguments of it.
+
+    Raises:
+        ConfigError: if the callback has no such arguments.
+    """
+    try:
+        return [] if arguments is None else [_EXPLORERS[algo](**arguments)]
+    except (AttributeError, TypeError, ValueError) as error:
+        raise ConfigError(f"{algo.upper()} cannot explore so: {reason(error)}") from None

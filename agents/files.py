@@ -1,5 +1,7 @@
 """Files of a run: written aside and renamed, so that a kill never leaves half of one.
 
+What was damaged all the same is read to a sentence that names the file.
+
 A run's folder holds:
 
     config.yml            what was asked for
@@ -13,14 +15,21 @@ A run's folder holds:
 
 from __future__ import annotations
 
+import glob
+import json
 import os
 import shutil
+import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
+from typing import Any
 
-from agents.config import ConfigError
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.config import ConfigError, reason
 
 CONFIG = "config.yml"
 RUNS = Path("runs")
@@ -30,19 +39,92 @@ RUNS = Path("runs")
 def replacing(path: Path) -> Iterator[Path]:
     """A path to write a file or a folder at, which then takes the place of `path` at once.
 
-    A folder takes the place of none: its name has to be new.
+    A folder takes the place of none: its name has to be new. What writers of the same path left
+    aside when they were killed is removed.
+
+    Raises:
+        OSError: if it cannot be written; it names `path`, which is as it was.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
-    # The ending stays last: writers tell formats by it.
-    aside = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
     try:
-        yield aside
-        os.replace(aside, path)
-    finally:
-        if aside.is_dir():
-            shutil.rmtree(aside)
-        else:
-            aside.unlink(missing_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        # The ending stays last: writers tell formats by it.
+        aside = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
+        for left in path.parent.glob(f".{glob.escape(path.stem)}.*{glob.escape(path.suffix)}"):
+            if _abandoned(left.name.removeprefix(f".{path.stem}.").removesuffix(path.suffix)):
+                remove(left)
+        try:
+            yield aside
+            os.replace(aside, path)
+        finally:
+            remove(aside)
+    except OSError as error:
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from None
+
+
+def _abandoned(writer: str) -> bool:
+    """Whether a writer, by the number of its process, writes no more."""
+    if not writer.isdecimal():
+        return False  # a file of someone else's
+    if int(writer) == os.getpid():
+        return True
+    if os.name == "nt":
+        return False  # to ask would end it
+    try:
+        os.kill(int(writer), 0)
+    except ProcessLookupError:
+        return True
+    except OSError:  # someone else's
+        return False
+    return False
+
+
+def remove(path: Path) -> None:
+    """Remove a file or a folder, if it is there."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Turn whatever a damaged file does to its reader into a sentence.
+
+    Raises:
+        ConfigError: if it is not there, or does not hold what belongs there.
+    """
+    try:
+        yield
+    except ConfigError:
+        raise
+    except Exception as error:  # random bytes raise anything
+        raise ConfigError(
+            f"{path} is damaged, or does not fit the run's {CONFIG} ({reason(error)}): put back a "
+            "whole copy, or begin anew elsewhere"
+        ) from None
+
+
+def read_arrays(path: Path) -> dict[str, NDArray]:
+    """All arrays of an NPZ file; nothing is unpickled.
+
+    Raises:
+        ConfigError: if it is damaged.
+    """
+    with reading(path), path.open("rb") as file:
+        if not zipfile.is_zipfile(file):  # numpy would take it for a pickle, and say so
+            raise ValueError("it is no NPZ file")
+        with np.load(file) as arrays:
+            return dict(arrays)
+
+
+def read_json(path: Path) -> Any:
+    """What a JSON file says.
+
+    Raises:
+        ConfigError: if it is damaged.
+    """
+    with reading(path):
+        return json.loads(path.read_text(encoding="utf-8"))
 
 
 def new_run(folder: Path | None, name: str) -> Path:
@@ -84,4 +166,4 @@ def drop_older_checkpoints(newest: Path) -> None:
     """Remove the checkpoints before `newest`, and what a kill left unfinished."""
     for path in newest.parent.iterdir():
         if path != newest and (path.name.startswith(".") or path.name < newest.name):
-            shutil.rmtree(path)
+            remove(path)

@@ -6,25 +6,28 @@ disk (tensors with `weights_only`, arrays without pickles).
 
 from __future__ import annotations
 
+import inspect
+import io
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from safetensors.torch import save_file
+from safetensors.torch import save as as_safetensors
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
-from agents.config import Config, ConfigError
-from agents.files import CONFIG, replacing
+from agents.config import Config, ConfigError, reason
+from agents.files import CONFIG, read_arrays, reading, replacing
 from agents.networks import POLICIES
 from agents.worlds import training_worlds
+from gym_passive_walker.arguments import unknown
 from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.policies import DESCRIPTION, TENSORS, shipped_policies
 from gym_passive_walker.policies import load_policy as load_exported
@@ -34,22 +37,55 @@ from gym_passive_walker.policies.tensors import read_tensors
 MODEL, NORMALIZER = "model.zip", "normalizer.npz"
 _CLASSES: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC}
 _MOMENTS = ("obs_rms", "ret_rms")
+_PLAIN = (bool, int, float, str, type(None))
+_OURS = ("env", "venv", "seed", "device")  # what a configuration decides elsewhere
 
 
 def build(config: Config, worlds: VecEnv, **overrides: Any) -> BaseAlgorithm:
     """An untrained algorithm on some environments, which it wraps in VecNormalize if so configured.
 
     Overrides are arguments of the algorithm that take the place of the configured ones.
+
+    Raises:
+        ConfigError: if the algorithm has no such hyperparameters, or cannot have them so.
     """
-    if config.normalize is not None:
-        gamma = config.hyperparams.get("gamma", 0.99)
-        worlds = VecNormalize(worlds, gamma=gamma, **config.normalize)
-    arguments = config.hyperparams | overrides
-    arguments["learning_rate"] = _schedule(arguments["learning_rate"])
-    arguments["policy"] = POLICIES.get(arguments["policy"], arguments["policy"])
-    arguments["policy_kwargs"] = _with_activation(arguments.get("policy_kwargs"))
-    # Networks this small are faster on the CPU, and the same there on each run.
-    return _CLASSES[config.algo](env=worlds, seed=config.seed, device="cpu", **arguments)
+    of, arguments = _CLASSES[config.algo], config.hyperparams | overrides
+    _check(of, arguments)
+    _check(VecNormalize, config.normalize or {})
+    try:
+        if config.normalize is not None:
+            gamma = arguments.get("gamma", 0.99)
+            worlds = VecNormalize(worlds, gamma=gamma, **config.normalize)
+        arguments["learning_rate"] = _schedule(arguments["learning_rate"])
+        arguments["policy"] = POLICIES.get(arguments["policy"], arguments["policy"])
+        arguments["policy_kwargs"] = _with_activation(arguments.get("policy_kwargs"))
+        # Networks this small are faster on the CPU, and the same there on each run.
+        return of(env=worlds, seed=config.seed, device="cpu", **arguments)
+    except Exception as error:  # it may stumble over a wrong value anywhere
+        raise ConfigError(
+            f"{config.algo.upper()} cannot be built as its configuration says: {reason(error)}"
+        ) from None
+
+
+def _check(of: type, arguments: Mapping[str, Any]) -> None:
+    """Refuse what a class of the library does not take, and plain values of another kind.
+
+    Most of it would only stumble over them in the midst of its first update.
+
+    Raises:
+        ConfigError: if there is one.
+    """
+    known = {k: v for k, v in inspect.signature(of).parameters.items() if k not in _OURS}
+    if said := unknown(arguments, tuple(known), of.__name__):
+        raise ConfigError(said)
+    for name, value in arguments.items():
+        allowed = known[name].annotation
+        kinds = {*(get_args(allowed) or [allowed])}
+        kinds |= {int} if float in kinds else set()
+        kinds |= {str} if name == "learning_rate" else set()  # "lin_1e-3"
+        if kinds.intersection(_PLAIN) and isinstance(value, _PLAIN) and type(value) not in kinds:
+            allowed = inspect.formatannotation(allowed)
+            raise ConfigError(f"{name} of {of.__name__} must be {allowed}, not {value!r}")
 
 
 def _schedule(rate: float | str) -> float | Callable[[float], float]:
@@ -71,11 +107,27 @@ def _with_activation(policy: dict[str, Any] | None) -> dict[str, Any] | None:
 
 
 def restore_weights(model: BaseAlgorithm, path: Path) -> None:
-    """Put the tensors of a file of stable-baselines3 into an algorithm of the same make."""
-    _, parameters, variables = load_from_zip_file(path, load_data=False, device="cpu")
-    model.set_parameters(parameters, exact_match=True, device="cpu")
-    for name, value in (variables or {}).items():  # SAC's temperature
-        getattr(model, name).data.copy_(value.data)
+    """Put the tensors of a file of stable-baselines3 into an algorithm of the same make.
+
+    Raises:
+        ConfigError: if the file is damaged, or of another make.
+    """
+    with reading(path):
+        _, parameters, variables = load_from_zip_file(path, load_data=False, device="cpu")
+        model.set_parameters(parameters, exact_match=True, device="cpu")
+        for name, value in (variables or {}).items():  # SAC's temperature
+            getattr(model, name).data.copy_(value.data)
+
+
+def save_model(path: Path, model: BaseAlgorithm) -> None:
+    """Write an algorithm in the format of stable-baselines3.
+
+    Raises:
+        OSError: if it cannot be written; torch by itself would say something else.
+    """
+    written = io.BytesIO()
+    model.save(written)
+    path.write_bytes(written.getbuffer())
 
 
 def moments(normalizer: VecNormalize) -> dict[str, Any]:
@@ -117,13 +169,13 @@ class LearnedPolicy:
         return self.model.predict(observation, state, episode_start, deterministic)
 
     def save(self, run: Path) -> None:
-        """Write the policy's files into a run's folder."""
+        """Write the policy's files into a run's folder: all of them, or none."""
         normalizer = self.model.get_vec_normalize_env()
-        if normalizer is not None:
-            with replacing(run / NORMALIZER) as path:
-                np.savez(path, **moments(normalizer))
         with replacing(run / MODEL) as path:
-            self.model.save(path)
+            save_model(path, self.model)
+            if normalizer is not None:  # of which both are written before one takes its place
+                with replacing(run / NORMALIZER) as beside:
+                    np.savez(beside, **moments(normalizer))
 
 
 def load_policy(run: Path, config: Config | None = None) -> LearnedPolicy:
@@ -138,14 +190,11 @@ def load_policy(run: Path, config: Config | None = None) -> LearnedPolicy:
     # To act takes no memory of steps.
     memory = {"sac": {"buffer_size": 1}, "ppo": {"n_steps": 2, "batch_size": 2}}[config.algo]
     model = build(config, training_worlds(config, 1), **memory)
-    try:
-        restore_weights(model, run / MODEL)
-        normalizer = model.get_vec_normalize_env()
-        if normalizer is not None:
-            with np.load(run / NORMALIZER) as saved:
-                restore_moments(normalizer, saved)
-    except (OSError, ValueError, RuntimeError, KeyError) as error:
-        raise ConfigError(f"the files in {run} do not fit its {CONFIG}: {error}") from None
+    restore_weights(model, run / MODEL)
+    normalizer = model.get_vec_normalize_env()
+    if normalizer is not None:
+        with reading(run / NORMALIZER):
+            restore_moments(normalizer, read_arrays(run / NORMALIZER))
     return LearnedPolicy(model, config.algo.upper())
 
 
@@ -204,7 +253,7 @@ def export(policy: LearnedPolicy, config: Config, folder: Path) -> None:
             for name, array in moments(normalizer).items()
         }
     with replacing(folder / TENSORS) as path:
-        save_file(tensors, path)
+        path.write_bytes(as_safetensors(tensors))
     about = {"scene": config.scene, "env": config.env, "trained": asdict(config)}
     text = json.dumps(_acting(config) | about, indent=1)
     with replacing(folder / DESCRIPTION) as path:

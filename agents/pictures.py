@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -32,11 +31,9 @@ _SETTLED, _SHOWN, _FLASHES = 20, 3, 8
 """Strides before those that are drawn, how many are drawn, and postures of each."""
 
 
-def draw_run(run: Path) -> None:
-    """Draw a run's learning curve and the gait of its policy."""
+def draw_run(run: Path, rows: Sequence[dict[str, Any]]) -> None:
+    """Draw a run's learning curve, a row an evaluation, and the gait of its policy."""
     config, policy = learned(run)
-    with (run / "learning_curve.csv").open(newline="", encoding="utf-8") as file:
-        rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(file)]
     with replacing(run / "learning_curve.png") as path:
         passive = evaluate(Passive(), worlds.arena(config, EPISODES), seed=SEED).summary()
         learning_curve(path, rows, passive, worlds.describe(config))

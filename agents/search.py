@@ -61,13 +61,14 @@ def search(config: Config, folder: Path, trials: int, *, progress: bool = True) 
         ) from None
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     folder.mkdir(parents=True, exist_ok=True)
-    study = optuna.create_study(
-        study_name=f"{config.scene}-{config.algo}",
-        storage=JournalStorage(JournalFileBackend(str(folder / STUDY))),
-        sampler=optuna.samplers.TPESampler(seed=config.seed),
-        direction="maximize",
-        load_if_exists=True,
-    )
+    with files.reading(folder / STUDY):
+        study = optuna.create_study(
+            study_name=f"{config.scene}-{config.algo}",
+            storage=JournalStorage(JournalFileBackend(str(folder / STUDY))),
+            sampler=optuna.samplers.TPESampler(seed=config.seed),
+            direction="maximize",
+            load_if_exists=True,
+        )
 
     def tried(trial: Any) -> float:
         hyperparams = copy.deepcopy(config.hyperparams)

@@ -11,7 +11,7 @@ from tqdm import tqdm
 
 from agents import checkpoint, files, worlds
 from agents.callbacks import Milestones, StopRequest
-from agents.config import Config, ConfigError
+from agents.config import Config
 from agents.evaluation import write_rows
 from agents.exploration import explorers
 from agents.learner import LearnedPolicy, build
@@ -31,6 +31,9 @@ class Run:
         config: What to do.
         folder: Where its files go; holds nothing yet, or a run of the same configuration.
         tensorboard: Whether to write tensorboard's logs too.
+
+    Raises:
+        ConfigError: if the configuration is none, or its checkpoint is damaged.
     """
 
     def __init__(self, config: Config, folder: Path, *, tensorboard: bool = False) -> None:
@@ -39,15 +42,14 @@ class Run:
         self.model: BaseAlgorithm = build(config, worlds.training_worlds(config), **log)
         if not tensorboard:  # the library would make an empty folder of logs for each run
             self.model.set_logger(Logger(None, []))
+        self.exploring = explorers(config.algo, config.exploration)
         self.exam = worlds.arena(config, EPISODES)
         self.notes: dict[str, Any] = {"best": None, "seconds": 0.0, "curve": []}
         newest = files.newest_checkpoint(folder)
         self.resumed = newest is not None
         if newest is not None:
-            try:
+            with files.reading(newest):
                 self.notes = checkpoint.restore(newest, self.model)
-            except (OSError, ValueError, RuntimeError, KeyError) as error:
-                raise ConfigError(f"{newest} does not fit its {files.CONFIG}: {error}") from None
         with files.replacing(folder / files.CONFIG) as path:
             config.save(path)
 
@@ -78,11 +80,10 @@ class Run:
 
         with StopRequest() as stop, bar:
             milestones = Milestones(self.config.every, reach, stop, bar)
-            exploring = explorers(self.config.algo, self.config.exploration)
             logged = self.model.tensorboard_log is not None
             self.model.learn(
                 left,
-                callback=[milestones, *exploring],
+                callback=[milestones, *self.exploring],
                 # Logging costs SAC more than it tells.
                 log_interval={"ppo": 1, "sac": 100}[self.config.algo] if logged else None,  # type: ignore[arg-type]
                 reset_num_timesteps=not self.resumed,

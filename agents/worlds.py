@@ -23,7 +23,7 @@ def scene_of(config: Config, **changes: Any) -> Scene:
     """
     try:
         return make_scene(config.scene, **config.env | changes)
-    except ValueError as error:
+    except (TypeError, ValueError) as error:
         raise ConfigError(str(error)) from None
 
 

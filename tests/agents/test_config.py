@@ -116,8 +116,8 @@ def test_a_configuration_survives_its_file(tmp_path):
     [
         ({"algo": "dqn"}, "ppo, sac"),
         ({"scene": "moon"}, "level"),
-        ({"steps": 0}, "steps must be at least 1"),
-        ({"n_envs": -1}, "envs must be at least 1"),
+        ({"steps": 0}, "steps must be a whole number from 1 on"),
+        ({"n_envs": -1}, "n_envs must be a whole number from 1 on"),
         ({"seed": -1}, "seed"),
     ],
 )

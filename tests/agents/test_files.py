@@ -1,6 +1,8 @@
 """Files appear whole or not at all."""
 
 import os
+import subprocess
+import sys
 import time
 
 import pytest
@@ -51,6 +53,39 @@ def test_what_a_kill_left_unfinished_is_passed_over_and_removed(tmp_path):
     assert newest == files.checkpoint_path(tmp_path, 2000)
     files.drop_older_checkpoints(newest)
     assert list((tmp_path / "checkpoints").iterdir()) == [newest]
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from agents import files
+with files.replacing(Path(sys.argv[1])) as aside:
+    aside.write_text("half")
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no process is asked whether it lives")
+def test_what_killed_writers_left_goes_when_the_file_is_written_again(tmp_path):
+    target = tmp_path / "model.zip"
+    subprocess.run([sys.executable, "-c", KILLED, str(target)], check=False)
+    (left,) = tmp_path.iterdir()
+    mine = tmp_path / f".model.{os.getpid()}.zip"  # of an earlier process of the same number
+    mine.mkdir()
+    others = [tmp_path / name for name in (f".model.{os.getppid()}.zip", ".model.old.zip")]
+    for path in others:
+        path.touch()
+    with files.replacing(target) as aside:
+        aside.write_text("whole")
+    assert not left.exists() and target.read_text() == "whole"
+    assert sorted(tmp_path.iterdir()) == sorted([target, *others])
+
+
+def test_what_cannot_be_written_is_told_by_its_own_name(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(OSError, match="File exists") as told, files.replacing(tmp_path / "file" / "new"):
+        pass
+    assert told.value.filename == str(tmp_path / "file" / "new")
 
 
 def test_new_runs_are_numbered(tmp_path, monkeypatch):

@@ -285,7 +285,7 @@ def test_files_of_another_shape_are_refused(tmp_path):
     run.train(progress=False)
     other = small()
     other.hyperparams["policy_kwargs"] = {"net_arch": [16]}
-    with pytest.raises(ConfigError, match="do not fit"):
+    with pytest.raises(ConfigError, match=r"model\.zip is damaged, or does not fit"):
         load_policy(tmp_path, other)
     with pytest.raises(ConfigError, match="does not fit"):
         Run(other, tmp_path)

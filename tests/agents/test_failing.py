@@ -1,0 +1,181 @@
+"""What cannot be read or written ends with a sentence, and costs nothing that was there."""
+
+import os
+import shutil
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+import yaml
+
+import train
+from agents import files
+
+MORE = ["--steps", "256", "--quiet"]
+CHECKPOINT = "checkpoints/000000000128"
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory):
+    """A run of SAC, which keeps all that a run may keep."""
+    folder = tmp_path_factory.mktemp("runs") / "steep"
+    told = ["--steps", "128", "--envs", "8", "--every", "64", "--quiet"]
+    assert train.main(["--scene", "steep", "--algo", "sac", "--out", str(folder), *told]) == 0
+    return folder
+
+
+@pytest.fixture
+def run(finished, tmp_path):
+    """A copy of it."""
+    return shutil.copytree(finished, tmp_path / "run")
+
+
+def contents(folder):
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def refused(capsys, *arguments):
+    """The one sentence with which the program refuses, after what it prints."""
+    capsys.readouterr()
+    assert train.main([str(argument) for argument in arguments]) == 2
+    said = capsys.readouterr()
+    assert said.err.startswith("train.py: error: ") and said.err.count("\n") == 1
+    return said.err, said.out
+
+
+@contextmanager
+def full_disk(size):
+    """No file can be written beyond some bytes."""
+    resource = pytest.importorskip("resource", reason="limits of files are POSIX")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [
+        lambda whole: b"",
+        lambda whole: whole[: len(whole) // 2],
+        lambda whole: np.random.default_rng(0).bytes(len(whole)),
+    ],
+    ids=["empty", "half", "random"],
+)
+@pytest.mark.parametrize(
+    "name",
+    [
+        "config.yml", "model.zip", "normalizer.npz",
+        *(f"{CHECKPOINT}/{name}" for name in (
+            "model.zip", "arrays.npz", "worlds.npz", "replay.npz", "notes.json", "worlds.json",
+        )),
+    ],
+)  # fmt: skip
+def test_a_damaged_file_is_named_and_everything_left_as_it_is(run, name, damage, capsys):
+    (run / name).write_bytes(damage((run / name).read_bytes()))
+    before = contents(run)
+    command = ["--resume", run, *MORE] if name.startswith(CHECKPOINT) else ["evaluate", run]
+    said, printed = refused(capsys, *command)
+    assert str(run / name) in said and not printed
+    assert contents(run) == before
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "words"),
+    [
+        ("n_envs", "a", "n_envs must be a whole number from 1 on, not 'a'"),
+        ("n_envs", 1.5, "n_envs must be a whole number"),
+        ("steps", "many", "steps must be a whole number from 1 on, not 'many'"),
+        ("every", None, "every must be a whole number"),
+        ("seed", -1, "seed must be a whole number from 0 on"),
+        ("algo", ["sac"], "algo must be the name of one"),
+        ("scene", 3, "scene must be the name of one"),
+        ("env", "steep", "env must map names to values"),
+        ("env", {"scene": 3}, "scene"),
+        ("training", {"perturb": 0.1}, "a scene has no perturb (perturbation?)"),
+        ("normalize", {"norm_ob": True}, "VecNormalize has no norm_ob (norm_obs?)"),
+        ("normalize", {"clip_obs": "a"}, "clip_obs of VecNormalize must be float, not 'a'"),
+        ("exploration", {"lowest": 0.0, "highest": 1.0}, "lowest must be a number above 0"),
+        ("hyperparams.learning_rat", 1e-3, "SAC has no learning_rat (learning_rate?)"),
+        ("hyperparams.learning_rate", "lin_x", "could not convert string to float: 'x'"),
+        ("hyperparams.tau", "a", "tau of SAC must be float, not 'a'"),
+        ("hyperparams.device", "cuda", "SAC has no device"),
+        ("hyperparams.policy_kwargs", {"colour": "red"}, "unexpected keyword argument 'colour'"),
+        ("colour", "red", "a run has no colour; it has algo, scene"),
+    ],
+)
+def test_a_configuration_that_is_none_is_answered_with_what_is_allowed(
+    run, place, value, words, capsys
+):
+    config = yaml.safe_load((run / files.CONFIG).read_text())
+    *folders, name = place.split(".")
+    inner = config[folders[0]] if folders else config
+    inner[name] = value
+    (run / files.CONFIG).write_text(yaml.safe_dump(config))
+    before = contents(run)
+    said, _ = refused(capsys, "--resume", run, *MORE)
+    assert words in said
+    assert contents(run) == before
+
+
+@pytest.mark.parametrize("room", [100, 1000, 20_000])
+def test_a_training_on_a_full_disk_stops_and_goes_on_when_there_is_room(run, room, capsys):
+    before = contents(run)
+    with full_disk(room):
+        said, _ = refused(capsys, "--resume", run, *MORE)
+    assert "File too large" in said and (room < 500 or f"--resume {run}" in said)
+    kept = contents(run)
+    assert set(kept) == set(before)
+    for name in ("model.zip", "normalizer.npz", f"{CHECKPOINT}/arrays.npz"):
+        assert kept[run / name] == before[run / name]
+    assert train.main(["--resume", str(run), *MORE]) == 0
+    assert files.newest_checkpoint(run) == files.checkpoint_path(run, 256)
+
+
+def test_an_evaluation_that_cannot_be_kept_is_told_first(run, capsys):
+    before = contents(run)
+    with full_disk(0):
+        said, printed = refused(capsys, "evaluate", run)
+    assert "passive" in printed and "stubbed toe" in printed
+    assert str(run / "evaluation.txt") in said
+    assert contents(run) == before
+
+
+def test_an_evaluation_in_a_read_only_folder_is_told_first(run, capsys):
+    run.chmod(0o500)
+    try:
+        if os.access(run, os.W_OK):
+            pytest.skip("who may do everything may write everywhere")
+        said, printed = refused(capsys, "evaluate", run)
+    finally:
+        run.chmod(0o700)
+    assert "passive" in printed and "Permission denied" in said
+
+
+def test_a_damaged_learning_curve_is_drawn_from_the_checkpoint(run):
+    (run / "learning_curve.csv").write_bytes(b"")
+    (run / "learning_curve.png").unlink()
+    assert train.main(["--resume", str(run), "--quiet"]) == 0
+    assert (run / "learning_curve.png").exists()
+
+
+def test_a_damaged_score_is_named(tmp_path, capsys):
+    score = tmp_path / "scores" / "lab-passive-0.json"
+    score.parent.mkdir()
+    score.write_text("{")
+    assert str(score) in refused(capsys, "benchmark", "--tables", "--out", tmp_path)[0]
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("evaluate --policy level-ppo --episodes 0", "episodes must be a whole number from 1 on"),
+        ("evaluate --policy level-ppo --seed -1", "seed must be a whole number from 0 on"),
+        ("gait passive --slope 9", "slope must be an angle"),
+        ("gait passive --period 0", "period must be a whole number from 1 on"),
+    ],
+)
+def test_nonsense_asked_of_a_command_is_refused(line, words, capsys):
+    assert words in refused(capsys, *line.split())[0]
