@@ -57,7 +57,7 @@ CHANGED = {
         for name in ("walker", "presets", "parts", "tuning")
     },
     "gaits/stride": _USERS,
-    "gaits/samples": ["tests/physics/test_trajectory.py"],
+    "gaits/samples": ["tests/physics/test_trajectory.py", "tests/gaits/test_stride_map.py"],
     "gaits/trajectory": ["tests/physics/test_trajectory.py"],
     "gaits/forces": ["tests/physics/test_forces.py", "tests/physics/test_trajectory.py"],
     "arguments": _USERS,
@@ -106,7 +106,6 @@ _CONCERNING = {
     "gaits/phases": "reality",
     "gaits/posture": "measures reality",
     "gaits/reality": "reality",
-    "gaits/samples": "stride_map",
     "gaits/scaling": "scaling",
     "gaits/search": "gaits",
     "gaits/series": "series reality",

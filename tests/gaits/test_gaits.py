@@ -233,6 +233,12 @@ def test_gaits_of_one_orbit_are_one_gait():
         assert sum(np.isclose(angle, orbit, rtol=1e-6).any() for angle in angles) == 1
 
 
+def test_of_guesses_at_both_gaits_the_kind_asked_for_is_taken():
+    states = [gait.state for gait in find_gaits("E", 0.01)]
+    for kind in ("long", "short"):
+        assert find_gait("E", 0.01, kind, guess=states).kind == kind
+
+
 def test_a_guess_is_followed_to_the_gait_beside_it():
     short = find_gait("E", 0.01, "short")
     assert find_gait("E", 0.01, guess=1.002 * short.state).kind == "short"
