@@ -1,7 +1,7 @@
 """Would the tests notice? Put one thing wrong at a time into the package, and see.
 
-    python -m benchmarks.mutation                            every fault that was thought up
-    python -m benchmarks.mutation --changes 100 --write      and single signs of physics and engine
+    python -m benchmarks.mutation                      every fault that was thought up
+    python -m benchmarks.mutation --changes 100        single signs of physics and engine instead
 
 Each mutant is a copy of the package with one thing wrong: a fault such as a programmer makes
 (`faults`, in the rooms from `gaits` up), or one sign, number, operator or comparison changed (in
@@ -29,6 +29,7 @@ from typing import NoReturn
 
 import pytest
 
+from benchmarks.concerned import CHANGED, tests_of
 from benchmarks.equivalent_mutants import EQUIVALENT
 from benchmarks.mutants import PACKAGE, ROOT, Mutant, faults, path_of, sample
 from benchmarks.report import DOCS, keep, machine, table
@@ -37,94 +38,6 @@ PAGE = DOCS / "stability.md"
 PATIENCE = 300.0  # seconds after which a mutant that still runs counts as noticed
 LIBRARIES = ("numba", "scipy.optimize", "scipy.linalg", "gymnasium", "torch", "stable_baselines3")
 """What tests import and no mutant changes."""
-
-
-_MECHANICS = ["tests/physics", "tests/engine"]
-_MACHINERY = ["tests/engine", "tests/physics", "tests/stress"]
-_USERS = ["tests/physics/test_strides.py", "tests/physics"]
-CHANGED = {
-    **{
-        f"physics/{name}": _MECHANICS
-        for name in ("kneed", "straight", "simplest", "legs", "numbers", "hybrid", "bodies")
-    },
-    **{
-        f"engine/{name}": _MACHINERY
-        for name in ("expressions", "native", "runge_kutta", "verner", "layout", "step", "compiled",
-                     "landing", "lanes", "run")
-    },
-    **{
-        f"walkers/{name}": ["tests/test_walkers.py", *_MECHANICS]
-        for name in ("walker", "presets", "parts", "tuning")
-    },
-    "gaits/stride": _USERS,
-    "gaits/samples": ["tests/physics/test_trajectory.py", "tests/gaits/test_stride_map.py"],
-    "gaits/trajectory": ["tests/physics/test_trajectory.py"],
-    "gaits/forces": ["tests/physics/test_forces.py", "tests/physics/test_trajectory.py"],
-    "arguments": _USERS,
-    "units": _USERS,
-}  # fmt: skip
-"""Modules of which single signs are changed, and the tests that concern them."""
-
-_CONCERNING = {
-    "agents/benchmark": "benchmark",
-    "agents/callbacks": "callbacks training",
-    "agents/checkpoint": "training",
-    "agents/commands": "command_line",
-    "agents/config": "config",
-    "agents/evaluation": "command_line",
-    "agents/exploration": "exploration training",
-    "agents/files": "files training",
-    "agents/learner": "config evaluation training",
-    "agents/standings": "benchmark",
-    "agents/training": "training",
-    "agents/worlds": "config training",
-    "control/baselines": "baselines closed_loop optimal",
-    "control/closed_loop": "closed_loop",
-    "control/feedback": "baselines ticks",
-    "control/optimal": "optimal",
-    "control/optimum": "optimal ticks",
-    "control/policy": "trials baselines closed_loop",
-    "control/ticks": "ticks closed_loop",
-    "control/trials": "trials",
-    "control/walks": "agents/evaluation",
-    "envs/batch": "crowds changes vector_env starts walker_env task",
-    "envs/sb3": "sb3 crowds",
-    "envs/scene": "scene task",
-    "envs/starts": "starts",
-    "envs/task": "task starts vector_env crowds walker_env",
-    "envs/vector_env": "crowds changes vector_env",
-    "envs/walker_env": "crowds walker_env",
-    "gaits/attractors": "basin bifurcation",
-    "gaits/basin": "basin",
-    "gaits/bifurcation": "bifurcation",
-    "gaits/continuation": "families",
-    "gaits/doubling": "bifurcation",
-    "gaits/family": "families",
-    "gaits/gait": "gaits",
-    "gaits/lyapunov": "bifurcation",
-    "gaits/measures": "measures",
-    "gaits/phases": "reality",
-    "gaits/posture": "measures reality",
-    "gaits/reality": "reality",
-    "gaits/scaling": "scaling",
-    "gaits/search": "gaits",
-    "gaits/series": "series reality",
-    "gaits/stability": "jacobian",
-    "gaits/stride_map": "stride_map",
-    "policies/__init__": "network shipped",
-    "policies/network": "network",
-    "policies/tensors": "network",
-}
-"""Tests of its own room that concern a module, the likeliest to notice first."""
-
-
-def tests_of(file: str) -> list[str]:
-    """The tests that concern a module, in the order in which they are likely to notice."""
-    if file in CHANGED:
-        return CHANGED[file]
-    room = file.split("/")[0]
-    names = (name if "/" in name else f"{room}/{name}" for name in _CONCERNING[file].split())
-    return [f"tests/{Path(name).parent}/test_{Path(name).name}.py" for name in names]
 
 
 class Copy:
@@ -281,7 +194,7 @@ def main() -> None:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     add = parser.add_argument
-    add("--changes", type=int, default=0, help="how many single signs to change (%(default)s)")
+    add("--changes", type=int, default=0, help="change so many single signs instead")
     add("--seed", type=int, default=1, help="of their order")
     add("--rooms", nargs="+", metavar="ROOM", help="these rooms only")
     add("--again", action="store_true", help="try once more what was not noticed")
@@ -290,17 +203,17 @@ def main() -> None:
     options = parser.parse_args()
     pool = sample(list(CHANGED), options.seed)
     thought_up, gone = faults()
-    chosen = pool[: options.changes] + thought_up
+    chosen = pool[: options.changes] or thought_up
     if options.rooms:
         chosen = [mutant for mutant in chosen if mutant.room in options.rooms]
     found = report(run(chosen, options.results, again=options.again))
     command = " ".join(["python -m benchmarks.mutation", *sys.argv[1:]])
-    share = f"{len(thought_up)} faults, and {options.changes} of {len(pool)} single changes."
-    for name in gone:
+    share = f"{len(chosen)} of {len(pool)} single changes." if options.changes else ""
+    for name in [] if options.changes else gone:
         share += f"\nThe code that this fault was written for has changed: {name}."
-    text = f"`{command}`\n{machine('scipy')}\n\n{share}\n\n{found}"
+    text = "\n\n".join(filter(None, [f"`{command}`\n{machine('scipy')}", share, found]))
     if options.write:
-        keep("mutation", text, PAGE)
+        keep("mutation" if options.changes else "faults", text, PAGE)
     else:
         print(f"\n{text}")
 

@@ -92,7 +92,8 @@ def any_step(count: int, rng: np.random.Generator) -> Finding:
         env.reset(seed=int(rng.integers(2**31)))
         sums, largest = np.zeros(3), 1.0
         for _ in range(min(200, count - tried)):
-            observation, reward, over, _, info = env.step(rng.normal(scale=2.0, size=1))
+            action = rng.normal(scale=2.0, size=1).astype(np.float32)
+            observation, reward, over, _, info = env.step(action)
             tried += 1
             told = np.array([info["distance"], info["energy"], reward])
             sums += told

@@ -1,0 +1,92 @@
+"""Which tests concern a module of the package: those that should notice what is wrong with it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+_MECHANICS = ["tests/physics", "tests/engine"]
+_MACHINERY = ["tests/engine", "tests/physics", "tests/stress"]
+_USERS = ["tests/physics/test_strides.py", "tests/physics"]
+CHANGED = {
+    **{
+        f"physics/{name}": _MECHANICS
+        for name in ("kneed", "straight", "simplest", "legs", "numbers", "hybrid", "bodies")
+    },
+    **{
+        f"engine/{name}": _MACHINERY
+        for name in ("expressions", "native", "runge_kutta", "verner", "layout", "step", "compiled",
+                     "landing", "lanes", "run")
+    },
+    **{
+        f"walkers/{name}": ["tests/test_walkers.py", *_MECHANICS]
+        for name in ("walker", "presets", "parts", "tuning")
+    },
+    "gaits/stride": _USERS,
+    "gaits/samples": ["tests/physics/test_trajectory.py", "tests/gaits/test_stride_map.py"],
+    "gaits/trajectory": ["tests/physics/test_trajectory.py"],
+    "gaits/forces": ["tests/physics/test_forces.py", "tests/physics/test_trajectory.py"],
+    "arguments": _USERS,
+    "units": _USERS,
+}  # fmt: skip
+"""Modules of which single signs are changed, and the tests that concern them."""
+
+_CONCERNING = {
+    "agents/benchmark": "benchmark",
+    "agents/callbacks": "callbacks training",
+    "agents/checkpoint": "training",
+    "agents/commands": "command_line",
+    "agents/config": "config",
+    "agents/evaluation": "command_line",
+    "agents/exploration": "exploration training",
+    "agents/files": "files training",
+    "agents/learner": "config evaluation training",
+    "agents/standings": "benchmark",
+    "agents/training": "training",
+    "agents/worlds": "config training",
+    "control/baselines": "baselines closed_loop optimal",
+    "control/closed_loop": "closed_loop",
+    "control/feedback": "baselines ticks",
+    "control/optimal": "optimal",
+    "control/optimum": "optimal ticks",
+    "control/policy": "trials baselines closed_loop",
+    "control/ticks": "ticks closed_loop",
+    "control/trials": "trials",
+    "control/walks": "agents/evaluation",
+    "envs/batch": "crowds changes vector_env starts walker_env task",
+    "envs/sb3": "sb3 crowds",
+    "envs/scene": "scene task",
+    "envs/starts": "starts",
+    "envs/task": "task starts vector_env crowds walker_env",
+    "envs/vector_env": "crowds changes vector_env",
+    "envs/walker_env": "crowds walker_env",
+    "gaits/attractors": "basin bifurcation",
+    "gaits/basin": "basin",
+    "gaits/bifurcation": "bifurcation",
+    "gaits/continuation": "families",
+    "gaits/doubling": "bifurcation",
+    "gaits/family": "families",
+    "gaits/gait": "gaits",
+    "gaits/lyapunov": "bifurcation",
+    "gaits/measures": "measures",
+    "gaits/phases": "reality",
+    "gaits/posture": "measures reality",
+    "gaits/reality": "reality",
+    "gaits/scaling": "scaling",
+    "gaits/search": "gaits",
+    "gaits/series": "series reality",
+    "gaits/stability": "jacobian",
+    "gaits/stride_map": "stride_map",
+    "policies/__init__": "network shipped",
+    "policies/network": "network",
+    "policies/tensors": "network",
+}
+"""Tests of its own room that concern a module, the likeliest to notice first."""
+
+
+def tests_of(file: str) -> list[str]:
+    """The tests that concern a module, in the order in which they are likely to notice."""
+    if file in CHANGED:
+        return CHANGED[file]
+    room = file.split("/")[0]
+    names = (name if "/" in name else f"{room}/{name}" for name in _CONCERNING[file].split())
+    return [f"tests/{Path(name).parent}/test_{Path(name).name}.py" for name in names]
