@@ -39,7 +39,7 @@ _CONCERNING = {
     "agents/evaluation": "command_line",
     "agents/exploration": "exploration training",
     "agents/files": "files training",
-    "agents/learner": "config evaluation training",
+    "agents/learner": "config evaluation training policies/network",
     "agents/standings": "benchmark",
     "agents/training": "training",
     "agents/worlds": "config training",
