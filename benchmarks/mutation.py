@@ -132,20 +132,25 @@ class Copy:
             os._exit(code)
 
 
-def run(chosen: list[Mutant], results: Path, *, again: bool = False) -> list[dict]:
+def run(
+    chosen: list[Mutant], results: Path, *, again: bool = False, tried: bool = False
+) -> list[dict]:
     """Try the mutants that have no result yet, and return the results of all.
 
     Args:
         chosen: The mutants.
         results: Where results are kept.
         again: Whether those that were not noticed are tried once more.
+        tried: Whether to try none, and return the results that there are.
     """
     results.parent.mkdir(parents=True, exist_ok=True)
     lines = [json.loads(line) for line in results.open()] if results.exists() else []
     known = {record["name"]: record for record in lines}
+    if tried:
+        chosen = [mutant for mutant in chosen if mutant.name in known]
     waiting = [
         mutant
-        for mutant in chosen
+        for mutant in ([] if tried else chosen)
         if mutant.name not in known or (again and not known[mutant.name]["noticed_by"])
     ]
     for library in LIBRARIES:
@@ -198,6 +203,7 @@ def main() -> None:
     add("--seed", type=int, default=1, help="of their order")
     add("--rooms", nargs="+", metavar="ROOM", help="these rooms only")
     add("--again", action="store_true", help="try once more what was not noticed")
+    add("--tried", action="store_true", help="try nothing: tell of what has been tried so far")
     add("--results", type=Path, default=ROOT / "build" / "mutants.jsonl")
     add("--write", action="store_true", help=f"put the tables into {PAGE.name}")
     options = parser.parse_args()
@@ -206,9 +212,12 @@ def main() -> None:
     chosen = pool[: options.changes] or thought_up
     if options.rooms:
         chosen = [mutant for mutant in chosen if mutant.room in options.rooms]
-    found = report(run(chosen, options.results, again=options.again))
+    records = run(chosen, options.results, again=options.again, tried=options.tried)
+    found = report(records)
     command = " ".join(["python -m benchmarks.mutation", *sys.argv[1:]])
-    share = f"{len(chosen)} of {len(pool)} single changes." if options.changes else ""
+    share = f"{len(records)} of {len(pool)} single changes."
+    if not options.changes:
+        share = f"{len(records)} of {len(thought_up)} faults."
     for name in [] if options.changes else gone:
         share += f"\nThe code that this fault was written for has changed: {name}."
     text = "\n\n".join(filter(None, [f"`{command}`\n{machine('scipy')}", share, found]))

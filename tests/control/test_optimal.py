@@ -1,5 +1,7 @@
 """Gaits of least cost of transport, and who plays them."""
 
+from dataclasses import replace
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -81,6 +83,20 @@ def test_optima_at_several_speeds_are_those_that_are_stored():
     assert optimal.least_cost(found, speeds[1]) == costs[1]
     for beyond in (speeds[0] - 1e-6, speeds[-1] + 1e-6):
         assert np.isnan(optimal.least_cost(found, beyond))
+
+
+@pytest.mark.parametrize("costs", [(3.0, 2.0, 1.0), (1.0, 2.0, 3.0)])
+def test_of_two_optima_at_one_speed_the_cheaper_is_kept(costs, monkeypatch):
+    """One is found from a slower gait on the way out, and one from a faster on the way back."""
+    left = iter(costs)
+
+    def found(scene, speed, *, start):
+        return replace(start, speed=speed, hip_cost=next(left))
+
+    monkeypatch.setattr(optimal, "optimal_gait", found)
+    _, slower, faster = optimal.optimal_gaits("steep", [0.33, 0.335])
+    assert (slower.speed, slower.hip_cost) == (0.33, min(costs[0], costs[2]))
+    assert (faster.speed, faster.hip_cost) == (0.335, costs[1])
 
 
 @pytest.mark.parametrize("energy", ["absolute", "positive", "net"])

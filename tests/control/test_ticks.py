@@ -1,5 +1,7 @@
 """Strides under a torque that changes from tick to tick, and their derivatives."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -55,6 +57,22 @@ def test_equal_ticks_are_one_torque(level):
     assert walked.duration * WALKER.time_unit == pytest.approx(float(whole.duration))
     assert gait.hip_torque * walked.turn.sum() == pytest.approx(float(whole.hip_work_absolute))
     assert gait.hip_torque * walked.swing.sum() == pytest.approx(float(whole.hip_work))
+
+
+def test_walkers_that_differ_strike_each_in_its_own_time():
+    """The first to strike leaves the others their bodies, slopes and torques."""
+    lengths, slopes = np.array([0.40, 0.52, 0.46, 0.55]), np.array([0.04, 0.036, 0.038, 0.03])
+    gait = gpw.find_gait("lab", 0.036)
+    points = np.repeat(Section(walker=gait.walker).points_at(gait.state), 4, axis=0)
+    torques = np.random.default_rng(1).normal(0.0, 1e-3, (4, 40))
+    motion = Motion(walker=gait.walker, parameters={"shank_length": lengths})
+    together = ticked_strides(motion, slopes, points, torques, tick=TICK)
+    for i, length in enumerate(lengths):
+        own = Motion(walker=replace(gait.walker, shank_length=length))
+        alone = ticked_strides(own, slopes[i], points[:1], torques[i : i + 1], tick=TICK)
+        for mine, its in zip(together, alone, strict=True):
+            np.testing.assert_allclose(mine[i], its[0], rtol=1e-11, atol=1e-13)
+    assert len(np.unique(np.ceil(together.duration / TICK))) > 1
 
 
 @pytest.fixture(scope="module")

@@ -201,8 +201,8 @@ def test_who_waits_for_a_reset_is_waited_for_though_others_are_reset():
     for _ in range(2):
         _, _, _, truncated, _ = crowd.step(np.zeros((3, 1)))
     assert truncated.all()
+    saved = crowd.get_state()
     for _ in range(2):  # when that was saved and put back, too
-        saved = crowd.get_state()
         crowd.reset(options={"reset_mask": np.array([True, False, True])})
         with pytest.raises(ResetNeeded):
             crowd.step(np.zeros((3, 1)))
