@@ -53,7 +53,7 @@ def counts(p: Problem, phase: Phase, y: Sequence[Number]) -> Any:
 def struck(p: Problem, phase: Phase, y: Sequence[Number]) -> list[Number]:
     """The next phase's coordinates after the strike, or the next section state."""
     reset = phase.resets[strike(phase).outcome]
-    after, _ = reset.strike(p.body, state_of(phase, y))
+    after, *_ = reset.strike(p.body, state_of(phase, y))
     return list(after) if reset.into is None else coordinates(p.system.phases[reset.into], after)
 
 

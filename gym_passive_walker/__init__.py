@@ -17,6 +17,7 @@ from gym_passive_walker.gaits.bifurcation import (
 )
 from gym_passive_walker.gaits.design import Design, optimise_walker
 from gym_passive_walker.gaits.doubling import Cascade, doubling_cascade
+from gym_passive_walker.gaits.drive import Drive
 from gym_passive_walker.gaits.family import GaitFamily, gait_family, parameter_family
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
@@ -62,6 +63,7 @@ __all__ = [
     "Cascade",
     "ClosedLoopGait",
     "Design",
+    "Drive",
     "Extreme",
     "FootVelocity",
     "Gait",

@@ -42,6 +42,11 @@ class Units(NamedTuple):
         return self.energy / self.length
 
     @property
+    def impulse(self) -> float:
+        """M sqrt(g l)."""
+        return self.energy / self.speed
+
+    @property
     def speed(self) -> float:
         """sqrt(g l)."""
         return self.length / self.time

@@ -46,8 +46,8 @@ class Flock(NamedTuple):
 
     @property
     def works(self) -> bool:
-        """Whether torques work, and the swing leg has energy."""
-        return self.system.works
+        """Whether a hip torque works, and the swing leg has energy."""
+        return bool(self.system.works.hip)
 
     @property
     def body(self) -> Any:

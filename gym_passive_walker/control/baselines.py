@@ -37,8 +37,11 @@ class ConstantTorque:
     name = "constant torque"
 
     def __init__(self, torque: float, scene: Scene | str | dict[str, Any]) -> None:
-        self.torque = float(torque)
-        self.scale = make_scene(scene).max_hip_torque
+        scene = make_scene(scene)
+        if torque and "hip" not in scene.actions:
+            raise ValueError(f"a hip torque is none of this scene's actions {scene.actions}")
+        self.torque, self.scale = float(torque), scene.max_hip_torque
+        self.acts = np.array([name == "hip" for name in scene.actions])
 
     def predict(
         self,
@@ -50,7 +53,7 @@ class ConstantTorque:
         """The action, whatever is observed."""
         shape = np.shape(observation)[:-1]
         action = 0.0 if self.torque == 0.0 else np.clip(self.torque / self.scale, -1.0, 1.0)
-        return np.full((*shape, 1), action, np.float32), state
+        return np.full((*shape, len(self.acts)), action * self.acts, np.float32), state
 
 
 class Passive(ConstantTorque):

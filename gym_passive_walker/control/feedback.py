@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
+from gym_passive_walker.gaits.drive import Drive
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.gaits.newton import fixed_point
@@ -26,6 +27,7 @@ Method = Literal["lqr", "deadbeat"]
 _REFERENCE_SLOPE = 0.005
 """Where the passive gait is taken from that a motor then carries to other slopes."""
 
+_TORQUES = (0.01, 0.02, 0.03, 0.05)  # constant ones tried where there is no way to a gait
 _HALVINGS = 10  # of the way from one slope to another, before it is given up
 _ACCURACY, _SETTLED = 1e-12, 1e-10  # of a stride's end, wanted and at least
 _SURVIVES = 1e-9  # singular values below this, relative to the largest, are directions forgotten
@@ -47,10 +49,11 @@ def powered_gait(walker: Walker, slope: float) -> PoweredGait:
     """A gait at any slope: passive where there is one, else with a constant torque.
 
     A passive gait of a reference slope is followed to the slope wanted, while a torque takes over
-    the work that gravity no longer does.
+    the work that gravity no longer does. Where that way is lost, steeper uphill, a gait is sought
+    under greater torques.
 
     Raises:
-        GaitNotFound: if the walker has no passive gait to begin with, or loses it on the way.
+        GaitNotFound: if the walker has no passive gait to begin with, and none under these torques.
     """
     passive = seek(walker, slope).gait
     if passive is not None:
@@ -72,11 +75,26 @@ def powered_gait(walker: Walker, slope: float) -> PoweredGait:
         except GaitNotFound:
             step *= 0.5
             if step < 0.5**_HALVINGS:
-                raise GaitNotFound(
-                    f"no gait with a constant torque was found at slope {slope} rad: the gait of "
-                    f"slope {_REFERENCE_SLOPE} rad was lost at {here:.4g} rad"
-                ) from None
+                return _sought(walker, slope, here)
     return PoweredGait(state, torque)
+
+
+def _sought(walker: Walker, slope: float, lost: float) -> PoweredGait:
+    """A gait under one of some constant torques, searched for.
+
+    Raises:
+        GaitNotFound: if there is none.
+    """
+    for torque in _TORQUES:
+        own = torque * units_of(walker).torque
+        gait = seek(walker, slope, drive=Drive(hip_torque=own)).gait
+        if gait is not None:
+            return PoweredGait(gait.state, own)
+    raise GaitNotFound(
+        f"no gait with a constant torque was found at slope {slope} rad: the gait of slope "
+        f"{_REFERENCE_SLOPE} rad was lost at {lost:.4g} rad, and a search found none with up to "
+        f"{_TORQUES[-1]:g} m g l"
+    )
 
 
 def _converged(walker: Walker, slope: float, state: NDArray, torque: float) -> NDArray:
@@ -85,10 +103,10 @@ def _converged(walker: Walker, slope: float, state: NDArray, torque: float) -> N
     Raises:
         GaitNotFound: if Newton's method does not settle.
     """
-    strides, torque = StrideMap.of(walker), torque / units_of(walker).torque
+    strides = StrideMap.of(walker, drive=Drive(hip_torque=torque))
 
     def linearised(points: NDArray) -> tuple[NDArray, NDArray]:
-        passage, change = strides.linearise(points, slope, torque=torque)
+        passage, change = strides.linearise(points, slope)
         return passage.ends, change.ends
 
     found = fixed_point(linearised, strides.points_at(state), accuracy=_ACCURACY)

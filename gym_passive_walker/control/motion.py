@@ -35,9 +35,9 @@ torque; when the knee locked, what both strikes cost; the step length and the wo
 of springs in a stride that has ended, 0 where there are none; and what friction has taken."""
 
 _PLACES = [
-    place // 8 + i
-    for kind, place, *_ in map(RECORD.fields.__getitem__, _RECORDED)  # type: ignore[union-attr]
-    for i in range(kind.itemsize // 8)
+    RECORD.fields[name][1] // 8 + i  # type: ignore[index]
+    for name in _RECORDED
+    for i in range(len(State._fields) if name == "state" else 1)  # of controls the hip's, the first
 ]
 _SIZE = len(State._fields)
 _MIRRORED = np.array([1.0, -1.0, -1.0])  # angles of a state on the section, by the stance angle's
@@ -86,9 +86,9 @@ class Motion:
     tolerance: float = 1e-12
     stub: bool = False
 
-    def system(self, moving: Collection[str] = ()) -> System:
+    def system(self, using: Collection[str] = ()) -> System:
         """Which equations the walkers obey, as some of their parameters change."""
-        return system_of(self.walker, moving={*self.parameters, *moving})
+        return system_of(self.walker, using={*self.parameters, *using})
 
     @cached_property
     def section(self) -> Section:

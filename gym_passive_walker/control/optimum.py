@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize
 
 from gym_passive_walker.control.ticks import TickedStride, ticked_stride
-from gym_passive_walker.envs.scene import Scene
+from gym_passive_walker.envs.scene import Scene, by_hip_alone
 from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.stability import NoStride
 
@@ -91,7 +91,7 @@ class Problem:
     """Cost and constraints over z = (point, driving parts, braking parts), parts from 0 to 1."""
 
     def __init__(self, scene: Scene, speed: float, ticks: int, m: int) -> None:
-        self.slope = slope_of(scene)
+        self.slope = slope_of(by_hip_alone(scene, "optimal gaits are driven"))
         self.scene, self.speed, self.ticks, self.m = scene, speed, ticks, m
         self.tick = scene.tick if scene.control == "tick" else math.inf
         self.absolute, self.net = _SHARES[scene.energy]

@@ -64,7 +64,7 @@ _TIMES = ("time", "end")
 _COURSES = ("before", "rate_before", "bend_before", "after", "rate_after", "bend_after")
 _RECORDS = ("state", "start", "ground", "control", "time", "knee_time", "knee_loss", "heel_loss")
 _RECORDS += ("step_length", "gravity_work", "spring_work", "friction_loss", "moved", "turned")
-_RECORDS += ("body",)
+_RECORDS += ("push_off", "push_work", "body")
 _LOSSES = {Outcome.KNEESTRIKE: "knee_loss", Outcome.HEELSTRIKE: "heel_loss"}
 
 
@@ -186,11 +186,14 @@ def _open(system: System, phase: Phase, record: Memory, body: Memory) -> None:
 def _reset(system: System, phase: Phase, outcome: Outcome, record: Memory, body: Memory) -> None:
     """A strike: the state after it, what it cost, and what follows."""
     constants, reset = _constants(system, body), phase.resets[outcome]
-    after, loss = reset.strike(constants, State(*record.entries("state")))
+    push_off = 0.0 if "push_off" in system.absent else record["push_off"]
+    before = State(*record.entries("state"))
+    after, loss, work = reset.strike(constants, before, push_off)
     for i, value in enumerate(after):
         record["state", i] = value
     record[_LOSSES[outcome]] = loss
     if reset.into is None:
+        record["push_work"] = work
         _measure(system, constants, after, record)
         record["phase"] = 0.0
         return

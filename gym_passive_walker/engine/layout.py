@@ -37,6 +37,7 @@ RECORD = np.dtype(
         ("start", "f8", (LINKS,)),  # angles where the stride began
         ("ground", "f8", (_GROUND,)),
         ("control", "f8", (_CONTROLS,)),
+        ("push_off", "f8"),
         # What each control has moved, net and either way: the work of a unit control.
         ("moved", "f8", (_CONTROLS,)),
         ("turned", "f8", (_CONTROLS,)),
@@ -50,6 +51,7 @@ RECORD = np.dtype(
         ("step_length", "f8"),  # of the stride that a heelstrike has ended
         ("gravity_work", "f8"),  # in it
         ("spring_work", "f8"),
+        ("push_work", "f8"),
         ("place", "f8"),  # of the hip from where its foot stands at stance angle 0
         ("phase", "i8"),  # index in the system's phases
         ("outcome", "i8"),

@@ -94,12 +94,14 @@ class Seeds(NamedTuple):
         states: Changes of dimensionless states, (n, k, 6).
         slopes: Of slopes, (n, k).
         controls: Of controls, (n, k, controls).
+        push_offs: Of push-offs, (n, k).
         ends: Of the time to stop, (n, k).
     """
 
     states: NDArray | None = None
     slopes: NDArray | None = None
     controls: NDArray | None = None
+    push_offs: NDArray | None = None
     ends: NDArray | None = None
 
 
@@ -108,6 +110,7 @@ def new_records(
     slopes: ArrayLike,
     controls: ArrayLike = 0.0,
     *,
+    push_off: ArrayLike = 0.0,
     end: ArrayLike = LONGEST_STRIDE,
     seeds: Seeds | None = None,
     planes: int = 0,
@@ -117,7 +120,8 @@ def new_records(
     Args:
         states: Dimensionless, (n, 6).
         slopes: In rad, one for all or (n,).
-        controls: One for all, (n,), or (n, controls).
+        controls: Of the hip alone, one for all or (n,); or of each control, (n, controls).
+        push_off: Impulse at heelstrike, one for all or (n,).
         end: When to stop, one for all or (n,).
         seeds: Directions of derivatives.
         planes: How many there are.
@@ -127,13 +131,17 @@ def new_records(
     values["state"] = states
     values["ground"][:, 0], values["ground"][:, 1] = np.sin(slopes), np.cos(slopes)
     controls = np.asarray(controls, dtype=float)
-    values["control"] = controls if controls.ndim == 2 else controls[..., None]
+    values["control"][:, : controls.shape[1] if controls.ndim == 2 else 1] = (
+        controls if controls.ndim == 2 else controls[..., None]
+    )
+    values["push_off"] = push_off
     values["end"] = end
     if seeds is not None:
         changes = records[:, 1:]
         for name, seed in (
             ("state", seeds.states),
             ("control", seeds.controls),
+            ("push_off", seeds.push_offs),
             ("end", seeds.ends),
         ):
             if seed is not None:

@@ -70,6 +70,12 @@ class Equations:
         return without_absent(self.system, self.system.Body(**unused | rows))
 
     @property
+    def controls(self) -> list[int]:
+        """Indices of the controls that there may be."""
+        names = enumerate(Control._fields)
+        return [i for i, name in names if name not in self.system.absent]
+
+    @property
     def dissipates(self) -> bool:
         """Whether there is friction."""
         return self.system.friction_power is not None
@@ -90,7 +96,9 @@ class Equations:
 
     def accelerations(self, tile: Memory, state: State) -> tuple[Expression, ...]:
         """Accelerations of the links."""
-        control, ground = Control(*tile.entries("control")), Ground(*tile.entries("ground"))
+        held = {Control._fields[i]: tile["control", i] for i in self.controls}
+        control = Control(**dict.fromkeys(Control._fields, 0.0) | held)
+        ground = Ground(*tile.entries("ground"))
         return self.phase.accelerations(self.body(tile), state, control, ground)
 
     def along(
@@ -130,7 +138,7 @@ class Equations:
         for field in ("ground", "control"):
             for i, value in enumerate(record.entries(field)):
                 tile[field, i] = value
-        for i in range(len(Control._fields)):
+        for i in self.controls:
             tile["moved", i] = tile["turned", i] = 0.0
         tile["lost"] = 0.0
         step, rest = record["step"], record["end"] - record["time"]
@@ -156,7 +164,7 @@ class Equations:
         moved = self.as_state(list(state[3:]), bends)
         for i, (value, change) in enumerate(zip(state, moved, strict=True)):
             record["state", i] = choose(up, value + late * change, value)
-        for i in range(len(Control._fields)):
+        for i in self.controls:
             rate = self.along(partial(self._moved, i), state, [None] * 3)[1]
             for name, change in (("moved", late * rate), ("turned", late * abs(rate))):
                 whole = record[name, i] + tile[name, i]
@@ -190,7 +198,7 @@ class Equations:
             bend = course["bend_after", i]
             return course["after", i] + late * (course["rate_after", i] + 0.5 * late * bend)
 
-        for k in range(len(Control._fields)):
+        for k in self.controls:
             i = len(self.phase.guards) + k
             before, after = course["before", i], further(i)
             fraction = course["turning", k]
@@ -292,8 +300,8 @@ class Equations:
         tile["h"] = choose(alert, h, choose(1.1 * following < rest, following, rest))
         tile["time"] = tile["time"] + choose(plain, h, 0.0)
         before, after = self.state(tile), self.state(tile, "new_")
-        moves = zip(self.system.travel(before), self.system.travel(after), strict=True)
-        for i, (start, end) in enumerate(moves):
+        for i in self.controls:
+            start, end = self._moved(i, before), self._moved(i, after)
             tile["moved", i] = tile["moved", i] + choose(plain, end - start, 0.0)
             tile["turned", i] = tile["turned", i] + choose(plain, abs(end - start), 0.0)
         if self.dissipates:
@@ -323,7 +331,7 @@ class Equations:
                 found = (g0 > 0.0) & (g1 <= 0.0) & (tile.argument(1) > 0.0)
             alert = found if alert is None else alert | found
         assert alert is not None
-        for i in range(len(Control._fields)):
+        for i in self.controls:
             moved = partial(self._moved, i)
             v0 = self.along(moved, before, none)[1]
             v1 = self.along(moved, after, none)[1]
@@ -337,20 +345,21 @@ class Equations:
     def look(self, tile: Memory, course: Memory) -> None:
         """How guards, what controls move and what friction takes run over a lane's step."""
         body = self.body(tile)
-        functions: list[Callable[[State], Expression]] = [
-            *(partial(guard.falls, body) for guard in self.phase.guards),
-            *(partial(self._moved, i) for i in range(len(Control._fields))),
-        ]
+        guards = len(self.phase.guards)
+        functions: dict[int, Callable[[State], Expression]] = {
+            **{i: partial(guard.falls, body) for i, guard in enumerate(self.phase.guards)},
+            **{guards + i: partial(self._moved, i) for i in self.controls},
+        }
         for when, prefix, stage in (("before", "", 0), ("after", "new_", self.pair.stages)):
             state = self.state(tile, prefix)
             bends = [tile["stage", stage, link] for link in range(3)]
-            for i, function in enumerate(functions):
+            for i, function in functions.items():
                 value, rate, bend = self.along(function, state, bends)
                 course[when, i], course[f"rate_{when}", i] = value, rate
                 course[f"bend_{when}", i] = bend
             if self.dissipates:
                 power, change, _ = self.along(partial(self.friction, tile), state, bends)
-                last = len(functions)
+                last = guards + len(Control._fields)
                 course[when, last] = tile["h"] * tile["power"] if when == "after" else 0.0
                 course[f"rate_{when}", last], course[f"bend_{when}", last] = power, change
         end = self.state(tile, "new_")

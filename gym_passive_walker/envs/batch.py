@@ -35,11 +35,14 @@ def _rules(scene: Scene, system: System, step_limit: float) -> NDArray:
     rules["engine"] = options(scene.tolerance, scuff=bool(scene.stub))
     rules["tick"] = scene.tick if scene.control == "tick" else math.inf
     rules["longest_stride"] = scene.longest_stride
-    rules["max_hip_torque"] = scene.max_hip_torque
+    rules["actions"] = len(scene.actions)
+    for i, name in enumerate(scene.actions):
+        channel = task.CHANNELS.index(name)
+        rules["channels"][0, i], rules["largest"][0, channel] = channel, scene.largest(name)
     rules["energy_weight"] = scene.energy_weight
     rules["charged"] = task.ENERGIES.index(scene.energy)
     rules["step_limit"] = step_limit
-    rules["works"] = system.works
+    rules["works"] = (*system.works, 1.0)
     return rules
 
 
@@ -114,7 +117,7 @@ class Batch:
     @property
     def system(self) -> System:
         """Which equations the walkers obey."""
-        return system_of(*set(self.walkers), moving=self.scene.randomise)
+        return system_of(*set(self.walkers), using={*self.scene.randomise, *self.scene.actions})
 
     def start(
         self,
@@ -259,7 +262,7 @@ class Batch:
         """A step of every walker whose episode goes on; the others get a reward of 0.
 
         Args:
-            actions: Shape (count,).
+            actions: Flat: shape (count * actions of the scene,).
             observations: Filled, flat: shape (count * SIZE,).
             rewards: Filled; shape (count,).
             terminated: Filled; shape (count,).
@@ -277,10 +280,13 @@ class Batch:
                 actions, observations, rewards, terminated, truncated,
             )  # fmt: skip
             if wrong >= 0:
-                refuse(actions[wrong], int(wrong) if self.count > 1 else None)
+                lane = int(wrong) if self.count > 1 else None
+                refuse(actions.reshape(self.count, -1)[wrong], self.scene.actions, lane)
             return strides, endings
-        for wrong in np.flatnonzero(~np.isfinite(actions) & ~self.over):  # before anyone steps
-            refuse(actions[wrong], int(wrong))
+        each = actions.reshape(self.count, -1)
+        finite = np.isfinite(each).all(axis=1)
+        for wrong in np.flatnonzero(~finite & ~self.over):  # before anyone steps
+            refuse(each[wrong], self.scene.actions, int(wrong))
         ended = []
 
         def job(a: int, b: int) -> None:
@@ -289,7 +295,7 @@ class Batch:
             counts = task.step(
                 self.records[a:b], own, self.ledger[a:b], self.rules,
                 self.machinery[0], *workspace(),
-                actions[a:b], seen, rewards[a:b], terminated[a:b], truncated[a:b],
+                each[a:b].reshape(-1), seen, rewards[a:b], terminated[a:b], truncated[a:b],
             )  # fmt: skip
             ended.append(counts[1:])
 

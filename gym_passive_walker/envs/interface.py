@@ -24,9 +24,10 @@ def observation_space() -> Any:
     return spaces.Box(low.astype(np.float32), task.BOUNDS.astype(np.float32), dtype=np.float32)
 
 
-def action_space() -> Any:
-    """What an agent does: the hip torque, as a share of the largest."""
-    return spaces.Box(-1.0, 1.0, (1,), np.float32)
+def action_space(actions: Sequence[str]) -> Any:
+    """What an agent does by each of its channels, as a share of the largest; the ground pushes."""
+    low = np.array([0.0 if name == "push_off" else -1.0 for name in actions], np.float32)
+    return spaces.Box(low, np.ones_like(low), dtype=np.float32)
 
 
 def step_limit(max_episode_steps: int | None) -> float:
@@ -54,13 +55,15 @@ def reset_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> di
     return dict(options)
 
 
-def refuse(action: object, lane: int | None = None) -> NoReturn:
+def refuse(action: Any, actions: Sequence[str], lane: int | None = None) -> NoReturn:
     """Say what is wrong with an action.
 
     Raises:
         ValueError: always.
     """
     where = "" if lane is None else f" of environment {lane}"
+    told = "one finite number" if len(actions) == 1 else f"finite numbers of {', '.join(actions)}"
+    shown = action[0] if isinstance(action, np.ndarray) and action.shape == (1,) else action
     raise ValueError(
-        f"the action{where} must be one finite number (beyond -1 and 1 it is clipped), not {action}"
+        f"the action{where} must be {told} (beyond -1 and 1 it is clipped), not {shown}"
     )

@@ -116,13 +116,15 @@ class PassiveWalkerVecEnv(VecEnv):
         self.batch, self.scene = self._native.batch, self._native.scene
         num_envs = self._native.num_envs
         self.lanes = [Lane(self, i) for i in range(num_envs)]
-        super().__init__(num_envs, interface.observation_space(), interface.action_space())
+        super().__init__(
+            num_envs, interface.observation_space(), interface.action_space(self.scene.actions)
+        )
         metadata: dict[str, Any] = self.metadata
         metadata["render_fps"] = self.scene.frames_per_second
         if seed is not None:
             self.seed(seed)
         self._blank: list[dict[str, Any]] = [{} for _ in range(num_envs)]
-        self._actions = np.zeros(num_envs)
+        self._actions = np.zeros(num_envs * len(self.scene.actions))
         self._born = time.perf_counter()
 
     def reset(self) -> NDArray[np.float32]:
@@ -144,13 +146,14 @@ class PassiveWalkerVecEnv(VecEnv):
         return {name: [options[name] for options in self._options] for name in names}
 
     def step_async(self, actions: NDArray) -> None:
-        """Take note of the actions, shape (num_envs, 1)."""
+        """Take note of the actions, shape (num_envs, actions of the scene)."""
         try:
             actions = np.asarray(actions, dtype=np.float64)
         except (TypeError, ValueError):
-            interface.refuse(actions)
-        if actions.shape != (self.num_envs, 1):
-            raise ValueError(f"actions must have shape ({self.num_envs}, 1), not {actions.shape}")
+            interface.refuse(actions, self.scene.actions)
+        shape = (self.num_envs, len(self.scene.actions))
+        if actions.shape != shape:
+            raise ValueError(f"actions must have shape {shape}, not {actions.shape}")
         self._actions = actions.reshape(-1)
 
     def step_wait(

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 
 from gym_passive_walker.arguments import check_slope, check_tolerance, number, unknown
-from gym_passive_walker.envs.task import ENERGIES
+from gym_passive_walker.envs.task import CHANNELS, ENERGIES
 from gym_passive_walker.walkers import PARAMETERS, Walker, WalkerError, as_walker
 
 CONTROLS = ("tick", "stride")
 
+_LARGEST = {"hip": "max_hip_torque", "ankle": "max_ankle_torque", "push_off": "max_push_off"}
 _MAX_HIP_TORQUE = {"tick": 0.05, "stride": 0.03}
 _PERTURBATION = {"tick": 0.10, "stride": 0.05}
 
@@ -68,10 +69,16 @@ class Scene:
         control: "tick" for a new torque every `tick`, and at each heelstrike; "stride" for one
             torque from heelstrike to heelstrike.
         tick: Time for which a tick holds its torque; a heelstrike ends it early.
+        actions: What an agent acts by, in the order of its action's numbers: "hip", a torque
+            between the legs; "ankle", a torque between ground and stance leg, on point feet;
+            "push_off", an impulse along the stance leg just before heelstrike, of which that in
+            the last action of a stride counts.
         max_hip_torque: Torque of the action 1; 0 is a passive walker. None is 0.05 for ticks and
             0.03 for strides. Of the simplest walker, torque per unit of foot mass.
+        max_ankle_torque: Ankle torque of the action 1.
+        max_push_off: Push-off of the action 1, in units of m sqrt(g l).
         energy_weight: What a unit of energy costs, in leg lengths of distance.
-        energy: What the motor is charged for: "absolute", "positive" or "net" hip work.
+        energy: What motors are charged for: "absolute", "positive" or "net" work.
         stub: Whether a locked swing leg below the ground ends the episode. None means where
             there are knees; straight legs cannot but pass through the ground.
         perturbation: How far a start may be from its gait, as a share of angle and rates. None is
@@ -88,7 +95,10 @@ class Scene:
     slope: float | tuple[float, float] = 0.0
     control: str = "tick"
     tick: float = 0.1
+    actions: tuple[str, ...] = ("hip",)
     max_hip_torque: float = None  # type: ignore[assignment]
+    max_ankle_torque: float = 0.05
+    max_push_off: float = 0.2
     energy_weight: float = 10.0
     energy: str = "absolute"
     stub: bool = None  # type: ignore[assignment]
@@ -124,7 +134,9 @@ class Scene:
         if self.stub and not self.walker.knees:
             raise SceneError("stub is a rule for walkers with knees: straight legs always scuff")
         bound("tick", 1e-3, 1e3)
-        bound("max_hip_torque", 0.0, 1e3)
+        for name in CHANNELS:
+            bound(_LARGEST[name], 0.0, 1e3)
+        put("actions", self._checked_actions())
         bound("energy_weight", 0.0, 1e6)
         bound("perturbation", 0.0, 0.9)
         bound("longest_stride", 0.1, 1e3)
@@ -149,6 +161,29 @@ class Scene:
                 f"(low, high), not {self.slope!r}"
             )
         return bounds[0] if len(bounds) == 1 else (bounds[0], bounds[1])
+
+    def _checked_actions(self) -> tuple[str, ...]:
+        """What an agent acts by."""
+        given = (self.actions,) if isinstance(self.actions, str) else self.actions
+        try:
+            actions = tuple(given)
+        except TypeError:
+            actions = ()
+        if not actions or len(set(actions)) < len(actions) or not set(actions) <= set(CHANNELS):
+            raise SceneError(
+                f"actions must be some of {', '.join(map(repr, CHANNELS))}, each once, "
+                f"not {self.actions!r}"
+            )
+        if "ankle" in actions and self.walker.foot_radius != 0.0:
+            raise SceneError(
+                "the action 'ankle' needs point feet: a round foot rolls, and the ground under it "
+                "bears no torque; choose a walker with foot_radius=0"
+            )
+        return actions
+
+    def largest(self, channel: str) -> float:
+        """What the action 1 does in a channel."""
+        return getattr(self, _LARGEST[channel])
 
     def _checked_shares(self) -> dict[str, float]:
         """Shares by which parameters of the walker may vary."""
@@ -193,6 +228,20 @@ SCENES: dict[str, dict[str, Any]] = {
 - "rolling": walker C on a slope drawn from 0 to 0.06 at each reset.
 - "lab": the laboratory's walker at 0.036, where passive walking is stable.
 """
+
+
+def by_hip_alone(scene: Scene, who: str) -> Scene:
+    """A scene that has the hip's torque for its only action, as some methods need it.
+
+    Raises:
+        SceneError: if it has others.
+    """
+    if scene.actions != ("hip",):
+        raise SceneError(
+            f"{who} by the hip alone, and this scene's actions are {scene.actions}: choose "
+            'make_scene(scene, actions=("hip",))'
+        )
+    return scene
 
 
 def make_scene(scene: Scene | str | Mapping[str, Any] = "level", **changes: Any) -> Scene:

@@ -23,14 +23,20 @@ EVERY_STEP = ("distance", "energy", "episode_distance", "episode_energy", "strid
 lengths; what the motor is charged for in it, / (m g l); both since the episode began; heelstrikes
 since then."""
 
+CHANNELS = ("hip", "ankle", "push_off")
+"""What agents may act by: the controls that are held, and the impulse before heelstrike."""
+
 EVERY_STRIDE = (
     "step_length",
     "step_period",
     "speed",
-    "cost_of_transport",  # gravity's work and the motor's charge, over weight and step length
+    "cost_of_transport",  # gravity's work and all motors' charge, over weight and step length
     "gravity_cost",
     "hip_cost",
     "net_hip_cost",
+    "ankle_cost",
+    "net_ankle_cost",
+    "push_off_cost",
     "collision_cost",
     "friction_cost",
     "kneestrike_time",
@@ -53,9 +59,9 @@ LEDGER = np.dtype(
         # Of the strides that have ended since the episode began: their time, and gravity's work.
         ("clock", "f8"),
         ("descent", "f8"),
-        # Since the stride began: of the motor, and of the hip.
-        ("net_work", "f8"),
-        ("charge", "f8"),
+        # Since the stride began: of each channel's motor, and of the hip.
+        ("net_work", "f8", (len(CHANNELS),)),
+        ("charge", "f8", (len(CHANNELS),)),
         ("progress", "f8"),
     ]
 )
@@ -65,11 +71,13 @@ RULES = np.dtype(
         ("engine", OPTIONS),
         ("tick", "f8"),
         ("longest_stride", "f8"),
-        ("max_hip_torque", "f8"),
+        ("actions", "i8"),  # how many an agent has
+        ("channels", "i8", (len(CHANNELS),)),  # of them, indices into CHANNELS
+        ("largest", "f8", (len(CHANNELS),)),  # of each channel; 0 if it is not in use
         ("energy_weight", "f8"),
         ("step_limit", "f8"),
         ("charged", "i8"),  # an index into ENERGIES
-        ("works", "i8"),  # whether a torque costs work: not on feet without mass
+        ("works", "f8", (len(CHANNELS),)),  # 0 where a torque costs none: on feet without mass
     ]
 )
 """A scene's rules."""
@@ -87,6 +95,7 @@ BOUNDS = np.array([0.5 * math.pi, math.pi, math.pi, *[RATE_BOUND] * 3, 1.0, 0.5 
 """Largest size of each number in an observation."""
 
 _HEELSTRIKE, _STALLED = int(Outcome.HEELSTRIKE), int(Outcome.STALLED)
+_PUSH_OFF = CHANNELS.index("push_off")
 _ABSOLUTE, _POSITIVE, _NET = map(ENERGIES.index, ("absolute", "positive", "net"))
 
 
@@ -177,8 +186,9 @@ def tell(ledger, asked, steps, strides, outcomes, ended, struck, told):
         told[0, i], told[1, i], told[2, i] = row.step_length, row.step_period, row.speed
         told[3, i], told[4, i] = row.cost_of_transport, row.gravity_cost
         told[5, i], told[6, i] = row.hip_cost, row.net_hip_cost
-        told[7, i], told[8, i] = row.collision_cost, row.friction_cost
-        told[9, i] = row.kneestrike_time
+        told[7, i], told[8, i] = row.ankle_cost, row.net_ankle_cost
+        told[9, i], told[10, i] = row.push_off_cost, row.collision_cost
+        told[11, i], told[12, i] = row.friction_cost, row.kneestrike_time
         struck[i] = row.outcome == _HEELSTRIKE
         strikes += struck[i]
     return present, endings, strikes
@@ -217,31 +227,46 @@ def begin(
 
 @jitted
 def command(records, ledger, rules, actions):
-    """Set every walker's torque and the time to stop.
+    """Set every walker's torques and push-off, and the time to stop.
 
     Returns:
-        The first walker whose action is no finite number, before anything has changed; else -1.
+        The first walker whose action is not all finite, before anything has changed; else -1.
     """
+    count = rules.actions
     for i in range(len(records)):
-        if not np.isfinite(actions[i]) and not over(ledger[i]):
-            return i
+        for j in range(count):
+            if not np.isfinite(actions[i * count + j]) and not over(ledger[i]):
+                return i
     for i in range(len(records)):
         record, row = records[i, 0], ledger[i]
-        share = 0.0 if over(row) else clipped(actions[i], 1.0)
-        record.control[0] = rules.max_hip_torque * share
-        record.moved[0] = 0.0
-        record.turned[0] = 0.0
+        for j in range(count):
+            channel = rules.channels[j]
+            share = 0.0 if over(row) else clipped(actions[i * count + j], 1.0)
+            if channel == _PUSH_OFF:
+                record.push_off = rules.largest[channel] * max(share, 0.0)
+            else:
+                record.control[channel] = rules.largest[channel] * share
+                record.moved[channel] = 0.0
+                record.turned[channel] = 0.0
         record.end = min(record.time + rules.tick, rules.longest_stride)
     return -1
 
 
 @jitted
 def charge(record, row, rules):
-    """Enter the step's hip work."""
-    torque, moved, turned = record.control[0], record.moved[0], record.turned[0]
-    row.energy = _motor_charge(rules.charged, torque, moved, turned)
-    row.net_work += _motor_charge(_NET, torque, moved, turned)
-    row.charge += row.energy
+    """Enter the step's work of each motor."""
+    for channel in range(_PUSH_OFF):
+        if rules.largest[channel] == 0.0 or rules.works[channel] == 0.0:
+            continue
+        torque, moved = record.control[channel], record.moved[channel]
+        turned = record.turned[channel]
+        energy = _motor_charge(rules.charged, torque, moved, turned)
+        row.energy += energy
+        row.charge[channel] += energy
+        row.net_work[channel] += _motor_charge(_NET, torque, moved, turned)
+    if record.outcome == _HEELSTRIKE and rules.largest[_PUSH_OFF] != 0.0:
+        row.energy += record.push_work
+        row.charge[_PUSH_OFF] = record.push_work
 
 
 @jitted
@@ -253,13 +278,17 @@ def end_stride(record, row):
     row.step_period = record.time
     row.speed = length / record.time
     row.gravity_cost = record.gravity_work / length
-    row.hip_cost = row.charge / length
-    row.net_hip_cost = row.net_work / length
-    row.cost_of_transport = row.gravity_cost + row.hip_cost
+    row.hip_cost, row.net_hip_cost = row.charge[0] / length, row.net_work[0] / length
+    row.ankle_cost, row.net_ankle_cost = row.charge[1] / length, row.net_work[1] / length
+    row.push_off_cost = row.charge[_PUSH_OFF] / length
+    motors = row.hip_cost + row.ankle_cost + row.push_off_cost
+    row.cost_of_transport = row.gravity_cost + motors
     row.collision_cost = (record.knee_loss + record.heel_loss) / length
     row.friction_cost = record.friction_loss / length
     row.kneestrike_time = record.knee_time
-    row.net_work, row.charge, row.progress = 0.0, 0.0, 0.0
+    for channel in range(_PUSH_OFF + 1):
+        row.net_work[channel], row.charge[channel] = 0.0, 0.0
+    row.progress = 0.0
     row.clock += record.time
     row.descent += record.gravity_work
     row.origin -= 2.0 * record.place
@@ -303,8 +332,7 @@ def settle(records, bodies, ledger, rules, phases, observations, rewards, termin
         row.ending = 0 if struck else row.outcome
         progress(record, row)
         row.energy = 0.0
-        if rules.max_hip_torque != 0.0 and rules.works:
-            charge(record, row, rules)
+        charge(record, row, rules)
         row.episode_energy += row.energy
         row.reward = _reward(row.distance, row.energy, rules.energy_weight)
         row.total += row.reward
@@ -327,6 +355,7 @@ def forget_stride(row):
     """Clear what is told where a stride ends."""
     row.step_length, row.step_period, row.speed, row.cost_of_transport = 0.0, 0.0, 0.0, 0.0
     row.gravity_cost, row.hip_cost, row.net_hip_cost = 0.0, 0.0, 0.0
+    row.ankle_cost, row.net_ankle_cost, row.push_off_cost = 0.0, 0.0, 0.0
     row.collision_cost, row.friction_cost, row.kneestrike_time = 0.0, 0.0, 0.0
 
 

@@ -78,7 +78,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             "autoreset_mode": self.autoreset_mode,
         }
         self.single_observation_space = interface.observation_space()
-        self.single_action_space = interface.action_space()
+        self.single_action_space = interface.action_space(self.scene.actions)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.batch = Batch(
@@ -131,7 +131,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         """A step of every environment; see the class for what happens at endings.
 
         Args:
-            actions: Shape (num_envs, 1).
+            actions: Shape (num_envs, actions of the scene).
 
         Raises:
             ValueError: if an action is not one finite number; nothing has changed then.
@@ -140,9 +140,10 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         try:
             actions = np.asarray(actions, dtype=np.float64)
         except (TypeError, ValueError):
-            interface.refuse(actions)
-        if actions.shape != (self.num_envs, 1):
-            raise ValueError(f"actions must have shape ({self.num_envs}, 1), not {actions.shape}")
+            interface.refuse(actions, self.scene.actions)
+        shape = self.action_space.shape
+        if actions.shape != shape:
+            raise ValueError(f"actions must have shape {shape}, not {actions.shape}")
         if self._any_ended and (not self._begun or self.autoreset_mode == AutoresetMode.DISABLED):
             raise ResetNeeded("some environments have ended, or never begun: reset them first")
         observations = np.empty((self.num_envs, task.SIZE), np.float32)

@@ -49,6 +49,12 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     heelstrike to the next. For the simplest walker, whose legs have no mass, a torque is per unit
     of foot mass, and costs nothing.
 
+    With `actions=("hip", "push_off", "ankle")`, or some of them in any order, an action has a
+    number for each: "push_off", from 0 to 1, is an impulse along the stance leg just before
+    heelstrike, as a share of `max_push_off`, of which that in the stride's last action counts;
+    "ankle" is a torque between ground and stance leg, positive when it tips the walker forward, as
+    a share of `max_ankle_torque`, for walkers with point feet.
+
     ## Observation Space
 
     A `Box` of shape (8,), float32, the same for all walkers and controls:
@@ -82,7 +88,8 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     "step_length" / l, "step_period" / sqrt(l/g), "speed" / sqrt(g l), "kneestrike_time" since
     the stride began (0 without knees), and, each as energy over weight and step length,
     "gravity_cost" (what gravity paid), "hip_cost" (what the motor was charged for), their sum
-    "cost_of_transport", "net_hip_cost" (net work of the motor), "collision_cost" (what the strikes
+    "cost_of_transport", "net_hip_cost" (net work of the motor), "ankle_cost",
+    "net_ankle_cost" and "push_off_cost" likewise, "collision_cost" (what the strikes
     lost) and "friction_cost" (what friction took); and "outcome" is "heelstrike".
 
     ## Starting State
@@ -128,7 +135,10 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `slope`          | 0.0                 | rad, positive downhill; or (low, high)     |
     | `control`        | "tick"              | "tick" or "stride"                         |
     | `tick`           | 0.1                 | how long a tick's torque is held           |
+    | `actions`        | ("hip",)            | "hip", "push_off", "ankle"                 |
     | `max_hip_torque` | 0.05 (stride: 0.03) | torque of action 1; 0 is passive           |
+    | `max_ankle_torque` | 0.05              | ankle torque of action 1                   |
+    | `max_push_off`   | 0.2                 | push-off of action 1, over m sqrt(g l)     |
     | `energy_weight`  | 10.0                | leg lengths that a unit of energy is worth |
     | `energy`         | "absolute"          | "absolute", "positive" or "net" hip work   |
     | `stub`           | True with knees     | whether a stubbed toe ends the episode     |
@@ -171,7 +181,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             need("pygame", "render")
         self.render_mode = render_mode
         self.observation_space = interface.observation_space()
-        self.action_space = interface.action_space()
+        self.action_space = interface.action_space(self.scene.actions)
         self.batch = Batch(self.scene)
         self.metadata = {**self.metadata, "render_fps": self.scene.frames_per_second}
         self._results = np.zeros(1), np.zeros(1, bool), np.zeros(1, bool)
@@ -213,9 +223,10 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         try:
             actions = np.asarray(action, dtype=np.float64)
         except (TypeError, ValueError):
-            interface.refuse(action)
-        if actions.shape != (1,):
-            raise ValueError(f"the action must have shape (1,), not {actions.shape}")
+            interface.refuse(action, self.scene.actions)
+        shape = self.action_space.shape
+        if actions.shape != shape:
+            raise ValueError(f"the action must have shape {shape}, not {actions.shape}")
         if not self._ready:
             raise ResetNeeded("no episode is under way: call reset first")
         batch = self.batch

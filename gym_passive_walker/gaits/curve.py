@@ -24,35 +24,42 @@ _CLOSED = 1e-9  # largest violation of a gait
 
 
 class Axis(NamedTuple):
-    """What is varied along a curve: the slope, by its logarithm, or a parameter, by its share.
+    """What is varied along a curve: slopes downhill by their logarithm, all else by its share.
 
     Attributes:
-        parameter: "slope", or a parameter of the walker.
-        low: Where a parameter's range starts.
+        parameter: "slope", a part of the drive, or a parameter of the walker.
+        low: Where the range starts; of no account for slopes downhill.
         high: Where it ends.
-        slope: Slope in rad on which a parameter is varied.
+        slope: Slope in rad, where something else is varied.
+        unit: In which the stride map takes the parameter.
     """
 
     parameter: str = "slope"
-    low: float = 0.0
-    high: float = 1.0
+    low: float = 1.0
+    high: float = 2.0
     slope: float = 0.0
+    unit: float = 1.0
+
+    @property
+    def downhill(self) -> bool:
+        """Whether slopes downhill are varied, which may be very small ones."""
+        return self.parameter == "slope" and self.low > 0.0
 
     def coordinate(self, value: float) -> float:
         """The coordinate of a value."""
-        if self.parameter == "slope":
+        if self.downhill:
             return float(np.log(value))
         return (value - self.low) / (self.high - self.low)
 
     def value(self, coordinate: Any) -> Any:
         """The value at a coordinate, or those at several."""
-        if self.parameter == "slope":
+        if self.downhill:
             return np.exp(coordinate)
         return coordinate * (self.high - self.low) + self.low
 
     def rate(self, coordinate: float) -> float:
         """Change of the value with its coordinate."""
-        return float(np.exp(coordinate)) if self.parameter == "slope" else self.high - self.low
+        return float(np.exp(coordinate)) if self.downhill else self.high - self.low
 
 
 class Point(NamedTuple):
@@ -114,7 +121,7 @@ class Curve:
         values = self.axis.value(ys[:, -1])
         if self.axis.parameter == "slope":
             return self.stride_map, values, values
-        varied = self.stride_map.with_parameter(self.axis.parameter, values)
+        varied = self.stride_map.with_parameter(self.axis.parameter, values / self.axis.unit)
         return varied, np.full(len(values), self.axis.slope), values
 
     def correct(
@@ -134,7 +141,7 @@ class Curve:
             gait = gait_equations(
                 stride_map, ys[:, :-1], slopes, period=self.period, by=(self.axis.parameter,)
             )
-            gait.derivatives[0, :, -1] *= self.axis.rate(ys[0, -1])
+            gait.derivatives[0, :, -1] *= self.axis.rate(ys[0, -1]) / self.axis.unit
             moved = (ys - guess) @ across
             return (
                 np.append(gait.values, moved[:, None], axis=1),

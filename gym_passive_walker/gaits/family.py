@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from gym_passive_walker.arguments import gait_kind, number, one_slope
 from gym_passive_walker.gaits.continuation import follow
 from gym_passive_walker.gaits.curve import Axis, Curve, Point, locate
+from gym_passive_walker.gaits.drive import PASSIVE, Drive, drive_units, one_drive
 from gym_passive_walker.gaits.ends import BOUND, STANCE_STOPS, End, margins
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, multipliers_of
@@ -21,7 +22,6 @@ from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import (
     PARAMETERS,
     Walker,
-    WalkerError,
     as_walker,
     describe,
     name_of,
@@ -36,7 +36,7 @@ class GaitFamily(Table):
 
     Attributes:
         walker: Who walks (at the first gait, if a parameter of the walker is varied).
-        parameter: "slope", or the walker's parameter that is varied.
+        parameter: "slope", or the part of the drive or the walker's parameter that is varied.
         period: Strides until each motion repeats.
         value: The varied quantity.
         slope: Slope in rad.
@@ -50,6 +50,7 @@ class GaitFamily(Table):
         halts: Values where the stance leg stops in mid-stride, to about 1e-5 of them. On one side
             of each it barely passes the vertical; on the other it turns back for a while first.
         ends: The first and the last gait's end of the curve, with the reason of each.
+        drive: What motors do, but for what is varied.
     """
 
     walker: Walker
@@ -66,6 +67,7 @@ class GaitFamily(Table):
     period_doublings: tuple[float, ...]
     halts: tuple[float, ...]
     ends: tuple[End, End]
+    drive: Drive = PASSIVE
 
     @property
     def speed(self) -> NDArray[np.float64]:
@@ -126,7 +128,7 @@ def _family(
 ) -> GaitFamily:
     """The family of a gait at a value of what is varied, both ways from it."""
     period = gait.period
-    curve = Curve(StrideMap.of(walker, tolerance=_TOLERANCE), axis, period)
+    curve = Curve(StrideMap.of(walker, tolerance=_TOLERANCE, drive=gait.drive), axis, period)
     u = logarithms(StrideMap.of(gait.walker).points_at(gait.state))[0]
     start = curve.correct(np.append(u, axis.coordinate(value)))
     if start is None:
@@ -153,6 +155,7 @@ def _family(
         period_doublings=tuple(sorted(down.doublings + up.doublings)),
         halts=halts,
         ends=ends,
+        drive=gait.drive,
     )
 
 
@@ -181,18 +184,19 @@ def _halts(
     return tuple(halts), ends
 
 
-def _some_gait(walker: Walker, slopes: NDArray, kind: GaitKind) -> Gait:
+def _some_gait(walker: Walker, slopes: NDArray, kind: GaitKind, drive: Drive) -> Gait:
     """The gait at the lowest of some slopes that has one; searched thoroughly only if need be."""
     for slope in slopes.tolist():
-        gait = glance(walker, slope, kind)
+        gait = glance(walker, slope, kind, drive)
         if gait is not None:
             return gait
     for slope in slopes[::4].tolist():
-        gait = seek(walker, slope, kind).gait
+        gait = seek(walker, slope, kind, drive=drive).gait
         if gait is not None:
             return gait
+    driven = "" if drive.passive else f" with {drive}"
     raise GaitNotFound(
-        f"no {kind}-step gait of {describe(walker)} at any of {len(slopes)} slopes from "
+        f"no {kind}-step gait of {describe(walker)}{driven} at any of {len(slopes)} slopes from "
         f"{min(slopes):.3g} to {max(slopes):.3g} rad"
     )
 
@@ -205,6 +209,7 @@ def gait_family(
     *,
     start: Gait | None = None,
     resolution: float = 0.05,
+    drive: Drive = PASSIVE,
 ) -> GaitFamily:
     """Follow a gait over slopes, through folds and to its ends.
 
@@ -213,11 +218,13 @@ def gait_family(
 
     Args:
         walker: The walker, or a preset's name.
-        slope_min: Lowest slope in rad, positive.
+        slope_min: Lowest slope in rad; positive, unless motors drive the walker.
         slope_max: Highest slope in rad.
         kind: Which gait to begin with, "long" or "short".
         start: A gait to begin with instead; of any period.
-        resolution: Longest step along the curve, in ln(angle), rates over angle and ln(slope).
+        resolution: Longest step along the curve, in ln(angle), rates over angle and ln(slope); of a
+            range that is not all downhill, in shares of it.
+        drive: What motors do in each stride, at all slopes alike; that of `start`, if there is one.
 
     Returns:
         The family: both directions from the gait it began with, in order along the curve.
@@ -229,13 +236,18 @@ def gait_family(
     low, high = one_slope(slope_min, "slope_min"), one_slope(slope_max, "slope_max")
     kind = gait_kind(kind)
     resolution = number(resolution, "resolution", above=0.0)
-    if not 0.0 < low < high:
-        raise ValueError(f"slopes must be 0 < slope_min < slope_max, not {slope_min}, {slope_max}")
+    drive = one_drive(walker, drive) if start is None else start.drive
+    if not low < high or (low <= 0.0 and drive.passive):
+        raise ValueError(
+            f"slopes must be 0 < slope_min < slope_max, not {slope_min}, {slope_max}; only motors "
+            "(drive=) walk uphill"
+        )
     if start is None:
-        start = _some_gait(walker, np.geomspace(low, high, 16), kind)
+        slopes = np.geomspace(low, high, 16) if low > 0.0 else np.linspace(low, high, 16)
+        start = _some_gait(walker, slopes, kind, drive)
     elif not low <= start.slope <= high:
         raise ValueError(f"the gait to start with stands at slope {start.slope}, out of the range")
-    return _family(walker, Axis(), start, start.slope, (low, high), resolution)
+    return _family(walker, Axis("slope", low, high), start, start.slope, (low, high), resolution)
 
 
 def parameter_family(
@@ -247,17 +259,21 @@ def parameter_family(
     slope: float,
     kind: GaitKind = "long",
     resolution: float = 0.05,
+    drive: Drive = PASSIVE,
 ) -> GaitFamily:
-    """Follow a gait at a fixed slope as one of the walker's parameters changes.
+    """Follow a gait at a fixed slope as a parameter of the walker or of its drive changes.
 
     Args:
         walker: The walker to begin with; its own parameter must lie in the range.
-        parameter: A numerical parameter of `Walker`, such as "shank_offset".
+        parameter: A numerical parameter of `Walker`, such as "shank_offset", or of `Drive`, such as
+            "push_off".
         low: Lowest value.
         high: Highest value.
         slope: Slope in rad.
         kind: Which gait to begin with.
         resolution: Longest step along the curve; the range counts as one.
+        drive: What motors do in each stride. As a parameter of the walker changes, it stays what it
+            is over the walker's units, which change with sizes and masses.
 
     Raises:
         GaitNotFound: if the walker has no such gait at this slope.
@@ -266,16 +282,22 @@ def parameter_family(
     walker = as_walker(walker)
     slope, resolution = one_slope(slope), number(resolution, "resolution", above=0.0)
     low, high = number(low, "low"), number(high, "high")
-    if parameter not in PARAMETERS:
-        raise ValueError(f"no parameter {parameter!r} to vary: choose from {', '.join(PARAMETERS)}")
-    here = getattr(walker, parameter)
+    known = (*PARAMETERS, *Drive._fields)
+    if parameter not in known:
+        raise ValueError(f"no parameter {parameter!r} to vary: choose from {', '.join(known)}")
+    drive, driven = one_drive(walker, drive), parameter in Drive._fields
+    here = getattr(drive if driven else walker, parameter)
     if not low < high or not low <= here <= high:
         raise ValueError(f"{parameter} of this walker is {here}: give low <= {here} <= high")
     for value in (low, high):
         try:
-            replace(walker, **{parameter: value})
-        except WalkerError as error:
+            if driven:
+                one_drive(walker, drive._replace(**{parameter: value}))
+            else:
+                replace(walker, **{parameter: value})
+        except ValueError as error:
             raise ValueError(f"the range leaves what a walker can be: {error}") from error
-    start = find_gait(walker, slope, kind)
-    axis = Axis(parameter, low, high, slope)
+    start = find_gait(walker, slope, kind, drive=drive)
+    unit = getattr(drive_units(units_of(walker)), parameter) if driven else 1.0
+    axis = Axis(parameter, low, high, slope, unit)
     return _family(walker, axis, start, here, (low, high), resolution)

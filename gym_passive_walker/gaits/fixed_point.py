@@ -5,6 +5,7 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from gym_passive_walker.arguments import gait_kind, one_slope, whole
+from gym_passive_walker.gaits.drive import PASSIVE, Drive, one_drive
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound
 from gym_passive_walker.gaits.remedies import remedies
 from gym_passive_walker.gaits.search import ACCURACY, begin, search, seek
@@ -13,7 +14,12 @@ from gym_passive_walker.walkers import Walker, as_walker, describe
 
 
 def find_gaits(
-    walker: Walker | str, slope: float, *, period: int = 1, guess: ArrayLike | None = None
+    walker: Walker | str,
+    slope: float,
+    *,
+    period: int = 1,
+    guess: ArrayLike | None = None,
+    drive: Drive = PASSIVE,
 ) -> list[Gait]:
     """Every gait of a period that is found at a slope, longest step first.
 
@@ -22,11 +28,13 @@ def find_gaits(
         slope: Slope in rad.
         period: Strides until the motion repeats; 1 for an ordinary gait.
         guess: A section state or several to start from, instead of the search's own starts.
+        drive: What motors do in each stride.
 
     Returns:
         Zero, one or two gaits for walkers like the published ones.
     """
-    stride_map = StrideMap.of(walker, tolerance=ACCURACY)
+    walker = as_walker(walker)
+    stride_map = StrideMap.of(walker, tolerance=ACCURACY, drive=one_drive(walker, drive))
     slope, period = one_slope(slope), whole(period, "period")
     starts = begin(stride_map, slope, period, guess)
     return search(stride_map, slope, starts, period, lambda gaits: len(gaits) >= 2)[0]
@@ -39,6 +47,7 @@ def find_gait(
     *,
     period: int = 1,
     guess: ArrayLike | None = None,
+    drive: Drive = PASSIVE,
 ) -> Gait:
     """Find the long-step or the short-step gait of a walker at a slope.
 
@@ -50,6 +59,7 @@ def find_gait(
         period: Strides until the motion repeats.
         guess: A section state to start from, instead of the search's own starts; the gait found
             from it is returned whatever its kind.
+        drive: What motors do in each stride.
 
     Returns:
         The gait, its state exact to about 1e-12 relative.
@@ -61,11 +71,18 @@ def find_gait(
     """
     walker, slope = as_walker(walker), one_slope(slope)
     kind, period = gait_kind(kind), whole(period, "period")
-    gait, gaits, ends = seek(walker, slope, kind, period=period, guess=guess)
+    drive = one_drive(walker, drive)
+    gait, gaits, ends = seek(walker, slope, kind, period=period, guess=guess, drive=drive)
     if gait is not None:
         return gait
     tried = ", ".join(f"{count} {name}" for name, count in ends.most_common()) or "none"
     others = f"; only a {gaits[0].kind}-step gait was found" if gaits else ""
+    if not drive.passive:
+        raise GaitNotFound(
+            f"no {kind}-step gait of period {period} for {describe(walker)} at slope {slope} rad "
+            f"with {drive}{others}. First strides of the {sum(ends.values())} starts ended so: "
+            f"{tried}. `gait_family(..., drive=...)` shows where its gaits begin and end."
+        )
     remedy = remedies(walker, slope, kind, period, guessed=guess is not None)
     raise GaitNotFound(
         f"no {kind}-step gait of period {period} for {describe(walker)} at slope {slope} rad"

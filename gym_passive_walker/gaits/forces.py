@@ -164,6 +164,7 @@ def forces(
     phases: ArrayLike,
     *,
     hip_torque: float = 0.0,
+    ankle_torque: float = 0.0,
 ) -> Reactions:
     """Forces at states of a walk.
 
@@ -173,11 +174,13 @@ def forces(
         states: Angles and rates, shape (n, 6).
         phases: `Stage` of each, shape (n,).
         hip_torque: Torque, as for `stride`.
+        ankle_torque: Likewise.
     """
     units, system, body = units_of(walker), system_of(walker), chain(walker)
     given = units.to_dimensionless(np.array(states, dtype=float))
     state, stages = State(*given.T), np.asarray(phases)
-    control, ground = Control(hip_torque / units.torque), Ground(np.sin(slope), np.cos(slope))
+    control = Control(hip_torque / units.torque, ankle_torque / units.energy)
+    ground = Ground(np.sin(slope), np.cos(slope))
     turns = np.zeros((3, len(given)))
     for phase in system.phases:
         found = phase.accelerations(body_of(walker), state, control, ground)

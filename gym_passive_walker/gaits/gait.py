@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from gym_passive_walker.gaits.drive import PASSIVE, Drive, to_own
 from gym_passive_walker.gaits.equations import gait_equations
 from gym_passive_walker.gaits.log_chart import from_logarithms
 from gym_passive_walker.gaits.posture import half_swing
@@ -56,6 +57,7 @@ class Gait(Shown):
         step_length: Mean distance between contacts along the slope.
         collision_loss: Mean energy lost at the strikes of a stride.
         friction_loss: Mean energy lost to friction in a stride.
+        drive: What its motors do in each stride; `PASSIVE` without.
     """
 
     walker: Walker
@@ -69,6 +71,7 @@ class Gait(Shown):
     step_length: float
     collision_loss: float
     friction_loss: float
+    drive: Drive = PASSIVE
 
     @property
     def stance_angle(self) -> float:
@@ -160,11 +163,13 @@ def measure(stride_map: StrideMap, u: NDArray, slope: float, period: int) -> Gai
         period: Strides until it repeats.
     """
     exact, walker = stride_map.with_tolerance(_EXACT), stride_map.walker
+    drive = to_own(exact.units, exact.drive)
     map_derivative = gait_equations(exact, u[None], slope, period=period).map[0]
     state = exact.states_at(from_logarithms(u[None]))[0]
-    walks = [stride(walker, slope, state, tolerance=_EXACT)]
+    walks = [stride(walker, slope, state, tolerance=_EXACT, **drive._asdict())]
     for _ in range(period - 1):
-        walks.append(stride(walker, slope, walks[-1].state, tolerance=_EXACT))
+        last = walks[-1].state
+        walks.append(stride(walker, slope, last, tolerance=_EXACT, **drive._asdict()))
     duration = sum(float(walk.duration) for walk in walks) / period
     return Gait(
         walker=walker,
@@ -178,4 +183,5 @@ def measure(stride_map: StrideMap, u: NDArray, slope: float, period: int) -> Gai
         step_length=sum(float(walk.step_length) for walk in walks) / period,
         collision_loss=sum(float(walk.collision_loss) for walk in walks) / period,
         friction_loss=sum(float(walk.friction_loss) for walk in walks) / period,
+        drive=drive,
     )

@@ -104,7 +104,7 @@ def collision_matrix(walker: Walker | str, stance_angle: float) -> NDArray[np.fl
 
 def measures(gait: Gait) -> Measures:
     """Every measure of a gait."""
-    stride_map = StrideMap.of(gait.walker)
+    stride_map = StrideMap.of(gait.walker, drive=gait.drive)
     duration = float(gait.stride.duration) / stride_map.units.time
     verge = stride_map.before_strike(stride_map.points_at(gait.state)[0], gait.slope, duration)
     velocity = foot_velocity(gait.walker, stride_map.units.to_own(verge))

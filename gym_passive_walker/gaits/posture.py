@@ -58,7 +58,11 @@ def mass_matrix(walker: Walker, stance_angle: float) -> NDArray[np.float64]:
 
 
 def heelstrike(
-    section: Section, angles: NDArray, stance_rates: NDArray, swing_rates: NDArray
+    section: Section,
+    angles: NDArray,
+    stance_rates: NDArray,
+    swing_rates: NDArray,
+    push_off: float = 0.0,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """What a heelstrike makes of straight legs with given rates just before it; dimensionless.
 
@@ -67,14 +71,15 @@ def heelstrike(
         angles: Stance angles just after it, (n,).
         stance_rates: Of the old stance leg, (n,).
         swing_rates: Of the old swing leg, (n,).
+        push_off: Impulse just before it.
 
     Returns:
-        Points after it, (n, m), and the energy lost, (n,).
+        Points after it, (n, m), and the energy lost less the push-off's work, (n,).
     """
     reset = system_of(section.walker).phases[-1].resets[Outcome.HEELSTRIKE]
     before = legs.straight(-angles, angles, stance_rates, swing_rates)
-    after, loss = reset.strike(body_of(section.walker), before)
-    return section.point(np.stack(after, axis=-1)), loss
+    struck = reset.strike(body_of(section.walker), before, push_off)
+    return section.point(np.stack(struck.after, axis=-1)), struck.lost - struck.work
 
 
 def step_lengths(walker: Walker, angles: NDArray) -> NDArray[np.float64]:

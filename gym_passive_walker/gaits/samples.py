@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.engine.run import advance, new_records
+from gym_passive_walker.gaits.drive import Drive, to_dimensionless
 from gym_passive_walker.gaits.forces import forces
 from gym_passive_walker.physics.hybrid import System
 from gym_passive_walker.physics.systems import bodies, system_of
@@ -38,7 +39,7 @@ def look_inside(
     own: NDArray,
     starts: NDArray,
     slopes: NDArray,
-    torques: NDArray,
+    controls: NDArray,
     times: NDArray,
     *,
     tolerance: float,
@@ -51,16 +52,16 @@ def look_inside(
         own: What the engine knows of them, (1 or n, 1, constants): one for all, or each.
         starts: States with which the strides start, (n, 6).
         slopes: Slope in rad of each, (n,).
-        torques: Hip torque held in each, (n,).
+        controls: What is held in each, a `hybrid.Control`, (n, 2).
         times: Since the start, (n, k), in any order; later ones than a stride's end give the state
             that it ends with, and one that is not finite gives nothing.
         tolerance: Of the integration.
         stub: Whether a kneed walker's locked swing leg below the ground ends the stride.
     """
     count, looks = times.shape
-    slopes, torques = np.repeat(slopes, looks), np.repeat(torques, looks)
+    starts, slopes, held = (np.repeat(x, looks, axis=0) for x in (starts, slopes, controls))
     ends = times.ravel()
-    records = new_records(np.repeat(starts, looks, axis=0), slopes, torques, end=ends)
+    records = new_records(starts, slopes, held, end=ends)
     records[~np.isfinite(ends)] = np.zeros((), records.dtype)  # nothing to follow
     own = own if len(own) == 1 else np.repeat(own, looks, axis=0)
     record = advance(system, own, records, tolerance=tolerance, scuff=stub)[:, 0]
@@ -73,7 +74,7 @@ def states_inside(
     walker: Walker,
     slope: float,
     starts: NDArray,
-    torques: NDArray,
+    drives: NDArray,
     times: NDArray,
     tolerance: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
@@ -83,7 +84,7 @@ def states_inside(
         walker: Who walks.
         slope: Slope in rad.
         starts: States with which the strides start, (n, 6).
-        torques: Hip torque held in each, (n,).
+        drives: A `Drive` in each, (n, 3).
         times: Since the start, (n, k).
         tolerance: Of the integration.
     """  # fmt: skip
@@ -91,9 +92,11 @@ def states_inside(
     first = units.to_dimensionless(starts)
     if not walker.knees:
         first[:, 2], first[:, 5] = first[:, 1], first[:, 4]
+    drive = Drive(*drives.T)
+    hip, ankle, _ = to_dimensionless(units, drive)
     states, phases = look_inside(
-        system_of(walker), bodies(walker), first, np.full(len(first), slope),
-        torques / units.torque, times / units.time, tolerance=tolerance,
+        system_of(walker, using=drive.using), bodies(walker), first, np.full(len(first), slope),
+        np.stack([hip, ankle], axis=1), times / units.time, tolerance=tolerance,
     )  # fmt: skip
     return units.to_own(states), phases
 
@@ -105,6 +108,7 @@ def states_at(
     times: ArrayLike,
     *,
     hip_torque: float = 0.0,
+    ankle_torque: float = 0.0,
     tolerance: float = 1e-10,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """States inside one stride at any instants.
@@ -116,14 +120,15 @@ def states_at(
         times: Since the start, shape (n,), in any order; later ones than the stride's end give
             the state that the stride ends with.
         hip_torque: Torque, as for `stride`.
+        ankle_torque: Likewise.
         tolerance: As for `stride`.
 
     Returns:
         States (n, 6) and phases (n,).
     """
     start, instants = np.array([state], dtype=float), np.asarray(times, dtype=float)[None]
-    torque = np.array([hip_torque], dtype=float)
-    states, phases = states_inside(as_walker(walker), slope, start, torque, instants, tolerance)
+    drive = np.array([Drive(hip_torque, ankle_torque)], dtype=float)
+    states, phases = states_inside(as_walker(walker), slope, start, drive, instants, tolerance)
     return states[0], phases[0]
 
 
@@ -134,6 +139,7 @@ def just_before(
     strike: float,
     *,
     hip_torque: float = 0.0,
+    ankle_torque: float = 0.0,
     tolerance: float = 1e-13,
 ) -> NDArray[np.float64]:
     """The state on the verge of a strike, before the collision, exact to rounding.
@@ -146,6 +152,7 @@ def just_before(
         state: Where the stride starts, shape (6,).
         strike: Time of the kneestrike or the heelstrike since the start.
         hip_torque: Torque, as for `stride`.
+        ankle_torque: Likewise.
         tolerance: As for `stride`.
 
     Returns:
@@ -153,10 +160,9 @@ def just_before(
     """
     walker = as_walker(walker)
     time = np.array([strike * (1.0 - _VERGE)])
-    states, phases = states_at(
-        walker, slope, state, time, hip_torque=hip_torque, tolerance=tolerance
-    )
+    held = {"hip_torque": hip_torque, "ankle_torque": ankle_torque}
+    states, phases = states_at(walker, slope, state, time, tolerance=tolerance, **held)
     left = strike - time[0]
-    change = forces(walker, slope, states, phases, hip_torque=hip_torque).accelerations[0] * left
+    change = forces(walker, slope, states, phases, **held).accelerations[0] * left
     angles, rates = states[0, :3], states[0, 3:]
     return np.concatenate([angles + (rates + 0.5 * change) * left, rates + change])

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import check_state
+from gym_passive_walker.gaits.drive import PASSIVE, Drive
 from gym_passive_walker.gaits.equations import gait_equations
 from gym_passive_walker.gaits.gait import Gait, GaitKind, measure
 from gym_passive_walker.gaits.log_chart import from_logarithms, logarithms
@@ -154,7 +155,7 @@ def begin(
         if np.any(states[:, 0] <= 0.0):
             raise ValueError("a guess must be a section state: its stance angle is positive")
         return logarithms(stride_map.points_at(states))
-    if slope <= 0.0:
+    if slope <= 0.0 and stride_map.drive.passive:
         return np.empty((0, stride_map.dimension))
     u = starts(stride_map, slope)
     if period == 1:
@@ -187,9 +188,10 @@ def seek(
     *,
     period: int = 1,
     guess: ArrayLike | None = None,
+    drive: Drive = PASSIVE,
 ) -> Sought:
     """As `fixed_point.find_gait`, for whom no gait is an answer like any other."""
-    stride_map = StrideMap.of(walker, tolerance=ACCURACY)
+    stride_map = StrideMap.of(walker, tolerance=ACCURACY, drive=drive)
 
     def wanted(gaits: list[Gait]) -> list[Gait]:
         return [gait for gait in gaits if guess is not None or period > 1 or gait.kind == kind]
@@ -205,12 +207,12 @@ def seek(
     return Sought(chosen[0 if kind == "long" else -1] if chosen else None, gaits, ends)
 
 
-def glance(walker: Walker, slope: float, kind: GaitKind) -> Gait | None:
+def glance(walker: Walker, slope: float, kind: GaitKind, drive: Drive = PASSIVE) -> Gait | None:
     """A gait of a kind if a quick search finds one: for looking over many slopes."""
 
     def enough(gaits: list[Gait]) -> bool:
         return any(gait.kind == kind for gait in gaits)
 
-    stride_map = StrideMap.of(walker, tolerance=ACCURACY)
+    stride_map = StrideMap.of(walker, tolerance=ACCURACY, drive=drive)
     gaits, _ = search(stride_map, slope, begin(stride_map, slope), 1, enough, _BATCHES[:1])
     return next((gait for gait in gaits if gait.kind == kind), None)

@@ -9,16 +9,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import check_state, check_tolerance, number, one_slope
 from gym_passive_walker.engine.run import LONGEST_STRIDE
+from gym_passive_walker.gaits.drive import Drive, drive_units, one_drive
 from gym_passive_walker.gaits.passage import NoStride, Passage
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.units import growth
-from gym_passive_walker.walkers import PARAMETERS, Walker
+from gym_passive_walker.walkers import PARAMETERS, Walker, as_walker
 
 __all__ = ["NoStride", "stride_jacobian"]
 
-_COLUMNS = {"state": "state", "slope": "slope", "hip_torque": "torque"}
-"""What may be differentiated by besides parameters, and its dimensionless name."""
+_COLUMNS = ("state", "slope", *Drive._fields)
+"""What may be differentiated by besides parameters."""
 
 
 def stride_jacobian(
@@ -27,6 +28,8 @@ def stride_jacobian(
     state: ArrayLike,
     *,
     hip_torque: float = 0.0,
+    ankle_torque: float = 0.0,
+    push_off: float = 0.0,
     wrt: str | Sequence[str] = "state",
     tolerance: float = 1e-13,
 ) -> NDArray[np.float64]:
@@ -47,8 +50,11 @@ def stride_jacobian(
         state: Section state (6,), or several (n, 6); thigh and shank angle are taken as minus the
             stance angle.
         hip_torque: Torque held through the stride.
-        wrt: Columns wanted, in order: "state" (one per coordinate), "slope", "hip_torque", or any
-            numerical parameter of `Walker`, such as "foot_radius".
+        ankle_torque: Likewise, as for `stride`.
+        push_off: Impulse at its end, as for `stride`.
+        wrt: Columns wanted, in order: "state" (one per coordinate), "slope", "hip_torque",
+            "ankle_torque", "push_off", or any numerical parameter of `Walker`, such as
+            "foot_radius".
         tolerance: Of the integration.
 
     Returns:
@@ -60,8 +66,9 @@ def stride_jacobian(
         ValueError: if an argument is out of range.
     """
     tolerance = check_tolerance(number(tolerance, "tolerance"))
-    stride_map = StrideMap.of(walker, tolerance=tolerance, longest=LONGEST_STRIDE)
-    slope, hip_torque = one_slope(slope), number(hip_torque, "hip_torque")
+    walker, slope = as_walker(walker), one_slope(slope)
+    drive = one_drive(walker, Drive(hip_torque, ankle_torque, push_off))
+    stride_map = StrideMap.of(walker, tolerance=tolerance, longest=LONGEST_STRIDE, drive=drive)
     names = [wrt] if isinstance(wrt, str) else list(wrt)
     for name in names:
         if name not in _COLUMNS and name not in PARAMETERS:
@@ -70,12 +77,13 @@ def stride_jacobian(
                 f"{', '.join(PARAMETERS)}"
             )
     states, units = check_state(state), stride_map.units
-    points, torque = stride_map.points_at(states), hip_torque / units.torque
-    moved = {_COLUMNS.get(name, name) for name in names}
-    # A parameter changes the units too, and with them the dimensionless state and torque.
-    moved |= {"state", "torque"} if moved & set(PARAMETERS) else set()
+    points, driving = stride_map.points_at(states), drive_units(units)._asdict()
+    moved = set(names)
+    # A parameter changes the units too, and with them the dimensionless state and drive.
+    driven = [name for name in Drive._fields if getattr(drive, name)]
+    moved |= {"state", *driven} if moved & set(PARAMETERS) else set()
     by = sorted(moved)
-    passage, change = stride_map.linearise(points, slope, torque=torque, by=by)
+    passage, change = stride_map.linearise(points, slope, by=by)
     _refuse_falls(passage)
     first = np.cumsum([0, *(points.shape[1] if name == "state" else 1 for name in by)])
     found = {name: change.ends[:, :, i:j] for name, i, j in zip(by, first, first[1:], strict=False)}
@@ -88,13 +96,16 @@ def stride_jacobian(
             return found["state"] * time
         if name == "slope":
             return found["slope"]
-        if name == "hip_torque":
-            return found["torque"] / units.torque
+        if name in driving:
+            return found[name] / driving[name]
         grown = growth(stride_map.walker, name)
         of_point = found["state"] @ (points * rated * grown.time)[:, :, None]
-        of_torque = found["torque"] * (torque * grown.torque)
         of_rates = (passage.ends * rated * grown.time)[:, :, None]
-        return found[name] + of_point - of_torque - of_rates
+        whole = found[name] + of_point - of_rates
+        shares = Drive(grown.torque, grown.energy, grown.energy + grown.time - grown.length)
+        for part in driven:
+            whole = whole - found[part] * (getattr(stride_map.drive, part) * getattr(shares, part))
+        return whole
 
     jacobian = np.concatenate([column(name) for name in names], axis=2) / time[:, None]
     return jacobian.reshape(*states.shape[:-1], *jacobian.shape[1:])

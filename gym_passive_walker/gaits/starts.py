@@ -34,6 +34,7 @@ _RATIOS_OF = {
 }
 _LOSS_SHARES = {"kneed": (1.0, 0.6, 0.3), "straight": (1.0,), "simplest": (1.0,)}
 _ANGLES = np.geomspace(1e-10, 0.7, 80)
+_PUSHED_ANGLES = np.geomspace(1e-3, 0.7, 80)  # a push-off makes no tiny steps
 
 _WALKERS, _SETTLING, _KEPT = 48, 100, 12  # walks looked at for returns
 _ROUGHLY = 1e-7  # tolerance of these
@@ -44,39 +45,50 @@ def starts(stride_map: StrideMap, slope: float) -> NDArray:
 
     Args:
         stride_map: Of one walker.
-        slope: Slope in rad, positive.
+        slope: Slope in rad; positive, unless motors drive the walker.
 
     Returns:
         Logarithmic coordinates (n, m).
     """
-    u, loss = _grid(stride_map.walker)
+    drive = stride_map.drive
+    u, loss = _grid(stride_map.walker, drive.push_off)
+    # Over a step, the hip opens by four stance angles and the stance leg turns by two: by about two
+    # and one for each unit of length.
+    works = stride_map.system.works
+    given = 2.0 * works.hip * drive.hip_torque + works.ankle * drive.ankle_torque
+    supply = math.sin(slope) + given
     found = []
     for share in _LOSS_SHARES[kind_of(stride_map.walker)]:
-        goal = math.log(share * math.sin(slope))
+        if drive.push_off == 0.0 and supply <= 0.0:
+            break
+        goal = share * supply if drive.push_off else math.log(share * supply)
         rows = np.flatnonzero((loss[:, 0] < goal) & (goal < loss[:, -1]))
         above = np.argmax(loss[rows] > goal, axis=1)
         low, high = loss[rows, above - 1], loss[rows, above]
         part = ((goal - low) / (high - low))[:, None]
         found.append((1.0 - part) * u[rows, above - 1] + part * u[rows, above])
-    return np.concatenate(found)
+    return np.concatenate(found) if found else np.empty((0, stride_map.dimension))
 
 
 @lru_cache(maxsize=64)
-def _grid(walker: Walker) -> tuple[NDArray, NDArray]:
+def _grid(walker: Walker, push_off: float) -> tuple[NDArray, NDArray]:
     """Points just after heelstrike, by ratios of rates and step angle, and what each step loses.
 
     Returns:
         Logarithmic coordinates (ratios, angles, m); logarithms of the losses over the weight and
-        the step's length, (ratios, angles).
+        the step's length, (ratios, angles), or where a push-off makes good for some of them, what
+        is left.
     """
     stride_map = StrideMap.of(walker)
     stance, excess = (x.ravel() for x in np.meshgrid(*_RATIOS_OF[kind_of(walker)]))
-    angle = np.tile(_ANGLES, len(stance))
-    stance_rate = np.repeat(stance, len(_ANGLES)) * angle
-    swing_rate = np.repeat(stance + excess, len(_ANGLES)) * angle
-    points, lost = heelstrike(stride_map, angle, stance_rate, swing_rate)
+    angles = _PUSHED_ANGLES if push_off else _ANGLES
+    angle = np.tile(angles, len(stance))
+    stance_rate = np.repeat(stance, len(angles)) * angle
+    swing_rate = np.repeat(stance + excess, len(angles)) * angle
+    points, lost = heelstrike(stride_map, angle, stance_rate, swing_rate, push_off)
     loss = (lost / step_lengths(walker, angle)).reshape(len(stance), -1)
-    loss = np.log(np.maximum(loss, 1e-300))
+    if push_off == 0.0:
+        loss = np.log(np.maximum(loss, 1e-300))
     return logarithms(points).reshape(*loss.shape, -1), loss
 
 

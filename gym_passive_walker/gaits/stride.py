@@ -12,9 +12,15 @@ from gym_passive_walker.arguments import (
     check_slope,
     check_state,
     check_tolerance,
-    real_array,
 )
 from gym_passive_walker.engine.run import LONGEST_STRIDE, advance, new_records
+from gym_passive_walker.gaits.drive import (
+    PASSIVE,
+    Drive,
+    check_drive,
+    drive_shapes,
+    to_dimensionless,
+)
 from gym_passive_walker.physics.hybrid import Ground, Outcome, State, System
 from gym_passive_walker.physics.systems import bodies, system_of
 from gym_passive_walker.shown import Table
@@ -48,16 +54,19 @@ class _Fields(NamedTuple):
     weight: float
     spring_work: NDArray[np.float64]
     friction_loss: NDArray[np.float64]
+    ankle_work: NDArray[np.float64]
+    ankle_work_absolute: NDArray[np.float64]
+    push_off_work: NDArray[np.float64]
 
 
 class Stride(Table, _Fields):
     """One application of the stride map, with its ledger, in the walker's own units.
 
     Each field is a number for one walker and an array of shape (n,) for n of them; `state` has
-    shape (6,) or (n, 6). The ledger closes: gravity_work + spring_work + hip_work is the kinetic
-    energy gained plus kneestrike_loss plus heelstrike_loss plus friction_loss. For the simplest
-    walker energies are the hip's; its torque, spring and friction work on feet of vanishing mass,
-    so hip_work, spring_work and friction_loss are 0.
+    shape (6,) or (n, 6). The ledger closes: gravity_work + spring_work + hip_work + ankle_work +
+    push_off_work is the kinetic energy gained plus kneestrike_loss plus heelstrike_loss plus
+    friction_loss. For the simplest walker energies are the hip's; its hip torque, spring and
+    friction work on feet of vanishing mass, so hip_work, spring_work and friction_loss are 0.
 
     Attributes:
         state: Where the stride ended: [stance, thigh, shank] angles in rad, then their rates;
@@ -74,6 +83,9 @@ class Stride(Table, _Fields):
         weight: Total mass times gravity.
         spring_work: What springs gave, less what they took.
         friction_loss: Energy lost to friction at the hip.
+        ankle_work: Net work of the ankle torque.
+        ankle_work_absolute: Integral of its absolute power.
+        push_off_work: Work of the push-off, just before heelstrike.
     """
 
     __slots__ = ()
@@ -125,6 +137,8 @@ def stride(
     state: ArrayLike,
     *,
     hip_torque: ArrayLike = 0.0,
+    ankle_torque: ArrayLike = 0.0,
+    push_off: ArrayLike = 0.0,
     tolerance: float = 1e-10,
     longest: float = LONGEST_STRIDE,
     stub: bool = False,
@@ -139,6 +153,9 @@ def stride(
             (6,) or (n, 6). A straight-legged walker's shank is ignored.
         hip_torque: Torque held through the stride, positive when it opens the legs in the walking
             direction; a number or shape (n,). Per unit of foot mass for the simplest walker.
+        ankle_torque: Torque between ground and stance leg held through the stride, positive when it
+            tips the walker forward; likewise. On point feet alone.
+        push_off: Impulse of the ground along the stance leg just before heelstrike; likewise.
         tolerance: Error relative to the largest angle or (dimensionless) rate. The next state's
             error stays within a hundred times this on ordinary gaits, and usually below it.
         longest: Time in units of sqrt(l/g) after which a stride has STALLED.
@@ -155,26 +172,33 @@ def stride(
     walker = as_walker(walker)
     tolerance = check_tolerance(tolerance)
     states, slopes = check_state(state), check_slope(slope)
-    torques = real_array(hip_torque, "hip_torque", "a torque or an array of them")
+    drive = check_drive(walker, Drive(hip_torque, ankle_torque, push_off))
     if not (isinstance(longest, (int, float, np.number)) and 0.0 < longest < math.inf):
         raise ValueError(f"longest must be a positive time, not {longest!r}")
     try:
-        shape = np.broadcast_shapes(states.shape[:-1], slopes.shape, torques.shape)
+        shape = np.broadcast_shapes(states.shape[:-1], slopes.shape, *drive_shapes(drive))
     except ValueError:
         raise ValueError(
-            f"slope {slopes.shape}, hip_torque {torques.shape} and states {states.shape[:-1]} "
-            "do not fit together: give one of each, or the same number"
+            f"slope {slopes.shape}, hip_torque {np.shape(drive.hip_torque)}, ankle_torque "
+            f"{np.shape(drive.ankle_torque)}, push_off {np.shape(drive.push_off)} and states "
+            f"{states.shape[:-1]} do not fit together: give one of each, or the same number"
         ) from None
-    system, units, own = system_of(walker), units_of(walker), bodies(walker)
+    system, units, own = system_of(walker, using=drive.using), units_of(walker), bodies(walker)
     count = math.prod(shape)
     flat = np.empty((*shape, 6))
     flat[:] = units.to_dimensionless(states)
     if not walker.knees:
         flat[..., 2], flat[..., 5] = flat[..., 1], flat[..., 4]
     if shape:
-        slopes, torques = (np.broadcast_to(x, shape).reshape(count) for x in (slopes, torques))
-    torques = torques / units.torque
-    records = new_records(flat.reshape(count, 6), slopes, torques, end=longest)
+        slopes = np.broadcast_to(slopes, shape).reshape(count)
+    records = new_records(flat.reshape(count, 6), slopes, end=longest)
+    if drive is not PASSIVE:
+        hip, ankle, push = (
+            part if type(part) is float else np.broadcast_to(part, shape).ravel()
+            for part in to_dimensionless(units, drive)
+        )
+        records["control"][:, 0, 0], records["control"][:, 0, 1] = hip, ankle
+        records["push_off"][:, 0] = push
     record = advance(system, own, records, tolerance=tolerance, scuff=stub, threads=threads)[:, 0]
     outcome, length = record["outcome"], record["step_length"]
     gravity, spring, knee_time = (record[x] for x in ("gravity_work", "spring_work", "knee_time"))
@@ -184,25 +208,39 @@ def stride(
     if lost.any():
         length[lost] = np.nan
         gravity[lost], spring[lost] = _conservative_work(system, own, record[lost])
-    torque = record["control"][:, 0] * system.works
 
     def shaped(values: NDArray) -> NDArray:
         return values.reshape(shape) if shape else values[0]
 
+    def works(control: int, share: float) -> tuple[NDArray, NDArray]:  # net and absolute
+        power = record["control"][:, control] * (share * units.energy)
+        net, absolute = power * record["moved"][:, control], np.abs(power)
+        return shaped(net), shaped(absolute * record["turned"][:, control])
+
+    nothing = np.zeros(shape)[()]
+    hip = ankle = nothing, nothing
+    push_off = nothing
+    if drive is not PASSIVE:  # one walker waits for each of these
+        hip = works(0, system.works.hip)
+    if drive.using:
+        ankle, push_off = works(1, system.works.ankle), shaped(record["push_work"] * units.energy)
     return Stride(
         state=units.to_own(record["state"]).reshape(*shape, 6),
         duration=shaped(record["time"] * units.time),
         outcome=shaped(outcome) if shape else Outcome(int(outcome[0])),  # type: ignore[arg-type]
         kneestrike_time=shaped(knee_time * units.time),
         step_length=shaped(length * units.length),
-        hip_work=shaped(torque * record["moved"][:, 0] * units.energy),
-        hip_work_absolute=shaped(np.abs(torque) * record["turned"][:, 0] * units.energy),
+        hip_work=hip[0],
+        hip_work_absolute=hip[1],
         kneestrike_loss=shaped(record["knee_loss"] * units.energy),
         heelstrike_loss=shaped(record["heel_loss"] * units.energy),
         gravity_work=shaped(gravity * units.energy),
         weight=units.force,
         spring_work=shaped(spring * units.energy),
         friction_loss=shaped(record["friction_loss"] * units.energy),
+        ankle_work=ankle[0],
+        ankle_work_absolute=ankle[1],
+        push_off_work=push_off,
     )
 
 

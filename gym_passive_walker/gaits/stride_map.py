@@ -17,18 +17,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.engine.run import Seeds, advance, new_records
+from gym_passive_walker.gaits.drive import PASSIVE, USES, Drive, for_each, to_dimensionless, to_own
 from gym_passive_walker.gaits.passage import Change, Passage
 from gym_passive_walker.gaits.samples import Samples, just_before, look_inside
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.physics.hybrid import Outcome, System
 from gym_passive_walker.physics.systems import bodies_by, system_of, varied_bodies
 from gym_passive_walker.progress import progress
+from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker, as_walker
 
 LONGEST = 20.0
 """Time in sqrt(l/g) after which a stride without heelstrike is given up; a usual one takes 3."""
 
-_CONTROLS = ("state", "slope", "torque")  # to differentiate by, besides parameters
+_MOVED = ("state", "slope", *Drive._fields)  # to differentiate by, besides parameters
 _FEW = 4  # strides that are so rarely all in vain that it does not pay to try them first
 _OF_ONE_STRIDE = ("time", "step", "knee_time", "knee_loss", "friction_loss", "moved", "turned")
 _FIELDS = [field.name for field in fields(Change)]
@@ -46,11 +48,14 @@ class StrideMap(Section):
         tolerance: Error relative to the largest angle or rate.
         longest: Time after which a stride is given up.
         stub: Whether a kneed walker's locked swing leg below the ground ends the stride.
+        drive: What its motors do in each stride, dimensionless. A part of it may be the `parameter`
+            that differs.
     """
 
     tolerance: float = 1e-13
     longest: float = LONGEST
     stub: bool = False
+    drive: Drive = PASSIVE
 
     @classmethod
     def of(
@@ -60,9 +65,14 @@ class StrideMap(Section):
         tolerance: float = 1e-13,
         longest: float = LONGEST,
         stub: bool = False,
+        drive: Drive = PASSIVE,
     ) -> Self:
-        """The stride map of a walker, or of a preset's name."""
-        return cls(walker=as_walker(walker), tolerance=tolerance, longest=longest, stub=stub)
+        """The stride map of a walker, or of a preset's name; a drive is in the walker's units."""
+        walker = as_walker(walker)
+        return cls(
+            walker=walker, tolerance=tolerance, longest=longest, stub=stub,
+            drive=drive if drive is PASSIVE else to_dimensionless(units_of(walker), drive),
+        )  # fmt: skip
 
     def with_tolerance(self, tolerance: float) -> Self:
         """The same map, followed with another tolerance."""
@@ -75,7 +85,16 @@ class StrideMap(Section):
 
     def _system(self, moved: Collection[str] = ()) -> System:
         """Which equations it obeys as some of its parameters change."""
-        return system_of(self.walker, moving={*moved, self.parameter or ""})
+        differing = (*moved, self.parameter) if self.parameter else moved
+        using = {USES.get(name, name) for name in differing}
+        return system_of(self.walker, using=using.union(self.drive.using))
+
+    def _drives(self, count: int) -> NDArray[np.float64]:
+        """The drive of each of some points, (n, 3)."""
+        drive = self.drive
+        if self.parameter in Drive._fields:
+            drive = drive._replace(**{self.parameter: self.values})  # type: ignore[dict-item]
+        return np.stack([for_each(part, count) for part in drive], axis=1)
 
     @cached_property
     def bodies(self) -> NDArray[np.float64]:
@@ -85,21 +104,20 @@ class StrideMap(Section):
     @property
     def _parameters(self) -> dict[str, NDArray]:
         """In what walkers differ."""
-        return {} if self.parameter is None else {self.parameter: self.values}  # type: ignore[dict-item]
+        if self.parameter is None or self.parameter in Drive._fields:
+            return {}
+        return {self.parameter: self.values}  # type: ignore[dict-item]
 
-    def apply(
-        self, points: NDArray, slopes: ArrayLike, *, torque: ArrayLike = 0.0, strides: int = 1
-    ) -> Passage:
+    def apply(self, points: NDArray, slopes: ArrayLike, *, strides: int = 1) -> Passage:
         """Take walkers through some strides.
 
         Args:
             points: Points of the section, (n, m).
             slopes: Slope in rad, one for all or (n,).
-            torque: Hip torque held all along, likewise.
             strides: Strides to take.
         """
-        slopes, torques = _for_each(slopes, len(points)), _for_each(torque, len(points))
-        told, outcomes = self._follow(points, slopes, torques, self.bodies, strides)
+        slopes, drives = for_each(slopes, len(points)), self._drives(len(points))
+        told, outcomes = self._follow(points, slopes, drives, self.bodies, strides)
         return Passage(**_named(told[0]), outcomes=outcomes)
 
     def linearise(
@@ -107,7 +125,6 @@ class StrideMap(Section):
         points: NDArray,
         slopes: ArrayLike,
         *,
-        torque: ArrayLike = 0.0,
         strides: int = 1,
         by: Sequence[str] = ("state",),
         along: NDArray | None = None,
@@ -117,35 +134,37 @@ class StrideMap(Section):
         Args:
             points: Points of the section, (n, m).
             slopes: Slope in rad, one for all or (n,).
-            torque: Hip torque held all along, likewise.
             strides: Strides to take.
             by: Columns of the derivatives, in order: "state" (one for each coordinate), "slope",
-                "torque", or a parameter of the walker, all else being held dimensionless.
+                a part of the drive, or a parameter of the walker, all else being held
+                dimensionless.
             along: Directions for "state" instead of the coordinates, (n, m, k).
 
         Returns:
             The passage, and the derivatives of all in it.
         """
-        slopes, torques = _for_each(slopes, len(points)), _for_each(torque, len(points))
+        slopes, drives = for_each(slopes, len(points)), self._drives(len(points))
         walking, outcomes = np.arange(len(points)), np.empty(len(points), np.int8)
         if len(points) > _FEW:
             # Without derivatives first: strides that fail cost as much as many that do not.
-            plain, outcomes = self._follow(points, slopes, torques, self.bodies, strides)
+            plain, outcomes = self._follow(points, slopes, drives, self.bodies, strides)
             walking = np.flatnonzero(np.isfinite(plain[0, 0]))
         coordinates = self.dimension if along is None else along.shape[2]
-        columns, of_state, of_slope, of_torque = _columns(tuple(by), coordinates)
+        columns, of = _columns(tuple(by), coordinates)
         moved = np.zeros((len(walking), len(columns), self.dimension))
         if "state" in by:
-            moved[:, of_state] = (
+            moved[:, of[0]] = (
                 np.eye(coordinates) if along is None else along[walking].swapaxes(1, 2)
             )
+        each = np.tile(of[1:].astype(float), (len(walking), 1, 1))
         seeds = Seeds(
             states=self.state(moved),
-            slopes=np.tile(of_slope.astype(float), (len(walking), 1)),
-            controls=np.tile(of_torque.astype(float)[:, None], (len(walking), 1, 1)),
+            slopes=each[:, 0],
+            controls=each[:, 1:3].swapaxes(1, 2),
+            push_offs=each[:, 3],
         )
         told, ended = self._follow(
-            points[walking], slopes[walking], torques[walking],
+            points[walking], slopes[walking], drives[walking],
             self._seeded_bodies(columns, walking), strides, seeds, by,
         )  # fmt: skip
         outcomes[walking] = ended
@@ -159,7 +178,7 @@ class StrideMap(Section):
 
     def _seeded_bodies(self, columns: tuple[str, ...], lanes: NDArray) -> NDArray:
         """Bodies of some lanes, and behind each how it changes in the columns of derivatives."""
-        parameters = [name for name in columns if name not in _CONTROLS]
+        parameters = [name for name in columns if name not in _MOVED]
         own = self.bodies if len(self.bodies) == 1 else self.bodies[lanes]
         if not parameters:
             return own
@@ -173,7 +192,7 @@ class StrideMap(Section):
         self,
         points: NDArray,
         slopes: NDArray,
-        torques: NDArray,
+        drives: NDArray,
         bodies: NDArray,
         strides: int,
         seeds: Seeds | None = None,
@@ -188,8 +207,8 @@ class StrideMap(Section):
         own = bodies[walking] if len(bodies) > 1 else bodies
         own_seeds = seeds and Seeds(*(None if s is None else s[walking] for s in seeds))
         records = new_records(
-            self.state(points[walking]), slopes[walking], torques[walking], end=self.longest,
-            seeds=own_seeds, planes=planes,
+            self.state(points[walking]), slopes[walking], drives[walking, :2],
+            push_off=drives[walking, 2], end=self.longest, seeds=own_seeds, planes=planes,
         )  # fmt: skip
         totals = np.zeros((5, len(walking), planes + 1))
         with np.errstate(all="ignore"), progress("strides", strides) as taken:
@@ -224,13 +243,12 @@ class StrideMap(Section):
         lengths += length
         lost += records["knee_loss"] + records["heel_loss"] + records["friction_loss"]
         supplied += _product(sine, length)
-        if self.system.works:  # not on feet of vanishing mass
-            supplied += _product(records["control"], records["moved"]).sum(axis=2)
+        supplied += records["push_work"]
+        works = np.array(self.system.works)  # a hip's not on feet of vanishing mass
+        supplied += (works * _product(records["control"], records["moved"])).sum(axis=2)
         knee_times[:] = records["knee_time"]
 
-    def sample(
-        self, points: NDArray, slopes: ArrayLike, times: NDArray, *, torque: ArrayLike = 0.0
-    ) -> Samples:
+    def sample(self, points: NDArray, slopes: ArrayLike, times: NDArray) -> Samples:
         """Look at strides inside: every sample is as exact as the map itself.
 
         Args:
@@ -238,41 +256,35 @@ class StrideMap(Section):
             slopes: Slope in rad, one for all or (n,).
             times: Since the start, (n, k), in any order; later ones than a stride's end give the
                 state that it ends with.
-            torque: Hip torque held all along, one for all or (n,).
         """
-        slopes, torques = _for_each(slopes, len(points)), _for_each(torque, len(points))
+        drives = self._drives(len(points))
         return look_inside(
-            self.system, self.bodies, self.state(points), slopes, torques, times,
-            tolerance=self.tolerance, stub=self.stub,
+            self.system, self.bodies, self.state(points), for_each(slopes, len(points)),
+            drives[:, :2], times, tolerance=self.tolerance, stub=self.stub,
         )  # fmt: skip
 
-    def before_strike(
-        self, point: NDArray, slope: float, strike: float, *, torque: float = 0.0
-    ) -> NDArray[np.float64]:
+    def before_strike(self, point: NDArray, slope: float, strike: float) -> NDArray[np.float64]:
         """The state (6,) on the verge of a strike, before the collision, exact to rounding.
 
         Args:
             point: Where the stride starts, (m,).
             slope: Slope in rad.
             strike: Time of the kneestrike or the heelstrike since the start.
-            torque: Hip torque held all along.
         """
         units, start = self.units, self.states_at(point[None])[0]
-        torque, tolerance = torque * units.torque, self.tolerance
+        hip, ankle, _ = to_own(units, self.drive)
         state = just_before(
-            self.walker, slope, start, strike * units.time, hip_torque=torque, tolerance=tolerance
-        )
+            self.walker, slope, start, strike * units.time, hip_torque=hip, ankle_torque=ankle,
+            tolerance=self.tolerance,
+        )  # fmt: skip
         return units.to_dimensionless(state)
 
 
 @lru_cache
-def _columns(
-    by: tuple[str, ...], coordinates: int
-) -> tuple[tuple[str, ...], NDArray, NDArray, NDArray]:
-    """What each column is a derivative by, and which of them are by state, slope and torque."""
+def _columns(by: tuple[str, ...], coordinates: int) -> tuple[tuple[str, ...], NDArray]:
+    """What each column is a derivative by, and which of them are by each of `_MOVED`."""
     columns = tuple(x for name in by for x in [name] * (coordinates if name == "state" else 1))
-    state, slope, torque = (np.array([x == name for x in columns]) for name in _CONTROLS)
-    return columns, state, slope, torque
+    return columns, np.array([[x == name for x in columns] for name in _MOVED])
 
 
 def _named(told: NDArray) -> dict[str, NDArray]:
@@ -301,9 +313,3 @@ def _outcomes(records: NDArray) -> NDArray[np.int8]:
     outcomes = records["outcome"][:, 0].astype(np.int8)
     outcomes[outcomes == Outcome.RUNNING] = _STALLED
     return outcomes
-
-
-def _for_each(value: ArrayLike, count: int) -> NDArray:
-    """A number, or one for each of some points, as one for each."""
-    values = np.asarray(value, dtype=float)
-    return values if values.ndim else np.full(count, values)

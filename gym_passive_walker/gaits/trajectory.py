@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import check_state, check_tolerance, one_slope, whole
+from gym_passive_walker.gaits.drive import Drive
 from gym_passive_walker.gaits.samples import states_inside
 from gym_passive_walker.gaits.stride import STATE_NAMES, stride
 from gym_passive_walker.physics.hybrid import Outcome
@@ -90,6 +91,8 @@ def simulate(
     *,
     samples: int = 100,
     hip_torque: ArrayLike = 0.0,
+    ankle_torque: ArrayLike = 0.0,
+    push_off: ArrayLike = 0.0,
     tolerance: float = 1e-10,
 ) -> Trajectory:
     """Follow one walker for some strides, and keep what it passes through.
@@ -111,6 +114,8 @@ def simulate(
         samples: Instants of each stride, evenly spaced: the first just after heelstrike, the last
             just before what ends the stride. At least 2.
         hip_torque: Torque, as for `stride`: a number, or one for each stride.
+        ankle_torque: Likewise.
+        push_off: Impulse at a stride's end, likewise.
         tolerance: Error relative to the largest angle or rate, as for `stride`; at most 1e-4.
 
     Returns:
@@ -125,10 +130,11 @@ def simulate(
     strides, samples = whole(strides, "strides"), whole(samples, "samples", 2)
     if check_tolerance(tolerance) > COARSEST_SAMPLES:
         raise ValueError(f"tolerance must be at most {COARSEST_SAMPLES}, not {tolerance}")
-    torques = np.broadcast_to(np.asarray(hip_torque, dtype=float), (strides,))
+    parts = (np.asarray(part, dtype=float) for part in (hip_torque, ankle_torque, push_off))
+    drives = np.stack([np.broadcast_to(part, (strides,)) for part in parts], axis=1)
     starts, walks = [state], []
-    for torque in torques:
-        walks.append(stride(walker, slope, starts[-1], hip_torque=torque, tolerance=tolerance))
+    for drive in map(Drive._make, drives.tolist()):
+        walks.append(stride(walker, slope, starts[-1], tolerance=tolerance, **drive._asdict()))
         if walks[-1].outcome != Outcome.HEELSTRIKE:
             break
         starts.append(walks[-1].state)
@@ -139,7 +145,7 @@ def simulate(
     first = np.array(starts[:made])
     # Strikes seen from sample to sample differ by the tolerance: stop short of them by more.
     instants = np.linspace(0.0, 1.0 - 10.0 * tolerance - 1e-12, samples) * durations[:, None]
-    states, phases = states_inside(walker, slope, first, torques[:made], instants, tolerance)
+    states, phases = states_inside(walker, slope, first, drives[:made], instants, tolerance)
     began, place = (np.cumsum([0.0, *x[:-1]])[:, None] for x in (durations, lengths))
     rolled = walker.foot_radius * (first[:, :1] - states[:, :, 0])
     return Trajectory(

@@ -37,9 +37,11 @@ class Control(NamedTuple):
 
     Attributes:
         hip: Torque between stance leg and swing thigh, positive when it opens the legs.
+        ankle: Torque between ground and stance leg, positive when it tips the walker forward.
     """
 
     hip: Number
+    ankle: Number = 0.0
 
 
 class Ground(NamedTuple):
@@ -126,17 +128,31 @@ class Refusal(NamedTuple):
     scuff: bool = False
 
 
+class Strike(NamedTuple):
+    """What has come of a strike.
+
+    Attributes:
+        after: The state after it.
+        lost: The energy lost.
+        work: That of the push-off just before it.
+    """
+
+    after: State
+    lost: Number
+    work: Number = 0.0
+
+
 class Reset(NamedTuple):
     """What a strike does.
 
     Attributes:
-        strike: Function of body and state before: the state after, and the energy lost.
+        strike: Function of body, state before and push-off.
         into: Index of the phase that begins; None if the stride is over and the legs have changed
             roles.
         refuses: After which states no phase begins.
     """
 
-    strike: Callable[[Any, State], tuple[State, Number]]
+    strike: Callable[[Any, State, Number], Strike]
     into: int | None = None
     refuses: tuple[Refusal, ...] = ()
 
@@ -163,8 +179,8 @@ class Phase(NamedTuple):
 
 
 def travel(state: State) -> Control:
-    """For each control the coordinate that it moves: the hip opens the legs."""
-    return Control(hip=state.thigh - state.stance)
+    """For each control the coordinate that it moves."""
+    return Control(hip=state.thigh - state.stance, ankle=-state.stance)
 
 
 class System(NamedTuple):
@@ -184,12 +200,12 @@ class System(NamedTuple):
             mass.
         travel: Function of a state: for each control the coordinate that it moves, so that the work
             of a constant control is it times the change of that coordinate.
-        works: Whether controls cost work: not on legs without mass.
+        works: Whether each control works, 1 or 0: a hip's not on legs without mass.
         spring_gain: Function of body and two states: what the energy of springs gains, likewise;
             None where it counts for nothing.
         friction_power: Function of body and state: what friction takes; None likewise.
-        absent: Constants of its body that are zero for certain. Code is made without them, so that
-            a walker does not pay for what it has not.
+        absent: Constants of its body, controls and impulses that are zero for certain. Code is made
+            without them, so that a walker does not pay for what it has not.
     """
 
     name: str
@@ -200,7 +216,7 @@ class System(NamedTuple):
     foot_clearance: Callable[[Any, State], Number]
     mass_matrix: Callable[[Any, State], tuple[Number, ...]] | None = None
     travel: Callable[[State], Control] = travel
-    works: bool = True
+    works: Control = Control(1.0, 1.0)
     spring_gain: Callable[[Any, State, State], Number] | None = None
     friction_power: Callable[[Any, State], Number] | None = None
     absent: tuple[str, ...] = ()

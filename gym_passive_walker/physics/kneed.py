@@ -19,6 +19,7 @@ from gym_passive_walker.physics.hybrid import (
     Reset,
     Stage,
     State,
+    Strike,
     System,
     Watch,
 )
@@ -81,7 +82,8 @@ def forces(body, state, control, ground):
         + (hip_up * thigh_back - hip_back * thigh_up) * thigh_square
         + (hip_up * shank_back - hip_back * shank_up) * shank_square
         + weight_moment(stance_back, body.foot_radius + stance_up, ground)
-        - hip_torque,
+        - hip_torque
+        - control.ankle,
         (hip_back * thigh_up - hip_rise * thigh_back) * stance_square
         - bend_slope * shank_square
         + weight_moment(thigh_back, thigh_up, ground)
@@ -130,11 +132,11 @@ def spring_gain(body, start, end):
     return legs.hip_spring_gain(body, start, end) + body.knee_stiffness * knee
 
 
-def kneestrike(body, before):
+def kneestrike(body, before, push_off=0.0):
     """Plastic collision of the shank with its stop, leg straight (subsection 4.10.6).
 
     Angular momentum of the whole walker about the contact and of the swing leg about the hip pass
-    through it.
+    through it. No push-off is due here.
     """
     before = before._replace(shank=before.thigh)
     m11, m12, m13, m22, m23, m33 = mass_matrix(body, before)
@@ -152,18 +154,18 @@ def kneestrike(body, before):
         before.stance_rate + stance_change,
         before.thigh_rate + swing_change,
     )
-    return after, loss
+    return Strike(after, loss)
 
 
-def heelstrike(body, before):
+def heelstrike(body, before, push_off=0.0):
     """Plastic collision of the swing foot, upon which the old stance knee is free.
 
     As for straight legs (`straight.heelstrike`), and the angular momentum of the new shank about
     its knee passes through it as well (subsection 4.10.8).
     """
-    angle = 0.5 * (before.thigh - before.stance)
-    before = before._replace(stance=-angle, thigh=angle, shank=angle)
-    rate, hip_back, hip_up, momentum, energy = straight.stance_collision(body, before)
+    before, velocity, work = straight.strike_with(body, before, push_off)
+    angle = before.thigh
+    rate, hip_back, hip_up, momentum, energy = straight.stance_collision(body, before, velocity)
     sine, cosine = sine_cosine(-angle)
     thigh_back, thigh_up = turned(body.thigh_along, body.thigh_across, sine, cosine)
     shank_back, shank_up = turned(body.shank_along, body.shank_across, sine, cosine)
@@ -185,7 +187,7 @@ def heelstrike(body, before):
         before.stance_rate + new_thigh,
         before.stance_rate + new_shank,
     )
-    return after, loss
+    return Strike(after, loss, work)
 
 
 def knee(body, thigh):

@@ -52,6 +52,43 @@ def solve_hanging(mass, mobility, force):
     return x1, x2, f3 * mobility - a * x1 - b * x2
 
 
+def push_off(body, stance, swing):
+    """What a unit impulse of the ground along the stance leg does to a walker with straight legs.
+
+    It acts at the contact, and the foot leaves the ground as fast as it may.
+
+    Args:
+        body: The walker.
+        stance: Angle of the stance leg.
+        swing: Angle of the swing leg.
+
+    Returns:
+        Change of the hip's velocity (back, up); of the stance and the swing leg's rates; and the
+        velocity that the foot gets along the leg, of which half is the work.
+    """
+    stance_sine, stance_cosine = sine_cosine(stance)
+    push_back, push_up = stance_sine, stance_cosine
+    hip_back, hip_up = body.leg * stance_sine, body.foot_radius + body.leg * stance_cosine
+    old = turned(body.swing_along, body.swing_across, stance_sine, stance_cosine)
+    new = turned(body.swing_along, body.swing_across, *sine_cosine(swing))
+    mobility = 1.0 / body.swing_inertia
+    # A leg that hangs from a hip moving by v turns by (spin - back' v_up + up' v_back) mobility,
+    # which leaves the hip with the mass of the whole less what the legs yield.
+    spin = push_up * hip_back - push_back * hip_up
+    velocity_back, velocity_up = solve(
+        1.0 - mobility * (old[1] * old[1] + new[1] * new[1]),
+        mobility * (old[0] * old[1] + new[0] * new[1]),
+        1.0 - mobility * (old[0] * old[0] + new[0] * new[0]),
+        push_back - mobility * spin * old[1],
+        push_up + mobility * spin * old[0],
+    )
+    stance_rate = mobility * (spin - impulse(*old, velocity_back, velocity_up))
+    swing_rate = -mobility * impulse(*new, velocity_back, velocity_up)
+    foot_back, foot_up = velocity_back - stance_rate * hip_up, velocity_up + stance_rate * hip_back
+    gained = push_back * foot_back + push_up * foot_up
+    return (velocity_back, velocity_up), stance_rate, swing_rate, gained
+
+
 # What is fitted to the joints: springs that are relaxed where legs are parallel and straight, and
 # viscous friction.
 

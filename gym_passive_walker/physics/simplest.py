@@ -14,7 +14,15 @@ from __future__ import annotations
 
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.bodies import SimplestBody
-from gym_passive_walker.physics.hybrid import Outcome, Phase, Reset, Stage, System
+from gym_passive_walker.physics.hybrid import (
+    Control,
+    Outcome,
+    Phase,
+    Reset,
+    Stage,
+    Strike,
+    System,
+)
 from gym_passive_walker.physics.numbers import sine_cosine
 
 
@@ -22,7 +30,7 @@ def accelerations(body, state, control, ground):
     """Angular accelerations of the stance leg (an inverted pendulum) and the swing leg."""
     sine, cosine = sine_cosine(state.stance)
     swing_sine, swing_cosine = sine_cosine(state.thigh)
-    stance_acceleration = sine * ground.cosine - cosine * ground.sine
+    stance_acceleration = sine * ground.cosine - cosine * ground.sine - control.ankle
     swing_acceleration = (
         (cosine * swing_cosine + sine * swing_sine) * stance_acceleration
         - (sine * swing_cosine - cosine * swing_sine) * state.stance_rate * state.stance_rate
@@ -50,12 +58,17 @@ def potential_gain(body, start, end, ground):
     return ground.cosine * up + ground.sine * back
 
 
-def heelstrike(body, before):
-    """Plastic collision of the swing foot: the hip keeps its velocity across the new leg."""
+def heelstrike(body, before, push_off=0.0):
+    """Plastic collision of the swing foot: the hip keeps its velocity across the new leg.
+
+    A push-off changes the hip's velocity along the old leg.
+    """
     angle = 0.5 * (before.thigh - before.stance)
     sine, cosine = sine_cosine(-2.0 * angle)
-    rate, lost = cosine * before.stance_rate, sine * before.stance_rate
-    return legs.straight(angle, -angle, rate, cosine * rate), 0.5 * lost * lost
+    rate = cosine * before.stance_rate + push_off * sine
+    lost = sine * before.stance_rate - push_off * cosine
+    after = legs.straight(angle, -angle, rate, cosine * rate)
+    return Strike(after, 0.5 * lost * lost, 0.5 * push_off * push_off)
 
 
 def foot_clearance(body, state):
@@ -79,5 +92,5 @@ SYSTEM = System(
     kinetic_energy=kinetic_energy,
     potential_gain=potential_gain,
     foot_clearance=foot_clearance,
-    works=False,
+    works=Control(0.0, 1.0),
 )

@@ -15,6 +15,7 @@ from gym_passive_walker.physics.hybrid import (
     Phase,
     Reset,
     Stage,
+    Strike,
     System,
 )
 from gym_passive_walker.physics.legs import difference, impulse, solve, turned, weight_moment
@@ -46,7 +47,8 @@ def forces(body, state, control, ground):
         body.foot_radius * stance_back * state.stance_rate * state.stance_rate
         + (hip_up * swing_back - hip_back * swing_up) * state.thigh_rate * state.thigh_rate
         + weight_moment(stance_back, body.foot_radius + stance_up, ground)
-        - hip_torque,
+        - hip_torque
+        - control.ankle,
         (hip_back * swing_up - hip_rise * swing_back) * state.stance_rate * state.stance_rate
         + weight_moment(swing_back, swing_up, ground)
         + hip_torque,
@@ -80,7 +82,27 @@ def potential_gain(body, start, end, ground):
     return legs.potential_gain(body, start, end, ground, swing)
 
 
-def stance_collision(body, before):
+def strike_with(body, before, push_off):
+    """The state just before a heelstrike, legs mirrored and push-off done.
+
+    Returns:
+        That state; the velocity (back, up) of the foot that lands; and the push-off's work.
+    """
+    angle = 0.5 * (before.thigh - before.stance)
+    before = before._replace(stance=-angle, thigh=angle, shank=angle)
+    velocity_back, velocity_up = legs.striking_velocity(body, before)
+    (hip_back, hip_up), stance_rate, swing_rate, gained = legs.push_off(body, -angle, angle)
+    lever_back, lever_up = legs.hip(body, angle)
+    velocity_back = velocity_back + push_off * (hip_back - swing_rate * lever_up)
+    velocity_up = velocity_up + push_off * (hip_up + swing_rate * lever_back)
+    before = before._replace(
+        stance_rate=before.stance_rate + push_off * stance_rate,
+        thigh_rate=before.thigh_rate + push_off * swing_rate,
+    )
+    return before, (velocity_back, velocity_up), 0.5 * gained * (push_off * push_off)
+
+
+def stance_collision(body, before, velocity):
     """What both kinds of heelstrike share: the new stance leg meets the ground.
 
     The walker before the collision moves as one that rolls on its new foot, plus a translation
@@ -91,12 +113,13 @@ def stance_collision(body, before):
     Args:
         body: The walker.
         before: The state before the collision: legs mirrored, stance angle negative.
+        velocity: Of the foot that lands, (back, up).
 
     Returns:
         Provisional rate of the new stance leg; the velocity (back, up) of the hip in excess of it;
         the momentum left for the stance leg's equation; twice the energy in the excess motion.
     """
-    velocity_back, velocity_up = legs.striking_velocity(body, before)
+    velocity_back, velocity_up = velocity
     hip_back, hip_up = legs.hip(body, -before.stance)
     square = hip_back * hip_back + hip_up * hip_up
     per_square = 1.0 / square
@@ -116,21 +139,22 @@ def stance_collision(body, before):
     return before.thigh_rate + turn, along_hip * hip_back, along_hip * hip_up, momentum, energy
 
 
-def heelstrike(body, before):
+def heelstrike(body, before, push_off=0.0):
     """Plastic collision of the swing foot with both knees locked, and the legs change roles.
 
     Angular momentum of the whole walker about the new contact and of the new swing leg about the
     hip pass through it (subsection 4.10.8); the old foot feels no impulse.
     """
-    angle = 0.5 * (before.thigh - before.stance)
-    before = before._replace(stance=-angle, thigh=angle, shank=angle)
-    rate, hip_back, hip_up, momentum, energy = stance_collision(body, before)
+    before, velocity, work = strike_with(body, before, push_off)
+    angle = before.thigh
+    rate, hip_back, hip_up, momentum, energy = stance_collision(body, before, velocity)
     swing_back, swing_up = turned(body.swing_along, body.swing_across, *sine_cosine(-angle))
     swing_momentum = impulse(swing_back, swing_up, hip_back, hip_up)
     after = legs.straight(angle, -angle, rate, before.stance_rate)
     new_stance, new_swing = solve(*mass_matrix(body, after), momentum, swing_momentum)
     loss = 0.5 * (energy - momentum * new_stance - swing_momentum * new_swing)
-    return legs.straight(angle, -angle, rate + new_stance, before.stance_rate + new_swing), loss
+    after = legs.straight(angle, -angle, rate + new_stance, before.stance_rate + new_swing)
+    return Strike(after, loss, work)
 
 
 def foot_clearance(body, state):

@@ -17,14 +17,17 @@ from gym_passive_walker.walkers import Walker, varied
 FITTINGS = ("hip_stiffness", "hip_friction", "knee_stiffness")
 """Constants of what may be fitted to a walker's joints."""
 
+EXTRAS = (*FITTINGS, "ankle", "push_off")
+"""What code is made without for those who have none of it."""
+
 _KINDS = (kneed.SYSTEM, straight.SYSTEM, simplest.SYSTEM)
 
-_BARE = {"absent": FITTINGS, "spring_gain": None, "friction_power": None}
+_BARE = {"absent": EXTRAS, "spring_gain": None, "friction_power": None}
 
 SYSTEMS = {kind.name: kind._replace(**_BARE) for kind in _KINDS} | {
     f"{kind.name}-fitted": kind._replace(name=f"{kind.name}-fitted") for kind in _KINDS
 }
-"""By name; of each kind one without springs and friction, and one that has them."""
+"""By name; of each kind a bare one, and one with all `EXTRAS`."""
 
 
 def kind_of(walker: Walker) -> str:
@@ -34,15 +37,15 @@ def kind_of(walker: Walker) -> str:
     return kneed.SYSTEM.name if walker.knees else straight.SYSTEM.name
 
 
-def system_of(*walkers: Walker, moving: Collection[str] = ()) -> System:
+def system_of(*walkers: Walker, using: Collection[str] = ()) -> System:
     """Which equations walkers of one kind obey.
 
     Args:
         walkers: The walkers.
-        moving: Parameters that may change.
+        using: What else they have of `EXTRAS`, or may have: controls in use, parameters that vary.
     """
     fitted = any(getattr(walker, name) for walker in walkers for name in FITTINGS)
-    fitted = fitted or not set(FITTINGS).isdisjoint(moving)
+    fitted = fitted or not set(EXTRAS).isdisjoint(using)
     return SYSTEMS[f"{kind_of(walkers[0])}-fitted" if fitted else kind_of(walkers[0])]
 
 

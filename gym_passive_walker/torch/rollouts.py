@@ -17,7 +17,7 @@ from torch import Tensor
 from gym_passive_walker.arguments import whole
 from gym_passive_walker.envs import task
 from gym_passive_walker.envs.batch import Batch
-from gym_passive_walker.envs.scene import Scene, make_scene
+from gym_passive_walker.envs.scene import Scene, by_hip_alone, make_scene
 from gym_passive_walker.envs.vector_env import seed_randoms
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.physics.systems import system_of
@@ -99,7 +99,10 @@ def standing(
         seed: Of the first walker; the others' follow.
         parameters: Values of parameters of the walker in place of the scene's, numbers or (count,).
     """
-    scene, count = make_scene(scene), whole(count, "count")
+    scene, count = (
+        by_hip_alone(make_scene(scene), "walks on the tape are driven"),
+        whole(count, "count"),
+    )
     batch = Batch(scene, count)
     seed_randoms(batch, seed, range(count))
     batch.start(np.arange(count), np.empty(count * task.SIZE, np.float32))
@@ -190,7 +193,7 @@ def _tick(
     # What was paid in advance for a stride that does not come is taken back.
     distances = torch.where(walks, moved.result("distance"), 0.0 - here.progress)
     energies = torch.zeros_like(distances)
-    if system_of(scene.walker).works:
+    if system_of(scene.walker).works.hip:
         held = torch.where(walks, torques, torques.detach())
         charged = task.ENERGIES.index(scene.energy)
         energies = task.motor_charge(charged, held, moved.result("moved"), moved.result("turned"))

@@ -272,4 +272,4 @@ def _walk(
     )
     moved = carry_on(inputs, phases, torch.ones(count, dtype=torch.bool), manner)
     torques = inputs[:, INPUTS.index("torque")]
-    return _Walk(moved, units, time, torques, system_of(walker).works, bool(shape))
+    return _Walk(moved, units, time, torques, bool(system_of(walker).works.hip), bool(shape))

@@ -151,7 +151,7 @@ class LiveWalk:
                 from_section=self._on_section,
             )
             self._on_section = False
-            self._work += abs(self.torque) * float(record["turned"][0]) * self._system.works
+            self._work += abs(self.torque) * float(record["turned"][0]) * self._system.works.hip
             left -= float(record["time"]) - before
             if record["outcome"] == Outcome.HEELSTRIKE:
                 self._end_stride()

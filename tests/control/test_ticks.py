@@ -12,6 +12,7 @@ from gym_passive_walker.control.optimum import Problem
 from gym_passive_walker.control.ticks import ticked_stride, ticked_strides
 from gym_passive_walker.engine.run import new_records
 from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.gaits.drive import Drive
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stability import NoStride
 from gym_passive_walker.gaits.stride_map import StrideMap
@@ -159,8 +160,8 @@ def test_under_one_torque_a_stride_in_ticks_has_the_stride_map_s_derivatives():
     motion = Motion(walker=gpw.WALKERS["lab"], parameters={"foot_radius": radii}, tolerance=1e-13)
     held = np.full((3, TICKS), 0.002)
     ticked = ticked_strides(motion, slopes, points, held, tick=TICK, by=by)
-    strides = StrideMap.of("lab").with_parameter("foot_radius", radii)
-    passage, change = strides.linearise(points, slopes, torque=0.002, by=("state", "torque", *by))
+    strides = replace(StrideMap.of("lab"), drive=Drive(0.002)).with_parameter("foot_radius", radii)
+    passage, change = strides.linearise(points, slopes, by=("state", "hip_torque", *by))
     expected = [change.ends, change.durations[:, None], change.lengths[:, None]]
     expected = np.concatenate([*expected, change.knee_times[:, None]], axis=1)
     found = np.concatenate([ticked.by[:, :6], ticked.by[:, -1:]], axis=1)

@@ -453,7 +453,7 @@ def test_a_strike_does_to_a_record_what_is_stated(system, index, outcome):
         ground = Ground(np.sin(0.1), np.cos(0.1))
         record["ground"], record["time"], record["outcome"] = ground, 1.5, outcome
         strike(code, outcome, record, body)
-        after, loss = reset.strike(body, before)
+        after, loss, _ = reset.strike(body, before)
         (found,) = record
         np.testing.assert_allclose(found["state"], after, rtol=0.0, atol=1e-13)
         lost = found["knee_loss" if outcome == Outcome.KNEESTRIKE else "heel_loss"]
@@ -496,7 +496,7 @@ def test_derivatives_pass_through_a_strike(system, index, outcome):
                 field: before[field][0] + tiny * before[field][plane]
                 for field in ("state", "ground", "start")
             }
-            after, loss = reset.strike(body, State(*given["state"]))
+            after, loss, _ = reset.strike(body, State(*given["state"]))
             expected = [*after, loss]
             found = [*records["state"][plane]]
             if outcome == Outcome.KNEESTRIKE:
@@ -525,7 +525,7 @@ def test_no_phase_begins_where_it_is_refused():
         body, record = body_of(some_walker(rng, system)), np.zeros(1, RECORD)
         before = State(*rng.uniform(-0.7, 0.7, 2), 0.0, *rng.normal(size=3))
         before = before._replace(shank=before.thigh)
-        after, _ = reset.strike(body, before)
+        after, _, _ = reset.strike(body, before)
         for scuff in (0.0, 1.0):
             record["state"], record["outcome"] = before, Outcome.KNEESTRIKE
             strike(code, Outcome.KNEESTRIKE, record, body, scuff)

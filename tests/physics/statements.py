@@ -64,7 +64,7 @@ def foot_clearance(walker: Walker, angles, *, locked: bool) -> float:
 def struck(walker: Walker, phase: int, outcome: Outcome, before: State):
     """A state after a strike, and the energy lost, from a state in the walker's own units."""
     units, reset = units_of(walker), system_of(walker).phases[phase].resets[outcome]
-    after, loss = reset.strike(body_of(walker), State(*dimensionless(walker, before)))
+    after, loss, _ = reset.strike(body_of(walker), State(*dimensionless(walker, before)))
     return State(*units.to_own(np.array(after))), loss * units.energy
 
 

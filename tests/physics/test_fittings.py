@@ -87,7 +87,7 @@ def test_springs_without_stiffness_change_no_bit_of_a_walk(gait):
     """The code with springs and friction, and the code without."""
     walker = WALKERS[gait.walker]
     ends = []
-    for system in (system_of(walker), system_of(walker, moving=FITTINGS)):
+    for system in (system_of(walker), system_of(walker, using=FITTINGS)):
         records = new_records(units_of(walker).to_dimensionless(gait.state)[None], gait.slope, 1e-3)
         ends.append(advance(system, bodies(walker), records, tolerance=1e-10)["state"])
     assert system is not system_of(walker)
@@ -163,5 +163,5 @@ def test_no_joint_pushes_or_gives_energy(name):
 
 def test_the_code_without_springs_knows_none_of_them():
     for kind in ("kneed", "straight", "simplest"):
-        assert set(SYSTEMS[kind].absent) == set(FITTINGS)
+        assert set(FITTINGS) < set(SYSTEMS[kind].absent)
         assert SYSTEMS[f"{kind}-fitted"].absent == ()

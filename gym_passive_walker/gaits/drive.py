@@ -1,0 +1,118 @@
+"""What drives a walker from stride to stride: motors that do the same in each of them."""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gym_passive_walker.arguments import real_array
+from gym_passive_walker.units import Units
+from gym_passive_walker.walkers import Walker
+
+
+class Drive(NamedTuple):
+    """What motors do all along: in the walker's own units where people say it, else dimensionless.
+
+    Attributes:
+        hip_torque: Between stance leg and swing thigh, positive when it opens the legs in the
+            walking direction; per unit of foot mass for the simplest walker.
+        ankle_torque: Between ground and stance leg, positive when it tips the walker forward; on
+            point feet alone.
+        push_off: Impulse of the ground along the stance leg just before each heelstrike.
+    """
+
+    hip_torque: Any = 0.0
+    ankle_torque: Any = 0.0
+    push_off: Any = 0.0
+
+    @property
+    def passive(self) -> bool:
+        """Whether there is none."""
+        return self == PASSIVE if _single(self) else not any(np.any(part) for part in self)
+
+    @property
+    def using(self) -> tuple[str, ...]:
+        """What of `physics.systems.EXTRAS` it takes."""
+        if self[1:] == PASSIVE[1:] if _single(self) else not (np.any(self[1]) or np.any(self[2])):
+            return ()
+        return "ankle", "push_off"
+
+
+def _single(drive: Drive) -> bool:
+    """Whether its parts are plain numbers, which need not wait for arrays."""
+    return type(drive[0]) is type(drive[1]) is type(drive[2]) is float
+
+
+PASSIVE = Drive()
+"""No motors."""
+
+USES = {"hip_torque": "hip", "ankle_torque": "ankle", "push_off": "push_off"}
+"""What of the engine each part of a drive is."""
+
+
+def drive_units(units: Units) -> Drive:
+    """The dimensionless units of a drive in a walker's own."""
+    return Drive(units.torque, units.energy, units.impulse)
+
+
+def to_dimensionless(units: Units, drive: Drive) -> Drive:
+    """A drive in a walker's own units without them."""
+    return Drive(*(part / unit for part, unit in zip(drive, drive_units(units), strict=True)))
+
+
+def to_own(units: Units, drive: Drive) -> Drive:
+    """A dimensionless drive in a walker's own units."""
+    return Drive(*(part * unit for part, unit in zip(drive, drive_units(units), strict=True)))
+
+
+def check_drive(walker: Walker, drive: Drive) -> Drive:
+    """A drive whose parts are numbers, or arrays of them, that the walker's feet can bear.
+
+    Raises:
+        ValueError: if they are not; the message says what is allowed.
+    """
+    if type(drive) is Drive and _single(drive) and sum(map(abs, drive)) < math.inf:
+        if drive == PASSIVE:
+            return PASSIVE
+        if drive.push_off >= 0.0 and (drive.ankle_torque == 0.0 or walker.foot_radius == 0.0):
+            return drive
+    if len(drive) != len(Drive._fields) or isinstance(drive, str):
+        raise ValueError(f"a drive is a Drive(hip_torque, ankle_torque, push_off), not {drive!r}")
+    allowed = "a number or an array of them"
+    hip, ankle, push = (
+        real_array(part, name, allowed) for name, part in zip(Drive._fields, drive, strict=True)
+    )
+    if walker.foot_radius != 0.0 and np.any(ankle):
+        raise ValueError(
+            "ankle_torque needs point feet: a round foot rolls, and the ground under it bears no "
+            f"torque; foot_radius of this walker is {walker.foot_radius:g}"
+        )
+    if np.any(np.less(push, 0.0)):
+        raise ValueError("push_off must not be negative: the ground cannot pull")
+    return Drive(hip, ankle, push)
+
+
+def drive_shapes(drive: Drive) -> list[tuple[int, ...]]:
+    """The shapes of its parts."""
+    return [] if _single(drive) else [np.shape(part) for part in drive]
+
+
+def one_drive(walker: Walker, drive: Drive) -> Drive:
+    """A drive of single numbers.
+
+    Raises:
+        ValueError: if a part is none.
+    """
+    checked = check_drive(walker, drive)
+    if any(np.ndim(part) for part in checked):
+        raise ValueError(f"a gait has one drive, of single numbers, not {drive!r}")
+    return Drive(*(float(part) for part in checked))
+
+
+def for_each(value: ArrayLike, count: int) -> NDArray[np.float64]:
+    """A number, or one for each of some points, as one for each."""
+    values = np.asarray(value, dtype=float)
+    return values if values.ndim else np.full(count, values)

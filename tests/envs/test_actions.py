@@ -1,0 +1,148 @@
+"""What else an agent may act by: the push-off and the ankle beside the hip."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.control.baselines import ConstantTorque
+from gym_passive_walker.envs.scene import SceneError, make_scene
+from gym_passive_walker.units import units_of
+
+POINT_FEET = replace(gpw.WALKERS["C"], foot_radius=0.0, foot_angle=0.0)
+WALKERS = {"kneed": POINT_FEET, "straight": gpw.WALKERS["E"], "simplest": gpw.WALKERS["D"]}
+SLOPES = {"kneed": 0.02, "straight": 0.01, "simplest": 0.009}
+ALL = ("push_off", "ankle", "hip")
+
+
+def world(kind: str, **changes):
+    """A world in which a stride is a step, and an action is everything at once."""
+    start = tuple(gpw.find_gait("E" if kind == "kneed" else WALKERS[kind], 0.01).state)
+    units = units_of(WALKERS["straight" if kind == "kneed" else kind])
+    start = (*start[:3], *(np.array(start[3:]) * units.time).tolist())
+    arguments = {
+        "walker": WALKERS[kind], "slope": SLOPES[kind], "control": "stride", "actions": ALL,
+        "perturbation": 0.0, "tolerance": 1e-12, "stub": False, "start": start,
+    }  # fmt: skip
+    return gym.make("PassiveWalker-v0", **arguments | changes).unwrapped
+
+
+@pytest.mark.parametrize("kind", ["straight", "simplest"])
+def test_a_stride_by_all_actions_is_the_stride_map_and_pays_for_each(kind):
+    env = world(kind)
+    env.reset(seed=0)
+    units, state = units_of(env.walker), env.state
+    _, reward, _, _, info = env.step(np.array([0.2, 0.1, -0.1]))
+    walk = gpw.stride(
+        env.walker, env.slope, state, tolerance=1e-12,
+        push_off=0.2 * 0.2 * units.impulse, ankle_torque=0.1 * 0.05 * units.energy,
+        hip_torque=-0.1 * 0.03 * units.torque,
+    )  # fmt: skip
+    assert info["outcome"] == "heelstrike"
+    np.testing.assert_allclose(env.state, walk.state, rtol=1e-12)
+    way = walk.weight * walk.step_length
+    assert info["push_off_cost"] == pytest.approx(walk.push_off_work / way, rel=1e-10)
+    assert info["ankle_cost"] == pytest.approx(walk.ankle_work_absolute / way, rel=1e-10)
+    assert info["net_ankle_cost"] == pytest.approx(walk.ankle_work / way, rel=1e-10)
+    assert info["hip_cost"] == pytest.approx(walk.hip_work_absolute / way, rel=1e-10, abs=1e-15)
+    spent = walk.push_off_work + walk.ankle_work_absolute + walk.hip_work_absolute
+    assert info["energy"] == pytest.approx(spent / units.energy, rel=1e-10)
+    assert reward == pytest.approx(info["distance"] - 10.0 * info["energy"], rel=1e-12)
+    whole = sum(info[f"{name}_cost"] for name in ("gravity", "hip", "ankle", "push_off"))
+    assert info["cost_of_transport"] == pytest.approx(whole, rel=1e-12)
+
+
+def test_of_a_stride_s_push_offs_the_last_one_counts():
+    walks = []
+    for shares in ((0.0, 0.3), (0.3, 0.3)):
+        env = gym.make(
+            "PassiveWalker-v0", walker="D", slope=0.009, actions=("push_off",), perturbation=0.0,
+            tick=0.5,
+        ).unwrapped  # fmt: skip
+        env.reset(seed=0)
+        info, steps = {}, 0
+        while "outcome" not in info:
+            early = env.batch.records["time"][0, 0] < 1.0
+            *_, info = env.step(np.array([shares[0] if early else shares[1]]))
+            steps += 1
+        walks.append((steps, env.state, info["push_off_cost"]))
+    assert walks[0][0] > 2
+    np.testing.assert_array_equal(walks[0][1], walks[1][1])
+    assert walks[0][2] == walks[1][2] > 0.0
+
+
+@pytest.mark.parametrize("kind", WALKERS)
+def test_walkers_act_alike_alone_and_in_a_crowd(kind):
+    arguments = {
+        "walker": WALKERS[kind],
+        "slope": 0.01,
+        "actions": ALL,
+        "start": world(kind).scene.start,
+    }
+    crowd = gym.make_vec("PassiveWalker-v0", num_envs=5, **arguments)
+    alone = [gym.make("PassiveWalker-v0", **arguments) for _ in range(5)]
+    seen, _ = crowd.reset(seed=3)
+    for i, env in enumerate(alone):
+        np.testing.assert_array_equal(env.reset(seed=3 + i)[0], seen[i])
+    crowd.action_space.seed(0)
+    going = np.ones(5, bool)
+    for _ in range(40):
+        actions = crowd.action_space.sample()
+        seen, rewards, terminated, _, _ = crowd.step(actions)
+        for i in np.flatnonzero(going):
+            own, reward, *_ = alone[i].step(actions[i])
+            np.testing.assert_array_equal(own, seen[i])
+            assert reward == rewards[i]
+        going &= ~terminated
+    assert crowd.single_action_space.shape == (3,)
+    np.testing.assert_array_equal(crowd.single_action_space.low, [0.0, -1.0, -1.0])
+
+
+def test_without_action_it_is_the_passive_walk():
+    """The code for all motors, at rest, and that of the hip alone: to the last bit."""
+    observations = []
+    for actions in (("hip",), ("hip", "push_off")):
+        scene = make_scene("lab", actions=actions, perturbation=0.0)
+        env = gym.make("PassiveWalker-v0", scene=scene)
+        seen, _ = env.reset(seed=1)
+        for _ in range(60):
+            action, _ = ConstantTorque(0.0, scene).predict(seen)
+            seen, *_ = env.step(action)
+        observations.append(seen)
+    np.testing.assert_array_equal(*observations)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        ({"actions": ()}, "actions must be some of"),
+        ({"actions": ("hip", "hip")}, "each once"),
+        ({"actions": ("arm",)}, "actions must be some of 'hip', 'ankle', 'push_off'"),
+        ({"actions": 3}, "actions must be some of"),
+        ({"actions": ("ankle",)}, "'ankle' needs point feet"),
+        ({"max_push_off": -1.0}, "max_push_off must be a number"),
+    ],
+)
+def test_actions_that_cannot_be_are_refused(arguments, sentence):
+    with pytest.raises(SceneError, match=sentence):
+        make_scene("level", **arguments)
+
+
+def test_an_action_that_is_no_number_is_refused_and_changes_nothing():
+    env = world("straight")
+    env.reset(seed=0)
+    before = env.get_state()["records"]
+    with pytest.raises(ValueError, match="finite numbers of push_off, ankle, hip"):
+        env.step(np.array([0.1, np.nan, 0.0]))
+    with pytest.raises(ValueError, match=r"shape \(3,\)"):
+        env.step(np.array([0.1]))
+    np.testing.assert_array_equal(env.get_state()["records"], before)
+
+
+def test_methods_that_know_the_hip_alone_say_so():
+    with pytest.raises(SceneError, match="by the hip alone"):
+        gpw.optimal_gait(make_scene("level", actions=("hip", "push_off")), 0.3)

@@ -1,0 +1,109 @@
+"""Gaits and families under motors that do the same in every stride."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gym_passive_walker import (
+    WALKERS,
+    Drive,
+    GaitNotFound,
+    find_gait,
+    find_gaits,
+    gait_family,
+    parameter_family,
+    stride,
+)
+from gym_passive_walker.control.feedback import powered_gait
+from gym_passive_walker.units import units_of
+
+LEVEL = {
+    "A": Drive(push_off=0.05), "C": Drive(push_off=0.05), "E": Drive(ankle_torque=0.01),
+    "D": Drive(ankle_torque=0.01), "F": Drive(push_off=0.05), "B": Drive(hip_torque=0.01),
+}  # fmt: skip
+
+
+def own(name: str, drive: Drive) -> Drive:
+    """A dimensionless drive in a walker's own units."""
+    units = units_of(WALKERS[name])
+    scale = (units.torque, units.energy, units.impulse)
+    return Drive(*(part * unit for part, unit in zip(drive, scale, strict=True)))
+
+
+@pytest.mark.parametrize("name", LEVEL)
+def test_on_level_ground_motors_pay_for_what_strikes_lose(name):
+    gait = find_gaits(name, 0.0, drive=own(name, LEVEL[name]))[0]
+    walk, units = gait.stride, units_of(gait.walker)
+    np.testing.assert_allclose(walk.state, gait.state, rtol=1e-10)
+    paid = walk.hip_work + walk.ankle_work + walk.push_off_work
+    assert paid / units.energy == pytest.approx(gait.collision_loss / units.energy, abs=1e-14)
+    assert paid > 0.0
+
+
+@pytest.mark.parametrize("name", ["A", "D"])
+def test_a_drive_that_does_nothing_leaves_the_passive_gait(name):
+    slope = 0.009
+    passive, driven = (find_gait(name, slope, drive=d) for d in (Drive(), Drive(0.0, 0.0, 0.0)))
+    np.testing.assert_array_equal(passive.state, driven.state)
+    assert driven.drive.passive
+
+
+@pytest.mark.parametrize(("torque", "steepest"), [(0.02, -0.0180160), (0.05, -0.0418362)])
+def test_a_family_climbs_as_steep_as_its_torque_allows_and_turns_back_there(torque, steepest):
+    family = gait_family("C", -0.05, 0.01, drive=own("C", Drive(hip_torque=torque)))
+    assert family.folds[0] == pytest.approx(steepest, abs=1e-6)
+    assert family.slope.min() == pytest.approx(steepest, abs=1e-5)
+    assert family.drive.hip_torque > 0.0
+    # It is the same curve as is found at one slope alone.
+    near = find_gait("C", -0.01, drive=family.drive)
+    upper = (family.slope > -0.0175) & (family.stance_angle > 0.12)  # this side of the fold
+    expected = np.interp(-0.01, family.slope[upper], family.stance_angle[upper])
+    assert near.stance_angle == pytest.approx(expected, rel=1e-2)
+
+
+def test_walkers_push_off_from_soft_to_hard():
+    """On level ground, with Kuo's spring: harder pushes make longer steps."""
+    walker = replace(WALKERS["D"], hip_stiffness=2.5127 * 9.81)
+    unit = units_of(walker).impulse
+    family = parameter_family(
+        walker, "push_off", 0.1 * unit, 0.3 * unit, slope=0.0, drive=Drive(push_off=0.1877 * unit)
+    )
+    assert np.all(np.diff(family.stance_angle) >= 0.0)
+    ends = family.value[[0, -1]] / unit
+    np.testing.assert_allclose(ends, [0.1, 0.3], rtol=1e-12)
+    for push, angle, state in zip(
+        family.value[::6], family.stance_angle[::6], family.state[::6], strict=True
+    ):
+        speed = -state[3] * walker.time_unit
+        assert push / unit == pytest.approx(speed * np.tan(angle), abs=1e-12)
+        again = stride(walker, 0.0, state, push_off=push, tolerance=1e-12)
+        np.testing.assert_allclose(again.state, state, rtol=1e-9)
+
+
+def test_a_torque_family_begins_with_the_passive_gait():
+    units = units_of(WALKERS["C"])
+    family = parameter_family("C", "hip_torque", 0.0, 0.05 * units.torque, slope=0.03)
+    assert family.value[0] == 0.0
+    assert family.stance_angle[0] == pytest.approx(find_gait("C", 0.03).stance_angle, rel=1e-9)
+    assert family.stance_angle[-1] > family.stance_angle[0]
+
+
+def test_a_powered_gait_is_found_where_the_way_to_it_is_lost():
+    """Walker C climbs 0.018 rad; followed from downhill it got lost at 0.006."""
+    for slope in (-0.006, -0.015):
+        gait = powered_gait(WALKERS["C"], slope)
+        again = stride("C", slope, gait.state, hip_torque=gait.hip_torque, tolerance=1e-12)
+        np.testing.assert_allclose(again.state, gait.state, rtol=1e-8)
+        assert gait.hip_torque > 0.0
+
+
+def test_who_cannot_climb_is_told_so():
+    with pytest.raises(GaitNotFound, match="with Drive"):
+        find_gait("C", -0.1, drive=own("C", Drive(hip_torque=0.01)))
+    with pytest.raises(ValueError, match="only motors"):
+        gait_family("C", -0.01, 0.01)
+    with pytest.raises(ValueError, match="one drive, of single numbers"):
+        find_gait("C", 0.01, drive=Drive(hip_torque=[0.1, 0.2]))
