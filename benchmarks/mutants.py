@@ -24,6 +24,7 @@ NOT_MOTION = {
     "fingerprint", "cache_directory", "_bases", "_private", "found", "keep", "_warn", "_name",
     "load_overload", "save_overload", "aligned", "in_parts", "_crew", "_machine", "_kept",
     "object_code", "loaded", "_parsed", "_call", "__post_init__", "_check_masses",
+    "_check_places",
 }  # fmt: skip
 """Functions about compiling, caching, threads and messages: no walker moves by them."""
 

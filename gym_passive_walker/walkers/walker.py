@@ -11,6 +11,8 @@ from typing import Any
 from gym_passive_walker.arguments import unknown
 from gym_passive_walker.shown import Shown
 
+_PLACES = ("thigh_com", "thigh_offset", "thigh_gyration")
+_PLACES += ("shank_com", "shank_offset", "shank_gyration")
 _NOT_NEGATIVE = ("thigh_mass", "shank_mass", "hip_mass", "thigh_gyration", "shank_gyration")
 _NOT_NEGATIVE += ("hip_stiffness", "hip_friction", "knee_stiffness")
 
@@ -74,8 +76,9 @@ class Walker(Shown):
 
     def __new__(cls, **parameters: Any) -> Walker:
         """Refuse what no walker has, before `__init__` does so in Python's words."""
-        if said := unknown(parameters, [field.name for field in fields(cls)], "a walker"):
-            raise WalkerError(said)
+        known = cls.__dataclass_fields__
+        if not parameters.keys() <= known.keys():  # seldom, and walkers are made in crowds
+            raise WalkerError(unknown(parameters, tuple(known), "a walker"))
         return super().__new__(cls)
 
     def __post_init__(self) -> None:
@@ -119,13 +122,12 @@ class Walker(Shown):
     def _check_places(self) -> None:
         """A centre of mass metres from its leg is a slip of the decimal point, or of the unit."""
         farthest = 2.0 * self.leg_length
-        for segment in ("thigh", "shank"):
-            for name in (f"{segment}_com", f"{segment}_offset", f"{segment}_gyration"):
-                if abs(getattr(self, name)) > farthest:
-                    raise WalkerError(
-                        f"{name} must be at most two leg lengths, {farthest:g}, for the mass to "
-                        f"belong to a leg; it is {getattr(self, name)}"
-                    )
+        for name in _PLACES:
+            if abs(getattr(self, name)) > farthest:
+                raise WalkerError(
+                    f"{name} must be at most two leg lengths, {farthest:g}, for the mass to "
+                    f"belong to a leg; it is {getattr(self, name)}"
+                )
 
     def _check_masses(self) -> None:
         """Every joint must have something to turn."""

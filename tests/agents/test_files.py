@@ -83,10 +83,10 @@ def test_what_killed_writers_left_goes_when_the_file_is_written_again(tmp_path):
 
 def test_what_cannot_be_written_is_told_by_its_own_name(tmp_path):
     (tmp_path / "file").touch()
-    path = tmp_path / "file" / "new"
-    with pytest.raises(OSError, match="File exists") as told, files.replacing(path):
+    target = tmp_path / "file" / "new"
+    with pytest.raises(OSError, match="File exists") as told, files.replacing(target):
         pass
-    assert told.value.filename == str(path)
+    assert told.value.filename == str(target)
 
 
 def test_new_runs_are_numbered(tmp_path, monkeypatch):
