@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +11,7 @@ import pytest
 from gym_passive_walker import WALKERS, Outcome, stride_jacobian
 from gym_passive_walker.control.ticks import ticked_stride
 from gym_passive_walker.engine.run import Seeds, advance, new_records
+from gym_passive_walker.gaits.drive import Drive
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.bodies import body_from
 from gym_passive_walker.physics.systems import body_of, system_of
@@ -23,8 +24,8 @@ RESULTS = (
 )  # fmt: skip
 """What a stride leaves in a record that depends on where it began."""
 
-MOVED, TURNED = 7, 8
-"""Where among results the hip's travel stands, net and either way."""
+MOVED, TURNED = 7, 9
+"""Where among results the hip's travel stands, net and either way; each has the ankle's behind."""
 
 STENCIL = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
 """Central differences of order six."""
@@ -193,7 +194,7 @@ def test_a_walk_that_is_stopped_follows_the_moment_when_it_is():
         records = new_records(state, gait.slope, 0.01, end=when, seeds=seeds, planes=2)
         advance(system_of(walker), own, records, tolerance=1e-14)
         assert records["outcome"][0, 0] == Outcome.RUNNING
-        return results(records[0])[:, :9]
+        return results(records[0])[:, :11]
 
     for when in (0.7, 2.4):
         expected = differences(lambda t: stopped(t)[0], when, 1e-3)
@@ -229,7 +230,8 @@ def test_who_asks_for_derivatives_is_told_the_same(name):
     strides = StrideMap.of(walker)
     point = strides.points_at(gait.state)
     m, coordinates = strides.dimension, strides.coordinates
-    _, change = strides.linearise(point, gait.slope, torque=0.003, by=("state", "slope", "torque"))
+    driven = replace(strides, drive=Drive(hip_torque=0.003))
+    _, change = driven.linearise(point, gait.slope, by=("state", "slope", "hip_torque"))
     found = end(name, start(name), np.eye(6))[1:]
     rows = [0, 1, 2, 3, 4, 5] if name in KNEED else [0, 1, 2, 4, 5]
     expected = found[rows][:, coordinates].T

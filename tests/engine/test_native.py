@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from functools import partial
 
 import numpy as np
 import pytest
@@ -196,7 +197,8 @@ class Filled:
         self.system, self.phase, self.links = system, phase, phase.links
         self.bodies = [body_of(some_walker(rng, system)) for _ in range(WIDTH)]
         self.states = [some_state(rng, phase.links) for _ in range(WIDTH)]
-        self.controls = [Control(rng.normal()) for _ in range(WIDTH)]
+        self.moving = [i for i, name in enumerate(Control._fields) if name not in system.absent]
+        self.controls = [self.held(rng.normal(size=len(Control._fields))) for _ in range(WIDTH)]
         slopes = rng.uniform(-0.5, 0.5, WIDTH)
         self.grounds = [Ground(np.sin(slope), np.cos(slope)) for slope in slopes]
         self.tile = tile = aligned(TILE, planes + 1)
@@ -211,6 +213,10 @@ class Filled:
         tile["fresh"][0] = 1.0
         tile["end"][0] = 100.0
         self.planes, self.code = planes, compiled(system.name, derived=planes > 0)[index]
+
+    def held(self, controls) -> Control:
+        """Those of some controls that there are; the others are zero."""
+        return Control(*(x if i in self.moving else 0.0 for i, x in enumerate(controls)))
 
     def run(self, function: str, tolerance: float = 1e-3) -> None:
         """Call one of the phase's functions for all lanes."""
@@ -284,7 +290,7 @@ def test_derivatives_of_accelerations_are_those_of_a_complex_step(system, index)
             stated = filled.phase.accelerations(
                 body._replace(**own),
                 state,
-                moved(filled.controls[lane], change["control"]),
+                filled.held(moved(filled.controls[lane], change["control"])),
                 moved(filled.grounds[lane], change["ground"]),
             )
             expected = np.imag(stated) / 1e-100
@@ -357,9 +363,10 @@ def test_the_judge_takes_a_plain_step_and_leaves_any_other_to_be_looked_at(syste
             tile["stage"][0, 0, :links, lane], tile["stage"][0, PAIR.stages, :links, lane]
         )
         assert tile["time"][0, lane] == 0.01
-        travel = np.subtract(system.travel(end), system.travel(state))
-        np.testing.assert_allclose(tile["moved"][0, :, lane], travel, rtol=1e-12)
-        np.testing.assert_allclose(tile["turned"][0, :, lane], np.abs(travel), rtol=1e-12)
+        travel = np.subtract(system.travel(end), system.travel(state))[filled.moving]
+        moved, turned = (tile[name][0, filled.moving, lane] for name in ("moved", "turned"))
+        np.testing.assert_allclose(moved, travel, rtol=1e-12)
+        np.testing.assert_allclose(turned, np.abs(travel), rtol=1e-12)
         assert 0.01 < tile["next"][0, lane] <= LONGEST_STEP
     assert {PLAIN, UP} <= verdicts
     assert (tile["steps"][0] == 1.0).all()
@@ -399,14 +406,15 @@ def test_a_look_tells_how_guards_and_controls_run_over_a_step(system, index):
         body = filled.bodies[lane]
         call(filled.code["look"], tile, course, lane)
         end = filled.state(tile["new_angle"][0, :, lane], tile["new_rate"][0, :, lane])
-        functions = [
-            *(lambda s, g=guard, b=body: g.falls(b, s) for guard in filled.phase.guards),
-            *(lambda s, i=i: system.travel(s)[i] for i in range(len(Control._fields))),
-        ]
+        guards = filled.phase.guards
+        functions = {
+            **{i: partial(guard.falls, body) for i, guard in enumerate(guards)},
+            **{len(guards) + i: lambda s, i=i: system.travel(s)[i] for i in filled.moving},
+        }
         for when, at in (("before", state), ("after", end)):
             bends = filled.accelerations(lane, at)
             bends = [bends[min(i, filled.links - 1)] for i in range(3)]
-            for i, function in enumerate(functions):
+            for i, function in functions.items():
                 assert course[when][0, i] == pytest.approx(function(at), rel=1e-13, abs=1e-14)
                 flow = State(*at[3:], *bends)
                 step = State(*(x + 1e-100j * v for x, v in zip(at, flow, strict=True)))
@@ -419,7 +427,7 @@ def test_a_look_tells_how_guards_and_controls_run_over_a_step(system, index):
                 bend = np.imag(function(turned)) / 1e-100
                 found = course[f"bend_{when}"][0, i]
                 assert found == pytest.approx(bend, rel=1e-11, abs=1e-11)
-        for i, guard in enumerate(filled.phase.guards):
+        for i, guard in enumerate(guards):
             counts = guard.when is None or guard.when(body, end)
             assert course["counts"][0, i] == float(counts)
 
