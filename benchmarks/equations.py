@@ -41,19 +41,19 @@ def strike(phase: Phase) -> Guard:
 
 def falls(p: Problem, phase: Phase, y: Sequence[Number]) -> Number:
     """What falls through zero at the strike."""
-    return strike(phase).falls(p.body, state_of(phase, y))
+    return strike(phase).falls(p.body, state_of(phase, y), p.ground)
 
 
 def counts(p: Problem, phase: Phase, y: Sequence[Number]) -> Any:
     """Whether it would be the strike."""
     when = strike(phase).when
-    return True if when is None else when(p.body, state_of(phase, y))
+    return True if when is None else when(p.body, state_of(phase, y), p.ground)
 
 
 def struck(p: Problem, phase: Phase, y: Sequence[Number]) -> list[Number]:
     """The next phase's coordinates after the strike, or the next section state."""
     reset = phase.resets[strike(phase).outcome]
-    after, *_ = reset.strike(p.body, state_of(phase, y))
+    after, *_ = reset.strike(p.body, state_of(phase, y), 0.0, p.ground)
     return list(after) if reset.into is None else coordinates(p.system.phases[reset.into], after)
 
 

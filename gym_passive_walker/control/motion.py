@@ -254,7 +254,7 @@ class Carried:
         motion_of = (*state[3:], stance, thigh, *(shank or [thigh]))
         ahead = State(*(x + 1j * _INFINITESIMAL * v for x, v in zip(state, motion_of, strict=True)))
         guard = next(guard for guard in phase.guards if guard.outcome == outcome)
-        return np.imag(guard.falls(body, ahead)) / _INFINITESIMAL
+        return np.imag(guard.falls(body, ahead, ground)) / _INFINITESIMAL
 
 
 def _places(Body: type, bodies: NDArray, stances: NDArray) -> NDArray:

@@ -26,6 +26,7 @@ from gym_passive_walker.engine.runge_kutta import Pair
 from gym_passive_walker.engine.step import Equations, without_absent
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import Control, Ground, Outcome, Phase, State, System
+from gym_passive_walker.physics.numbers import sine_cosine
 from gym_passive_walker.physics.systems import SYSTEMS
 from gym_passive_walker.progress import compiling
 
@@ -77,13 +78,14 @@ def constants_used(system: System, phase: Phase) -> tuple[str, ...]:
     state = equations.as_state(*([read(known, kind, i) for i in range(3)] for kind in "ab"))
     control = Control(*(read(known, "c", i) for i in range(len(Control._fields))))
     ground = Ground(*(read(known, "g", i) for i in range(len(Ground._fields))))
+    ground = without_absent(system, ground)
     results = [*phase.accelerations(body, state, control, ground)]
     if system.friction_power:
         results.append(system.friction_power(body, state))
     for guard in phase.guards:
-        results.append(guard.falls(body, state))
+        results.append(guard.falls(body, state, ground))
         if guard.when:
-            results.append(guard.when(body, state))
+            results.append(guard.when(body, state, ground))
     reached = uses(results)
     return tuple(name for name, x in zip(names, body, strict=True) if x in reached)
 
@@ -172,13 +174,19 @@ def _constants(system: System, body: Memory) -> Any:
     return without_absent(system, system.Body(*body.entries("body")))
 
 
+def _ground(system: System, record: Memory) -> Ground:
+    """What a walker stands on."""
+    return without_absent(system, Ground(*record.entries("ground")))
+
+
 def _open(system: System, phase: Phase, record: Memory, body: Memory) -> None:
     """Begin a stride or a tick within the bounds of its phase, or not at all."""
     state, constants = State(*record.entries("state")), _constants(system, body)
+    ground = _ground(system, record)
     outcome: Expression | float = float(Outcome.RUNNING)
     for guard in reversed(phase.guards):
         if guard.watch == guard.watch.BOUND:
-            beyond = guard.falls(constants, state) <= 0.0
+            beyond = guard.falls(constants, state, ground) <= 0.0
             outcome = choose(beyond, float(guard.outcome), outcome)
     record["outcome"] = outcome
 
@@ -186,39 +194,45 @@ def _open(system: System, phase: Phase, record: Memory, body: Memory) -> None:
 def _reset(system: System, phase: Phase, outcome: Outcome, record: Memory, body: Memory) -> None:
     """A strike: the state after it, what it cost, and what follows."""
     constants, reset = _constants(system, body), phase.resets[outcome]
+    ground = _ground(system, record)
     push_off = 0.0 if "push_off" in system.absent else record["push_off"]
     before = State(*record.entries("state"))
-    after, loss, work = reset.strike(constants, before, push_off)
+    after, loss, work = reset.strike(constants, before, push_off, ground)
     for i, value in enumerate(after):
         record["state", i] = value
     record[_LOSSES[outcome]] = loss
     if reset.into is None:
         record["push_work"] = work
-        _measure(system, constants, after, record)
+        _measure(system, constants, after, ground, record)
         record["phase"] = 0.0
         return
     record["phase"] = float(reset.into)
     record["knee_time"] = record["time"]
     follows: Expression | float = float(Outcome.RUNNING)
     for refusal in reversed(reset.refuses):
-        met = refusal.if_(constants, after)
+        met = refusal.if_(constants, after, ground)
         if refusal.scuff:
             met &= record.argument(1) > 0.0
         follows = choose(met, float(refusal.outcome), follows)
     record["outcome"] = follows
 
 
-def _measure(system: System, body: Any, after: State, record: Memory) -> None:
+def _measure(system: System, body: Any, after: State, ground: Ground, record: Memory) -> None:
     """The step that a heelstrike has ended, and the work done in it; the next one starts here."""
-    ground = Ground(*record.entries("ground"))
     start = after._replace(**dict(zip(State._fields[:3], record.entries("start"), strict=True)))
-    end = after._replace(stance=-after.stance, thigh=-after.thigh, shank=-after.shank)
-    record["step_length"] = legs.step_length(body, start.stance, after.stance)
+    old, new = after.thigh - ground.turn, after.stance - ground.turn
+    end = after._replace(stance=old, thigh=new, shank=new)
+    record["step_length"] = legs.step_length(body, start.stance, new, old)
+    record["passed"] = legs.progress(body, old)
     record["gravity_work"] = -system.potential_gain(body, start, end, ground)
     if system.spring_gain:
         record["spring_work"] = -system.spring_gain(body, start, end)
     for i in range(3):
         record["start", i] = after[i]
+    if "turn" not in system.absent:
+        back, up = legs.turned(ground.cosine, ground.sine, *sine_cosine(ground.turn))
+        for i, value in enumerate(Ground(back, up)):
+            record["ground", i] = value
 
 
 def _place(system: System, record: Memory, body: Memory) -> None:

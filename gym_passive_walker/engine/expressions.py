@@ -56,6 +56,8 @@ class Expression:
             return b if a.value == 1.0 else a
         if op == "mul" and 0.0 in (a.value, b.value):
             return self.number(0.0)
+        if op == "div" and a.value == 0.0:
+            return a
         if op in ("add", "sub") and b.value == 0.0:
             return a
         if op == "add" and a.value == 0.0:

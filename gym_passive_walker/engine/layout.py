@@ -53,6 +53,7 @@ RECORD = np.dtype(
         ("spring_work", "f8"),
         ("push_work", "f8"),
         ("place", "f8"),  # of the hip from where its foot stands at stance angle 0
+        ("passed", "f8"),  # likewise, of the old foot, as the last heelstrike came
         ("phase", "i8"),  # index in the system's phases
         ("outcome", "i8"),
         ("steps", "i8"),  # integration steps tried

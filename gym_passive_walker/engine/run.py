@@ -111,6 +111,8 @@ def new_records(
     controls: ArrayLike = 0.0,
     *,
     push_off: ArrayLike = 0.0,
+    rise: ArrayLike = 0.0,
+    turn: ArrayLike = 0.0,
     end: ArrayLike = LONGEST_STRIDE,
     seeds: Seeds | None = None,
     planes: int = 0,
@@ -122,6 +124,8 @@ def new_records(
         slopes: In rad, one for all or (n,).
         controls: Of the hip alone, one for all or (n,); or of each control, (n, controls).
         push_off: Impulse at heelstrike, one for all or (n,).
+        rise: Height of the next foothold, one for all or (n,).
+        turn: By how much it slopes more steeply, one for all or (n,).
         end: When to stop, one for all or (n,).
         seeds: Directions of derivatives.
         planes: How many there are.
@@ -130,6 +134,7 @@ def new_records(
     values = records[:, 0]
     values["state"] = states
     values["ground"][:, 0], values["ground"][:, 1] = np.sin(slopes), np.cos(slopes)
+    values["ground"][:, 2], values["ground"][:, 3] = rise, turn
     controls = np.asarray(controls, dtype=float)
     values["control"][:, : controls.shape[1] if controls.ndim == 2 else 1] = (
         controls if controls.ndim == 2 else controls[..., None]
@@ -148,7 +153,7 @@ def new_records(
                 changes[name] = seed
         if seeds.slopes is not None:
             turn = np.stack([values["ground"][:, 1], -values["ground"][:, 0]], axis=-1)
-            changes["ground"] = seeds.slopes[..., None] * turn[:, None]
+            changes["ground"][..., :2] = seeds.slopes[..., None] * turn[:, None]
     return records
 
 

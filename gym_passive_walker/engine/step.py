@@ -76,6 +76,22 @@ class Equations:
         return [i for i, name in names if name not in self.system.absent]
 
     @property
+    def grounds(self) -> list[int]:
+        """Indices of the parts of the ground that there may be."""
+        names = enumerate(Ground._fields)
+        return [i for i, name in names if name not in self.system.absent]
+
+    def ground(self, tile: Memory) -> Ground:
+        """What the walker stands on."""
+        found = {Ground._fields[i]: tile["ground", i] for i in self.grounds}
+        return Ground(**dict.fromkeys(Ground._fields, 0.0) | found)
+
+    def guard(self, index: int, tile: Memory) -> Callable[[State], Expression]:
+        """The function of the state that ends the phase."""
+        falls, body, ground = self.phase.guards[index].falls, self.body(tile), self.ground(tile)
+        return lambda state: falls(body, state, ground)
+
+    @property
     def dissipates(self) -> bool:
         """Whether there is friction."""
         return self.system.friction_power is not None
@@ -98,8 +114,7 @@ class Equations:
         """Accelerations of the links."""
         held = {Control._fields[i]: tile["control", i] for i in self.controls}
         control = Control(**dict.fromkeys(Control._fields, 0.0) | held)
-        ground = Ground(*tile.entries("ground"))
-        return self.phase.accelerations(self.body(tile), state, control, ground)
+        return self.phase.accelerations(self.body(tile), state, control, self.ground(tile))
 
     def along(
         self, function: Callable[[State], Expression], state: State, bends: list[Any]
@@ -135,9 +150,9 @@ class Equations:
         state = record.entries("state")
         for i in range(3):
             tile["angle", i], tile["rate", i] = state[i], state[3 + i]
-        for field in ("ground", "control"):
-            for i, value in enumerate(record.entries(field)):
-                tile[field, i] = value
+        for field, there in (("ground", self.grounds), ("control", self.controls)):
+            for i in there:
+                tile[field, i] = record[field, i]
         for i in self.controls:
             tile["moved", i] = tile["turned", i] = 0.0
         tile["lost"] = 0.0
@@ -314,11 +329,11 @@ class Equations:
 
     def _fallen(self, tile: Memory) -> Expression:
         """Whether a guard may have fallen, or a control turned what it moves back."""
-        body, none = self.body(tile), [None] * 3
+        none: list[None] = [None] * 3
         before, after = self.state(tile), self.state(tile, "new_")
         alert = None
-        for guard in self.phase.guards:
-            falls = partial(guard.falls, body)
+        for number, guard in enumerate(self.phase.guards):
+            falls = self.guard(number, tile)
             g0, v0, _ = self.along(falls, before, none)
             g1, v1, _ = self.along(falls, after, none)
             if guard.watch == Watch.STRIKE:
@@ -344,10 +359,10 @@ class Equations:
 
     def look(self, tile: Memory, course: Memory) -> None:
         """How guards, what controls move and what friction takes run over a lane's step."""
-        body = self.body(tile)
+        body, ground = self.body(tile), self.ground(tile)
         guards = len(self.phase.guards)
         functions: dict[int, Callable[[State], Expression]] = {
-            **{i: partial(guard.falls, body) for i, guard in enumerate(self.phase.guards)},
+            **{i: self.guard(i, tile) for i in range(guards)},
             **{guards + i: partial(self._moved, i) for i in self.controls},
         }
         for when, prefix, stage in (("before", "", 0), ("after", "new_", self.pair.stages)):
@@ -364,7 +379,7 @@ class Equations:
                 course[f"rate_{when}", last], course[f"bend_{when}", last] = power, change
         end = self.state(tile, "new_")
         for i, guard in enumerate(self.phase.guards):
-            counts = guard.when(body, end) if guard.when else None
+            counts = guard.when(body, end, ground) if guard.when else None
             course["counts", i] = 1.0 if counts is None else choose(counts, 1.0, 0.0)
 
 

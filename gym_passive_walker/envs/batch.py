@@ -228,7 +228,7 @@ class Batch:
             )
         ground = np.stack([np.sin(checked), np.cos(checked)], axis=-1)
         self.ledger["slope"][lanes] = checked[lanes]
-        self.records["ground"][lanes, 0] = ground[lanes]
+        self.records["ground"][lanes, 0, :2] = ground[lanes]
 
     @property
     def charged_for(self) -> str:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.physics import legs
-from gym_passive_walker.physics.hybrid import Outcome, State
+from gym_passive_walker.physics.hybrid import SMOOTH, Outcome, State
 from gym_passive_walker.physics.systems import body_of, system_of
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker
@@ -78,7 +78,7 @@ def heelstrike(
     """
     reset = system_of(section.walker).phases[-1].resets[Outcome.HEELSTRIKE]
     before = legs.straight(-angles, angles, stance_rates, swing_rates)
-    struck = reset.strike(body_of(section.walker), before, push_off)
+    struck = reset.strike(body_of(section.walker), before, push_off, SMOOTH)
     return section.point(np.stack(struck.after, axis=-1)), struck.lost - struck.work
 
 

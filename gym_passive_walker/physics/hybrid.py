@@ -45,10 +45,23 @@ class Control(NamedTuple):
 
 
 class Ground(NamedTuple):
-    """The slope, by gravity's parts: along it (downhill) and into it."""
+    """What the stance foot stands on, and the foothold that comes next.
+
+    Attributes:
+        sine: Of the slope: gravity's part along it, downhill.
+        cosine: Gravity's part into it.
+        rise: Height of the next foothold over this one, along this one's normal.
+        turn: By how much the next one slopes more steeply downhill; it touches the foot that lands.
+    """
 
     sine: Number
     cosine: Number
+    rise: Number = 0.0
+    turn: Number = 0.0
+
+
+SMOOTH = Ground(0.0, 1.0)
+"""Level, and goes on as it is."""
 
 
 class Outcome(IntEnum):
@@ -102,28 +115,28 @@ class Guard(NamedTuple):
     """What ends a phase.
 
     Attributes:
-        falls: Function of body and state that ends the phase as it falls through zero.
+        falls: Function of body, state and ground that ends the phase as it falls through zero.
         outcome: How the phase has ended then.
         watch: How closely to look.
-        when: Condition, of body and state, under which falling through zero counts.
+        when: Condition, of the same, under which falling through zero counts.
     """
 
-    falls: Callable[[Any, State], Number]
+    falls: Callable[[Any, State, Ground], Number]
     outcome: Outcome
     watch: Watch = Watch.BOUND
-    when: Callable[[Any, State], Number] | None = None
+    when: Callable[[Any, State, Ground], Number] | None = None
 
 
 class Refusal(NamedTuple):
     """A state in which no phase can begin.
 
     Attributes:
-        if_: Condition, of body and state after a reset.
+        if_: Condition, of body, state after a reset, and ground.
         outcome: How the stride has ended if it holds.
         scuff: Whether it counts only where scuffing is a rule.
     """
 
-    if_: Callable[[Any, State], Number]
+    if_: Callable[[Any, State, Ground], Number]
     outcome: Outcome
     scuff: bool = False
 
@@ -146,13 +159,14 @@ class Reset(NamedTuple):
     """What a strike does.
 
     Attributes:
-        strike: Function of body, state before and push-off.
+        strike: Function of body, state before, push-off and ground; the state after is over the
+            next foothold.
         into: Index of the phase that begins; None if the stride is over and the legs have changed
             roles.
         refuses: After which states no phase begins.
     """
 
-    strike: Callable[[Any, State, Number], Strike]
+    strike: Callable[[Any, State, Number, Ground], Strike]
     into: int | None = None
     refuses: tuple[Refusal, ...] = ()
 
@@ -204,8 +218,8 @@ class System(NamedTuple):
         spring_gain: Function of body and two states: what the energy of springs gains, likewise;
             None where it counts for nothing.
         friction_power: Function of body and state: what friction takes; None likewise.
-        absent: Constants of its body, controls and impulses that are zero for certain. Code is made
-            without them, so that a walker does not pay for what it has not.
+        absent: Constants of its body, controls, impulses and parts of the ground that are zero for
+            certain. Code is made without them, so that a walker does not pay for what it has not.
     """
 
     name: str

@@ -12,6 +12,7 @@ from math import pi
 from gym_passive_walker.physics import legs, straight
 from gym_passive_walker.physics.bodies import KneedBody
 from gym_passive_walker.physics.hybrid import (
+    SMOOTH,
     Guard,
     Outcome,
     Phase,
@@ -132,11 +133,11 @@ def spring_gain(body, start, end):
     return legs.hip_spring_gain(body, start, end) + body.knee_stiffness * knee
 
 
-def kneestrike(body, before, push_off=0.0):
+def kneestrike(body, before, push_off=0.0, ground=SMOOTH):
     """Plastic collision of the shank with its stop, leg straight (subsection 4.10.6).
 
     Angular momentum of the whole walker about the contact and of the swing leg about the hip pass
-    through it. No push-off is due here.
+    through it. No push-off is due here, and no foothold near.
     """
     before = before._replace(shank=before.thigh)
     m11, m12, m13, m22, m23, m33 = mass_matrix(body, before)
@@ -157,21 +158,20 @@ def kneestrike(body, before, push_off=0.0):
     return Strike(after, loss)
 
 
-def heelstrike(body, before, push_off=0.0):
+def heelstrike(body, before, push_off=0.0, ground=SMOOTH):
     """Plastic collision of the swing foot, upon which the old stance knee is free.
 
     As for straight legs (`straight.heelstrike`), and the angular momentum of the new shank about
     its knee passes through it as well (subsection 4.10.8).
     """
-    before, velocity, work = straight.strike_with(body, before, push_off)
-    angle = before.thigh
+    before, velocity, work = straight.strike_with(body, before, push_off, ground)
     rate, hip_back, hip_up, momentum, energy = straight.stance_collision(body, before, velocity)
-    sine, cosine = sine_cosine(-angle)
+    sine, cosine = sine_cosine(before.stance)
     thigh_back, thigh_up = turned(body.thigh_along, body.thigh_across, sine, cosine)
     shank_back, shank_up = turned(body.shank_along, body.shank_across, sine, cosine)
     thigh_momentum = impulse(thigh_back, thigh_up, hip_back, hip_up)
     shank_momentum = impulse(shank_back, shank_up, hip_back, hip_up)
-    after = legs.straight(angle, -angle, rate, before.stance_rate)
+    after = legs.straight(before.thigh, before.stance, rate, before.stance_rate)
     momenta = momentum, thigh_momentum, shank_momentum
     new_stance, new_thigh, new_shank = solve_hanging(
         mass_matrix(body, after), body.shank_mobility, momenta
@@ -180,9 +180,9 @@ def heelstrike(body, before, push_off=0.0):
         energy - momentum * new_stance - thigh_momentum * new_thigh - shank_momentum * new_shank
     )
     after = State(
-        angle,
-        -angle,
-        -angle,
+        before.thigh,
+        before.stance,
+        before.stance,
         rate + new_stance,
         before.stance_rate + new_thigh,
         before.stance_rate + new_shank,
@@ -203,17 +203,17 @@ def foot_clearance(body, state):
     return body.leg * cosine + knee_up + foot_up
 
 
-def under_ground(body, state):
-    """Whether the foot of a straight leg is under the ground."""
-    return straight.foot_clearance(body, state) < 0.0
+def under_ground(body, state, ground):
+    """Whether the foot of a straight leg is under the ground, on both footholds' side."""
+    return straight.foot_clearance(body, state) < legs.lower(ground)
 
 
-def let_through(body, state):
+def let_through(body, state, ground):
     """Whether the foot is under the ground in front, and sinks: the free knee let it through."""
     return (
         (state.stance < 0.0)
-        & (state.stance + state.thigh <= 0.0)
         & (state.thigh - state.stance > 0.0)
+        & (straight.foot_clearance(body, state) <= ground.rise)
         & (state.stance_rate + state.thigh_rate <= 0.0)
     )
 
@@ -228,14 +228,14 @@ SYSTEM = System(
             accelerations,
             guards=(
                 Guard(  # the shank catches up with the thigh
-                    lambda body, state: state.thigh - state.shank,
+                    lambda body, state, ground: state.thigh - state.shank,
                     Outcome.KNEESTRIKE,
                     Watch.STRIKE,
                 ),
                 *legs.STANCE_FALLS,
                 *legs.THIGH_OVER_THE_TOP,
-                Guard(lambda body, state: pi - state.shank, Outcome.OVER_THE_TOP),
-                Guard(lambda body, state: state.shank + pi, Outcome.OVER_THE_TOP),
+                Guard(lambda body, state, ground: pi - state.shank, Outcome.OVER_THE_TOP),
+                Guard(lambda body, state, ground: state.shank + pi, Outcome.OVER_THE_TOP),
             ),
             resets={
                 Outcome.KNEESTRIKE: Reset(
@@ -257,22 +257,7 @@ SYSTEM = System(
                 legs.HEELSTRIKE,
                 *legs.STANCE_FALLS,
                 *legs.THIGH_OVER_THE_TOP,
-                # A straight leg that meets the ground anywhere but in front.
-                Guard(
-                    lambda body, state: state.thigh - state.stance,
-                    Outcome.STUBBED_TOE,
-                    Watch.SCUFF,
-                ),
-                Guard(
-                    lambda body, state: state.stance - state.thigh,
-                    Outcome.STUBBED_TOE,
-                    Watch.SCUFF,
-                ),
-                Guard(
-                    lambda body, state: -state.stance - state.thigh,
-                    Outcome.STUBBED_TOE,
-                    Watch.SCUFF,
-                ),
+                legs.SCUFF,
             ),
             resets={Outcome.HEELSTRIKE: Reset(heelstrike)},
             push=straight.push,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from math import pi
 
-from gym_passive_walker.physics.hybrid import Guard, Outcome, State, Watch
+from gym_passive_walker.physics.hybrid import Guard, Outcome, Phase, State, Watch
 from gym_passive_walker.physics.numbers import sine_cosine
 
 
@@ -153,17 +153,39 @@ def progress(body, stance):
 
 
 def travelled(before, after, struck):
-    """How far the hip has come, by its `progress` before and after; `struck` by heelstrike or not.
+    """How far the hip has come on smooth ground, by its `progress` before and after.
 
-    Before the legs changed roles, the hip was as far ahead of the old foot as it is behind the new.
+    Before the legs changed roles (`struck`), the hip was as far ahead of the old foot as it is
+    behind the new.
     """
     return (1.0 - 2.0 * struck) * after - before
 
 
-def step_length(body, start, end):
-    """From one contact point to the next, by the stance angles just after two heelstrikes."""
-    sine, _ = sine_cosine(end)
-    return 2.0 * body.leg * sine + body.foot_radius * (start + end)
+def step_length(body, start, end, landing=None):
+    """From one contact point to the next, along the ground.
+
+    Args:
+        body: The walker.
+        start: Stance angle where the stride began.
+        end: Angle of the new stance leg where it ends.
+        landing: That of the old one then; on smooth ground minus the new one's.
+    """
+    landing = -end if landing is None else landing
+    (new, _), (old, _) = sine_cosine(end), sine_cosine(landing)
+    return body.leg * (new - old) + body.foot_radius * (start - landing)
+
+
+def standing(body, state, ground):
+    """The state with straight legs whose feet both touch the ground: little is left to put right.
+
+    Legs with an angle 2 d between them stand on footholds that differ in height by `rise` where the
+    sine of their mean angle is rise / (2 leg sin d): one step of Newton's method from there.
+    """
+    mean, half = 0.5 * (state.stance + state.thigh), 0.5 * (state.thigh - state.stance)
+    sine, cosine = sine_cosine(mean)
+    spread, _ = sine_cosine(half)
+    mean = mean - (sine - ground.rise / (2.0 * body.leg * spread)) / cosine
+    return state._replace(stance=mean - half, thigh=mean + half, shank=mean + half)
 
 
 def clearance(body, stance, swing):
@@ -173,15 +195,36 @@ def clearance(body, stance, swing):
     return 2.0 * body.leg * half_sum * half_difference
 
 
-def striking_velocity(body, state):
-    """Velocity of the foot that lands with mirrored legs, (back, up).
+def in_front(state):
+    """Whether the legs stand on both sides of the normal: else, feet of one height are one."""
+    return (state.stance < 0.0) & (state.thigh > 0.0)
+
+
+def lower(ground):
+    """Height of the lower one of two footholds."""
+    return 0.5 * (ground.rise - abs(ground.rise))
+
+
+def striking_velocity(body, state, turn=0.0):
+    """Velocity of the foot that lands on the next foothold, (back, up) there.
 
     Equation 4.10, without its misprint-prone signs: the old hip velocity less the new rolling.
+    What is alike of both feet is taken out first.
+
+    Args:
+        body: The walker.
+        state: Just before the strike, angles from the next foothold's normal.
+        turn: By how much it slopes more steeply than the old one.
     """
-    hip_back, hip_up = hip(body, state.stance)
+    sine, cosine = sine_cosine(turn)
+    old_sine, old_cosine = sine_cosine(state.stance)
+    old_back = body.leg * old_sine + body.foot_radius * sine
+    old_up = body.foot_radius * cosine + body.leg * old_cosine
+    new_back, new_up = hip(body, state.thigh)
     return (
-        hip_up * (state.stance_rate - state.thigh_rate),
-        -hip_back * (state.stance_rate + state.thigh_rate),
+        new_up * (state.stance_rate - state.thigh_rate) + (old_up - new_up) * state.stance_rate,
+        -old_back * (state.stance_rate + state.thigh_rate)
+        + (old_back + new_back) * state.thigh_rate,
     )
 
 
@@ -202,16 +245,47 @@ def straight(stance, thigh, stance_rate, thigh_rate):
 # What ends a phase of any walker.
 
 HEELSTRIKE = Guard(
-    lambda body, state: state.stance + state.thigh,  # the legs mirror each other
+    lambda body, state, ground: clearance(body, state.stance, state.thigh) - ground.rise,
     Outcome.HEELSTRIKE,
     Watch.STRIKE,
-    when=lambda body, state: state.stance < 0.0,
+    when=lambda body, state, ground: in_front(state),
+)
+SCUFF = Guard(  # a straight leg that meets the ground anywhere but in front
+    lambda body, state, ground: clearance(body, state.stance, state.thigh) - lower(ground),
+    Outcome.STUBBED_TOE,
+    Watch.SCUFF,
+    when=lambda body, state, ground: ~in_front(state),
 )
 STANCE_FALLS = (
-    Guard(lambda body, state: state.stance + 0.5 * pi, Outcome.FELL_FORWARD),
-    Guard(lambda body, state: 0.5 * pi - state.stance, Outcome.FELL_BACKWARD),
+    Guard(lambda body, state, ground: state.stance + 0.5 * pi, Outcome.FELL_FORWARD),
+    Guard(lambda body, state, ground: 0.5 * pi - state.stance, Outcome.FELL_BACKWARD),
 )
 THIGH_OVER_THE_TOP = (
-    Guard(lambda body, state: pi - state.thigh, Outcome.OVER_THE_TOP),
-    Guard(lambda body, state: state.thigh + pi, Outcome.OVER_THE_TOP),
+    Guard(lambda body, state, ground: pi - state.thigh, Outcome.OVER_THE_TOP),
+    Guard(lambda body, state, ground: state.thigh + pi, Outcome.OVER_THE_TOP),
 )
+
+_ON_SMOOTH_GROUND = {
+    HEELSTRIKE: (
+        Guard(
+            lambda body, state, ground: state.stance + state.thigh,  # the legs mirror each other
+            Outcome.HEELSTRIKE,
+            Watch.STRIKE,
+            when=lambda body, state, ground: state.stance < 0.0,
+        ),
+    ),
+    SCUFF: tuple(
+        Guard(falls, Outcome.STUBBED_TOE, Watch.SCUFF)
+        for falls in (
+            lambda body, state, ground: state.thigh - state.stance,
+            lambda body, state, ground: state.stance - state.thigh,
+            lambda body, state, ground: -state.stance - state.thigh,
+        )
+    ),
+}
+
+
+def on_smooth_ground(phase: Phase) -> Phase:
+    """A phase on ground without steps: its guards fall where they do anywhere, and are linear."""
+    each = (_ON_SMOOTH_GROUND.get(guard, (guard,)) for guard in phase.guards)
+    return phase._replace(guards=tuple(guard for guards in each for guard in guards))

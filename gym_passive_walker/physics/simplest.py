@@ -15,6 +15,7 @@ from __future__ import annotations
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.bodies import SimplestBody
 from gym_passive_walker.physics.hybrid import (
+    SMOOTH,
     Control,
     Outcome,
     Phase,
@@ -58,16 +59,17 @@ def potential_gain(body, start, end, ground):
     return ground.cosine * up + ground.sine * back
 
 
-def heelstrike(body, before, push_off=0.0):
+def heelstrike(body, before, push_off=0.0, ground=SMOOTH):
     """Plastic collision of the swing foot: the hip keeps its velocity across the new leg.
 
     A push-off changes the hip's velocity along the old leg.
     """
-    angle = 0.5 * (before.thigh - before.stance)
-    sine, cosine = sine_cosine(-2.0 * angle)
+    before = legs.standing(body, before, ground)
+    sine, cosine = sine_cosine(before.stance - before.thigh)
     rate = cosine * before.stance_rate + push_off * sine
     lost = sine * before.stance_rate - push_off * cosine
-    after = legs.straight(angle, -angle, rate, cosine * rate)
+    stance, swing = before.thigh + ground.turn, before.stance + ground.turn
+    after = legs.straight(stance, swing, rate, cosine * rate)
     return Strike(after, 0.5 * lost * lost, 0.5 * push_off * push_off)
 
 

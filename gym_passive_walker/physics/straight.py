@@ -11,6 +11,7 @@ from __future__ import annotations
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.bodies import StraightBody
 from gym_passive_walker.physics.hybrid import (
+    SMOOTH,
     Outcome,
     Phase,
     Reset,
@@ -82,19 +83,22 @@ def potential_gain(body, start, end, ground):
     return legs.potential_gain(body, start, end, ground, swing)
 
 
-def strike_with(body, before, push_off):
-    """The state just before a heelstrike, legs mirrored and push-off done.
+def strike_with(body, before, push_off, ground):
+    """The state just before a heelstrike, both feet on the ground and push-off done.
 
     Returns:
-        That state; the velocity (back, up) of the foot that lands; and the push-off's work.
+        That state, angles from the next foothold's normal; the velocity (back, up) there of the
+        foot that lands; and the push-off's work.
     """
-    angle = 0.5 * (before.thigh - before.stance)
-    before = before._replace(stance=-angle, thigh=angle, shank=angle)
-    velocity_back, velocity_up = legs.striking_velocity(body, before)
-    (hip_back, hip_up), stance_rate, swing_rate, gained = legs.push_off(body, -angle, angle)
-    lever_back, lever_up = legs.hip(body, angle)
-    velocity_back = velocity_back + push_off * (hip_back - swing_rate * lever_up)
-    velocity_up = velocity_up + push_off * (hip_up + swing_rate * lever_back)
+    before = legs.standing(body, before, ground)
+    push, stance_rate, swing_rate, gained = legs.push_off(body, before.stance, before.thigh)
+    stance, swing = before.stance + ground.turn, before.thigh + ground.turn
+    before = before._replace(stance=stance, thigh=swing, shank=swing)
+    velocity_back, velocity_up = legs.striking_velocity(body, before, ground.turn)
+    push_back, push_up = turned(push[1], push[0], *sine_cosine(ground.turn))
+    hip_back, hip_up = legs.hip(body, swing)
+    velocity_back = velocity_back + push_off * (push_back - swing_rate * hip_up)
+    velocity_up = velocity_up + push_off * (push_up + swing_rate * hip_back)
     before = before._replace(
         stance_rate=before.stance_rate + push_off * stance_rate,
         thigh_rate=before.thigh_rate + push_off * swing_rate,
@@ -112,7 +116,7 @@ def stance_collision(body, before, velocity):
 
     Args:
         body: The walker.
-        before: The state before the collision: legs mirrored, stance angle negative.
+        before: The state before the collision, angles from the new foothold's normal.
         velocity: Of the foot that lands, (back, up).
 
     Returns:
@@ -120,13 +124,13 @@ def stance_collision(body, before, velocity):
         the momentum left for the stance leg's equation; twice the energy in the excess motion.
     """
     velocity_back, velocity_up = velocity
-    hip_back, hip_up = legs.hip(body, -before.stance)
+    hip_back, hip_up = legs.hip(body, before.thigh)
     square = hip_back * hip_back + hip_up * hip_up
     per_square = 1.0 / square
     # A turn with unit rate moves a point at (back, up) from the contact with (up, -back).
     turn = (velocity_back * hip_up - velocity_up * hip_back) * per_square
     along_hip = (velocity_back * hip_back + velocity_up * hip_up) * per_square
-    com_back, com_up = turned(body.leg_com_along, body.leg_com_across, *sine_cosine(-before.stance))
+    com_back, com_up = turned(body.leg_com_along, body.leg_com_across, *sine_cosine(before.thigh))
     com_up = com_up + body.foot_radius
     excess_back = velocity_back - turn * com_up
     excess_up = velocity_up + turn * com_back
@@ -139,21 +143,22 @@ def stance_collision(body, before, velocity):
     return before.thigh_rate + turn, along_hip * hip_back, along_hip * hip_up, momentum, energy
 
 
-def heelstrike(body, before, push_off=0.0):
+def heelstrike(body, before, push_off=0.0, ground=SMOOTH):
     """Plastic collision of the swing foot with both knees locked, and the legs change roles.
 
     Angular momentum of the whole walker about the new contact and of the new swing leg about the
     hip pass through it (subsection 4.10.8); the old foot feels no impulse.
     """
-    before, velocity, work = strike_with(body, before, push_off)
-    angle = before.thigh
+    before, velocity, work = strike_with(body, before, push_off, ground)
     rate, hip_back, hip_up, momentum, energy = stance_collision(body, before, velocity)
-    swing_back, swing_up = turned(body.swing_along, body.swing_across, *sine_cosine(-angle))
+    old = sine_cosine(before.stance)
+    swing_back, swing_up = turned(body.swing_along, body.swing_across, *old)
     swing_momentum = impulse(swing_back, swing_up, hip_back, hip_up)
-    after = legs.straight(angle, -angle, rate, before.stance_rate)
+    after = legs.straight(before.thigh, before.stance, rate, before.stance_rate)
     new_stance, new_swing = solve(*mass_matrix(body, after), momentum, swing_momentum)
     loss = 0.5 * (energy - momentum * new_stance - swing_momentum * new_swing)
-    after = legs.straight(angle, -angle, rate + new_stance, before.stance_rate + new_swing)
+    rates = rate + new_stance, before.stance_rate + new_swing
+    after = legs.straight(before.thigh, before.stance, *rates)
     return Strike(after, loss, work)
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.physics import kneed, simplest, straight
+from gym_passive_walker.physics import kneed, legs, simplest, straight
 from gym_passive_walker.physics.bodies import body_from
 from gym_passive_walker.physics.hybrid import System
 from gym_passive_walker.walkers import Walker, varied
@@ -17,14 +17,19 @@ from gym_passive_walker.walkers import Walker, varied
 FITTINGS = ("hip_stiffness", "hip_friction", "knee_stiffness")
 """Constants of what may be fitted to a walker's joints."""
 
-EXTRAS = (*FITTINGS, "ankle", "push_off")
+EXTRAS = (*FITTINGS, "ankle", "push_off", "rise", "turn")
 """What code is made without for those who have none of it."""
 
 _KINDS = (kneed.SYSTEM, straight.SYSTEM, simplest.SYSTEM)
 
 _BARE = {"absent": EXTRAS, "spring_gain": None, "friction_power": None}
 
-SYSTEMS = {kind.name: kind._replace(**_BARE) for kind in _KINDS} | {
+
+def _bare(kind: System) -> System:
+    return kind._replace(**_BARE, phases=tuple(map(legs.on_smooth_ground, kind.phases)))
+
+
+SYSTEMS = {kind.name: _bare(kind) for kind in _KINDS} | {
     f"{kind.name}-fitted": kind._replace(name=f"{kind.name}-fitted") for kind in _KINDS
 }
 """By name; of each kind a bare one, and one with all `EXTRAS`."""

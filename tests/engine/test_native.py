@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from functools import partial
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from gym_passive_walker.engine.layout import COURSE, PAIR, RECORD, TILE, WIDTH, 
 from gym_passive_walker.engine.native import GROUP, Memory
 from gym_passive_walker.engine.step import ALERT, LONGEST_STEP, PLAIN, UP
 from gym_passive_walker.physics import legs
-from gym_passive_walker.physics.hybrid import Control, Ground, State, System
+from gym_passive_walker.physics.hybrid import SMOOTH, Control, Ground, State, System
 from gym_passive_walker.physics.numbers import sine_cosine
 from gym_passive_walker.physics.systems import SYSTEMS, body_of
 from tests.engine.machine import PROCESSORS, Native, call, in_lanes, rows
@@ -186,6 +185,13 @@ def test_planes_behind_the_values_hold_their_derivatives():
 
 # Whole systems.
 
+
+def some_ground(rng, system: System, slope: float) -> Ground:
+    """A slope, and where there may be one a next foothold that is higher or lower, or tilted."""
+    uneven = rng.uniform(-0.05, 0.05, 2) if "rise" not in system.absent else (0.0, 0.0)
+    return Ground(np.sin(slope), np.cos(slope), *uneven)
+
+
 every_phase = pytest.mark.parametrize(("system", "index"), PHASES)
 
 
@@ -200,7 +206,7 @@ class Filled:
         self.moving = [i for i, name in enumerate(Control._fields) if name not in system.absent]
         self.controls = [self.held(rng.normal(size=len(Control._fields))) for _ in range(WIDTH)]
         slopes = rng.uniform(-0.5, 0.5, WIDTH)
-        self.grounds = [Ground(np.sin(slope), np.cos(slope)) for slope in slopes]
+        self.grounds = [some_ground(rng, system, slope) for slope in slopes]
         self.tile = tile = aligned(TILE, planes + 1)
         names = constants_used(system, phase)
         for lane in range(WIDTH):
@@ -355,7 +361,7 @@ def test_the_judge_takes_a_plain_step_and_leaves_any_other_to_be_looked_at(syste
             continue
         assert verdict == (UP if lane % 2 == 0 else PLAIN)
         for guard in filled.phase.guards:
-            before, after = guard.falls(body, state), guard.falls(body, end)
+            before, after = (guard.falls(body, at, filled.grounds[lane]) for at in (state, end))
             assert not before > 0.0 >= after
         assert tile["error"][0, lane] <= 1.0
         np.testing.assert_array_equal(kept, tile["new_angle"][0, :links, lane])
@@ -383,9 +389,9 @@ def test_a_guard_that_falls_within_a_step_is_always_looked_at(system, index):
         filled.run("sweep", 1e-2)
         for lane, state in enumerate(filled.states):
             end = filled.state(tile["new_angle"][0, :, lane], tile["new_rate"][0, :, lane])
-            body = filled.bodies[lane]
+            body, ground = filled.bodies[lane], filled.grounds[lane]
             for guard in filled.phase.guards:
-                if guard.falls(body, state) > 0.0 >= guard.falls(body, end):
+                if guard.falls(body, state, ground) > 0.0 >= guard.falls(body, end, ground):
                     assert tile["verdict"][0, lane] == ALERT
                     fell += 1
     assert fell > 5
@@ -408,7 +414,10 @@ def test_a_look_tells_how_guards_and_controls_run_over_a_step(system, index):
         end = filled.state(tile["new_angle"][0, :, lane], tile["new_rate"][0, :, lane])
         guards = filled.phase.guards
         functions = {
-            **{i: partial(guard.falls, body) for i, guard in enumerate(guards)},
+            **{
+                i: lambda s, falls=guard.falls, b=body, g=filled.grounds[lane]: falls(b, s, g)
+                for i, guard in enumerate(guards)
+            },
             **{len(guards) + i: lambda s, i=i: system.travel(s)[i] for i in filled.moving},
         }
         for when, at in (("before", state), ("after", end)):
@@ -428,7 +437,7 @@ def test_a_look_tells_how_guards_and_controls_run_over_a_step(system, index):
                 found = course[f"bend_{when}"][0, i]
                 assert found == pytest.approx(bend, rel=1e-11, abs=1e-11)
         for i, guard in enumerate(guards):
-            counts = guard.when is None or guard.when(body, end)
+            counts = guard.when is None or guard.when(body, end, filled.grounds[lane])
             assert course["counts"][0, i] == float(counts)
 
 
@@ -452,16 +461,15 @@ def test_a_strike_does_to_a_record_what_is_stated(system, index, outcome):
     reset = system.phases[index].resets[outcome]
     for _ in range(50):
         body, record = body_of(some_walker(rng, system)), np.zeros(1, RECORD)
-        angle = rng.uniform(0.0, 0.7)
+        angle, ground = rng.uniform(0.1, 0.7), some_ground(rng, system, 0.1)
         before = State(-angle, angle, angle, *rng.normal(size=3))
         if outcome == Outcome.KNEESTRIKE:
             before = before._replace(stance=rng.uniform(-0.7, 0.7))
         record["state"] = before
         record["start"] = first = 0.3, -0.3, -0.3
-        ground = Ground(np.sin(0.1), np.cos(0.1))
         record["ground"], record["time"], record["outcome"] = ground, 1.5, outcome
         strike(code, outcome, record, body)
-        after, loss, _ = reset.strike(body, before)
+        after, loss, _ = reset.strike(body, before, 0.0, ground)
         (found,) = record
         np.testing.assert_allclose(found["state"], after, rtol=0.0, atol=1e-13)
         lost = found["knee_loss" if outcome == Outcome.KNEESTRIKE else "heel_loss"]
@@ -472,9 +480,11 @@ def test_a_strike_does_to_a_record_what_is_stated(system, index, outcome):
             continue
         assert found["outcome"] == Outcome.HEELSTRIKE
         np.testing.assert_array_equal(found["start"], found["state"][:3])
-        length = legs.step_length(body, first[0], after.stance)
-        assert found["step_length"] == pytest.approx(length, rel=1e-13)
-        end = State(-after.stance, -after.thigh, -after.shank, 0, 0, 0)
+        landed = legs.standing(body, before, ground)
+        length = legs.step_length(body, first[0], landed.thigh, landed.stance)
+        assert found["step_length"] == pytest.approx(length, rel=1e-12)
+        assert found["passed"] == pytest.approx(legs.progress(body, landed.stance), rel=1e-13)
+        end = State(*landed[:3], 0, 0, 0)
         gain = system.potential_gain(body, State(*first, 0, 0, 0), end, ground)
         assert found["gravity_work"] == pytest.approx(-gain, rel=1e-11, abs=1e-15)
 
@@ -492,7 +502,7 @@ def test_derivatives_pass_through_a_strike(system, index, outcome):
         records = np.zeros(planes + 1, RECORD)
         angle = rng.uniform(0.1, 0.7)
         records["state"][0] = -angle, angle, angle, *rng.normal(size=3)
-        records["ground"][0] = np.sin(0.1), np.cos(0.1)
+        records["ground"][0] = some_ground(rng, system, 0.1)
         records["start"][0] = 0.3, -0.3, -0.3
         for field in ("state", "ground", "start", "time"):
             records[field][1:] = rng.normal(size=records[field][1:].shape)
@@ -504,18 +514,21 @@ def test_derivatives_pass_through_a_strike(system, index, outcome):
                 field: before[field][0] + tiny * before[field][plane]
                 for field in ("state", "ground", "start")
             }
-            after, loss, _ = reset.strike(body, State(*given["state"]))
+            ground = Ground(*given["ground"])
+            if "rise" in system.absent:
+                ground = ground._replace(rise=0.0, turn=0.0)
+            after, loss, _ = reset.strike(body, State(*given["state"]), 0.0, ground)
             expected = [*after, loss]
             found = [*records["state"][plane]]
             if outcome == Outcome.KNEESTRIKE:
                 found.append(records["knee_loss"][plane])
                 assert records["knee_time"][plane] == before["time"][plane]
             else:
-                end = State(-after.stance, -after.thigh, -after.shank, 0, 0, 0)
-                gain = system.potential_gain(
-                    body, State(*given["start"], 0, 0, 0), end, Ground(*given["ground"])
-                )
-                expected += [legs.step_length(body, given["start"][0], after.stance), -gain]
+                end = legs.standing(body, State(*given["state"]), ground)
+                begun = State(*given["start"], 0, 0, 0)
+                gain = system.potential_gain(body, begun, end, ground)
+                length = legs.step_length(body, begun.stance, end.thigh, end.stance)
+                expected += [length, -gain]
                 expected += after[:3]
                 found += [records[x][plane] for x in ("heel_loss", "step_length", "gravity_work")]
                 found += [*records["start"][plane]]
@@ -533,14 +546,14 @@ def test_no_phase_begins_where_it_is_refused():
         body, record = body_of(some_walker(rng, system)), np.zeros(1, RECORD)
         before = State(*rng.uniform(-0.7, 0.7, 2), 0.0, *rng.normal(size=3))
         before = before._replace(shank=before.thigh)
-        after, _, _ = reset.strike(body, before)
+        after, _, _ = reset.strike(body, before, 0.0, SMOOTH)
         for scuff in (0.0, 1.0):
             record["state"], record["outcome"] = before, Outcome.KNEESTRIKE
             strike(code, Outcome.KNEESTRIKE, record, body, scuff)
             refused = [
                 refusal.outcome
                 for refusal in reset.refuses
-                if refusal.if_(body, after) and (scuff or not refusal.scuff)
+                if refusal.if_(body, after, SMOOTH) and (scuff or not refusal.scuff)
             ]
             met.append((scuff, int(record["outcome"][0])))
             assert record["outcome"] == (refused[0] if refused else Outcome.RUNNING)
