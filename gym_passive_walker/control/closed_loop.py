@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.arguments import one_slope, whole
 from gym_passive_walker.control.policy import Policy, steps
 from gym_passive_walker.control.ticks import course
-from gym_passive_walker.envs.scene import Scene, make_scene
+from gym_passive_walker.envs.scene import CALM, Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.newton import fixed_point
@@ -246,7 +246,8 @@ def closed_loop_gait(
         )
     scene = make_scene(scene, energy="absolute", perturbation=0.0, randomise={})
     slope = float(np.mean(scene.slope)) if slope is None else one_slope(slope)
-    scene = make_scene(scene, slope=slope)
+    command = None if scene.command is None else float(np.mean(scene.command))
+    scene = make_scene(scene, slope=slope, command=command, **CALM)
 
     def ends(points: NDArray, count: int = period) -> NDArray:
         return policy_strides(policy, scene, slope, points, count).ends
