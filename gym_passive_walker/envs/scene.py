@@ -9,30 +9,26 @@ from typing import Any
 
 import numpy as np
 
-from gym_passive_walker.arguments import check_slope, check_tolerance, number, unknown
-from gym_passive_walker.envs.task import CHANNELS, ENERGIES
+from gym_passive_walker.arguments import check_slope, check_tolerance, unknown, whole
+from gym_passive_walker.envs.checks import (
+    SceneError,
+    bounded,
+    checked_noise,
+    checked_pushes,
+    checked_reality,
+    spread,
+)
+from gym_passive_walker.envs.task import CHANNELS, ENERGIES, SIZE
 from gym_passive_walker.walkers import PARAMETERS, Walker, WalkerError, as_walker
 
 CONTROLS = ("tick", "stride")
 
+FASTEST = 1.0
+"""Speed over sqrt(g l) beyond which a stiff leg cannot hold the ground, whatever pushes it."""
+
 _LARGEST = {"hip": "max_hip_torque", "ankle": "max_ankle_torque", "push_off": "max_push_off"}
 _MAX_HIP_TORQUE = {"tick": 0.05, "stride": 0.03}
 _PERTURBATION = {"tick": 0.10, "stride": 0.05}
-
-
-class SceneError(ValueError):
-    """The arguments describe no scene; the message says which, and what is allowed."""
-
-
-def _number(name: str, value: Any, low: float, high: float) -> float:
-    """The value as a finite number from `low` to `high`."""
-    try:
-        found = number(value, name)
-    except ValueError:
-        found = math.nan
-    if not low <= found <= high:
-        raise SceneError(f"{name} must be a number from {low:g} to {high:g}, not {value!r}")
-    return found
 
 
 def walker_from(value: Walker | str | Mapping[str, Any]) -> Walker:
@@ -89,6 +85,21 @@ class Scene:
             angles in rad, then their rates in units of 1/sqrt(l/g).
         longest_stride: Time after which a stride without heelstrike has stalled.
         tolerance: Error of the dynamics of a step; see `stride`.
+        pushes: Impulses on the hip along the slope, at random times: "rate", how many there are on
+            average in a unit of time, and "impulse", in units of m sqrt(g l) and positive downhill,
+            a number or a range to draw from. None of them if empty.
+        sensor_noise: Standard deviation of what is added to each observation: of angles and rates
+            alike, or one for each of its entries.
+        motor_noise: Standard deviation of what is added to each action, a share of the largest.
+        motor_delay: By how many steps an agent's actions come late.
+        command: Speed to keep over sqrt(g l), or (low, high), drawn anew at each reset; agents see
+            it. None commands nothing.
+        command_weight: What a stride loses for each leg length by which it misses the way that it
+            was commanded to go in its time.
+        reality: What comes of the checks of `reality_check`, "scuffing", "knee lock", "contact"
+            and "friction": "ignore", "report" or "end".
+        friction: Coefficient of friction of foot and ground.
+        scuff_depth: How far below the ground the swing foot may pass, in leg lengths.
     """
 
     walker: Walker = "C"  # type: ignore[assignment]
@@ -107,6 +118,15 @@ class Scene:
     start: tuple[float, ...] | None = None
     longest_stride: float = 20.0
     tolerance: float = 1e-8
+    pushes: dict[str, Any] = field(default_factory=dict)
+    sensor_noise: float | tuple[float, ...] = 0.0
+    motor_noise: float = 0.0
+    motor_delay: int = 0
+    command: float | tuple[float, float] | None = None
+    command_weight: float = 2.0
+    reality: dict[str, str] = field(default_factory=dict)
+    friction: float = 0.8
+    scuff_depth: float = 0.01
 
     def __post_init__(self) -> None:
         """Check every argument, and choose what was left open."""
@@ -115,7 +135,7 @@ class Scene:
             object.__setattr__(self, name, value)
 
         def bound(name: str, low: float, high: float) -> None:
-            put(name, _number(name, getattr(self, name), low, high))
+            put(name, bounded(name, getattr(self, name), low, high))
 
         put("walker", walker_from(self.walker))
         put("slope", self._checked_slope())
@@ -145,6 +165,17 @@ class Scene:
         except (TypeError, ValueError) as error:
             raise SceneError(str(error)) from None
         put("randomise", self._checked_shares())
+        put("pushes", checked_pushes(self.pushes))
+        put("sensor_noise", checked_noise(self.sensor_noise, SIZE))
+        put("motor_delay", self._checked_delay())
+        if self.command is not None:
+            low, high = spread("command", self.command, 0.0, FASTEST)
+            put("command", low if low == high else (low, high))
+        put("reality", checked_reality(self.reality, knees=self.walker.knees))
+        bound("motor_noise", 0.0, 1.0)
+        bound("command_weight", 0.0, 1e3)
+        bound("friction", 0.0, 1e3)
+        bound("scuff_depth", 0.0, 1.0)
         if self.start is not None:
             put("start", self._checked_start())
 
@@ -192,9 +223,16 @@ class Scene:
         if said := unknown(self.randomise, PARAMETERS, "randomise: a walker"):
             raise SceneError(said)
         return {
-            name: _number(f"randomise[{name!r}]", share, 0.0, 0.5)
+            name: bounded(f"randomise[{name!r}]", share, 0.0, 0.5)
             for name, share in sorted(self.randomise.items())
         }
+
+    def _checked_delay(self) -> int:
+        """A number of steps."""
+        try:
+            return whole(self.motor_delay, "motor_delay", least=0)
+        except ValueError as error:
+            raise SceneError(f"{error} (of steps)") from None
 
     def _checked_start(self) -> tuple[float, ...]:
         """A state to start from."""

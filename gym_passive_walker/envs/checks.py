@@ -1,0 +1,89 @@
+"""What a scene's arguments may be: a number or a sentence on what is allowed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from gym_passive_walker.arguments import number, unknown
+
+
+class SceneError(ValueError):
+    """The arguments describe no scene; the message says which, and what is allowed."""
+
+
+CHECKS = ("contact", "friction", "knee lock", "scuffing")
+"""What may be a rule besides the equations: items of `RealityCheck.passed`, the gravest first."""
+
+ANSWERS = ("ignore", "report", "end")
+"""What may come of a check: nothing, a word in `info`, or the episode's end besides."""
+
+
+def bounded(name: str, value: Any, low: float, high: float) -> float:
+    """The value as a finite number from `low` to `high`."""
+    try:
+        found = number(value, name)
+    except ValueError:
+        found = math.nan
+    if not low <= found <= high:
+        raise SceneError(f"{name} must be a number from {low:g} to {high:g}, not {value!r}")
+    return found
+
+
+def spread(name: str, value: Any, low: float, high: float) -> tuple[float, float]:
+    """A number twice, or a range (low, high), within bounds."""
+    try:
+        ends = list(value) if isinstance(value, Sequence) else [value]
+        first, last = (number(end, name) for end in (ends[0], ends[-1]))
+    except (ValueError, IndexError):
+        ends = []
+    if len(ends) not in (1, 2) or not low <= first <= last <= high:
+        raise SceneError(
+            f"{name} must be a number from {low:g} to {high:g}, or a range of them as (low, high), "
+            f"not {value!r}"
+        )
+    return first, last
+
+
+def checked_pushes(pushes: Any) -> dict[str, Any]:
+    """How often and how hard the hip is pushed; empty if it is not."""
+    if pushes is None or pushes == {}:
+        return {}
+    if not isinstance(pushes, Mapping) or set(pushes) != {"rate", "impulse"}:
+        raise SceneError(
+            "pushes must have a rate, how many there are in sqrt(l/g), and an impulse as a range "
+            f'in m sqrt(g l): {{"rate": 0.05, "impulse": (-0.05, 0.05)}}, not {pushes!r}'
+        )
+    return {
+        "rate": bounded("pushes['rate']", pushes["rate"], 0.0, 100.0),
+        "impulse": spread("pushes['impulse']", pushes["impulse"], -10.0, 10.0),
+    }
+
+
+def checked_noise(noise: Any, size: int) -> float | tuple[float, ...]:
+    """Standard deviations of a sensor's errors: one of angles and rates, or one an entry."""
+    if not isinstance(noise, Sequence) or isinstance(noise, str):
+        return bounded("sensor_noise", noise, 0.0, 10.0)
+    if len(noise) != size:
+        raise SceneError(
+            f"sensor_noise must be a number, of angles and rates, or {size} of them, one for each "
+            f"entry of the observation, not {noise!r}"
+        )
+    return tuple(bounded(f"sensor_noise[{i}]", each, 0.0, 10.0) for i, each in enumerate(noise))
+
+
+def checked_reality(reality: Any, *, knees: bool) -> dict[str, str]:
+    """What comes of each check; those that are ignored are left out."""
+    if not isinstance(reality, Mapping):
+        raise SceneError(f"reality must map checks to what comes of them, not {reality!r}")
+    if said := unknown(reality, CHECKS, "reality"):
+        raise SceneError(said)
+    for name, answer in reality.items():
+        if answer not in ANSWERS:
+            allowed = ", ".join(map(repr, ANSWERS))
+            raise SceneError(f"reality[{name!r}] must be one of {allowed}, not {answer!r}")
+    found = {name: reality[name] for name in CHECKS if reality.get(name, "ignore") != "ignore"}
+    if "knee lock" in found and not knees:
+        raise SceneError("'knee lock' is a check of walkers with knees: straight legs have none")
+    return found
