@@ -39,6 +39,7 @@ from gym_passive_walker.gaits.scaling import (
 from gym_passive_walker.gaits.series import Extreme
 from gym_passive_walker.gaits.stability import stride_jacobian
 from gym_passive_walker.gaits.stride import Stride, stride
+from gym_passive_walker.gaits.terrain import Terrain, footholds, rough, stairs, waves
 from gym_passive_walker.gaits.trajectory import Trajectory, simulate
 from gym_passive_walker.gaits.tuned import tune_to_walk
 from gym_passive_walker.physics.hybrid import Outcome
@@ -78,6 +79,7 @@ __all__ = [
     "Push",
     "RealityCheck",
     "Stride",
+    "Terrain",
     "TrainedPolicy",
     "Trajectory",
     "TuningErrors",
@@ -95,6 +97,7 @@ __all__ = [
     "find_gait",
     "find_gaits",
     "foot_velocity",
+    "footholds",
     "gait_family",
     "lab_walker_from_parts",
     "largest_push",
@@ -107,13 +110,16 @@ __all__ = [
     "optimise_walker",
     "parameter_family",
     "reality_check",
+    "rough",
     "simulate",
+    "stairs",
     "stride",
     "stride_jacobian",
     "transition_slope",
     "tune",
     "tune_to_walk",
     "tuning_errors",
+    "waves",
 ]
 
 _register()
