@@ -104,7 +104,7 @@ def compiled(system: str, *, derived: bool = False) -> NDArray:
         derived: Whether derivatives are carried along, in planes behind the values.
     """
     of = SYSTEMS[system]
-    code = _kept(system + "-derived" * derived, lambda: written(of, derived=derived))
+    code = kept(system + "-derived" * derived, lambda: written(of, derived=derived))
     return phases_of(of, code)
 
 
@@ -154,7 +154,7 @@ def written(system: System, *, derived: bool = False, pair: Pair = PAIR) -> Modu
         sweep.end()
         once(f"open{i}", partial(_open, system, phase), RECORD, body)
         for outcome in phase.resets:
-            code = partial(_reset, system, phase, outcome)
+            code = partial(reset, system, phase, outcome)
             once(f"reset{i}_{outcome.name}", code, RECORD, body, active=_RECORDS)
     once("begin", partial(_begin, system), RECORD, body, active=_RECORDS)
     once("place", partial(_place, system), RECORD, body)
@@ -169,20 +169,20 @@ def _begin(system: System, record: Memory, body: Memory) -> None:
     _open(system, system.phases[0], record, body)
 
 
-def _constants(system: System, body: Memory) -> Any:
+def constants_of(system: System, body: Memory) -> Any:
     """A walker's constants."""
     return without_absent(system, system.Body(*body.entries("body")))
 
 
-def _ground(system: System, record: Memory) -> Ground:
+def ground_of(system: System, record: Memory) -> Ground:
     """What a walker stands on."""
     return without_absent(system, Ground(*record.entries("ground")))
 
 
 def _open(system: System, phase: Phase, record: Memory, body: Memory) -> None:
     """Begin a stride or a tick within the bounds of its phase, or not at all."""
-    state, constants = State(*record.entries("state")), _constants(system, body)
-    ground = _ground(system, record)
+    state, constants = State(*record.entries("state")), constants_of(system, body)
+    ground = ground_of(system, record)
     outcome: Expression | float = float(Outcome.RUNNING)
     for guard in reversed(phase.guards):
         if guard.watch == guard.watch.BOUND:
@@ -191,10 +191,10 @@ def _open(system: System, phase: Phase, record: Memory, body: Memory) -> None:
     record["outcome"] = outcome
 
 
-def _reset(system: System, phase: Phase, outcome: Outcome, record: Memory, body: Memory) -> None:
+def reset(system: System, phase: Phase, outcome: Outcome, record: Memory, body: Memory) -> None:
     """A strike: the state after it, what it cost, and what follows."""
-    constants, reset = _constants(system, body), phase.resets[outcome]
-    ground = _ground(system, record)
+    constants, reset = constants_of(system, body), phase.resets[outcome]
+    ground = ground_of(system, record)
     push_off = 0.0 if "push_off" in system.absent else record["push_off"]
     before = State(*record.entries("state"))
     after, loss, work = reset.strike(constants, before, push_off, ground)
@@ -237,7 +237,7 @@ def _measure(system: System, body: Any, after: State, ground: Ground, record: Me
 
 def _place(system: System, record: Memory, body: Memory) -> None:
     """Where the hip is, for whoever counts the way from step to step."""
-    record["place"] = legs.progress(_constants(system, body), record["state", 0])
+    record["place"] = legs.progress(constants_of(system, body), record["state", 0])
 
 
 _ALIVE: list[Any] = []
@@ -272,7 +272,7 @@ def _machine() -> Any:
     return machine, f"{llvm.llvm_version_info}{target.triple}{cpu}{features}"
 
 
-def _kept(name: str, write: Callable[[], Module]) -> Any:
+def kept(name: str, write: Callable[[], Module]) -> Any:
     """Native code, from the cache or written anew."""
     file = f"{name}-{sha256(_machine()[1].encode()).hexdigest()[:16]}.o"
     data = cache.found(file)

@@ -14,8 +14,10 @@ from gym_passive_walker.arguments import check_slope, check_state, whole
 from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import in_parts, options, workspace
-from gym_passive_walker.envs import task
+from gym_passive_walker.envs import fates, task
+from gym_passive_walker.envs.disturbances import Disturbances, disturbed
 from gym_passive_walker.envs.interface import refuse
+from gym_passive_walker.envs.reality import ROOM
 from gym_passive_walker.envs.scene import Scene, SceneError
 from gym_passive_walker.envs.starts import DRAWS, Starts, checked_state
 from gym_passive_walker.physics.hybrid import System
@@ -105,14 +107,35 @@ class Batch:
         ]
         self._alike_starts = len(shared) == 1
         self._alike = walkers is None and not scene.randomise
-        shown = self.walkers[:1] if self._alike else self.walkers
+        self.disturbances: Disturbances | None = None
+        if disturbed(scene):
+            self.disturbances = Disturbances(scene, self.system.name, count)
+        shown = self.walkers[:1] if self._alike and not self.disturbances else self.walkers
         self.bodies = bodies(*shown)
+        if self.disturbances:
+            self.bodies = np.pad(self.bodies, ((0, 0), (0, 0), (0, ROOM)))
         self._radii = _radii(shown)
         self.records = np.zeros((count, 1), RECORD)
         self.ledger = np.zeros(count, task.LEDGER)
         self.rules = _rules(scene, self.system, step_limit)
         self.randoms: list[np.random.Generator] = []
-        self.machinery = compiled(self.system.name), *workspace()
+        self.machinery = self._machinery()
+
+    def _machinery(self) -> tuple[NDArray, NDArray, NDArray]:
+        """Compiled phases, and where one thread works."""
+        if self.disturbances:
+            return self.disturbances.natives[0], *workspace()
+        return compiled(self.system.name), *workspace()
+
+    @property
+    def _constants(self) -> NDArray[np.float64]:
+        """Walkers' constants, without what there may be behind them."""
+        return self.bodies[..., : len(self.system.Body._fields)]  # type: ignore[attr-defined]
+
+    @property
+    def seen(self) -> int:
+        """Numbers in an observation."""
+        return task.SIZE + (self.scene.command is not None)
 
     @property
     def system(self) -> System:
@@ -129,7 +152,7 @@ class Batch:
 
         Args:
             lanes: Which.
-            observations: Theirs are filled, in the flat array of all: shape (count * SIZE,).
+            observations: Theirs are filled, in the flat array of all: shape (count * seen,).
             options: "state" (one for each walker of the batch, or one for all) and "slope"
                 (likewise), in the walker's own units, instead of those drawn.
 
@@ -151,12 +174,15 @@ class Batch:
             gaits = np.array([checked_state(state, walker) for state, walker in given])
             draws[:] = 0.5  # no change
         for i, walker in varied.items():
-            self.walkers[i], self.bodies[i : i + 1] = walker, bodies(walker)
+            self.walkers[i], self._constants[i : i + 1] = walker, bodies(walker)
             self._radii[i : i + 1] = _radii([walker])
         task.begin(
             self.records, self.bodies, self._radii, self.ledger, *_BLANK, self.machinery[0],
             where, slopes, gaits, draws, self.scene.perturbation, observations,
         )  # fmt: skip
+        if self.disturbances:
+            self.disturbances.begin(where, self.randoms)
+            self.disturbances.observe(self.ledger, where, observations)
 
     def _nominal(
         self,
@@ -248,8 +274,14 @@ class Batch:
         self.rules["charged"] = task.ENERGIES.index(energy)
 
     def observe(self, observations: NDArray[np.float32]) -> None:
-        """Write all walkers' observations, flat: shape (count * SIZE,)."""
+        """Write all walkers' observations, flat: shape (count * seen,)."""
         task.observe(self.records, self.ledger, self.machinery[0], observations)
+        if self.disturbances:
+            self.disturbances.observe(self.ledger, np.arange(self.count), observations)
+
+    def told(self) -> dict[str, NDArray]:
+        """What `info` tells at every step of what befell walkers: a number for each of them."""
+        return self.disturbances.told(self.bodies) if self.disturbances else {}
 
     def step(
         self,
@@ -263,7 +295,7 @@ class Batch:
 
         Args:
             actions: Flat: shape (count * actions of the scene,).
-            observations: Filled, flat: shape (count * SIZE,).
+            observations: Filled, flat: shape (count * seen,).
             rewards: Filled; shape (count,).
             terminated: Filled; shape (count,).
             truncated: Filled; shape (count,).
@@ -274,7 +306,7 @@ class Batch:
         Raises:
             ValueError: if an action is no finite number; nothing has changed then.
         """
-        if self.count < _CROWD:
+        if self.count < _CROWD and not self.disturbances:
             wrong, strides, endings = task.step(
                 self.records, self.bodies, self.ledger, self.rules, *self.machinery,
                 actions, observations, rewards, terminated, truncated,
@@ -291,13 +323,17 @@ class Batch:
 
         def job(a: int, b: int) -> None:
             own = self.bodies[a:b] if len(self.bodies) > 1 else self.bodies
-            seen = observations[a * task.SIZE : b * task.SIZE]
-            counts = task.step(
-                self.records[a:b], own, self.ledger[a:b], self.rules,
-                self.machinery[0], *workspace(),
-                each[a:b].reshape(-1), seen, rewards[a:b], terminated[a:b], truncated[a:b],
-            )  # fmt: skip
-            ended.append(counts[1:])
+            seen = observations[a * self.seen : b * self.seen]
+            walkers = self.records[a:b], own, self.ledger[a:b], self.rules
+            desk = self.machinery[1:] if (a, b) == (0, self.count) else workspace()
+            results = seen, rewards[a:b], terminated[a:b], truncated[a:b]
+            acts = each[a:b].reshape(-1)
+            if self.disturbances:
+                step, further = fates.step, self.disturbances.part(a, b)
+            else:
+                step, further = task.step, ()
+            counts = step(*walkers, self.machinery[0], *desk, *further, acts, *results)
+            ended.append(counts[-2:])
 
         in_parts(job, self.count, self.threads)
         return sum(strides for strides, _ in ended), sum(endings for _, endings in ended)
@@ -307,7 +343,7 @@ class Batch:
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        self.machinery = compiled(self.system.name), *workspace()
+        self.machinery = self._machinery()
 
     @property
     def over(self) -> NDArray[np.bool_]:
@@ -329,11 +365,13 @@ class Batch:
 
     def get_state(self) -> dict[str, Any]:
         """All that decides what comes next; a copy."""
+        befell = {"disturbances": self.disturbances.get_state()} if self.disturbances else {}
         return {
             "records": self.records.copy(),
             "ledger": self.ledger.copy(),
             "walkers": list(self.walkers),
             "random": [deepcopy(r.bit_generator.state) for r in self.randoms],
+            **befell,
         }
 
     def set_state(self, state: Mapping[str, Any]) -> None:
@@ -350,6 +388,8 @@ class Batch:
         self.records[:], self.ledger[:] = records, ledger
         if not self._alike:
             self.walkers = list(state["walkers"])
-            self.bodies[:], self._radii[:] = bodies(*self.walkers), _radii(self.walkers)
+            self._constants[:], self._radii[:] = bodies(*self.walkers), _radii(self.walkers)
+        if self.disturbances:
+            self.disturbances.set_state(state["disturbances"])
         for random, saved in zip(self.randoms, state["random"], strict=True):
             random.bit_generator.state = saved

@@ -11,17 +11,32 @@ from gymnasium import spaces
 
 from gym_passive_walker.arguments import unknown, whole
 from gym_passive_walker.envs import task
+from gym_passive_walker.envs.checks import CHECKS
+from gym_passive_walker.envs.scene import FASTEST, Scene
 from gym_passive_walker.physics.hybrid import Outcome
 
-OUTCOMES = (None, *(outcome.name.lower() for outcome in Outcome if outcome))
+REASONS = {
+    "contact": "lost_contact",
+    "friction": "slipped",
+    "knee lock": "stance_knee_gave_way",
+    "scuffing": "scuffed",
+}
+"""Which outcome a check has that ends an episode."""
+
+OUTCOMES = (
+    None,
+    *(outcome.name.lower() for outcome in Outcome if outcome),
+    *(REASONS[check] for check in CHECKS),
+)
 """Names of outcomes, by their number."""
 
 
-def observation_space() -> Any:
-    """What an agent sees: the same for every walker and every scene."""
-    low = -task.BOUNDS
-    low[6] = 0.0
-    return spaces.Box(low.astype(np.float32), task.BOUNDS.astype(np.float32), dtype=np.float32)
+def observation_space(scene: Scene) -> Any:
+    """What an agent sees: the same for every walker, and with a command one number more."""
+    commanded = scene.command is not None
+    low = np.append(task.LOWEST, [0.0] * commanded)
+    high = np.append(task.BOUNDS, [FASTEST] * commanded)
+    return spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
 
 
 def action_space(actions: Sequence[str]) -> Any:

@@ -117,7 +117,9 @@ class PassiveWalkerVecEnv(VecEnv):
         num_envs = self._native.num_envs
         self.lanes = [Lane(self, i) for i in range(num_envs)]
         super().__init__(
-            num_envs, interface.observation_space(), interface.action_space(self.scene.actions)
+            num_envs,
+            self._native.single_observation_space,
+            interface.action_space(self.scene.actions),
         )
         metadata: dict[str, Any] = self.metadata
         metadata["render_fps"] = self.scene.frames_per_second
@@ -160,7 +162,7 @@ class PassiveWalkerVecEnv(VecEnv):
         self,
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """A step of every environment, and the next episode's start where one has ended."""
-        observations = np.empty((self.num_envs, task.SIZE), np.float32)
+        observations = np.empty((self.num_envs, self.batch.seen), np.float32)
         rewards = np.empty(self.num_envs)
         dones, truncated = np.empty((2, self.num_envs), bool)
         flat = observations.reshape(-1)
@@ -184,6 +186,7 @@ class PassiveWalkerVecEnv(VecEnv):
         row = self.batch.ledger[lane]
         ended = interface.OUTCOMES[row["ending"]] if terminated else "time_limit"
         info: dict[str, Any] = {name: row[name].item() for name in task.EVERY_STEP}
+        info |= {name: column[lane].item() for name, column in self.batch.told().items()}
         info["outcome"] = ended
         info["TimeLimit.truncated"] = bool(row["truncated"]) and not terminated
         info["terminal_observation"] = observation

@@ -49,6 +49,7 @@ LEDGER = np.dtype(
         ("strides", "i8"),
         ("outcome", "i8"),  # of a stride or an episode that has ended in this step
         ("ending", "i8"),  # outcome that ended the episode; 0 while it goes on
+        ("broken", "i8"),  # likewise, where a rule besides the equations does; see `fates`
         ("truncated", "i8"),
         ("steps", "i8"),  # of the episode
         ("reward", "f8"),
@@ -86,13 +87,16 @@ ENERGIES = ("absolute", "positive", "net")
 """How the motor is charged for hip work."""
 
 SIZE = 8
-"""Numbers in an observation."""
+"""Numbers in an observation of what stands in a walker's record; a command makes one more."""
 
 RATE_BOUND = 10.0
 """Rates are clipped to this; walking and falling stay well below."""
 
 BOUNDS = np.array([0.5 * math.pi, math.pi, math.pi, *[RATE_BOUND] * 3, 1.0, 0.5 * math.pi])
 """Largest size of each number in an observation."""
+
+LOWEST = -BOUNDS
+LOWEST[6] = 0.0
 
 _HEELSTRIKE, _STALLED = int(Outcome.HEELSTRIKE), int(Outcome.STALLED)
 _PUSH_OFF = CHANNELS.index("push_off")
@@ -147,8 +151,9 @@ def see(record, row, phases, observations, first):
 @Kernel
 def observe(records, ledger, phases, observations):
     """Write all walkers' observations, flat."""
+    size = len(observations) // len(records)
     for i in range(len(records)):
-        see(records[i, 0], ledger[i], phases, observations, i * SIZE)
+        see(records[i, 0], ledger[i], phases, observations, i * size)
 
 
 @Kernel
@@ -206,6 +211,7 @@ def begin(
     1 - perturbation and 1 + perturbation. Thigh and shank share theirs: so the knee of a leg that
     has just left the ground opens.
     """
+    size = len(observations) // len(records)
     for j in range(len(lanes)):
         i = lanes[j]
         own = i if len(bodies) > 1 else 0
@@ -222,7 +228,7 @@ def begin(
         row.origin = radii[own] * record.state[0]
         call(phases[0].place, address(records[i]), address(bodies[own]), 0, 0, 0.0, 0.0)
         row.place = record.place
-        see(record, row, phases, observations, i * SIZE)
+        see(record, row, phases, observations, i * size)
 
 
 @jitted
@@ -318,17 +324,19 @@ def settle(records, bodies, ledger, rules, phases, observations, rewards, termin
     Returns:
         How many strides, and how many episodes have ended.
     """
-    strides, endings = 0, 0
+    strides, endings, size = 0, 0, len(observations) // len(records)
     for i in range(len(records)):
         record, row = records[i, 0], ledger[i]
         body = bodies[i if len(bodies) > 1 else 0]
         call(phases[0].place, address(records[i]), address(body), 0, 0, 0.0, 0.0)
         idle = over(row)
-        struck = record.outcome == _HEELSTRIKE
         forget_stride(row)
         row.outcome = record.outcome
         if record.outcome == 0 and record.time >= rules.longest_stride:
             row.outcome = _STALLED
+        if row.broken != 0:
+            row.outcome = row.broken
+        struck = row.outcome == _HEELSTRIKE
         row.ending = 0 if struck else row.outcome
         progress(record, row)
         row.energy = 0.0
@@ -346,7 +354,7 @@ def settle(records, bodies, ledger, rules, phases, observations, rewards, termin
         terminated[i] = row.ending != 0 and not idle
         truncated[i] = row.truncated != 0 and not idle
         endings += terminated[i] or truncated[i]
-        see(record, row, phases, observations, i * SIZE)
+        see(record, row, phases, observations, i * size)
     return strides, endings
 
 

@@ -77,7 +77,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             "render_fps": self.scene.frames_per_second,
             "autoreset_mode": self.autoreset_mode,
         }
-        self.single_observation_space = interface.observation_space()
+        self.single_observation_space = interface.observation_space(self.scene)
         self.single_action_space = interface.action_space(self.scene.actions)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -119,7 +119,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             if not self._begun and len(lanes) < self.num_envs:
                 raise ResetNeeded("reset all environments before some of them")
         seed_randoms(self.batch, seed, lanes.tolist())
-        observations = np.empty((self.num_envs, task.SIZE), np.float32)
+        observations = np.empty((self.num_envs, self.batch.seen), np.float32)
         self.batch.observe(observations.reshape(-1))
         self.batch.start(lanes, observations.reshape(-1), options)
         self._begun = True
@@ -146,7 +146,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             raise ValueError(f"actions must have shape {shape}, not {actions.shape}")
         if self._any_ended and (not self._begun or self.autoreset_mode == AutoresetMode.DISABLED):
             raise ResetNeeded("some environments have ended, or never begun: reset them first")
-        observations = np.empty((self.num_envs, task.SIZE), np.float32)
+        observations = np.empty((self.num_envs, self.batch.seen), np.float32)
         rewards = np.empty(self.num_envs)
         terminated, truncated = np.empty((2, self.num_envs), bool)
         flat = observations.reshape(-1)
@@ -190,7 +190,8 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             mask: Which environments, a boolean array of shape (num_envs,); None is all.
 
         Returns:
-            All environments' observations, which tell the new slopes; shape (num_envs, 8).
+            All environments' observations, which tell the new slopes; shape (num_envs, 8), or
+            (num_envs, 9) with a command.
 
         Raises:
             ResetNeeded: if no episode has begun.
@@ -202,7 +203,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         everyone = np.ones(self.num_envs, bool)
         which = everyone if mask is None else self._checked_mask(mask, "mask")
         self.batch.set_slopes(slopes, which)
-        observations = np.empty((self.num_envs, task.SIZE), np.float32)
+        observations = np.empty((self.num_envs, self.batch.seen), np.float32)
         self.batch.observe(observations.reshape(-1))
         return observations
 
@@ -243,6 +244,8 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         for name, column in zip(task.EVERY_STEP, steps, strict=False):
             infos[name], infos["_" + name] = column, mask
         infos["strides"], infos["_strides"] = strides, mask
+        for name, column in self.batch.told().items():
+            infos[name], infos["_" + name] = np.where(mask, column, 0), mask
         if endings:
             infos["outcome"], infos["_outcome"] = _OUTCOMES.take(outcomes), ended
         if strikes:

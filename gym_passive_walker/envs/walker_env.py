@@ -180,7 +180,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if render_mode is not None:
             need("pygame", "render")
         self.render_mode = render_mode
-        self.observation_space = interface.observation_space()
+        self.observation_space = interface.observation_space(self.scene)
         self.action_space = interface.action_space(self.scene.actions)
         self.batch = Batch(self.scene)
         self.metadata = {**self.metadata, "render_fps": self.scene.frames_per_second}
@@ -204,7 +204,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """
         super().reset(seed=seed)
         self.batch.randoms = [self.np_random]
-        observation = np.empty(task.SIZE, np.float32)
+        observation = np.empty(self.batch.seen, np.float32)
         self.batch.start((0,), observation, interface.reset_options(options, OPTIONS))
         self._ready = True
         if self.render_mode == "human":
@@ -230,7 +230,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if not self._ready:
             raise ResetNeeded("no episode is under way: call reset first")
         batch = self.batch
-        observation = np.empty(task.SIZE, np.float32)
+        observation = np.empty(self.batch.seen, np.float32)
         struck, ended = batch.step(actions, observation, *self._results)
         row = batch.ledger.item(0)
         info: dict[str, Any] = dict(
@@ -238,6 +238,8 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         )
         if struck:
             info |= zip(task.EVERY_STRIDE, row[_STRIDE:_STRIDES], strict=True)
+        if batch.disturbances:
+            info |= {name: column.item() for name, column in batch.told().items()}
         if struck or ended:
             info["outcome"] = interface.OUTCOMES[row[_OUTCOME]]
             self._ready = not ended
@@ -298,7 +300,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if not self._ready:
             raise ResetNeeded("no episode is under way: call reset first")
         self.batch.set_slopes(slope, np.ones(1, bool))
-        observation = np.empty(task.SIZE, np.float32)
+        observation = np.empty(self.batch.seen, np.float32)
         self.batch.observe(observation)
         return observation
 

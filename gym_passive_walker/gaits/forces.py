@@ -8,12 +8,12 @@ computed unless it is asked for.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.physics.bodies import KneedBody
+from gym_passive_walker.physics.bodies import KneedBody, SimplestBody
 from gym_passive_walker.physics.hybrid import Control, Ground, State
 from gym_passive_walker.physics.legs import hip_torque as torque_at_hip
 from gym_passive_walker.physics.legs import impulse, turned
@@ -106,19 +106,48 @@ def reactions(body, angles, rates, accelerations, lift, torque, knee_torque=0.0)
     )
 
 
-def chain(walker: Walker) -> Any:
-    """A walker as a chain: a straight leg is a thigh with no shank below it."""
-    own = body_of(walker)
-    if walker.knees:
-        return own
-    body = KneedBody(**dict.fromkeys(KneedBody._fields, 0.0) | own._asdict())
-    if walker.massless_legs:
-        return body._replace(stance_along=body.leg)  # all mass is at the hip
-    return body._replace(
+def linked(body):
+    """A body as a chain: a straight leg is a thigh with no shank below it."""
+    if isinstance(body, KneedBody):
+        return body
+    chained = KneedBody(**dict.fromkeys(KneedBody._fields, 0.0) | body._asdict())
+    if isinstance(body, SimplestBody):
+        return chained._replace(stance_along=body.leg)  # all mass is at the hip
+    return chained._replace(
         thigh_along=body.swing_along,
         thigh_across=body.swing_across,
         thigh_inertia=body.swing_inertia,
     )
+
+
+def borne(body, state, turns, control, ground):
+    """What is borne while a walker moves: `reactions` to its accelerations.
+
+    Args:
+        body: The walker.
+        state: Its state.
+        turns: Angular accelerations of stance leg, thigh and shank.
+        control: What motors do.
+        ground: What it stands on.
+    """
+    body = linked(body)
+    return reactions(
+        body, state[:3], state[3:], turns, (ground.sine, ground.cosine),
+        torque_at_hip(body, state, control), torque_at_knee(body, state),
+    )  # fmt: skip
+
+
+def struck(body, angles, jumps, foot_jump):
+    """Impulses that are borne in a collision: `reactions` to jumps of velocities.
+
+    Args:
+        body: The walker.
+        angles: Of stance leg, thigh and shank, with the roles that they have afterwards.
+        jumps: Of their rates.
+        foot_jump: Of the velocity of the point of the stance foot that touches, (back, up).
+    """
+    still = (0.0, 0.0, 0.0)
+    return reactions(linked(body), angles, still, jumps, foot_jump, 0.0)
 
 
 class Reactions(NamedTuple):
@@ -176,21 +205,18 @@ def forces(
         hip_torque: Torque, as for `stride`.
         ankle_torque: Likewise.
     """
-    units, system, body = units_of(walker), system_of(walker), chain(walker)
+    units, system, body = units_of(walker), system_of(walker), body_of(walker)
     given = units.to_dimensionless(np.array(states, dtype=float))
     state, stages = State(*given.T), np.asarray(phases)
     control = Control(hip_torque / units.torque, ankle_torque / units.energy)
     ground = Ground(np.sin(slope), np.cos(slope))
     turns = np.zeros((3, len(given)))
     for phase in system.phases:
-        found = phase.accelerations(body_of(walker), state, control, ground)
+        found = phase.accelerations(body, state, control, ground)
         here = stages == phase.stage
         for link in range(3):  # the shank of a straight leg goes with the thigh
             turns[link, here] = found[min(link, phase.links - 1)][here]
-    carried = reactions(
-        body, state[:3], state[3:], turns, ground,
-        torque_at_hip(body, state, control), torque_at_knee(body, state),
-    )  # fmt: skip
+    carried = borne(body, state, turns, control, ground)
     return _in_own_units(walker, turns, carried, 1.0)
 
 
@@ -209,6 +235,5 @@ def impulses(
     units = units_of(walker)
     turns = np.array(jumps, dtype=float).T * units.time
     foot = np.broadcast_to(foot_jump, (turns.shape[1], 2)).T / units.speed
-    none = np.zeros_like(turns)
-    carried = reactions(chain(walker), np.array(angles).T, none, turns, (-foot[0], foot[1]), 0.0)
+    carried = struck(body_of(walker), np.array(angles).T, turns, (-foot[0], foot[1]))
     return _in_own_units(walker, turns, carried, units.time)

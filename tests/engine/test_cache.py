@@ -178,7 +178,7 @@ def _bookkeeping():
 
 def _equations():
     """What is written as native code."""
-    code = machinery._kept("simplest", lambda: machinery.written(simplest.SYSTEM))
+    code = machinery.kept("simplest", lambda: machinery.written(simplest.SYSTEM))
     assert code.get_function_address("place")
 
 

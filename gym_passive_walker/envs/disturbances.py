@@ -1,0 +1,105 @@
+"""What befalls the walkers of a batch: their fates, and what is told of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gym_passive_walker.envs import fates, reality, task
+from gym_passive_walker.envs.checks import CHECKS
+from gym_passive_walker.envs.scene import Scene
+
+CALM: dict[str, Any] = {
+    "pushes": {}, "sensor_noise": 0.0, "motor_noise": 0.0, "motor_delay": 0, "reality": {},
+}  # fmt: skip
+"""Arguments of a scene in which nothing befalls a walker but what it is commanded."""
+
+_OF_PUSHES = ("pushes", "push_work", "episode_push_work")
+
+
+def disturbed(scene: Scene) -> bool:
+    """Whether anything of `fates` befalls walkers of a scene."""
+    return scene.command is not None or any(getattr(scene, n) != calm for n, calm in CALM.items())
+
+
+class Disturbances:
+    """What befalls walkers of a scene.
+
+    Args:
+        scene: A scene for which `disturbed` holds.
+        system: Which equations they obey, by name.
+        count: How many walkers.
+
+    Attributes:
+        fates: Shape (count,) of `fates.FATE`.
+        odds: Shape (1,) of `fates.ODDS`.
+        pending: Actions that come late, (count, steps, actions).
+    """
+
+    def __init__(self, scene: Scene, system: str, count: int) -> None:
+        self.scene, self._system = scene, system
+        self.fates, self.odds = np.zeros(count, fates.FATE), _odds(scene)
+        self.pending = np.zeros((count, scene.motor_delay, len(scene.actions)))
+
+    @property
+    def natives(self) -> tuple[NDArray, NDArray]:
+        """The system's phases, and what else is done to walkers; see `reality.natives`."""
+        pushed, watched = bool(self.scene.pushes), bool(self.scene.reality)
+        return reality.natives(self._system, pushed=pushed, watched=watched)
+
+    def part(self, first: int, last: int) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+        """What `fates.step` takes of the walkers from one to before another."""
+        return self.fates[first:last], self.pending[first:last], self.odds, self.natives[1]
+
+    def begin(self, lanes: NDArray[np.int64], randoms: list[np.random.Generator]) -> None:
+        """Draw some walkers' fates, by a key from each one's random numbers."""
+        keys = np.empty(len(lanes), np.uint64)
+        for j, i in enumerate(lanes.tolist()):
+            keys[j] = randoms[i].integers(2**64, dtype=np.uint64)
+        fates.begin(self.fates, self.odds, lanes, keys, self.pending)
+
+    def observe(self, ledger: NDArray, lanes: NDArray, observations: NDArray[np.float32]) -> None:
+        """Make some walkers' observations those of their sensors."""
+        fates.observe(self.fates, ledger, self.odds, lanes, observations)
+
+    def told(self, bodies: NDArray) -> dict[str, NDArray]:
+        """What `info` tells besides at every step: a number for each walker."""
+        found = {}
+        if self.scene.command is not None:
+            found["command"] = self.fates["command"]
+        if self.scene.pushes:
+            found |= {name: self.fates[name] for name in _OF_PUSHES}
+        notes = bodies[:, 0, -reality.ROOM :]
+        for check in self.scene.reality:
+            for name in reality.READINGS[check]:
+                found[name] = notes[:, reality.NOTES.index(name)]
+        return found
+
+    def get_state(self) -> dict[str, NDArray]:
+        """All that decides what comes next; a copy."""
+        return {"fates": self.fates.copy(), "pending": self.pending.copy()}
+
+    def set_state(self, state: Mapping[str, ArrayLike]) -> None:
+        """Go back to a state that `get_state` gave."""
+        self.fates[:], self.pending[:] = state["fates"], state["pending"]
+
+
+def _odds(scene: Scene) -> NDArray:
+    """A scene's rules, as kernels read them."""
+    odds = np.zeros(1, fates.ODDS)
+    if scene.pushes:
+        odds["rate"], odds["push"] = scene.pushes["rate"], scene.pushes["impulse"]
+    noise = scene.sensor_noise
+    odds["noise"] = noise if isinstance(noise, tuple) else [noise] * 6 + [0.0] * (task.SIZE - 6)
+    odds["noisy"] = np.any(odds["noise"])
+    if scene.command is not None:
+        odds["commanded"], odds["command"] = True, np.broadcast_to(scene.command, 2)
+    odds["interval"] = fates.INTERVAL if scene.reality else math.inf
+    odds["ends"] = [scene.reality.get(check) == "end" for check in CHECKS]
+    for name in ("motor_noise", "command_weight", "friction", "scuff_depth"):
+        odds[name] = getattr(scene, name)
+    return odds

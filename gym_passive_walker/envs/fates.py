@@ -1,0 +1,251 @@
+"""What befalls a walker on its way: pushes, noise and delay, a command, rules of reality.
+
+Scenes that have none of these never come here. Those that have some step by `step` of this module
+in place of `task.step`: the same step, on the way of which walkers are halted where something is
+due, and carried on from there as exactly as before.
+
+Each walker has its *fate*, drawn by a key that is taken from its own source of random numbers at
+its reset. What comes when is a function of that key (`engine.chance`), so it is the same whoever
+walks beside it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from gym_passive_walker.engine.chance import normal, uniform
+from gym_passive_walker.engine.jit import Kernel, address, call, jitted
+from gym_passive_walker.engine.run import carry_on
+from gym_passive_walker.envs import reality, task
+from gym_passive_walker.envs.checks import CHECKS
+from gym_passive_walker.physics.hybrid import Outcome
+
+FATE = np.dtype(
+    [
+        ("key", "u8"),  # of what is drawn
+        ("command", "f8"),  # speed to keep
+        ("due", "f8"),  # when the next push comes, since the stride began
+        ("until", "f8"),  # when the step is over, likewise
+        ("pushes", "i8"),  # that have come
+        ("push_work", "f8"),  # of those in this step
+        ("episode_push_work", "f8"),
+        ("idle", "i8"),  # whether the episode had ended before the step
+    ]
+)
+"""What is kept of a walker besides its ledger."""
+
+ODDS = np.dtype(
+    [
+        ("rate", "f8"),  # of pushes; 0 if there are none
+        ("push", "f8", (2,)),  # least and greatest impulse
+        ("noisy", "i8"),  # whether a sensor has errors
+        ("noise", "f8", (task.SIZE,)),
+        ("motor_noise", "f8"),
+        ("commanded", "i8"),
+        ("command", "f8", (2,)),
+        ("command_weight", "f8"),
+        ("interval", "f8"),  # from one look at a walker to the next; infinite without looks
+        ("friction", "f8"),
+        ("scuff_depth", "f8"),
+        ("ends", "i8", (len(CHECKS),)),  # whether a check ends the episode
+    ]
+)
+"""A scene's rules besides `task.RULES`."""
+
+INTERVAL = 0.1
+"""Time from one look at ground and knees to the next, at most; a stride takes some three."""
+
+_INSTANT = 1e-9  # times closer than this are one
+_DEPTH = 1e-9  # rounding of a foot's height
+_FIRST_REASON = len(Outcome)
+_HEELSTRIKE, _WORK, _ROOM = int(Outcome.HEELSTRIKE), len(reality.NOTES) - 1, reality.ROOM
+_BLANK = reality.BLANK
+_CONTACT, _FRICTION, _KNEE = range(len(CHECKS) - 1)
+# Streams of a walker's key.
+_WHEN, _HOW_HARD, _SENSOR, _MOTOR, _COMMAND = range(5)
+
+
+@jitted
+def perceive(fate, row, odds, observations, first):
+    """Spoil what a walker's sensors tell, and add its command."""
+    if odds.noisy:
+        for k in range(task.SIZE):
+            if odds.noise[k] > 0.0:
+                error = odds.noise[k] * normal(fate.key, task.SIZE * row.steps + k, _SENSOR)
+                told = task.clipped(observations[first + k] + error, task.BOUNDS[k])
+                observations[first + k] = max(told, task.LOWEST[k])
+    if odds.commanded:
+        observations[first + task.SIZE] = fate.command
+
+
+@Kernel
+def observe(fates, ledger, odds, lanes, observations):
+    """Make walkers' observations, which `task.observe` has written, those of their sensors."""
+    size = len(observations) // len(ledger)
+    for i in lanes:
+        perceive(fates[i], ledger[i], odds[0], observations, i * size)
+
+
+@jitted
+def wait(fate, odds):
+    """When the next push comes, after the last one."""
+    return -math.log(1.0 - uniform(fate.key, fate.pushes, _WHEN)) / odds.rate
+
+
+@Kernel
+def begin(fates, odds, lanes, keys, pending):
+    """Draw some walkers' fates anew, each by its key; `pending` are actions that come late."""
+    for j in range(len(lanes)):
+        i = lanes[j]
+        fate = fates[i]
+        fate.key, fate.pushes, fate.episode_push_work = keys[j], 0, 0.0
+        low, high = odds[0].command[0], odds[0].command[1]
+        fate.command = low + (high - low) * uniform(fate.key, 0, _COMMAND)
+        fate.due = wait(fate, odds[0]) if odds[0].rate > 0.0 else np.inf
+        pending[i] = 0.0
+
+
+@jitted
+def sent(fates, ledger, odds, pending, actions):
+    """What reaches the motors of what agents do."""
+    found, late = actions.copy(), pending.shape[1]
+    count = len(actions) // len(fates)
+    for i in range(len(fates)):
+        fate, step = fates[i], ledger[i].steps
+        for j in range(count):
+            share = task.clipped(actions[i * count + j], 1.0)
+            if late > 0:
+                share, pending[i, step % late, j] = pending[i, step % late, j], share
+            if odds.motor_noise > 0.0:
+                share += odds.motor_noise * normal(fate.key, step * count + j, _MOTOR)
+            found[i * count + j] = share
+    return found
+
+
+@jitted
+def meet(records, bodies, i, fate, odds, natives):
+    """What a walker meets as it stands, and when it is to stop next."""
+    record = records[i, 0]
+    native = natives[record.phase]
+    if native.look != 0:
+        call(native.look, address(records[i]), address(bodies[i]), 0, 0, 0.0, 0.0)
+    while fate.due <= record.time + _INSTANT:
+        low, high = odds.push[0], odds.push[1]
+        impulse = low + (high - low) * uniform(fate.key, fate.pushes, _HOW_HARD)
+        call(native.push, address(records[i]), address(bodies[i]), 0, 0, -impulse, 0.0)
+        fate.pushes += 1
+        fate.due += wait(fate, odds)
+        if native.look != 0:
+            call(native.look, address(records[i]), address(bodies[i]), 0, 0, 0.0, 0.0)
+    end = min(fate.until, fate.due, record.time + odds.interval)
+    record.end = fate.until if fate.until - end < _INSTANT else end
+
+
+@jitted
+def carry_through(records, bodies, fates, phases, tiles, courses, options, odds, natives):
+    """Carry walkers to the end of their step, past all that they meet on the way."""
+    going, count = np.empty(len(records), np.int64), 0
+    for i in range(len(records)):
+        fates[i].until = records[i, 0].end
+        if not fates[i].idle:
+            meet(records, bodies, i, fates[i], odds, natives)
+            going[count] = i
+            count += 1
+    carry_on(records, bodies, phases, tiles, courses, options, False)
+    while True:
+        before, count = count, 0
+        for j in range(before):
+            i = going[j]
+            record = records[i, 0]
+            if record.outcome == 0 and record.time < fates[i].until:
+                meet(records, bodies, i, fates[i], odds, natives)
+                going[count] = i
+                count += 1
+        if count == 0:
+            return
+        some, theirs = records[going[:count]], bodies[going[:count]]
+        carry_on(some, theirs, phases, tiles, courses, options, False)
+        for j in range(count):
+            records[going[j], 0] = some[j, 0]
+            bodies[going[j]] = theirs[j]
+
+
+@jitted
+def broken(notes, odds):
+    """The outcome by which a check ends the episode; 0 if none does."""
+    for check in range(len(odds.ends)):
+        if not odds.ends[check]:
+            continue
+        if check == _CONTACT:
+            holds = notes[0] >= 0.0 and notes[1] >= 0.0
+        elif check == _FRICTION:
+            holds = notes[2] <= odds.friction
+        elif check == _KNEE:
+            holds = notes[3] >= 0.0 and notes[4] >= 0.0
+        else:
+            holds = notes[5] >= -odds.scuff_depth - _DEPTH
+        if not holds:
+            return _FIRST_REASON + check
+    return 0
+
+
+@jitted
+def judge(records, bodies, i, row, fate, odds, phases, natives):
+    """See whether a walker's step could have happened, and whether its episode goes on."""
+    record = records[i, 0]
+    look = natives[record.phase].look
+    if look != 0 and record.outcome == 0:
+        call(look, address(records[i]), address(bodies[i]), 0, 0, 0.0, 0.0)
+    struck = record.outcome == _HEELSTRIKE
+    if record.outcome == 0 or struck:
+        row.broken = broken(bodies[i, 0, -_ROOM:], odds)
+    if struck:
+        fate.due -= record.time
+        if row.broken != 0:  # it stands on its new foot all the same
+            call(phases[0].place, address(records[i]), address(bodies[i]), 0, 0, 0.0, 0.0)
+            row.origin -= 2.0 * record.place
+
+
+@jitted
+def obey(row, fate, odds):
+    """What a stride loses for missing its command, at most what it was worth.
+
+    The walker was to go the commanded speed times the stride's time.
+    """
+    missed = abs(row.step_length - fate.command * row.step_period)
+    return min(odds.command_weight * missed, row.step_length)
+
+
+@Kernel
+def step(
+    records, bodies, ledger, rules, phases, tiles, courses, fates, pending, odds, natives,
+    actions, observations, rewards, terminated, truncated,
+):  # fmt: skip
+    """A step of every walker, whose actions are finite; returns `settle`'s answers."""
+    reached = sent(fates, ledger, odds[0], pending, actions)
+    task.command(records, ledger, rules[0], reached)
+    for i in range(len(records)):
+        fates[i].idle = task.over(ledger[i])
+        bodies[i, 0, len(bodies[i, 0]) - _ROOM :][: len(_BLANK)] = _BLANK
+    carry_through(records, bodies, fates, phases, tiles, courses, rules[0].engine, odds[0], natives)
+    for i in range(len(records)):
+        if not fates[i].idle:
+            judge(records, bodies, i, ledger[i], fates[i], odds[0], phases, natives)
+    strides, endings = task.settle(
+        records, bodies, ledger, rules[0], phases, observations, rewards, terminated, truncated
+    )
+    size = len(observations) // len(records)
+    for i in range(len(records)):
+        row, fate = ledger[i], fates[i]
+        if not fate.idle:
+            fate.push_work = bodies[i, 0, len(bodies[i, 0]) - _ROOM + _WORK]
+            fate.episode_push_work += fate.push_work
+            if odds[0].commanded and row.outcome == _HEELSTRIKE:
+                lost = obey(row, fate, odds[0])
+                row.reward -= lost
+                row.total -= lost
+                rewards[i] -= lost
+        perceive(fate, row, odds[0], observations, i * size)
+    return strides, endings

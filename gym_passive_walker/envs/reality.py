@@ -1,0 +1,192 @@
+"""What ground and knees bear while a walker walks: the checks of `reality_check` as rules.
+
+The engine knows nothing of it. Each walker's constants have room behind them, and native code made
+of the statements leaves there the worst that it finds: in a *look* at a walker as it stands, and in
+resets that look at the walker before and after the strike and at the impulses between.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache, partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker.engine import compiled
+from gym_passive_walker.engine.expressions import choose, larger
+from gym_passive_walker.engine.layout import RECORD
+from gym_passive_walker.engine.native import Function, Memory, Module
+from gym_passive_walker.gaits.forces import borne, struck
+from gym_passive_walker.physics import legs, straight
+from gym_passive_walker.physics.bodies import SimplestBody
+from gym_passive_walker.physics.hybrid import Control, Outcome, Phase, State, System
+from gym_passive_walker.physics.numbers import sine_cosine
+from gym_passive_walker.physics.systems import SYSTEMS
+
+READINGS = {
+    "contact": ("normal_force", "normal_impulse"),
+    "friction": ("friction",),
+    "knee lock": ("stance_knee_torque", "stance_knee_impulse"),
+    "scuffing": ("clearance",),
+}
+"""What each check goes by: the least of a step, or of friction the greatest."""
+
+NOTES = (*(name for names in READINGS.values() for name in names), "push_work")
+"""What is found behind a walker's constants after a step."""
+
+BLANK = np.array([0.0 if name in ("friction", "push_work") else np.inf for name in NOTES])
+"""Notes before anything is found: the least of nothing is infinite."""
+
+_BEFORE = 5  # rates, and the landing foot's velocity: from before a strike to after it
+ROOM = len(NOTES) + _BEFORE
+"""Numbers behind a walker's constants."""
+
+NATIVE = np.dtype([("push", "i8"), ("look", "i8")])
+"""Addresses of a phase's native functions; 0 where they are not in use."""
+
+
+def page(system: System) -> np.dtype:
+    """A walker's constants, and the notes behind them."""
+    layout = compiled.body_layout(system).descr
+    return np.dtype([*layout, ("notes", "f8", (len(NOTES),)), ("before", "f8", (_BEFORE,))])
+
+
+@lru_cache
+def natives(name: str, *, pushed: bool, watched: bool) -> tuple[NDArray, NDArray]:
+    """A system's phases with resets that look, and what else is done to walkers.
+
+    Args:
+        name: The system's.
+        pushed: Whether walkers are pushed.
+        watched: Whether they are looked at.
+
+    Returns:
+        Shape (phases,) of `compiled.PHASE`, and of NATIVE.
+    """
+    system, phases = SYSTEMS[name], compiled.compiled(name).copy()
+    found = np.zeros(len(phases), NATIVE)
+    if pushed:
+        code = compiled.kept(f"{name}-pushed", lambda: _pushes(system))
+        for i, native in enumerate(found):
+            native["push"] = code.get_function_address(f"push{i}")
+    if watched:
+        code = compiled.kept(f"{name}-watched", lambda: _looks(system))
+        for i, (native, phase) in enumerate(zip(found, system.phases, strict=True)):
+            native["look"] = code.get_function_address(f"look{i}")
+            for outcome in phase.resets:
+                address = code.get_function_address(f"reset{i}_{outcome.name}")
+                phases[i]["resets"][outcome] = address
+    return phases, found
+
+
+def _pushes(system: System) -> Module:
+    """Native functions that push the hip of a record, by the impulse (back, up)."""
+    module = Module()
+    for i, phase in enumerate(system.phases):
+        if phase.push is not None:
+            function = Function(module, f"push{i}", (RECORD, page(system)))
+            function.once(partial(_push, system, phase))
+            function.end()
+    return module
+
+
+def _looks(system: System) -> Module:
+    """Native functions that look at a record, and resets that look before and after."""
+    module, layouts = Module(), (RECORD, page(system))
+    for i, phase in enumerate(system.phases):
+        function = Function(module, f"look{i}", layouts)
+        function.once(partial(_look, system, phase))
+        function.end()
+        for outcome in phase.resets:
+            function = Function(module, f"reset{i}_{outcome.name}", layouts)
+            # One code after the other: what looks on changes no bit of the reset.
+            function.once(partial(_look, system, phase))
+            function.once(partial(_before, system, outcome))
+            function.once(partial(compiled.reset, system, phase, outcome))
+            function.once(partial(_after, system, outcome))
+            if (following := phase.resets[outcome].into) is not None:
+                function.once(partial(_look, system, system.phases[following]))
+            function.end()
+    return module
+
+
+def _push(system: System, phase: Phase, record: Memory, body: Memory) -> None:
+    """An impulse on the hip, whose work is its mean power over the jump."""
+    assert phase.push is not None
+    constants, state = compiled.constants_of(system, body), State(*record.entries("state"))
+    back, up = record.argument(0), record.argument(1)
+    jumps = phase.push(constants, state, back, up)
+    for link in range(3):
+        jump = jumps[min(link, phase.links - 1)]
+        record["state", 3 + link] = record["state", 3 + link] + jump
+    moment = legs.moment_of_push(constants, state.stance, back, up)
+    place = "notes", NOTES.index("push_work")
+    body[place] = body[place] + moment * (state.stance_rate + 0.5 * jumps[0])
+
+
+def _note(body: Memory, **found: Any) -> None:
+    """Leave what is found where it is worse than what has been."""
+    for name, value in found.items():
+        place = "notes", NOTES.index(name)
+        known = body[place]
+        worse = larger(value, known) if name == "friction" else choose(value < known, value, known)
+        body[place] = worse
+
+
+def _ratio(back: Any, up: Any) -> Any:
+    """Coefficient of friction that a force needs; infinite if the ground would have to pull."""
+    return choose(up > 0.0, abs(back) / up, np.inf)
+
+
+def _look(system: System, phase: Phase, record: Memory, body: Memory) -> None:
+    """What is borne by a walker as it stands."""
+    constants, state = compiled.constants_of(system, body), State(*record.entries("state"))
+    control, ground = Control(*record.entries("control")), compiled.ground_of(system, record)
+    found = phase.accelerations(constants, state, control, ground)
+    turns = [found[min(link, phase.links - 1)] for link in range(3)]
+    back, up, stance_knee, _ = borne(constants, state, turns, control, ground)
+    height = system.foot_clearance(constants, state) - legs.lower(ground)
+    _note(body, normal_force=up, friction=_ratio(back, up), clearance=height)
+    if "knee_along" in constants._fields:
+        _note(body, stance_knee_torque=stance_knee)
+
+
+def _before(system: System, outcome: Outcome, record: Memory, body: Memory) -> None:
+    """Keep how a walker moves just before a strike: rates, and velocity of the foot that lands."""
+    state = State(*record.entries("state"))
+    velocity: tuple[Any, Any] = (0.0, 0.0)
+    if outcome == Outcome.HEELSTRIKE:
+        state, velocity = _landing(system, record, body, state)
+        state = state._replace(
+            stance_rate=state.thigh_rate, thigh_rate=state.stance_rate, shank_rate=state.stance_rate
+        )
+    for i, value in enumerate((*state[3:], *velocity)):
+        body["before", i] = value
+
+
+def _landing(system: System, record: Memory, body: Memory, state: State) -> tuple[State, Any]:
+    """The state before a heelstrike, push-off done, and the velocity of the foot that lands."""
+    constants, ground = compiled.constants_of(system, body), compiled.ground_of(system, record)
+    push_off: Any = 0.0 if "push_off" in system.absent else record["push_off"]
+    if not isinstance(constants, SimplestBody):
+        return straight.strike_with(constants, state, push_off, ground)[:2]
+    # A leg without mass takes the swing foot along as the hip is pushed.
+    state = legs.standing(constants, state, ground)
+    old, new = state.stance + ground.turn, state.thigh + ground.turn
+    state = state._replace(stance=old, thigh=new)
+    back, up = legs.striking_velocity(constants, state, ground.turn)
+    sine, cosine = sine_cosine(old)
+    return state, (back + push_off * sine, up + push_off * cosine)
+
+
+def _after(system: System, outcome: Outcome, record: Memory, body: Memory) -> None:
+    """What is borne in a strike."""
+    constants, state = compiled.constants_of(system, body), State(*record.entries("state"))
+    *rates, back, up = body.entries("before")
+    jumps = [new - old for new, old in zip(state[3:], rates, strict=True)]
+    foot = (-back, -up) if outcome == Outcome.HEELSTRIKE else (0.0, 0.0)
+    back, up, stance_knee, _ = struck(constants, state[:3], jumps, foot)
+    _note(body, normal_impulse=up, friction=_ratio(back, up))
+    if "knee_along" in constants._fields:
+        _note(body, stance_knee_impulse=stance_knee)
