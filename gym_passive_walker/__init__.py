@@ -8,6 +8,11 @@ import gym_passive_walker.render  # noqa: F401
 from gym_passive_walker.control.closed_loop import ClosedLoopGait, closed_loop_gait
 from gym_passive_walker.control.optimal import optimal_gait, optimal_gaits
 from gym_passive_walker.control.optimum import OptimalGait
+from gym_passive_walker.control.shaping import (
+    PotentialShaping,
+    controlled_symmetry,
+    virtual_gravity,
+)
 from gym_passive_walker.envs.registration import register as _register
 from gym_passive_walker.gaits.basin import Basin, Push, basin_of_attraction, largest_push
 from gym_passive_walker.gaits.bifurcation import (
@@ -76,6 +81,7 @@ __all__ = [
     "Outcome",
     "Part",
     "PolicyError",
+    "PotentialShaping",
     "Push",
     "RealityCheck",
     "Stride",
@@ -91,6 +97,7 @@ __all__ = [
     "blend",
     "closed_loop_gait",
     "collision_matrix",
+    "controlled_symmetry",
     "crisis_slope",
     "doubling_cascade",
     "exponent_crossings",
@@ -119,6 +126,7 @@ __all__ = [
     "tune",
     "tune_to_walk",
     "tuning_errors",
+    "virtual_gravity",
     "waves",
 ]
 
