@@ -75,7 +75,7 @@ def test_a_preset_is_told_with_changes():
         ({"randomise": {"foot_radius": 0.9}}, "randomise\\['foot_radius'\\] must be"),
         ({"randomise": 0.1}, "randomise must map"),
         ({"start": [0.2, -0.2]}, "start must be 6"),
-        ({"gravity": 1.6}, "a scene has no gravity; it has walker"),
+        ({"gravity": 1.6}, "a scene has no gravity"),
         ({"scene": "moon"}, "no scene 'moon'"),
     ],
 )
