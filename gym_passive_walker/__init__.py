@@ -8,6 +8,11 @@ import gym_passive_walker.render  # noqa: F401
 from gym_passive_walker.control.closed_loop import ClosedLoopGait, closed_loop_gait
 from gym_passive_walker.control.optimal import optimal_gait, optimal_gaits
 from gym_passive_walker.control.optimum import OptimalGait
+from gym_passive_walker.control.shaping import (
+    PotentialShaping,
+    controlled_symmetry,
+    virtual_gravity,
+)
 from gym_passive_walker.envs.registration import register as _register
 from gym_passive_walker.gaits.basin import Basin, Push, basin_of_attraction, largest_push
 from gym_passive_walker.gaits.bifurcation import (
@@ -39,6 +44,7 @@ from gym_passive_walker.gaits.scaling import (
 from gym_passive_walker.gaits.series import Extreme
 from gym_passive_walker.gaits.stability import stride_jacobian
 from gym_passive_walker.gaits.stride import Stride, stride
+from gym_passive_walker.gaits.terrain import Terrain, footholds, rough, stairs, waves
 from gym_passive_walker.gaits.trajectory import Trajectory, simulate
 from gym_passive_walker.gaits.tuned import tune_to_walk
 from gym_passive_walker.physics.hybrid import Outcome
@@ -75,9 +81,11 @@ __all__ = [
     "Outcome",
     "Part",
     "PolicyError",
+    "PotentialShaping",
     "Push",
     "RealityCheck",
     "Stride",
+    "Terrain",
     "TrainedPolicy",
     "Trajectory",
     "TuningErrors",
@@ -89,12 +97,14 @@ __all__ = [
     "blend",
     "closed_loop_gait",
     "collision_matrix",
+    "controlled_symmetry",
     "crisis_slope",
     "doubling_cascade",
     "exponent_crossings",
     "find_gait",
     "find_gaits",
     "foot_velocity",
+    "footholds",
     "gait_family",
     "lab_walker_from_parts",
     "largest_push",
@@ -107,13 +117,17 @@ __all__ = [
     "optimise_walker",
     "parameter_family",
     "reality_check",
+    "rough",
     "simulate",
+    "stairs",
     "stride",
     "stride_jacobian",
     "transition_slope",
     "tune",
     "tune_to_walk",
     "tuning_errors",
+    "virtual_gravity",
+    "waves",
 ]
 
 _register()

@@ -6,7 +6,17 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple
 
-from validation import chaos, families, lab, literature, parameters, point_feet, simplest, tuning
+from validation import (
+    chaos,
+    controllers,
+    families,
+    lab,
+    literature,
+    parameters,
+    point_feet,
+    simplest,
+    tuning,
+)
 from validation.rows import Row
 
 
@@ -51,6 +61,13 @@ SECTIONS = (
     Section("Which gait is the faster (4.9, Figs. 4.11 to 4.13)", families.speeds),
     Section("Other publications: the simplest walker", literature.simplest_walker),
     Section("Other publications: the compass walker", literature.compass),
+    Section("Controllers: push-off (Kuo)", controllers.push_off,
+            "The simplest walker on level ground, l = 1 m, g = 9.81 m/s²; P over m √(g l), the "
+            "hip spring K per foot mass over g l."),
+    Section("Controllers: shaped potentials (Spong, Asano)", controllers.shaped_potentials,
+            "The compass walker of Goswami et al., g = 9.8."),
+    Section("Controllers: a torque once a stride (Bhounsule)", controllers.foot_placement,
+            "Walker D at slope 0.009, hip torques of at most 2 per foot mass over g l."),
 )  # fmt: skip
 
 _HEAD = """# Validation
@@ -77,6 +94,14 @@ _SOURCES = """## Sources
   symmetry and chaos*, Int. J. Robotics Research 17 (1998) 1282–1301.
 - G. W. Howell, J. Baillieul, *Simple controllable walking mechanisms which exhibit bifurcations*,
   IEEE CDC (1998) 3027–3032.
+- A. D. Kuo, *Energetics of actively powered locomotion using the simplest walking model*,
+  J. Biomech. Eng. 124 (2002) 113–120; his program is github.com/kuo-lab/simplelocomotionmodel.
+- M. W. Spong, F. Bullo, *Controlled symmetries and passive walking*, IEEE Trans. Automatic Control
+  50 (2005) 1025–1031.
+- F. Asano, M. Yamakita, *Virtual gravity and coupling control for robotic gait synthesis*, IEEE
+  Trans. Systems, Man, and Cybernetics A 31 (2001) 737–745.
+- P. A. Bhounsule, A. Zamani, *A discrete control Lyapunov function for exponential orbital
+  stabilization of the simplest walker*, J. Mechanisms Robotics 9 (2017) 051011.
 - M. J. Feigenbaum, *Quantitative universality for a class of nonlinear transformations*, J. Stat.
   Phys. 19 (1978) 25–52.
 """

@@ -21,7 +21,7 @@ from gym_passive_walker.envs.reality import ROOM
 from gym_passive_walker.envs.scene import Scene, SceneError
 from gym_passive_walker.envs.starts import DRAWS, Starts, checked_state
 from gym_passive_walker.physics.hybrid import System
-from gym_passive_walker.physics.systems import bodies, kind_of, system_of
+from gym_passive_walker.physics.systems import UNEVEN, bodies, kind_of, system_of
 from gym_passive_walker.walkers import Walker
 
 OPTIONS = ("state", "slope")
@@ -94,7 +94,7 @@ class Batch:
                     f"{name} must be in a row, one for each of {count} environments, not {found}"
                 )
         self.scene, self.count = scene, count
-        self.seen = task.SIZE + (scene.command is not None)
+        self.seen = task.SIZE + (scene.command is not None) + 2 * scene.preview
         self.threads = None if threads is None else whole(threads, "threads")
         self.walkers = [scene.walker] * count if walkers is None else list(walkers)
         if len({kind_of(walker) for walker in self.walkers}) > 1:
@@ -138,7 +138,9 @@ class Batch:
     @property
     def system(self) -> System:
         """Which equations the walkers obey."""
-        return system_of(*set(self.walkers), using={*self.scene.randomise, *self.scene.actions})
+        scene = self.scene
+        using = {*scene.randomise, *scene.actions, *(UNEVEN if scene.terrain else ())}
+        return system_of(*set(self.walkers), using=using)
 
     def start(
         self,
@@ -179,7 +181,7 @@ class Batch:
             where, slopes, gaits, draws, self.scene.perturbation, observations,
         )  # fmt: skip
         if self.disturbances:
-            self.disturbances.begin(where, self.randoms)
+            self.disturbances.begin(where, self.randoms, self.records, self.ledger)
             self.disturbances.observe(self.ledger, where, observations)
 
     def _nominal(

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.envs import fates, reality, task
 from gym_passive_walker.envs.checks import CHECKS
 from gym_passive_walker.envs.scene import CALM, Scene
+from gym_passive_walker.gaits.terrain import Terrain
 
 _OF_PUSHES = ("pushes", "push_work", "episode_push_work")
 
@@ -38,6 +39,7 @@ class Disturbances:
         self.scene, self._system = scene, system
         self.fates, self.odds = np.zeros(count, fates.FATE), _odds(scene)
         self.pending = np.zeros((count, scene.motor_delay, len(scene.actions)))
+        self.terrain = (scene.terrain or Terrain()).arrays()
 
     @property
     def natives(self) -> tuple[NDArray, NDArray]:
@@ -45,20 +47,29 @@ class Disturbances:
         pushed, watched = bool(self.scene.pushes), bool(self.scene.reality)
         return reality.natives(self._system, pushed=pushed, watched=watched)
 
-    def part(self, first: int, last: int) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    def part(self, first: int, last: int) -> tuple[NDArray, ...]:
         """What `fates.step` takes of the walkers from one to before another."""
-        return self.fates[first:last], self.pending[first:last], self.odds, self.natives[1]
+        fates, pending = self.fates[first:last], self.pending[first:last]
+        return fates, pending, self.odds, self.natives[1], *self.terrain
 
-    def begin(self, lanes: NDArray[np.int64], randoms: list[np.random.Generator]) -> None:
+    def begin(
+        self,
+        lanes: NDArray[np.int64],
+        randoms: list[np.random.Generator],
+        records: NDArray,
+        ledger: NDArray,
+    ) -> None:
         """Draw some walkers' fates, by a key from each one's random numbers."""
         keys = np.empty(len(lanes), np.uint64)
         for j, i in enumerate(lanes.tolist()):
             keys[j] = randoms[i].integers(2**64, dtype=np.uint64)
-        fates.begin(self.fates, self.odds, lanes, keys, self.pending)
+        fates.begin(
+            self.fates, self.odds, lanes, keys, self.pending, records, ledger, *self.terrain
+        )
 
     def observe(self, ledger: NDArray, lanes: NDArray, observations: NDArray[np.float32]) -> None:
         """Make some walkers' observations those of their sensors."""
-        fates.observe(self.fates, ledger, self.odds, lanes, observations)
+        fates.observe(self.fates, ledger, self.odds, *self.terrain, lanes, observations)
 
     def told(self, bodies: NDArray) -> dict[str, NDArray]:
         """What `info` tells besides at every step: a number for each walker."""
@@ -92,6 +103,7 @@ def _odds(scene: Scene) -> NDArray:
     odds["noisy"] = np.any(odds["noise"])
     if scene.command is not None:
         odds["commanded"], odds["command"] = True, np.broadcast_to(scene.command, 2)
+    odds["uneven"], odds["preview"] = scene.terrain is not None, scene.preview
     odds["interval"] = fates.INTERVAL if scene.reality else math.inf
     odds["ends"] = [scene.reality.get(check) == "end" for check in CHECKS]
     for name in ("motor_noise", "command_weight", "friction", "knee_latch", "scuff_depth"):

@@ -20,6 +20,8 @@ from gym_passive_walker.engine.jit import Kernel, address, call, jitted
 from gym_passive_walker.engine.run import carry_on
 from gym_passive_walker.envs import reality, task
 from gym_passive_walker.envs.checks import CHECKS
+from gym_passive_walker.gaits.terrain import foothold
+from gym_passive_walker.physics.bodies import StraightBody
 from gym_passive_walker.physics.hybrid import Outcome
 
 FATE = np.dtype(
@@ -32,6 +34,10 @@ FATE = np.dtype(
         ("push_work", "f8"),  # of those in this step
         ("episode_push_work", "f8"),
         ("idle", "i8"),  # whether the episode had ended before the step
+        ("slope", "f8"),  # that is walked; footholds slope more or less
+        ("tilt", "f8"),  # by how much this one slopes more
+        ("x", "f8"),  # where the stride began to touch it, along the slope that is walked
+        ("y", "f8"),  # over it
     ]
 )
 """What is kept of a walker besides its ledger."""
@@ -46,6 +52,8 @@ ODDS = np.dtype(
         ("commanded", "i8"),
         ("command", "f8", (2,)),
         ("command_weight", "f8"),
+        ("uneven", "i8"),  # whether there is terrain
+        ("preview", "i8"),  # footholds ahead that agents see
         ("interval", "f8"),  # from one look at a walker to the next; infinite without looks
         ("friction", "f8"),
         ("knee_latch", "f8"),
@@ -63,14 +71,15 @@ _DEPTH = 1e-9  # rounding of a foot's height
 _FIRST_REASON = len(Outcome)
 _HEELSTRIKE, _WORK, _ROOM = int(Outcome.HEELSTRIKE), len(reality.NOTES) - 1, reality.ROOM
 _BLANK = reality.BLANK
+_RADIUS = StraightBody._fields.index("foot_radius")  # of every kind's constants
 _CONTACT, _FRICTION, _KNEE = range(len(CHECKS) - 1)
 # Streams of a walker's key.
 _WHEN, _HOW_HARD, _SENSOR, _MOTOR, _COMMAND = range(5)
 
 
 @jitted
-def perceive(fate, row, odds, observations, first):
-    """Spoil what a walker's sensors tell, and add its command."""
+def perceive(fate, row, odds, table, spread, observations, first):
+    """Spoil what a walker's sensors tell, and add its command and the footholds ahead."""
     if odds.noisy:
         for k in range(task.SIZE):
             if odds.noise[k] > 0.0:
@@ -79,14 +88,44 @@ def perceive(fate, row, odds, observations, first):
                 observations[first + k] = max(told, task.LOWEST[k])
     if odds.commanded:
         observations[first + task.SIZE] = fate.command
+    first += task.SIZE + odds.commanded
+    for ahead in range(odds.preview):
+        rise, here = foothold(table, spread, fate.key, row.strides + ahead)
+        there = foothold(table, spread, fate.key, row.strides + ahead + 1)[1]
+        observations[first + 2 * ahead] = task.clipped(rise, task.HIGHEST)
+        observations[first + 2 * ahead + 1] = task.clipped(there - here, task.STEEPEST)
 
 
 @Kernel
-def observe(fates, ledger, odds, lanes, observations):
+def observe(fates, ledger, odds, table, spread, lanes, observations):
     """Make walkers' observations, which `task.observe` has written, those of their sensors."""
     size = len(observations) // len(ledger)
     for i in lanes:
-        perceive(fates[i], ledger[i], odds[0], observations, i * size)
+        perceive(fates[i], ledger[i], odds[0], table, spread, observations, i * size)
+
+
+@jitted
+def lay(record, row, fate, table, spread):
+    """Lay the ground of the stride that begins."""
+    rise, here = foothold(table, spread, fate.key, row.strides)
+    there = foothold(table, spread, fate.key, row.strides + 1)[1]
+    fate.tilt, row.slope = here, fate.slope + here
+    record.ground[0], record.ground[1] = math.sin(row.slope), math.cos(row.slope)
+    record.ground[2], record.ground[3] = rise, there - here
+
+
+@jitted
+def step_over(record, row, fate, radius, table, spread):
+    """Enter where the foot has come down that stands now, and lay its ground."""
+    rise, here = foothold(table, spread, fate.key, row.strides - 1)
+    turn = foothold(table, spread, fate.key, row.strides)[1] - here
+    # It touches the new ground beside where it came down, as the two slope apart.
+    along = row.step_length - radius * math.sin(turn)
+    off = rise + radius * (1.0 - math.cos(turn))
+    sine, cosine = math.sin(here), math.cos(here)
+    fate.x += along * cosine + off * sine
+    fate.y += off * cosine - along * sine
+    lay(record, row, fate, table, spread)
 
 
 @jitted
@@ -96,7 +135,7 @@ def wait(fate, odds):
 
 
 @Kernel
-def begin(fates, odds, lanes, keys, pending):
+def begin(fates, odds, lanes, keys, pending, records, ledger, table, spread):
     """Draw some walkers' fates anew, each by its key; `pending` are actions that come late."""
     for j in range(len(lanes)):
         i = lanes[j]
@@ -106,6 +145,9 @@ def begin(fates, odds, lanes, keys, pending):
         fate.command = low + (high - low) * uniform(fate.key, 0, _COMMAND)
         fate.due = wait(fate, odds[0]) if odds[0].rate > 0.0 else np.inf
         pending[i] = 0.0
+        fate.slope, fate.tilt, fate.x, fate.y = ledger[i].slope, 0.0, 0.0, 0.0
+        if odds[0].uneven:
+            lay(records[i, 0], ledger[i], fate, table, spread)
 
 
 @jitted
@@ -206,7 +248,7 @@ def judge(records, bodies, i, row, fate, odds, phases, natives):
         fate.due -= record.time
         if row.broken != 0:  # it stands on its new foot all the same
             call(phases[0].place, address(records[i]), address(bodies[i]), 0, 0, 0.0, 0.0)
-            row.origin -= 2.0 * record.place
+            row.origin -= record.place - record.passed
 
 
 @jitted
@@ -222,7 +264,7 @@ def obey(row, fate, odds):
 @Kernel
 def step(
     records, bodies, ledger, rules, phases, tiles, courses, fates, pending, odds, natives,
-    actions, observations, rewards, terminated, truncated,
+    table, spread, actions, observations, rewards, terminated, truncated,
 ):  # fmt: skip
     """A step of every walker, whose actions are finite; returns `settle`'s answers."""
     reached = sent(fates, ledger, odds[0], pending, actions)
@@ -248,5 +290,8 @@ def step(
                 row.reward -= lost
                 row.total -= lost
                 rewards[i] -= lost
-        perceive(fate, row, odds[0], observations, i * size)
+            if odds[0].uneven and row.outcome == _HEELSTRIKE:
+                step_over(records[i, 0], row, fate, bodies[i, 0, _RADIUS], table, spread)
+                task.see(records[i, 0], row, phases, observations, i * size)
+        perceive(fate, row, odds[0], table, spread, observations, i * size)
     return strides, endings

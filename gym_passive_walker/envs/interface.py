@@ -32,10 +32,11 @@ OUTCOMES = (
 
 
 def observation_space(scene: Scene) -> Any:
-    """What an agent sees: the same for every walker, and with a command one number more."""
+    """What an agent sees: the same for every walker, and a few numbers more in some scenes."""
     commanded = scene.command is not None
-    low = np.append(task.LOWEST, [0.0] * commanded)
-    high = np.append(task.BOUNDS, [FASTEST] * commanded)
+    ahead = np.tile([task.HIGHEST, task.STEEPEST], scene.preview)
+    low = np.concatenate([task.LOWEST, [0.0] * commanded, -ahead])
+    high = np.concatenate([task.BOUNDS, [FASTEST] * commanded, ahead])
     return spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
 
 

@@ -19,6 +19,7 @@ from gym_passive_walker.envs.checks import (
     spread,
 )
 from gym_passive_walker.envs.task import CHANNELS, ENERGIES, SIZE
+from gym_passive_walker.gaits.terrain import Terrain, terrain_from
 from gym_passive_walker.walkers import PARAMETERS, Walker, WalkerError, as_walker
 
 CONTROLS = ("tick", "stride")
@@ -98,6 +99,9 @@ class Scene:
             was commanded to go in its time.
         reality: What comes of the checks of `reality_check`, "scuffing", "knee lock", "contact"
             and "friction": "ignore", "report" or "end".
+        terrain: How footholds lie, a `Terrain` or a mapping such as
+            ``{"rough": {"height_std": 0.01}}``; smooth when None.
+        preview: Of how many footholds ahead agents see the rise to them and their turn.
         friction: Coefficient of friction of foot and ground.
         knee_latch: What a latch of the stance knee holds against flexion, as a torque in m g l, and
             in a strike as an impulse in m l sqrt(g l); 0 is a knee that is pressed on its stop.
@@ -127,6 +131,8 @@ class Scene:
     command: float | tuple[float, float] | None = None
     command_weight: float = 2.0
     reality: dict[str, str] = field(default_factory=dict)
+    terrain: Terrain | None = None
+    preview: int = 0
     friction: float = 0.8
     knee_latch: float = 0.0
     scuff_depth: float = 0.01
@@ -175,6 +181,7 @@ class Scene:
             low, high = spread("command", self.command, 0.0, FASTEST)
             put("command", low if low == high else (low, high))
         put("reality", checked_reality(self.reality, knees=self.walker.knees))
+        put("preview", self._checked_preview())
         bound("motor_noise", 0.0, 1.0)
         bound("command_weight", 0.0, 1e3)
         bound("friction", 0.0, 1e3)
@@ -231,6 +238,17 @@ class Scene:
             for name, share in sorted(self.randomise.items())
         }
 
+    def _checked_preview(self) -> int:
+        """A number of footholds, and the terrain that they are of."""
+        try:
+            object.__setattr__(self, "terrain", terrain_from(self.terrain))
+            preview = whole(self.preview, "preview", least=0)
+        except ValueError as error:
+            raise SceneError(str(error)) from None
+        if preview and self.terrain is None:
+            raise SceneError("preview shows footholds of a terrain: give one, or preview=0")
+        return preview
+
     def _checked_delay(self) -> int:
         """A number of steps."""
         try:
@@ -258,6 +276,7 @@ class Scene:
 
 CALM: dict[str, Any] = {
     "pushes": {}, "sensor_noise": 0.0, "motor_noise": 0.0, "motor_delay": 0, "reality": {},
+    "terrain": None, "preview": 0,
 }  # fmt: skip
 """Arguments of a scene in which nothing befalls a walker on its way."""
 

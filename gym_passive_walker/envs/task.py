@@ -15,7 +15,6 @@ import numpy as np
 
 from gym_passive_walker.engine.jit import Kernel, address, call, jitted
 from gym_passive_walker.engine.run import OPTIONS, carry_on
-from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import Outcome
 
 EVERY_STEP = ("distance", "energy", "episode_distance", "episode_energy", "strides")
@@ -87,13 +86,16 @@ ENERGIES = ("absolute", "positive", "net")
 """How the motor is charged for hip work."""
 
 SIZE = 8
-"""Numbers in an observation of what stands in a walker's record; a command makes one more."""
+"""Numbers in an observation of what stands in a walker's record; scenes may add some."""
 
 RATE_BOUND = 10.0
 """Rates are clipped to this; walking and falling stay well below."""
 
 BOUNDS = np.array([0.5 * math.pi, math.pi, math.pi, *[RATE_BOUND] * 3, 1.0, 0.5 * math.pi])
 """Largest size of each number in an observation."""
+
+HIGHEST, STEEPEST = 1.0, 0.5 * math.pi
+"""Footholds that agents see ahead are clipped to these: leg lengths, and rad."""
 
 LOWEST = -BOUNDS
 LOWEST[6] = 0.0
@@ -123,7 +125,7 @@ def reward(distance, energy, energy_weight):
     return distance - energy_weight * energy
 
 
-_motor_charge, _reward, _travelled = jitted(motor_charge), jitted(reward), jitted(legs.travelled)
+_motor_charge, _reward = jitted(motor_charge), jitted(reward)
 
 
 @jitted
@@ -297,7 +299,7 @@ def end_stride(record, row):
     row.progress = 0.0
     row.clock += record.time
     row.descent += record.gravity_work
-    row.origin -= 2.0 * record.place
+    row.origin -= record.place - record.passed
     record.time, record.knee_time = 0.0, 0.0
     record.knee_loss, record.heel_loss, record.friction_loss = 0.0, 0.0, 0.0
 
@@ -309,7 +311,8 @@ def progress(record, row):
     A stride without heelstrike does not count: what was paid for it in advance is taken back, or
     agents learn to dive, which carries the hip a whole leg length at once.
     """
-    row.distance = _travelled(row.place, record.place, record.outcome == _HEELSTRIKE)
+    came = record.passed if record.outcome == _HEELSTRIKE else record.place
+    row.distance = came - row.place
     row.place = record.place
     if row.ending != 0:
         row.distance = 0.0 - row.progress

@@ -15,7 +15,7 @@ from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.gaits.drive import Drive, to_dimensionless
 from gym_passive_walker.gaits.forces import forces
 from gym_passive_walker.physics.hybrid import System
-from gym_passive_walker.physics.systems import bodies, system_of
+from gym_passive_walker.physics.systems import UNEVEN, bodies, system_of
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker, as_walker
 
@@ -44,6 +44,7 @@ def look_inside(
     *,
     tolerance: float,
     stub: bool = False,
+    rises: NDArray | None = None,
 ) -> Samples:
     """Look at strides at any instants; all of it dimensionless.
 
@@ -57,11 +58,13 @@ def look_inside(
             that it ends with, and one that is not finite gives nothing.
         tolerance: Of the integration.
         stub: Whether a kneed walker's locked swing leg below the ground ends the stride.
+        rises: Height of the next foothold in each, (n,); none when None.
     """
     count, looks = times.shape
     starts, slopes, held = (np.repeat(x, looks, axis=0) for x in (starts, slopes, controls))
     ends = times.ravel()
-    records = new_records(starts, slopes, held, end=ends)
+    steps = 0.0 if rises is None else np.repeat(rises, looks)
+    records = new_records(starts, slopes, held, end=ends, rise=steps)
     records[~np.isfinite(ends)] = np.zeros((), records.dtype)  # nothing to follow
     own = own if len(own) == 1 else np.repeat(own, looks, axis=0)
     record = advance(system, own, records, tolerance=tolerance, scuff=stub)[:, 0]
@@ -72,21 +75,23 @@ def look_inside(
 
 def states_inside(
     walker: Walker,
-    slope: float,
+    slope: ArrayLike,
     starts: NDArray,
     drives: NDArray,
     times: NDArray,
     tolerance: float,
+    rises: NDArray | None = None,
 ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """States (n, k, 6) and phases (n, k) of n strides at times (n, k), in the walker's own units.
 
     Args:
         walker: Who walks.
-        slope: Slope in rad.
+        slope: Slope in rad, one for all or (n,).
         starts: States with which the strides start, (n, 6).
         drives: A `Drive` in each, (n, 3).
         times: Since the start, (n, k).
         tolerance: Of the integration.
+        rises: Height of the next foothold in each, (n,); none when None.
     """  # fmt: skip
     units = units_of(walker)
     first = units.to_dimensionless(starts)
@@ -95,8 +100,9 @@ def states_inside(
     drive = Drive(*drives.T)
     hip, ankle, _ = to_dimensionless(units, drive)
     states, phases = look_inside(
-        system_of(walker, using=drive.using), bodies(walker), first, np.full(len(first), slope),
-        np.stack([hip, ankle], axis=1), times / units.time, tolerance=tolerance,
+        system_of(walker, using=drive.using if rises is None else UNEVEN), bodies(walker), first,
+        np.broadcast_to(slope, len(first)), np.stack([hip, ankle], axis=1), times / units.time,
+        tolerance=tolerance, rises=None if rises is None else rises / units.length,
     )  # fmt: skip
     return units.to_own(states), phases
 

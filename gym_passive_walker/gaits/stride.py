@@ -12,6 +12,7 @@ from gym_passive_walker.arguments import (
     check_slope,
     check_state,
     check_tolerance,
+    real_array,
 )
 from gym_passive_walker.engine.run import LONGEST_STRIDE, advance, new_records
 from gym_passive_walker.gaits.drive import (
@@ -22,7 +23,7 @@ from gym_passive_walker.gaits.drive import (
     to_dimensionless,
 )
 from gym_passive_walker.physics.hybrid import Ground, Outcome, State, System
-from gym_passive_walker.physics.systems import bodies, system_of
+from gym_passive_walker.physics.systems import UNEVEN, bodies, system_of
 from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker, as_walker
@@ -131,6 +132,19 @@ class Stride(Table, _Fields):
         return table | {name: np.ravel(getattr(self, name)) for name in told}
 
 
+def check_foothold(rise: ArrayLike, turn: ArrayLike) -> tuple[NDArray, NDArray] | None:
+    """How the next foothold lies, as arrays; None where it is as this one.
+
+    Raises:
+        ValueError: if a number is not finite.
+    """
+    if type(rise) is type(turn) is float and rise == turn == 0.0:
+        return None
+    allowed = "a number or an array of them"
+    ground = real_array(rise, "rise", allowed), real_array(turn, "turn", allowed)
+    return ground if any(part.any() for part in ground) else None
+
+
 def stride(
     walker: Walker | str,
     slope: ArrayLike,
@@ -139,6 +153,8 @@ def stride(
     hip_torque: ArrayLike = 0.0,
     ankle_torque: ArrayLike = 0.0,
     push_off: ArrayLike = 0.0,
+    rise: ArrayLike = 0.0,
+    turn: ArrayLike = 0.0,
     tolerance: float = 1e-10,
     longest: float = LONGEST_STRIDE,
     stub: bool = False,
@@ -156,6 +172,9 @@ def stride(
         ankle_torque: Torque between ground and stance leg held through the stride, positive when it
             tips the walker forward; likewise. On point feet alone.
         push_off: Impulse of the ground along the stance leg just before heelstrike; likewise.
+        rise: Height of the next foothold over this one, along this one's normal; likewise.
+        turn: By how much the next foothold slopes more steeply downhill, in rad; likewise. The
+            state after the stride is over that one, angles from its normal.
         tolerance: Error relative to the largest angle or (dimensionless) rate. The next state's
             error stays within a hundred times this on ordinary gaits, and usually below it.
         longest: Time in units of sqrt(l/g) after which a stride has STALLED.
@@ -175,15 +194,19 @@ def stride(
     drive = check_drive(walker, Drive(hip_torque, ankle_torque, push_off))
     if not (isinstance(longest, (int, float, np.number)) and 0.0 < longest < math.inf):
         raise ValueError(f"longest must be a positive time, not {longest!r}")
+    ground = check_foothold(rise, turn)
     try:
-        shape = np.broadcast_shapes(states.shape[:-1], slopes.shape, *drive_shapes(drive))
+        around = (*drive_shapes(drive), *(part.shape for part in ground or ()))
+        shape = np.broadcast_shapes(states.shape[:-1], slopes.shape, *around)
     except ValueError:
         raise ValueError(
             f"slope {slopes.shape}, hip_torque {np.shape(drive.hip_torque)}, ankle_torque "
-            f"{np.shape(drive.ankle_torque)}, push_off {np.shape(drive.push_off)} and states "
-            f"{states.shape[:-1]} do not fit together: give one of each, or the same number"
+            f"{np.shape(drive.ankle_torque)}, push_off {np.shape(drive.push_off)}, rise "
+            f"{np.shape(rise)}, turn {np.shape(turn)} and states {states.shape[:-1]} do not fit "
+            "together: give one of each, or the same number"
         ) from None
-    system, units, own = system_of(walker, using=drive.using), units_of(walker), bodies(walker)
+    using = (*drive.using, *UNEVEN) if ground else drive.using
+    system, units, own = system_of(walker, using=using), units_of(walker), bodies(walker)
     count = math.prod(shape)
     flat = np.empty((*shape, 6))
     flat[:] = units.to_dimensionless(states)
@@ -199,6 +222,9 @@ def stride(
         )
         records["control"][:, 0, 0], records["control"][:, 0, 1] = hip, ankle
         records["push_off"][:, 0] = push
+    if ground:
+        each = [np.broadcast_to(part, shape).ravel() for part in ground]
+        records["ground"][:, 0, 2], records["ground"][:, 0, 3] = each[0] / units.length, each[1]
     record = advance(system, own, records, tolerance=tolerance, scuff=stub, threads=threads)[:, 0]
     outcome, length = record["outcome"], record["step_length"]
     gravity, spring, knee_time = (record[x] for x in ("gravity_work", "spring_work", "knee_time"))

@@ -11,6 +11,7 @@ from gym_passive_walker.arguments import check_state, check_tolerance, one_slope
 from gym_passive_walker.gaits.drive import Drive
 from gym_passive_walker.gaits.samples import states_inside
 from gym_passive_walker.gaits.stride import STATE_NAMES, stride
+from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
@@ -33,6 +34,9 @@ class Trajectory(Table):
         times: Time since the start, shape (n,).
         states: [stance, thigh, shank] angles in rad, then their rates, shape (n, 6).
         contact_x: Contact point along the slope, positive downhill, shape (n,).
+        contact_y: Its height over the slope, shape (n,).
+        tilts: By how much the ground there slopes more steeply, in rad, shape (n,); angles are
+            from its normal.
         strides: Which stride a sample belongs to, from 0, shape (n,).
         phases: `Stage` of the swing leg, shape (n,).
         outcomes: How each stride ended, shape (strides made,); all but the last are HEELSTRIKE.
@@ -43,6 +47,8 @@ class Trajectory(Table):
     times: NDArray[np.float64]
     states: NDArray[np.float64]
     contact_x: NDArray[np.float64]
+    contact_y: NDArray[np.float64]
+    tilts: NDArray[np.float64]
     strides: NDArray[np.int64]
     phases: NDArray[np.int64]
     outcomes: NDArray[np.int64]
@@ -80,6 +86,8 @@ class Trajectory(Table):
             "phase": self.phases,
             **dict(zip(STATE_NAMES, self.states.T, strict=True)),
             "contact_x": self.contact_x,
+            "contact_y": self.contact_y,
+            "tilt": self.tilts,
         }
 
 
@@ -93,6 +101,8 @@ def simulate(
     hip_torque: ArrayLike = 0.0,
     ankle_torque: ArrayLike = 0.0,
     push_off: ArrayLike = 0.0,
+    terrain: Terrain | None = None,
+    key: int = 0,
     tolerance: float = 1e-10,
 ) -> Trajectory:
     """Follow one walker for some strides, and keep what it passes through.
@@ -116,6 +126,8 @@ def simulate(
         hip_torque: Torque, as for `stride`: a number, or one for each stride.
         ankle_torque: Likewise.
         push_off: Impulse at a stride's end, likewise.
+        terrain: How footholds lie; smooth when None.
+        key: Which of the terrain's walks, if it is random: any whole number from 0 on.
         tolerance: Error relative to the largest angle or rate, as for `stride`; at most 1e-4.
 
     Returns:
@@ -132,9 +144,21 @@ def simulate(
         raise ValueError(f"tolerance must be at most {COARSEST_SAMPLES}, not {tolerance}")
     parts = (np.asarray(part, dtype=float) for part in (hip_torque, ankle_torque, push_off))
     drives = np.stack([np.broadcast_to(part, (strides,)) for part in parts], axis=1)
+    ground = _ground(terrain, key, strides)
+    rises = ground[:, 1] * walker.leg_length
     starts, walks = [state], []
-    for drive in map(Drive._make, drives.tolist()):
-        walks.append(stride(walker, slope, starts[-1], tolerance=tolerance, **drive._asdict()))
+    for k, drive in enumerate(map(Drive._make, drives.tolist())):
+        walks.append(
+            stride(
+                walker,
+                slope + ground[k, 0],
+                starts[-1],
+                tolerance=tolerance,
+                rise=float(rises[k]),
+                turn=float(ground[k, 2]),
+                **drive._asdict(),
+            )
+        )
         if walks[-1].outcome != Outcome.HEELSTRIKE:
             break
         starts.append(walks[-1].state)
@@ -142,19 +166,48 @@ def simulate(
     durations, lengths = (
         np.array([getattr(walk, name) for walk in walks]) for name in ("duration", "step_length")
     )
-    first = np.array(starts[:made])
+    first, tilts = np.array(starts[:made]), ground[:made, 0]
     # Strikes seen from sample to sample differ by the tolerance: stop short of them by more.
     instants = np.linspace(0.0, 1.0 - 10.0 * tolerance - 1e-12, samples) * durations[:, None]
-    states, phases = states_inside(walker, slope, first, drives[:made], instants, tolerance)
-    began, place = (np.cumsum([0.0, *x[:-1]])[:, None] for x in (durations, lengths))
+    states, phases = states_inside(
+        walker, slope + tilts, first, drives[:made], instants, tolerance,
+        rises[:made] if ground.any() else None,
+    )  # fmt: skip
+    began = np.cumsum([0.0, *durations[:-1]])[:, None]
     rolled = walker.foot_radius * (first[:, :1] - states[:, :, 0])
+    places = (
+        _contacts(walker, ground[:made], lengths)[:, None] + rolled * np.exp(-1j * tilts)[:, None]
+    )
     return Trajectory(
         walker=walker,
         slope=slope,
         times=(began + instants).ravel(),
         states=states.reshape(-1, 6),
-        contact_x=(place + rolled).ravel(),
+        contact_x=places.real.ravel(),
+        contact_y=places.imag.ravel(),
+        tilts=np.repeat(tilts, samples),
         strides=np.repeat(np.arange(made), samples),
         phases=phases.ravel(),
         outcomes=np.array([int(walk.outcome) for walk in walks]),
     )
+
+
+def _ground(terrain: Terrain | None, key: int, strides: int) -> NDArray[np.float64]:
+    """Of each stride: its slope beyond the walk's, the next foothold's rise and turn."""
+    if terrain is None:
+        return np.zeros((strides, 3))
+    if not isinstance(terrain, Terrain):
+        raise ValueError(f"terrain must be a Terrain, such as gpw.rough makes, not {terrain!r}")
+    return terrain.ground(whole(key, "key", 0), np.arange(strides))
+
+
+def _contacts(walker: Walker, ground: NDArray, lengths: NDArray) -> NDArray[np.complex128]:
+    """Where strides begin to touch the ground: x along the slope, y off it as imaginary part.
+
+    A foot that lands touches the new ground beside where it came down, as the two slope apart.
+    """
+    tilts, rises, turns = ground.T
+    along = np.exp(-1j * tilts)
+    beside = 1j * walker.foot_radius * along * (1.0 - np.exp(-1j * turns))
+    steps = (lengths + 1j * rises * walker.leg_length) * along + beside
+    return np.concatenate([[0.0], np.cumsum(steps[:-1])])

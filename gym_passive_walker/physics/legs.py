@@ -184,7 +184,8 @@ def standing(body, state, ground):
     mean, half = 0.5 * (state.stance + state.thigh), 0.5 * (state.thigh - state.stance)
     sine, cosine = sine_cosine(mean)
     spread, _ = sine_cosine(half)
-    mean = mean - (sine - ground.rise / (2.0 * body.leg * spread)) / cosine
+    apart = 2.0 * body.leg * spread + 1e-300  # legs side by side stand at one height
+    mean = mean - (sine - ground.rise / apart) / cosine
     return state._replace(stance=mean - half, thigh=mean + half, shank=mean + half)
 
 

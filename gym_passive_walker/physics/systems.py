@@ -17,22 +17,38 @@ from gym_passive_walker.walkers import Walker, varied
 FITTINGS = ("hip_stiffness", "hip_friction", "knee_stiffness")
 """Constants of what may be fitted to a walker's joints."""
 
-EXTRAS = (*FITTINGS, "ankle", "push_off", "rise", "turn")
-"""What code is made without for those who have none of it."""
+EXTRAS = (*FITTINGS, "ankle", "push_off")
+"""What walkers may have; code is made without it for those who have none."""
+
+UNEVEN = ("rise", "turn")
+"""What the ground may do from foothold to foothold, likewise."""
 
 _KINDS = (kneed.SYSTEM, straight.SYSTEM, simplest.SYSTEM)
 
-_BARE = {"absent": EXTRAS, "spring_gain": None, "friction_power": None}
+
+def _on_smooth_ground(kind: System) -> System:
+    """A system on ground of one slope."""
+    phases = tuple(map(legs.on_smooth_ground, kind.phases))
+    return kind._replace(name=f"{kind.name}-fitted", phases=phases, absent=UNEVEN)
 
 
 def _bare(kind: System) -> System:
-    return kind._replace(**_BARE, phases=tuple(map(legs.on_smooth_ground, kind.phases)))
+    """A system on ground of one slope, of walkers that have nothing more than legs and a hip."""
+    without = {"absent": (*EXTRAS, *UNEVEN), "spring_gain": None, "friction_power": None}
+    return _on_smooth_ground(kind)._replace(name=kind.name, **without)
 
 
-SYSTEMS = {kind.name: _bare(kind) for kind in _KINDS} | {
-    f"{kind.name}-fitted": kind._replace(name=f"{kind.name}-fitted") for kind in _KINDS
+def _anywhere(kind: System) -> System:
+    """A system with all there may be."""
+    return kind._replace(name=f"{kind.name}-uneven")
+
+
+SYSTEMS = {
+    system.name: system
+    for made in (_bare, _on_smooth_ground, _anywhere)
+    for system in map(made, _KINDS)
 }
-"""By name; of each kind a bare one, and one with all `EXTRAS`."""
+"""By name; of each kind a bare one, one with all `EXTRAS`, and one for `UNEVEN` ground too."""
 
 
 def kind_of(walker: Walker) -> str:
@@ -47,8 +63,11 @@ def system_of(*walkers: Walker, using: Collection[str] = ()) -> System:
 
     Args:
         walkers: The walkers.
-        using: What else they have of `EXTRAS`, or may have: controls in use, parameters that vary.
+        using: What else there is of `EXTRAS` and `UNEVEN`, or may be: controls in use, parameters
+            that vary, ground that does.
     """
+    if not set(UNEVEN).isdisjoint(using):
+        return SYSTEMS[f"{kind_of(walkers[0])}-uneven"]
     fitted = any(getattr(walker, name) for walker in walkers for name in FITTINGS)
     fitted = fitted or not set(EXTRAS).isdisjoint(using)
     return SYSTEMS[f"{kind_of(walkers[0])}-fitted" if fitted else kind_of(walkers[0])]

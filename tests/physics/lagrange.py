@@ -86,10 +86,10 @@ def equations():
 _UPPER = np.triu_indices(5)
 
 
-def motion(walker: Walker, slope: float, torque: float, *, locked: bool):
+def motion(walker: Walker, slope: float, torque: float, ankle: float = 0.0, *, locked: bool):
     """Function of a state [angles, rates] that gives its three angular accelerations.
 
-    Everything is in the walker's own units.
+    Everything is in the walker's own units; a positive ankle torque tips the stance leg forward.
     """
     function = equations()
     parameters = [getattr(walker, name) for name in PARAMETERS]
@@ -99,7 +99,7 @@ def motion(walker: Walker, slope: float, torque: float, *, locked: bool):
     )
     free = np.zeros((5, 2 if locked else 3))  # velocities that ground and knee allow
     free[0, 0], free[2, 0], free[3, 1], free[4, -1] = -radius, 1.0, 1.0, 1.0
-    push = np.array([0.0, 0.0, -torque, torque, 0.0])
+    push = np.array([0.0, 0.0, -torque - ankle, torque, 0.0])
 
     def accelerations(state) -> np.ndarray:
         stance, thigh, shank, w_stance, w_thigh, w_shank = map(float, state)

@@ -18,11 +18,11 @@ from gym_passive_walker import Outcome, Walker
 from tests.physics import bodies, lagrange
 
 
-def hip_and_feet_of_no_mass(walker: Walker, slope: float, torque: float):
+def hip_and_feet_of_no_mass(walker: Walker, slope: float, torque: float, ankle: float = 0.0):
     """Accelerations of the simplest walker: a point on a strut, and a pendulum hung from it.
 
     Newton's law for the hip along its circle, then for the swing foot along its own, with gravity
-    and the hip's acceleration. `torque` is per unit of foot mass.
+    and the hip's acceleration. `torque` is per unit of foot mass; `ankle` tips the strut forward.
     """
     length = walker.leg_length
     gravity = walker.gravity * cmath.exp(-1j * (0.5 * np.pi - slope))
@@ -31,6 +31,7 @@ def hip_and_feet_of_no_mass(walker: Walker, slope: float, torque: float):
         stance, swing, _, stance_rate, _, _ = state
         strut, tangent = 1j * cmath.exp(1j * stance), -cmath.exp(1j * stance)
         stance_acceleration = (tangent.conjugate() * gravity).real / length
+        stance_acceleration -= ankle / (walker.hip_mass * length**2)
         hip = length * (stance_acceleration * tangent - stance_rate**2 * strut)
         forward = cmath.exp(1j * swing)  # how the swing foot moves as the leg turns
         swing_acceleration = (forward.conjugate() * (gravity - hip)).real / length
@@ -40,11 +41,11 @@ def hip_and_feet_of_no_mass(walker: Walker, slope: float, torque: float):
     return accelerations
 
 
-def motion(walker: Walker, slope: float, torque: float, *, locked: bool):
+def motion(walker: Walker, slope: float, torque: float, ankle: float = 0.0, *, locked: bool):
     """Accelerations of any walker as a function of its state."""
     if walker.massless_legs:
-        return hip_and_feet_of_no_mass(walker, slope, torque)
-    return lagrange.motion(walker, slope, torque, locked=locked)
+        return hip_and_feet_of_no_mass(walker, slope, torque, ankle)
+    return lagrange.motion(walker, slope, torque, ankle, locked=locked)
 
 
 def simplest_heelstrike(walker: Walker, stance: float, stance_rate: float):

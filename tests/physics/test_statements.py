@@ -17,14 +17,18 @@ from gym_passive_walker import WALKERS, Outcome
 from gym_passive_walker.physics import kneed, legs, straight
 from gym_passive_walker.physics.bodies import body_from
 from gym_passive_walker.physics.hybrid import Control, Ground, State, System
-from gym_passive_walker.physics.systems import SYSTEMS, bodies, body_of, system_of
+from gym_passive_walker.physics.systems import SYSTEMS, UNEVEN, bodies, body_of, system_of
 from tests.physics.examples import KNEED, MASSIVE, fitted, random_walker
 from tests.physics.statements import ground
 
 DIGITS = 40
 
 EXAMPLES = {"kneed": WALKERS["lab"], "straight": WALKERS["A"], "simplest": WALKERS["D"]}
-EXAMPLES |= {f"{name}-fitted": fitted(walker) for name, walker in EXAMPLES.items()}
+EXAMPLES |= {
+    f"{name}-{more}": fitted(walker)
+    for more in ("fitted", "uneven")
+    for name, walker in EXAMPLES.items()
+}
 """A walker of each system."""
 
 PHASES = [
@@ -46,7 +50,7 @@ def some_walker(rng: np.random.Generator, system: System):
         walker = random_walker(rng, knees=kind == "kneed")
     if fittings:
         walker = fitted(walker, *rng.uniform(0.001, [0.2, 0.02, 0.02]))
-    assert system_of(walker) is system
+    assert system_of(walker, using=UNEVEN if "uneven" in fittings else ()) is system
     return walker
 
 

@@ -1,0 +1,256 @@
+"""One decision a stride: hip torque, ankle torque or push-off, chosen anew at each heelstrike.
+
+`DriveFeedback` answers to small deviations from any gait by the linearised stride map.
+`SpeedControl` needs no linearisation: the simplest walker's hip is an inverted pendulum, so its
+speed at mid-stance, where the stance leg is along the ground's normal, says all about its energy,
+and what a stride does to that is known in closed form up to where the foot lands. A push-off sets
+the next speed as A. D. Kuo's walkers do, a hip torque through the place of the foot as P. A.
+Bhounsule's and A. Zamani's does.
+
+References:
+    A. D. Kuo, "Energetics of actively powered locomotion using the simplest walking model",
+    J. Biomech. Eng. 124 (2002) 113-120.
+    P. A. Bhounsule, A. Zamani, "A discrete control Lyapunov function for exponential orbital
+    stabilization of the simplest walker", J. Mechanisms Robotics 9 (2017) 051011.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gym_passive_walker.control.feedback import Method, gains
+from gym_passive_walker.envs.scene import Scene, SceneError, make_scene
+from gym_passive_walker.gaits.drive import USES, for_each
+from gym_passive_walker.gaits.gait import Gait
+from gym_passive_walker.gaits.section import Section
+from gym_passive_walker.gaits.stride_map import StrideMap
+
+_PARTS = {channel: part for part, channel in USES.items()}
+"""The part of a `Drive` that each channel of a scene is."""
+
+_TRIED = 41  # torques of which the best are followed by Newton's method
+_REFINED = 4  # iterations of it
+_TOLERANCE = 1e-11  # of a stride whose torque is sought
+
+
+class OnceAStride:
+    """A policy that chooses what motors do at each heelstrike, from the section state alone.
+
+    Args:
+        name: What the policy is called.
+        scene: A `Scene`, its name, or a mapping of its arguments, with control="stride".
+
+    Attributes:
+        parts: What it chooses, parts of a `Drive` in the order of the scene's actions.
+
+    Raises:
+        SceneError: if the scene's torques are held for ticks.
+    """
+
+    def __init__(self, name: str, scene: Scene | str | dict[str, Any]) -> None:
+        self.name, scene = name, make_scene(scene)
+        if scene.control != "stride":
+            raise SceneError(
+                f"{name} decides once a stride, and this scene's control is {scene.control!r}: "
+                'choose make_scene(scene, control="stride")'
+            )
+        self.walker, self.parts = scene.walker, tuple(_PARTS[name] for name in scene.actions)
+        self.largest = np.array([scene.largest(name) for name in scene.actions])
+        self._seen = Section(walker=scene.walker).coordinates
+
+    def drives(self, points: NDArray, slopes: ArrayLike) -> NDArray[np.float64]:
+        """What motors do in the strides that begin, dimensionless.
+
+        Args:
+            points: Where they begin on the section, dimensionless, (n, m).
+            slopes: Slope in rad, one for all or (n,).
+
+        Returns:
+            Values of `parts`, (n, parts).
+        """
+        raise NotImplementedError
+
+    def predict(
+        self,
+        observation: ArrayLike,
+        state: Any = None,
+        episode_start: ArrayLike | None = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], Any]:
+        """The action of a stride, from one observation or a batch."""
+        seen = np.atleast_2d(np.asarray(observation, dtype=float))
+        shares = self.drives(seen[:, self._seen], seen[:, 7]) / self.largest
+        action = np.clip(shares, -1.0, 1.0).astype(np.float32)
+        return action.reshape(*np.shape(observation)[:-1], len(self.parts)), state
+
+
+class DriveFeedback(OnceAStride):
+    """Linear feedback about a gait under motors, by all of the scene's actions.
+
+    As "deadbeat", one action brings the simplest walker back to its gait in two strides and two
+    actions in one, for two directions of its section survive a stride.
+
+    Args:
+        scene: A `Scene`, its name, or a mapping of its arguments, with control="stride".
+        gait: The gait that is held, of the scene's walker; `find_gait(..., drive=...)`.
+        method: "lqr" or "deadbeat"; see `feedback.gains`.
+        torque_weight: Of "lqr"; likewise.
+
+    Attributes:
+        point: The gait on the section, dimensionless, (m,).
+        closed_loop: Derivative of the stride map under the feedback, dimensionless, (m, m).
+
+    Raises:
+        SceneError: if the scene has another walker, or lacks an action that the gait needs.
+        ValueError: if the method is none.
+    """
+
+    def __init__(
+        self,
+        scene: Scene | str | dict[str, Any],
+        gait: Gait,
+        method: Method = "deadbeat",
+        *,
+        torque_weight: float = 100.0,
+    ) -> None:
+        super().__init__({"lqr": "LQR", "deadbeat": "deadbeat"}.get(method, method), scene)
+        if gait.walker != self.walker:
+            raise SceneError("the scene's walker is not the one whose gait is to be held")
+        idle = [USES[part] for part, value in gait.drive._asdict().items()
+                if value and part not in self.parts]  # fmt: skip
+        if idle:
+            raise SceneError(f"the gait needs the action {idle[0]!r}, which the scene has not")
+        strides = StrideMap.of(gait.walker, drive=gait.drive)
+        self.point, m = strides.points_at(gait.state)[0], strides.dimension
+        _, change = strides.linearise(self.point[None], gait.slope, by=("state", *self.parts))
+        by_point, by_drive = change.ends[0, :, :m], change.ends[0, :, m:]
+        self.own = np.array([getattr(strides.drive, part) for part in self.parts])
+        self.rows = gains(by_point, by_drive, method, torque_weight=torque_weight)
+        self.closed_loop = by_point - by_drive @ self.rows
+
+    def drives(self, points: NDArray, slopes: ArrayLike) -> NDArray[np.float64]:
+        """The gait's own drive, less the answer to the deviation from it; the slope is ignored."""
+        return self.own - (points - self.point) @ self.rows.T
+
+
+def _climb(angle: ArrayLike, slope: ArrayLike) -> NDArray[np.float64]:
+    """Height energy gained from just after heelstrike to mid-stance / (m g l)."""
+    return np.cos(slope) * (1.0 - np.cos(angle)) - np.sin(slope) * np.sin(angle)
+
+
+def midstance_speed(points: NDArray, slopes: ArrayLike) -> NDArray[np.float64]:
+    """Speed of the simplest walker's hip over its foot, at mid-stance, over sqrt(g l).
+
+    Args:
+        points: Just after heelstrike on the section, dimensionless, (n, 3).
+        slopes: Slope in rad, one for all or (n,).
+
+    Returns:
+        Shape (n,); NaN for walkers that fall back before.
+    """
+    angle, rate = points[:, 0], points[:, 1]
+    square = rate * rate - 2.0 * _climb(angle, slopes)
+    reaches = (rate < 0.0) & (square > 0.0)
+    return np.sqrt(np.where(reaches, square, np.nan))
+
+
+def _speed_by(points: NDArray, slopes: NDArray, speeds: NDArray, by: NDArray) -> NDArray:
+    """How mid-stance speeds change as points do by `by`, all (n, ...)."""
+    angle, rate, _ = points.T
+    climb_by = np.cos(slopes) * np.sin(angle) - np.sin(slopes) * np.cos(angle)
+    return (rate * by[:, 1] - climb_by * by[:, 0]) / speeds
+
+
+class SpeedControl(OnceAStride):
+    """The simplest walker's speed at mid-stance, set by one push-off or one hip torque a stride.
+
+    The deviation from the speed wanted is multiplied by `decay` in each stride, where the motor is
+    strong enough; where it is not, it does what brings the speed nearest.
+
+    Args:
+        scene: A `Scene`, its name, or a mapping of its arguments, with control="stride"; its one
+            action is "push_off" or "hip".
+        speed: Speed wanted at mid-stance, over sqrt(g l); see `midstance_speed`.
+        decay: From 0, back in one stride, to less than 1.
+
+    Raises:
+        SceneError: if the scene has another walker, or other actions.
+        ValueError: if speed or decay is out of its range.
+    """
+
+    def __init__(
+        self, scene: Scene | str | dict[str, Any], speed: float, *, decay: float = 0.0
+    ) -> None:
+        super().__init__("speed control", scene)
+        if not self.walker.massless_legs:
+            raise SceneError("speed control is the simplest walker's: its legs have no mass")
+        if self.parts not in (("push_off",), ("hip_torque",)):
+            raise SceneError(
+                'speed control acts by "push_off" or by "hip": choose '
+                'make_scene(scene, actions=("push_off",))'
+            )
+        if not speed > 0.0:
+            raise ValueError(f"speed must be positive, over sqrt(g l), not {speed!r}")
+        if not 0.0 <= decay < 1.0:
+            raise ValueError(f"decay must be a number from 0 to less than 1, not {decay!r}")
+        self.speed, self.decay = float(speed), float(decay)
+
+    def drives(self, points: NDArray, slopes: ArrayLike) -> NDArray[np.float64]:
+        """Push-offs, or hip torques, of the strides that begin; 0 where a walker falls anyhow."""
+        slopes = for_each(slopes, len(points))
+        now = midstance_speed(points, slopes)
+        wanted = self.speed + self.decay * (now - self.speed)
+        choose = self._push_offs if self.parts == ("push_off",) else self._hip_torques
+        return np.nan_to_num(choose(points, slopes, wanted))[:, None]
+
+    def _push_offs(self, points: NDArray, slopes: NDArray, wanted: NDArray) -> NDArray:
+        """What is missing of the rate after the strike; no strike can be had back."""
+        strides = StrideMap(walker=self.walker, tolerance=_TOLERANCE)
+        angle, rate, _ = strides.apply(points, slopes).ends.T
+        needed = np.sqrt(np.maximum(wanted * wanted + 2.0 * _climb(angle, slopes), 0.0))
+        push = (needed + rate) / np.sin(2.0 * angle)  # rates are negative
+        return np.clip(push, 0.0, self.largest[0])
+
+    def _hip_torques(self, points: NDArray, slopes: NDArray, wanted: NDArray) -> NDArray:
+        """The least torque that does it, or that which comes nearest."""
+        most = self.largest[0]
+        tried = np.linspace(-most, most, _TRIED)
+        rows = [np.repeat(x, _TRIED, axis=0) for x in (points, slopes, wanted)]
+        ends = self._strides(np.tile(tried, len(points))).apply(rows[0], rows[1]).ends
+        missed = midstance_speed(ends, rows[1]) - rows[2]
+        torques, found = _least_root(tried, missed.reshape(-1, _TRIED))
+        at, slope, speed = points[found], slopes[found], wanted[found]
+        for _ in range(_REFINED):
+            passage, change = self._strides(torques[found]).linearise(at, slope, by=("hip_torque",))
+            now = midstance_speed(passage.ends, slope)
+            by_torque = _speed_by(passage.ends, slope, now, change.ends[:, :, 0])
+            step = np.nan_to_num((now - speed) / by_torque, posinf=0.0, neginf=0.0)
+            torques[found] = np.clip(torques[found] - step, -most, most)
+        return torques
+
+    def _strides(self, torques: NDArray) -> StrideMap:
+        strides = StrideMap(walker=self.walker, tolerance=_TOLERANCE)
+        return strides.with_parameter("hip_torque", torques)
+
+
+def _least_root(tried: NDArray, values: NDArray) -> tuple[NDArray, NDArray[np.bool_]]:
+    """Where functions vanish that were tried at some points, the root nearest to 0.
+
+    Args:
+        tried: Evenly spaced points, (k,).
+        values: Of each function there, NaN where it has none, (n, k).
+
+    Returns:
+        Roots by linear interpolation, or points where the size is least, (n,); and which are roots.
+    """
+    each, (a, b) = np.arange(len(values)), (values[:, :-1], values[:, 1:])
+    distance = np.where(a * b <= 0.0, np.abs(tried[:-1] + tried[1:]), np.inf)
+    first = np.argmin(distance, axis=1)
+    a, b, found = a[each, first], b[each, first], np.isfinite(distance[each, first])
+    size = np.where(np.isnan(values), np.inf, np.abs(values))
+    least = np.where(np.isinf(size).all(axis=1), 0.0, tried[np.argmin(size, axis=1)])
+    share = np.divide(a, a - b, out=np.zeros_like(a), where=found & (a != b))
+    return np.where(found, tried[first] + share * (tried[1] - tried[0]), least), found

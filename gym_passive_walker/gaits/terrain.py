@@ -1,0 +1,199 @@
+"""Ground that is not smooth: how footholds lie, one after the other.
+
+A foot stands on a patch of ground that slopes its own way; the next one is higher or lower, and
+slopes its own way too. What a walker meets at a foothold depends on the ground, on the walk's own
+key and on the foothold's number alone: not on who else walks, nor on how the walker came there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gym_passive_walker.arguments import number, unknown, whole
+from gym_passive_walker.engine.chance import normal
+from gym_passive_walker.engine.jit import Kernel
+
+_HEIGHTS, _SLOPES = 100, 101  # streams of random numbers
+_HIGHEST = 1e3  # leg lengths
+
+
+@dataclass(frozen=True)
+class Terrain:
+    """How footholds lie; made by `rough`, `stairs`, `waves` or `footholds`.
+
+    Attributes:
+        rises: From each foothold to the next, in leg lengths, along the normal of the one below.
+        slopes: Of each foothold beyond the slope that is walked, in rad, positive downhill.
+        repeats: Whether these begin again after the last; else the last holds for all that follow.
+        height_std: Standard deviation of what the heights of footholds differ by besides, each
+            on its own.
+        slope_std: Likewise of their slopes. Where a walk begins there is none of either.
+    """
+
+    rises: tuple[float, ...] = (0.0,)
+    slopes: tuple[float, ...] = (0.0,)
+    repeats: bool = True
+    height_std: float = 0.0
+    slope_std: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check every argument."""
+        for name, limit in (("rises", _HIGHEST), ("slopes", 0.5 * math.pi)):
+            object.__setattr__(self, name, _row(getattr(self, name), name, limit))
+        for name in ("height_std", "slope_std"):
+            object.__setattr__(self, name, number(getattr(self, name), name, least=0.0))
+        if len(self.rises) != len(self.slopes):
+            raise ValueError(f"{len(self.rises)} rises for {len(self.slopes)} slopes of footholds")
+
+    @property
+    def random(self) -> bool:
+        """Whether it is another one for each walk."""
+        return self.height_std > 0.0 or self.slope_std > 0.0
+
+    @property
+    def smooth(self) -> bool:
+        """Whether there is nothing to it."""
+        return not (self.random or any(self.rises) or any(self.slopes))
+
+    def arrays(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """What the kernels read: a row of rise and slope for each foothold, and the rest."""
+        table = np.column_stack([self.rises, self.slopes])
+        return table, np.array([float(self.repeats), self.height_std, self.slope_std])
+
+    def ground(self, keys: ArrayLike, places: ArrayLike) -> NDArray[np.float64]:
+        """What walkers stand on.
+
+        Args:
+            keys: Of the walks: any whole number below 2^64 for each, or one for all.
+            places: Numbers of footholds, from 0 on, likewise.
+
+        Returns:
+            The foothold's slope beyond the one that is walked; the rise to the next; and by how
+            much that one slopes more steeply. Shape (..., 3).
+        """
+        keys, places = np.broadcast_arrays(np.asarray(keys, np.uint64), np.asarray(places))
+        found = np.empty((keys.size, 3))
+        _grounds(*self.arrays(), keys.ravel(), places.ravel().astype(np.int64), found)
+        return found.reshape(*keys.shape, 3)
+
+
+def rough(height_std: float = 0.0, slope_std: float = 0.0) -> Terrain:
+    """Footholds at random: heights in leg lengths, slopes in rad, each normally distributed.
+
+    ```python
+    >>> import gym_passive_walker as gpw
+    >>> ground = gpw.rough(height_std=0.002)
+    >>> slope, rise, turn = ground.ground(7, 0)
+    >>> float(slope), float(turn), abs(float(rise)) < 0.01
+    (0.0, 0.0, True)
+
+    ```
+
+    Args:
+        height_std: Standard deviation of their heights.
+        slope_std: Of their slopes.
+    """
+    return Terrain(height_std=height_std, slope_std=slope_std)
+
+
+def stairs(rise: float) -> Terrain:
+    """Each foothold higher than the last by the same, in leg lengths; lower where negative."""
+    return Terrain(rises=(rise,))
+
+
+def waves(height: float, strides: int) -> Terrain:
+    """Footholds that go up and down by a height, in leg lengths, once in some strides."""
+    count = whole(strides, "strides", 2)
+    heights = number(height, "height") * np.sin(2.0 * math.pi / count * np.arange(count + 1))
+    return Terrain(rises=tuple(np.diff(heights)), slopes=(0.0,) * count)
+
+
+def footholds(
+    heights: Sequence[float] | None = None, slopes: Sequence[float] | None = None
+) -> Terrain:
+    """A list of footholds; all that follow are as the last.
+
+    Args:
+        heights: Of each, in leg lengths; the walk begins on the first. All alike when None.
+        slopes: Of each beyond the slope that is walked, in rad. None beyond it when None.
+    """
+    given = [row for row in (heights, slopes) if row is not None]
+    count = max((np.size(row) for row in given), default=1)
+    level = (0.0,) * count
+    high = _row(level if heights is None else heights, "heights", _HIGHEST)
+    steep = _row(level if slopes is None else slopes, "slopes", 0.5 * math.pi)
+    if len(high) != len(steep):
+        raise ValueError(f"{len(high)} heights for {len(steep)} slopes of footholds")
+    return Terrain(rises=(*np.diff(high), 0.0), slopes=steep, repeats=False)
+
+
+_MADE = {"rough": rough, "stairs": stairs, "waves": waves, "footholds": footholds}
+
+
+def terrain_from(value: Terrain | Mapping[str, Any] | None) -> Terrain | None:
+    """A terrain as given, or from a mapping such as ``{"rough": {"height_std": 0.01}}``.
+
+    Raises:
+        ValueError: if it describes none.
+    """
+    if value is None or isinstance(value, Terrain):
+        return value
+    if not isinstance(value, Mapping) or len(value) != 1:
+        raise ValueError(
+            "a terrain is a Terrain, None, or a mapping of one of rough, stairs, waves and "
+            f'footholds to its arguments, as {{"rough": {{"height_std": 0.01}}}}, not {value!r}'
+        )
+    ((name, arguments),) = value.items()
+    if said := unknown([name], tuple(_MADE), "terrain"):
+        raise ValueError(said)
+    if not isinstance(arguments, Mapping):
+        raise ValueError(f"terrain {name} takes its arguments by name, not {arguments!r}")
+    try:
+        return _MADE[name](**arguments)
+    except TypeError as error:
+        raise ValueError(f"terrain {name}: {error}") from None
+
+
+def _row(values: Any, name: str, limit: float) -> tuple[float, ...]:
+    """Numbers in a row, at least one."""
+    if isinstance(values, str | Mapping) or np.ndim(values) != 1 or np.size(values) == 0:
+        raise ValueError(f"{name} must be numbers in a row, at least one, not {values!r}")
+    row = tuple(number(value, f"{name}[{i}]") for i, value in enumerate(values))
+    if not max(map(abs, row)) <= limit:
+        raise ValueError(f"{name} must lie between -{limit:g} and {limit:g}, not {values!r}")
+    return row
+
+
+@Kernel
+def foothold(table, spread, key, place):
+    """Rise from a foothold to the next, and its slope.
+
+    Args:
+        table: From `Terrain.arrays`.
+        spread: Likewise.
+        key: Of the walk, 64 bits.
+        place: Its number, from 0 on.
+    """
+    count = len(table)
+    i = place % count if spread[0] else min(place, count - 1)
+    rise, slope = table[i, 0], table[i, 1]
+    if spread[1] > 0.0:
+        here = normal(key, place, _HEIGHTS) if place else 0.0
+        rise += spread[1] * (normal(key, place + 1, _HEIGHTS) - here)
+    if spread[2] > 0.0 and place:
+        slope += spread[2] * normal(key, place, _SLOPES)
+    return rise, slope
+
+
+@Kernel
+def _grounds(table, spread, keys, places, found):
+    for i in range(len(keys)):
+        rise, slope = foothold(table, spread, keys[i], places[i])
+        following = foothold(table, spread, keys[i], places[i] + 1)[1]
+        found[i, 0], found[i, 1], found[i, 2] = slope, rise, following - slope

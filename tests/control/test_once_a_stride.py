@@ -1,0 +1,205 @@
+"""One decision a stride: what it does to a walker's speed, and how soon a gait is met again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import gymnasium
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from gym_passive_walker import WALKERS, Drive, find_gait, stride
+from gym_passive_walker.control.once_a_stride import (
+    DriveFeedback,
+    SpeedControl,
+    midstance_speed,
+)
+from gym_passive_walker.control.walks import WALKED_ON, evaluate
+from gym_passive_walker.envs.scene import SceneError, make_scene
+from gym_passive_walker.gaits.samples import states_at
+from gym_passive_walker.gaits.section import Section
+from gym_passive_walker.units import units_of
+
+D = WALKERS["D"]
+KUO = replace(D, hip_stiffness=2.5127 * D.gravity)
+PUSH = 0.1877
+
+
+def kuo_gait():
+    """His normal gait."""
+    return find_gait(KUO, 0.0, drive=Drive(push_off=PUSH * units_of(KUO).impulse))
+
+
+def scene(walker, action, slope=0.0, **others):
+    """A scene of strides with one action, or several."""
+    return make_scene(walker=walker, slope=slope, control="stride", actions=action, **others)
+
+
+def points_of(walker, states):
+    """Dimensionless points of the section."""
+    return Section(walker=walker).points_at(states)
+
+
+def walk(policy, slopes, points, count):
+    """Points of walkers under a policy after each of some strides, (count + 1, n, 3)."""
+    walker, path = policy.walker, [points]
+    units, section = units_of(walker), Section(walker=walker)
+    scale = {"hip_torque": units.torque, "push_off": units.impulse}
+    for _ in range(count):
+        chosen = policy.drives(path[-1], slopes).T
+        own = {
+            part: scale[part] * values for part, values in zip(policy.parts, chosen, strict=True)
+        }
+        walked = stride(walker, slopes, section.states_at(path[-1]), tolerance=1e-13, **own)
+        path.append(section.points_at(walked.state))
+    return np.array(path)
+
+
+def test_mid_stance_speed_is_the_hip_s_where_the_leg_stands_along_the_normal():
+    gait = find_gait(D, 0.009)
+    speed = midstance_speed(points_of(D, gait.state), 0.009)[0]
+    times = np.linspace(0.0, 0.5 * gait.step_period, 2001)
+    states, _ = states_at(D, 0.009, gait.state, times, tolerance=1e-13)
+    passes = np.interp(0.0, -states[:, 0], -states[:, 3]) * units_of(D).time
+    assert speed == pytest.approx(passes, rel=1e-6)
+    assert np.isnan(midstance_speed(np.array([[0.3, -0.1, -0.1], [0.1, 0.5, 0.5]]), 0.0)).all()
+
+
+def test_speed_keeps_with_the_push_off_v_tan_alpha():
+    """Kuo's law on level ground: v is the speed before the strike, 2 alpha the legs' angle."""
+    gait = kuo_gait()
+    start = np.repeat(points_of(KUO, gait.state), 5, axis=0)
+    start[:, 1] *= [0.9, 0.95, 1.0, 1.05, 1.1]
+    for point in start:
+        speed = midstance_speed(point[None], 0.0)
+        policy = SpeedControl(scene(KUO, "push_off"), speed[0])
+        path = walk(policy, 0.0, point[None], 1)
+        assert midstance_speed(path[1], 0.0) == pytest.approx(speed, abs=1e-12)
+        angle = path[1][:, 0]
+        before = np.sqrt(speed**2 + 2.0 * (1.0 - np.cos(angle)))
+        push = policy.drives(point[None], 0.0)[:, 0]
+        np.testing.assert_allclose(push, before * np.tan(angle), rtol=0.0, atol=1e-12)
+
+
+def test_kuo_s_gait_is_what_speed_control_keeps():
+    gait = kuo_gait()
+    point = points_of(KUO, gait.state)
+    policy = SpeedControl(scene(KUO, "push_off"), midstance_speed(point, 0.0)[0])
+    assert policy.drives(point, 0.0)[0, 0] == pytest.approx(PUSH, abs=1e-12)
+
+
+@pytest.mark.parametrize("stiffness", [0.0, 1.0, 2.5127, 6.0])
+def test_the_spring_sets_the_period_of_small_steps(stiffness):
+    """Linear legs on level ground: tan(w T/2) = -w (3 + 2 k) tanh(T/2), w the swing's frequency."""
+    frequency = np.sqrt(1.0 + stiffness)
+
+    def closes(time):
+        half = 0.5 * time
+        swing = frequency * (3.0 + 2.0 * stiffness) * np.tanh(half)
+        return np.sin(frequency * half) + swing * np.cos(frequency * half)
+
+    expected = brentq(closes, 1.01 * np.pi / frequency, 1.9 * np.pi / frequency)
+    walker = replace(D, hip_stiffness=stiffness * D.gravity)
+    units = units_of(walker)
+    near, far = (
+        find_gait(walker, 0.0, drive=Drive(push_off=push * units.impulse)).step_period / units.time
+        for push in (1e-4, 4e-4)
+    )
+    # Corrections go with the square of the step, and that with the push-off.
+    assert (4.0 * near - far) / 3.0 == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize("decay", [0.0, 0.5])
+@pytest.mark.parametrize("action", ["hip", "push_off"])
+def test_deviations_of_the_speed_shrink_as_they_are_told_to(action, decay):
+    if action == "hip":
+        walker, slope, most = D, 0.009, {"max_hip_torque": 1.0}
+        gait = find_gait(walker, slope)
+    else:
+        walker, slope, most = KUO, 0.0, {"max_push_off": 0.5}
+        gait = kuo_gait()
+    point = points_of(walker, gait.state)
+    speed = midstance_speed(point, slope)[0]
+    policy = SpeedControl(scene(walker, action, slope, **most), speed, decay=decay)
+    start = np.repeat(point, 3, axis=0)
+    start[:, 1] *= [0.97, 1.02, 1.05]
+    path = walk(policy, slope, start, 3)
+    off = np.array([midstance_speed(points, slope) - speed for points in path])
+    assert np.abs(off[0]).min() > 1e-3
+    np.testing.assert_allclose(off[1:], decay * off[:-1], rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("actions", "strides"), [(("push_off",), 2), ("hip", 2), (("hip", "push_off"), 1)]
+)
+def test_one_motor_is_back_on_the_gait_in_two_strides_and_two_motors_are_in_one(actions, strides):
+    walker, slope, gait = (
+        (D, 0.009, find_gait(D, 0.009)) if actions == "hip" else (KUO, 0.0, kuo_gait())
+    )
+    policy = DriveFeedback(scene(walker, actions, slope, max_hip_torque=1.0), gait)
+    power = np.linalg.matrix_power(policy.closed_loop, strides)
+    assert np.abs(power).max() < 1e-9 < 1e-3 < np.abs(gait.multipliers[0])
+    left = []
+    for size in (1e-3, 1e-4):
+        start = policy.point + size * np.array([1.0, -1.0, 0.0])
+        start[2] = np.cos(2.0 * start[0]) * start[1]  # as a strike leaves it
+        end = walk(policy, slope, start[None], strides)[-1]
+        left.append(np.abs(end - policy.point).max())
+    assert left[1] < 0.03 * left[0]  # of second order
+    assert left[1] < 1e-6
+
+
+@pytest.mark.parametrize("action", ["push_off", "hip"])
+def test_who_decides_once_a_stride_walks_in_the_environment(action):
+    walker, gait, slope = (KUO, kuo_gait(), 0.0) if action == "push_off" else (D, None, 0.009)
+    gait = gait or find_gait(walker, slope)
+    chosen = scene(
+        walker, action, slope, max_hip_torque=1.0, max_push_off=0.5, perturbation=0.03,
+        start=tuple(units_of(walker).to_dimensionless(gait.state)),
+    )  # fmt: skip
+    speed = midstance_speed(points_of(walker, gait.state), slope)[0]
+    policies = [SpeedControl(chosen, speed)]
+    if action == "push_off":
+        policies += [DriveFeedback(chosen, gait), DriveFeedback(chosen, gait, "lqr")]
+    for policy in policies:
+        arena = gymnasium.make_vec(
+            "PassiveWalker-v0", num_envs=4, scene=chosen, max_episode_steps=50
+        )
+        walks = evaluate(policy, arena, seed=1)
+        assert walks.endings == [WALKED_ON] * 4
+        assert walks.speed == pytest.approx(gait.froude_speed, rel=0.02)
+
+
+def test_one_observation_is_decided_as_in_a_batch():
+    gait = kuo_gait()
+    policy = SpeedControl(scene(KUO, "push_off"), 0.36)
+    seen = np.zeros((3, 8), np.float32)
+    seen[:, :6] = units_of(KUO).to_dimensionless(gait.state)
+    seen[:, 3] *= [0.9, 1.0, 1.1]
+    together, _ = policy.predict(seen)
+    assert together.shape == (3, 1) and together.dtype == np.float32
+    for one, action in zip(seen, together, strict=True):
+        alone, _ = policy.predict(one)
+        assert alone.shape == (1,)
+        np.testing.assert_array_equal(alone, action)
+
+
+def test_what_is_no_decision_of_a_stride_is_refused():
+    gait = kuo_gait()
+    with pytest.raises(SceneError, match='control="stride"'):
+        SpeedControl({"walker": D}, 0.2)
+    with pytest.raises(SceneError, match="simplest walker"):
+        SpeedControl(scene("E", "hip"), 0.2)
+    with pytest.raises(SceneError, match="push_off"):
+        SpeedControl(scene(D, ("hip", "push_off")), 0.2)
+    with pytest.raises(ValueError, match="speed must be positive"):
+        SpeedControl(scene(D, "hip"), -0.2)
+    with pytest.raises(ValueError, match="decay"):
+        SpeedControl(scene(D, "hip"), 0.2, decay=1.0)
+    with pytest.raises(SceneError, match="whose gait"):
+        DriveFeedback(scene(D, "hip"), gait)
+    with pytest.raises(SceneError, match="push_off"):
+        DriveFeedback(scene(KUO, "hip"), gait)
+    with pytest.raises(ValueError, match="method"):
+        DriveFeedback(scene(KUO, "hip"), gait, "best")  # type: ignore[arg-type]

@@ -1,0 +1,128 @@
+"""Walking over ground that is not smooth, in the environments."""
+
+from __future__ import annotations
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.envs.scene import SceneError
+
+ROUGH = {"walker": "C", "slope": 0.05, "terrain": gpw.rough(0.002, 0.004)}
+STRIDES = {**ROUGH, "control": "stride", "max_hip_torque": 0.0, "stub": False}
+
+
+def walk(env, steps, seed=3):
+    """Observations and rewards of a walk without torque, until it ends."""
+    seen, _ = env.reset(seed=seed)
+    observations, rewards, infos = [seen], [], []
+    for _ in range(steps):
+        seen, reward, terminated, truncated, info = env.step(0.0 * env.action_space.sample())
+        observations.append(seen)
+        rewards.append(reward)
+        infos.append(info)
+        if np.any(terminated) or np.any(truncated):
+            break
+    return np.array(observations), np.array(rewards), infos
+
+
+def test_a_walk_in_the_environment_is_the_walk_over_the_same_footholds():
+    env = gym.make("PassiveWalker-v0", **STRIDES, perturbation=0.0, disable_env_checker=True)
+    observations, _, infos = walk(env, 25)
+    batch = env.unwrapped.batch
+    key = int(batch.disturbances.fates["key"][0])
+    state, terrain = gpw.find_gait("C", 0.05).state, STRIDES["terrain"]
+    trajectory = gpw.simulate("C", 0.05, state, len(infos), terrain=terrain, key=key)
+    made = sum(info.get("outcome") == "heelstrike" for info in infos)
+    assert made >= 5
+    first = np.flatnonzero(np.diff(trajectory.strides, prepend=-1))[: made + 1]
+    own = trajectory.states[first]
+    np.testing.assert_allclose(observations[: len(own), :3], own[:, :3], atol=2e-6)
+    np.testing.assert_allclose(
+        observations[: len(own), 7], 0.05 + trajectory.tilts[first], atol=1e-7
+    )
+
+
+@pytest.mark.parametrize("kwargs", [ROUGH, STRIDES], ids=["ticks", "strides"])
+def test_a_walker_meets_the_same_ground_alone_and_in_a_crowd(kwargs):
+    alone = gym.make("PassiveWalker-v0", **kwargs, preview=2)
+    crowd = gym.make_vec("PassiveWalker-v0", num_envs=5, **kwargs, preview=2)
+    seen, _ = crowd.reset(seed=[7, 3, 8, 9, 1])
+    observations, rewards, _ = walk(alone, 60)
+    for k, reward in enumerate(rewards):
+        np.testing.assert_array_equal(seen[1], observations[k])
+        seen, rewarded, *_ = crowd.step(np.zeros((5, 1)))
+        assert rewarded[1] == reward
+
+
+def test_agents_see_the_footholds_ahead():
+    env = gym.make("PassiveWalker-v0", **STRIDES, preview=3)
+    observations, _, infos = walk(env, 8)
+    key = env.unwrapped.batch.disturbances.fates["key"][0]
+    terrain = STRIDES["terrain"]
+    for place in range(len(infos)):
+        ahead = terrain.ground(key, np.arange(place, place + 3))[:, 1:]
+        np.testing.assert_allclose(observations[place][8:], ahead.ravel(), rtol=1e-6, atol=1e-9)
+    assert env.observation_space.shape == (14,)
+    assert env.observation_space.contains(observations[0])
+
+
+def test_walkers_of_one_scene_meet_ground_of_their_own():
+    crowd = gym.make_vec("PassiveWalker-v0", num_envs=4, **STRIDES, preview=1)
+    seen, _ = crowd.reset(seed=0)
+    assert len({x for x in seen[:, 8].tolist()}) == 4
+
+
+def test_a_walk_over_rough_ground_is_saved_and_goes_on():
+    env = gym.make("PassiveWalker-v0", **ROUGH).unwrapped
+    env.reset(seed=3)
+    for _ in range(20):
+        env.step(np.zeros(1))
+    kept = env.batch.get_state()
+    one = [env.step(np.zeros(1)) for _ in range(30)]
+    env.batch.set_state(kept)
+    other = [env.step(np.zeros(1)) for _ in range(30)]
+    assert any(info.get("outcome") == "heelstrike" for *_, info in one)
+    for a, b in zip(one, other, strict=True):
+        np.testing.assert_array_equal(a[0], b[0])
+        assert a[1] == b[1]
+
+
+def test_smooth_terrain_changes_a_walk_by_no_more_than_rounding():
+    level = walk(gym.make("PassiveWalker-v0", walker="C", slope=0.05), 40)[0]
+    other = walk(gym.make("PassiveWalker-v0", walker="C", slope=0.05, terrain=gpw.rough()), 40)[0]
+    np.testing.assert_allclose(level, other, atol=2e-6)
+
+
+def test_a_flight_of_stairs_leads_down_as_far_as_a_slope():
+    """Downstairs on level ground: what gravity gives is the height of the steps."""
+    gait = gpw.find_gait("D", 0.01)
+    angles, rates = gait.state[:3] - 0.01, gait.state[3:] * gait.walker.time_unit
+    drop = gait.step_length * np.sin(0.01)
+    env = gym.make(
+        "PassiveWalker-v0", walker="D", slope=0.0, terrain={"stairs": {"rise": -drop}},
+        control="stride", max_hip_torque=0.0, perturbation=0.0,
+        start=(*angles, *rates),
+    )  # fmt: skip
+    _, _, infos = walk(env, 6)
+    height = drop / gait.walker.leg_length
+    struck = [info for info in infos if info.get("outcome") == "heelstrike"]
+    assert struck
+    for info in struck:
+        assert info["gravity_cost"] * info["step_length"] == pytest.approx(height, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"terrain": "rough"}, "a terrain is a Terrain"),
+        ({"terrain": {"hills": {}}}, "hills"),
+        ({"terrain": {"rough": {"height_std": -1.0}}}, "height_std"),
+        ({"preview": 2}, "preview shows footholds of a terrain"),
+        ({"terrain": gpw.stairs(0.01), "preview": -1}, "preview must be a whole number"),
+    ],
+)
+def test_nonsense_is_told_what_is_allowed(arguments, said):
+    with pytest.raises(SceneError, match=said):
+        gym.make("PassiveWalker-v0", **arguments)

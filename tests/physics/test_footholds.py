@@ -1,0 +1,177 @@
+"""Ground that is not smooth: strikes on footholds that are higher, lower or tilted."""
+
+from __future__ import annotations
+
+import cmath
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gym_passive_walker import WALKERS, Outcome, rough, simulate, stride
+from gym_passive_walker.physics import legs
+from gym_passive_walker.physics.hybrid import Ground, State
+from gym_passive_walker.physics.systems import SYSTEMS, body_of, kind_of
+from gym_passive_walker.units import units_of
+from tests.physics import bodies
+from tests.physics.bodies import SHANK, STANCE_SHANK, STANCE_THIGH, THIGH
+from tests.physics.examples import GAITS, KNEED, LONG_GAITS, MASSIVE
+
+ALL = range(5)
+RATE = st.floats(-3.0, 3.0)
+POINT_FEET = [name for name in LONG_GAITS if WALKERS[name].foot_radius == 0.0]
+GROUNDS = st.builds(
+    lambda rise, turn: Ground(0.0, 1.0, rise, turn), st.floats(-0.1, 0.1), st.floats(-0.3, 0.3)
+)
+
+
+def on_both(walker, stance: float, ground: Ground) -> State:
+    """Straight legs whose feet stand on a foothold and the next; angles from the first's normal."""
+    body = body_of(walker)
+    state = State(stance, -stance, -stance, 0.0, 0.0, 0.0)
+    for _ in range(8):
+        state = legs.standing(body, state, ground)
+    return state
+
+
+@pytest.mark.parametrize("name", list(WALKERS))
+@given(stance=st.floats(-0.8, -0.2), ground=GROUNDS)
+def test_feet_that_stand_differ_in_height_by_the_rise(name, stance, ground):
+    walker = WALKERS[name]
+    state = on_both(walker, stance, ground)
+    height = legs.clearance(body_of(walker), state.stance, state.thigh)
+    assert height == pytest.approx(ground.rise, rel=0.0, abs=1e-15)
+    assert state.thigh - state.stance == pytest.approx(-2.0 * stance, rel=1e-14)
+
+
+@pytest.mark.parametrize("name", MASSIVE)
+@given(stance=st.floats(-0.8, -0.2), rates=st.tuples(RATE, RATE), ground=GROUNDS)
+def test_a_strike_on_any_foothold_conserves_angular_momentum(name, stance, rates, ground):
+    """About the new contact, which lies where the foot touches the next foothold; and the hip."""
+    walker, units = WALKERS[name], units_of(WALKERS[name])
+    before = on_both(walker, stance, ground)._replace(
+        stance_rate=rates[0], thigh_rate=rates[1], shank_rate=rates[1]
+    )
+    strike = SYSTEMS[f"{kind_of(walker)}-uneven"].phases[-1].resets[Outcome.HEELSTRIKE].strike
+    struck = strike(body_of(walker), before, 0.0, ground)
+    assert struck.after.stance == pytest.approx(before.thigh + ground.turn, abs=1e-15)
+    assert struck.after.thigh == pytest.approx(before.stance + ground.turn, abs=1e-15)
+    rates_of = [
+        np.array(x[3:]) / units.time for x in (before, struck.after)
+    ]  # in the walker's own units
+    old, new = bodies.Bodies(walker, before[:3]), bodies.Bodies(walker, struck.after[:3])
+    velocities = old.velocities(rates_of[0]), new.velocities(rates_of[1])
+    turned = new.legs[0].foot / old.legs[1].foot  # from the old foothold's frame to the new one's
+    assert abs(cmath.phase(turned)) == pytest.approx(abs(ground.turn), abs=1e-14)
+    scale = walker.total_mass * walker.leg_length**2 * (1e-3 + np.abs(rates_of[0]).max())
+    under = 1j * walker.foot_radius
+
+    def same(old_members, old_point, new_members, new_point):
+        assert new.angular_momentum(velocities[1], new_point, new_members) == pytest.approx(
+            old.angular_momentum(velocities[0], old_point, old_members), rel=0.0, abs=1e-13 * scale
+        )
+
+    same(ALL, old.legs[1].foot - under / turned, ALL, new.legs[0].foot - under)
+    same([STANCE_THIGH, STANCE_SHANK], 0j, [THIGH, SHANK], 0j)
+    if walker.knees:
+        same([STANCE_SHANK], old.legs[0].knee, [SHANK], new.legs[1].knee)
+    energies = [x.kinetic_energy(v) for x, v in zip((old, new), rates_of, strict=True)]
+    assert struck.lost * units.energy == pytest.approx(
+        energies[0] - energies[1], rel=0.0, abs=1e-13 * scale * (1.0 + np.abs(rates_of[0]).max())
+    )
+    assert struck.lost >= -1e-15
+
+
+@pytest.mark.parametrize("name", POINT_FEET)
+@pytest.mark.parametrize("steeper", [-0.003, 0.005])
+def test_point_feet_take_a_step_down_for_a_steeper_slope(name, steeper):
+    """Where feet are points, ground is where they stand: a line from foothold to foothold."""
+    walker, gait = WALKERS[name], LONG_GAITS[name]
+    on_slope = stride(walker, gait.slope + steeper, gait.state, tolerance=1e-13)
+    turned = np.array([steeper] * 3 + [0.0] * 3)
+    length = on_slope.step_length
+    on_steps = stride(
+        walker, gait.slope, gait.state - turned, tolerance=1e-13,
+        rise=-length * np.sin(steeper), turn=steeper,
+    )  # fmt: skip
+    assert on_steps.outcome == on_slope.outcome == Outcome.HEELSTRIKE
+    np.testing.assert_allclose(on_steps.state, on_slope.state, rtol=0.0, atol=1e-11)
+    assert on_steps.step_length == pytest.approx(length * np.cos(steeper), rel=1e-12)
+    for measure in ("duration", "gravity_work", "heelstrike_loss"):
+        assert getattr(on_steps, measure) == pytest.approx(getattr(on_slope, measure), rel=1e-11)
+
+
+@pytest.mark.parametrize("gait", GAITS, ids=str)
+def test_smooth_ground_is_a_case_of_the_other(gait):
+    """Beside a foothold that is a hair higher: walks change in proportion."""
+    walker = WALKERS[gait.walker]
+    level = stride(walker, gait.slope, gait.state, tolerance=1e-13)
+    hair = stride(walker, gait.slope, gait.state, tolerance=1e-13, rise=1e-14)
+    np.testing.assert_allclose(hair.state, level.state, rtol=0.0, atol=2e-11)
+    assert hair.heelstrike_loss == pytest.approx(level.heelstrike_loss, rel=1e-10)
+
+
+@pytest.mark.parametrize("name", list(LONG_GAITS))
+def test_the_books_of_a_walk_on_rough_ground_close(name):
+    """What gravity gives and strikes take is what the motion has more, stride by stride."""
+    walker, gait = WALKERS[name], LONG_GAITS[name]
+    system, body = SYSTEMS[f"{kind_of(walker)}-uneven"], body_of(walker)
+    units, terrain, state, strides = units_of(walker), rough(2e-4, 1e-3), gait.state, 0
+    for tilt, rise, turn in terrain.ground(5, range(30)):
+        end = stride(
+            walker, gait.slope + tilt, state, rise=rise * walker.leg_length, turn=turn,
+            tolerance=1e-12,
+        )  # fmt: skip
+        if end.outcome != Outcome.HEELSTRIKE:
+            break
+        energies = [
+            system.kinetic_energy(body, State(*units.to_dimensionless(x))) * units.energy
+            for x in (state, end.state)
+        ]
+        gained = end.gravity_work - end.collision_loss
+        assert energies[1] - energies[0] == pytest.approx(gained, rel=0.0, abs=1e-11 * units.energy)
+        state, strides = end.state, strides + 1
+    assert strides >= 3
+
+
+def test_a_step_too_high_is_never_reached_and_one_too_low_is_fallen_from():
+    gait = LONG_GAITS["C"]
+    ends = [
+        stride("C", gait.slope, gait.state, rise=rise).outcome for rise in (-0.02, 0.0, 0.01, 0.5)
+    ]
+    assert ends[:2] == [Outcome.HEELSTRIKE] * 2
+    assert ends[-1] != Outcome.HEELSTRIKE
+
+
+def test_a_walk_over_rough_ground_has_its_feet_on_it():
+    """The contact of each stride begins where the foot of the last came down."""
+    gait = LONG_GAITS["lab"]
+    walk = simulate("lab", gait.slope, gait.state, 6, terrain=rough(0.002, 0.01), key=3)
+    assert len(walk.outcomes) == 6
+    walker = WALKERS["lab"]
+    for k in walk.struck[walk.strides[walk.struck] != walk.strides[walk.struck - 1]]:
+        feet = []
+        for i, leg in ((k - 1, 1), (k, 0)):
+            own = bodies.Bodies(walker, walk.states[i, :3])
+            normal = 1j * cmath.exp(-1j * walk.tilts[i])
+            there = complex(walk.contact_x[i], walk.contact_y[i]) + walker.foot_radius * normal
+            foot = own.legs[leg].foot - own.legs[0].foot
+            foot = -foot.real + 1j * foot.imag if _backwards(walker) else foot
+            feet.append(there + foot * cmath.exp(-1j * walk.tilts[i]))
+        assert abs(feet[0] - feet[1]) < 1e-6
+
+
+def _backwards(walker) -> bool:
+    """Whether the bodies' x points backwards: a leg that leans back has its hip behind its foot."""
+    own = bodies.Bodies(walker, (0.3, 0.3, 0.3))
+    return own.legs[0].foot.real < 0.0
+
+
+@pytest.mark.parametrize("name", KNEED)
+def test_a_stubbed_toe_is_one_below_both_footholds(name):
+    """A locked swing leg may pass below the higher one, towards the lower."""
+    gait, walker = LONG_GAITS[name], WALKERS[name]
+    down = stride(walker, gait.slope, gait.state, rise=-0.01 * walker.leg_length, stub=True)
+    assert down.outcome == stride(walker, gait.slope, gait.state, stub=True).outcome
+    assert down.outcome == Outcome.HEELSTRIKE

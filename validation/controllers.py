@@ -1,0 +1,266 @@
+"""Controllers of the literature: push-off, shaped potentials, and one decision a stride."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+
+import gym_passive_walker as gpw
+from gym_passive_walker import WALKERS, Drive, Gait, Outcome
+from gym_passive_walker.control.motion import Motion
+from gym_passive_walker.control.once_a_stride import SpeedControl, midstance_speed
+from gym_passive_walker.control.ticks import ticked_strides
+from validation.rows import Row, listed, number
+from validation.walks import COMPASS, gait
+
+_KUO = "Kuo 2002"
+_STIFFNESS, _PUSH_OFF = 2.5127, 0.1877
+_G = WALKERS["D"].gravity
+
+
+def _pushed(push_off: float, stiffness: float = _STIFFNESS) -> Gait:
+    """The simplest walker on level ground, its legs a metre long."""
+    walker = replace(WALKERS["D"], hip_stiffness=stiffness * _G)
+    return gpw.find_gait(walker, 0.0, drive=Drive(push_off=push_off * math.sqrt(_G)))
+
+
+def _strike(walks: Gait) -> tuple[float, float]:
+    """Half the angle between the legs, and the speed on level ground just before their strike."""
+    return walks.stance_angle, -float(walks.state[3]) / math.sqrt(walks.walker.gravity)
+
+
+def _field_at(angle: float, speed: float) -> Gait:
+    """The walk of this angle and speed at its strikes that a torque on the stance leg drives.
+
+    The torque does what a virtual gravity does. The field makes up for the strike; the spring at
+    the hip is that which makes the step as long as it has to be.
+    """
+    field = math.atan((speed * math.sin(2.0 * angle)) ** 2 / (4.0 * math.sin(angle)))
+
+    def walks(stiffness: float) -> Gait:
+        walker = replace(WALKERS["D"], hip_stiffness=stiffness * _G)
+        return gpw.find_gait(*gpw.virtual_gravity(walker, field).passive_twin)
+
+    stiffness = brentq(lambda k: walks(k).stance_angle - angle, 0.2, 6.0, xtol=1e-13)
+    return walks(stiffness)
+
+
+def push_off() -> Iterator[Row]:
+    """Kuo's simplest walker: a push-off before each heelstrike, and a spring between the legs."""
+    normal = _pushed(_PUSH_OFF)
+    said = f"{_KUO} | normal gait, P = {_PUSH_OFF}, K = {_STIFFNESS}:"
+    why = "By his program."
+    angle, rate = normal.stance_angle, float(normal.state[3]) / math.sqrt(_G)
+    yield number(f"{said} stance angle | 0.355460", angle, digits=8, remark=why)
+    yield number(f"{said} its rate √(l/g) | -0.505619", rate, digits=8, remark=why)
+    yield number(f"{said} speed with l = 1 m (m/s) | 1.25", normal.speed)
+    yield number(f"{said} steps a second | 1.8", 1.0 / normal.step_period)
+    yield number(
+        f"{said} cost of transport | 0.025308", normal.cost_of_transport, digits=8, remark=why
+    )
+    gaits = [_pushed(push) for push in (0.01, 0.05, 0.1, _PUSH_OFF, 0.25)]
+    off = [
+        abs(float(walks.drive.push_off) / math.sqrt(_G) - speed * math.tan(half))
+        for walks in gaits
+        for half, speed in [_strike(walks)]
+    ]
+    said = f"{_KUO} | push-off that keeps the speed v, the legs 2α apart: P − v tan α | 0"
+    yield number(said, max(off), within=1e-12, digits=2, remark="Largest of five gaits.")
+    half, speed = _strike(normal)
+    driven = _field_at(half, speed)
+    ratio = normal.cost_of_transport / math.tan(driven.slope)
+    said = f"{_KUO} | its cost over that of a torque on the stance leg, at equal α and v | 0.3235"
+    yield number(
+        said.replace("0.3235", f"{0.25 / math.cos(half) ** 4:.10f}"), ratio, digits=10,
+        within=1e-9, remark="Print has 1/(4 cos⁴ α): a quarter for small steps. The torque's walk "
+        f"has a virtual gravity of {math.tan(driven.slope):.6f} and a spring of "
+        f"{driven.walker.hip_stiffness / _G:.4f}.",
+    )  # fmt: skip
+    yield _period_of_small_steps()
+
+
+def _period_of_small_steps() -> Row:
+    """The spring sets the period: of small steps by linear equations, which have a closed form."""
+    frequency = math.sqrt(1.0 + _STIFFNESS)
+
+    def closes(half: float) -> float:
+        swing = frequency * (3.0 + 2.0 * _STIFFNESS) * math.tanh(half)
+        return math.sin(frequency * half) + swing * math.cos(frequency * half)
+
+    period = 2.0 * brentq(closes, 0.51 * math.pi / frequency, 0.95 * math.pi / frequency)
+    near, far = (_pushed(push).step_period * math.sqrt(_G) for push in (1e-4, 4e-4))
+    return number(
+        f"{_KUO} | the spring sets the step period, small steps, K = {_STIFFNESS} | {period:.6f}",
+        (4.0 * near - far) / 3.0, digits=8,
+        remark="tan(ωT/2) = −ω (3 + 2K) tanh(T/2) with ω² = 1 + K, of the linearised walker.",
+    )  # fmt: skip
+
+
+def _compass(shaping: PotentialShaping, slope: float, start: NDArray) -> tuple[float, NDArray]:
+    """A stride of the compass walker under a law of torques, by SciPy on textbook equations.
+
+    Returns:
+        How long it takes, and the state just before heelstrike: angles of stance and swing leg, and
+        their rates.
+    """
+    leg, hip, g = 5.0, 10.0, 9.8  # masses of a leg, at half its length, and at the hip; l = 1
+
+    def motion(_time: float, at: NDArray) -> list[float]:
+        (a, b), rates = at[:2] - slope, at[2:]
+        torques = shaping.torques([at[0], at[1], at[1], at[2], at[3], at[3]], slope)
+        coupling, twist = -0.5 * leg * math.cos(a - b), -0.5 * leg * math.sin(a - b)
+        mass = [[hip + 1.25 * leg, coupling], [coupling, 0.25 * leg]]
+        force = [
+            -twist * rates[1] ** 2 + (hip + 1.5 * leg) * g * math.sin(a),
+            twist * rates[0] ** 2 - 0.5 * leg * g * math.sin(b),
+        ]
+        acts = np.array([-torques.hip - torques.ankle, torques.hip])
+        return [*rates, *np.linalg.solve(mass, force + acts)]
+
+    def strikes(_time: float, at: NDArray) -> float:
+        return float(at[0] + at[1]) if at[0] < -0.05 else 1.0
+
+    strikes.terminal, strikes.direction = True, -1.0  # type: ignore[attr-defined]
+    walked = solve_ivp(
+        motion, (0.0, 2.0), start[[0, 1, 3, 4]], "DOP853", rtol=1e-13, atol=1e-14, max_step=0.01,
+        events=strikes,
+    )  # fmt: skip
+    return float(walked.t_events[0][0]), walked.y_events[0][0]
+
+
+def _apart(shaping: PotentialShaping, slope: float, walks: Gait) -> float:
+    """How far the closed loop on a slope is from a gait, before its heelstrike and in duration."""
+    time, ends = _compass(shaping, slope, walks.state)
+    exact = gpw.measures(walks).foot_velocity, walks.stance_angle
+    foot, half = exact
+    stance, swing, stance_rate, swing_rate = ends
+    # The landing foot moves by both rates (Eq. 4.10), and it is all that a strike depends on.
+    along = -math.cos(half) * (stance_rate - swing_rate)
+    down = math.sin(half) * (stance_rate + swing_rate)
+    return max(
+        abs(time - walks.step_period), abs(stance + half), abs(swing - half),
+        abs(along - foot.tangential), abs(down - foot.normal),
+    )  # fmt: skip
+
+
+def shaped_potentials() -> Iterator[Row]:
+    """Controlled symmetry and virtual gravity, of the compass walker."""
+    own = math.radians(3.0)
+    shaping, walks = gpw.controlled_symmetry(COMPASS, own), gait(COMPASS, own)
+    slopes = [math.radians(x) for x in (-10.0, -3.0, 0.0, 8.0)]
+    where = "at −10°, −3°, 0°, 8°"
+    off = max(_apart(shaping, slope, walks) for slope in slopes)
+    why = "Closed loop, integrated by SciPy: largest difference in time, angle, velocity of a foot."
+    said = f"Spong, Bullo 2005 | the gait of 3° under their torques {where}: difference | 0"
+    yield number(said, off, within=1e-12, digits=2, remark=why)
+    works = [shaping.work(walks, slope) for slope in slopes]
+    errors = [
+        abs(work.net_cost - math.sin(own) + math.sin(slope))
+        for work, slope in zip(works, slopes, strict=True)
+    ]
+    yield number(
+        f"Spong, Bullo 2005 | net work over weight × distance {where}, less sin 3° − sin γ | 0",
+        max(errors), within=1e-12, digits=2,
+        remark=f"Absolute work: {listed((work.absolute_cost for work in works), '.4f')}.",
+    )  # fmt: skip
+    angles = (0.02, own, 0.08)
+    offs, costs, periods = [], [], []
+    for angle in angles:
+        law = gpw.virtual_gravity(COMPASS, angle)
+        level = gpw.find_gait(*law.passive_twin)
+        offs.append(_apart(law, 0.0, level))
+        costs.append(law.work(level, 0.0))
+        periods.append(level.step_period / gait(COMPASS, angle).step_period)
+    virtual = "virtual slopes 0.02, 3°, 0.08 on level ground"
+    said = f"Asano, Yamakita 2001 | {virtual}: closed loop less its passive twin | 0"
+    yield number(said, max(offs), within=1e-12, digits=2, remark=why)
+    error = max(
+        abs(period - math.sqrt(math.cos(angle)))
+        for period, angle in zip(periods, angles, strict=True)
+    )
+    said = f"Asano, Yamakita 2001 | {virtual}: period over that of the slope, less √cos φ | 0"
+    yield number(said, error, within=1e-12, digits=2)
+    error = max(
+        abs(cost.net_cost - math.tan(angle)) for cost, angle in zip(costs, angles, strict=True)
+    )
+    said = f"Asano, Yamakita 2001 | {virtual}: net cost of transport less tan φ | 0"
+    why = f"Absolute work: {listed((cost.absolute_cost for cost in costs), '.4f')}."
+    yield number(said, error, within=1e-12, digits=2, remark=why)
+
+
+_SLOPE = 0.009
+_BHOUNSULE = "Bhounsule, Zamani 2017"
+
+
+def _law(decay: float) -> SpeedControl:
+    """The simplest walker's hip torque by Bhounsule's and Zamani's law."""
+    start = _starts([1.0])
+    scene = {
+        "walker": "D", "slope": _SLOPE, "control": "stride", "actions": ("hip",),
+        "max_hip_torque": 2.0,
+    }  # fmt: skip
+    return SpeedControl(scene, float(midstance_speed(start, _SLOPE)[0]), decay=decay)
+
+
+def _struck(angle: ArrayLike, rate: ArrayLike) -> NDArray:
+    """Points of the section, (n, 3), as a strike leaves them."""
+    angle, rate = np.ravel(angle), np.ravel(rate)
+    return np.stack([angle, rate, np.cos(2.0 * angle) * rate], axis=1)
+
+
+def _starts(kicks: ArrayLike) -> NDArray:
+    """The gait's point with its rates multiplied."""
+    walks = gait("D", _SLOPE)
+    rate = walks.state[3] * WALKERS["D"].time_unit
+    return _struck(np.full(np.shape(kicks), walks.stance_angle), rate * np.asarray(kicks))
+
+
+def _walk(
+    law: SpeedControl | None, points: NDArray, slopes: NDArray
+) -> tuple[NDArray, NDArray, NDArray]:
+    """Strides on one slope after another, under a law or none.
+
+    Args:
+        law: Who decides; None for nobody.
+        points: Where they start, (n, 3).
+        slopes: Of each stride, (strides,) or (strides, n).
+
+    Returns:
+        Strides that each made, (n,); mid-stance speeds, (strides, n); and the torques' absolute
+        work per unit of foot mass, (strides, n); NaN where a walker has fallen.
+    """
+    motion, n = Motion(walker=WALKERS["D"], tolerance=1e-11), len(points)
+    going, made = np.arange(n), np.zeros(n, int)
+    speeds, works = np.full((2, len(slopes), n), np.nan)
+    for k, slope in enumerate(slopes):
+        here = np.broadcast_to(slope, n)[going]
+        torque = np.zeros((len(points), 1)) if law is None else law.drives(points, here)
+        walked = ticked_strides(motion, here, points, torque, tick=math.inf)
+        speeds[k, going] = midstance_speed(points, here)
+        works[k, going] = (np.abs(torque) * walked.turn)[:, 0]
+        on = walked.outcomes == Outcome.HEELSTRIKE
+        going, points = going[on], walked.end[on]
+        made[going] += 1
+        if len(going) == 0:
+            break
+    return made, speeds, works
+
+
+def foot_placement() -> Iterator[Row]:
+    """One hip torque a stride places the foot, and so sets the simplest walker's next speed."""
+    kicks = _starts([0.9, 0.96, 1.03, 1.06, 1.1])
+    for decay in (0.0, 0.5):
+        law = _law(decay)
+        _, speeds, _ = _walk(law, kicks, np.full(4, _SLOPE))
+        off = speeds - law.speed
+        said = f"{_BHOUNSULE} | a deviation of the mid-stance speed, a stride later, over itself | "
+        yield number(
+            f"{said}{decay:g}", float((off[1] / off[0]).mean()), within=1e-9, digits=10,
+            remark="Five kicks of −10 % to 10 %.",
+        )  # fmt: skip
