@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pickle
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.envs import task
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
+from gym_passive_walker.envs.scene import CALM, SceneError, make_scene, undisturbed
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.physics.hybrid import Outcome, State
 from gym_passive_walker.physics.systems import bodies, body_of, system_of
@@ -22,7 +25,7 @@ SLOPES = {"lab": 0.036, "A": 0.03, "D": 0.009}
 EVERYTHING = {
     "pushes": {"rate": 0.7, "impulse": (-0.02, 0.03)}, "sensor_noise": 0.01, "motor_noise": 0.1,
     "motor_delay": 2, "command": (0.1, 0.3),
-    "reality": {"contact": "report", "friction": "report", "scuffing": "report"},
+    "reality": {"contact": "report", "friction": "end", "scuffing": "report"},
 }  # fmt: skip
 
 
@@ -269,3 +272,56 @@ def test_a_stride_is_worth_its_length_less_what_it_misses_its_command_by(weight,
     worth = max(0.0, length - weight * abs(1.0 - share) * length)
     assert reward == pytest.approx(worth, abs=1e-7)
     assert env.batch.ledger["total"][0] == reward
+
+
+def test_every_action_comes_late_and_errs_by_itself():
+    channels = ("push_off", "ankle", "hip")
+    arguments = {"walker": "D", "slope": 0.009, "actions": channels, "perturbation": 0.0}
+    late, prompt = (
+        PassiveWalkerVectorEnv(300, **arguments, motor_delay=delay, motor_noise=0.05)
+        for delay in (2, 0)
+    )
+    late.reset(seed=0), prompt.reset(seed=0)
+    actions = np.tile([0.5, -0.5, 0.2], (300, 1))
+    held = []
+    for step in range(3):
+        told = [worlds.step(actions) and worlds.batch.records[:, 0] for worlds in (late, prompt)]
+        held.append([np.column_stack([r["push_off"], r["control"][:, ::-1]]) for r in told])
+        if step < 2:
+            assert abs(np.mean(held[-1][0][:, 1:])) < 1e-3
+    sizes = [late.scene.largest(name) for name in channels]
+    np.testing.assert_array_equal(held[2][0], held[2][1])
+    np.testing.assert_allclose(held[2][0].mean(0) / sizes, [0.5, -0.5, 0.2], atol=0.01)
+    assert np.abs(np.corrcoef((held[2][0] / sizes).T) - np.eye(3)).max() < 0.25
+
+
+def test_a_policy_s_gait_is_that_of_the_calm_scene_at_the_middle_of_its_command():
+    class Obedient:
+        """A torque that grows with the speed commanded."""
+
+        def predict(self, observation, state=None, episode_start=None, deterministic=True):
+            assert observation.shape[-1] == 9
+            return 0.1 * observation[:, 8:], state
+
+    rough = {**EVERYTHING, "command": (0.1, 0.3)}
+    gait = gpw.closed_loop_gait(Obedient(), {"walker": "lab", "slope": 0.036, **rough})
+    calm = {"walker": "lab", "slope": 0.036, "command": 0.2}
+    np.testing.assert_array_equal(gait.point, gpw.closed_loop_gait(Obedient(), calm).point)
+
+
+@pytest.mark.parametrize("name", [*EVERYTHING, "terrain"])
+def test_a_method_that_needs_a_calm_scene_says_how_to_get_it(name):
+    value = EVERYTHING.get(name, {"stairs": {"rise": 0.01}})
+    scene = make_scene("lab", **{name: value})
+    with pytest.raises(SceneError, match=f"walks are made without {name}, .* choose"):
+        undisturbed(scene, "walks are made")
+    calm = make_scene(scene, **CALM, command=None)
+    assert undisturbed(calm, "walks are made") == make_scene("lab")
+
+
+def test_what_befalls_walkers_goes_with_them_to_another_process(assert_same):
+    here = PassiveWalkerVectorEnv(3, "lab", **EVERYTHING)
+    here.reset(seed=0)
+    there = pickle.loads(pickle.dumps(here))
+    for action in some(3, 60):
+        assert_same(here.step(action), there.step(action))
