@@ -12,6 +12,7 @@ import numpy as np
 
 from gym_passive_walker.cli.report import Report
 from gym_passive_walker.engine.compiled import compiled
+from gym_passive_walker.envs.reality import natives
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.physics.systems import SYSTEMS
@@ -41,9 +42,11 @@ def _pieces() -> Iterator[Callable[[], object]]:
     for name in SYSTEMS:
         yield partial(compiled, name)
         yield partial(compiled, name, derived=True)
+        yield partial(natives, name, pushed=True, watched=True)
     yield lambda: find_gait("C", 0.03)
     yield lambda: _act(gym.make_vec(ID, num_envs=2))
     yield lambda: _act(gym.make(ID))
+    yield lambda: _act(gym.make(ID, motor_delay=1))
 
 
 def _act(world: gym.Env | gym.vector.VectorEnv) -> None:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
+
+import numpy as np
 
 from gym_passive_walker.arguments import number, unknown
 
@@ -20,6 +22,11 @@ ANSWERS = ("ignore", "report", "end")
 """What may come of a check: nothing, a word in `info`, or the episode's end besides."""
 
 
+def _several(value: Any) -> bool:
+    """Whether a value has parts that may be numbers."""
+    return np.iterable(value) and not isinstance(value, str | Mapping)
+
+
 def bounded(name: str, value: Any, low: float, high: float) -> float:
     """The value as a finite number from `low` to `high`."""
     try:
@@ -33,9 +40,8 @@ def bounded(name: str, value: Any, low: float, high: float) -> float:
 
 def spread(name: str, value: Any, low: float, high: float) -> tuple[float, float]:
     """A number twice, or a range (low, high), within bounds."""
-    ends = list(value) if isinstance(value, Sequence) and not isinstance(value, str) else [value]
     try:
-        found = [number(end, name) for end in ends]
+        found = [number(end, name) for end in (list(value) if _several(value) else [value])]
     except ValueError:
         found = []
     if len(found) not in (1, 2) or not low <= found[0] <= found[-1] <= high:
@@ -63,7 +69,7 @@ def checked_pushes(pushes: Any) -> dict[str, Any]:
 
 def checked_noise(noise: Any, size: int) -> float | tuple[float, ...]:
     """Standard deviations of a sensor's errors: one of angles and rates, or one an entry."""
-    if not isinstance(noise, Sequence) or isinstance(noise, str):
+    if not _several(noise):
         return bounded("sensor_noise", noise, 0.0, 10.0)
     if len(noise) != size:
         raise SceneError(

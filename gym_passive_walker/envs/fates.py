@@ -253,7 +253,7 @@ def judge(records, bodies, i, row, fate, odds, phases, natives):
 
 @jitted
 def obey(row, fate, odds):
-    """What a stride loses for missing its command, at most what it was worth.
+    """What a stride loses for missing its command, at most its length.
 
     The walker was to go the commanded speed times the stride's time.
     """

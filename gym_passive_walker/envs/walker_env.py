@@ -94,9 +94,9 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     lost) and "friction_cost" (what friction took); and "outcome" is "heelstrike".
 
     With a `command`, a stride loses `command_weight` times the leg lengths by which it missed the
-    way that was commanded, | length - command * period |, but never more than it was worth: at the
+    way that was commanded, | length - command * period |, but never more than its length: at the
     default weight of 2 a walker earns v for each unit of time at the commanded speed v, 3 s - 2 v
-    at a lower speed s, and 2 v - s at a higher one.
+    at a lower speed s, and 2 v - s at a higher one, less what its energy costs.
 
     `info` tells at every step, in scenes that have them: "command"; "pushes" that have come,
     "push_work" / (m g l) that they did in this step, and "episode_push_work"; and what the checks

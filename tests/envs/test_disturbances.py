@@ -86,8 +86,10 @@ def test_a_pushed_stride_is_one_carried_to_the_push_pushed_and_carried_on(walker
     assert tried >= 3
 
 
-def test_a_stride_gains_what_gravity_and_pushes_give_less_what_strikes_take():
-    env = one(control="stride", pushes={"rate": 1.0, "impulse": (-0.02, 0.02)}, tolerance=1e-12)
+@pytest.mark.parametrize("walker", SLOPES)
+def test_a_stride_gains_what_gravity_and_pushes_give_less_what_strikes_take(walker):
+    pushes = {"rate": 1.0, "impulse": (-0.003, 0.004)}
+    env = one(walker, control="stride", pushes=pushes, tolerance=1e-12)
     env.reset(seed=4)
     system, body = system_of(env.walker), body_of(env.walker)
     pushed = 0
