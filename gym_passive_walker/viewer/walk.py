@@ -176,7 +176,7 @@ class LiveWalk:
             ValueError: if it is no slope.
         """
         self.slope = one_slope(slope)
-        self._record["ground"] = math.sin(self.slope), math.cos(self.slope)
+        self._record["ground"][:2] = math.sin(self.slope), math.cos(self.slope)
         self._disturb()
 
     def hold(self, torque: float) -> None:
