@@ -19,6 +19,18 @@ from benchmarks.problem import problem
 from benchmarks.report import command, keep, machine, seconds, table
 from gym_passive_walker.gaits.trajectory import simulate
 
+BEFALLS = {
+    "pushes, one in twenty ticks": {"pushes": {"rate": 0.5, "impulse": (-1e-4, 1e-4)}},
+    "sensor noise": {"sensor_noise": 1e-3},
+    "motor noise": {"motor_noise": 1e-3},
+    "motor delay": {"motor_delay": 2},
+    "command": {"command": (0.1, 0.2)},
+    "reality reported": {
+        "reality": dict.fromkeys(("contact", "friction", "knee lock", "scuffing"), "report")
+    },
+}
+"""What may befall a walker, each at its price."""
+
 COUNT = 2048
 ROUNDS = 5
 
@@ -83,6 +95,10 @@ def environments() -> str:
         "kneed, motor, stub, random slope": {"walker": "lab", "slope": (0.03, 0.04)},
         "kneed, motor, stub, random walker": {
             "walker": "lab", "slope": 0.036, "randomise": {"foot_radius": 0.01},
+        },
+        **{
+            f"kneed, motor, stub, {name}": {"walker": "lab", "slope": 0.036} | arguments
+            for name, arguments in BEFALLS.items()
         },
     }  # fmt: skip
     jobs: dict[str, Callable[[], object]] = {}

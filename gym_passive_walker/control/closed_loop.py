@@ -12,12 +12,13 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.arguments import one_slope, whole
 from gym_passive_walker.control.policy import Policy, steps
 from gym_passive_walker.control.ticks import course
-from gym_passive_walker.envs.scene import Scene, make_scene
+from gym_passive_walker.envs.scene import CALM, Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.newton import fixed_point
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride import STATE_NAMES
+from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
 from gym_passive_walker.walkers import name_of
@@ -246,7 +247,9 @@ def closed_loop_gait(
         )
     scene = make_scene(scene, energy="absolute", perturbation=0.0, randomise={})
     slope = float(np.mean(scene.slope)) if slope is None else one_slope(slope)
-    scene = make_scene(scene, slope=slope)
+    command = None if scene.command is None else float(np.mean(scene.command))
+    smooth = {"terrain": Terrain(), "preview": scene.preview} if scene.preview else {}
+    scene = make_scene(scene, **CALM | smooth | {"slope": slope, "command": command})
 
     def ends(points: NDArray, count: int = period) -> NDArray:
         return policy_strides(policy, scene, slope, points, count).ends

@@ -69,6 +69,8 @@ class Batch:
         records: Shape (count, 1) of `engine.layout.RECORD`.
         ledger: Shape (count,) of `task.LEDGER`.
         randoms: Each walker's own source of random numbers.
+        seen: Numbers in an observation.
+        disturbances: What befalls walkers; None where nothing does.
 
     Raises:
         SceneError: if the walkers are of different kinds, or a count does not fit.
@@ -92,6 +94,7 @@ class Batch:
                     f"{name} must be in a row, one for each of {count} environments, not {found}"
                 )
         self.scene, self.count = scene, count
+        self.seen = task.SIZE + (scene.command is not None) + 2 * scene.preview
         self.threads = None if threads is None else whole(threads, "threads")
         self.walkers = [scene.walker] * count if walkers is None else list(walkers)
         if len({kind_of(walker) for walker in self.walkers}) > 1:
@@ -131,11 +134,6 @@ class Batch:
     def _constants(self) -> NDArray[np.float64]:
         """Walkers' constants, without what there may be behind them."""
         return self.bodies[..., : len(self.system.Body._fields)]  # type: ignore[attr-defined]
-
-    @property
-    def seen(self) -> int:
-        """Numbers in an observation."""
-        return task.SIZE + (self.scene.command is not None) + 2 * self.scene.preview
 
     @property
     def system(self) -> System:

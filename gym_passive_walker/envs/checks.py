@@ -33,17 +33,17 @@ def bounded(name: str, value: Any, low: float, high: float) -> float:
 
 def spread(name: str, value: Any, low: float, high: float) -> tuple[float, float]:
     """A number twice, or a range (low, high), within bounds."""
+    ends = list(value) if isinstance(value, Sequence) and not isinstance(value, str) else [value]
     try:
-        ends = list(value) if isinstance(value, Sequence) else [value]
-        first, last = (number(end, name) for end in (ends[0], ends[-1]))
-    except (ValueError, IndexError):
-        ends = []
-    if len(ends) not in (1, 2) or not low <= first <= last <= high:
+        found = [number(end, name) for end in ends]
+    except ValueError:
+        found = []
+    if len(found) not in (1, 2) or not low <= found[0] <= found[-1] <= high:
         raise SceneError(
             f"{name} must be a number from {low:g} to {high:g}, or a range of them as (low, high), "
             f"not {value!r}"
         )
-    return first, last
+    return found[0], found[-1]
 
 
 def checked_pushes(pushes: Any) -> dict[str, Any]:

@@ -4,21 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.envs import fates, reality, task
 from gym_passive_walker.envs.checks import CHECKS
-from gym_passive_walker.envs.scene import Scene
+from gym_passive_walker.envs.scene import CALM, Scene
 from gym_passive_walker.gaits.terrain import Terrain
-
-CALM: dict[str, Any] = {
-    "pushes": {}, "sensor_noise": 0.0, "motor_noise": 0.0, "motor_delay": 0, "reality": {},
-    "terrain": None,
-}  # fmt: skip
-"""Arguments of a scene in which nothing befalls a walker but what it is commanded."""
 
 _OF_PUSHES = ("pushes", "push_work", "episode_push_work")
 
@@ -113,6 +106,6 @@ def _odds(scene: Scene) -> NDArray:
     odds["uneven"], odds["preview"] = scene.terrain is not None, scene.preview
     odds["interval"] = fates.INTERVAL if scene.reality else math.inf
     odds["ends"] = [scene.reality.get(check) == "end" for check in CHECKS]
-    for name in ("motor_noise", "command_weight", "friction", "scuff_depth"):
+    for name in ("motor_noise", "command_weight", "friction", "knee_latch", "scuff_depth"):
         odds[name] = getattr(scene, name)
     return odds

@@ -56,6 +56,7 @@ ODDS = np.dtype(
         ("preview", "i8"),  # footholds ahead that agents see
         ("interval", "f8"),  # from one look at a walker to the next; infinite without looks
         ("friction", "f8"),
+        ("knee_latch", "f8"),
         ("scuff_depth", "f8"),
         ("ends", "i8", (len(CHECKS),)),  # whether a check ends the episode
     ]
@@ -225,7 +226,7 @@ def broken(notes, odds):
         elif check == _FRICTION:
             holds = notes[2] <= odds.friction
         elif check == _KNEE:
-            holds = notes[3] >= 0.0 and notes[4] >= 0.0
+            holds = notes[3] >= -odds.knee_latch and notes[4] >= -odds.knee_latch
         else:
             holds = notes[5] >= -odds.scuff_depth - _DEPTH
         if not holds:

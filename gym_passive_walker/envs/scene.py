@@ -103,6 +103,8 @@ class Scene:
             ``{"rough": {"height_std": 0.01}}``; smooth when None.
         preview: Of how many footholds ahead agents see the rise to them and their turn.
         friction: Coefficient of friction of foot and ground.
+        knee_latch: What a latch of the stance knee holds against flexion, as a torque in m g l, and
+            in a strike as an impulse in m l sqrt(g l); 0 is a knee that is pressed on its stop.
         scuff_depth: How far below the ground the swing foot may pass, in leg lengths.
     """
 
@@ -132,6 +134,7 @@ class Scene:
     terrain: Terrain | None = None
     preview: int = 0
     friction: float = 0.8
+    knee_latch: float = 0.0
     scuff_depth: float = 0.01
 
     def __post_init__(self) -> None:
@@ -182,6 +185,7 @@ class Scene:
         bound("motor_noise", 0.0, 1.0)
         bound("command_weight", 0.0, 1e3)
         bound("friction", 0.0, 1e3)
+        bound("knee_latch", 0.0, 1e3)
         bound("scuff_depth", 0.0, 1.0)
         if self.start is not None:
             put("start", self._checked_start())
@@ -270,6 +274,12 @@ class Scene:
         return max(1, round(1.0 / (self.tick * self.walker.time_unit)))
 
 
+CALM: dict[str, Any] = {
+    "pushes": {}, "sensor_noise": 0.0, "motor_noise": 0.0, "motor_delay": 0, "reality": {},
+    "terrain": None, "preview": 0,
+}  # fmt: skip
+"""Arguments of a scene in which nothing befalls a walker on its way."""
+
 SCENES: dict[str, dict[str, Any]] = {
     "level": {},
     "steep": {"slope": 0.11, "control": "stride"},
@@ -296,6 +306,22 @@ def by_hip_alone(scene: Scene, who: str) -> Scene:
         raise SceneError(
             f"{who} by the hip alone, and this scene's actions are {scene.actions}: choose "
             'make_scene(scene, actions=("hip",))'
+        )
+    return scene
+
+
+def undisturbed(scene: Scene, who: str) -> Scene:
+    """A scene in which nothing befalls a walker and nothing is commanded, as some methods need it.
+
+    Raises:
+        SceneError: if it is none.
+    """
+    wanted = CALM | {"command": None}
+    if found := [name for name, calm in wanted.items() if getattr(scene, name) != calm]:
+        calmed = ", ".join(f"{name}={wanted[name]!r}" for name in found)
+        raise SceneError(
+            f"{who} without {' and '.join(found)}, which this scene has: choose "
+            f"make_scene(scene, {calmed})"
         )
     return scene
 

@@ -244,8 +244,9 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         for name, column in zip(task.EVERY_STEP, steps, strict=False):
             infos[name], infos["_" + name] = column, mask
         infos["strides"], infos["_strides"] = strides, mask
-        for name, column in self.batch.told().items():
-            infos[name], infos["_" + name] = np.where(mask, column, 0), mask
+        if self.batch.disturbances:
+            for name, column in self.batch.told().items():
+                infos[name], infos["_" + name] = np.where(mask, column, 0), mask
         if endings:
             infos["outcome"], infos["_outcome"] = _OUTCOMES.take(outcomes), ended
         if strikes:

@@ -57,7 +57,8 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ## Observation Space
 
-    A `Box` of shape (8,), float32, the same for all walkers and controls:
+    A `Box` of shape (8,), float32, the same for all walkers and controls (a `command` is one number
+    more, from 0 to 1):
 
     | Num | Observation                                    | Min   | Max  |
     | --- | ---------------------------------------------- | ----- | ---- |
@@ -92,6 +93,18 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     "net_ankle_cost" and "push_off_cost" likewise, "collision_cost" (what the strikes
     lost) and "friction_cost" (what friction took); and "outcome" is "heelstrike".
 
+    With a `command`, a stride loses `command_weight` times the leg lengths by which it missed the
+    way that was commanded, | length - command * period |, but never more than it was worth: at the
+    default weight of 2 a walker earns v for each unit of time at the commanded speed v, 3 s - 2 v
+    at a lower speed s, and 2 v - s at a higher one.
+
+    `info` tells at every step, in scenes that have them: "command"; "pushes" that have come,
+    "push_work" / (m g l) that they did in this step, and "episode_push_work"; and what the checks
+    of `reality` go by in this step: "normal_force" / (m g), "normal_impulse" / (m sqrt(g l)),
+    "stance_knee_torque" / (m g l), "stance_knee_impulse" / (m l sqrt(g l)) and "clearance" / l,
+    the least of each (infinite where there was no strike), and the greatest coefficient of
+    "friction" that was needed (infinite where the ground would have had to pull).
+
     ## Starting State
 
     Just after a heelstrike, at the walker's passive gait on the slope of the episode, or, where it
@@ -112,6 +125,8 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     - "bent_knee": the foot came down in front before the knee had locked.
     - "stalled": no heelstrike within `longest_stride`.
     - "diverged": the motion left the range of numbers; no ordinary action gets there.
+    - "lost_contact", "slipped", "stance_knee_gave_way", "scuffed": where `reality` has the check
+      "contact", "friction", "knee lock" or "scuffing" end episodes. The stride does not count.
 
     Truncation: after 4000 steps (`max_episode_steps` of `gymnasium.make`).
 
@@ -147,6 +162,16 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `start`          | None                | dimensionless state instead of the gait    |
     | `longest_stride` | 20.0                | when a stride has stalled                  |
     | `tolerance`      | 1e-8                | error of the dynamics                      |
+    | `pushes`         | {}                  | {"rate": ..., "impulse": (low, high)}      |
+    | `sensor_noise`   | 0.0                 | std of angles and rates; or of each entry  |
+    | `motor_noise`    | 0.0                 | std of actions                             |
+    | `motor_delay`    | 0                   | steps by which actions come late           |
+    | `command`        | None                | speed over sqrt(g l); or (low, high)       |
+    | `command_weight` | 2.0                 | price of a leg length beside the command   |
+    | `reality`        | {}                  | check: "ignore", "report" or "end"         |
+    | `friction`       | 0.8                 | coefficient of foot and ground             |
+    | `knee_latch`     | 0.0                 | torque that holds the stance knee          |
+    | `scuff_depth`    | 0.01                | how deep the swing foot may pass           |
     | `render_mode`    | None                | "human", "rgb_array" or None               |
 
     `gymnasium.make_vec` takes the same, and runs all environments in one kernel.

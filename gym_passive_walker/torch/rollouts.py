@@ -17,7 +17,7 @@ from torch import Tensor
 from gym_passive_walker.arguments import whole
 from gym_passive_walker.envs import task
 from gym_passive_walker.envs.batch import Batch
-from gym_passive_walker.envs.scene import Scene, by_hip_alone, make_scene
+from gym_passive_walker.envs.scene import Scene, by_hip_alone, make_scene, undisturbed
 from gym_passive_walker.envs.vector_env import seed_randoms
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.physics.systems import system_of
@@ -100,7 +100,9 @@ def standing(
         parameters: Values of parameters of the walker in place of the scene's, numbers or (count,).
     """
     scene, count = (
-        by_hip_alone(make_scene(scene), "walks on the tape are driven"),
+        undisturbed(
+            by_hip_alone(make_scene(scene), "walks on the tape are driven"), "walks on the tape go"
+        ),
         whole(count, "count"),
     )
     batch = Batch(scene, count)

@@ -259,7 +259,9 @@ class LiveWalk:
 
     def _decide(self, policy: TrainedPolicy, time: float) -> None:
         """Ask the policy for the torque of its next tick, as the environment would."""
-        ledger, seen = np.zeros(1, task.LEDGER), np.empty(task.SIZE, np.float32)
+        command = policy.scene.command
+        ledger = np.zeros(1, task.LEDGER)
+        seen = np.full(task.SIZE + (command is not None), np.mean(command or 0.0), np.float32)
         ledger["slope"] = self.slope
         task.observe(self._records, ledger, compiled(self._system.name), seen)
         action, self._memory = policy.predict(seen[None], self._memory, self._first)

@@ -111,6 +111,20 @@ def test_a_configuration_survives_its_file(tmp_path):
     assert yaml.safe_load((tmp_path / "config.yml").read_text())["scene"] == "rolling"
 
 
+def test_what_befalls_walkers_stands_in_a_run_s_file(tmp_path):
+    told = {
+        "pushes": {"rate": 0.1, "impulse": [-0.01, 0.02]}, "sensor_noise": 0.01, "motor_delay": 1,
+        "motor_noise": 0.05, "command": [0.1, 0.2], "reality": {"friction": "end"}, "friction": 0.6,
+    }  # fmt: skip
+    configure("ppo", "lab", env=told).save(tmp_path / "config.yml")
+    scene = worlds.scene_of(Config.load(tmp_path / "config.yml"))
+    assert scene.command == (0.1, 0.2) and scene.pushes["impulse"] == (-0.01, 0.02)
+    assert scene == make_scene("lab", **told)
+    told["motor_delay"] = -1
+    with pytest.raises(ConfigError, match="motor_delay must be a whole number from 0 on"):
+        worlds.scene_of(configure("ppo", "lab", env=told))
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

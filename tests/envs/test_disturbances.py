@@ -1,0 +1,327 @@
+"""Pushes, noise, delay and commands: exact, seeded, and each walker's own."""
+
+from __future__ import annotations
+
+import pickle
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.vector import AutoresetMode, SyncVectorEnv
+
+import gym_passive_walker as gpw
+from gym_passive_walker.engine.run import advance, new_records
+from gym_passive_walker.envs import task
+from gym_passive_walker.envs.registration import ID
+from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
+from gym_passive_walker.envs.scene import CALM, SceneError, make_scene, undisturbed
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.physics.hybrid import Outcome, State
+from gym_passive_walker.physics.systems import bodies, body_of, system_of
+
+SLOPES = {"lab": 0.036, "A": 0.03, "D": 0.009}
+"""A walker with knees, one with straight legs, the simplest; and slopes that they walk on."""
+
+EVERYTHING = {
+    "pushes": {"rate": 0.7, "impulse": (-0.02, 0.03)}, "sensor_noise": 0.01, "motor_noise": 0.1,
+    "motor_delay": 2, "command": (0.1, 0.3),
+    "reality": {"contact": "report", "friction": "end", "scuffing": "report"},
+}  # fmt: skip
+
+
+def one(walker="lab", **changes):
+    """One walker, without a wrapper."""
+    return gym.make(ID, walker=walker, slope=SLOPES[walker], **changes).unwrapped
+
+
+def some(count, steps=1, seed=0):
+    """Actions of some steps, (steps, count, 1)."""
+    return np.random.default_rng(seed).uniform(-1.0, 1.0, (steps, count, 1)).astype("f4")
+
+
+def carried(system, body, record, end):
+    """A record carried to its stride's end, or to a time."""
+    record["end"] = end
+    return advance(system, body, record, tolerance=1e-12, from_section=False)
+
+
+# Pushes
+
+
+@pytest.mark.parametrize("walker", SLOPES)
+def test_a_pushed_stride_is_one_carried_to_the_push_pushed_and_carried_on(walker):
+    pushes = {"rate": 0.8, "impulse": (-0.01, 0.02)}
+    env = one(walker, control="stride", pushes=pushes, tolerance=1e-12, max_hip_torque=0.0)
+    system, body = system_of(env.walker), bodies(env.walker)
+    tried = 0
+    for seed in range(30):
+        env.reset(seed=seed)
+        record = new_records(env.batch.records["state"][:, 0], env.slope)
+        due = float(env.batch.disturbances.fates["due"][0])
+        *_, info = env.step(np.zeros(1))
+        if info["pushes"] != 1 or info["outcome"] != "heelstrike":
+            continue
+        tried += 1
+        carried(system, body, record, due)
+        phase, state = system.phases[record[0, 0]["phase"]], State(*record[0, 0]["state"])
+        energy = system.kinetic_energy(body_of(env.walker), state)
+        # Rates are linear in the impulse and energy is quadratic: its work tells the impulse.
+        unit = np.array(phase.push(body_of(env.walker), state, -1.0, 0.0))[[0, 1, -1]]
+
+        def gained(impulse, state=state, unit=unit, energy=energy):
+            rates = np.array(state[3:]) + impulse * unit
+            after = State(*state[:3], *rates)
+            return system.kinetic_energy(body_of(env.walker), after) - energy, rates
+
+        low, high = pushes["impulse"]
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if gained(middle)[0] < info["push_work"] else (low, middle)
+        assert gained(low)[0] == pytest.approx(info["push_work"], rel=1e-9)
+        record[0, 0]["state"][3:] = gained(low)[1]
+        carried(system, body, record, 100.0)
+        assert record[0, 0]["outcome"] == Outcome.HEELSTRIKE
+        expected = record[0, 0]["state"]
+        np.testing.assert_allclose(env.batch.records[0, 0]["state"], expected, rtol=1e-8)
+    assert tried >= 3
+
+
+def test_a_stride_gains_what_gravity_and_pushes_give_less_what_strikes_take():
+    env = one(control="stride", pushes={"rate": 1.0, "impulse": (-0.02, 0.02)}, tolerance=1e-12)
+    env.reset(seed=4)
+    system, body = system_of(env.walker), body_of(env.walker)
+    pushed = 0
+    for _ in range(6):
+        before = system.kinetic_energy(body, State(*env.batch.records[0, 0]["state"]))
+        *_, info = env.step(np.zeros(1))
+        if info["outcome"] != "heelstrike":
+            break
+        after = system.kinetic_energy(body, State(*env.batch.records[0, 0]["state"]))
+        given = (info["gravity_cost"] - info["collision_cost"]) * info["step_length"]
+        assert after - before == pytest.approx(given + info["push_work"], abs=1e-12)
+        pushed += info["push_work"] != 0.0
+    assert pushed >= 2
+
+
+def test_pushes_come_as_often_as_they_should_and_apart():
+    worlds = PassiveWalkerVectorEnv(
+        400, walker="D", slope=0.009, pushes={"rate": 0.25, "impulse": 0.0}, perturbation=0.0
+    )
+    worlds.reset(seed=0)
+    for _ in range(200):  # no impulse at all: nobody falls
+        *_, infos = worlds.step(np.zeros((400, 1)))
+    ledger, records = worlds.batch.ledger, worlds.batch.records
+    mean = 0.25 * (ledger["clock"] + records["time"][:, 0])
+    count = infos["pushes"]
+    assert mean.min() > 3.0
+    assert count.sum() == pytest.approx(mean.sum(), abs=3.0 * np.sqrt(mean.sum()))
+    assert np.var(count - mean) == pytest.approx(mean.mean(), rel=0.25)
+
+
+def test_pushes_without_impulse_change_no_walk():
+    pushed = one(pushes={"rate": 2.0, "impulse": 0.0}, perturbation=0.0, tolerance=1e-11)
+    left = one(perturbation=0.0, tolerance=1e-11)
+    pushed.reset(seed=0), left.reset(seed=0)
+    for _ in range(120):
+        *_, info = pushed.step(np.zeros(1))
+        left.step(np.zeros(1))
+    assert info["pushes"] > 10 and info["episode_push_work"] == 0.0
+    np.testing.assert_allclose(pushed.state, left.state, rtol=1e-7)
+
+
+# Each walker's own
+
+
+@pytest.mark.parametrize("walker", SLOPES)
+@pytest.mark.parametrize("mode", AutoresetMode)
+def test_alone_and_in_a_crowd_the_same_befalls_a_walker(walker, mode, assert_same):
+    arguments = {"walker": walker, "slope": SLOPES[walker], **EVERYTHING}
+    crowd = PassiveWalkerVectorEnv(5, autoreset_mode=mode, max_episode_steps=40, **arguments)
+    alone = SyncVectorEnv(
+        [lambda: gym.make(ID, max_episode_steps=40, **arguments) for _ in range(5)],
+        autoreset_mode=mode,
+    )
+    assert_same(crowd.reset(seed=3)[0], alone.reset(seed=3)[0])
+    for actions in some(5, 90):
+        told, expected = crowd.step(actions), alone.step(actions)
+        assert_same(told, expected)
+        if mode == AutoresetMode.DISABLED and (ended := told[2] | told[3]).any():
+            again = {"reset_mask": ended}
+            assert_same(crowd.reset(options=again)[0], alone.reset(options=again)[0])
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_the_same_befalls_a_walker_in_crowds_of_any_size(threads, assert_same):
+    arguments = {"walker": "lab", "slope": 0.036, **EVERYTHING, "autoreset_mode": "SameStep"}
+    crowd = PassiveWalkerVectorEnv(4608, threads=threads, **arguments)
+    few = PassiveWalkerVectorEnv(3, **arguments)
+    assert_same(crowd.reset(seed=0)[0][:3], few.reset(seed=0)[0])
+    for actions in some(4608, 40):
+        told, expected = crowd.step(actions), few.step(actions[:3])
+        for a, b in zip(told[:4], expected[:4], strict=True):
+            assert_same(a[:3], b)
+        assert_same(told[4]["push_work"][:3], expected[4]["push_work"])
+
+
+def test_walkers_go_on_from_a_saved_state_as_they_would_have(assert_same):
+    arguments = {"walker": "lab", "slope": 0.036, **EVERYTHING}
+    first, second = (PassiveWalkerVectorEnv(4, **arguments) for _ in range(2))
+    actions = some(4, 90)
+    first.reset(seed=1)
+    for action in actions[:30]:
+        first.step(action)
+    second.set_state(first.get_state())
+    for action in actions[30:]:
+        assert_same(first.step(action), second.step(action))
+
+
+def test_stable_baselines_tells_what_befell_a_walker_where_its_episode_ends(assert_same):
+    world = PassiveWalkerVecEnv(3, "lab", max_episode_steps=30, seed=2, **EVERYTHING)
+    assert world.observation_space.shape == (9,)
+    assert world.reset().shape == (3, 9)
+    alone = one(**EVERYTHING)
+    alone.reset(seed=2)
+    for action in some(3, 30):
+        _, _, dones, infos = world.step(action)
+        *_, info = alone.step(action[0])
+        if dones[0]:
+            break
+    for name in ("command", "pushes", "push_work", "episode_push_work", "friction", "clearance"):
+        assert infos[0][name] == info[name]
+
+
+# Noise and delay
+
+
+def test_sensors_err_by_as_much_as_they_should_and_the_walk_does_not_notice(assert_same):
+    kinds = [
+        {"sensor_noise": 0.02}, {"sensor_noise": (0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.01)}, {}
+    ]  # fmt: skip
+    even, single, none = (
+        PassiveWalkerVectorEnv(300, "lab", perturbation=0.0, **noise) for noise in kinds
+    )
+    first = [worlds.reset(seed=0)[0] for worlds in (even, single, none)]
+    errors = [[first[0] - first[2]], [first[1] - first[2]]]
+    for _ in range(20):
+        seen = [worlds.step(np.zeros((300, 1)))[0] for worlds in (even, single, none)]
+        errors[0].append(seen[0] - seen[2])
+        errors[1].append(seen[1] - seen[2])
+    assert_same(even.states, none.states)
+    every, of_some = (np.array(each).reshape(-1, 8) for each in errors)
+    expected = [0.02] * 6 + [0.0] * 2
+    np.testing.assert_allclose(every.std(0), expected, atol=4e-4)
+    np.testing.assert_allclose(every.mean(0), 0.0, atol=1.2e-3)
+    correlation = np.corrcoef(every[:, :6].T) - np.eye(6)
+    assert np.abs(correlation).max() < 5.0 / np.sqrt(len(every))
+    assert abs(np.corrcoef(every[:300, 0], every[300:600, 0])[0, 1]) < 0.25
+    np.testing.assert_allclose(of_some.std(0), [0, 0.1, 0, 0, 0, 0, 0, 0.01], rtol=0.03)
+
+
+def test_an_observation_asked_for_again_errs_in_the_same_way(assert_same):
+    env = one(sensor_noise=0.1)
+    env.reset(seed=0)
+    seen, *_ = env.step(np.zeros(1))
+    again = np.empty(8, np.float32)
+    env.batch.observe(again)
+    assert_same(again, seen)
+    assert np.all(seen >= task.LOWEST) and np.all(seen <= task.BOUNDS)
+
+
+def test_delayed_actions_come_as_many_steps_late(assert_same):
+    late, prompt = one(motor_delay=3), one()
+    late.reset(seed=0), prompt.reset(seed=0)
+    actions = some(1, 40)[:, 0]
+    for action, sooner in zip(actions, [*np.zeros((3, 1)), *actions], strict=False):
+        told, expected = late.step(action), prompt.step(sooner)
+        assert_same(told, expected)
+
+
+def test_a_motor_errs_by_a_share_of_its_torque_and_never_exceeds_it():
+    worlds = PassiveWalkerVectorEnv(500, "lab", motor_noise=0.2)
+    worlds.reset(seed=0)
+    for action, mean, spread in ((0.1, 0.1, 0.2), (5.0, 0.9202, 0.1168)):  # one side is cut off
+        worlds.step(np.full((500, 1), action))
+        shares = worlds.batch.records["control"][:, 0, 0] / worlds.scene.max_hip_torque
+        assert np.abs(shares).max() <= 1.0
+        assert shares.mean() == pytest.approx(mean, abs=0.03)
+        assert shares.std() == pytest.approx(spread, abs=0.02)
+
+
+# Commands
+
+
+def test_commands_are_drawn_from_their_range_and_seen():
+    worlds = PassiveWalkerVectorEnv(500, "lab", command=(0.1, 0.3))
+    seen, _ = worlds.reset(seed=0)
+    assert worlds.single_observation_space.shape == (9,)
+    *_, infos = worlds.step(np.zeros((500, 1)))
+    np.testing.assert_array_equal(seen[:, 8], infos["command"].astype(np.float32))
+    assert infos["command"].min() == pytest.approx(0.1, abs=3e-3)
+    assert infos["command"].max() == pytest.approx(0.3, abs=3e-3)
+    assert infos["command"].mean() == pytest.approx(0.2, abs=0.01)
+
+
+@pytest.mark.parametrize("weight", [0.0, 1.0, 2.0])
+@pytest.mark.parametrize("share", [0.2, 0.8, 1.0, 1.2, 3.0])
+def test_a_stride_is_worth_its_length_less_what_it_misses_its_command_by(weight, share):
+    gait = gpw.find_gait("lab", 0.036)
+    env = one(command=share * gait.froude_speed, command_weight=weight, control="stride")
+    env.reset(seed=0, options={"state": gait.state})
+    _, reward, *_, info = env.step(np.zeros(1))
+    length = info["step_length"]
+    worth = max(0.0, length - weight * abs(1.0 - share) * length)
+    assert reward == pytest.approx(worth, abs=1e-7)
+    assert env.batch.ledger["total"][0] == reward
+
+
+def test_every_action_comes_late_and_errs_by_itself():
+    channels = ("push_off", "ankle", "hip")
+    arguments = {"walker": "D", "slope": 0.009, "actions": channels, "perturbation": 0.0}
+    late, prompt = (
+        PassiveWalkerVectorEnv(300, **arguments, motor_delay=delay, motor_noise=0.05)
+        for delay in (2, 0)
+    )
+    late.reset(seed=0), prompt.reset(seed=0)
+    actions = np.tile([0.5, -0.5, 0.2], (300, 1))
+    held = []
+    for step in range(3):
+        told = [worlds.step(actions) and worlds.batch.records[:, 0] for worlds in (late, prompt)]
+        held.append([np.column_stack([r["push_off"], r["control"][:, ::-1]]) for r in told])
+        if step < 2:
+            assert abs(np.mean(held[-1][0][:, 1:])) < 1e-3
+    sizes = [late.scene.largest(name) for name in channels]
+    np.testing.assert_array_equal(held[2][0], held[2][1])
+    np.testing.assert_allclose(held[2][0].mean(0) / sizes, [0.5, -0.5, 0.2], atol=0.01)
+    assert np.abs(np.corrcoef((held[2][0] / sizes).T) - np.eye(3)).max() < 0.25
+
+
+def test_a_policy_s_gait_is_that_of_the_calm_scene_at_the_middle_of_its_command():
+    class Obedient:
+        """A torque that grows with the speed commanded."""
+
+        def predict(self, observation, state=None, episode_start=None, deterministic=True):
+            assert observation.shape[-1] == 9
+            return 0.1 * observation[:, 8:], state
+
+    rough = {**EVERYTHING, "command": (0.1, 0.3)}
+    gait = gpw.closed_loop_gait(Obedient(), {"walker": "lab", "slope": 0.036, **rough})
+    calm = {"walker": "lab", "slope": 0.036, "command": 0.2}
+    np.testing.assert_array_equal(gait.point, gpw.closed_loop_gait(Obedient(), calm).point)
+
+
+@pytest.mark.parametrize("name", [*EVERYTHING, "terrain"])
+def test_a_method_that_needs_a_calm_scene_says_how_to_get_it(name):
+    value = EVERYTHING.get(name, {"stairs": {"rise": 0.01}})
+    scene = make_scene("lab", **{name: value})
+    with pytest.raises(SceneError, match=f"walks are made without {name}, .* choose"):
+        undisturbed(scene, "walks are made")
+    calm = make_scene(scene, **CALM, command=None)
+    assert undisturbed(calm, "walks are made") == make_scene("lab")
+
+
+def test_what_befalls_walkers_goes_with_them_to_another_process(assert_same):
+    here = PassiveWalkerVectorEnv(3, "lab", **EVERYTHING)
+    here.reset(seed=0)
+    there = pickle.loads(pickle.dumps(here))
+    for action in some(3, 60):
+        assert_same(here.step(action), there.step(action))

@@ -1,0 +1,166 @@
+"""The checks of `reality_check` as rules of a scene."""
+
+from __future__ import annotations
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.envs.checks import CHECKS
+from gym_passive_walker.envs.reality import READINGS
+from gym_passive_walker.envs.registration import ID
+from gym_passive_walker.units import units_of
+
+SLOPES = {"lab": 0.036, "C": 0.03, "A": 0.03, "D": 0.009}
+
+
+def checks(walker, answer="report"):
+    """All checks that there are of a walker."""
+    there = gpw.WALKERS[walker].knees
+    return {check: answer for check in CHECKS if there or check != "knee lock"}
+
+
+def world(walker, **changes):
+    """A walker on its passive gait."""
+    arguments = {"walker": walker, "slope": SLOPES[walker], "perturbation": 0.0, "stub": False}
+    return gym.make(ID, **arguments | changes).unwrapped
+
+
+def walked(env, steps=200, action=0.0, **reset):
+    """Infos of steps until a stride or an episode has ended."""
+    env.reset(seed=0, **reset)
+    infos = []
+    for _ in range(steps):
+        *_, info = env.step(np.full(env.action_space.shape, action))
+        infos.append(info)
+        if "outcome" in info:
+            break
+    return infos
+
+
+@pytest.mark.parametrize("walker", SLOPES)
+def test_what_is_told_of_a_stride_is_what_the_reality_check_finds(walker):
+    gait = gpw.find_gait(walker, SLOPES[walker])
+    found = gpw.reality_check(walker, SLOPES[walker], gait.state)
+    env = world(walker, tick=0.02, tolerance=1e-12, reality=checks(walker))
+    infos = walked(env, options={"state": gait.state})
+    units = units_of(env.walker)
+
+    def least(name):
+        return min(info[name] for info in infos)
+
+    impulses = [found.heelstrike_impulse]
+    if env.walker.knees:
+        impulses.append(found.kneestrike_impulse)
+        torque = found.stance_knee_torque.value / units.torque
+        assert least("stance_knee_torque") == pytest.approx(torque, abs=2e-3)
+        assert least("stance_knee_torque") >= torque - 1e-9
+        struck = found.stance_knee_at_kneestrike.value, found.stance_knee_at_heelstrike.value
+        scale = units.impulse * units.length
+        assert least("stance_knee_impulse") == pytest.approx(min(struck) / scale, rel=1e-7)
+    normal = min(impulse.normal for impulse in impulses)
+    assert least("normal_impulse") == pytest.approx(normal / units.impulse, rel=1e-7)
+    force = found.least_normal_force.value / units.force
+    assert least("normal_force") == pytest.approx(force, abs=1e-3)
+    assert least("normal_force") >= force - 1e-9
+    needed = [found.stance_friction.value, *(impulse.friction.value for impulse in impulses)]
+    friction = max(info["friction"] for info in infos)
+    assert friction == pytest.approx(max(needed), abs=1e-3)
+    assert friction <= max(needed) + 1e-7
+    lowest = min(info["clearance"] for info in infos[1:-1])
+    passing = min(found.clearance.value, found.release_depth.value) / units.length
+    assert lowest == pytest.approx(passing, abs=1e-3) or passing >= 0.0
+    assert lowest >= passing - 1e-9
+
+
+@pytest.mark.parametrize("walker", SLOPES)
+def test_to_look_at_a_walker_changes_no_bit_of_its_walk(walker):
+    watched, left = world(walker, reality=checks(walker)), world(walker)
+    watched.reset(seed=1), left.reset(seed=1)
+    for action in np.random.default_rng(0).uniform(-0.3, 0.3, (60, 1)):
+        told, expected = watched.step(action), left.step(action)
+        assert told[1:4] == expected[1:4]
+        np.testing.assert_array_equal(watched.state, left.state)
+        if told[2]:
+            break
+
+
+@pytest.mark.parametrize(
+    ("walker", "check", "limits", "outcome"),
+    [
+        ("lab", "friction", ({"friction": 0.51}, {"friction": 0.53}), "slipped"),
+        ("lab", "knee lock", ({"knee_latch": 1e-3}, {"knee_latch": 2e-3}), "stance_knee_gave_way"),
+        ("A", "scuffing", ({"scuff_depth": 4e-4}, {"scuff_depth": 1e-3}), "scuffed"),
+    ],
+)
+def test_an_episode_ends_where_a_rule_is_broken_and_its_stride_is_worth_nothing(
+    walker, check, limits, outcome
+):
+    broken, kept = (
+        walked(world(walker, reality={check: "end"}, tick=0.02, **limit), options=_gait(walker))
+        for limit in limits
+    )
+    assert broken[-1]["outcome"] == outcome
+    assert kept[-1]["outcome"] == "heelstrike"
+    assert broken[-1]["strides"] == 0
+    assert broken[-1]["episode_distance"] == pytest.approx(0.0, abs=1e-15)
+    told = [info[name] for info in kept for name in READINGS[check]]
+    assert np.all(np.isfinite(told) | (np.array(told) == np.inf))
+
+
+def _gait(walker):
+    """Options that start a walker on its gait."""
+    return {"state": gpw.find_gait(walker, SLOPES[walker]).state}
+
+
+def test_a_strike_that_slips_ends_the_episode_though_the_foot_came_down():
+    gait = gpw.find_gait("A", 0.03)
+    needed = gpw.reality_check("A", 0.03, gait.state).heelstrike_impulse.friction.value
+    infos = walked(
+        world("A", reality={"friction": "end"}, friction=needed - 1e-3, control="stride"),
+        options={"state": gait.state},
+    )
+    assert infos[-1]["outcome"] == "slipped"
+    assert infos[-1]["strides"] == 0 and infos[-1]["distance"] == 0.0
+    assert infos[-1]["friction"] == pytest.approx(needed, rel=1e-6)
+
+
+def test_ground_that_would_have_to_pull_is_left():
+    infos = walked(
+        world("A", reality={"contact": "end", "friction": "report"}),
+        options={"state": [0.2, -0.2, -0.2, -1.3, -0.2, -0.2]},  # in walker A's units, too fast
+    )
+    assert infos[-1]["outcome"] == "lost_contact"
+    assert infos[-1]["normal_force"] < 0.0
+    assert infos[-1]["friction"] == np.inf
+
+
+def test_what_the_ground_gives_at_a_strike_is_what_changes_the_momentum_push_off_included():
+    """The simplest walker is a mass at its hip: before, after and the push-off tell the impulse."""
+    env = world(
+        "D", reality={"contact": "report", "friction": "report"}, actions=("push_off",),
+        control="stride", tolerance=1e-12,
+    )  # fmt: skip
+    plain = world("D", actions=("push_off",), control="stride", tolerance=1e-12)
+    for push in (0.0, 0.3):
+        info = walked(env, action=push)[-1]
+        walked(plain, action=0.0)
+        # Without a push-off the rate after is the old one times cos(2 angle).
+        angle, rate = plain.batch.records[0, 0]["state"][[0, 3]]
+        before = rate / np.cos(2.0 * angle)
+        impulse = env.scene.max_push_off * push
+        after = env.batch.records[0, 0]["state"][3]
+
+        def velocity(angle, rate):
+            return np.array([rate * np.cos(angle), -rate * np.sin(angle)])
+
+        given = velocity(angle, after) - velocity(-angle, before)
+        given -= impulse * np.array([np.sin(-angle), np.cos(angle)])
+        assert info["normal_impulse"] == pytest.approx(given[1], rel=1e-8)
+        assert info["friction"] >= abs(given[0] / given[1]) * (1.0 - 1e-9)
+
+
+def test_straight_legs_have_no_knee_to_lock():
+    with pytest.raises(ValueError, match="'knee lock' is a check of walkers with knees"):
+        world("A", reality={"knee lock": "end"})
