@@ -13,6 +13,7 @@ from validation import (
     lab,
     literature,
     parameters,
+    placement,
     point_feet,
     simplest,
     tuning,
@@ -66,7 +67,7 @@ SECTIONS = (
             "hip spring K per foot mass over g l."),
     Section("Controllers: shaped potentials (Spong, Asano)", controllers.shaped_potentials,
             "The compass walker of Goswami et al., g = 9.8."),
-    Section("Controllers: a torque once a stride (Bhounsule)", controllers.foot_placement,
+    Section("Controllers: a torque once a stride (Bhounsule)", placement.foot_placement,
             "Walker D at slope 0.009, hip torques of at most 2 per foot mass over g l."),
 )  # fmt: skip
 

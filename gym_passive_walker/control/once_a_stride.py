@@ -16,6 +16,7 @@ References:
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -31,8 +32,10 @@ from gym_passive_walker.gaits.stride_map import StrideMap
 _PARTS = {channel: part for part, channel in USES.items()}
 """The part of a `Drive` that each channel of a scene is."""
 
-_TRIED = 41  # torques of which the best are followed by Newton's method
-_REFINED = 4  # iterations of it
+_RIGHT = 0.25 * math.pi  # stance angle of legs at right angles
+_ANGLES, _BISECTIONS = 200, 52
+_TRIED = 41  # torques of which the best is followed by Newton's method
+_REFINED = 8  # iterations of it
 _TOLERANCE = 1e-11  # of a stride whose torque is sought
 
 
@@ -157,11 +160,36 @@ def midstance_speed(points: NDArray, slopes: ArrayLike) -> NDArray[np.float64]:
     return np.sqrt(np.where(reaches, square, np.nan))
 
 
-def _speed_by(points: NDArray, slopes: NDArray, speeds: NDArray, by: NDArray) -> NDArray:
-    """How mid-stance speeds change as points do by `by`, all (n, ...)."""
-    angle, rate, _ = points.T
-    climb_by = np.cos(slopes) * np.sin(angle) - np.sin(slopes) * np.cos(angle)
-    return (rate * by[:, 1] - climb_by * by[:, 0]) / speeds
+def placement(speeds: ArrayLike, wanted: ArrayLike, slopes: ArrayLike) -> NDArray[np.float64]:
+    """Where the simplest walker has to put its foot for a speed at the next mid-stance.
+
+    Args:
+        speeds: Speeds at mid-stance, over sqrt(g l), (n,).
+        wanted: Speeds wanted at the next, (n,).
+        slopes: Slope in rad, one for all or (n,).
+
+    Returns:
+        Half the angle between the legs at heelstrike, (n,): the largest that gives the speed
+        wanted, or if none does, that which gives the greatest.
+    """
+    speeds, wanted, slopes = (
+        np.asarray(x, dtype=float)[..., None] for x in (speeds, wanted, slopes)
+    )
+
+    def excess(angle: NDArray) -> NDArray:
+        """Twice the energy that is left over at the next mid-stance."""
+        before = speeds * speeds + 2.0 * _climb(angle, -slopes)
+        return before * np.cos(2.0 * angle) ** 2 - 2.0 * _climb(angle, slopes) - wanted * wanted
+
+    # Longer steps fall farther and lose more: beyond the best one the speed only decreases, and
+    # legs at right angles lose all of it.
+    angles = np.linspace(0.0, _RIGHT, _ANGLES)
+    low = angles[np.argmax(excess(angles), axis=-1)][..., None]
+    high = np.full_like(low, _RIGHT)
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        low, high = np.where(excess(middle) >= 0.0, [middle, high], [low, middle])
+    return low[..., 0]
 
 
 class SpeedControl(OnceAStride):
@@ -215,42 +243,22 @@ class SpeedControl(OnceAStride):
         return np.clip(push, 0.0, self.largest[0])
 
     def _hip_torques(self, points: NDArray, slopes: NDArray, wanted: NDArray) -> NDArray:
-        """The least torque that does it, or that which comes nearest."""
-        most = self.largest[0]
-        tried = np.linspace(-most, most, _TRIED)
-        rows = [np.repeat(x, _TRIED, axis=0) for x in (points, slopes, wanted)]
-        ends = self._strides(np.tile(tried, len(points))).apply(rows[0], rows[1]).ends
-        missed = midstance_speed(ends, rows[1]) - rows[2]
-        torques, found = _least_root(tried, missed.reshape(-1, _TRIED))
-        at, slope, speed = points[found], slopes[found], wanted[found]
+        """Torques that bring the foot to where it has to be, or as near as they can."""
+        angles, most = placement(midstance_speed(points, slopes), wanted, slopes), self.largest[0]
+        tried = most * np.linspace(-1.0, 1.0, _TRIED) ** 3  # denser where torques are small
+        starts, grounds = (np.repeat(x, _TRIED, axis=0) for x in (points, slopes))
+        ends = self._strides(np.tile(tried, len(points))).apply(starts, grounds).ends
+        missed = np.abs(ends[:, 0].reshape(-1, _TRIED) - angles[:, None])
+        missed[np.isnan(missed)] = np.inf
+        torques = np.where(np.isinf(missed).all(axis=1), 0.0, tried[np.argmin(missed, axis=1)])
+        last = torques
         for _ in range(_REFINED):
-            passage, change = self._strides(torques[found]).linearise(at, slope, by=("hip_torque",))
-            now = midstance_speed(passage.ends, slope)
-            by_torque = _speed_by(passage.ends, slope, now, change.ends[:, :, 0])
-            step = np.nan_to_num((now - speed) / by_torque, posinf=0.0, neginf=0.0)
-            torques[found] = np.clip(torques[found] - step, -most, most)
-        return torques
+            passage, change = self._strides(torques).linearise(points, slopes, by=("hip_torque",))
+            step = (passage.ends[:, 0] - angles) / change.ends[:, 0, 0]
+            further = np.clip(torques - step, -most, most)
+            torques, last = np.where(passage.alive, further, 0.5 * (torques + last)), torques
+        return np.where(np.isnan(torques), 0.0, torques)
 
     def _strides(self, torques: NDArray) -> StrideMap:
         strides = StrideMap(walker=self.walker, tolerance=_TOLERANCE)
         return strides.with_parameter("hip_torque", torques)
-
-
-def _least_root(tried: NDArray, values: NDArray) -> tuple[NDArray, NDArray[np.bool_]]:
-    """Where functions vanish that were tried at some points, the root nearest to 0.
-
-    Args:
-        tried: Evenly spaced points, (k,).
-        values: Of each function there, NaN where it has none, (n, k).
-
-    Returns:
-        Roots by linear interpolation, or points where the size is least, (n,); and which are roots.
-    """
-    each, (a, b) = np.arange(len(values)), (values[:, :-1], values[:, 1:])
-    distance = np.where(a * b <= 0.0, np.abs(tried[:-1] + tried[1:]), np.inf)
-    first = np.argmin(distance, axis=1)
-    a, b, found = a[each, first], b[each, first], np.isfinite(distance[each, first])
-    size = np.where(np.isnan(values), np.inf, np.abs(values))
-    least = np.where(np.isinf(size).all(axis=1), 0.0, tried[np.argmin(size, axis=1)])
-    share = np.divide(a, a - b, out=np.zeros_like(a), where=found & (a != b))
-    return np.where(found, tried[first] + share * (tried[1] - tried[0]), least), found

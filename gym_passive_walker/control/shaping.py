@@ -134,6 +134,12 @@ class PotentialShaping:
         scale = 1.0 / (a * d - b * c)
         return Control((d * x - b * y) * scale, (a * y - c * x) * scale)
 
+    def power(self, state: ArrayLike, slope: ArrayLike) -> Control:
+        """The power of both torques, as `torques`; a hip's on feet without mass is 0."""
+        (hip, ankle), works = self.torques(state, slope), system_of(self.walker).works
+        stance, thigh = np.moveaxis(np.asarray(state, dtype=float), -1, 0)[3:5]
+        return Control(works.hip * hip * (thigh - stance), -works.ankle * ankle * stance)
+
     @property
     def passive_twin(self) -> tuple[Walker, float]:
         """The walker that moves in the same way without torques, and the slope where it does."""
@@ -151,17 +157,14 @@ class PotentialShaping:
         if (walker, gait.slope) != self.passive_twin:
             raise ValueError("the gait is not one of the passive twin: find_gait(*passive_twin)")
         slope, duration = one_slope(slope), float(gait.stride.duration)
-        works = system_of(walker).works
 
-        def power(times: NDArray, of: str) -> NDArray:
+        def power(times: NDArray, motor: int) -> NDArray:
             states, _ = states_at(walker, gait.slope, gait.state, times, tolerance=1e-13)
-            rates = Control(hip=states[:, 4] - states[:, 3], ankle=-states[:, 3])
-            torques = self.torques(states, slope)
-            return getattr(works, of) * getattr(torques, of) * getattr(rates, of)
+            return self.power(states, slope)[motor]
 
         (hip, hip_absolute), (ankle, ankle_absolute) = (
-            _integrals(Chebyshev.interpolate(power, _DEGREE, [0.0, duration], args=(of,)))
-            for of in Control._fields
+            _integrals(Chebyshev.interpolate(power, _DEGREE, [0.0, duration], args=(motor,)))
+            for motor in range(len(Control._fields))
         )
         return ShapingWork(
             hip, ankle, hip_absolute, ankle_absolute,

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from gym_passive_walker.physics.numbers import sine_cosine
+from gym_passive_walker.physics.numbers import larger, sine_cosine
 
 _FOLDED: dict[str, Callable[[float, float], float]] = {
     "add": lambda a, b: a + b,
@@ -135,8 +135,8 @@ def choose(condition: Expression, yes: Any, no: Any) -> Expression:
     return yes if yes is no else condition._with("choose", condition, yes, no)
 
 
-def larger(a: Expression, b: Expression) -> Expression:
-    """The larger of two numbers; the second where they do not compare."""
+@larger.register
+def _(a: Expression, b: Any) -> Expression:
     return choose(a > b, a, b)
 
 

@@ -211,8 +211,7 @@ def under_ground(body, state, ground):
 def let_through(body, state, ground):
     """Whether the foot is under the ground in front, and sinks: the free knee let it through."""
     return (
-        (state.stance < 0.0)
-        & (state.thigh - state.stance > 0.0)
+        legs.in_front(state)
         & (straight.foot_clearance(body, state) <= ground.rise)
         & (state.stance_rate + state.thigh_rate <= 0.0)
     )

@@ -9,7 +9,7 @@ from __future__ import annotations
 from math import pi
 
 from gym_passive_walker.physics.hybrid import Guard, Outcome, Phase, State, Watch
-from gym_passive_walker.physics.numbers import sine_cosine
+from gym_passive_walker.physics.numbers import larger, sine_cosine
 
 
 def turned(along, across, sine, cosine):
@@ -196,14 +196,29 @@ def clearance(body, stance, swing):
     return 2.0 * body.leg * half_sum * half_difference
 
 
+NARROWEST = 0.01
+"""Sine of half the angle between legs that may stand on footholds of two heights."""
+
+
 def in_front(state):
-    """Whether the legs stand on both sides of the normal: else, feet of one height are one."""
-    return (state.stance < 0.0) & (state.thigh > 0.0)
+    """Whether the swing leg is where a heelstrike may come."""
+    return (state.stance < 0.0) & (state.thigh > state.stance)
+
+
+def above(body, state, ground):
+    """Positive where the swing foot is above the next foothold.
+
+    Half the `clearance` in excess of the rise, over the sine of half the angle between the legs: so
+    it falls through zero at the strike alone, and not where the legs pass each other.
+    """
+    half_sum, _ = sine_cosine(0.5 * (state.stance + state.thigh))
+    spread, _ = sine_cosine(0.5 * (state.thigh - state.stance))
+    return body.leg * half_sum - 0.5 * ground.rise / larger(spread, NARROWEST)
 
 
 def lower(ground):
     """Height of the lower one of two footholds."""
-    return 0.5 * (ground.rise - abs(ground.rise))
+    return 0.0 - larger(-ground.rise, 0.0)
 
 
 def striking_velocity(body, state, turn=0.0):
@@ -246,7 +261,7 @@ def straight(stance, thigh, stance_rate, thigh_rate):
 # What ends a phase of any walker.
 
 HEELSTRIKE = Guard(
-    lambda body, state, ground: clearance(body, state.stance, state.thigh) - ground.rise,
+    lambda body, state, ground: above(body, state, ground),
     Outcome.HEELSTRIKE,
     Watch.STRIKE,
     when=lambda body, state, ground: in_front(state),

@@ -1,8 +1,8 @@
-"""What the equations need of numbers beyond + − × ÷: a sine and a cosine, for any kind of number.
+"""What the equations need of numbers beyond + − × ÷: sine and cosine, and the larger of two.
 
 The statements in `physics` are plain functions. They run over floats and arrays, over SymPy's or
 heyoka's symbols, and over the expressions that the engine compiles; each kind of number registers
-here how it takes a sine and a cosine, and whoever brings a new kind does so from outside:
+here how it does these, and whoever brings a new kind does so from outside:
 
     sine_cosine.register(heyoka.expression, lambda x: (heyoka.sin(x), heyoka.cos(x)))
 """
@@ -19,3 +19,10 @@ import numpy as np
 def sine_cosine(x: Any) -> tuple[Any, Any]:
     """Sine and cosine of a number, real or complex, or of an array of them."""
     return np.sin(x), np.cos(x)
+
+
+@singledispatch
+def larger(a: Any, b: Any) -> Any:
+    """The larger of two numbers, by their real parts; the second where they do not compare."""
+    first = np.real(a) > np.real(b)
+    return np.where(first, a, b) if np.ndim(first) else (a if first else b)

@@ -137,12 +137,14 @@ def test_motors_pay_what_gravity_does_not(name, slope):
     phase = closed_loop(shaping, slope, gait.state)
     times = np.linspace(0.0, phase.times[-1], 4001)
     walked = phase.state(times).T
-    hip, ankle = shaping.torques(walked, slope)
-    powers = [hip * (walked[:, 4] - walked[:, 3]) * (name != "D"), -ankle * walked[:, 3]]
     for power, net, absolute in zip(
-        powers, (work.hip, work.ankle), (work.hip_absolute, work.ankle_absolute), strict=True
+        shaping.power(walked, slope),
+        (work.hip, work.ankle),
+        (work.hip_absolute, work.ankle_absolute),
+        strict=True,
     ):
         scale = work.weight * work.step_length
+        assert power.shape == times.shape
         assert net / scale == pytest.approx(simpson(power, x=times) / scale, abs=1e-11)
         # Where power changes sign its size has a corner, which a fixed rule rounds off.
         assert absolute / scale == pytest.approx(simpson(abs(power), x=times) / scale, abs=1e-7)

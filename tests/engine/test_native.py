@@ -443,10 +443,10 @@ def test_a_look_tells_how_guards_and_controls_run_over_a_step(system, index):
                 assert course[f"rate_{when}"][0, i] == pytest.approx(rate, rel=1e-13, abs=1e-14)
                 bend = sum(
                     weight
-                    / 1e-3
+                    / 1e-4
                     * (
-                        rate_at(function, at, bends, 1e-3 * k)
-                        - rate_at(function, at, bends, -1e-3 * k)
+                        rate_at(function, at, bends, 1e-4 * k)
+                        - rate_at(function, at, bends, -1e-4 * k)
                     )
                     for k, weight in STENCIL.items()
                 )

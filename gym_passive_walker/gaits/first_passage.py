@@ -1,0 +1,165 @@
+"""How long a walker lasts on ground at random: its mean first-passage time to a fall.
+
+A walker on rough ground falls sooner or later. Once it has forgotten how it began, each stride ends
+in a fall with the same small chance 1 - lambda, where lambda is the leading eigenvalue of the
+return map with falls absorbing (Byl and Tedrake 2009, Metastable walking machines): it lasts
+1 / (1 - lambda) strides on average. Of a return map of one number lambda is found by quadrature;
+else by letting enough walkers walk until they fall.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gym_passive_walker.engine.run import advance, new_records
+from gym_passive_walker.gaits.terrain import Terrain
+from gym_passive_walker.physics.hybrid import Outcome, System
+from gym_passive_walker.progress import progress
+
+_CONFIDENT = 1.959963984540054  # standard errors on both sides of 95 of 100
+_NONE_SEEN = 2.995732273553991  # falls expected at most, 95 times of 100, where none was seen
+
+
+class FirstPassage(NamedTuple):
+    """How many strides walkers last.
+
+    Attributes:
+        falls: Falls that were seen.
+        strides: Strides in which they might have come, falls included.
+    """
+
+    falls: int
+    strides: int
+
+    @property
+    def mean(self) -> float:
+        """Strides to a fall on average; infinite if none was seen."""
+        return self.strides / self.falls if self.falls else math.inf
+
+    @property
+    def error(self) -> float:
+        """Standard error of the mean."""
+        if not self.falls:
+            return math.inf
+        return self.mean * math.sqrt((1.0 - self.falls / self.strides) / self.falls)
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Between what the mean lies 95 times of 100."""
+        if not self.falls:
+            return self.strides / _NONE_SEEN, math.inf
+        # The chance of a fall is what varies evenly: its logarithm is that of the mean.
+        share = math.exp(_CONFIDENT * self.error / self.mean)
+        return self.mean / share, self.mean * share
+
+    def __str__(self) -> str:
+        low, high = self.interval
+        if not self.falls:
+            return f"none of {self.strides} strides ended in a fall: more than {low:.3g} strides"
+        return f"{self.mean:.4g} strides ({low:.4g} to {high:.4g})"
+
+
+def walks(
+    system: System,
+    body: ArrayLike,
+    state: ArrayLike,
+    slope: float,
+    terrain: Terrain,
+    *,
+    walkers: int,
+    hip_torque: float = 0.0,
+    seed: int = 0,
+    tolerance: float = 1e-8,
+) -> Iterator[int]:
+    """Walk over ground at random, each walker over its own; all dimensionless.
+
+    Args:
+        system: Which equations they obey, those for uneven ground.
+        body: What these know of the walker.
+        state: Where each begins, just after heelstrike, (6,).
+        slope: Slope in rad.
+        terrain: How footholds lie.
+        walkers: How many begin.
+        hip_torque: Torque held all along.
+        seed: Of the walkers' keys.
+        tolerance: Of the integration.
+
+    Yields:
+        How many are left after each stride.
+    """
+    keys = np.random.default_rng(seed).integers(2**64, size=walkers, dtype=np.uint64)
+    states = np.repeat(np.asarray(state, dtype=float)[None], walkers, axis=0)
+    bodies = np.asarray(body, dtype=float)[None, None]
+    place = 0
+    while len(keys):
+        tilts, rises, turns = terrain.ground(keys, place).T
+        records = new_records(states, slope + tilts, hip_torque, rise=rises, turn=turns)
+        advance(system, bodies, records, tolerance=tolerance)
+        left = records["outcome"][:, 0] == Outcome.HEELSTRIKE
+        states, keys, place = records["state"][left, 0], keys[left], place + 1
+        yield len(keys)
+
+
+def first_passage(
+    system: System,
+    body: ArrayLike,
+    state: ArrayLike,
+    slope: float,
+    terrain: Terrain,
+    *,
+    walkers: int = 4096,
+    strides: int = 1000,
+    settling: int = 10,
+    **options: Any,
+) -> FirstPassage:
+    """How long walkers last on rough ground, from a crowd of them.
+
+    Args:
+        system: As for `walks`, as all up to the terrain.
+        body: Likewise.
+        state: Likewise.
+        slope: Likewise.
+        terrain: Likewise.
+        walkers: How many begin.
+        strides: How many they may make.
+        settling: Strides before any are counted: after these they have forgotten their start.
+        **options: As for `walks`.
+    """
+    crowd = walks(system, body, state, slope, terrain, walkers=walkers, **options)
+    left, falls, made = walkers, 0, 0
+    with progress("strides on rough ground", settling + strides) as taken:
+        for stride, still in zip(range(settling + strides), crowd, strict=False):
+            if stride >= settling:
+                falls, made = falls + left - still, made + left
+            left = still
+            taken()
+    return FirstPassage(falls, made)
+
+
+def leading_eigenvalue(
+    strides: Callable[[NDArray], tuple[NDArray, NDArray]], low: float, high: float, nodes: int = 60
+) -> float:
+    """Leading eigenvalue of a return map of one number with falls absorbing.
+
+    The chance to last is a smooth function of the number that strides begin with: a polynomial
+    through its values at Chebyshev points.
+
+    Args:
+        strides: Function of that number, (n,): with what numbers the next strides may begin, and
+            with what chance, both (n, k). Chances that add up to less than 1 leave falls.
+        low: Least number with which strides begin.
+        high: Greatest.
+        nodes: How many points.
+    """
+    points = np.cos(math.pi * (np.arange(nodes) + 0.5) / nodes)
+    following, chances = strides(low + 0.5 * (high - low) * (points + 1.0))
+    where = 2.0 * (following - low) / (high - low) - 1.0
+    basis = np.polynomial.chebyshev.chebvander(points, nodes - 1)
+    reached = np.polynomial.chebyshev.chebvander(where, nodes - 1)
+    passing = np.einsum("nk,nkj->nj", chances, reached) @ np.linalg.inv(basis)
+    return float(np.abs(np.linalg.eigvals(passing)).max())
