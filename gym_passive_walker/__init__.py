@@ -8,6 +8,7 @@ import gym_passive_walker.render  # noqa: F401
 from gym_passive_walker.control.closed_loop import ClosedLoopGait, closed_loop_gait
 from gym_passive_walker.control.optimal import optimal_gait, optimal_gaits
 from gym_passive_walker.control.optimum import OptimalGait
+from gym_passive_walker.control.robustness import Robustness, robustness
 from gym_passive_walker.control.shaping import (
     PotentialShaping,
     controlled_symmetry,
@@ -84,6 +85,7 @@ __all__ = [
     "PotentialShaping",
     "Push",
     "RealityCheck",
+    "Robustness",
     "Stride",
     "Terrain",
     "TrainedPolicy",
@@ -117,6 +119,7 @@ __all__ = [
     "optimise_walker",
     "parameter_family",
     "reality_check",
+    "robustness",
     "rough",
     "simulate",
     "stairs",

@@ -8,7 +8,17 @@ import numpy as np
 
 from gym_passive_walker.control.closed_loop import ClosedLoopGait
 from gym_passive_walker.control.optimum import OptimalGait
-from gym_passive_walker.render.axes import ANGLE, BLACK, BLUE, GREY, figure_of, legend, panels
+from gym_passive_walker.control.robustness import Robustness
+from gym_passive_walker.render.axes import (
+    ANGLE,
+    BLACK,
+    BLUE,
+    GREY,
+    VERMILION,
+    figure_of,
+    legend,
+    panels,
+)
 from gym_passive_walker.render.plots import multipliers
 from gym_passive_walker.render.portrait import TIME, rates_over_angles
 from gym_passive_walker.shown import picture
@@ -79,3 +89,53 @@ def _basin(ax: Axes, gait: ClosedLoopGait) -> None:
     ax.plot(*gait.point[:2], "*", linestyle="", label="the gait", **star)
     ax.set(xlabel=ANGLE, ylabel="stance rate dθ/dt / √(g/l)")
     legend(ax)
+
+
+@picture.register(Robustness)
+def _robustness(found: Robustness, ax: Axes | None = None) -> Figure:
+    """Survival on rough ground, answers to a step, pushes by phase, and what else was measured."""
+    if ax is not None:
+        _pushes(ax, found)
+        return figure_of(ax)
+    figure, (survival, answers, pushes, told) = panels(2, 2, (9.2, 8.2))
+    strides = np.arange(1, len(found.survivors) + 1)
+    lasting = found.first_passage.mean
+    survival.semilogy(strides, np.maximum(found.survivors, 1e-12), color=BLUE, label="walkers")
+    if np.isfinite(lasting):
+        began = min(10, len(strides) - 1)
+        falling = found.survivors[began] * (1.0 - 1.0 / lasting) ** (strides - strides[began])
+        survival.semilogy(strides, falling, "--", color=BLACK, label=f"1 in {lasting:.4g} falls")
+    least = found.survivors[found.survivors > 0.0].min(initial=1.0)
+    survival.set(
+        xlabel=f"strides on ground whose heights differ by {found.roughness:.3g} l",
+        ylabel="share that still walks", ylim=(0.7 * least, 1.3),
+    )  # fmt: skip
+    legend(survival, columns=2)
+    shown = found.answers[:15]
+    answers.bar(np.arange(1, len(shown) + 1), shown, color=BLUE)
+    answers.axhline(0.0, color=BLACK, linewidth=0.6)
+    answers.set(
+        xlabel="stride after a step in the ground", ylabel="change of the period (√(l/g) per l)"
+    )
+    _pushes(pushes, found)
+    told.axis("off")
+    facts = [f"{name}: {value}" for name, value in found.facts().items()]
+    told.text(0.0, 1.0, "\n".join(facts), va="top", fontsize="x-small", transform=told.transAxes)
+    figure.suptitle(
+        f"Walker {name_of(found.walker)} at slope {found.slope:.4g} rad, {found.who}",
+        fontsize="medium",
+    )
+    return figure
+
+
+def _pushes(ax: Axes, found: Robustness) -> None:
+    """The largest pushes both ways, over the stride."""
+    share = found.phases * 100.0
+    ax.plot(share, found.forward, "o-", color=BLUE, label="forward")
+    ax.plot(share, found.backward, "s--", color=VERMILION, label="backward")
+    ax.set(
+        xlabel="time of the push (% of the period)",
+        ylabel="largest impulse (m √(g l))",
+        ylim=(0, None),
+    )
+    legend(ax, columns=2)

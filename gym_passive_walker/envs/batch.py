@@ -256,6 +256,35 @@ class Batch:
         self.ledger["slope"][lanes] = checked[lanes]
         self.records["ground"][lanes, 0, :2] = ground[lanes]
 
+    def put_in_the_way(
+        self,
+        *,
+        ledges: ArrayLike = 0.0,
+        impulses: ArrayLike = 0.0,
+        times: ArrayLike = 0.0,
+    ) -> None:
+        """Try walkers that have just begun a stride: put something into its way.
+
+        Args:
+            ledges: By how much the next foothold is higher than the terrain has it, in leg lengths;
+                one for all, or (count,).
+            impulses: Pushes of the hip, in units of m sqrt(g l), positive downhill; likewise.
+            times: When these come, since the stride began; likewise.
+
+        Raises:
+            ValueError: if the scene has no terrain, or no pushes.
+        """
+        here = self.disturbances
+        for name, given, of in (("ledges", ledges, "terrain"), ("impulses", impulses, "pushes")):
+            if np.any(given) and (here is None or getattr(self.scene, of) in (None, {})):
+                raise ValueError(f"{name} need a scene with {of}, if only idle ones")
+        if here is None:
+            return
+        here.fates["ledge"] = ledges
+        self.records["ground"][:, 0, 2] += ledges
+        here.fates["impulse"] = impulses
+        here.fates["due"] = np.where(here.fates["impulse"] != 0.0, times, here.fates["due"])
+
     @property
     def charged_for(self) -> str:
         """What motors are charged for: "absolute", "positive" or "net" hip work."""

@@ -30,6 +30,8 @@ FATE = np.dtype(
         ("command", "f8"),  # speed to keep
         ("due", "f8"),  # when the next push comes, since the stride began
         ("until", "f8"),  # when the step is over, likewise
+        ("impulse", "f8"),  # of that push, where it is known beforehand
+        ("ledge", "f8"),  # height of one before the next foothold, besides the terrain
         ("pushes", "i8"),  # that have come
         ("push_work", "f8"),  # of those in this step
         ("episode_push_work", "f8"),
@@ -118,6 +120,7 @@ def lay(record, row, fate, table, spread):
 def step_over(record, row, fate, radius, table, spread):
     """Enter where the foot has come down that stands now, and lay its ground."""
     rise, here = foothold(table, spread, fate.key, row.strides - 1)
+    rise, fate.ledge = rise + fate.ledge, 0.0
     turn = foothold(table, spread, fate.key, row.strides)[1] - here
     # It touches the new ground beside where it came down, as the two slope apart.
     along = row.step_length - radius * math.sin(turn)
@@ -146,6 +149,7 @@ def begin(fates, odds, lanes, keys, pending, records, ledger, table, spread):
         fate.due = wait(fate, odds[0]) if odds[0].rate > 0.0 else np.inf
         pending[i] = 0.0
         fate.slope, fate.tilt, fate.x, fate.y = ledger[i].slope, 0.0, 0.0, 0.0
+        fate.impulse, fate.ledge = 0.0, 0.0
         if odds[0].uneven:
             lay(records[i, 0], ledger[i], fate, table, spread)
 
@@ -177,9 +181,11 @@ def meet(records, bodies, i, fate, odds, natives):
     while fate.due <= record.time + _INSTANT:
         low, high = odds.push[0], odds.push[1]
         impulse = low + (high - low) * uniform(fate.key, fate.pushes, _HOW_HARD)
+        if fate.impulse != 0.0:
+            impulse, fate.impulse = fate.impulse, 0.0
         call(native.push, address(records[i]), address(bodies[i]), 0, 0, -impulse, 0.0)
         fate.pushes += 1
-        fate.due += wait(fate, odds)
+        fate.due = fate.due + wait(fate, odds) if odds.rate > 0.0 else np.inf
         if native.look != 0:
             call(native.look, address(records[i]), address(bodies[i]), 0, 0, 0.0, 0.0)
     end = min(fate.until, fate.due, record.time + odds.interval)

@@ -73,6 +73,7 @@ def walks(
     *,
     walkers: int,
     hip_torque: float = 0.0,
+    stub: bool = False,
     seed: int = 0,
     tolerance: float = 1e-8,
 ) -> Iterator[int]:
@@ -86,6 +87,7 @@ def walks(
         terrain: How footholds lie.
         walkers: How many begin.
         hip_torque: Torque held all along.
+        stub: Whether a kneed walker's locked swing leg below the ground ends a walk.
         seed: Of the walkers' keys.
         tolerance: Of the integration.
 
@@ -99,7 +101,7 @@ def walks(
     while len(keys):
         tilts, rises, turns = terrain.ground(keys, place).T
         records = new_records(states, slope + tilts, hip_torque, rise=rises, turn=turns)
-        advance(system, bodies, records, tolerance=tolerance)
+        advance(system, bodies, records, tolerance=tolerance, scuff=stub)
         left = records["outcome"][:, 0] == Outcome.HEELSTRIKE
         states, keys, place = records["state"][left, 0], keys[left], place + 1
         yield len(keys)

@@ -1,0 +1,80 @@
+"""The command that tries how much a walk bears."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, Namespace
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from gym_passive_walker.cli.arguments import A_WALKER, read_walker
+from gym_passive_walker.cli.report import Report, listing, table
+from gym_passive_walker.control.baselines import BASELINES
+from gym_passive_walker.control.robustness import robustness as tried
+from gym_passive_walker.envs.scene import SCENES, make_scene
+from gym_passive_walker.policies import load_policy, shipped_policies
+from gym_passive_walker.render.axes import save
+from gym_passive_walker.walkers import WALKERS
+
+_MEASURES = ("step_length", "period", "roughness", "sensitivity", "step_up", "step_down")
+_MEASURES += ("spread", "recovered", "recovered_error", "recovery")
+
+
+def robustness(command: ArgumentParser) -> Callable[[Namespace], Report]:
+    """Try how much a walk bears: rough ground, steps, pushes, starts far from the gait.
+
+    passive-walker robustness lab --slope 0.036
+    passive-walker robustness level-ppo --roughness 0.004 --out level.png
+    """
+    known = ", ".join([*shipped_policies(), *BASELINES])
+    add = command.add_argument
+    add("who", metavar="WHO", help=f"walks passively: {A_WALKER}; or acts: {known}, or a folder")
+    add("--scene", choices=list(SCENES), help="where (the policy's own)")
+    add("--slope", type=float, metavar="RAD", help="in rad, downhill (the scene's)")
+    add("--roughness", type=float, default=0.002, metavar="L",
+        help="standard deviation of footholds' heights, in leg lengths (%(default)s)")  # fmt: skip
+    add("--strides", type=int, default=200, metavar="N", help="on rough ground (%(default)s)")
+    add("--walkers", type=int, metavar="N", help="there (4096 passive ones, 512 others)")
+    add("--seed", type=int, default=0, metavar="N", help="of ground and starts (%(default)s)")
+    add("--out", type=Path, metavar="FILE", help="a picture: .png, .pdf or .svg")
+
+    def run(arguments: Namespace) -> Report:
+        who: Any = arguments.who
+        scene: Any = arguments.scene
+        if who in BASELINES:
+            scene = make_scene(scene or "level")
+            who = BASELINES[who](scene)
+        elif who in WALKERS or Path(who).suffix in (".json", ".yaml", ".yml"):
+            who = read_walker(who)
+        else:
+            who = load_policy(who)
+        found = tried(
+            who, scene, slope=arguments.slope, roughness=arguments.roughness,
+            walkers=arguments.walkers, strides=arguments.strides, seed=arguments.seed,
+        )  # fmt: skip
+        lasting = found.first_passage
+        data = {name: getattr(found, name) for name in _MEASURES} | {
+            "who": found.who, "slope": found.slope, "first_passage": lasting.mean,
+            "first_passage_error": lasting.error, "first_passage_interval": lasting.interval,
+            "falls": lasting.falls, "strides": lasting.strides, **found.columns(),
+        }  # fmt: skip
+        columns = found.columns()
+        rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+        facts = found.facts()
+        pushes = table(
+            [
+                {
+                    "push at (periods)": f"{row['phase']:.1f}",
+                    "forward (m √(g l))": row["forward"],
+                    "backward (m √(g l))": row["backward"],
+                }
+                for row in rows
+            ]
+        )
+        said = [listing(facts.pop("who"), facts), pushes]
+        if arguments.out is not None:
+            save(found.plot(), arguments.out)
+            said.append(f"saved {arguments.out}")
+        return Report("\n\n".join(said), data)
+
+    return run

@@ -1,0 +1,446 @@
+"""How much a walk bears: rough ground, steps up and down, pushes, and starts far from its gait.
+
+Everything is tried in the environment, by whoever acts there: nobody, a feedback or a learned
+policy. Only how long a passive walker lasts is asked of the engine itself, which is faster.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker.arguments import number, whole
+from gym_passive_walker.control.baselines import Passive
+from gym_passive_walker.control.policy import Policy, steps
+from gym_passive_walker.envs.scene import Scene, make_scene
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.gaits.first_passage import FirstPassage, walks
+from gym_passive_walker.gaits.terrain import Terrain, rough
+from gym_passive_walker.physics.systems import UNEVEN, body_of, system_of
+from gym_passive_walker.progress import progress
+from gym_passive_walker.shown import Table
+from gym_passive_walker.units import units_of
+from gym_passive_walker.walkers import Walker, as_walker, name_of
+
+SETTLING = 200
+"""Strides that a walker makes to come to its gait, before it is tried."""
+
+AFTER = 30
+"""Strides that a walker has to make after what it is tried by."""
+
+PHASES = np.linspace(0.0, 0.9, 10)
+"""When pushes come, as shares of the gait's period."""
+
+_TRIES = 24  # sizes that are tried at once
+_SMALL = 1e-4  # leg lengths: a step whose answer is in proportion to it
+_ANSWERS = 60  # strides that are looked at after it
+_FORGETTING = 10  # strides on rough ground before falls are counted
+_IDLE = {"pushes": {"rate": 0.0, "impulse": 0.0}, "terrain": Terrain()}
+_CALM = {
+    "sensor_noise": 0.0, "motor_noise": 0.0, "perturbation": 0.0, "randomise": {}, "reality": {},
+}  # fmt: skip
+
+
+class _Walks(NamedTuple):
+    """What has become of n walkers.
+
+    Attributes:
+        made: Strides that each has made, (n,).
+        periods: The time that each took, (n, strides); NaN where there is none.
+        states: With what state each stride ended, in the walker's own units, (n, strides, 6).
+    """
+
+    made: NDArray[np.int64]
+    periods: NDArray[np.float64]
+    states: NDArray[np.float64]
+
+
+@dataclass(frozen=True, repr=False)
+class Robustness(Table):
+    """How much a walk bears. Lengths are in leg lengths l, times in sqrt(l/g).
+
+    Attributes:
+        who: Who acts.
+        walker: Who walks.
+        slope: On which slope, in rad.
+        step_length: Of the gait.
+        period: Of the gait.
+        roughness: Standard deviation of the heights of footholds, on rough ground.
+        first_passage: Strides to a fall there.
+        survivors: Share of walkers that are left there after each stride, (strides,).
+        sensitivity: Gait sensitivity norm: root of the sum of squares of by how much the periods
+            of the strides after a small step in the ground change, for each leg length of it.
+        answers: These changes, stride by stride, (strides,).
+        step_up: Highest step of the ground that the walker walks on over, as it does over any lower
+            one that was tried.
+        step_down: Likewise, deepest.
+        phases: When pushes came, as shares of the period, (k,).
+        forward: Largest impulse on the hip downhill then, in m sqrt(g l), likewise, (k,).
+        backward: Largest uphill, (k,).
+        spread: By which share of the gait's angle and rates starts were off, at most.
+        recovered: Share of starts within it from which the walker walks on.
+        recovered_error: Standard error of this share.
+        recovery: Strides after which a small error is a tenth of what it was; infinite if never.
+    """
+
+    who: str
+    walker: Walker
+    slope: float
+    step_length: float
+    period: float
+    roughness: float
+    first_passage: FirstPassage
+    survivors: NDArray[np.float64]
+    sensitivity: float
+    answers: NDArray[np.float64]
+    step_up: float
+    step_down: float
+    phases: NDArray[np.float64]
+    forward: NDArray[np.float64]
+    backward: NDArray[np.float64]
+    spread: float
+    recovered: float
+    recovered_error: float
+    recovery: float
+
+    def facts(self) -> dict[str, str]:
+        """Every measure with its unit, and its error where it is of a sample."""
+        return {
+            "who": f"{self.who}, walker {name_of(self.walker)}",
+            "slope": f"{self.slope:.6g} rad",
+            "step length": f"{self.step_length:.4g} l",
+            "period": f"{self.period:.4g} √(l/g)",
+            "rough ground": f"heights differ by {self.roughness:.3g} l",
+            "first passage": f"{self.first_passage} there",
+            "gait sensitivity norm": f"{self.sensitivity:.4g} √(l/g) per l",
+            "step up": f"{self.step_up:.4g} l",
+            "step down": f"{self.step_down:.4g} l",
+            "push forward": f"{self.forward.min():.4g} to {self.forward.max():.4g} m √(g l)",
+            "push backward": f"{self.backward.min():.4g} to {self.backward.max():.4g} m √(g l)",
+            "starts": f"{self.recovered:.3f} ± {self.recovered_error:.3f} of those "
+            f"up to {self.spread:.0%} off walk on",
+            "recovery": f"{self.recovery:g} strides to a tenth",
+        }
+
+    def columns(self) -> dict[str, NDArray]:
+        """A row for each phase of the stride at which the walker was pushed."""
+        return {"phase": self.phases, "forward": self.forward, "backward": self.backward}
+
+
+def robustness(
+    who: Walker | str | Policy,
+    scene: Scene | str | dict[str, Any] | None = None,
+    *,
+    slope: float | None = None,
+    roughness: float = 0.002,
+    walkers: int | None = None,
+    strides: int = 200,
+    spread: float = 0.5,
+    starts: int = 512,
+    seed: int = 0,
+) -> Robustness:
+    """Try how much a walk bears.
+
+    ```python
+    >>> import gym_passive_walker as gpw
+    >>> bears = gpw.robustness("lab", slope=0.036, walkers=200, strides=20)
+    >>> 0.0 < bears.step_down < 0.1
+    True
+
+    ```
+
+    Args:
+        who: A passive walker, or a preset's name; or whatever acts: a learned policy, a feedback,
+            anything with `predict`.
+        scene: Where it walks: a `Scene`, its name or a mapping of its arguments. A learned policy's
+            own when None. A passive walker needs none, but its slope; without one it may scuff.
+        slope: Slope in rad instead of the scene's; the middle of a range when None.
+        roughness: Standard deviation of the heights of footholds on rough ground, in leg lengths.
+            A scene whose own terrain is random is taken at its word.
+        walkers: How many walk over rough ground; 4096 passive ones or 512 others when None.
+        strides: How many strides each of them makes there.
+        spread: By which share of the gait's angle and rates starts are off, at most.
+        starts: How many are tried.
+        seed: Of ground and starts.
+
+    Returns:
+        All measures; print it, `plot` it, or write it with `to_csv`.
+
+    Raises:
+        ValueError: if an argument is out of its range, or the walker does not come to walk the
+            same stride again and again.
+    """
+    passive = isinstance(who, Walker | str)
+    tried = _scene_of(who, scene, slope) if passive else _acting(who, scene, slope)
+    policy: Policy = Passive() if passive else who  # type: ignore[assignment]
+    name = "nobody acts" if passive else getattr(who, "name", type(who).__name__)
+    roughness = number(roughness, "roughness", least=0.0)
+    strides, starts = whole(strides, "strides"), whole(starts, "starts", 2)
+    if not 0.0 < number(spread, "spread") < 0.9:
+        raise ValueError(f"spread must be a share between 0 and 0.9, not {spread!r}")
+    crowd = whole(walkers, "walkers") if walkers is not None else (4096 if passive else 512)
+    tries = _Tries(policy, tried)
+    with progress("measures of robustness", 6) as done:
+        gait = tries.settled(seed)
+        done()
+        ground = tried.terrain if tried.terrain and tried.terrain.random else rough(roughness)
+        state = tries.gait
+        if passive:
+            lasting = _lasting(tried, state, ground, crowd, strides, seed)
+        else:
+            lasting = tries.lasting(ground, crowd, strides, seed)
+        done()
+        answers = tries.answers(gait.period)
+        done()
+        down, up = (tries.largest_step(way) for way in (-1.0, 1.0))
+        done()
+        forward, backward = (tries.largest_pushes(way, gait.period) for way in (1.0, -1.0))
+        done()
+        share, error = tries.recovered(spread, starts, seed)
+        recovery = tries.recovery(seed)
+        done()
+    return Robustness(
+        who=name,
+        walker=tried.walker,
+        slope=float(np.mean(tried.slope)),
+        step_length=gait.step_length,
+        period=gait.period,
+        roughness=ground.height_std,
+        first_passage=lasting[0],
+        survivors=lasting[1],
+        sensitivity=float(np.sqrt(np.sum(answers**2))),
+        answers=answers,
+        step_up=up,
+        step_down=down,
+        phases=PHASES,
+        forward=forward,
+        backward=backward,
+        spread=float(spread),
+        recovered=share,
+        recovered_error=error,
+        recovery=recovery,
+    )
+
+
+def _scene_of(who: Walker | str, scene: Any, slope: float | None) -> Scene:
+    """The scene of a passive walker."""
+    if scene is None and slope is None:
+        raise ValueError("a passive walker needs a slope: robustness('C', slope=0.05)")
+    changes: dict[str, Any] = {} if slope is None else {"slope": slope}
+    walker = {"walker": as_walker(who), "stub": False} if scene is None else {}
+    found = make_scene({} if scene is None else scene, **walker, **changes)
+    if scene is not None and found.walker != as_walker(who):
+        found = make_scene(found, walker=as_walker(who), stub=None)
+    return make_scene(found, control="stride", **_alone(found))
+
+
+def _acting(who: Any, scene: Any, slope: float | None) -> Scene:
+    """The scene in which someone acts."""
+    if not callable(getattr(who, "predict", None)):
+        raise ValueError(
+            "who is a walker, a preset's name, or acts by predict(observation, ...), as "
+            f"gpw.load_policy gives; not {who!r}"
+        )
+    scene = getattr(who, "scene", None) if scene is None else scene
+    if scene is None:
+        raise ValueError("say in which scene this policy acts: robustness(policy, scene)")
+    found = make_scene(scene, **({} if slope is None else {"slope": slope}))
+    return make_scene(found, **_alone(found))
+
+
+def _alone(scene: Scene) -> dict[str, Any]:
+    """Arguments by which nothing befalls a walker unless it is tried."""
+    return {**_CALM, "slope": float(np.mean(scene.slope))}
+
+
+class _Gait(NamedTuple):
+    """The stride that a walker makes again and again."""
+
+    step_length: float
+    period: float
+
+
+class _Tries:
+    """Walks by which a policy is tried.
+
+    Args:
+        policy: Who acts.
+        scene: Where.
+    """
+
+    def __init__(self, policy: Policy, scene: Scene) -> None:
+        self.policy, self.scene = policy, scene
+        self.gait = np.zeros(6)
+
+    def walk(
+        self,
+        states: NDArray | None,
+        strides: int,
+        *,
+        terrain: Terrain | None = None,
+        count: int = 1,
+        seed: int = 0,
+        **way: Any,
+    ) -> _Walks:
+        """Let walkers walk.
+
+        Args:
+            states: Where each begins, (n, 6); where the scene's episodes do when None.
+            strides: How many they may make.
+            terrain: What they walk over instead of smooth ground.
+            count: How many walk, where no states are given.
+            seed: Of what befalls them.
+            **way: What is put in their way; see `Batch.put_in_the_way`.
+        """
+        count = count if states is None else len(states)
+        idle = _IDLE if terrain is None else {**_IDLE, "terrain": terrain}
+        worlds = PassiveWalkerVectorEnv(
+            count, make_scene(self.scene, **idle), max_episode_steps=-1, walkers=None
+        )
+        options = {} if states is None else {"state": states}
+        observations, _ = worlds.reset(seed=seed, options=options)
+        worlds.batch.put_in_the_way(**way)
+        made, going = np.zeros(count, np.int64), np.ones(count, bool)
+        periods, ends = np.full((count, strides), np.nan), np.full((count, strides, 6), np.nan)
+        for step in steps(self.policy, worlds, observations):
+            going &= ~step.terminated
+            struck = np.flatnonzero(step.struck & going)
+            if len(struck):
+                periods[struck, made[struck]] = step.infos["step_period"][struck]
+                ends[struck, made[struck]] = worlds.batch.states[struck]
+                made[struck] += 1
+                going[struck] &= made[struck] < strides
+            if not going.any():
+                break
+        return _Walks(made, periods, ends)
+
+    def settled(self, seed: int) -> _Gait:
+        """Walk until each stride is as the last; from there everything is tried.
+
+        Raises:
+            ValueError: if the walker does not come to that.
+        """
+        found = self.walk(None, SETTLING, count=1, seed=seed)
+        last, before = found.states[0, -1], found.states[0, -2]
+        if found.made[0] < SETTLING:
+            raise ValueError(
+                f"the walker falls after {found.made[0]} strides of smooth ground: there is no "
+                "gait whose robustness could be told"
+            )
+        scale = np.abs(last).max()
+        if np.abs(last - before).max() > 1e-3 * scale:
+            raise ValueError(
+                f"after {SETTLING} strides the walker still does not make the same one again and "
+                "again: it limps, wanders, or needs longer to settle"
+            )
+        self.gait = last
+        stance = abs(last[0])
+        walker = self.scene.walker
+        length = 2.0 * (walker.leg_length - walker.foot_radius) * math.sin(stance)
+        length = (length + 2.0 * walker.foot_radius * stance) / walker.leg_length
+        return _Gait(length, float(found.periods[0, -1]))
+
+    def lasting(
+        self, terrain: Terrain, count: int, strides: int, seed: int
+    ) -> tuple[FirstPassage, NDArray[np.float64]]:
+        """How long walkers last on rough ground, and what share is left after each stride."""
+        whole_way = _FORGETTING + strides
+        starts = np.repeat(self.gait[None], count, axis=0)
+        made = self.walk(starts, whole_way, terrain=terrain, seed=seed).made
+        left = np.array([np.count_nonzero(made > k) for k in range(whole_way)])
+        return _told(np.concatenate([[count], left]))
+
+    def answers(self, period: float) -> NDArray[np.float64]:
+        """By how much periods change after a small step in the ground, per leg length of it."""
+        found = self.walk(np.repeat(self.gait[None], 2, axis=0), _ANSWERS, ledges=[_SMALL, -_SMALL])
+        if found.made.min() < _ANSWERS:
+            return np.full(_ANSWERS, np.inf)
+        return (found.periods[0] - found.periods[1]) / (2.0 * _SMALL)
+
+    def largest_step(self, way: float) -> float:
+        """The largest step up (way 1) or down (-1) that is survived, with all below it."""
+
+        def survived(sizes: NDArray) -> NDArray[np.bool_]:
+            starts = np.repeat(self.gait[None], sizes.size, axis=0)
+            made = self.walk(starts, AFTER, ledges=way * sizes.ravel()).made
+            return (made == AFTER).reshape(sizes.shape)
+
+        return float(_largest(survived, np.ones(1), 0.5)[0])
+
+    def largest_pushes(self, way: float, period: float) -> NDArray[np.float64]:
+        """The largest pushes forward (way 1) or backward (-1) that are survived, by phase."""
+
+        def survived(sizes: NDArray) -> NDArray[np.bool_]:
+            times = np.broadcast_to(PHASES[:, None] * period, sizes.shape).ravel()
+            starts = np.repeat(self.gait[None], sizes.size, axis=0)
+            made = self.walk(starts, AFTER, impulses=way * sizes.ravel(), times=times).made
+            return (made == AFTER).reshape(sizes.shape)
+
+        return _largest(survived, np.ones(len(PHASES)), 1.0)
+
+    def recovered(self, spread: float, count: int, seed: int) -> tuple[float, float]:
+        """The share of starts off the gait from which the walker walks on, and its error."""
+        draws = np.random.default_rng(seed).uniform(1.0 - spread, 1.0 + spread, (count, 3))
+        made = self.walk(self.gait * draws[:, [0, 0, 0, 1, 2, 2]], AFTER).made
+        share = float(np.mean(made == AFTER))
+        return share, math.sqrt(share * (1.0 - share) / count)
+
+    def recovery(self, seed: int, off: float = 0.01) -> float:
+        """Strides until walkers a little off the gait are ten times as near to it."""
+        draws = 1.0 + off * np.random.default_rng(seed).uniform(-1.0, 1.0, (32, 3))
+        starts = self.gait * draws[:, [0, 0, 0, 1, 2, 2]]
+        found = self.walk(starts, _ANSWERS)
+        units = units_of(self.scene.walker)
+        gait = units.to_dimensionless(self.gait)
+        away = np.abs(units.to_dimensionless(found.states) - gait)[..., [0, 3, 4, 5]].max(axis=2)
+        began = np.abs(units.to_dimensionless(starts) - gait)[:, [0, 3, 4, 5]].max(axis=1)
+        near = np.all(away <= 0.1 * began.max(), axis=0)  # walkers that fell are not
+        far = np.flatnonzero(~near)
+        return math.inf if len(far) and far[-1] == _ANSWERS - 1 else float(len(far) and far[-1] + 2)
+
+
+def _largest(survived: Any, ones: NDArray, most: float) -> NDArray[np.float64]:
+    """The largest sizes, each with all smaller ones tried, that are survived, to a hundredth.
+
+    Args:
+        survived: Function of sizes (k, tries), whether each is.
+        ones: As many ones as there are results, (k,).
+        most: The largest that is tried.
+    """
+    low, high = 0.0 * ones, most * ones
+    share = np.geomspace(1e-4, 1.0, _TRIES)
+    for shares in (share, np.linspace(0.0, 1.0, _TRIES), np.linspace(0.0, 1.0, _TRIES)):
+        sizes = low[:, None] + (high - low)[:, None] * shares
+        kept = np.logical_and.accumulate(survived(sizes), axis=1)
+        last = np.count_nonzero(kept, axis=1)  # sizes up to the first that is not survived
+        rows = np.arange(len(ones))
+        below = np.where(last > 0, sizes[rows, np.maximum(last - 1, 0)], low)
+        above = np.where(last < _TRIES, sizes[rows, np.minimum(last, _TRIES - 1)], high)
+        low, high = below, above
+    return low
+
+
+def _lasting(
+    scene: Scene, state: NDArray, terrain: Terrain, count: int, strides: int, seed: int
+) -> tuple[FirstPassage, NDArray[np.float64]]:
+    """How long passive walkers last on rough ground, and what share is left after each stride."""
+    walker, whole_way = scene.walker, _FORGETTING + strides
+    crowd = walks(
+        system_of(walker, using=UNEVEN), body_of(walker), units_of(walker).to_dimensionless(state),
+        float(np.mean(scene.slope)), terrain, walkers=count, seed=seed, tolerance=scene.tolerance,
+        stub=scene.stub,
+    )  # fmt: skip
+    left = [still for still, _ in zip(crowd, range(whole_way), strict=False)]
+    left += [0] * (whole_way - len(left))
+    return _told(np.array([count, *left]))
+
+
+def _told(left: NDArray) -> tuple[FirstPassage, NDArray[np.float64]]:
+    """What follows from how many walkers are left, before any stride and after each."""
+    counted = left[_FORGETTING:]
+    found = FirstPassage(int(counted[0] - counted[-1]), int(counted[:-1].sum()))
+    return found, left[1:] / left[0]
