@@ -111,7 +111,7 @@ class Robustness(Table):
         """Every measure with its unit, and its error where it is of a sample."""
         return {
             "who": f"{self.who}, walker {name_of(self.walker)}",
-            "slope": f"{self.slope:.6g} rad",
+            "downhill": f"{self.slope:.6g} rad",
             "step length": f"{self.step_length:.4g} l",
             "period": f"{self.period:.4g} √(l/g)",
             "rough ground": f"heights differ by {self.roughness:.3g} l",
