@@ -285,6 +285,23 @@ SCENES: dict[str, dict[str, Any]] = {
     "steep": {"slope": 0.11, "control": "stride"},
     "rolling": {"slope": (0.0, 0.06)},
     "lab": {"walker": "lab", "slope": 0.036},
+    "rough": {"slope": 0.02, "terrain": {"rough": {"height_std": 0.01}}, "preview": 2},
+    "pushed": {"pushes": {"rate": 0.05, "impulse": (-0.05, 0.05)}},
+    "push-off": {
+        "walker": "D",
+        "control": "stride",
+        "actions": ("push_off",),
+        "max_push_off": 0.1,
+        "start": (
+            0.194588876,
+            -0.194588876,
+            -0.194588876,
+            -0.202960578,
+            -0.187756427,
+            -0.187756427,
+        ),
+    },
+    "commanded": {"command": (0.1, 0.2)},
 }
 """Named scenes, and what they do passively.
 
@@ -293,6 +310,12 @@ SCENES: dict[str, dict[str, Any]] = {
 - "steep": walker C at a slope of 0.11, one torque a stride. Its gait there is unstable: it falls.
 - "rolling": walker C on a slope drawn from 0 to 0.06 at each reset.
 - "lab": the laboratory's walker at 0.036, where passive walking is stable.
+- "rough": walker C gently downhill, over footholds whose heights differ by a hundredth of its leg;
+  two are seen ahead. It trips after a stride or two.
+- "pushed": walker C on level ground, pushed to and fro once in some seven strides.
+- "push-off": the simplest walker on level ground, near Kuo's slow gait (2002), in which each stride
+  ends with a push-off of 0.04; without any it falls back in its first.
+- "commanded": walker C on level ground, at a speed that it is told.
 """
 
 
