@@ -20,6 +20,7 @@ from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.first_passage import FirstPassage, walks
 from gym_passive_walker.gaits.terrain import Terrain, rough
+from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.systems import UNEVEN, body_of, system_of
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
@@ -338,11 +339,8 @@ class _Tries:
                 "again: it limps, wanders, or needs longer to settle"
             )
         self.gait = last
-        stance = abs(last[0])
-        walker = self.scene.walker
-        length = 2.0 * (walker.leg_length - walker.foot_radius) * math.sin(stance)
-        length = (length + 2.0 * walker.foot_radius * stance) / walker.leg_length
-        return _Gait(length, float(found.periods[0, -1]))
+        length = legs.step_length(body_of(self.scene.walker), last[0], last[0])
+        return _Gait(float(length), float(found.periods[0, -1]))
 
     def lasting(
         self, terrain: Terrain, count: int, strides: int, seed: int

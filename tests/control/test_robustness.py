@@ -1,0 +1,146 @@
+"""How much a walk bears, and that each measure is what it is called."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.control.robustness import AFTER, robustness
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.units import units_of
+
+SLOPE = 0.036
+
+
+@pytest.fixture(scope="module")
+def lab():
+    return robustness("lab", slope=SLOPE, walkers=500, strides=40, starts=64)
+
+
+def walked(first: dict, state, count: int) -> int:
+    """Strides that a passive lab walker makes, the first of them under some circumstances."""
+    for made in range(count):
+        end = gpw.stride("lab", SLOPE, state, tolerance=1e-8, **(first if made == 0 else {}))
+        if end.outcome != gpw.Outcome.HEELSTRIKE:
+            return made
+        state = end.state
+    return count
+
+
+def test_the_gait_is_the_one_that_is_found(lab):
+    gait = gpw.find_gait("lab", SLOPE)
+    assert lab.step_length * gait.walker.leg_length == pytest.approx(gait.step_length, rel=1e-5)
+    assert lab.period * gait.walker.time_unit == pytest.approx(gait.step_period, rel=1e-5)
+
+
+def test_the_sensitivity_is_that_of_the_linearised_stride_map(lab):
+    """Hobbelen and Wisse's norm of the response, put together from derivatives of strides."""
+    gait, units = gpw.find_gait("lab", SLOPE), units_of(gpw.WALKERS["lab"])
+    small = 1e-6
+
+    def changed(first=None, **ground):
+        """How end and duration of a stride change, by central differences."""
+        ends = []
+        for way in (small, -small):
+            state = gait.state + way * (0.0 if first is None else first)
+            how = {name: way * value for name, value in ground.items()}
+            ends.append(gpw.stride("lab", SLOPE, state, tolerance=1e-14, **how))
+        state = (ends[0].state - ends[1].state) / (2.0 * small)
+        return state, (ends[0].duration - ends[1].duration) / (2.0 * small) / units.time
+
+    off, answer = changed(rise=units.length)  # the legs of what follows do not mirror each other
+    answers = [answer]
+    off, answer = changed(off)
+    answers.append(answer)
+    jacobian = np.asarray(gpw.stride_jacobian("lab", SLOPE, gait.state))
+    section = off[[0, 3, 4, 5]]
+    for _ in range(40):
+        state = np.array([section[0], -section[0], -section[0], *section[1:]])
+        answers.append(changed(state)[1])
+        section = jacobian @ section
+    np.testing.assert_allclose(lab.answers[:10], answers[:10], rtol=2e-3, atol=0.02)
+    assert lab.sensitivity == pytest.approx(math.sqrt(np.square(answers).sum()), rel=1e-3)
+
+
+def test_the_largest_steps_are_survived_and_larger_ones_are_not(lab):
+    gait = gpw.find_gait("lab", SLOPE)
+    length = gait.walker.leg_length
+    for size, way in ((lab.step_up, 1.0), (lab.step_down, -1.0)):
+        assert size > 0.0
+        assert walked({"rise": way * 0.99 * size * length}, gait.state, AFTER) == AFTER
+        assert walked({"rise": way * 1.02 * size * length}, gait.state, AFTER) < AFTER
+
+
+def test_a_push_at_the_beginning_is_a_change_of_the_rates(lab):
+    """The largest one forward, in a walk that begins with the rates it leaves behind."""
+    gait, units = gpw.find_gait("lab", SLOPE), units_of(gpw.WALKERS["lab"])
+    system = gpw.physics.systems.system_of(gait.walker)
+    body = gpw.physics.systems.body_of(gait.walker)
+    state = units.to_dimensionless(gait.state)
+    for impulse, way in ((lab.forward[0], 1.0), (lab.backward[0], -1.0)):
+        for share, survives in ((0.98, True), (1.03, False)):
+            jump = system.phases[0].push(
+                body, gpw.physics.hybrid.State(*state), -way * share * impulse, 0.0
+            )
+            pushed = units.to_own(np.concatenate([state[:3], state[3:] + jump]))
+            assert (walked({}, pushed, AFTER) == AFTER) is survives
+
+
+def test_rough_ground_is_survived_as_long_as_walkers_are_left(lab):
+    assert lab.survivors[0] == 1.0
+    assert (np.diff(lab.survivors) <= 0.0).all()
+    fell = lab.survivors[9] - lab.survivors[-1]
+    assert lab.first_passage.falls == round(500 * fell)
+    smoother = robustness("lab", slope=SLOPE, roughness=0.001, walkers=500, strides=40, starts=2)
+    assert smoother.first_passage.mean > 2.0 * lab.first_passage.mean
+
+
+def test_who_acts_on_nothing_bears_what_nobody_does():
+    """A policy that keeps the hip idle is tried in the environment alone."""
+    scene = {"walker": "lab", "slope": SLOPE, "stub": False, "control": "stride"}
+    nobody = robustness("lab", scene, walkers=600, strides=40, starts=64)
+    idle = robustness(gpw.control.baselines.Passive(), scene, walkers=600, strides=40, starts=64)
+    assert idle.step_down == pytest.approx(nobody.step_down, rel=1e-9)
+    np.testing.assert_allclose(idle.answers, nobody.answers)
+    one, other = idle.first_passage, nobody.first_passage
+    assert abs(one.mean - other.mean) < 4.0 * math.hypot(one.error, other.error)
+
+
+def test_it_is_told_in_a_table_and_drawn(lab, tmp_path):
+    assert "gait sensitivity norm" in repr(lab)
+    lab.to_csv(tmp_path / "pushes.csv")
+    assert (tmp_path / "pushes.csv").read_text().startswith("phase,forward,backward")
+    figure = lab.plot()
+    assert len(figure.axes) == 4
+    bars = [bar.get_height() for bar in figure.axes[1].patches]
+    np.testing.assert_allclose(bars, lab.answers[: len(bars)])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("lab",), "needs a slope"),
+        (("C", None, {"slope": 1e-5}), "falls after"),
+        ((3, "level"), "predict"),
+        (("lab", None, {"slope": SLOPE, "spread": 2.0}), "spread"),
+        (("lab", None, {"slope": SLOPE, "roughness": -1.0}), "roughness"),
+        ((gpw.control.baselines.Passive(),), "in which scene"),
+    ],
+)
+def test_nonsense_is_refused_in_words(arguments, said):
+    *positional, named = (*arguments, {}) if not isinstance(arguments[-1], dict) else arguments
+    with pytest.raises(ValueError, match=said):
+        robustness(*positional, **named)
+
+
+def test_what_is_put_in_the_way_needs_a_scene_that_has_it():
+    worlds = PassiveWalkerVectorEnv(2)
+    worlds.reset(seed=0)
+    worlds.batch.put_in_the_way()
+    with pytest.raises(ValueError, match="terrain"):
+        worlds.batch.put_in_the_way(ledges=0.01)
+    with pytest.raises(ValueError, match="pushes"):
+        worlds.batch.put_in_the_way(impulses=[0.0, 0.01])
