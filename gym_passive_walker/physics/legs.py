@@ -264,7 +264,9 @@ HEELSTRIKE = Guard(
     lambda body, state, ground: above(body, state, ground),
     Outcome.HEELSTRIKE,
     Watch.STRIKE,
-    when=lambda body, state, ground: in_front(state),
+    when=lambda body, state, ground: (
+        in_front(state) & (state.thigh - state.stance > 2.02 * NARROWEST)
+    ),
 )
 SCUFF = Guard(  # a straight leg that meets the ground anywhere but in front
     lambda body, state, ground: clearance(body, state.stance, state.thigh) - lower(ground),

@@ -1,0 +1,81 @@
+"""The books of walks with everything there is: what goes in comes out, stride by stride."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker import WALKERS
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.physics.hybrid import State
+from gym_passive_walker.physics.systems import UNEVEN, bodies, system_of
+from tests.physics.examples import fitted
+
+KINDS = {
+    "kneed": {"walker": fitted(WALKERS["C"], 0.01, 0.001, 0.003), "slope": 0.05},
+    "straight": {
+        "walker": fitted(replace(WALKERS["E"], knees=False), 0.01, 0.001),
+        "slope": 0.03,
+        "actions": ("hip", "ankle", "push_off"),
+    },
+    "simplest": {"walker": fitted(WALKERS["D"], 0.01, 0.0), "slope": 0.02},
+}
+"""Walkers with springs and friction, on round feet and on points."""
+
+EVERYTHING = {
+    "actions": ("hip", "push_off"), "control": "stride", "max_push_off": 0.03,
+    "max_hip_torque": 0.01, "max_ankle_torque": 0.01, "energy": "net", "tolerance": 1e-12,
+    "terrain": gpw.rough(0.001, 0.004), "pushes": {"rate": 0.3, "impulse": (-0.01, 0.01)},
+    "stub": False, "perturbation": 0.05,
+}  # fmt: skip
+
+
+def imbalances(kind: str, walkers: int, wanted: int) -> np.ndarray:
+    """By how much the books of at least so many strides are off, in units of m g l."""
+    worlds = PassiveWalkerVectorEnv(
+        walkers, {**EVERYTHING, **KINDS[kind]}, max_episode_steps=-1, autoreset_mode="SameStep"
+    )
+    walker = KINDS[kind]["walker"]
+    system, body = system_of(walker, using=UNEVEN), system_of(walker, using=UNEVEN).Body
+    own = body(*bodies(walker)[0, 0])
+    rng, found, count = np.random.default_rng(0), [], 0
+    worlds.reset(seed=0)
+    states, pushed = worlds.batch.records["state"][:, 0].copy(), np.zeros(walkers)
+    while count < wanted:
+        actions = rng.uniform(-1.0, 1.0, worlds.action_space.shape)
+        _, _, terminated, _, infos = worlds.step(actions)
+        assert not pushed.any()  # each step is a stride
+        now = worlds.batch.records["state"][:, 0].copy()
+        on = np.flatnonzero(infos.get("_step_length", np.zeros(walkers, bool)) & ~terminated)
+        if len(on):
+            before, after = State(*states[on].T), State(*now[on].T)
+            gained = system.kinetic_energy(own, after) - system.kinetic_energy(own, before)
+            if system.spring_gain:
+                gained = gained + system.spring_gain(own, before, after)
+            length = infos["step_length"][on]
+            given = infos["push_work"][on].copy()
+            for name, sign in (
+                ("gravity_cost", 1.0), ("net_hip_cost", 1.0), ("net_ankle_cost", 1.0),
+                ("push_off_cost", 1.0), ("collision_cost", -1.0), ("friction_cost", -1.0),
+            ):  # fmt: skip
+                if name in infos:
+                    given += sign * length * infos[name][on]
+            found.append(np.abs(gained - given))
+            count += len(on)
+        states = now
+    return np.concatenate(found)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_books_of_strides_close(kind):
+    """Rough ground, springs, friction, pushes and every motor at once."""
+    assert imbalances(kind, 200, 2000).max() < 1e-11
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_books_of_a_million_strides_close(kind):
+    assert imbalances(kind, 2000, 1_000_000).max() < 1e-11
