@@ -143,7 +143,7 @@ def judge(policy: Policy, name: str) -> dict[str, Any]:
     # Over all the way that all walks went, so that a stumble does not weigh as much as a walk.
     way = max(float(walks.length.sum()), 1e-300)
     gravity, hip, net = (
-        float(work.sum()) / way for work in (walks.gravity_work, walks.hip_work, walks.net_work)
+        float(work.sum()) / way for work in (walks.gravity_work, walks.motor_work, walks.net_work)
     )
     speed = way / max(float(walks.duration.sum()), 1e-300)
     score: dict[str, Any] = {

@@ -58,6 +58,9 @@ def check(config: Config) -> None:
         raise ConfigError(str(error)) from None
 
 
+_UNITS = {"hip": "m g l", "ankle": "m g l", "push_off": "m √(g l)"}
+
+
 def describe(config: Config) -> str:
     """A scene in a few words."""
     scene = scene_of(config)
@@ -69,5 +72,9 @@ def describe(config: Config) -> str:
         if isinstance(scene.slope, tuple)
         else f"slope {scene.slope:g} rad"
     )
-    held = f"ticks of {scene.tick:g} √(l/g)" if scene.control == "tick" else "one torque a stride"
-    return f"{config.scene}: walker {walker}, {slope}, {held}, up to {scene.max_hip_torque:g} m g l"
+    held = f"ticks of {scene.tick:g} √(l/g)" if scene.control == "tick" else "one action a stride"
+    motors = ", ".join(
+        f"{name.replace('_', '-')} up to {scene.largest(name):g} {_UNITS[name]}"
+        for name in scene.actions
+    )
+    return f"{config.scene}: walker {walker}, {slope}, {held}, {motors}"

@@ -22,7 +22,11 @@ WALKED_ON = "walked on"
 """The ending of a walk that the time limit ended."""
 
 _MEDIANS = ("distance", "strides", "speed", "cost_of_transport")
-_WORK = {"hip_work": "hip_cost", "net_work": "net_hip_cost", "gravity_work": "gravity_cost"}
+_WORK = {
+    "motor_work": ("hip_cost", "ankle_cost", "push_off_cost"),
+    "net_work": ("net_hip_cost", "net_ankle_cost", "push_off_cost"),
+    "gravity_work": ("gravity_cost",),
+}
 _PER_EPISODE = ("seeds", "slopes", "reward", *_MEDIANS, "gravity_cost")
 
 
@@ -38,8 +42,8 @@ class Walks:
         strides: Heelstrikes.
         length: Distance of the complete strides.
         duration: Time of the complete strides.
-        hip_work: What the motor was charged for in them, over weight and leg length.
-        net_work: The motor's net work in them.
+        motor_work: What all motors were charged for in them, over weight and leg length.
+        net_work: Their net work in them.
         gravity_work: What gravity paid in them.
         endings: How each ended: "walked on" to the time limit, or an outcome's name.
     """
@@ -51,7 +55,7 @@ class Walks:
     strides: NDArray
     length: NDArray
     duration: NDArray
-    hip_work: NDArray
+    motor_work: NDArray
     net_work: NDArray
     gravity_work: NDArray
     endings: list[str]
@@ -66,8 +70,8 @@ class Walks:
 
     @property
     def cost_of_transport(self) -> NDArray:
-        """Work of gravity and motor over weight and distance; NaN without a stride."""
-        return _ratio(self.gravity_work + self.hip_work, self.length)
+        """Work of gravity and motors over weight and distance; NaN without a stride."""
+        return _ratio(self.gravity_work + self.motor_work, self.length)
 
     @property
     def gravity_cost(self) -> NDArray:
@@ -75,13 +79,13 @@ class Walks:
         return _ratio(self.gravity_work, self.length)
 
     @property
-    def hip_cost(self) -> NDArray:
-        """What the motor was charged for, over weight and distance."""
-        return _ratio(self.hip_work, self.length)
+    def motor_cost(self) -> NDArray:
+        """What motors were charged for, over weight and distance."""
+        return _ratio(self.motor_work, self.length)
 
     @property
-    def net_hip_cost(self) -> NDArray:
-        """The motor's net work over weight and distance."""
+    def net_motor_cost(self) -> NDArray:
+        """The motors' net work over weight and distance."""
         return _ratio(self.net_work, self.length)
 
     def rows(self, agent: str) -> list[dict[str, Any]]:
@@ -140,8 +144,9 @@ def evaluate(policy: Policy, arena: VectorEnv, *, seed: int) -> Walks:
                 length = infos["step_length"][struck]
                 sums["length"][struck] += length
                 sums["duration"][struck] += infos["step_period"][struck]
-                for name, cost in _WORK.items():
-                    sums[name][struck] += infos[cost][struck] * length
+                for name, costs in _WORK.items():
+                    cost = sum(infos[each][struck] for each in costs)
+                    sums[name][struck] += cost * length
             over = step.terminated | step.truncated
             for i in np.flatnonzero(over & under_way):
                 distance[i], strides[i] = infos["episode_distance"][i], infos["strides"][i]

@@ -25,7 +25,7 @@ def made_up(**changes):
         "strides": np.array([100, 200, 0]),
         "length": np.array([10.0, 20.0, 0.0]),
         "duration": np.array([100.0, 100.0, 0.0]),
-        "hip_work": np.array([0.1, 0.1, 0.0]),
+        "motor_work": np.array([0.1, 0.1, 0.0]),
         "net_work": np.array([0.05, 0.1, 0.0]),
         "gravity_work": np.array([0.1, 0.2, 0.0]),
         "endings": [WALKED_ON, "fell forward", "fell forward"],
@@ -38,8 +38,8 @@ def test_speed_and_cost_are_over_whole_strides():
     assert walks.speed.tolist() == [0.1, 0.2, 0.0]
     assert walks.cost_of_transport[:2] == pytest.approx([0.02, 0.015])
     assert np.isnan(walks.cost_of_transport[2])
-    assert walks.hip_cost[:2] == pytest.approx([0.01, 0.005])
-    assert walks.net_hip_cost[:2] == pytest.approx([0.005, 0.005])
+    assert walks.motor_cost[:2] == pytest.approx([0.01, 0.005])
+    assert walks.net_motor_cost[:2] == pytest.approx([0.005, 0.005])
     assert walks.gravity_cost[:2] == pytest.approx([0.01, 0.01])
 
 
@@ -51,7 +51,7 @@ def test_a_summary_has_medians_and_shares():
 
 
 def test_agents_that_never_step_can_be_summed_up():
-    none = {name: np.zeros(3) for name in ("length", "duration", "hip_work", "gravity_work")}
+    none = {name: np.zeros(3) for name in ("length", "duration", "motor_work", "gravity_work")}
     assert np.isnan(made_up(**none).summary()["cost_of_transport"])
 
 
@@ -105,7 +105,7 @@ def test_an_evaluation_tells_what_each_episode_would_be_alone():
                 costs = (info[name] for name in ("hip_cost", "net_hip_cost", "gravity_cost"))
                 sums[1:] += [length, info["step_period"], *(cost * length for cost in costs)]
             over, steps = terminated or truncated, steps + 1
-        names = ("reward", "length", "duration", "hip_work", "net_work", "gravity_work")
+        names = ("reward", "length", "duration", "motor_work", "net_work", "gravity_work")
         told = [getattr(walks, name)[i] for name in names]
         assert told == pytest.approx(sums, rel=1e-12, abs=1e-15)
         assert (walks.slopes[i], walks.seeds[i]) == (slope, 40 + i)
@@ -135,6 +135,6 @@ def test_a_passive_walk_costs_the_sine_of_its_slope():
     walks = evaluate(Passive(), worlds.arena(config, 2), seed=0)
     assert walks.endings == [WALKED_ON] * 2
     assert walks.cost_of_transport == pytest.approx(np.sin(0.036), rel=1e-3)
-    assert walks.hip_work.tolist() == [0.0, 0.0]
+    assert walks.motor_work.tolist() == [0.0, 0.0]
     # Distance counts the stride under way, the strides only what they completed.
     assert np.all(np.abs(walks.distance - walks.length) < 1.0)
