@@ -1,0 +1,86 @@
+"""Steps of an environment and their derivatives, against differences of the same steps."""
+
+import numpy as np
+import pytest
+
+from gym_passive_walker.control.tape import Tape
+from gym_passive_walker.envs.scene import SceneError, make_scene
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+
+COUNT, STEPS, WIDTH = 6, 75, 1e-6
+
+
+def world(**changes):
+    """Walkers near their gait, where episodes begin anew in the step that ends one."""
+    scene = make_scene(**{"slope": 0.005, "tolerance": 1e-12} | changes)
+    return PassiveWalkerVectorEnv(COUNT, scene, autoreset_mode="SameStep")
+
+
+def walk(env, actions):
+    """What a walk earns, and the state in which each of its steps begins."""
+    earned, states = np.zeros(COUNT), []
+    for action in actions:
+        states.append(env.get_state())
+        earned += env.step(action)[1]
+    return earned, states
+
+
+def gains(linear):
+    """What a walk earns by each of its actions: the chain rule, backwards, (T, n)."""
+    found, ahead = np.empty(linear.rewards_by_action.shape), np.zeros((COUNT, 6))
+    for step in reversed(range(len(found))):
+        found[step] = linear.rewards_by_action[step]
+        found[step] += np.einsum("ni,ni->n", linear.states_by_action[step], ahead)
+        ahead = np.einsum("nij,ni->nj", linear.states_by_state[step], ahead)
+        ahead += linear.rewards_by_state[step]
+    return found
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {}, {"energy": "positive"}, {"energy": "net"}, {"walker": "A", "slope": 0.02},
+        {"randomise": {"foot_radius": 0.1}}, {"slope": (0.0, 0.03)}, {"walker": "simplest"},
+        {"slope": 0.09, "control": "stride", "max_hip_torque": 0.005},
+    ],
+)  # fmt: skip
+def test_what_a_walk_earns_changes_with_each_action_as_differences_say(changes):
+    """Walks of several strides, some of which fall: those give back the distance they brought."""
+    env = world(**changes)
+    env.reset(seed=2)
+    strides = changes.get("control") == "stride"
+    actions = np.random.default_rng(3).uniform(-0.9, 0.9, (6 if strides else STEPS, COUNT, 1))
+    tape = Tape(env)
+    for action in actions:
+        tape.note(action)
+        env.step(action)
+    exact = gains(tape.linearise())
+    env.reset(seed=2)
+    _, states = walk(env, actions)
+    for step in range(0, len(actions), 1 if strides else 7):
+        both = []
+        for sign in (1.0, -1.0):
+            env.set_state(states[step])
+            changed = actions[step:].copy()
+            changed[0] += sign * WIDTH
+            both.append(walk(env, changed)[0])
+        difference = (both[0] - both[1]) / (2.0 * WIDTH)
+        np.testing.assert_allclose(exact[step], difference, rtol=1e-4, atol=1e-7)
+
+
+def test_a_cleared_tape_begins_anew():
+    env = world()
+    env.reset(seed=0)
+    tape, action = Tape(env), np.full((COUNT, 1), 0.3)
+    for _ in range(2):
+        tape.clear()
+        tape.note(action)
+        alone = tape.linearise()
+        env.step(action)
+    assert alone.states_by_state.shape == (1, COUNT, 6, 6)
+
+
+def test_walkers_with_other_motors_are_refused():
+    env = PassiveWalkerVectorEnv(2, "level", actions=("hip", "push_off"))
+    with pytest.raises(SceneError, match="by the hip alone"):
+        Tape(env)
