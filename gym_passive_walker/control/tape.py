@@ -42,7 +42,6 @@ class Linear(NamedTuple):
     states_by_action: NDArray[np.float64]
     rewards_by_state: NDArray[np.float64]
     rewards_by_action: NDArray[np.float64]
-    tolls: NDArray[np.float64]
 
 
 class Tape:
@@ -99,10 +98,6 @@ class Tape:
             sign = np.where(torques < 0.0, -1.0, 1.0)
             moved, turned = told[:, _MOVED, 0], told[:, _TURNED, 0]
             energy[:, _ACTION] += ~fell * sign * task.motor_charge(charged, sign, moved, turned)
-        tolls = np.zeros(len(torques))
-        if system_of(scene.walker).works.hip:
-            both = [task.motor_charge(charged, side, moved, turned) for side in (1.0, -1.0)]
-            tolls = ~fell * 0.5 * sum(both) * scene.energy_weight * scene.max_hip_torque
         rewards = task.reward(distance, energy, scene.energy_weight)
         states = told[:, _STATE, 1:]
         rewards[:, _ACTION] *= scene.max_hip_torque
@@ -111,7 +106,6 @@ class Tape:
             states_by_action=scene.max_hip_torque * states[..., _ACTION].reshape(*shape, 6),
             rewards_by_state=rewards[:, _STATE].reshape(*shape, 6),
             rewards_by_action=rewards[:, _ACTION].reshape(shape),
-            tolls=tolls.reshape(shape),
         )
 
     def _motion(self) -> Motion:
