@@ -18,9 +18,10 @@ from gym_passive_walker.envs.scene import make_scene
 class Schedule(BaseCallback):
     """Keeps PPO and SHAC from settling for the first gait that it finds.
 
-    Left to itself, noise shrinks as soon as a walker walks, and what takes several ticks together is
-    not found any more: to hold the swing leg before it lands costs work until it is held in full.
-    So the noise follows a schedule; and while braking is free, a little of a hold costs nothing.
+    Left to itself, PPO's noise shrinks as soon as it walks, and what takes several ticks together
+    is not found any more: to hold the swing leg before it lands costs work until it is held in
+    full. So the noise follows a schedule; and while braking is free, a little of a hold costs
+    nothing. To SHAC noise is also what makes corners smooth, and gradients tell of them.
 
     All of it follows from the steps made and asked for, so a resumed run needs no memory of it.
 

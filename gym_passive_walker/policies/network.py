@@ -29,7 +29,7 @@ _LOG_STD = (-20.0, 2.0)  # to which SAC clips what its network says
 
 
 class Network:
-    """A Gaussian policy (PPO, SHAC) or a squashed one (SAC), with what its observations were scaled by.
+    """A Gaussian policy, or a squashed one (SAC), with what its observations were scaled by.
 
     Args:
         tensors: Weights and moments, by the names that stable-baselines3 gives them.
