@@ -33,6 +33,9 @@ from torch import Tensor, nn
 from gym_passive_walker.control.tape import Linear, Tape
 
 _STATE = slice(0, 6)  # of an observation: what moves
+_FARTHEST = 1.2
+"""Action that a policy learns at most: beyond the bound, but not so far that the way back is long."""
+
 _BOLDEST, _STEEPEST = 5.0, 10.0
 """Largest gradient by an action, in typical ones, and slope of a value that are learned from:
 beside a strike that grazes they grow beyond all bounds."""
@@ -212,6 +215,7 @@ class SHAC(OnPolicyAlgorithm):
         rows = seen.reshape(-1, seen.shape[-1])
         with torch.no_grad():
             actions = self.action(rows) + self.reach * _single(gains).reshape(-1)
+            actions.clamp_(-_FARTHEST, _FARTHEST)
         values = _single(self.rollout_buffer.returns).reshape(-1)
         slopes = _single(costates).reshape(len(rows), -1)
         for _ in range(self.n_epochs):
@@ -236,7 +240,7 @@ class SHAC(OnPolicyAlgorithm):
             env.tape.linearise(), policy, critic, np.stack(env.ended),
             gamma=self.gamma, gae_lambda=self.gae_lambda,
         )  # fmt: skip
-        # What lies beyond the bounds of an action may come back, and need not go on.
+        # An action beyond its bounds may come back, and need not go on.
         gains[beyond & (actions * gains > 0.0)] = 0.0
         typical = np.sqrt(np.mean(gains**2)) or 1.0
         return (
