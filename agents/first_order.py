@@ -34,7 +34,7 @@ from gym_passive_walker.control.tape import Linear, Tape
 
 _STATE = slice(0, 6)  # of an observation: what moves
 _FARTHEST = 1.2
-"""Action that a policy learns at most: beyond the bound, but not so far that the way back is long."""
+"""Largest action that a policy learns: beyond the bound, yet not a long way back from it."""
 
 _BOLDEST, _STEEPEST = 5.0, 10.0
 """Largest gradient by an action, in typical ones, and slope of a value that are learned from:
