@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.control.motion import ROWS, Motion
 from gym_passive_walker.envs import task
-from gym_passive_walker.envs.scene import by_hip_alone
+from gym_passive_walker.envs.scene import by_hip_alone, undisturbed
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.physics.systems import system_of
 from gym_passive_walker.walkers import PARAMETERS
@@ -49,15 +49,16 @@ class Tape:
 
     Args:
         worlds: A vector environment, for Gymnasium or stable-baselines3, whose walkers are driven
-            by the hip alone.
+            by the hip alone, and whom nothing befalls.
 
     Raises:
-        SceneError: if they have other motors.
+        SceneError: if it is otherwise.
     """
 
     def __init__(self, worlds: Any) -> None:
         self._batch = worlds.batch
-        self._scene = by_hip_alone(worlds.scene, "steps that are differentiated are driven")
+        scene = by_hip_alone(worlds.scene, "steps that are differentiated are driven")
+        self._scene = undisturbed(scene, "steps that are differentiated go")
         self.clear()
 
     def clear(self) -> None:

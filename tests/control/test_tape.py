@@ -63,7 +63,10 @@ def test_what_a_walk_earns_changes_with_each_action_as_differences_say(changes):
         )
 
 
-def test_walkers_with_other_motors_are_refused():
-    env = PassiveWalkerVectorEnv(2, "level", actions=("hip", "push_off"))
-    with pytest.raises(SceneError, match="by the hip alone"):
-        Tape(env)
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [({"actions": ("hip", "push_off")}, "by the hip alone"), ({"sensor_noise": 0.1}, "without")],
+)
+def test_steps_that_are_not_the_walker_s_and_its_hip_s_alone_are_refused(changes, words):
+    with pytest.raises(SceneError, match=words):
+        Tape(PassiveWalkerVectorEnv(2, "level", **changes))
