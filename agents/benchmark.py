@@ -18,7 +18,7 @@ import numpy as np
 from tqdm import tqdm
 
 from agents import worlds
-from agents.config import ALGORITHMS, ConfigError, configure
+from agents.config import ALGORITHMS, ConfigError, configure, presets
 from agents.files import read_json, replacing
 from agents.learner import load_policy
 from agents.training import Run
@@ -76,6 +76,8 @@ def units(scenes: Iterable[str], agents: Iterable[str], seeds: int) -> list[Unit
         for scene in scenes:
             for agent in agents:
                 one = agent == "optimal" and isinstance(make_scene(scene).slope, tuple)
+                if agent in ALGORITHMS and scene not in presets(agent):
+                    continue
                 if (agent in ALGORITHMS or seed == 0) and not one:
                     found.append(Unit(scene, agent, seed))
     return found

@@ -12,7 +12,7 @@ import yaml
 
 from gym_passive_walker.arguments import unknown, whole
 
-ALGORITHMS = ("ppo", "sac")
+ALGORITHMS = ("ppo", "sac", "shac")
 DEFAULT_SCENE = "level"
 EVALUATIONS = 20
 """How often a run stops to evaluate and to save, unless told otherwise."""
@@ -21,7 +21,11 @@ _PRESETS = Path(__file__).parent / "presets"
 # What a preset says about the run rather than to the algorithm.
 _OF_THE_RUN = ("normalize", "env_wrapper", "callback", "env_kwargs")
 _TIME_LIMIT = "gymnasium.wrappers.TimeLimit"
-_EXPLORATION = {"ppo": "agents.exploration.Schedule", "sac": "agents.exploration.Ladder"}
+_EXPLORATION = {
+    "ppo": "agents.exploration.Schedule",
+    "sac": "agents.exploration.Ladder",
+    "shac": "agents.exploration.Schedule",
+}
 
 
 class ConfigError(ValueError):
@@ -39,7 +43,7 @@ class Config:
     """Everything that decides how a run goes.
 
     Attributes:
-        algo: "ppo" or "sac".
+        algo: One of `ALGORITHMS`.
         scene: Name of the scene.
         env: Arguments of the environment that differ from the scene's own.
         n_envs: Environments side by side.
@@ -161,7 +165,7 @@ def configure(
     """A run's configuration: the preset of a scene, with what is given put over it.
 
     Args:
-        algo: "ppo" or "sac".
+        algo: One of `ALGORITHMS`.
         scene: Name of the scene.
         env: Arguments of the environment that differ from the scene's own. A control of its own
             brings that control's preset with it.

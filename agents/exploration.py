@@ -16,11 +16,12 @@ from gym_passive_walker.envs.scene import make_scene
 
 
 class Schedule(BaseCallback):
-    """Keeps PPO from settling for the first gait that it finds.
+    """Keeps PPO and SHAC from settling for the first gait that it finds.
 
-    Left to itself, its noise shrinks as soon as it walks, and what takes several ticks together is
-    not found any more: to hold the swing leg before it lands costs work until it is held in full.
-    So the noise follows a schedule; and while braking is free, a little of a hold costs nothing.
+    Left to itself, PPO's noise shrinks as soon as it walks, and what takes several ticks together
+    is not found any more: to hold the swing leg before it lands costs work until it is held in
+    full. So the noise follows a schedule; and while braking is free, a little of a hold costs
+    nothing. To SHAC noise is also what makes corners smooth, and gradients tell of them.
 
     All of it follows from the steps made and asked for, so a resumed run needs no memory of it.
 
@@ -84,7 +85,11 @@ class Ladder(BaseCallback):
         return True
 
 
-_EXPLORERS: dict[str, type[BaseCallback]] = {"ppo": Schedule, "sac": Ladder}
+_EXPLORERS: dict[str, type[BaseCallback]] = {
+    "ppo": Schedule,
+    "sac": Ladder,
+    "shac": Schedule,
+}
 
 
 def explorers(algo: str, arguments: Mapping[str, Any] | None) -> list[BaseCallback]:

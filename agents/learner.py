@@ -1,4 +1,4 @@
-"""Algorithms of stable-baselines3 from a configuration, and policies to their files and back.
+"""Algorithms from a configuration, and policies to their files and back.
 
 Nothing here unpickles: an algorithm is built afresh from its YAML, and only numbers are read from
 disk (tensors with `weights_only`, arrays without pickles).
@@ -25,6 +25,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from agents.config import Config, ConfigError, reason
 from agents.files import CONFIG, read_arrays, reading, replacing
+from agents.first_order import SHAC
 from agents.networks import POLICIES
 from agents.worlds import training_worlds
 from gym_passive_walker.arguments import unknown
@@ -35,7 +36,7 @@ from gym_passive_walker.policies.network import ACTIVATIONS, Network
 from gym_passive_walker.policies.tensors import read_tensors
 
 MODEL, NORMALIZER = "model.zip", "normalizer.npz"
-_CLASSES: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC}
+_CLASSES: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "shac": SHAC}
 _MOMENTS = ("obs_rms", "ret_rms")
 _PLAIN = (bool, int, float, str, type(None))
 _OURS = ("env", "venv", "seed", "device")  # what a configuration decides elsewhere
@@ -75,7 +76,9 @@ def _check(of: type, arguments: Mapping[str, Any]) -> None:
     Raises:
         ConfigError: if there is one.
     """
-    known = {k: v for k, v in inspect.signature(of).parameters.items() if k not in _OURS}
+    known = {
+        k: v for k, v in inspect.signature(of, eval_str=True).parameters.items() if k not in _OURS
+    }
     if said := unknown(arguments, tuple(known), of.__name__):
         raise ConfigError(said)
     for name, value in arguments.items():
@@ -188,7 +191,8 @@ def load_policy(run: Path, config: Config | None = None) -> LearnedPolicy:
     if not (run / MODEL).is_file():
         raise ConfigError(f"{run} has no {MODEL}: train it first, by --resume {run}")
     # To act takes no memory of steps.
-    memory = {"sac": {"buffer_size": 1}, "ppo": {"n_steps": 2, "batch_size": 2}}[config.algo]
+    short = {"n_steps": 2, "batch_size": 2}
+    memory = {"ppo": short, "sac": {"buffer_size": 1}, "shac": short}[config.algo]
     model = build(config, training_worlds(config, 1), **memory)
     restore_weights(model, run / MODEL)
     normalizer = model.get_vec_normalize_env()
@@ -225,7 +229,7 @@ def learned(name: str | Path) -> tuple[Config, Policy]:
 
 def _acting(config: Config) -> dict[str, Any]:
     """What it takes to act by the tensors of a policy, with the library's defaults spelled out."""
-    usual = {"ppo": "nn.Tanh", "sac": "nn.ReLU"}[config.algo]
+    usual = "nn.ReLU" if config.algo == "sac" else "nn.Tanh"
     activation = config.hyperparams.get("policy_kwargs", {}).get("activation_fn", usual)
     scaling = None
     if config.normalize is not None and config.normalize.get("norm_obs", True):

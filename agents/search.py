@@ -31,6 +31,13 @@ _SPACES: dict[str, dict[str, Callable[[Any], Any]]] = {
         "gradient_steps": lambda t: t.suggest_categorical("gradient_steps", [1, 2, 4, 8]),
         "target_entropy": lambda t: t.suggest_float("target_entropy", -5.0, -1.0),
     },
+    "shac": {
+        "learning_rate": lambda t: f"lin_{t.suggest_float('learning_rate', 3e-4, 1e-2, log=True)}",
+        "gamma": lambda t: 1.0 - t.suggest_float("1 - gamma", 2e-3, 5e-2, log=True),
+        "gae_lambda": lambda t: t.suggest_float("gae_lambda", 0.8, 0.97),
+        "n_steps": lambda t: t.suggest_categorical("n_steps", [16, 32, 64]),
+        "reach": lambda t: t.suggest_float("reach", 0.02, 0.3, log=True),
+    },
 }
 
 

@@ -85,7 +85,7 @@ class Run:
                 left,
                 callback=[milestones, *self.exploring],
                 # Logging costs SAC more than it tells.
-                log_interval={"ppo": 1, "sac": 100}[self.config.algo] if logged else None,  # type: ignore[arg-type]
+                log_interval=(100 if self.config.algo == "sac" else 1) if logged else None,  # type: ignore[arg-type]
                 reset_num_timesteps=not self.resumed,
             )
             if not milestones.stopped:

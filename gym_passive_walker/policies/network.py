@@ -23,16 +23,17 @@ ACTIVATIONS: dict[str, Callable[[NDArray], NDArray]] = {
 _PLACES = {
     "ppo": ("mlp_extractor.policy_net", "action_net"),
     "sac": ("actor.latent_pi", "actor.mu"),
+    "shac": ("mlp_extractor.policy_net", "action_net"),
 }
 _LOG_STD = (-20.0, 2.0)  # to which SAC clips what its network says
 
 
 class Network:
-    """A Gaussian policy (PPO) or a squashed one (SAC), with what its observations were scaled by.
+    """A Gaussian policy, or a squashed one (SAC), with what its observations were scaled by.
 
     Args:
         tensors: Weights and moments, by the names that stable-baselines3 gives them.
-        algo: "ppo" or "sac".
+        algo: "ppo", "sac" or "shac".
         activation: One of `ACTIVATIONS`.
         normalizer: "epsilon" and "clip" of VecNormalize; None if observations were taken as they
             are.
@@ -63,7 +64,7 @@ class Network:
         in_order = sorted(places, key=lambda place: int(place.rsplit(".", 1)[1]))
         self._hidden = [_layer(tensors, place) for place in in_order]
         self._mean = _layer(tensors, mean)
-        # PPO's noise is the same everywhere; SAC's depends on what is seen.
+        # The noise of most is the same everywhere; SAC's depends on what is seen.
         layers = [*self._hidden, self._mean]
         self._log_std: Layer | NDArray[np.float32]
         if self._squashed:

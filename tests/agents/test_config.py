@@ -65,7 +65,7 @@ def test_a_configuration_is_made_again_from_its_preset(algo, scene, monkeypatch)
 
 @pytest.mark.parametrize("algo", ALGORITHMS)
 def test_a_preset_with_a_callback_of_another_algorithm_is_refused(algo, monkeypatch):
-    other = configure({"ppo": "sac", "sac": "ppo"}[algo], "level").preset()
+    other = configure("ppo" if algo == "sac" else "sac", "level").preset()
     monkeypatch.setattr("agents.config.presets", lambda algo: {"level": other})
     with pytest.raises(ConfigError, match=f"{algo.upper()} has no callback"):
         configure(algo, "level")

@@ -29,14 +29,15 @@ from benchmarks.kills import kill
 SMALL = {"n_envs": 8, "every": 128}
 # What follows the steps asked for would go on otherwise when more are asked for.
 PPO = {"n_steps": 16, "batch_size": 64, "n_epochs": 2, "learning_rate": 1e-3}
+SHAC = {"n_steps": 16, "batch_size": 64, "n_epochs": 2, "learning_rate": 1e-3}
 SAC = {"learning_starts": 64, "batch_size": 32, "buffer_size": 512, "learning_rate": 1e-3}
 
 
 def small(algo="ppo", steps=256, scene="level", **changes):
     """A configuration of a few hundred steps."""
     config = configure(algo, scene, steps=steps, **{**SMALL, **changes})
-    config.hyperparams.update({"ppo": PPO, "sac": SAC}[algo])
-    if algo == "ppo":  # its noise follows the steps asked for
+    config.hyperparams.update({"ppo": PPO, "sac": SAC, "shac": SHAC}[algo])
+    if algo != "sac":  # noise follows the steps asked for
         config = dataclasses.replace(config, exploration=None)
     return config
 
@@ -78,8 +79,9 @@ def varied(steps):
         lambda steps: small("sac", steps, "level"),
         lambda steps: small("ppo", steps, "steep"),
         varied,
+        lambda steps: small("shac", steps, "level"),
     ],
-    ids=["ppo-rolling", "sac-level", "ppo-steep", "sac-varied"],
+    ids=["ppo-rolling", "sac-level", "ppo-steep", "sac-varied", "shac-level"],
 )
 def test_a_resumed_run_goes_on_as_if_uninterrupted(tmp_path, config):
     whole = Run(config(384), tmp_path / "whole")

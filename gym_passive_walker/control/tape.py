@@ -1,0 +1,136 @@
+"""Steps of an environment, noted as they are made and differentiated all at once.
+
+A step begins where the one before has ended, so once all are made each can be differentiated by
+itself: any number of walkers and steps are one call of the engine, and the chain rule, backwards
+through the steps, is left to whoever asks.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker.control.motion import ROWS, Motion
+from gym_passive_walker.envs import task
+from gym_passive_walker.envs.scene import by_hip_alone, undisturbed
+from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.physics.systems import system_of
+from gym_passive_walker.walkers import PARAMETERS
+
+_STATE, _ACTION = slice(0, 6), 6  # columns of derivatives
+_MOVED, _TURNED = ROWS.index("moved"), ROWS.index("turned")
+_STRUCK = int(Outcome.HEELSTRIKE)
+
+
+class Linear(NamedTuple):
+    """How T steps of n walkers change with where each begins and with the action in it.
+
+    States are the first six numbers of an observation; actions are those within their bounds. All
+    is 0 in a step in which a walker falls; a stride that falls takes back what its distance
+    earned, so there its steps' rewards change by what the motor is charged alone.
+
+    Attributes:
+        states_by_state: (T, n, 6, 6): [..., i, j] is the end's i by the start's j.
+        states_by_action: (T, n, 6).
+        rewards_by_state: (T, n, 6).
+        rewards_by_action: (T, n).
+    """
+
+    states_by_state: NDArray[np.float64]
+    states_by_action: NDArray[np.float64]
+    rewards_by_state: NDArray[np.float64]
+    rewards_by_action: NDArray[np.float64]
+
+
+class Tape:
+    """Notes the steps of an environment.
+
+    Args:
+        worlds: A vector environment, for Gymnasium or stable-baselines3, whose walkers are driven
+            by the hip alone, and whom nothing befalls.
+
+    Raises:
+        SceneError: if it is otherwise.
+    """
+
+    def __init__(self, worlds: Any) -> None:
+        self._batch = worlds.batch
+        scene = by_hip_alone(worlds.scene, "steps that are differentiated are driven")
+        self._scene = undisturbed(scene, "steps that are differentiated go")
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget all steps."""
+        self._records: list[NDArray] = []
+        self._actions: list[NDArray] = []
+        self._walkers: list = []
+
+    def note(self, actions: NDArray) -> None:
+        """Take note of a step that is about to be made, with its actions, (n,) or (n, 1)."""
+        self._records.append(self._batch.records.copy())
+        self._actions.append(np.array(actions, dtype=float).reshape(-1))
+        self._walkers += self._batch.walkers
+
+    def linearise(self) -> Linear:
+        """How the steps since the last `clear` change."""
+        scene, rules = self._scene, self._batch.rules[0]
+        shape = (len(self._records), self._batch.count)
+        torques = scene.max_hip_torque * np.concatenate(self._actions).clip(-1.0, 1.0)
+        records = np.concatenate(self._records)
+        record = records[:, 0]
+        record["control"][:, 0] = torques
+        record["moved"], record["turned"] = 0.0, 0.0
+        record["end"] = np.minimum(record["time"] + rules["tick"], rules["longest_stride"])
+        carried = self._motion().follow(records, ("state", "torque"))
+        told, distance = carried.told, carried.distance
+        stalled = record["end"] >= rules["longest_stride"]
+        fell = (carried.outcomes > _STRUCK) | (stalled & (carried.outcomes != _STRUCK))
+        told[fell, :, 1:] = 0.0
+        stands = _stands(fell.reshape(shape), record["time"].reshape(shape) == 0.0)
+        distance = distance[:, 1:] * stands.reshape(-1, 1)
+        energy = np.zeros_like(distance)
+        if system_of(scene.walker).works.hip:
+            charged = int(rules["charged"])
+            energy += task.motor_charge(
+                charged, torques[:, None], told[:, _MOVED, 1:], told[:, _TURNED, 1:]
+            )
+            sign = np.where(torques < 0.0, -1.0, 1.0)
+            moved, turned = told[:, _MOVED, 0], told[:, _TURNED, 0]
+            energy[:, _ACTION] += ~fell * sign * task.motor_charge(charged, sign, moved, turned)
+        rewards = task.reward(distance, energy, scene.energy_weight)
+        states = told[:, _STATE, 1:]
+        rewards[:, _ACTION] *= scene.max_hip_torque
+        return Linear(
+            states_by_state=states[..., _STATE].reshape(*shape, 6, 6),
+            states_by_action=scene.max_hip_torque * states[..., _ACTION].reshape(*shape, 6),
+            rewards_by_state=rewards[:, _STATE].reshape(*shape, 6),
+            rewards_by_action=rewards[:, _ACTION].reshape(shape),
+        )
+
+    def _motion(self) -> Motion:
+        """How all walkers that were noted move."""
+        scene, parameters = self._scene, {}
+        if len(set(map(id, self._walkers))) > 1:
+            parameters = {
+                name: np.array([getattr(walker, name) for walker in self._walkers])
+                for name in PARAMETERS
+            }
+        return Motion(
+            walker=scene.walker, parameters=parameters, tolerance=scene.tolerance, stub=scene.stub
+        )
+
+
+def _stands(fell: NDArray[np.bool_], begins: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Whether the stride that each step is a part of does not fall, as far as is known, (T, n).
+
+    Args:
+        fell: Who falls in a step, (T, n).
+        begins: Whose stride begins with it.
+    """
+    stands, so_far = np.empty(fell.shape, bool), np.ones(fell.shape[1], bool)
+    for step in reversed(range(len(fell))):
+        stands[step] = so_far & ~fell[step]
+        so_far = stands[step] | begins[step]
+    return stands

@@ -1,0 +1,152 @@
+"""Learning by exact gradients: the backward sweep, and what is made of it."""
+
+import numpy as np
+import pytest
+import torch
+
+from agents import evaluation, worlds
+from agents.config import ConfigError, configure
+from agents.first_order import SHAC, backwards
+from agents.learner import build
+from agents.training import Run
+from gym_passive_walker.control.tape import Linear, Tape
+from gym_passive_walker.control.walks import WALKED_ON
+from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.torch import rollout
+
+
+def drawn(steps=12, count=3, seed=0):
+    """Steps, a policy and a critic of any numbers, stable enough for a dozen steps."""
+    rng = np.random.default_rng(seed)
+    linear = Linear(
+        states_by_state=0.3 * rng.normal(size=(steps, count, 6, 6)),
+        states_by_action=rng.normal(size=(steps, count, 6)),
+        rewards_by_state=rng.normal(size=(steps, count, 6)),
+        rewards_by_action=rng.normal(size=(steps, count)),
+    )
+    policy, critic = 0.3 * rng.normal(size=(2, steps, count, 6))
+    return linear, policy, critic
+
+
+def returned(linear, policy, critic, start, extra, gamma):
+    """What linear walkers return under a linear policy: forwards, by the definition."""
+    state, total = start, 0.0
+    for t in range(len(extra)):
+        action = (policy[t] * state).sum(1) + extra[t]
+        reward = (linear.rewards_by_state[t] * state).sum(1) + linear.rewards_by_action[t] * action
+        total = total + gamma**t * reward
+        state = torch.einsum("nij,nj->ni", linear.states_by_state[t], state)
+        state = state + linear.states_by_action[t] * action[:, None]
+    return total + gamma ** len(extra) * (critic[-1] * state).sum(1)
+
+
+def test_without_the_critic_on_the_way_the_sweep_is_the_gradient_of_the_discounted_return():
+    linear, policy, critic = drawn()
+    nobody = np.zeros(policy.shape[:2], bool)
+    gains, costates = backwards(linear, policy, critic, nobody, gamma=0.9, gae_lambda=1.0)
+    start = torch.zeros((3, 6), dtype=torch.float64, requires_grad=True)
+    extra = torch.zeros((12, 3), dtype=torch.float64, requires_grad=True)
+    tensors = Linear(*map(torch.from_numpy, linear)), *map(torch.from_numpy, (policy, critic))
+    returned(*tensors, start, extra, 0.9).sum().backward()
+    np.testing.assert_allclose(costates[0], start.grad, rtol=1e-12)
+    discounts = 0.9 ** np.arange(12)[:, None]
+    np.testing.assert_allclose(discounts * gains, extra.grad, rtol=1e-10)
+
+
+def test_the_critic_alone_speaks_at_lambda_zero_and_where_an_episode_ends():
+    linear, policy, critic = drawn()
+    ended = np.random.default_rng(1).random(policy.shape[:2]) < 0.3
+    alone = linear.rewards_by_action + 0.9 * np.sum(linear.states_by_action * critic, axis=-1)
+    nobody = np.zeros_like(ended)
+    gains, _ = backwards(linear, policy, critic, nobody, gamma=0.9, gae_lambda=0.0)
+    np.testing.assert_allclose(gains, alone, rtol=1e-12)
+    gains, _ = backwards(linear, policy, critic, ended, gamma=0.9, gae_lambda=0.7)
+    np.testing.assert_allclose(gains[ended], alone[ended], rtol=1e-12)
+    assert not np.isclose(gains[:-1][~ended[:-1]], alone[:-1][~ended[:-1]]).any()
+
+
+def test_costates_mix_as_lambda_returns_do():
+    """A reward for position alone, which each step halves: a geometric series."""
+    halved = np.broadcast_to(0.5 * np.eye(6), (40, 1, 6, 6))
+    ones, none = np.ones((40, 1, 6)), np.zeros((40, 1, 6))
+    linear = Linear(halved, none, ones, np.zeros((40, 1)))
+    for share in (0.0, 0.5, 1.0):
+        _, costates = backwards(
+            linear, none, 3.0 * ones, np.zeros((40, 1), bool), gamma=0.8, gae_lambda=share
+        )
+        settled = (1.0 + 0.4 * (1.0 - share) * 3.0) / (1.0 - 0.4 * share)
+        np.testing.assert_allclose(costates[0], settled, rtol=1e-12)
+
+
+@pytest.mark.parametrize("scene", ["level", "rolling", "steep", "lab"])
+def test_the_sweep_over_walkers_is_what_autograd_says_of_their_walk(scene):
+    """Two derivations: steps noted in the environment, and operations of torch one by one."""
+    torch.manual_seed(1)
+    policy = torch.nn.Sequential(
+        torch.nn.Linear(8, 16), torch.nn.Tanh(), torch.nn.Linear(16, 1)
+    ).double()
+    scene, count = make_scene(scene, tolerance=1e-12), 5
+    steps = 3 if scene.control == "stride" else 70
+    walked = rollout(policy, scene, steps, count=count, seed=4)
+    walked.returns.sum().backward()
+    env = PassiveWalkerVectorEnv(count, scene, autoreset_mode="SameStep")
+    env.reset(seed=4)
+    tape, seen = Tape(env), walked.observations.detach().requires_grad_()
+    for actions in policy(seen).detach().numpy():
+        tape.note(actions)
+        env.step(actions)
+    actions = policy(seen)[..., 0]
+    (by_seen,) = torch.autograd.grad(actions.sum(), seen, retain_graph=True)
+    going = walked.going.numpy()
+    ended = np.concatenate([going[:-1] & ~going[1:], going[-1:]])
+    critic = np.zeros((steps, count, 6))
+    gains, _ = backwards(
+        tape.linearise(), by_seen.numpy()[..., :6], critic, ended, gamma=1.0, gae_lambda=1.0
+    )
+    first = np.cumsum(ended, axis=0) - ended == 0  # the environment begins another episode
+    ours = torch.autograd.grad(
+        (actions * torch.from_numpy(gains * first)).sum(), policy.parameters()
+    )
+    assert first.sum() > 0.4 * steps * count
+    for gradient, parameter in zip(ours, policy.parameters(), strict=True):
+        assert parameter.grad.abs().max() > 1e-3
+        torch.testing.assert_close(gradient, parameter.grad, rtol=1e-6, atol=1e-7)
+
+
+def test_rewards_that_are_normalised_are_refused():
+    config = configure("shac", "level", n_envs=2)
+    config.normalize.update(norm_reward=True)
+    with pytest.raises(ConfigError, match="norm_reward=False"):
+        build(config, worlds.training_worlds(config))
+
+
+def test_an_update_moves_actions_up_their_gradients():
+    config = configure("shac", "level", n_envs=16)
+    model = build(config, worlds.training_worlds(config), learning_rate=1e-3)
+    told = {}
+
+    class Watched(SHAC):
+        """SHAC that tells what it learns from."""
+
+        def _gradients(self, seen):
+            told["gains"], costates = super()._gradients(seen)
+            told["seen"] = torch.as_tensor(seen)
+            told["before"] = self.action(told["seen"]).detach()
+            return told["gains"], costates
+
+    model.__class__ = Watched
+    model.learn(16 * config.hyperparams["n_steps"])
+    moved = (model.action(told["seen"]) - told["before"]).detach().numpy()
+    assert np.corrcoef(moved.reshape(-1), told["gains"].reshape(-1))[0, 1] > 0.3
+
+
+@pytest.mark.learning
+def test_it_learns_to_walk_on_the_level(tmp_path):
+    """In a sixtieth of PPO's steps and some seconds; passive walkers return 5, PPO's 51."""
+    run = Run(configure("shac", "level", steps=100_000, every=100_000), tmp_path)
+    assert run.train(progress=False)
+    assert run.notes["best"] > 45.0
+    _, rows = evaluation.judge(tmp_path)
+    walks = [row for row in rows if row["agent"] == "SHAC"]
+    assert all(row["ending"] == WALKED_ON for row in walks)

@@ -1,0 +1,72 @@
+"""Steps of an environment and their derivatives, against differences of the same steps."""
+
+import numpy as np
+import pytest
+
+from gym_passive_walker.control.tape import Tape
+from gym_passive_walker.envs.scene import SceneError, make_scene
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+
+COUNT, STEPS, WIDTH = 6, 75, 1e-6
+STRIDES = {"control": "stride", "max_hip_torque": 0.005}
+
+
+def world(**changes):
+    """Walkers near their gait, where episodes begin anew in the step that ends one."""
+    scene = make_scene(**{"slope": 0.01, "tolerance": 1e-12} | changes)
+    return PassiveWalkerVectorEnv(COUNT, scene, autoreset_mode="SameStep")
+
+
+def gains(linear):
+    """What a walk earns by each of its actions: the chain rule, backwards, (T, n)."""
+    found, ahead = np.empty(linear.rewards_by_action.shape), np.zeros((COUNT, 6))
+    for step in reversed(range(len(found))):
+        found[step] = linear.rewards_by_action[step]
+        found[step] += np.einsum("ni,ni->n", linear.states_by_action[step], ahead)
+        ahead = np.einsum("nij,ni->nj", linear.states_by_state[step], ahead)
+        ahead += linear.rewards_by_state[step]
+    return found
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {}, {"energy": "positive"}, {"energy": "net"}, {"walker": "A", "slope": 0.02},
+        {"randomise": {"foot_radius": 0.1}}, {"slope": (0.0, 0.03)}, {"slope": 0.09, **STRIDES},
+        {"energy_weight": 0.0, "slope": 0.0, "perturbation": 0.3},
+    ],
+)  # fmt: skip
+def test_what_a_walk_earns_changes_with_each_action_as_differences_say(changes):
+    """Where distance alone counts also walks that fall, which give back what the stride brought."""
+    env = world(**changes)
+    env.reset(seed=2)
+    strides = changes.get("control") == "stride"
+    actions = np.random.default_rng(3).uniform(-0.2, 0.6, (6 if strides else STEPS, COUNT, 1))
+    tape, states, fell = Tape(env), [], []
+    for action in actions:
+        states.append(env.get_state())
+        tape.note(action)
+        fell.append(env.step(action)[2])
+    exact = gains(tape.linearise())
+    compared = np.ones(COUNT, bool) if env.scene.energy_weight == 0.0 else ~np.any(fell, axis=0)
+    assert compared.sum() >= COUNT // 2 and (env.scene.energy_weight > 0.0 or np.any(fell))
+    for step in range(0, len(actions), 1 if strides else 7):
+        earned = []
+        for sign in (1.0, -1.0):
+            env.set_state(states[step])
+            changed = actions[step:].copy()
+            changed[0] += sign * WIDTH
+            earned.append(sum(env.step(action)[1] for action in changed))
+        difference = (earned[0] - earned[1]) / (2.0 * WIDTH)
+        np.testing.assert_allclose(
+            exact[step, compared], difference[compared], rtol=1e-4, atol=1e-7
+        )
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [({"actions": ("hip", "push_off")}, "by the hip alone"), ({"sensor_noise": 0.1}, "without")],
+)
+def test_steps_that_are_not_the_walker_s_and_its_hip_s_alone_are_refused(changes, words):
+    with pytest.raises(SceneError, match=words):
+        Tape(PassiveWalkerVectorEnv(2, "level", **changes))
