@@ -11,6 +11,7 @@ import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -75,12 +76,23 @@ def units(scenes: Iterable[str], agents: Iterable[str], seeds: int) -> list[Unit
     for seed in range(seeds):
         for scene in scenes:
             for agent in agents:
-                one = agent == "optimal" and isinstance(make_scene(scene).slope, tuple)
-                if agent in ALGORITHMS and scene not in presets(agent):
-                    continue
-                if (agent in ALGORITHMS or seed == 0) and not one:
+                if (agent in ALGORITHMS or seed == 0) and suits(agent, scene):
                     found.append(Unit(scene, agent, seed))
     return found
+
+
+@lru_cache
+def suits(agent: str, scene: str) -> bool:
+    """Whether an agent can walk in a scene: has a preset there, a hip to act by, gaits to follow."""
+    if agent in ALGORITHMS:
+        return scene in presets(agent)
+    if agent == "optimal" and isinstance(make_scene(scene).slope, tuple):
+        return False  # it is judged slope by slope
+    try:
+        BASELINES[agent](make_scene(scene))
+    except (ValueError, GaitNotFound):
+        return False
+    return True
 
 
 def run(folder: Path, todo: Sequence[Unit], *, budget: float = 1.0, progress: bool = True) -> None:
