@@ -285,7 +285,7 @@ SCENES: dict[str, dict[str, Any]] = {
     "steep": {"slope": 0.11, "control": "stride"},
     "rolling": {"slope": (0.0, 0.06)},
     "lab": {"walker": "lab", "slope": 0.036},
-    "rough": {"slope": 0.02, "terrain": {"rough": {"height_std": 0.005}}, "preview": 2},
+    "rough": {"slope": 0.02, "terrain": {"rough": {"height_std": 0.002}}, "preview": 2},
     "pushed": {"pushes": {"rate": 0.05, "impulse": (-0.05, 0.05)}},
     "push-off": {
         "walker": "D",
@@ -310,7 +310,7 @@ SCENES: dict[str, dict[str, Any]] = {
 - "steep": walker C at a slope of 0.11, one torque a stride. Its gait there is unstable: it falls.
 - "rolling": walker C on a slope drawn from 0 to 0.06 at each reset.
 - "lab": the laboratory's walker at 0.036, where passive walking is stable.
-- "rough": walker C gently downhill, over footholds whose heights differ by 1 in 200 of its leg;
+- "rough": walker C gently downhill, over footholds whose heights differ by 1 in 500 of its leg;
   two are seen ahead. It trips after a stride or two.
 - "pushed": walker C on level ground, pushed to and fro once in some seven strides.
 - "push-off": the simplest walker on level ground, near Kuo's slow gait (2002), in which each stride
