@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.gaits.terrain import Terrain, contacts
 from gym_passive_walker.gaits.trajectory import Trajectory
 from gym_passive_walker.physics.hybrid import Outcome
-from gym_passive_walker.render.pose import pose
+from gym_passive_walker.render.pose import SOLE_SPAN, pose
 from gym_passive_walker.walkers import Walker
 
+_EDGE = 0.05  # leg lengths from where a sole ends to where its foothold does
 _SHORTEST = 0.05  # leg lengths: the least guess of a step whose length is not known
 
 
@@ -57,11 +58,15 @@ def profile(
             guessed[last + 1 :] - guessed[last] + touched[-1],
         ]
     )
-    # Feet roll on for a share of each step; midway through the rest, neither is near the edge.
-    share = 0.5 * (1.0 + walker.foot_radius / walker.leg_length)
-    edges = laid.real[:-1] + share * np.diff(laid.real)
-    ends = min(reach[0], laid[0].real), max(reach[1], laid[-1].real)
-    x = np.concatenate([ends[:1], np.repeat(edges, 2), ends[1:]])
+    # A foothold ends beyond where its foot can roll, and lets a shorter step than usual reach the
+    # next one; a foot that rolls on for most of a step leaves half of the rest to the other.
+    share = walker.foot_radius / walker.leg_length
+    steps = np.diff(laid.real)
+    rolls = walker.foot_radius * (SOLE_SPAN + 0.5 * steps / walker.leg_length)
+    ends = np.minimum(rolls + _EDGE * walker.leg_length, 0.5 * (1.0 + share) * steps)
+    edges = laid.real[:-1] + ends
+    low, high = min(reach[0], laid[0].real), max(reach[1], laid[-1].real)
+    x = np.concatenate([[low], np.repeat(edges, 2), [high]])
     here, steep = (np.repeat(values, 2) for values in (laid, np.tan(ground[:, 0])))
     return np.column_stack([x, here.imag - steep * (x - here.real)])
 
@@ -89,9 +94,9 @@ def ground_under(walk: Trajectory, margin: float) -> NDArray[np.float64] | None:
     return profile(walk.walker, walk.terrain, walk.key, 0, known, reach, length)
 
 
-def height(surface: NDArray[np.float64], x: NDArray[np.float64] | float) -> NDArray[np.float64]:
+def height(surface: NDArray[np.float64], x: ArrayLike) -> NDArray[np.float64]:
     """How high a surface is at some places."""
-    return np.interp(x, surface[:, 0], surface[:, 1])
+    return np.asarray(np.interp(x, surface[:, 0], surface[:, 1]))
 
 
 def between(surface: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:

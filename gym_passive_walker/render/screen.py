@@ -49,8 +49,8 @@ class Screen:
     long ones with a number one leg length l. Each leg keeps its colour through heelstrikes if
     `draw` is told how many there were. Pale ghosts stand where the walker was; an arrow about the
     hip is the motor's torque, longer as it is larger; what of the swing foot is below the ground,
-    where the model lets it pass, is drawn in the colour of warnings; a push is an arrow from the hip
-    that fades over some frames.
+    where the model lets it pass, is drawn in the colour of warnings; a push is an arrow from the
+    hip that fades over some frames.
 
     As "rgb_array" it needs no display and opens no window. As "human" it opens one, and keeps the
     pace of `fps`; once its user has closed it, frames are no longer drawn.
