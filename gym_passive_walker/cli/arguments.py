@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from argparse import ArgumentParser, ArgumentTypeError, Namespace
 from pathlib import Path
 from typing import Any
@@ -13,10 +14,14 @@ from numpy.typing import NDArray
 from gym_passive_walker.envs.scene import walker_from
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait
+from gym_passive_walker.gaits.terrain import Terrain, terrain_from
 from gym_passive_walker.walkers import WALKERS, Walker, WalkerError, tune
 
 A_WALKER = f"{', '.join(WALKERS)}, or a JSON or YAML file of your own walker's parameters"
 """What a walker is, to a command."""
+
+_TERRAIN = "rough:height_std=0.002, stairs:rise=-0.01 or waves:height=0.01,strides=6"
+_ARGUMENT = re.compile(r"(\w+)=(\[[^\]]*\]|[^,\[\]]+)(?:,|$)")  # a name and a number, or a list
 
 _YAML = (".yaml", ".yml")
 
@@ -40,18 +45,31 @@ def read_walker(text: str) -> Walker:
             "of your own walker's parameters"
         )
     try:
-        content = path.read_text(encoding="utf-8")
-        parameters = _yaml(text, content) if path.suffix in _YAML else json.loads(content)
-    except OSError as error:
-        raise WalkerError(f"{text} cannot be read: {error.strerror}") from None
+        parameters = _content(path)
     except ValueError as error:
-        raise WalkerError(f"{text} cannot be read: {error}") from None
+        raise WalkerError(str(error)) from None
     if not isinstance(parameters, dict):
         raise WalkerError(f"{text} must name a walker's parameters, as in " + '{"preset": "lab"}')
     try:
         return walker_from(parameters)
     except WalkerError as error:
         raise WalkerError(f"{text}: {error}") from None
+
+
+def _content(path: Path) -> Any:
+    """What is written in a JSON or YAML file.
+
+    Raises:
+        ValueError: if it cannot be read.
+        ImportError: if it is YAML and pyyaml is not installed.
+    """
+    try:
+        content = path.read_text(encoding="utf-8")
+        return _yaml(str(path), content) if path.suffix in _YAML else json.loads(content)
+    except OSError as error:
+        raise ValueError(f"{path} cannot be read: {error.strerror}") from None
+    except ValueError as error:
+        raise ValueError(f"{path} cannot be read: {error}") from None
 
 
 def _yaml(name: str, content: str) -> Any:
@@ -73,6 +91,54 @@ def a_walker(text: str) -> Walker:
         return read_walker(text)
     except (ValueError, ImportError) as error:
         raise ArgumentTypeError(str(error)) from None
+
+
+def read_terrain(text: str) -> Terrain:
+    """Ground that is not smooth.
+
+    Args:
+        text: Its kind and arguments, as "rough:height_std=0.002,slope_std=0.01"; a mapping as
+            scenes take it, as JSON; or a JSON or YAML file of such a mapping.
+
+    Raises:
+        ValueError: if it describes none.
+        ImportError: if it is YAML and pyyaml is not installed.
+    """
+    path = Path(text)
+    if text.lstrip().startswith("{"):
+        try:
+            given = json.loads(text)
+        except ValueError as error:
+            raise ValueError(f"{text} is no JSON: {error}") from None
+    elif path.suffix in (".json", *_YAML):
+        given = _content(path)
+    else:
+        name, _, rest = text.partition(":")
+        if _ARGUMENT.sub("", rest):
+            raise ValueError(
+                f"a terrain is written as {_TERRAIN}, or as a mapping in JSON, not {text!r}"
+            )
+        try:
+            given = {name: {key: json.loads(value) for key, value in _ARGUMENT.findall(rest)}}
+        except ValueError:
+            raise ValueError(f"terrain {name} takes numbers, not {rest!r}") from None
+    if given is None:
+        raise ValueError(f"{text} describes no terrain")
+    return terrain_from(given)  # type: ignore[return-value]
+
+
+def a_terrain(text: str) -> Terrain:
+    """As `read_terrain`, for parsers."""
+    try:
+        return read_terrain(text)
+    except (ValueError, ImportError) as error:
+        raise ArgumentTypeError(str(error)) from None
+
+
+def add_terrain(command: ArgumentParser) -> None:
+    """Ask for the ground."""
+    about = f"{_TERRAIN}, or a mapping as JSON or in a file (smooth ground)"
+    command.add_argument("--terrain", type=a_terrain, metavar="GROUND", help=about)
 
 
 def add_walker(command: ArgumentParser) -> None:
@@ -125,6 +191,8 @@ def add_walk(command: ArgumentParser, *, strides: int) -> None:
     add("--state", type=float, nargs=6, metavar="X", help="stance, thigh and shank angle in rad, "
         "then their rates in rad/s, just after heelstrike (those of the gait)")  # fmt: skip
     add("--torque", type=float, default=0.0, help="held at the hip, in N m (%(default)s)")
+    add_terrain(command)
+    add("--key", type=int, default=0, metavar="N", help="which ground at random (%(default)s)")
 
 
 def start_of(arguments: Namespace) -> NDArray[np.float64]:

@@ -18,6 +18,7 @@ def strobe(command: ArgumentParser) -> Callable[[Namespace], Report]:
     """Draw a walk as a strobe picture.
 
     passive-walker strobe lab 0.036 --strides 3 --out walk.png
+    passive-walker strobe C 0.036 --terrain stairs:rise=-0.01 --out stairs.png
     """
     add_walk(command, strides=3)
     _add_out(command, "strobe.png", "a picture: .png, .pdf, .svg")
@@ -28,7 +29,8 @@ def strobe(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
         drawn(
             walker_of(arguments), arguments.slope, start_of(arguments), strides=arguments.strides,
-            hip_torque=arguments.torque, path=arguments.out,
+            hip_torque=arguments.torque, terrain=arguments.terrain, key=arguments.key,
+            path=arguments.out,
         )  # fmt: skip
         return _saved([arguments.out])
 
@@ -40,6 +42,7 @@ def video(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
     passive-walker video lab 0.036 --strides 10 --out walk.mp4
     passive-walker video D 0.009 --slower 4 --out walk.gif
+    passive-walker video C 0.05 --terrain rough:height_std=0.002 --key 1 --out rough.mp4
     """
     add_walk(command, strides=10)
     _add_out(command, "walk.mp4", "a film, .mp4 or .gif")
@@ -53,7 +56,8 @@ def video(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
         film(
             walker_of(arguments), arguments.slope, start_of(arguments), arguments.out,
-            strides=arguments.strides, hip_torque=arguments.torque, slower=arguments.slower,
+            strides=arguments.strides, hip_torque=arguments.torque, terrain=arguments.terrain,
+            key=arguments.key, slower=arguments.slower,
         )  # fmt: skip
         return _saved([arguments.out])
 

@@ -11,7 +11,14 @@ import gymnasium as gym
 import numpy as np
 
 from gym_passive_walker.arguments import whole
-from gym_passive_walker.cli.arguments import A_WALKER, a_walker, add_walk, start_of, walker_of
+from gym_passive_walker.cli.arguments import (
+    A_WALKER,
+    a_walker,
+    add_terrain,
+    add_walk,
+    start_of,
+    walker_of,
+)
 from gym_passive_walker.cli.report import Report, record, table
 from gym_passive_walker.control.baselines import BASELINES, Passive
 from gym_passive_walker.control.walks import evaluate as evaluated
@@ -19,7 +26,7 @@ from gym_passive_walker.control.walks import table as compared
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.scene import SCENES, make_scene
 from gym_passive_walker.gaits.stride import stride
-from gym_passive_walker.gaits.trajectory import Trajectory
+from gym_passive_walker.gaits.trajectory import Trajectory, ground_of
 from gym_passive_walker.gaits.trajectory import simulate as simulated
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.policies import load_policy, shipped_policies
@@ -33,6 +40,7 @@ def simulate(command: ArgumentParser) -> Callable[[Namespace], Report]:
     """Follow a walk stride by stride; write what it passes through as CSV or NPZ.
 
     passive-walker simulate lab 0.036 --strides 20
+    passive-walker simulate lab 0.036 --terrain rough:height_std=0.002,slope_std=0.005 --key 3
     passive-walker simulate lab 0.036 --state 0.3 -0.3 -0.3 -1.5 -0.8 -2 --out walk.csv
     """
     add_walk(command, strides=10)
@@ -48,12 +56,17 @@ def simulate(command: ArgumentParser) -> Callable[[Namespace], Report]:
         if out is not None:
             walk = simulated(
                 walker, slope, state, arguments.strides, samples=arguments.samples,
-                hip_torque=arguments.torque,
+                hip_torque=arguments.torque, terrain=arguments.terrain, key=arguments.key,
             )  # fmt: skip
             _WRITERS[out.suffix](walk, out)
         rows: list[dict[str, Any]] = []
-        while len(rows) < arguments.strides:
-            walk = stride(walker, slope, state, hip_torque=arguments.torque)
+        strides = whole(arguments.strides, "--strides")
+        ground = ground_of(arguments.terrain, arguments.key, strides)
+        for tilt, rise, turn in ground.tolist():
+            walk = stride(
+                walker, slope + tilt, state, hip_torque=arguments.torque,
+                rise=rise * walker.leg_length, turn=turn,
+            )  # fmt: skip
             rows.append({"stride": len(rows) + 1, "stance_angle": state[0],
                          **record(walk, _STRIDE), "ends with": walk.outcome})  # fmt: skip
             if walk.outcome != Outcome.HEELSTRIKE:
@@ -77,6 +90,7 @@ def evaluate(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
     passive-walker evaluate level-ppo
     passive-walker evaluate lab-ppo --scene level --walker lab --slope 0.01
+    passive-walker evaluate level-ppo --terrain waves:height=0.002,strides=6
     """
     known = ", ".join([*shipped_policies(), *BASELINES])
     add = command.add_argument
@@ -84,6 +98,7 @@ def evaluate(command: ArgumentParser) -> Callable[[Namespace], Report]:
     add("--scene", choices=list(SCENES), help="(the policy's own; level)")
     add("--walker", type=a_walker, metavar="WALKER", help=A_WALKER)
     add("--slope", type=float, metavar="RAD", help="another slope")
+    add_terrain(command)
     add("--episodes", type=int, default=20, metavar="N", help="(%(default)s)")
     add("--seed", type=int, default=1000, metavar="N", help="of the first one (%(default)s)")
 
@@ -93,6 +108,8 @@ def evaluate(command: ArgumentParser) -> Callable[[Namespace], Report]:
         changes: dict[str, Any] = {} if arguments.slope is None else {"slope": arguments.slope}
         if arguments.walker is not None:  # whether stubbing a toe ends a walk is for its legs
             changes |= {"walker": arguments.walker, "stub": None}
+        if arguments.terrain is not None:
+            changes["terrain"] = arguments.terrain
         scene = make_scene(arguments.scene or (trained.scene if trained else "level"), **changes)
         policy = trained or BASELINES[name](scene)
         arena = gym.make_vec(ID, num_envs=episodes, scene=scene)

@@ -15,7 +15,7 @@ from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import in_parts, options, workspace
 from gym_passive_walker.envs import fates, task
-from gym_passive_walker.envs.disturbances import Disturbances, disturbed
+from gym_passive_walker.envs.disturbances import Contact, Disturbances, disturbed
 from gym_passive_walker.envs.interface import refuse
 from gym_passive_walker.envs.reality import ROOM
 from gym_passive_walker.envs.scene import Scene, SceneError
@@ -386,11 +386,15 @@ class Batch:
         states[:, 3:] /= np.array([walker.time_unit for walker in self.walkers])[:, None]
         return states
 
-    def contact(self, lane: int) -> float:
-        """Where a walker's stance foot touches the ground, in its own units of length."""
+    def contact(self, lane: int) -> Contact:
+        """Where a walker's stance foot touches the ground."""
         radius = self._radii[lane if len(self._radii) > 1 else 0]
-        rolled = radius * self.records["state"][lane, 0, 0]
-        return float(self.ledger["origin"][lane] - rolled) * self.walkers[lane].leg_length
+        length, record = self.walkers[lane].leg_length, self.records[lane, 0]
+        if self.disturbances and self.scene.terrain is not None:
+            rolled = radius * (record["start"][0] - record["state"][0])
+            return self.disturbances.contact(lane, float(rolled), length)
+        rolled = radius * record["state"][0]
+        return Contact(float(self.ledger["origin"][lane] - rolled) * length)
 
     def get_state(self) -> dict[str, Any]:
         """All that decides what comes next; a copy."""

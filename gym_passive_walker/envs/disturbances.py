@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +13,21 @@ from gym_passive_walker.envs import fates, reality, task
 from gym_passive_walker.envs.checks import CHECKS
 from gym_passive_walker.envs.scene import CALM, Scene
 from gym_passive_walker.gaits.terrain import Terrain
+
+
+class Contact(NamedTuple):
+    """Where a foot touches the ground.
+
+    Attributes:
+        x: Along the slope that is walked, in the walker's own units of length.
+        y: Over it, likewise.
+        tilt: By how much the ground there slopes more steeply, in rad; angles are from its normal.
+    """
+
+    x: float
+    y: float = 0.0
+    tilt: float = 0.0
+
 
 _OF_PUSHES = ("pushes", "push_work", "episode_push_work")
 
@@ -70,6 +86,23 @@ class Disturbances:
     def observe(self, ledger: NDArray, lanes: NDArray, observations: NDArray[np.float32]) -> None:
         """Make some walkers' observations those of their sensors."""
         fates.observe(self.fates, ledger, self.odds, *self.terrain, lanes, observations)
+
+    def contact(self, lane: int, rolled: float, length: float) -> Contact:
+        """Where a walker touches a foothold.
+
+        Args:
+            lane: Which walker.
+            rolled: How far its foot has rolled in this stride, in leg lengths.
+            length: Of its leg, in its own units.
+        """
+        x, y, tilt = (float(self.fates[name][lane]) for name in ("x", "y", "tilt"))
+        x, y = x + rolled * math.cos(tilt), y - rolled * math.sin(tilt)
+        return Contact(x * length, y * length, tilt)
+
+    def pushed(self, lane: int) -> float:
+        """What pushed a walker in this step, as a share of the largest push."""
+        impulse = float(self.fates["impulse"][lane])
+        return impulse / float(np.abs(self.odds["push"]).max()) if impulse else 0.0
 
     def told(self, bodies: NDArray) -> dict[str, NDArray]:
         """What `info` tells besides at every step: a number for each walker."""

@@ -24,6 +24,9 @@ from gym_passive_walker.gaits.terrain import foothold
 from gym_passive_walker.physics.bodies import StraightBody
 from gym_passive_walker.physics.hybrid import Outcome
 
+PASSED = 8
+"""Footholds that are remembered; pictures show as many."""
+
 FATE = np.dtype(
     [
         ("key", "u8"),  # of what is drawn
@@ -40,6 +43,8 @@ FATE = np.dtype(
         ("tilt", "f8"),  # by how much this one slopes more
         ("x", "f8"),  # where the stride began to touch it, along the slope that is walked
         ("y", "f8"),  # over it
+        ("passed", "f8", (PASSED, 2)),  # likewise of the strides before, the last one first
+        ("impulse", "f8"),  # of the pushes in this step
     ]
 )
 """What is kept of a walker besides its ledger."""
@@ -123,6 +128,9 @@ def step_over(record, row, fate, radius, table, spread):
     rise, fate.ledge = rise + fate.ledge, 0.0
     turn = foothold(table, spread, fate.key, row.strides)[1] - here
     # It touches the new ground beside where it came down, as the two slope apart.
+    for k in range(PASSED - 1, 0, -1):
+        fate.passed[k, 0], fate.passed[k, 1] = fate.passed[k - 1, 0], fate.passed[k - 1, 1]
+    fate.passed[0, 0], fate.passed[0, 1] = fate.x, fate.y
     along = row.step_length - radius * math.sin(turn)
     off = rise + radius * (1.0 - math.cos(turn))
     sine, cosine = math.sin(here), math.cos(here)
@@ -147,7 +155,7 @@ def begin(fates, odds, lanes, keys, pending, records, ledger, table, spread):
         low, high = odds[0].command[0], odds[0].command[1]
         fate.command = low + (high - low) * uniform(fate.key, 0, _COMMAND)
         fate.due = wait(fate, odds[0]) if odds[0].rate > 0.0 else np.inf
-        pending[i] = 0.0
+        fate.impulse, pending[i] = 0.0, 0.0
         fate.slope, fate.tilt, fate.x, fate.y = ledger[i].slope, 0.0, 0.0, 0.0
         fate.impulse, fate.ledge = 0.0, 0.0
         if odds[0].uneven:
@@ -184,6 +192,7 @@ def meet(records, bodies, i, fate, odds, natives):
         if fate.impulse != 0.0:
             impulse, fate.impulse = fate.impulse, 0.0
         call(native.push, address(records[i]), address(bodies[i]), 0, 0, -impulse, 0.0)
+        fate.impulse += impulse
         fate.pushes += 1
         fate.due = fate.due + wait(fate, odds) if odds.rate > 0.0 else np.inf
         if native.look != 0:
@@ -197,7 +206,7 @@ def carry_through(records, bodies, fates, phases, tiles, courses, options, odds,
     """Carry walkers to the end of their step, past all that they meet on the way."""
     going, count = np.empty(len(records), np.int64), 0
     for i in range(len(records)):
-        fates[i].until = records[i, 0].end
+        fates[i].until, fates[i].impulse = records[i, 0].end, 0.0
         if not fates[i].idle:
             meet(records, bodies, i, fates[i], odds, natives)
             going[count] = i

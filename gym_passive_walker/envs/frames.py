@@ -6,7 +6,11 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gym_passive_walker.envs.batch import Batch
+from gym_passive_walker.envs.fates import PASSED
 from gym_passive_walker.envs.interface import OUTCOMES
 from gym_passive_walker.walkers import name_of
 
@@ -15,16 +19,36 @@ def frame(batch: Batch, lane: int, screen: Any) -> Any:
     """Draw a walker of a batch as it stands on a `render.Screen`; what `draw` of it returns."""
     row, record = batch.ledger[lane], batch.records[lane, 0]
     largest = batch.scene.max_hip_torque
-    ended = OUTCOMES[row["ending"]]
+    ended, contact = OUTCOMES[row["ending"]], batch.contact(lane)
     return screen.draw(
         batch.states[lane],
-        float(row["slope"]),
-        batch.contact(lane),
+        float(row["slope"]) - contact.tilt,
+        contact.x,
         int(row["strides"]),
+        contact_y=contact.y,
+        tilt=contact.tilt,
+        profile=_ground(batch, lane, contact.x, screen),
+        push=batch.disturbances.pushed(lane) if batch.disturbances else 0.0,
         torque=float(record["control"][0]) / largest if largest else 0.0,
         notes=_notes(batch, lane),
         warning=ended.replace("_", " ") if ended else "",
     )
+
+
+def _ground(batch: Batch, lane: int, x: float, screen: Any) -> NDArray[np.float64] | None:
+    """The surface of the ground as far as the picture goes; None where it is smooth."""
+    terrain = batch.scene.terrain
+    if terrain is None or batch.disturbances is None:
+        return None
+    from gym_passive_walker.render.ground import profile
+
+    fate, walker = batch.disturbances.fates[lane], batch.walkers[lane]
+    stride, length = int(batch.ledger["strides"][lane]), walker.leg_length
+    before = fate["passed"][: min(stride, PASSED)][::-1]
+    known = length * np.vstack([before, [[fate["x"], fate["y"]]]])
+    usual = 2.0 * length * abs(float(batch.records["start"][lane, 0, 0]))
+    reach = x - screen.seen, x + screen.seen + length
+    return profile(walker, terrain, fate["key"], stride - len(before), known, reach, usual)
 
 
 def _notes(batch: Batch, lane: int) -> tuple[Sequence[str], Sequence[str]]:

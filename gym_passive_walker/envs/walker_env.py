@@ -348,7 +348,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     @property
     def contact(self) -> float:
         """Where its stance foot touches the ground, in the walker's own units of length."""
-        return self.batch.contact(0)
+        return self.batch.contact(0).x
 
     def get_state(self) -> dict[str, Any]:
         """All that decides what comes next, random numbers of later resets included; a copy."""

@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.arguments import number, unknown, whole
 from gym_passive_walker.engine.chance import normal
 from gym_passive_walker.engine.jit import Kernel
+from gym_passive_walker.walkers import Walker
 
 _HEIGHTS, _SLOPES = 100, 101  # streams of random numbers
 _HIGHEST = 1e3  # leg lengths
@@ -131,6 +132,26 @@ def footholds(
     if len(high) != len(steep):
         raise ValueError(f"{len(high)} heights for {len(steep)} slopes of footholds")
     return Terrain(rises=(*np.diff(high), 0.0), slopes=steep, repeats=False)
+
+
+def contacts(walker: Walker, ground: NDArray, lengths: NDArray) -> NDArray[np.complex128]:
+    """Where strides begin to touch their footholds, the first of them at 0, in the walker's units.
+
+    A foot that lands touches the new ground beside where it came down, as the two slope apart.
+
+    Args:
+        walker: Who walks.
+        ground: From `Terrain.ground`, a row for each foothold in turn, (n, 3).
+        lengths: Of the steps from each, along its own slope, (n,); the last is not needed.
+
+    Returns:
+        x along the slope that is walked and, as imaginary part, y off it, (n,).
+    """
+    tilts, rises, turns = ground.T
+    along = np.exp(-1j * tilts)
+    beside = 1j * walker.foot_radius * along * (1.0 - np.exp(-1j * turns))
+    steps = (lengths + 1j * rises * walker.leg_length) * along + beside
+    return np.concatenate([[0.0], np.cumsum(steps[:-1])])
 
 
 _MADE = {"rough": rough, "stairs": stairs, "waves": waves, "footholds": footholds}

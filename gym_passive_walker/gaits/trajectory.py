@@ -11,7 +11,7 @@ from gym_passive_walker.arguments import check_state, check_tolerance, one_slope
 from gym_passive_walker.gaits.drive import Drive
 from gym_passive_walker.gaits.samples import states_inside
 from gym_passive_walker.gaits.stride import STATE_NAMES, stride
-from gym_passive_walker.gaits.terrain import Terrain
+from gym_passive_walker.gaits.terrain import Terrain, contacts
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
@@ -40,6 +40,8 @@ class Trajectory(Table):
         strides: Which stride a sample belongs to, from 0, shape (n,).
         phases: `Stage` of the swing leg, shape (n,).
         outcomes: How each stride ended, shape (strides made,); all but the last are HEELSTRIKE.
+        terrain: How footholds lie; smooth when None.
+        key: Which of the terrain's walks it is.
     """
 
     walker: Walker
@@ -52,6 +54,8 @@ class Trajectory(Table):
     strides: NDArray[np.int64]
     phases: NDArray[np.int64]
     outcomes: NDArray[np.int64]
+    terrain: Terrain | None = None
+    key: int = 0
 
     def __len__(self) -> int:
         return len(self.times)
@@ -144,7 +148,7 @@ def simulate(
         raise ValueError(f"tolerance must be at most {COARSEST_SAMPLES}, not {tolerance}")
     parts = (np.asarray(part, dtype=float) for part in (hip_torque, ankle_torque, push_off))
     drives = np.stack([np.broadcast_to(part, (strides,)) for part in parts], axis=1)
-    ground = _ground(terrain, key, strides)
+    ground = ground_of(terrain, key, strides)
     rises = ground[:, 1] * walker.leg_length
     starts, walks = [state], []
     for k, drive in enumerate(map(Drive._make, drives.tolist())):
@@ -176,7 +180,7 @@ def simulate(
     began = np.cumsum([0.0, *durations[:-1]])[:, None]
     rolled = walker.foot_radius * (first[:, :1] - states[:, :, 0])
     places = (
-        _contacts(walker, ground[:made], lengths)[:, None] + rolled * np.exp(-1j * tilts)[:, None]
+        contacts(walker, ground[:made], lengths)[:, None] + rolled * np.exp(-1j * tilts)[:, None]
     )
     return Trajectory(
         walker=walker,
@@ -189,25 +193,15 @@ def simulate(
         strides=np.repeat(np.arange(made), samples),
         phases=phases.ravel(),
         outcomes=np.array([int(walk.outcome) for walk in walks]),
+        terrain=terrain,
+        key=key,
     )
 
 
-def _ground(terrain: Terrain | None, key: int, strides: int) -> NDArray[np.float64]:
+def ground_of(terrain: Terrain | None, key: int, strides: int) -> NDArray[np.float64]:
     """Of each stride: its slope beyond the walk's, the next foothold's rise and turn."""
     if terrain is None:
         return np.zeros((strides, 3))
     if not isinstance(terrain, Terrain):
         raise ValueError(f"terrain must be a Terrain, such as gpw.rough makes, not {terrain!r}")
     return terrain.ground(whole(key, "key", 0), np.arange(strides))
-
-
-def _contacts(walker: Walker, ground: NDArray, lengths: NDArray) -> NDArray[np.complex128]:
-    """Where strides begin to touch the ground: x along the slope, y off it as imaginary part.
-
-    A foot that lands touches the new ground beside where it came down, as the two slope apart.
-    """
-    tilts, rises, turns = ground.T
-    along = np.exp(-1j * tilts)
-    beside = 1j * walker.foot_radius * along * (1.0 - np.exp(-1j * turns))
-    steps = (lengths + 1j * rises * walker.leg_length) * along + beside
-    return np.concatenate([[0.0], np.cumsum(steps[:-1])])

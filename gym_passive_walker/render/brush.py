@@ -83,6 +83,20 @@ class Brush:
             [arc[-1] + 1.4 * head * ahead, arc[-1] + head * out, arc[-1] - head * out], colour
         )
 
+    def arrow(
+        self, start: NDArray, along: NDArray, colour: look.Colour, width: float = 0.012
+    ) -> None:
+        """A straight arrow from a pixel on, by so many pixels."""
+        length = math.hypot(*along)
+        if length == 0.0:
+            return
+        ahead = along / length
+        aside = np.array([-ahead[1], ahead[0]])
+        head = min(4.0 * width * self.scale, length)
+        neck = start + along - head * ahead
+        self.limb(start, neck, width, width, colour)
+        self.polygon([start + along, neck + 0.7 * head * aside, neck - 0.7 * head * aside], colour)
+
     def write(
         self, text: str, place: ArrayLike, anchor: str = "midtop",
         colour: look.Colour = look.GROUND_LINE,

@@ -10,8 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import number
 from gym_passive_walker.extras import extra, need
+from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.gaits.trajectory import simulate
 from gym_passive_walker.progress import progress
+from gym_passive_walker.render.ground import ground_under
 from gym_passive_walker.render.screen import Screen
 from gym_passive_walker.walkers import Walker, as_walker
 
@@ -90,6 +92,8 @@ def film(
     *,
     strides: int = 10,
     hip_torque: ArrayLike = 0.0,
+    terrain: Terrain | None = None,
+    key: int = 0,
     slower: float = 1.0,
 ) -> int:
     """Film a walk.
@@ -101,6 +105,8 @@ def film(
         path: The film's file, .mp4 or .gif.
         strides: How many strides to follow.
         hip_torque: Torque held through a stride: a number, or one for each.
+        terrain: How footholds lie; smooth when None.
+        key: Which of the terrain's walks, if it is random.
         slower: How many times slower than the walk; a second is the walker's unit of time.
 
     Returns:
@@ -113,14 +119,19 @@ def film(
     path, slower = film_path(path), number(slower, "slower", above=0.0)
     need("pygame", "render")
     need("moviepy", "render")
-    walk = simulate(walker, slope, state, strides=strides, samples=_SAMPLES, hip_torque=hip_torque)
+    walk = simulate(
+        walker, slope, state, strides=strides, samples=_SAMPLES, hip_torque=hip_torque,
+        terrain=terrain, key=key,
+    )  # fmt: skip
     instants = np.arange(0.0, walk.times[-1], 1.0 / (FPS * slower))
     screen = Screen(as_walker(walker))
+    ground = ground_under(walk, screen.seen + walk.walker.leg_length)
     with Film(path, screen.size, FPS) as written, progress("frames", len(instants)) as drawn:
         for i in np.searchsorted(walk.times, instants):
             frame = screen.draw(
-                walk.states[i], slope, float(walk.contact_x[i]), int(walk.strides[i])
-            )
+                walk.states[i], slope, float(walk.contact_x[i]), int(walk.strides[i]),
+                contact_y=float(walk.contact_y[i]), tilt=float(walk.tilts[i]), profile=ground,
+            )  # fmt: skip
             written.write(frame)  # type: ignore[arg-type]
             drawn()
     return len(instants)

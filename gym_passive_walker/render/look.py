@@ -11,6 +11,7 @@ SKY: Colour = (250, 250, 247)
 GROUND: Colour = (226, 222, 212)
 GROUND_LINE: Colour = (92, 88, 80)
 TORQUE: Colour = (0, 128, 94)
+PUSH: Colour = (150, 40, 130)
 WARNING: Colour = (200, 30, 30)
 
 

@@ -41,7 +41,7 @@ def _by_leg(walk: Trajectory) -> NDArray[np.float64]:
 
     The first leg is the one that stands in stride 0; it keeps its place when the roles change.
     """
-    stance, thigh, shank = walk.states[:, :3].T
+    stance, thigh, shank = walk.states[:, :3].T - walk.tilts  # from the slope's normal
     standing = np.stack([stance, stance], axis=-1)
     swinging = np.stack([thigh, shank], axis=-1)
     odd = (walk.strides % 2 == 1)[:, None]

@@ -79,7 +79,13 @@ def _leg(walker: Walker, hip: NDArray, thigh: NDArray, shank: NDArray) -> Leg:
     return Leg(knee, foot, foot + radius * down, foot[..., None, :] + arc)
 
 
-def pose(walker: Walker | str, state: ArrayLike, contact_x: ArrayLike = 0.0) -> Pose:
+def pose(
+    walker: Walker | str,
+    state: ArrayLike,
+    contact_x: ArrayLike = 0.0,
+    contact_y: ArrayLike = 0.0,
+    tilt: ArrayLike = 0.0,
+) -> Pose:
     """Where the parts of a walker are.
 
     Args:
@@ -87,6 +93,9 @@ def pose(walker: Walker | str, state: ArrayLike, contact_x: ArrayLike = 0.0) -> 
         state: [stance, thigh, shank] angles in rad, then their rates (which change nothing), shape
             (6,) or (..., 6). A straight-legged walker's shank is ignored.
         contact_x: Where the stance foot touches the ground, a number or of the states' shape.
+        contact_y: Its height over the slope, likewise.
+        tilt: By how much the ground there slopes more steeply, in rad, likewise: angles are from
+            its normal.
 
     Returns:
         The `Pose`.
@@ -96,13 +105,18 @@ def pose(walker: Walker | str, state: ArrayLike, contact_x: ArrayLike = 0.0) -> 
     """
     walker = as_walker(walker)
     state = check_state(state)
-    stance, thigh = state[..., 0], state[..., 1]
-    shank = state[..., 2] if walker.knees else thigh
-    x = np.broadcast_to(np.asarray(contact_x, dtype=float), stance.shape)
-    foot = np.stack([x, np.full(stance.shape, walker.foot_radius)], axis=-1)
+    shape = state.shape[:-1]
+    x, y, tilt = (
+        np.broadcast_to(np.asarray(part, dtype=float), shape)
+        for part in (contact_x, contact_y, tilt)
+    )
+    stance, thigh = state[..., 0] - tilt, state[..., 1] - tilt
+    shank = state[..., 2] - tilt if walker.knees else thigh
+    contact = np.stack([x, y], axis=-1)
+    foot = contact + walker.foot_radius * np.stack([np.sin(tilt), np.cos(tilt)], axis=-1)
     hip = foot + _turned(leg_line(walker), 0.0, stance)
     return Pose(
-        contact=np.stack([x, np.zeros(stance.shape)], axis=-1),
+        contact=contact,
         hip=hip,
         stance=_leg(walker, hip, stance, stance),
         swing=_leg(walker, hip, thigh, shank),

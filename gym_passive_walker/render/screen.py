@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.extras import extra
 from gym_passive_walker.render import look
 from gym_passive_walker.render.brush import Brush
+from gym_passive_walker.render.ground import between, height
 from gym_passive_walker.render.pose import Leg, Pose, legs_by_identity, pose
 from gym_passive_walker.walkers import Walker, as_walker
 
@@ -28,6 +29,8 @@ _GROUND_SHARE = 0.17  # of the frame's height, under the hip
 _MARKS = 4  # on the ground, to a leg length
 _GHOSTS, _GHOST_APART = 5, 0.22  # how many, and how far the hip is from one to the next
 _LEVEL = np.array([[-1.0, 0.0], [1.0, 0.0]])  # ground that is the slope itself
+_VIEW = np.linspace(-0.75, 0.75, 31)  # leg lengths: the camera keeps to the mean height of these
+_PUSH, _FRAMES = 0.45, 8  # leg lengths of the largest push's arrow; frames until it has faded
 _SCUFF = 1e-3  # depth in leg lengths from which on a foot is seen to scuff
 
 
@@ -46,7 +49,8 @@ class Screen:
     long ones with a number one leg length l. Each leg keeps its colour through heelstrikes if
     `draw` is told how many there were. Pale ghosts stand where the walker was; an arrow about the
     hip is the motor's torque, longer as it is larger; what of the swing foot is below the ground,
-    where the model lets it pass, is drawn in the colour of warnings.
+    where the model lets it pass, is drawn in the colour of warnings; a push is an arrow from the
+    hip that fades over some frames.
 
     As "rgb_array" it needs no display and opens no window. As "human" it opens one, and keeps the
     pace of `fps`; once its user has closed it, frames are no longer drawn.
@@ -81,6 +85,7 @@ class Screen:
         scale = _LEG_SHARE * self._canvas.get_height()
         self._brush = Brush(pygame, self._canvas, scale, self.walker.leg_length)
         self._trail: deque[tuple[Pose, int]] = deque(maxlen=_GHOSTS)
+        self._push, self._since = np.zeros(2), _FRAMES
         self._window: Any = None
         self._clock: Any = None
         self._open = True
@@ -92,7 +97,10 @@ class Screen:
         contact_x: float = 0.0,
         strides: int = 0,
         *,
+        contact_y: float = 0.0,
+        tilt: float = 0.0,
         torque: float = 0.0,
+        push: float = 0.0,
         notes: tuple[Sequence[str], Sequence[str]] = ((), ()),
         warning: str = "",
         profile: ArrayLike | None = None,
@@ -104,7 +112,11 @@ class Screen:
             slope: Slope in rad, positive downhill.
             contact_x: Where the stance foot touches the ground, along the slope.
             strides: Heelstrikes so far: the legs change roles, not colours.
+            contact_y: Height of the contact over the slope.
+            tilt: By how much the ground there slopes more steeply; angles are from its normal.
             torque: Hip torque as a share of the largest, from -1 to 1.
+            push: What has just pushed the hip along the ground, downhill, as a share of the
+                largest, from -1 to 1.
             notes: Lines of text for the upper left and the upper right corner.
             warning: A line below those on the left that is not to be overlooked.
             profile: The ground as points (x, y) along and off the slope, shape (n, 2), x rising;
@@ -120,7 +132,7 @@ class Screen:
             return None
         if np.shape(state) != (6,):
             raise ValueError(f"a frame shows one state of shape (6,), not {np.shape(state)}")
-        brush, posture = self._brush, pose(self.walker, state, contact_x)
+        brush, posture = self._brush, pose(self.walker, state, contact_x, contact_y, tilt)
         ground = _LEVEL if profile is None else np.asarray(profile, dtype=float)
         self._look_at(posture, slope, ground)
         self._canvas.fill(look.SKY)
@@ -132,6 +144,10 @@ class Screen:
         brush.disc(hip, 0.050, look.HIP)
         brush.disc(hip, 0.018, look.SKY)
         brush.turn(hip, 0.17, 1.9 * torque, look.TORQUE)
+        if push:
+            along = push * np.array([math.cos(tilt), -math.sin(tilt)])
+            self._push, self._since = along * _PUSH * self.walker.leg_length, 0
+        self._pushed(posture.hip)
         self._ground(ground)
         self._scuff(posture.swing, ground)
         self._write(notes, warning)
@@ -141,6 +157,12 @@ class Screen:
             return np.frombuffer(pixels, np.uint8).reshape(self.size[1], self.size[0], 3)
         self._show(frame)
         return None
+
+    @property
+    def seen(self) -> float:
+        """How far from its middle a frame shows the ground, corners and all, in lengths of x."""
+        pixels = 0.6 * math.hypot(*self._canvas.get_size())
+        return pixels / self._brush.scale * self.walker.leg_length
 
     def hip_on_frame(self, state: ArrayLike, slope: float) -> tuple[float, float]:
         """Where a frame shows the hip, in pixels from its upper left corner."""
@@ -171,10 +193,11 @@ class Screen:
             self._clock.tick(self.fps)
 
     def _look_at(self, posture: Pose, slope: float, ground: NDArray) -> None:
-        """Let the camera go along with the hip, at the height of the ground below."""
-        width, height = self._canvas.get_size()
-        camera = np.array([posture.hip[0], np.interp(posture.hip[0], *ground.T)])
-        self._brush.look_at(camera, slope, (0.5 * width, (1.0 - _GROUND_SHARE) * height))
+        """Let the camera go along with the hip, at the height of the ground around."""
+        wide, high = self._canvas.get_size()
+        around = posture.hip[0] + self.walker.leg_length * _VIEW
+        camera = np.array([posture.hip[0], height(ground, around).mean()])
+        self._brush.look_at(camera, slope, (0.5 * wide, (1.0 - _GROUND_SHARE) * high))
 
     def _follow(self, posture: Pose, strides: int) -> None:
         """Draw the ghosts of a walk, and keep the posture as one of them if it is far enough on.
@@ -187,6 +210,7 @@ class Screen:
             ahead = (posture.hip[0] - last.hip[0]) / length
             if strides < before or not -_GHOST_APART < ahead < 2.0:
                 self._trail.clear()
+                self._since = _FRAMES
         for age, (ghost, struck) in enumerate(reversed(self._trail)):
             paleness = 0.62 + 0.30 * age / _GHOSTS
             if posture.hip[0] - ghost.hip[0] < 0.5 * _GHOST_APART * length:
@@ -197,6 +221,14 @@ class Screen:
                 self._brush.line(places, 0.010, look.shaded(colour, look.SKY, paleness))
         if not self._trail or ahead > _GHOST_APART:
             self._trail.append((posture, strides))
+
+    def _pushed(self, hip: NDArray) -> None:
+        """The last push, until it has faded."""
+        if self._since < _FRAMES:
+            start = self._brush.at(hip)
+            colour = look.shaded(look.PUSH, look.SKY, self._since / _FRAMES)
+            self._brush.arrow(start, self._brush.at(hip + self._push) - start, colour)
+            self._since += 1
 
     def _leg(self, hip: NDArray, leg: Leg, colour: look.Colour) -> None:
         """Thigh, shank and foot."""
@@ -221,29 +253,27 @@ class Screen:
         Args:
             profile: Points (x, y) along and off the slope, (n, 2); level beyond both ends.
         """
-        brush, length = self._brush, self.walker.leg_length
-        height = self._canvas.get_height()
-        seen = 0.6 * math.hypot(*self._canvas.get_size()) / brush.scale * length  # every corner
+        brush, length, seen = self._brush, self.walker.leg_length, self.seen
         middle, floor = brush.camera
-        inner = profile[np.abs(profile[:, 0] - middle) < seen]
         ends = middle + seen * np.array([-1.0, 1.0])
-        x = np.concatenate([ends[:1], inner[:, 0], ends[1:]])
-        surface = brush.at(np.column_stack([x, np.interp(x, *profile.T)]))
+        surface = brush.at(between(profile, *ends))
         deep = brush.at(np.column_stack([ends[::-1], [floor - seen] * 2]))
         brush.polygon([*surface, *deep], look.GROUND)
         pitch = length / _MARKS
         for index in range(math.ceil(ends[0] / pitch), math.ceil(ends[1] / pitch)):
             numbered = index % _MARKS == 0
-            top = np.array([index * pitch, np.interp(index * pitch, *profile.T)])
+            top = np.array([index * pitch, height(profile, index * pitch)])
             mark = brush.at([top, top - [0.0, (0.07 if numbered else 0.035) * length]])
             brush.line(mark, 0.003, look.GROUND_LINE)
             if numbered:
-                brush.write(f"{index // _MARKS} l", mark[1] + [0.0, 0.012 * height])
+                brush.write(
+                    f"{index // _MARKS} l", mark[1] + [0.0, 0.012 * self._canvas.get_height()]
+                )
         brush.line(surface, 0.005, look.GROUND_LINE)
 
     def _scuff(self, leg: Leg, profile: NDArray) -> None:
         """Mark what of the swing foot is below the ground, where the model lets it pass."""
-        depth = np.interp(leg.sole[:, 0], *profile.T) - leg.sole[:, 1]
+        depth = height(profile, leg.sole[:, 0]) - leg.sole[:, 1]
         if depth.max() > _SCUFF * self.walker.leg_length:
             below = self._brush.at(leg.sole[depth > 0.0])
             self._brush.line(np.atleast_2d(below), 0.008, look.WARNING)
@@ -254,8 +284,7 @@ class Screen:
 
     def _write(self, notes: tuple[Sequence[str], Sequence[str]], warning: str) -> None:
         """Lettering in the upper corners."""
-        width, height = self._canvas.get_size()
-        edge = 0.03 * height
+        width, edge = self._canvas.get_width(), 0.03 * self._canvas.get_height()
         for lines, across, anchor in (
             (notes[0], edge, "topleft"),
             (notes[1], width - edge, "topright"),

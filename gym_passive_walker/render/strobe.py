@@ -7,15 +7,17 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import check_state
 from gym_passive_walker.extras import need
 from gym_passive_walker.gaits.samples import states_at
 from gym_passive_walker.gaits.stride import stride
-from gym_passive_walker.gaits.trajectory import simulate
+from gym_passive_walker.gaits.terrain import Terrain
+from gym_passive_walker.gaits.trajectory import Trajectory, ground_of, simulate
 from gym_passive_walker.render import look
 from gym_passive_walker.render.axes import GREY, axes_for, figure_of, legend, save
+from gym_passive_walker.render.ground import between, ground_under, height
 from gym_passive_walker.render.pose import Leg, Pose, legs_by_identity, level, pose
 from gym_passive_walker.walkers import Walker, as_walker, name_of
 
@@ -40,6 +42,8 @@ def strobe(
     strides: int = 2,
     flashes: int = 7,
     hip_torque: ArrayLike = 0.0,
+    terrain: Terrain | None = None,
+    key: int = 0,
     ax: Axes | None = None,
     path: Path | None = None,
 ) -> Figure:
@@ -52,6 +56,8 @@ def strobe(
         strides: How many strides to follow.
         flashes: Pictures of each stride, evenly spaced in time, both ends included.
         hip_torque: Torque held through a stride: a number, or one for each.
+        terrain: How footholds lie; smooth when None.
+        key: Which of the terrain's walks, if it is random.
         ax: Axes to draw into; a figure of its own when None.
         path: File to write, of any kind that matplotlib knows by its ending.
 
@@ -63,30 +69,46 @@ def strobe(
         ImportError: if matplotlib is not installed.
     """
     need("matplotlib", "figures")
-    walk = simulate(walker, slope, state, strides=strides, samples=flashes, hip_torque=hip_torque)
+    walk = simulate(
+        walker, slope, state, strides=strides, samples=flashes, hip_torque=hip_torque,
+        terrain=terrain, key=key,
+    )  # fmt: skip
     # A heelstrike is one posture, though the walk has it before and after.
     once = np.append(np.diff(walk.strides) == 0, True)
-    knees = []
-    if walk.walker.knees:
-        torques = np.broadcast_to(np.asarray(hip_torque, dtype=float), (strides,))
-        for count, first in enumerate(range(0, len(walk), flashes)):
-            start, torque = walk.states[first], torques[count]
-            struck = stride(walk.walker, slope, start, hip_torque=torque).kneestrike_time
-            if np.isfinite(struck):
-                there, _ = states_at(walker, slope, start, [struck], hip_torque=torque)
-                rolled = walk.walker.foot_radius * (start[0] - there[0, 0])
-                posture = pose(walker, there[0], walk.contact_x[first] + rolled)
-                knees.append(posture.swing.knee)
+    torques = np.broadcast_to(np.asarray(hip_torque, dtype=float), (strides,))
     return strobe_of(
         walker,
         walk.states[once],
         walk.contact_x[once],
         slope,
+        contact_y=walk.contact_y[once],
+        tilts=walk.tilts[once],
+        surface=ground_under(walk, walk.walker.leg_length),
         strides=walk.strides[once],
-        kneestrikes=np.reshape(knees, (-1, 2)),
+        kneestrikes=_kneestrikes(walk, torques, flashes) if walk.walker.knees else (),
         ax=ax,
         path=path,
     )
+
+
+def _kneestrikes(walk: Trajectory, torques: NDArray, samples: int) -> NDArray[np.float64]:
+    """Where knees struck their stops, (k, 2)."""
+    walker, knees = walk.walker, []
+    ground = ground_of(walk.terrain, walk.key, len(torques))
+    for first, torque, (tilt, rise, turn) in zip(
+        range(0, len(walk), samples), torques, ground.tolist(), strict=False
+    ):
+        start, slope = walk.states[first], walk.slope + tilt
+        struck = stride(
+            walker, slope, start, hip_torque=torque, rise=rise * walker.leg_length, turn=turn
+        ).kneestrike_time
+        if np.isfinite(struck):
+            there, _ = states_at(walker, slope, start, [struck], hip_torque=torque)
+            rolled = walker.foot_radius * (start[0] - there[0, 0])
+            x = walk.contact_x[first] + rolled * math.cos(tilt)
+            y = walk.contact_y[first] - rolled * math.sin(tilt)
+            knees.append(pose(walker, there[0], x, y, tilt).swing.knee)
+    return np.reshape(knees, (-1, 2))
 
 
 def strobe_of(
@@ -95,6 +117,9 @@ def strobe_of(
     contact_x: ArrayLike,
     slope: float,
     *,
+    contact_y: ArrayLike = 0.0,
+    tilts: ArrayLike = 0.0,
+    surface: ArrayLike | None = None,
     strides: ArrayLike = 0,
     kneestrikes: ArrayLike = (),
     ax: Axes | None = None,
@@ -107,6 +132,11 @@ def strobe_of(
         states: [stance, thigh, shank] angles in rad, then their rates, shape (n, 6).
         contact_x: Where the stance foot touches the ground, along the slope, shape (n,).
         slope: Slope in rad, positive downhill.
+        contact_y: Height of the contacts over the slope, shape (n,), or a number.
+        tilts: By how much the ground there slopes more steeply, in rad, likewise: angles are from
+            its normal.
+        surface: The ground as points (x, y) along and off the slope, (m, 2), x rising; the
+            slope itself when None.
         strides: Heelstrikes before each state, shape (n,), so that a leg keeps its colour; a
             number if there were none between them.
         kneestrikes: Where a knee struck its stop, (x, y) along and off the slope, shape (k, 2).
@@ -123,21 +153,27 @@ def strobe_of(
     walker, states = as_walker(walker), check_state(states)
     if states.ndim != 2 or not len(states):
         raise ValueError(f"states must have shape (n, 6) with n above 0, not {states.shape}")
-    contact_x = np.broadcast_to(np.asarray(contact_x, dtype=float), len(states))
+    x, y, tilts = (
+        np.broadcast_to(np.asarray(part, dtype=float), len(states))
+        for part in (contact_x, contact_y, tilts)
+    )
     strides = np.broadcast_to(np.asarray(strides, dtype=int), len(states))
-    posture = pose(walker, states, contact_x)
+    posture = pose(walker, states, x, y, tilts)
     length = walker.leg_length
     everything = np.concatenate([posture.hip, posture.stance.foot, posture.swing.foot])
     span = everything[:, 0].min() - 0.3 * length, everything[:, 0].max() + 0.3 * length
     if ax is None:
         across = (span[1] - span[0]) / length
         inches = min(2.6, 10.0 / across)  # to a leg length
-        ax = axes_for(None, (inches * across, inches * (1.45 + across * math.sin(abs(slope)))))
-    ground(ax, span, slope, length)
+        down = across * math.sin(abs(slope))
+        if surface is not None:
+            down += float(np.ptp(np.asarray(surface)[:, 1])) / length
+        ax = axes_for(None, (inches * across, inches * (1.45 + down)))
+    ground(ax, span, slope, length, surface)
     struck = np.append(True, np.diff(strides) != 0)
     struck[-1] = True
     for index in range(len(states)):
-        own = pose(walker, states[index], contact_x[index])
+        own = pose(walker, states[index], x[index], y[index], tilts[index])
         for leg, colour in zip(legs_by_identity(own, int(strides[index])), LEGS, strict=True):
             stands = leg is own.stance and not struck[index]
             width, alpha = (2.0, 1.0) if struck[index] else (1.0, _FAINT if stands else 0.9)
@@ -168,15 +204,24 @@ def _leg(ax: Axes, own: Pose, leg: Leg, slope: float, shod: bool, **style: Any) 
         ax.plot(*level(leg.sole, slope).T, **(style | {"linewidth": 0.7 * style["linewidth"]}))
 
 
-def ground(ax: Axes, span: tuple[float, float], slope: float, length: float) -> None:
-    """The slope under a picture, with a mark each half leg length and a number each whole one."""
-    surface = level([(span[0], 0.0), (span[1], 0.0)], slope)
-    floor = surface[:, 1].min() - 0.2 * length
-    ax.fill_between(surface[:, 0], surface[:, 1], floor, color=GROUND, linewidth=0.0)
-    ax.plot(*surface.T, color=LINE, linewidth=1.0)
+def ground(
+    ax: Axes,
+    span: tuple[float, float],
+    slope: float,
+    length: float,
+    surface: ArrayLike | None = None,
+) -> None:
+    """The ground under a picture, with a mark each half leg length and a number each whole one."""
+    flat = np.column_stack([span, np.zeros(2)])
+    line = flat if surface is None else between(np.asarray(surface), *span)
+    shown = level(line, slope)
+    floor = shown[:, 1].min() - 0.2 * length
+    ax.fill_between(shown[:, 0], shown[:, 1], floor, color=GROUND, linewidth=0.0)
+    ax.plot(*shown.T, color=LINE, linewidth=1.0)
     pitch = 0.5 * length
     for index in range(math.ceil(span[0] / pitch), math.floor(span[1] / pitch) + 1):
-        top, bottom = level([(index * pitch, 0.0), (index * pitch, -0.05 * length)], slope)
+        high = float(height(line, index * pitch))
+        top, bottom = level([(index * pitch, high), (index * pitch, high - 0.05 * length)], slope)
         ax.plot(*np.transpose([top, bottom]), color=LINE, linewidth=1.0)
         label = {"fontsize": "small", "color": LINE, "ha": "center", "va": "top"}
         ax.text(bottom[0], bottom[1] - 0.02 * length, f"${index / 2:g}\\,l$", **label)

@@ -151,6 +151,15 @@ WRONG = {
     "bifurcation C 0.07 0.09 --keep 8": "keep more strides than the longest period 32",
     "basin lab 0.036 --resolution 0": "resolution must be a whole number from 1 on",
     "simulate lab 0.036 --out walk.txt": "ends in .csv or .npz",
+    "simulate lab 0.036 --strides 0": "--strides must be a whole number from 1 on",
+    "simulate lab 0.036 --terrain sand": "terrain has no sand; it has rough, stairs",
+    "simulate lab 0.036 --terrain rough:depth=1": "unexpected keyword argument 'depth'",
+    "simulate lab 0.036 --terrain rough:height_std=x": "takes numbers, not 'height_std=x'",
+    "strobe lab 0.036 --terrain stairs:-0.01": "a terrain is written as rough:height_std",
+    "video lab 0.036 --terrain {rough": "{rough is no JSON: Expecting",
+    "evaluate level-ppo --terrain waves:height=1,strides=1": "strides must be a whole number from",
+    "evaluate level-ppo --terrain list.json": "a terrain is a Terrain, None, or a mapping",
+    "simulate lab 0.036 --terrain rough:height_std=1e-3 --key -1": "key must be a whole number",
     "figures 9.9": "no figure '9.9': choose from 4.3",
     "video lab 0.036 --out walk.doc": "must end in .mp4 or .gif",
     "evaluate nobody": "no policy 'nobody': choose from lab-ppo",
@@ -178,6 +187,45 @@ def test_bad_input_is_answered_in_one_sentence(line, mine, capsys):
     *before, sentence = said.err.splitlines()
     assert said.out == "" and sentence.startswith("error: ") and WRONG[line] in sentence
     assert all("compiles" in other for other in before)  # from an empty cache
+
+
+@pytest.mark.parametrize(
+    ("text", "terrain"),
+    [
+        ("rough:height_std=0.002,slope_std=0.004", gpw.rough(0.002, 0.004)),
+        ("stairs:rise=-0.01", gpw.stairs(-0.01)),
+        ("waves:height=0.01,strides=6", gpw.waves(0.01, 6)),
+        ("footholds:heights=[0,-0.002],slopes=[0,0.01]", gpw.footholds([0, -0.002], [0, 0.01])),
+        ('{"rough": {"height_std": 0.002}}', gpw.rough(0.002)),
+        ("ground.json", gpw.stairs(0.002)),
+    ],
+)
+def test_a_terrain_is_understood_however_it_is_written(text, terrain, mine):
+    (mine.parent / "ground.json").write_text('{"stairs": {"rise": 0.002}}')
+    for command in ("simulate", "strobe", "video"):
+        assert parser().parse_args([command, "lab", "0.036", "--terrain", text]).terrain == terrain
+    assert parser().parse_args(["evaluate", "level-ppo", "--terrain", text]).terrain == terrain
+
+
+def test_a_walk_over_rough_ground_is_told_as_it_is_walked(told, mine):
+    ground = ["--terrain", "rough:height_std=0.002,slope_std=0.005", "--key", 3]
+    rows = told("simulate", "lab", 0.036, "--strides", 5, *ground, "--out", "walk.csv")
+    state, terrain = gpw.find_gait("lab", 0.036).state, gpw.rough(0.002, 0.005)
+    walk = gpw.simulate("lab", 0.036, state, 5, terrain=terrain, key=3)
+    assert [row["stance_angle"] for row in rows] == walk.states[::100, 0].tolist()
+    with (mine.parent / "walk.csv").open() as file:
+        heights = [float(row["contact_y"]) for row in csv.DictReader(file)]
+    assert heights == walk.contact_y.tolist()
+    other = told("simulate", "lab", 0.036, "--strides", 5, *ground[:-1], 4)
+    assert other[1]["stance_angle"] != rows[1]["stance_angle"]
+
+
+def test_agents_are_judged_on_the_ground_that_was_asked_for(told):
+    smooth, bumpy = (
+        told("evaluate", "level-ppo", "--episodes", 2, *ground)
+        for ground in ([], ["--terrain", "rough:height_std=0.004"])
+    )
+    assert smooth[0]["distance"] != bumpy[0]["distance"]
 
 
 def test_where_there_is_no_gait_the_status_tells(capsys):

@@ -73,7 +73,7 @@ def test_walkers_that_all_differ_walk_in_a_crowd_as_each_does_alone(count, threa
             walker = env.unwrapped
             np.testing.assert_array_equal(crowd.states[place], walker.state)
             assert crowd.slopes[place] == walker.slope
-            assert crowd.batch.contact(place) == walker.contact
+            assert crowd.batch.contact(place).x == walker.contact
     assert ended > len(places)
 
 

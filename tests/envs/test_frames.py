@@ -56,6 +56,18 @@ def test_slope_and_torque_are_told_and_the_arrow_is_a_share_of_the_largest():
     assert f"hip torque {0.4 * env.scene.max_hip_torque:+.3f} m g l" in heard.said
 
 
+def test_a_push_is_shown_in_the_step_in_which_it_comes():
+    env, _, heard = walked(0, scene="lab", pushes={"rate": 0.5, "impulse": (-0.004, 0.002)})
+    shown = []
+    for _ in range(40):
+        *_, info = env.step(np.zeros(1, np.float32))
+        frames.frame(env.batch, 0, heard)
+        shown.append((heard.told["push"], info["push_work"]))
+    pushes, works = np.transpose(shown)
+    np.testing.assert_array_equal(pushes != 0.0, works != 0.0)
+    assert (pushes != 0.0).sum() >= 3 and np.abs(pushes).max() <= 2.0
+
+
 def test_a_fall_is_told_in_words():
     _env, infos, heard = walked(400, scene="lab")
     assert heard.told["warning"] == infos[-1]["outcome"].replace("_", " ") != ""

@@ -264,10 +264,10 @@ def test_pictures_follow_the_walker(play):
 def test_the_contact_goes_along_with_the_steps(make):
     env = make(scene="lab", perturbation=0.0)
     env.reset(seed=0)
-    assert env.batch.contact(0) == 0.0
+    assert env.batch.contact(0).x == 0.0
     length = 0.0
     for _ in range(100):
         *_, info = env.step(np.zeros(1))
         if info.get("outcome") == "heelstrike":
             length += info["step_length"] * env.walker.leg_length
-            assert env.batch.contact(0) == pytest.approx(length)
+            assert env.batch.contact(0).x == pytest.approx(length)

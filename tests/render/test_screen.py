@@ -117,6 +117,19 @@ def test_a_longer_arrow_is_a_larger_torque(no_display):
     assert drawn[1] > 1.3 * drawn[0] > 0
 
 
+@pytest.mark.parametrize("push", [-0.8, 0.8])
+def test_a_push_is_an_arrow_from_the_hip_that_fades(push, no_display):
+    screen, calm = Screen("lab"), Screen("lab").draw(GAIT, SLOPE)
+    shown = mask(screen.draw(GAIT, SLOPE, push=push), look.PUSH)
+    hip, _ = screen.hip_on_frame(GAIT, SLOPE)
+    columns = np.flatnonzero(shown.any(axis=0))
+    assert np.sign(0.5 * (columns[0] + columns[-1]) - hip) == np.sign(push)
+    assert columns[-1] - columns[0] > 0.6 * 0.8 * 0.45 * 0.62 * 450
+    frames = [screen.draw(GAIT, SLOPE) for _ in range(10)]
+    assert (frames[0] != calm).any() and not mask(frames[3], look.PUSH).any()
+    np.testing.assert_array_equal(frames[-1], calm)
+
+
 def test_a_foot_below_the_ground_is_marked_and_one_above_is_not(no_display):
     above, below = [0.1, -0.1, -0.7, 0.0, 0.0, 0.0], [0.2, 0.05, 0.05, 0.0, 0.0, 0.0]
     assert (
