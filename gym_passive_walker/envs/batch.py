@@ -282,8 +282,8 @@ class Batch:
             return
         here.fates["ledge"] = ledges
         self.records["ground"][:, 0, 2] += ledges
-        here.fates["impulse"] = impulses
-        here.fates["due"] = np.where(here.fates["impulse"] != 0.0, times, here.fates["due"])
+        here.fates["known"] = impulses
+        here.fates["due"] = np.where(here.fates["known"] != 0.0, times, here.fates["due"])
 
     @property
     def charged_for(self) -> str:

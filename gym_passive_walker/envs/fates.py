@@ -33,7 +33,7 @@ FATE = np.dtype(
         ("command", "f8"),  # speed to keep
         ("due", "f8"),  # when the next push comes, since the stride began
         ("until", "f8"),  # when the step is over, likewise
-        ("impulse", "f8"),  # of that push, where it is known beforehand
+        ("known", "f8"),  # of that push, where it is known beforehand
         ("ledge", "f8"),  # height of one before the next foothold, besides the terrain
         ("pushes", "i8"),  # that have come
         ("push_work", "f8"),  # of those in this step
@@ -157,7 +157,7 @@ def begin(fates, odds, lanes, keys, pending, records, ledger, table, spread):
         fate.due = wait(fate, odds[0]) if odds[0].rate > 0.0 else np.inf
         fate.impulse, pending[i] = 0.0, 0.0
         fate.slope, fate.tilt, fate.x, fate.y = ledger[i].slope, 0.0, 0.0, 0.0
-        fate.impulse, fate.ledge = 0.0, 0.0
+        fate.known, fate.ledge = 0.0, 0.0
         if odds[0].uneven:
             lay(records[i, 0], ledger[i], fate, table, spread)
 
@@ -189,8 +189,8 @@ def meet(records, bodies, i, fate, odds, natives):
     while fate.due <= record.time + _INSTANT:
         low, high = odds.push[0], odds.push[1]
         impulse = low + (high - low) * uniform(fate.key, fate.pushes, _HOW_HARD)
-        if fate.impulse != 0.0:
-            impulse, fate.impulse = fate.impulse, 0.0
+        if fate.known != 0.0:
+            impulse, fate.known = fate.known, 0.0
         call(native.push, address(records[i]), address(bodies[i]), 0, 0, -impulse, 0.0)
         fate.impulse += impulse
         fate.pushes += 1
