@@ -102,7 +102,7 @@ class Disturbances:
     def pushed(self, lane: int) -> float:
         """What pushed a walker in this step, as a share of the largest push."""
         impulse = float(self.fates["impulse"][lane])
-        return impulse / float(np.abs(self.odds["push"]).max()) if impulse else 0.0
+        return impulse / max(float(np.abs(self.odds["push"]).max()), abs(impulse), 1e-300)
 
     def told(self, bodies: NDArray) -> dict[str, NDArray]:
         """What `info` tells besides at every step: a number for each walker."""

@@ -37,6 +37,7 @@ def newton(
     iterations: int = 20,
     longest: float = 0.7,
     damped: bool = True,
+    patience: int | None = None,
 ) -> Solution:
     """Solve equations near guesses, all of them side by side.
 
@@ -52,6 +53,8 @@ def newton(
         iterations: Steps tried at most.
         longest: Longest step, by its largest coordinate.
         damped: Whether steps are shortened.
+        patience: Steps after the first solution for others to be found; as many as there may be
+            when None.
 
     References:
         P. Deuflhard, "Newton Methods for Nonlinear Problems" (2004), for the natural test.
@@ -59,8 +62,11 @@ def newton(
     points = guesses.copy()
     values, derivatives, carried = _evaluated(equations, points)
     sizes = _size(values)
-    damping = np.ones(len(points))
-    for _ in range(iterations):
+    damping, left = np.ones(len(points)), iterations
+    while left:
+        left -= 1
+        if patience is not None and np.any(sizes <= accuracy):
+            left, patience = min(left, patience), None
         active = np.flatnonzero(np.isfinite(sizes) & (sizes > accuracy) & (damping > 1e-2))
         if len(active) == 0:
             break

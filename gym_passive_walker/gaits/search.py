@@ -29,6 +29,7 @@ ACCURACY = 1e-12
 """Tolerance of the strides by which gaits are told apart."""
 
 _BATCHES = (12, 24, 96)  # promising starts tried by Newton's method, as long as need be
+_PATIENCE = 2  # steps for other starts to follow the first that has led to a gait
 _APART = 0.03  # starts closer than this are tried once
 _LOOKS = 64  # at the swing leg during a stride
 _LARGEST = 1.4  # stance angle of a gait, in rad
@@ -77,6 +78,7 @@ def search(
     period: int,
     enough: Callable[[list[Gait]], bool],
     batches: tuple[int, ...] = _BATCHES,
+    patience: int | None = None,
 ) -> tuple[list[Gait], Counter]:
     """Gaits that Newton's method reaches from some starts; and how the starts' strides ended.
 
@@ -87,6 +89,7 @@ def search(
         period: Strides until a gait repeats.
         enough: Whether the gaits found are all that is wanted.
         batches: Starts tried by Newton's method, as long as it is not enough.
+        patience: Of that method, as of `newton`: for whom one gait is enough.
     """
     gaits: list[Gait] = []
     found: list[NDArray] = []
@@ -98,7 +101,7 @@ def search(
             gait = gait_equations(followed, sane, slope, period=period)
             return gait.values, gait.derivatives
 
-        solved = newton(equations, guesses, accuracy=accuracy)
+        solved = newton(equations, guesses, accuracy=accuracy, patience=patience)
         return solved.points[solved.sizes < limit]
 
     first = roughly.apply(from_logarithms(u), slope, strides=period)
@@ -202,7 +205,7 @@ def seek(
         )
 
     u = begin(stride_map, slope, period, guess)
-    gaits, ends = search(stride_map, slope, u, period, enough)
+    gaits, ends = search(stride_map, slope, u, period, enough, patience=_PATIENCE)
     chosen = wanted(gaits)
     return Sought(chosen[0 if kind == "long" else -1] if chosen else None, gaits, ends)
 
