@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -117,7 +118,8 @@ def search(
                 continue  # another stride of a gait found in this batch
             orbit = _orbit(stride_map, point, slope, period)
             if len(orbit) == period and _human(roughly, point, slope):
-                gaits.append(measure(stride_map, point, slope, period))
+                with suppress(np.linalg.LinAlgError):  # a rounding off, there may be no stride
+                    gaits.append(measure(stride_map, point, slope, period))
             for stride in orbit:
                 found.append(stride)
                 candidates.avoid(stride)
