@@ -17,6 +17,7 @@ from validation import (
     point_feet,
     simplest,
     tuning,
+    wheel,
 )
 from validation.rows import Row
 
@@ -62,6 +63,7 @@ SECTIONS = (
     Section("Which gait is the faster (4.9, Figs. 4.11 to 4.13)", families.speeds),
     Section("Other publications: the simplest walker", literature.simplest_walker),
     Section("Other publications: the compass walker", literature.compass),
+    Section("Rough ground: the rimless wheel, and point feet", wheel.rough_ground),
     Section("Controllers: push-off (Kuo)", controllers.push_off,
             "The simplest walker on level ground, l = 1 m, g = 9.81 m/s²; P over m √(g l), the "
             "hip spring K per foot mass over g l."),
@@ -103,6 +105,7 @@ _SOURCES = """## Sources
   Trans. Systems, Man, and Cybernetics A 31 (2001) 737–745.
 - P. A. Bhounsule, A. Zamani, *A discrete control Lyapunov function for exponential orbital
   stabilization of the simplest walker*, J. Mechanisms Robotics 9 (2017) 051011.
+- K. Byl, R. Tedrake, *Metastable walking machines*, Int. J. Robotics Research 28 (2009) 1040–1064.
 - M. J. Feigenbaum, *Quantitative universality for a class of nonlinear transformations*, J. Stat.
   Phys. 19 (1978) 25–52.
 """

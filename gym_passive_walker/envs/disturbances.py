@@ -100,9 +100,10 @@ class Disturbances:
         return Contact(x * length, y * length, tilt)
 
     def pushed(self, lane: int) -> float:
-        """What pushed a walker in this step, as a share of the largest push."""
+        """What pushed a walker in this step, as a share of the largest push, from -1 to 1."""
         impulse = float(self.fates["impulse"][lane])
-        return impulse / max(float(np.abs(self.odds["push"]).max()), abs(impulse), 1e-300)
+        largest = max(abs(impulse), float(np.abs(self.odds["push"]).max()))
+        return impulse / largest if impulse else 0.0
 
     def told(self, bodies: NDArray) -> dict[str, NDArray]:
         """What `info` tells besides at every step: a number for each walker."""

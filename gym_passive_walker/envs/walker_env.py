@@ -58,7 +58,8 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## Observation Space
 
     A `Box` of shape (8,), float32, the same for all walkers and controls (a `command` is one number
-    more, from 0 to 1):
+    more, from 0 to 1; a `preview` two for each foothold, its rise from -1 to 1 leg lengths and its
+    turn from -pi/2 to pi/2):
 
     | Num | Observation                                    | Min   | Max  |
     | --- | ---------------------------------------------- | ----- | ---- |
@@ -169,6 +170,8 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `command`        | None                | speed over sqrt(g l); or (low, high)       |
     | `command_weight` | 2.0                 | price of a leg length beside the command   |
     | `reality`        | {}                  | check: "ignore", "report" or "end"         |
+    | `terrain`        | None                | {"rough": {"height_std": ...}} or another  |
+    | `preview`        | 0                   | footholds ahead that are seen              |
     | `friction`       | 0.8                 | coefficient of foot and ground             |
     | `knee_latch`     | 0.0                 | torque that holds the stance knee          |
     | `scuff_depth`    | 0.01                | how deep the swing foot may pass           |

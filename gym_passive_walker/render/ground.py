@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from gym_passive_walker.gaits.terrain import Terrain, contacts
 from gym_passive_walker.gaits.trajectory import Trajectory
@@ -94,7 +94,7 @@ def ground_under(walk: Trajectory, margin: float) -> NDArray[np.float64] | None:
     return profile(walk.walker, walk.terrain, walk.key, 0, known, reach, length)
 
 
-def height(surface: NDArray[np.float64], x: ArrayLike) -> NDArray[np.float64]:
+def height(surface: NDArray[np.float64], x: NDArray[np.float64] | float) -> NDArray[np.float64]:
     """How high a surface is at some places."""
     return np.asarray(np.interp(x, surface[:, 0], surface[:, 1]))
 

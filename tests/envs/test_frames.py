@@ -65,7 +65,7 @@ def test_a_push_is_shown_in_the_step_in_which_it_comes():
         shown.append((heard.told["push"], info["push_work"]))
     pushes, works = np.transpose(shown)
     np.testing.assert_array_equal(pushes != 0.0, works != 0.0)
-    assert (pushes != 0.0).sum() >= 3 and np.abs(pushes).max() <= 2.0
+    assert (pushes != 0.0).sum() >= 3 and np.abs(pushes).max() <= 1.0
 
 
 def test_a_fall_is_told_in_words():

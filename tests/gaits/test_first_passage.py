@@ -20,11 +20,7 @@ from gym_passive_walker.physics.hybrid import Outcome, Phase, Reset, Stage, Stri
 from gym_passive_walker.physics.numbers import sine_cosine
 from gym_passive_walker.physics.systems import SYSTEMS, body_of
 from gym_passive_walker.units import units_of
-
-SPOKES, SLOPE = 8, math.radians(8.0)
-HALF = math.pi / SPOKES
-KEEPS = math.cos(2.0 * HALF) ** 2
-"""Share of its energy that a wheel keeps in a collision."""
+from validation.wheel import FASTEST, HALF, KEEPS, SLOPE, wheels
 
 LASTS = {2.0: 4324.9129, 3.0: 113.56971}
 """Steps to a fall, by the standard deviation of the slope in degrees."""
@@ -90,33 +86,6 @@ def steady_rate() -> float:
 START = legs.straight(HALF, 3.0 * HALF, steady_rate(), steady_rate())
 
 
-def wheels(deviation: float):
-    """What may come of a step, by the squared rate with which the hub came over the top.
-
-    From one top to the next only the slope between them matters: it says how far the hub falls to
-    the collision, and how far it then has to rise.
-    """
-    points, weights = np.polynomial.legendre.leggauss(80)
-    along, across = 2.0 * math.cos(HALF) * (1.0 - KEEPS), 2.0 * math.sin(HALF) * (1.0 + KEEPS)
-
-    def strides(squares):
-        # Below a slope of `least` the hub does not come over the next top.
-        lacks = 2.0 * (1.0 - KEEPS) - KEEPS * squares
-        least = math.atan2(across, along) - np.arccos(
-            np.clip(lacks / math.hypot(along, across), -1.0, 1.0)
-        )
-        least = np.maximum(least, SLOPE - 9.0 * deviation)
-        half = 0.5 * (SLOPE + 9.0 * deviation - least)
-        slopes = least[:, None] + half[:, None] * (points + 1.0)
-        density = np.exp(-0.5 * ((slopes - SLOPE) / deviation) ** 2)
-        density /= deviation * math.sqrt(2.0 * math.pi)
-        following = KEEPS * squares[:, None] - 2.0 * (1.0 - KEEPS)
-        following = following + along * np.cos(slopes) + across * np.sin(slopes)
-        return following, density * half[:, None] * weights
-
-    return strides
-
-
 def test_a_wheel_on_smooth_ground_keeps_its_rate():
     apex = math.sqrt(steady_rate() ** 2 - 2.0 * (1.0 - math.cos(HALF - SLOPE)))
     assert apex * math.sqrt(9.8) == pytest.approx(1.209733838, rel=1e-9)
@@ -127,7 +96,7 @@ def test_a_wheel_on_smooth_ground_keeps_its_rate():
 @pytest.mark.parametrize(("degrees", "lasts"), LASTS.items())
 def test_a_wheel_lasts_as_long_as_its_return_map_says(degrees, lasts):
     strides = wheels(math.radians(degrees))
-    found = [leading_eigenvalue(strides, 0.0, 1.2, nodes) for nodes in (60, 80)]
+    found = [leading_eigenvalue(strides, 0.0, FASTEST, nodes) for nodes in (60, 80)]
     assert found[0] == pytest.approx(found[1], rel=1e-10)
     assert 1.0 / (1.0 - found[1]) == pytest.approx(lasts, rel=1e-7)
     printed, near = PRINTED[degrees]

@@ -1,0 +1,102 @@
+"""A rimless wheel on rough ground: a walker without a swing leg, whose falls can be foretold."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker import WALKERS, stride
+from gym_passive_walker.gaits.first_passage import leading_eigenvalue
+from validation.rows import Row, number
+from validation.walks import gait
+
+SPOKES, SLOPE = 8, math.radians(8.0)
+HALF = math.pi / SPOKES
+KEEPS = math.cos(2.0 * HALF) ** 2
+"""Share of its energy that a wheel keeps in a collision."""
+
+FASTEST = 1.2
+"""Squared rate over the top, times l/g, that no wheel reaches."""
+
+_WHEEL = "Byl, Tedrake 2009"
+_ELSEWHERE = "Recomputed for their wheel, by another program."
+
+
+def wheels(deviation: float) -> Callable[[NDArray], tuple[NDArray, NDArray]]:
+    """What may come of a step, by the squared rate with which the hub came over the top.
+
+    From one top to the next only the slope between them matters: it says how far the hub falls to
+    the collision, and how far it then has to rise.
+
+    Args:
+        deviation: Standard deviation of that slope, in rad.
+
+    Returns:
+        A return map, as `leading_eigenvalue` takes it.
+    """
+    points, weights = np.polynomial.legendre.leggauss(80)
+    along, across = 2.0 * math.cos(HALF) * (1.0 - KEEPS), 2.0 * math.sin(HALF) * (1.0 + KEEPS)
+
+    def strides(squares: NDArray) -> tuple[NDArray, NDArray]:
+        # Below a slope of `least` the hub does not come over the next top.
+        lacks = 2.0 * (1.0 - KEEPS) - KEEPS * squares
+        least = math.atan2(across, along) - np.arccos(
+            np.clip(lacks / math.hypot(along, across), -1.0, 1.0)
+        )
+        least = np.maximum(least, SLOPE - 9.0 * deviation)
+        half = 0.5 * (SLOPE + 9.0 * deviation - least)
+        slopes = least[:, None] + half[:, None] * (points + 1.0)
+        density = np.exp(-0.5 * ((slopes - SLOPE) / deviation) ** 2)
+        density /= deviation * math.sqrt(2.0 * math.pi)
+        following = KEEPS * squares[:, None] - 2.0 * (1.0 - KEEPS)
+        following = following + along * np.cos(slopes) + across * np.sin(slopes)
+        return following, density * half[:, None] * weights
+
+    return strides
+
+
+def lasts(degrees: float, nodes: int = 80) -> float:
+    """Steps to a fall on average, by the standard deviation of the slope in degrees."""
+    passing = leading_eigenvalue(wheels(math.radians(degrees)), 0.0, FASTEST, nodes)
+    return 1.0 / (1.0 - passing)
+
+
+def rough_ground() -> Iterator[Row]:
+    """The wheel's two numbers, and what point feet make of steps."""
+    said = f"{_WHEEL} | wheel of 8 spokes, slopes normal about 8° by"
+    yield number(f"{said} 2°: steps to a fall | 4324.913", lasts(2.0), digits=8, remark=_ELSEWHERE)
+    why = (
+        f"{_ELSEWHERE} Ours has as many digits at 60 nodes as at 80, and wheels that walk on the "
+        "package's engine fall as often."
+    )
+    yield number(
+        f"{said} 3°: steps to a fall | 113.5564", lasts(3.0), known="113.5697", digits=8, remark=why
+    )
+    for name in "DEF":
+        yield number(
+            f"geometry | {name}, slope 0.009: stride to a foothold down along a slope steeper by "
+            "0.005, and turned so, less that on the steeper slope | 0",
+            _step_down(name, 0.005),
+            within=1e-11,
+            digits=2,
+            remark="Largest difference in state and, as a share, in duration and loss.",
+        )
+
+
+def _step_down(name: str, steeper: float) -> float:
+    """How a step down onto a turned foothold differs from a stride on a steeper slope."""
+    walker, walks = WALKERS[name], gait(name, 0.009)
+    on_slope = stride(walker, walks.slope + steeper, walks.state, tolerance=1e-13)
+    turned = np.array([steeper] * 3 + [0.0] * 3)
+    on_steps = stride(
+        walker, walks.slope, walks.state - turned, tolerance=1e-13,
+        rise=-on_slope.step_length * math.sin(steeper), turn=steeper,
+    )  # fmt: skip
+    shares = [
+        getattr(on_steps, measure) / getattr(on_slope, measure) - 1.0
+        for measure in ("duration", "heelstrike_loss")
+    ]
+    return float(np.abs([*(on_steps.state - on_slope.state), *shares]).max())
