@@ -101,7 +101,7 @@ LOWEST[6] = 0.0
 
 _HEELSTRIKE, _STALLED = int(Outcome.HEELSTRIKE), int(Outcome.STALLED)
 _PUSH_OFF = CHANNELS.index("push_off")
-_ABSOLUTE, _POSITIVE, _NET = map(ENERGIES.index, ("absolute", "positive", "net"))
+_ABSOLUTE, _POSITIVE = map(ENERGIES.index, ("absolute", "positive"))
 
 
 def motor_charge(charged, torque, moved, turned):
