@@ -14,7 +14,6 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import DOP853, RK45
@@ -70,21 +69,16 @@ def swinging(system: System) -> System:
     return system._replace(name="swinging", phases=(phase,))
 
 
-@numba.njit(error_model="numpy", nogil=True)
-def _carry(records, bodies, phases, tiles, courses, options):  # type: ignore[no-untyped-def]
-    carry_on(records, bodies, phases, tiles, courses, options[0], True)
-
-
 def compiled(p: Problem, pair: Pair) -> Callable[[NDArray, float], NDArray]:
     """A function that carries starts to the horizon, at a tolerance."""
     system, body = swinging(p.system), np.array(p.body)[None, None]
     phases = phases_of(system, loaded(object_code(written(system, pair=pair))))
-    space = aligned(tile_for(pair), 1), np.zeros(1, COURSE)
+    desk = aligned(tile_for(pair), 1), np.zeros(1, COURSE)
 
     def ends(starts: NDArray, tolerance: float) -> NDArray:
         records = new_records(starts, p.slope, end=HORIZON)
         records["step"] = min(0.5, tolerance ** (1.0 / pair.order))
-        _carry(records, body, phases, *space, options(tolerance))
+        carry_on(records, body, phases, options(tolerance, from_section=True), *desk)
         return records["state"][:, 0]
 
     return ends

@@ -153,6 +153,8 @@ def run(
         for mutant in ([] if tried else chosen)
         if mutant.name not in known or (again and not known[mutant.name]["noticed_by"])
     ]
+    if PACKAGE in sys.modules:
+        raise RuntimeError("the package is loaded already: tests would not meet a changed one")
     for library in LIBRARIES:
         with suppress(ImportError):
             import_module(library)

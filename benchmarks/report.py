@@ -12,8 +12,6 @@ from datetime import date
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from gym_passive_walker.render.axes import HEAVY, LIGHT, legend, panels, save, series
-
 DOCS = Path(__file__).parent.parent / "docs"
 PAGE = DOCS / "benchmarks.md"
 
@@ -113,6 +111,8 @@ def plot(
         title: Over the picture.
         falling: Whether the horizontal axis runs from large to small.
     """
+    from gym_passive_walker.render.axes import HEAVY, LIGHT, legend, panels, save, series
+
     figure, (axes,) = panels(size=(7.0, 5.6))
     for index, (label, (across, up)) in enumerate(curves.items()):
         width = HEAVY if label.startswith("this engine") else LIGHT

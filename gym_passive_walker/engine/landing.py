@@ -178,11 +178,11 @@ def earliest(phase, course, h, scuff):
 
 @jitted
 def accept(tiles, courses, phase, lane, event):
-    """Take the end of a step as the new start: moved onto an event, or as it is if that is 0."""
+    """Take the end of a step as the new start: moved onto an event, or as it is if that is 0.0."""
     for k in range(_CONTROLS):
         courses[0].turning[k] = turning(tiles[0], phase, courses[0], lane, k)
     here, course, planes = address(tiles), address(courses), len(tiles) - 1
-    call(phase.accept, here, course, lane, planes, float(event), 0.0)
+    call(phase.accept, here, course, lane, planes, event, 0.0)
 
 
 @inlined
@@ -242,7 +242,7 @@ def land(tiles, courses, phase, lane, scuff, landing):
     if other != 0 and further(course, other - 1, 0.0) < -_TOGETHER:
         aim(tile, lane, other, root(path(course, other - 1, h)), h)
         return 0
-    accept(tiles, courses, phase, lane, event if close else 0)
+    accept(tiles, courses, phase, lane, float(event) if close else 0.0)
     look(tiles, courses, phase, lane)
     if course.counts[event - 1] == 0.0:
         go_on(tile, lane)
@@ -295,7 +295,7 @@ def attend(tiles, courses, phase, lane, scuff, landing):
     following = min(h * tile.growth[lane], LONGEST_STEP)
     if following > tile.next[lane] or error > 0.1:
         tile.next[lane] = following
-    accept(tiles, courses, phase, lane, 0)
+    accept(tiles, courses, phase, lane, 0.0)
     if tile.time[lane] >= tile.end[lane] * (1.0 - 1e-15):
         return TIME_UP
     go_on(tile, lane)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gym_passive_walker.engine.jit import address, call, inlined, jitted
+from gym_passive_walker.engine.jit import address, call, jitted
 from gym_passive_walker.engine.landing import TIME_UP, attend
 from gym_passive_walker.engine.layout import WIDTH
 from gym_passive_walker.engine.native import GROUP
@@ -21,16 +21,6 @@ _LINE = 8 * GROUP  # bytes from one group of a tile's lanes to the next
 
 WAITING, HALTED = int(Outcome.RUNNING), -1
 """Outcomes of a record that is to be carried on, and of one whose time is up."""
-
-
-@inlined
-def next_waiting(records, index, phase):
-    """The first record from an index on that waits for a phase; their number if none does."""
-    while index < len(records):
-        if records[index, 0].phase == phase and records[index, 0].outcome == WAITING:
-            break
-        index += 1
-    return index
 
 
 @jitted
@@ -56,15 +46,13 @@ def carry(records, bodies, phase, number, tiles, courses, options):
         for lane in range(WIDTH):
             call(phase.equip, origin, address(bodies[0]), lane, planes, 0.0, 0.0)
     while True:
-        lane = 0
-        while lane < used:
+        for lane in range(used):
             event, verdict = 0, tiles[0].verdict[lane]
             if verdict == ALERT:
                 event = attend(tiles, courses, phase, lane, options.scuff, options.landing)
             elif verdict == UP:
                 event = TIME_UP
             if event == 0:
-                lane += 1
                 continue
             record = records[owner[lane]]
             up = 1.0 if event == TIME_UP else 0.0
@@ -74,18 +62,21 @@ def carry(records, bodies, phase, number, tiles, courses, options):
             else:
                 record[0].outcome = HALTED if event == TIME_UP else _DIVERGED
             owner[lane] = -1
-            lane += 1
         # Fill what is free from those who wait, or from the last lanes in use.
         lane = 0
         while lane < WIDTH:
             if lane >= used or owner[lane] < 0:
-                waiting = next_waiting(records, waiting, number)
+                while waiting < len(records):
+                    record = records[waiting, 0]
+                    if record.phase == number and record.outcome == WAITING:
+                        break
+                    waiting += 1
                 if waiting < len(records):
                     if not alike:
                         body = address(bodies[waiting])
                         call(phase.equip, origin, body, lane, planes, 0.0, 0.0)
-                    record = address(records[waiting])
-                    call(phase.load, origin, record, lane, planes, options.first_step, 0.0)
+                    whole = address(records[waiting])
+                    call(phase.load, origin, whole, lane, planes, options.first_step, 0.0)
                     owner[lane] = waiting
                     waiting += 1
                     used = max(used, lane + 1)

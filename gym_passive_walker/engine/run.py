@@ -30,6 +30,7 @@ OPTIONS = np.dtype(
         ("landing", "f8"),  # by how much of its length a step's end may be moved onto an event
         ("first_step", "f8"),
         ("scuff", "i8"),  # whether a kneed walker's locked leg below the ground ends the stride
+        ("from_section", "i8"),  # whether records stand just after heelstrike, or at their phase
     ]
 )
 """What a run of the engine is told."""
@@ -44,32 +45,32 @@ _FALLS = int(Outcome.FELL_FORWARD)
 
 
 @Kernel
-def carry_on(records, bodies, phases, tiles, courses, options, from_section):
+def carry_on(records, bodies, phases, options, tiles, courses):
     """Carry walkers to heelstrike, their fall, or their time's end.
 
     Args:
-        records: Shape (n, planes); at their phase, or just after heelstrike if `from_section`.
+        records: Shape (n, planes).
         bodies: Walkers' constants, (1 or n, planes, constants).
         phases: From `compiled.compiled`, derived if there are planes behind the values.
+        options: From `options`.
         tiles: From `workspace`.
         courses: Likewise.
-        options: An `OPTIONS`.
-        from_section: Whether records stand just after heelstrike.
     """
-    scuff, planes = float(options.scuff), len(tiles) - 1
+    told, planes = options[0], len(tiles) - 1
+    scuff = float(told.scuff)
     for first in range(0, len(records), _CHUNK):
         chunk = records[first : first + _CHUNK]
         own = bodies[first : first + _CHUNK] if len(bodies) > 1 else bodies
         for i in range(len(chunk)):
             record, body = address(chunk[i]), address(own[i if len(own) > 1 else 0])
             # A walker that would begin beyond a bound has fallen already.
-            if from_section:
+            if told.from_section:
                 call(phases[0].begin, record, body, 0, planes, 0.0, 0.0)
             else:
                 call(phases[chunk[i, 0].phase].open, record, body, 0, planes, 0.0, 0.0)
         for number in range(len(phases)):
             phase = phases[number]
-            carry(chunk, own, phase, number, tiles, courses, options)
+            carry(chunk, own, phase, number, tiles, courses, told)
             for i in range(len(chunk)):
                 record = chunk[i]
                 outcome = record[0].outcome
@@ -80,11 +81,6 @@ def carry_on(records, bodies, phases, tiles, courses, options, from_section):
         for i in range(len(chunk)):
             if chunk[i, 0].outcome == HALTED:
                 chunk[i, 0].outcome = WAITING
-
-
-@Kernel
-def _advance(records, bodies, phases, tiles, courses, options, from_section):
-    carry_on(records, bodies, phases, tiles, courses, options[0], from_section)
 
 
 class Seeds(NamedTuple):
@@ -171,13 +167,15 @@ def _desk(planes: int) -> tuple[NDArray, NDArray]:
 
 
 @lru_cache
-def options(tolerance: float, *, scuff: bool = False, planes: int = 0) -> NDArray:
+def options(
+    tolerance: float, *, scuff: bool = False, from_section: bool = False, planes: int = 0
+) -> NDArray:
     """What the engine is told of a tolerance, shape (1,) of OPTIONS."""
     # A step's end is moved by up to `landing` of its length by its Taylor series of second order.
     # Derivatives need it smaller, but where a foot comes down slowly 1e-13 drowns in rounding.
     landing = 1e-11 if planes else 0.1 * math.sqrt(tolerance)
     first_step = tolerance ** (1.0 / PAIR.order)
-    return np.array([(tolerance, landing, first_step, scuff)], OPTIONS)
+    return np.array([(tolerance, landing, first_step, scuff, from_section)], OPTIONS)
 
 
 @lru_cache(maxsize=1)
@@ -246,11 +244,11 @@ def advance(
         values, bodies = bodies, np.zeros((len(bodies), changes + 1, bodies.shape[2]))
         bodies[:, :1] = values
     phases = compiled(system.name, derived=changes > 0)
-    told = options(tolerance, scuff=scuff, planes=changes)
+    told = options(tolerance, scuff=scuff, from_section=from_section, planes=changes)
 
     def job(first: int, last: int) -> None:
         own = bodies[first:last] if len(bodies) > 1 else bodies
-        _advance(records[first:last], own, phases, *_desk(changes), told, from_section)
+        carry_on(records[first:last], own, phases, told, *_desk(changes))
 
     in_parts(job, len(records), threads)
     return records

@@ -34,7 +34,6 @@ _CROWD = 2048  # walkers from which on threads may share the work
 def _rules(scene: Scene, system: System, step_limit: float) -> NDArray:
     """A scene's rules, as the kernel reads them."""
     rules = np.zeros(1, task.RULES)
-    rules["engine"] = options(scene.tolerance, scuff=bool(scene.stub))
     rules["tick"] = scene.tick if scene.control == "tick" else math.inf
     rules["longest_stride"] = scene.longest_stride
     rules["actions"] = len(scene.actions)
@@ -124,11 +123,12 @@ class Batch:
         self.randoms: list[np.random.Generator] = []
         self.machinery = self._machinery()
 
-    def _machinery(self) -> tuple[NDArray, NDArray, NDArray]:
-        """Compiled phases, and where one thread works."""
-        if self.disturbances:
-            return self.disturbances.natives[0], *workspace()
-        return compiled(self.system.name), *workspace()
+    def _machinery(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+        """Compiled phases, what the engine is told, and where one thread works."""
+        here = self.disturbances
+        phases = here.natives[0] if here else compiled(self.system.name)
+        told = options(self.scene.tolerance, scuff=bool(self.scene.stub))
+        return phases, told, *workspace()
 
     @property
     def _constants(self) -> NDArray[np.float64]:
@@ -354,14 +354,14 @@ class Batch:
             own = self.bodies[a:b] if len(self.bodies) > 1 else self.bodies
             seen = observations[a * self.seen : b * self.seen]
             walkers = self.records[a:b], own, self.ledger[a:b], self.rules
-            desk = self.machinery[1:] if (a, b) == (0, self.count) else workspace()
+            desk = self.machinery[2:] if (a, b) == (0, self.count) else workspace()
             results = seen, rewards[a:b], terminated[a:b], truncated[a:b]
             acts = each[a:b].reshape(-1)
             if self.disturbances:
                 step, further = fates.step, self.disturbances.part(a, b)
             else:
                 step, further = task.step, ()
-            counts = step(*walkers, self.machinery[0], *desk, *further, acts, *results)
+            counts = step(*walkers, *self.machinery[:2], *desk, *further, acts, *results)
             ended.append(counts[-2:])
 
         in_parts(job, self.count, self.threads)

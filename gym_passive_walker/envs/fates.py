@@ -202,7 +202,7 @@ def meet(records, bodies, i, fate, odds, natives):
 
 
 @jitted
-def carry_through(records, bodies, fates, phases, tiles, courses, options, odds, natives):
+def carry_through(records, bodies, fates, phases, options, tiles, courses, odds, natives):
     """Carry walkers to the end of their step, past all that they meet on the way."""
     going, count = np.empty(len(records), np.int64), 0
     for i in range(len(records)):
@@ -211,7 +211,7 @@ def carry_through(records, bodies, fates, phases, tiles, courses, options, odds,
             meet(records, bodies, i, fates[i], odds, natives)
             going[count] = i
             count += 1
-    carry_on(records, bodies, phases, tiles, courses, options, False)
+    carry_on(records, bodies, phases, options, tiles, courses)
     while True:
         before, count = count, 0
         for j in range(before):
@@ -224,7 +224,7 @@ def carry_through(records, bodies, fates, phases, tiles, courses, options, odds,
         if count == 0:
             return
         some, theirs = records[going[:count]], bodies[going[:count]]
-        carry_on(some, theirs, phases, tiles, courses, options, False)
+        carry_on(some, theirs, phases, options, tiles, courses)
         for j in range(count):
             records[going[j], 0] = some[j, 0]
             bodies[going[j]] = theirs[j]
@@ -278,7 +278,7 @@ def obey(row, fate, odds):
 
 @Kernel
 def step(
-    records, bodies, ledger, rules, phases, tiles, courses, fates, pending, odds, natives,
+    records, bodies, ledger, rules, phases, options, tiles, courses, fates, pending, odds, natives,
     table, spread, actions, observations, rewards, terminated, truncated,
 ):  # fmt: skip
     """A step of every walker, whose actions are finite; returns `settle`'s answers."""
@@ -287,7 +287,7 @@ def step(
     for i in range(len(records)):
         fates[i].idle = task.over(ledger[i])
         bodies[i, 0, len(bodies[i, 0]) - _ROOM :][: len(_BLANK)] = _BLANK
-    carry_through(records, bodies, fates, phases, tiles, courses, rules[0].engine, odds[0], natives)
+    carry_through(records, bodies, fates, phases, options, tiles, courses, odds[0], natives)
     for i in range(len(records)):
         if not fates[i].idle:
             judge(records, bodies, i, ledger[i], fates[i], odds[0], phases, natives)

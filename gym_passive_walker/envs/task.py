@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from gym_passive_walker.engine.jit import Kernel, address, call, jitted
-from gym_passive_walker.engine.run import OPTIONS, carry_on
+from gym_passive_walker.engine.run import carry_on
 from gym_passive_walker.physics.hybrid import Outcome
 
 EVERY_STEP = ("distance", "energy", "episode_distance", "episode_energy", "strides")
@@ -68,7 +68,6 @@ LEDGER = np.dtype(
 
 RULES = np.dtype(
     [
-        ("engine", OPTIONS),
         ("tick", "f8"),
         ("longest_stride", "f8"),
         ("actions", "i8"),  # how many an agent has
@@ -102,7 +101,7 @@ LOWEST[6] = 0.0
 
 _HEELSTRIKE, _STALLED = int(Outcome.HEELSTRIKE), int(Outcome.STALLED)
 _PUSH_OFF = CHANNELS.index("push_off")
-_ABSOLUTE, _POSITIVE, _NET = map(ENERGIES.index, ("absolute", "positive", "net"))
+_ABSOLUTE, _POSITIVE = map(ENERGIES.index, ("absolute", "positive"))
 
 
 def motor_charge(charged, torque, moved, turned):
@@ -271,7 +270,7 @@ def charge(record, row, rules):
         energy = _motor_charge(rules.charged, torque, moved, turned)
         row.energy += energy
         row.charge[channel] += energy
-        row.net_work[channel] += _motor_charge(_NET, torque, moved, turned)
+        row.net_work[channel] += torque * moved
     if record.outcome == _HEELSTRIKE and rules.largest[_PUSH_OFF] != 0.0:
         row.energy += record.push_work
         row.charge[_PUSH_OFF] = record.push_work
@@ -372,14 +371,14 @@ def forget_stride(row):
 
 @Kernel
 def step(
-    records, bodies, ledger, rules, phases, tiles, courses,
+    records, bodies, ledger, rules, phases, options, tiles, courses,
     actions, observations, rewards, terminated, truncated,
 ):  # fmt: skip
     """A step of every walker; returns `command`'s and `settle`'s answers."""
     wrong = command(records, ledger, rules[0], actions)
     if wrong >= 0:
         return wrong, 0, 0
-    carry_on(records, bodies, phases, tiles, courses, rules[0].engine, False)
+    carry_on(records, bodies, phases, options, tiles, courses)
     strides, endings = settle(
         records, bodies, ledger, rules[0], phases, observations, rewards, terminated, truncated
     )

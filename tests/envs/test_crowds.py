@@ -10,7 +10,6 @@ from gymnasium.vector import SyncVectorEnv
 
 from gym_passive_walker import WALKERS, blend
 from gym_passive_walker.envs.registration import ID
-from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 
 START = (0.3, -0.3, -0.3, -0.42, -0.25, -0.4)
@@ -224,6 +223,9 @@ def test_what_was_told_of_walkers_and_slopes_does_not_change_afterwards():
 
 
 def test_each_lane_of_a_learner_tells_its_own_walker():
+    pytest.importorskip("stable_baselines3")
+    from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
+
     env = PassiveWalkerVecEnv(3, "rolling", seed=2)
     env.reset()
     states, slopes = env.get_attr("state"), env.get_attr("slope")

@@ -13,7 +13,6 @@ import gym_passive_walker as gpw
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.envs import task
 from gym_passive_walker.envs.registration import ID
-from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.envs.scene import CALM, SceneError, make_scene, undisturbed
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.physics.hybrid import Outcome, State
@@ -178,6 +177,9 @@ def test_walkers_go_on_from_a_saved_state_as_they_would_have(assert_same):
 
 
 def test_stable_baselines_tells_what_befell_a_walker_where_its_episode_ends(assert_same):
+    pytest.importorskip("stable_baselines3")
+    from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
+
     world = PassiveWalkerVecEnv(3, "lab", max_episode_steps=30, seed=2, **EVERYTHING)
     assert world.observation_space.shape == (9,)
     assert world.reset().shape == (3, 9)

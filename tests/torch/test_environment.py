@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import torch
 
-torch = pytest.importorskip("torch")
-
-from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv  # noqa: E402
-from gym_passive_walker.physics.hybrid import Outcome  # noqa: E402
-from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv  # noqa: E402
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
 
 MODES = ("NextStep", "SameStep", "Disabled")
 
