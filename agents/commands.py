@@ -180,6 +180,9 @@ def run_benchmark(arguments: Sequence[str]) -> int:
             raise ConfigError(str(error)) from None
         standings.write_csv(folder / "agents-scores.csv", scores)
         standings.draw(folder / "images" / "agents-pareto.png", scores)
+        standings.draw_learning(
+            folder / "images" / "agents-learning.png", args.out / "runs", scores
+        )
     return 0
 
 

@@ -33,6 +33,10 @@ from torch import Tensor, nn
 from gym_passive_walker.control.tape import Linear, Tape
 
 _STATE = slice(0, 6)  # of an observation: what moves
+_LISTENING = 10
+"""Horizons in which the policy comes to move as far as it is told to: a critic that has seen nothing
+tells nothing, and where all walkers have learned to fall no gradient helps them up."""
+
 _FARTHEST = 1.2
 """Largest action that a policy learns: beyond the bound, yet not a long way back from it."""
 
@@ -213,8 +217,9 @@ class SHAC(OnPolicyAlgorithm):
         seen = torch.as_tensor(self.rollout_buffer.observations)
         gains, costates = self._gradients(seen.numpy())
         rows = seen.reshape(-1, seen.shape[-1])
+        reach = self.reach * min(1.0, self._n_updates / (self.n_epochs * _LISTENING))
         with torch.no_grad():
-            actions = self.action(rows) + self.reach * _single(gains).reshape(-1)
+            actions = self.action(rows) + reach * _single(gains).reshape(-1)
             actions.clamp_(-_FARTHEST, _FARTHEST)
         values = _single(self.rollout_buffer.returns).reshape(-1)
         slopes = _single(costates).reshape(len(rows), -1)

@@ -1,7 +1,8 @@
-"""What a benchmark found: raw scores as CSV, tables in Markdown, and the picture."""
+"""What a benchmark found: raw scores as CSV, tables in Markdown, and pictures."""
 
 from __future__ import annotations
 
+import csv
 import math
 from collections import Counter
 from collections.abc import Sequence
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import bootstrap, trim_mean
 
-from agents.benchmark import AGENTS, SCORES
+from agents.benchmark import AGENTS, SCORES, Unit
 from agents.config import ALGORITHMS
 from agents.evaluation import write_rows
 from agents.files import replacing
@@ -43,6 +44,7 @@ ROWS = (
     ("seconds_to_hundred", "  seconds of training", ".1f"),
     ("learning_steps", "steps of training in all", ",.0f"),
 )
+_CURVE = ("steps", "reward", "speed", "cost_of_transport")  # of a run's learning curve
 _FEWEST = 3  # seeds that give an interval
 _RESAMPLES = 2000
 
@@ -189,4 +191,38 @@ def draw(path: Path, scores: Sequence[Score]) -> None:
     ax.set(xlabel=SPEED, ylabel="cost of transport (absolute work)", yscale="log")
     ax.set(xlim=(0.04, 0.2), ylim=(3e-4, 0.1))
     legend(ax)
+    save(figure, path)
+
+
+def draw_learning(path: Path, runs: Path, scores: Sequence[Score]) -> None:
+    """Draw how agents come to walk on the level: a curve for each run, a mark where it ended.
+
+    Args:
+        path: The picture's file.
+        runs: The folder of the benchmark's runs; of one that is not there only the mark is drawn.
+        scores: What the benchmark found.
+    """
+    gaits = optimal.load("level")
+    figure, axes = panels(1, 2, (9.0, 4.2), sharex=True)
+    for index, (agent, walked) in enumerate(walking_on_the_level(scores).items()):
+        if agent not in ALGORITHMS:
+            continue
+        style = series(index)
+        for score in walked:
+            curve = runs / str(Unit("level", agent, score["seed"])) / "learning_curve.csv"
+            if curve.is_file():
+                told = list(csv.DictReader(curve.open(encoding="utf-8")))[1:]  # untrained: at none
+                rows = np.array([[float(row[name]) for name in _CURVE] for row in told])
+                above = [cost / optimal.least_cost(gaits, v) - 1.0 for v, cost in rows[:, 2:]]
+                for ax, values in zip(axes, (rows[:, 1], above), strict=True):
+                    ax.plot(rows[:, 0], values, color=style["color"], linewidth=0.7, alpha=0.7)
+        ends = {**style, "linestyle": "", "markersize": 5.0, "alpha": 0.7, "label": agent}
+        steps = [score["learning_steps"] for score in walked]
+        for ax, name in zip(axes, ("reward", "above_optimum"), strict=True):
+            ax.plot(steps, [score[name] for score in walked], **ends)
+    axes[0].set(xscale="log", xlabel="steps of training", ylabel="return of a walk", ylim=(0, 55))
+    axes[1].set(xlabel="steps of training", ylabel="cost above the optimum at that speed")
+    axes[1].set(yscale="log", ylim=(1e-3, 3.0))
+    for ax in axes:
+        legend(ax)
     save(figure, path)
