@@ -286,7 +286,7 @@ SCENES: dict[str, dict[str, Any]] = {
     "rolling": {"slope": (0.0, 0.06)},
     "lab": {"walker": "lab", "slope": 0.036},
     "rough": {"slope": 0.02, "terrain": {"rough": {"height_std": 0.002}}, "preview": 2},
-    "pushed": {"pushes": {"rate": 0.05, "impulse": (-0.05, 0.05)}},
+    "pushed": {"pushes": {"rate": 0.05, "impulse": (-0.03, 0.03)}},
     "push-off": {
         "walker": "D",
         "control": "stride",

@@ -12,11 +12,11 @@ import gym_passive_walker as gpw
 from gym_passive_walker.control.policy import steps
 from gym_passive_walker.policies import policy_folder, shipped_policies
 
-SCENES = ("level", "steep", "rolling")
+SCENES = ("level", "steep", "rolling", "commanded")
 
 
 def test_each_scene_that_needs_a_motor_has_one():
-    assert {name.split("-")[0] for name in shipped_policies()} >= set(SCENES)
+    assert {name.rpartition("-")[0] for name in shipped_policies()} >= set(SCENES)
 
 
 @pytest.mark.parametrize("name", shipped_policies())
@@ -29,8 +29,8 @@ def test_a_shipped_policy_is_numbers_and_text(name):
 @pytest.mark.parametrize("name", shipped_policies())
 def test_a_shipped_policy_walks_in_its_scene(name):
     policy = gpw.load_policy(name)
-    assert name.split("-")[1] == policy.name.lower()
-    arena = gymnasium.make_vec("PassiveWalker-v0", num_envs=10, scene=name.split("-")[0])
+    assert name.rpartition("-")[2] == policy.name.lower()
+    arena = gymnasium.make_vec("PassiveWalker-v0", num_envs=10, scene=name.rpartition("-")[0])
     assert arena.scene == policy.scene
     observations, _ = arena.reset(seed=77)
     strides, under_way = np.zeros(10), np.ones(10, bool)
