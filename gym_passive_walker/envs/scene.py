@@ -311,7 +311,7 @@ SCENES: dict[str, dict[str, Any]] = {
 - "rolling": walker C on a slope drawn from 0 to 0.06 at each reset.
 - "lab": the laboratory's walker at 0.036, where passive walking is stable.
 - "rough": walker C gently downhill, over footholds whose heights differ by 1 in 500 of its leg;
-  two are seen ahead. It trips after a stride or two.
+  two are seen ahead. It trips after a few strides.
 - "pushed": walker C on level ground, pushed to and fro once in some seven strides.
 - "push-off": the simplest walker on level ground, near Kuo's slow gait (2002), in which each stride
   ends with a push-off of 0.04; without any it falls back in its first.

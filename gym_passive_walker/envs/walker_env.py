@@ -143,7 +143,8 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ```
 
     `scene` names a scene (`gym_passive_walker.envs.scene.SCENES`) whose arguments the others
-    change: "level" (the default), "steep", "rolling" or "lab".
+    change: "level" (the default), "steep", "rolling", "lab", "rough", "pushed", "push-off" or
+    "commanded".
 
     | Argument         | Default             | What                                       |
     | ---------------- | ------------------- | ------------------------------------------ |

@@ -76,7 +76,8 @@ def load_policy(name_or_folder: str | Path) -> TrainedPolicy:
 
     Args:
         name_or_folder: A policy that comes with the package, by its name: "level-ppo", "steep-ppo",
-            "steep-sac", "rolling-ppo" or "lab-ppo"; or the folder of an exported one.
+            "steep-sac", "rolling-ppo", "lab-ppo", "rough-ppo", "pushed-ppo", "push-off-ppo" or
+            "commanded-ppo"; or the folder of an exported one.
 
     Returns:
         The policy: its `predict(observation, state, episode_start, deterministic)` is that of
