@@ -25,6 +25,7 @@ from gym_passive_walker.gaits.design import Design, optimise_walker
 from gym_passive_walker.gaits.doubling import Cascade, doubling_cascade
 from gym_passive_walker.gaits.drive import Drive
 from gym_passive_walker.gaits.family import GaitFamily, gait_family, parameter_family
+from gym_passive_walker.gaits.first_passage import leading_eigenvalue
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.lyapunov import lyapunov_exponents
@@ -110,6 +111,7 @@ __all__ = [
     "gait_family",
     "lab_walker_from_parts",
     "largest_push",
+    "leading_eigenvalue",
     "load_policy",
     "local_exponents",
     "lyapunov_exponents",

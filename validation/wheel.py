@@ -8,8 +8,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker import WALKERS, stride
-from gym_passive_walker.gaits.first_passage import leading_eigenvalue
+from gym_passive_walker import WALKERS, leading_eigenvalue, stride
 from validation.rows import Row, number
 from validation.walks import gait
 
