@@ -34,8 +34,8 @@ from gym_passive_walker.control.tape import Linear, Tape
 
 _STATE = slice(0, 6)  # of an observation: what moves
 _LISTENING = 10
-"""Horizons in which the policy comes to move as far as it is told to: a critic that has seen nothing
-tells nothing, and where all walkers have learned to fall no gradient helps them up."""
+"""Horizons in which the policy comes to move as far as it is told to: a critic that has seen
+nothing tells nothing, and where all walkers have learned to fall no gradient helps them up."""
 
 _FARTHEST = 1.2
 """Largest action that a policy learns: beyond the bound, yet not a long way back from it."""
