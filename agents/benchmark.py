@@ -83,7 +83,7 @@ def units(scenes: Iterable[str], agents: Iterable[str], seeds: int) -> list[Unit
 
 @lru_cache
 def suits(agent: str, scene: str) -> bool:
-    """Whether an agent can walk in a scene: by a preset there, a hip to act by, gaits to follow."""
+    """Whether an agent can walk in a scene: has a preset, a hip to act by, gaits to follow."""
     if agent in ALGORITHMS:
         return scene in presets(agent)
     if agent == "optimal" and isinstance(make_scene(scene).slope, tuple):

@@ -222,7 +222,7 @@ def draw_learning(path: Path, runs: Path, scores: Sequence[Score]) -> None:
             ax.plot(steps, [score[name] for score in walked], **ends)
     axes[0].set(xscale="log", xlabel="steps of training", ylabel="return of a walk", ylim=(0, 55))
     axes[1].set(xlabel="steps of training", ylabel="cost above the optimum at that speed")
-    axes[1].set(yscale="log", ylim=(1e-3, 3.0))
+    axes[1].set(ylim=(-0.05, 1.0))
     for ax in axes:
         legend(ax)
     save(figure, path)

@@ -115,7 +115,7 @@ def draws(run):
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("algo", ["ppo", "sac"])
+@pytest.mark.parametrize("algo", ["ppo", "sac", "shac"])
 def test_a_checkpoint_brings_back_every_source_of_random_numbers(tmp_path, algo):
     run = Run(small(algo), tmp_path)
     run.train(progress=False)
