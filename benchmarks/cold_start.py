@@ -1,6 +1,6 @@
 """How long until a walker walks? From an empty cache, and from a filled one, on one core.
 
-    python -m benchmarks.cold_start               both parts, a quarter of an hour
+    python -m benchmarks.cold_start               all parts, a quarter of an hour
     python -m benchmarks.cold_start waits         one of them
 
 Each wait is that of a process of its own, in CPU seconds: the first time with an empty cache, the
@@ -17,6 +17,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 from benchmarks.report import command, keep, machine, table
 
@@ -65,10 +66,11 @@ print(took)
 """
 
 
-def wait(parts: list[str], cache: str) -> float:
-    """CPU seconds of the last part, in a fresh process."""
+def wait(parts: list[str], cache: str, **processor: str) -> float:
+    """CPU seconds of the last part, in a fresh process; code may be made for another processor."""
     line = [sys.executable, "-c", _TIMED, json.dumps(parts)]
-    found = subprocess.run(line, env=alone(cache), capture_output=True, text=True, check=True)
+    variables = alone(cache) | processor
+    found = subprocess.run(line, env=variables, capture_output=True, text=True, check=True)
     return float(found.stdout.split()[-1])
 
 
@@ -81,6 +83,38 @@ def waits() -> None:
         print(*rows[-1], flush=True)
     text = table(["CPU seconds", "empty cache", "filled cache"], rows)
     keep("cold start", f"{text}\n\nOne core, each in a fresh process. {_machine()}.")
+
+
+PROCESSORS = {
+    "this processor": {},
+    "x86-64-v4": {"NUMBA_CPU_NAME": "x86-64-v4", "NUMBA_CPU_FEATURES": "-prefer-256-bit"},
+    "x86-64-v3": {"NUMBA_CPU_NAME": "x86-64-v3", "NUMBA_CPU_FEATURES": ""},
+}
+"""What code may be made for: where it is to run, or a level that many processors have."""
+
+_CROWD = (
+    "states = np.array(gpw.find_gait('lab', 0.036).state) * np.linspace(0.99, 1.01, 2048)[:, None]"
+)
+_STRIDES = "for _ in range(50): gpw.stride('lab', 0.036, states, tolerance=1e-6, threads=1)"
+
+
+def levels() -> None:
+    """What kernels made beforehand, for a level of processors, would save, weigh and cost."""
+    rows = []
+    reset, step = (part.format("lab", 0.036) for part in (_RESET, _STEP))
+    for level, processor in PROCESSORS.items():
+        with tempfile.TemporaryDirectory() as cache:
+            begun = [_ENVIRONMENT, f"{reset}; {step}"]
+            empty, filled = (wait(begun, cache, **processor) for _ in range(2))
+            kept = {file: file.stat().st_size / 1e3 for file in Path(cache).rglob("*.*")}
+            code = sum(size for file, size in kept.items() if file.suffix == ".o")
+            strides = [_BEGIN, _CROWD + "; " + _STRIDES.partition(": ")[2], _STRIDES]
+            took = min(wait(strides, cache, **processor) for _ in range(5)) / (50 * 2048)
+        rows.append((level, empty, filled, code, sum(kept.values()) - code, 1e6 * took))
+        print(*rows[-1], flush=True)
+    heads = ["made for", "CPU s, none there", "all there", "equations, kB", "bookkeeping, kB"]
+    text = table([*heads, "us a stride"], rows)
+    keep("levels", f"{text}\n\nOne core, scene lab: a first reset and step. {_machine()}.")
 
 
 def kernels() -> None:
@@ -160,7 +194,7 @@ def _compilations() -> list[tuple[str, float]]:
     return [*rows, ("all", sum(taken.values()))]
 
 
-PARTS: dict[str, Callable[[], None]] = {"waits": waits, "kernels": kernels}
+PARTS: dict[str, Callable[[], None]] = {"waits": waits, "levels": levels, "kernels": kernels}
 
 
 if __name__ == "__main__":

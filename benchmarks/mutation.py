@@ -38,6 +38,8 @@ PAGE = DOCS / "stability.md"
 PATIENCE = 300.0  # seconds after which a mutant that still runs counts as noticed
 LIBRARIES = ("numba", "scipy.optimize", "scipy.linalg", "gymnasium", "torch", "stable_baselines3")
 """What tests import and no mutant changes."""
+WITHIN_FATES = ("envs/checks", "envs/reality", "envs/task", "gaits/forces", "gaits/terrain")
+"""What the code for walkers whom something befalls is made of besides its own file."""
 
 
 class Copy:
@@ -72,7 +74,10 @@ class Copy:
         path.write_text(mutant.source)
         shutil.rmtree(self.cache, ignore_errors=True)
         if mutant.room not in ("physics", "engine"):
-            shutil.copytree(self.filled, self.cache)
+            # Kernels know a change of their own file, but not of others that they are made of.
+            stale = shutil.ignore_patterns("fates.*", "*-pushed-*", "*-watched-*")
+            ignored = stale if mutant.file in WITHIN_FATES else None
+            shutil.copytree(self.filled, self.cache, ignore=ignored)
         elif mutant.room == "physics" and mutant.file != "physics/hybrid":
             # Bookkeeping knows no equations.
             shutil.copytree(self.filled, self.cache, ignore=shutil.ignore_patterns("*.o"))

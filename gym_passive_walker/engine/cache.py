@@ -17,6 +17,8 @@ from functools import cache
 from pathlib import Path
 
 _ROOT = Path(__file__).parent.parent
+_SOURCES = ("physics/*", "engine/*", "envs/task", "envs/fates", "envs/reality", "envs/checks")
+_SOURCES += ("gaits/forces", "gaits/terrain")  # what is compiled, and what it is made of
 _DIGEST = hashlib.sha256().digest_size
 
 
@@ -27,8 +29,8 @@ def fingerprint() -> str:
     Numba notices when a function's own file changes, but not when a function that it calls does.
     """
     digest = hashlib.sha256()
-    for room in ("physics", "engine"):
-        for source in sorted((_ROOT / room).glob("*.py")):
+    for pattern in _SOURCES:
+        for source in sorted(_ROOT.glob(f"{pattern}.py")):
             digest.update(source.name.encode() + source.read_bytes())
     return digest.hexdigest()[:16]
 

@@ -219,7 +219,7 @@ def begin(
         records[i, 0], ledger[i] = blank_record[0], blank_row[0]
         record, row = records[i, 0], ledger[i]
         row.slope = slopes[j if len(slopes) > 1 else 0]
-        record.ground[0], record.ground[1] = np.sin(row.slope), np.cos(row.slope)
+        record.ground[0], record.ground[1] = math.sin(row.slope), math.cos(row.slope)
         gait = gaits[j if len(gaits) > 1 else 0]
         for k in range(6):
             which = 1 if k < 3 else (2 if k == 3 else 3)
@@ -242,7 +242,7 @@ def command(records, ledger, rules, actions):
     count = rules.actions
     for i in range(len(records)):
         for j in range(count):
-            if not np.isfinite(actions[i * count + j]) and not over(ledger[i]):
+            if not math.isfinite(actions[i * count + j]) and not over(ledger[i]):
                 return i
     for i in range(len(records)):
         record, row = records[i, 0], ledger[i]

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -165,6 +165,8 @@ def terrain_from(value: Terrain | Mapping[str, Any] | None) -> Terrain | None:
     """
     if value is None or isinstance(value, Terrain):
         return value
+    if isinstance(value, Mapping) and value.keys() == {field.name for field in fields(Terrain)}:
+        return Terrain(**value)  # as `dataclasses.asdict` tells it
     if not isinstance(value, Mapping) or len(value) != 1:
         raise ValueError(
             "a terrain is a Terrain, None, or a mapping of one of rough, stairs, waves and "

@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.control.robustness import AFTER, robustness
+from gym_passive_walker.control.robustness import AFTER, _largest, robustness
+from gym_passive_walker.engine.run import LONGEST_STRIDE, advance, new_records
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.physics.hybrid import State
+from gym_passive_walker.physics.systems import bodies, body_of
 from gym_passive_walker.units import units_of
 
 SLOPE = 0.036
@@ -87,6 +90,37 @@ def test_a_push_at_the_beginning_is_a_change_of_the_rates(lab):
             )
             pushed = units.to_own(np.concatenate([state[:3], state[3:] + jump]))
             assert (walked({}, pushed, AFTER) == AFTER) is survives
+
+
+@pytest.mark.parametrize("at", [2, 8], ids=["knee free", "knee locked"])
+def test_pushes_come_at_their_share_of_the_stride(lab, at):
+    gait, units = gpw.find_gait("lab", SLOPE), units_of(gpw.WALKERS["lab"])
+    system, body = gpw.physics.systems.system_of(gait.walker), bodies(gait.walker)
+    start, time = units.to_dimensionless(gait.state)[None], lab.phases[at] * lab.period
+    for share, survives in ((0.98, True), (1.03, False)):
+        records = new_records(start, SLOPE, end=time)
+        advance(system, body, records, tolerance=1e-10)
+        record = records[0]
+        push = system.phases[record["phase"][0]].push
+        jump = push(body_of(gait.walker), State(*record["state"][0]), -share * lab.forward[at], 0.0)
+        record["state"][0, 3:] += [jump[0], jump[1], jump[-1]]
+        record["end"] = LONGEST_STRIDE
+        advance(system, body, records, tolerance=1e-10, from_section=False)
+        struck = record["outcome"][0] == gpw.Outcome.HEELSTRIKE
+        following = walked({}, units.to_own(record["state"][0]), AFTER - 1) if struck else 0
+        assert (following == AFTER - 1) is survives
+
+
+def test_what_is_survived_ends_at_the_first_size_that_is_not():
+    (largest,) = _largest(lambda sizes: (sizes < 0.2) | (sizes > 0.5), np.ones(1), 1.0)
+    assert largest == pytest.approx(0.2, rel=0.01)
+
+
+def test_starts_are_off_by_a_factor_for_the_angle_and_for_each_leg(lab):
+    gait = gpw.find_gait("lab", SLOPE)
+    off = np.random.default_rng(0).uniform(0.5, 1.5, (64, 3))
+    made = [walked({}, gait.state * each[[0, 0, 0, 1, 2, 2]], AFTER) for each in off]
+    assert abs(lab.recovered - np.mean(np.array(made) == AFTER)) <= 1.0 / 64.0
 
 
 def test_rough_ground_is_survived_as_long_as_walkers_are_left(lab):

@@ -46,14 +46,12 @@ def test_kernels_cached_by_different_processes_are_not_mistaken_for_each_other(t
 
 
 def test_a_source_that_changes_has_another_fingerprint(tmp_path, monkeypatch):
-    root = cache._ROOT
-    for room in ("physics", "engine"):
-        shutil.copytree(root / room, tmp_path / room)
+    shutil.copytree(cache._ROOT, tmp_path, dirs_exist_ok=True)
     found = cache.fingerprint.__wrapped__
     before = found()
     monkeypatch.setattr(cache, "_ROOT", tmp_path)
     assert found() == before
-    for source in ("physics/legs.py", "engine/native.py"):
+    for source in ("physics/legs.py", "engine/native.py", "envs/reality.py", "gaits/terrain.py"):
         text = (tmp_path / source).read_text()
         (tmp_path / source).write_text(text + "\n")
         assert found() != before
@@ -61,6 +59,16 @@ def test_a_source_that_changes_has_another_fingerprint(tmp_path, monkeypatch):
         assert found() == before
     (tmp_path / "physics" / "another.py").write_text("")
     assert found() != before
+
+
+def test_whatever_is_compiled_is_part_of_the_fingerprint():
+    """Kernels call those of other files, and native code is traced from them."""
+    hashed = {path for pattern in cache._SOURCES for path in cache._ROOT.glob(f"{pattern}.py")}
+    making = ("engine.jit import", "engine.native import")
+    made = {
+        path for path in cache._ROOT.rglob("*.py") if any(m in path.read_text() for m in making)
+    }
+    assert len(made) > 10 and made <= hashed
 
 
 COMPILE = """

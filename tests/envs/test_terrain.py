@@ -8,6 +8,7 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.envs.scene import SceneError
+from gym_passive_walker.physics.systems import body_of
 
 ROUGH = {"walker": "C", "slope": 0.05, "terrain": gpw.rough(0.002, 0.004)}
 STRIDES = {**ROUGH, "control": "stride", "max_hip_torque": 0.0, "stub": False}
@@ -42,6 +43,32 @@ def test_a_walk_in_the_environment_is_the_walk_over_the_same_footholds():
     np.testing.assert_allclose(
         observations[: len(own), 7], 0.05 + trajectory.tilts[first], atol=1e-7
     )
+
+
+def test_both_legs_meet_at_the_hip_where_a_foot_comes_down_on_a_slope_of_its_own():
+    """However the ground tilts there, and wherever a round foot touches it."""
+    ground = {"heights": [0.0, 0.002, 0.0, 0.001], "slopes": [0.0, 0.01, -0.01, 0.02]}
+    told = STRIDES | {"walker": "lab", "slope": 0.036, "terrain": {"footholds": ground}}
+    env = gym.make("PassiveWalker-v0", **told, perturbation=0.0, disable_env_checker=True)
+    env.reset(seed=0)
+    batch, body = env.unwrapped.batch, body_of(gpw.WALKERS["lab"])
+    radius, leg = body.foot_radius, body.leg
+    fate, record = batch.disturbances.fates[0], batch.records[0, 0]
+
+    def hip(x, y, tilt, angle):
+        along, up = -leg * np.sin(angle), radius + leg * np.cos(angle)
+        sine, cosine = np.sin(tilt), np.cos(tilt)
+        return x + along * cosine + up * sine, y + up * cosine - along * sine
+
+    for _ in range(3):
+        began, (x, y, tilt) = record["state"][0], (float(fate[name]) for name in ("x", "y", "tilt"))
+        env.step(np.zeros(1))
+        assert record["outcome"] == gpw.Outcome.HEELSTRIKE
+        stood = record["state"][1] + tilt - float(fate["tilt"])  # on the patch that it leaves
+        rolled = radius * (began - stood)
+        there = hip(x + rolled * np.cos(tilt), y - rolled * np.sin(tilt), tilt, stood)
+        here = hip(*(float(fate[name]) for name in ("x", "y", "tilt")), record["state"][0])
+        np.testing.assert_allclose(here, there, atol=1e-9)
 
 
 @pytest.mark.parametrize("kwargs", [ROUGH, STRIDES], ids=["ticks", "strides"])
@@ -93,6 +120,19 @@ def test_smooth_terrain_changes_a_walk_by_no_more_than_rounding():
     level = walk(gym.make("PassiveWalker-v0", walker="C", slope=0.05), 40)[0]
     other = walk(gym.make("PassiveWalker-v0", walker="C", slope=0.05, terrain=gpw.rough()), 40)[0]
     np.testing.assert_allclose(level, other, atol=2e-6)
+
+
+def test_a_list_of_footholds_goes_on_as_its_last():
+    ground = gpw.footholds([0.0, 0.01, 0.03], [0.0, 0.02, 0.01]).ground(0, np.arange(5))
+    np.testing.assert_allclose(ground[:, 0], [0.0, 0.02, 0.01, 0.01, 0.01])
+    np.testing.assert_allclose(ground[:, 1], [0.01, 0.02, 0.0, 0.0, 0.0])
+    np.testing.assert_allclose(ground[:, 2], [0.02, -0.01, 0.0, 0.0, 0.0])
+
+
+def test_waves_go_up_and_down_once_in_their_strides():
+    rises = gpw.waves(0.01, 8).ground(0, np.arange(16))[:, 1]
+    heights = 0.01 * np.sin(2.0 * np.pi * np.arange(1, 17) / 8)
+    np.testing.assert_allclose(np.cumsum(rises), heights, atol=1e-15)
 
 
 def test_a_flight_of_stairs_leads_down_as_far_as_a_slope():

@@ -30,6 +30,7 @@ def test_gymnasium_finds_no_fault(arguments):
     check_env(gymnasium.make(ID, render_mode="rgb_array", **arguments).unwrapped)
 
 
+@pytest.mark.filterwarnings("ignore:We recommend you to use a symmetric")  # push-offs have one sign
 @pytest.mark.parametrize("arguments", EVERY_SCENE, ids=str)
 def test_stable_baselines3_finds_no_fault(arguments):
     checker = pytest.importorskip("stable_baselines3.common.env_checker")

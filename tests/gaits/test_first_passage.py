@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, find_gait, rough
+from gym_passive_walker.gaits import first_passage as module
 from gym_passive_walker.gaits.first_passage import (
     FirstPassage,
     first_passage,
@@ -139,3 +140,10 @@ def test_a_kneed_walker_lasts_the_longer_the_smoother_the_ground():
         for height_std in (0.004, 0.002)
     ]  # fmt: skip
     assert lasts[0] < lasts[1]
+
+
+def test_falls_are_counted_among_all_who_begin_a_stride_once_they_have_settled(monkeypatch):
+    monkeypatch.setattr(module, "walks", lambda *told, **options: iter([90, 60, 30, 0]))
+    asked = SYSTEMS["simplest"], (), np.zeros(6), 0.0, rough(0.1)
+    found = first_passage(*asked, walkers=100, strides=9, settling=1)
+    assert found == FirstPassage(falls=30 + 30 + 30, strides=90 + 60 + 30)
