@@ -39,7 +39,7 @@ def swing_on(walker: Walker, gravity: float, angles: tuple[float, float], swings
     mine = flock(walker)
     state = np.array([[angles[0], angles[1], angles[1], 0.0, 0.0, 0.0]])
     record = new_records(state, 0.0, end=0.0)[:, 0]
-    record["ground"] = 0.0, gravity
+    record["ground"][..., :2] = 0.0, gravity
     worst = largest = 0.0
     for tick in range(1, int(swings * 2.0 * np.pi / TICK) + 2):
         record["end"] = TICK * tick

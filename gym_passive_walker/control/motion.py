@@ -143,8 +143,8 @@ class Motion:
         changes = walked[:, 1:]
         changes["state"], changes["control"][..., 0] = columns.states, columns.torques
         if "slope" in by:
-            turn = records["ground"][:, :, ::-1] * [1.0, -1.0]
-            changes["ground"] = columns.slopes[:, None] * turn
+            turn = records["ground"][:, :, 1::-1] * [1.0, -1.0]
+            changes["ground"][..., :2] = columns.slopes[:, None] * turn
         if "start" in by:
             changes["start"] = columns.starts[:, None] * _MIRRORED
         changes["end"] = columns.ends

@@ -184,7 +184,7 @@ def test_the_hip_s_way_and_work_in_a_tick_have_their_derivatives(name):
         """The ledgers of a tick from these records, with other inputs."""
         moved = records.copy()
         moved["state"][0, 0], moved["control"][0, 0] = inputs[:6], inputs[7]
-        moved["ground"][0, 0] = np.sin(inputs[6]), np.cos(inputs[6])
+        moved["ground"][0, 0, :2] = np.sin(inputs[6]), np.cos(inputs[6])
         radius = {} if walker.massless_legs else {"foot_radius": inputs[8]}
         motion = Motion(walker=walker, parameters=radius, tolerance=1e-13)
         carried = motion.follow(moved, by, from_section=ticks == 0)
