@@ -292,6 +292,7 @@ SCENES: dict[str, dict[str, Any]] = {
         "control": "stride",
         "actions": ("push_off",),
         "max_push_off": 0.1,
+        "perturbation": 0.02,
         "start": (
             0.194588876,
             -0.194588876,
