@@ -12,7 +12,7 @@ import gym_passive_walker as gpw
 from gym_passive_walker.control.policy import steps
 from gym_passive_walker.policies import policy_folder, shipped_policies
 
-SCENES = ("level", "steep", "rolling", "commanded", "rough")
+SCENES = ("level", "steep", "rolling", "commanded", "rough", "pushed", "push-off")
 
 
 def test_each_scene_that_needs_a_motor_has_one():
