@@ -207,7 +207,9 @@ def seek(
         )
 
     u = begin(stride_map, slope, period, guess)
-    gaits, ends = search(stride_map, slope, u, period, enough, patience=_PATIENCE)
+    gaits, ends = search(stride_map, slope, u, period, enough, _BATCHES[:1], _PATIENCE)
+    if not enough(gaits):  # starts that were not waited for may lead to it
+        gaits, ends = search(stride_map, slope, u, period, enough)
     chosen = wanted(gaits)
     return Sought(chosen[0 if kind == "long" else -1] if chosen else None, gaits, ends)
 
