@@ -51,6 +51,7 @@ from gym_passive_walker.gaits.trajectory import Trajectory, simulate
 from gym_passive_walker.gaits.tuned import tune_to_walk
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.policies import PolicyError, TrainedPolicy, load_policy
+from gym_passive_walker.sweeps.run import Swept, sweep
 from gym_passive_walker.walkers import (
     WALKERS,
     Part,
@@ -88,6 +89,7 @@ __all__ = [
     "RealityCheck",
     "Robustness",
     "Stride",
+    "Swept",
     "Terrain",
     "TrainedPolicy",
     "Trajectory",
@@ -127,6 +129,7 @@ __all__ = [
     "stairs",
     "stride",
     "stride_jacobian",
+    "sweep",
     "transition_slope",
     "tune",
     "tune_to_walk",
