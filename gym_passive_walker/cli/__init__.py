@@ -25,8 +25,8 @@ from gym_passive_walker.cli.warmup import warmup
 from gym_passive_walker.gaits.gait import GaitNotFound
 
 COMMANDS = (
-    walkers, gait, family, bifurcation, basin, check, robustness, sweep, simulate, strobe, video, figures,
-    evaluate, play, warmup,
+    walkers, gait, family, bifurcation, basin, check, robustness, sweep, simulate, strobe, video,
+    figures, evaluate, play, warmup,
 )  # fmt: skip
 """What the command line can do, by the functions' names."""
 

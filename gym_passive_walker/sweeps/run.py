@@ -105,17 +105,11 @@ def sweep(
         if left:
             _work(description, store, left, workers, ray)
         store.flush(last=True)
-    except (KeyboardInterrupt, OSError) as stopped:
+    except KeyboardInterrupt:
+        store.flush()
         said = f"{len(store.done)} of {len(description.tasks)} tasks are kept in {folder}"
-        if isinstance(stopped, KeyboardInterrupt):
-            store.flush()
-            print(f"\nstopped: {said}; the same call goes on", file=sys.stderr)
-            raise
-        raise OSError(
-            stopped.errno,
-            f"the sweep cannot go on ({stopped.strerror or stopped}): {said}; make room, and the "
-            "same call goes on",
-        ) from stopped
+        print(f"\nstopped: {said}; the same call goes on", file=sys.stderr)
+        raise
     finally:
         store.close()
     failures = sum(status != DONE for status in store.done.values())

@@ -10,10 +10,10 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Mapping
-from contextlib import ExitStack
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +24,7 @@ from gym_passive_walker.sweeps.node import locked
 
 DONE, FAILED, TIMED_OUT = "done", "failed", "timed out"
 
+_MANIFEST, _JOURNAL = "sweep.json", "journal.jsonl"
 _SECONDS, _ROWS = 20.0, 50_000  # between two files
 _TYPES = {bool: "bool", int: "int64", float: "double", str: "string"}
 _BEFORE = {"task": "int64", "sweep": "string", "version": "string", "seed": "int64"}
@@ -67,15 +68,20 @@ class Store:
             self._manifest = read_manifest(folder)
         else:
             self._save_manifest()
-        self._journal = (folder / "journal.jsonl").open("a", encoding="utf-8")
         self._read()
+        with self._writing():
+            self._journal = self._new_journal()
+        self.flush()
 
     def _read(self) -> None:
         """Take up what stands in the folder; a torn line at the journal's end is forgotten."""
+        for left in self.folder.glob("*.aside"):
+            left.unlink()
         for path in sorted(self._rows_folder.glob("*.parquet")):
             table = self._parquet.read_table(path, columns=["task", "status"])
             self.done |= dict(zip(*(column.to_pylist() for column in table.columns), strict=True))
-        for line in (self.folder / "journal.jsonl").read_text(encoding="utf-8").splitlines():
+        journal = self.folder / _JOURNAL
+        for line in journal.read_text(encoding="utf-8").splitlines() if journal.exists() else ():
             try:
                 row = json.loads(line)
             except ValueError:
@@ -83,7 +89,24 @@ class Store:
             if row["task"] not in self.done:
                 self.done[row["task"]] = row["status"]
                 self._pending.append(row)
-        self.flush()
+
+    def _new_journal(self) -> TextIO:
+        """A journal of the rows that are no part of the dataset yet."""
+        aside = self.folder / f"{_JOURNAL}.aside"
+        aside.write_text("".join(f"{json.dumps(row)}\n" for row in self._pending), "utf-8")
+        os.replace(aside, self.folder / _JOURNAL)
+        return (self.folder / _JOURNAL).open("a", encoding="utf-8")
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        """Around what writes: says what to do where that fails."""
+        try:
+            yield
+        except OSError as error:
+            raise OSError(
+                f"the sweep in {self.folder} cannot be written ({error.strerror or error}): what "
+                "was computed is kept; make room, and the same call goes on"
+            ) from error
 
     def add(self, row: dict[str, Any], results: Mapping[str, Any]) -> None:
         """Keep a finished task.
@@ -99,14 +122,16 @@ class Store:
             kinds = {name: _TYPES[type(value)] for name, value in results.items()}
             if self._manifest["columns"] is None:
                 self._manifest["columns"] = kinds
-                self._save_manifest()
+                with self._writing():
+                    self._save_manifest()
             columns = self._manifest["columns"]
             if kinds != columns and not _fits(kinds, columns):
                 said = f"it found {_said(kinds)}, where others found {_said(columns)}"
                 row, results = row | {"status": FAILED, "error": said}, {}
         row = self._same | row | dict(results)
-        self._journal.write(json.dumps(row) + "\n")
-        self._journal.flush()
+        with self._writing():
+            self._journal.write(json.dumps(row) + "\n")
+            self._journal.flush()
         self.done[row["task"]] = row["status"]
         self._pending.append(row)
         if len(self._pending) >= _ROWS or time.monotonic() - self._written > _SECONDS:
@@ -133,24 +158,21 @@ class Store:
             table = self._arrow.Table.from_pydict(parts, schema=schema)
             name = f"{rows[0]['task']:08d}-{len(self.done):08d}.parquet"
             aside = self.folder / f"{name}.aside"
-            self._parquet.write_table(table, aside)
-            os.replace(aside, self._rows_folder / name)
-            self._pending = []
-        if not self._pending:
-            self._journal.truncate(0)
+            with self._writing():
+                self._parquet.write_table(table, aside)
+                os.replace(aside, self._rows_folder / name)
+                self._pending = []
+                self._journal.truncate(0)
 
     def close(self) -> None:
         """Leave the folder to others."""
-        self._journal.close()
-        self._held.close()
+        with self._held, suppress(OSError):  # on a full disk; what was said of it is said
+            self._journal.close()
 
     def _save_manifest(self) -> None:
         aside = self.folder / f"{_MANIFEST}.aside"
         aside.write_text(json.dumps(self._manifest, indent=1), encoding="utf-8")
         os.replace(aside, self.folder / _MANIFEST)
-
-
-_MANIFEST = "sweep.json"
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
