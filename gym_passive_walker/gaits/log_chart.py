@@ -17,8 +17,7 @@ def from_logarithms(u: NDArray) -> NDArray[np.float64]:
 
 def logarithms(points: NDArray) -> NDArray[np.float64]:
     """Logarithmic coordinates (n, m) of points (n, m)."""
-    with np.errstate(invalid="ignore"):  # a stance leg that leans back has none: NaN
-        return np.concatenate([np.log(points[:, :1]), points[:, 1:] / points[:, :1]], axis=1)
+    return np.concatenate([np.log(points[:, :1]), points[:, 1:] / points[:, :1]], axis=1)
 
 
 def by_logarithms(points: NDArray) -> NDArray[np.float64]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections import deque
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -47,9 +48,10 @@ class Cluster:
         with extra("ray"):
             import ray  # type: ignore[import-not-found]
         self._ray: Any = ray
-        started = {"num_cpus": count} if address == HERE else {"address": address}
-        ray.init(**started, include_dashboard=False if address == HERE else None,
-                 log_to_driver=False, logging_level="error")  # fmt: skip
+        started: Any = {"address": address}
+        if address == HERE:
+            started = {"num_cpus": count, "include_dashboard": False}
+        ray.init(**started, log_to_driver=False, logging_level=logging.ERROR)
         self._count = count or int(ray.cluster_resources()["CPU"])
         remote = ray.remote(num_cpus=1, max_restarts=_RESTARTS, max_task_retries=_RESTARTS)(Watcher)
         self._crew = [remote.remote(analysis, time_out) for _ in range(self._count)]

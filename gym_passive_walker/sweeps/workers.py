@@ -120,10 +120,9 @@ class Workers:
         return max(0.0, min(since) + self._time_out - time.monotonic())
 
     def _overdue(self, worker: _Worker) -> bool:
-        late = self._time_out is not None and worker.tasks
-        return bool(late) and time.monotonic() - worker.since >= self._time_out and (
-            not worker.pipe.poll()
-        )  # fmt: skip
+        if self._time_out is None or not worker.tasks or worker.pipe.poll():
+            return False
+        return time.monotonic() - worker.since >= self._time_out
 
     def _lost(self, worker: _Worker, waiting: deque[Task], tried: Counter) -> Outcome | None:
         """A process is gone: what it was at is tried once more, then has failed."""

@@ -114,8 +114,8 @@ def test_each_analysis_gives_the_same_row_whenever_it_is_asked(name):
 
 
 def test_a_swept_gait_is_the_gait():
-    row = flat(task("gait", {"walker": "lab", "foot_radius": 0.21, "slope": 0.036})())
+    row = flat(task("gait", {"walker": "lab", "foot_radius": 0.22, "slope": 0.036})())
     walker = gpw.find_gait("lab", 0.036).walker
-    gait = gpw.find_gait(gpw.Walker(**{**vars(walker), "foot_radius": 0.21}), 0.036)
+    gait = gpw.find_gait(gpw.Walker(**{**vars(walker), "foot_radius": 0.22}), 0.036)
     assert row["stance_angle"] == gait.stance_angle and row["stable"] == gait.stable
     assert row["multiplier"] == np.abs(gait.multipliers[0])
