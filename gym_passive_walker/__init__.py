@@ -4,7 +4,8 @@ __version__ = "0.1.0"
 
 # These enter what objects plot, and load nothing that draws.
 import gym_passive_walker.control.pictures
-import gym_passive_walker.render  # noqa: F401
+import gym_passive_walker.render
+import gym_passive_walker.sweeps.pictures  # noqa: F401
 from gym_passive_walker.control.closed_loop import ClosedLoopGait, closed_loop_gait
 from gym_passive_walker.control.optimal import optimal_gait, optimal_gaits
 from gym_passive_walker.control.optimum import OptimalGait

@@ -101,7 +101,7 @@ SMALL = {
     "basin": {**LAB, "slope": 0.03, "resolution": 8},
     "robustness": {**LAB, "slope": 0.03, "walkers": 20, "strides": 10, "starts": 8},
     "reality": {**LAB, "slope": 0.03},
-    "optimal": {"scene": "level", "speed": 0.25},
+    "optimal": {"scene": "lab", "control": "stride", "slope": 0.03, "speed": 0.16},
     "evaluation": {"policy": "level-ppo", "episodes": 2, "slope": 0.001},
 }
 

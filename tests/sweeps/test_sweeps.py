@@ -176,5 +176,5 @@ def test_the_dataset_is_read_by(library, odd):
         case "polars":
             total = module.read_parquet(rows / "*.parquet")["square"].sum()
         case _:
-            total = module.sql(f"select sum(square) from '{rows}/*.parquet'").fetchone()[0]
+            total = module.sql(f"select sum(square) from '{rows}/*.parquet'").fetchall()[0][0]
     assert total == sum(x * x for x in range(12))
