@@ -33,7 +33,7 @@ class Cluster:
 
     Args:
         analysis: Its name.
-        count: How many workers; one to each of the cluster's processors if None.
+        count: How many workers; one to each of the cluster's processors if None, and at most.
         time_out: Seconds after which a task is given up; None waits for ever.
         address: Of the cluster; `HERE` starts one on this machine.
 
@@ -52,7 +52,8 @@ class Cluster:
         if address == HERE:
             started = {"num_cpus": count, "include_dashboard": False}
         ray.init(**started, log_to_driver=False, logging_level=logging.ERROR)
-        self._count = count or int(ray.cluster_resources()["CPU"])
+        processors = int(ray.cluster_resources()["CPU"])
+        self._count = min(count or processors, processors)  # Ray lets what is too much wait
         remote = ray.remote(num_cpus=1, max_restarts=_RESTARTS, max_task_retries=_RESTARTS)(Watcher)
         self._crew = [remote.remote(analysis, time_out) for _ in range(self._count)]
 

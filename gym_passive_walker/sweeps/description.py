@@ -11,12 +11,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.stats import qmc
 
 from gym_passive_walker.arguments import number, unknown, whole
 
 HOW = ("grid", "list", "sobol", "latin-hypercube")
-_SAMPLERS = {"sobol": qmc.Sobol, "latin-hypercube": qmc.LatinHypercube}
+_SAMPLERS = {"sobol": "Sobol", "latin-hypercube": "LatinHypercube"}  # in scipy.stats.qmc
 
 RESERVED = ("task", "sweep", "version", "seed", "status", "error", "seconds")
 """Columns that every row has, besides those of its parameters and results."""
@@ -116,8 +115,11 @@ class Description:
         names, columns = list(self.over), [list(values) for values in self.over.values()]
         rows: Any
         if self.how in _SAMPLERS:
+            from scipy.stats import qmc  # slow to load, and this package is loaded often
+
             low, high = np.array(columns, dtype=float).T
-            sampler = _SAMPLERS[self.how](len(names), rng=np.random.default_rng(self.seed))
+            made = getattr(qmc, _SAMPLERS[self.how])
+            sampler = made(len(names), seed=np.random.default_rng(self.seed))
             rows = (low + (high - low) * sampler.random(self.samples)).tolist()
         else:
             rows = itertools.product(*columns) if self.how == "grid" else zip(*columns, strict=True)

@@ -99,6 +99,7 @@ class Workers:
                 except (EOFError, OSError):
                     outcome = self._lost(worker, waiting, tried)
                 if outcome is not None:
+                    self._stillborn = 0
                     pace.note(outcome)
                     yield outcome
             for worker in [each for each in self._crew if self._overdue(each)]:
