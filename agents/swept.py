@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -29,7 +31,8 @@ def train(
         steps: Environment steps; the preset's when None.
         n_envs: Environments side by side; the preset's when None.
         seed: Of everything.
-        folder: Below which the run is kept, by what it was given; nowhere if None.
+        folder: Below which the run is kept, in a folder by what it was given, and goes on from its
+            last checkpoint; nowhere if None.
         **env: Arguments of the environment that differ from the scene's own.
 
     Raises:
@@ -40,8 +43,9 @@ def train(
         if folder is None:
             kept = Path(stack.enter_context(TemporaryDirectory()))
         else:
-            changed = [f"{name}={value}" for name, value in env.items()]
-            kept = Path(folder) / "-".join([algo, scene, str(seed), *changed])
+            rest = json.dumps([steps, n_envs, env], sort_keys=True)
+            digest = hashlib.sha256(rest.encode()).hexdigest()[:8]
+            kept = Path(folder) / f"{algo}-{scene}-{seed}-{digest}"
         run = Run(config, kept)
         run.train(progress=False)
     last = {name: value for name, value in run.notes["curve"][-1].items() if name != "seconds"}

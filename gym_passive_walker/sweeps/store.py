@@ -47,8 +47,8 @@ class Store:
 
     def __init__(self, folder: Path, description: Description, version: str) -> None:
         with extra("sweep"):
-            import pyarrow
-            import pyarrow.parquet
+            import pyarrow  # type: ignore[import-not-found]
+            import pyarrow.parquet  # type: ignore[import-not-found]
         self._arrow, self._parquet = pyarrow, pyarrow.parquet
         self.folder, self._rows_folder = folder, folder / "rows"
         self._same = {"sweep": description.digest, "version": version}
@@ -195,7 +195,7 @@ def read_columns(folder: Path) -> dict[str, NDArray]:
         ImportError: if pyarrow is not installed.
     """
     with extra("sweep"):
-        import pyarrow.parquet
+        import pyarrow.parquet  # type: ignore[import-not-found]
     paths = sorted((folder / "rows").glob("*.parquet"))
     if not paths:
         raise ValueError(f"the sweep in {folder} has found nothing yet")
