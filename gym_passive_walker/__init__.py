@@ -4,7 +4,8 @@ __version__ = "0.1.0"
 
 # These enter what objects plot, and load nothing that draws.
 import gym_passive_walker.control.pictures
-import gym_passive_walker.render  # noqa: F401
+import gym_passive_walker.render
+import gym_passive_walker.sweeps.pictures  # noqa: F401
 from gym_passive_walker.control.closed_loop import ClosedLoopGait, closed_loop_gait
 from gym_passive_walker.control.optimal import optimal_gait, optimal_gaits
 from gym_passive_walker.control.optimum import OptimalGait
@@ -51,6 +52,7 @@ from gym_passive_walker.gaits.trajectory import Trajectory, simulate
 from gym_passive_walker.gaits.tuned import tune_to_walk
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.policies import PolicyError, TrainedPolicy, load_policy
+from gym_passive_walker.sweeps.run import Swept, sweep
 from gym_passive_walker.walkers import (
     WALKERS,
     Part,
@@ -88,6 +90,7 @@ __all__ = [
     "RealityCheck",
     "Robustness",
     "Stride",
+    "Swept",
     "Terrain",
     "TrainedPolicy",
     "Trajectory",
@@ -127,6 +130,7 @@ __all__ = [
     "stairs",
     "stride",
     "stride_jacobian",
+    "sweep",
     "transition_slope",
     "tune",
     "tune_to_walk",

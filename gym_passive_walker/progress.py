@@ -23,19 +23,20 @@ class _Bar:
     """One piece of work, and how much of it is done."""
 
     def __init__(self, what: str, total: float | None) -> None:
-        self.what, self.total, self.done = what, total, 0.0
+        self.what, self.total, self.done, self.note = what, total, 0.0, ""
         self.began = time.monotonic()
 
-    def advance(self, amount: float = 1.0) -> None:
-        """So much more is done."""
-        self.done += amount
+    def advance(self, amount: float = 1.0, *, note: str = "") -> None:
+        """So much more is done; a note says how it goes."""
+        self.done, self.note = self.done + amount, note
         _LINE.show()
 
     def __str__(self) -> str:
         if self.total is None:
             return f"{self.what} {self.done:g}"
         full = round(_CELLS * min(self.done / self.total, 1.0))
-        return f"{self.what} [{'#' * full:-<{_CELLS}}] {self.done:g}/{self.total:g}"
+        bar = f"{self.what} [{'#' * full:-<{_CELLS}}] {self.done:g}/{self.total:g}"
+        return f"{bar}, {self.note}" if self.note else bar
 
 
 class _Line:
@@ -43,6 +44,7 @@ class _Line:
 
     def __init__(self) -> None:
         self.bars: list[_Bar] = []
+        self.hushed = False
         self._drawn = False
         self._shown = -_PACE
 
@@ -53,7 +55,7 @@ class _Line:
             return
         self._shown = now
         parts = [str(bar) for bar in bars if bar.total != 1]  # else it has no parts to show
-        if parts and sys.stderr is not None and sys.stderr.isatty():
+        if parts and not self.hushed and sys.stderr is not None and sys.stderr.isatty():
             self._write(f"{', '.join(parts)}, {now - bars[0].began:.0f} s")
             self._drawn = True
 
@@ -73,6 +75,11 @@ class _Line:
 _LINE = _Line()
 
 
+def hush() -> None:
+    """Draw no bar in this process, whose terminal is another's."""
+    _LINE.hushed = True
+
+
 @contextmanager
 def progress(what: str, total: float | None = None) -> Iterator[Callable[..., None]]:
     """Show a bar while something long is done; nothing where there is no terminal to draw it on.
@@ -84,7 +91,8 @@ def progress(what: str, total: float | None = None) -> Iterator[Callable[..., No
         total: How much there is to do; None if nobody knows.
 
     Yields:
-        A function to call whenever one more is done, or a given amount.
+        A function to call whenever one more is done, or a given amount, with a `note` if there is
+        something to say of it.
     """
     bar = _Bar(what, total)
     _LINE.bars.append(bar)

@@ -100,3 +100,15 @@ def test_quick_compiling_is_not_told(capsys):
     with compiling("the kernel advance"):
         pass
     assert capsys.readouterr().err == ""
+
+
+def test_a_bar_says_how_it_goes_and_none_where_the_terminal_is_anothers(terminal, monkeypatch):
+    with progress("tasks", 4) as advance:
+        advance(note="3/s, 1 failed")
+    assert any("1/4, 3/s, 1 failed, " in text for text in pictures(terminal))
+    before = terminal.getvalue()
+    monkeypatch.setattr(module._LINE, "hushed", False)
+    module.hush()
+    with progress("tasks", 4) as advance:
+        advance()
+    assert terminal.getvalue() == before

@@ -45,7 +45,7 @@ def read_walker(text: str) -> Walker:
             "of your own walker's parameters"
         )
     try:
-        parameters = _content(path)
+        parameters = read_content(path)
     except ValueError as error:
         raise WalkerError(str(error)) from None
     if not isinstance(parameters, dict):
@@ -56,7 +56,7 @@ def read_walker(text: str) -> Walker:
         raise WalkerError(f"{text}: {error}") from None
 
 
-def _content(path: Path) -> Any:
+def read_content(path: Path) -> Any:
     """What is written in a JSON or YAML file.
 
     Raises:
@@ -111,7 +111,7 @@ def read_terrain(text: str) -> Terrain:
         except ValueError as error:
             raise ValueError(f"{text} is no JSON: {error}") from None
     elif path.suffix in (".json", *_YAML):
-        given = _content(path)
+        given = read_content(path)
     else:
         name, _, rest = text.partition(":")
         if _ARGUMENT.sub("", rest):

@@ -1,0 +1,47 @@
+"""The command that does an analysis many times over."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, Namespace
+from collections.abc import Callable
+from pathlib import Path
+
+from gym_passive_walker.cli.arguments import read_content
+from gym_passive_walker.cli.report import Report, listing
+from gym_passive_walker.sweeps.cluster import HERE
+from gym_passive_walker.sweeps.run import sweep as swept
+from gym_passive_walker.sweeps.tasks import ANALYSES
+
+
+def sweep(command: ArgumentParser) -> Callable[[Namespace], Report]:
+    """Do an analysis over a grid, a list or a random sample, on all processors; resumable.
+
+    passive-walker sweep lab.yaml
+    passive-walker sweep lab.yaml --out found --workers 2
+    passive-walker sweep lab.yaml --ray
+    """
+    add = command.add_argument
+    known = ", ".join(ANALYSES)
+    add("description", type=Path, metavar="FILE", help="YAML or JSON: analysis "
+        f"({known}, or module:function), over, how, given, samples, seed, time_out")  # fmt: skip
+    add("--out", type=Path, metavar="FOLDER", help="(the file's name without its ending)")
+    add("--workers", type=int, metavar="N", help="processes (one to each processor)")
+    add("--ray", nargs="?", const=HERE, metavar="ADDRESS", help="on a Ray cluster (here)")
+    add("--branch", action="store_true", help="beside another sweep, if the folder holds one")
+
+    def run(arguments: Namespace) -> Report:
+        found = swept(
+            read_content(arguments.description),
+            arguments.out or arguments.description.with_suffix(""),
+            workers=arguments.workers,
+            ray=arguments.ray,
+            branch=arguments.branch,
+        )
+        data = {
+            "tasks": found.tasks,
+            "failures": found.failures,
+            "rows": str(found.folder / "rows"),
+        }
+        return Report(listing(f"swept {arguments.description}", data), data)
+
+    return run

@@ -1,0 +1,137 @@
+"""What is swept: an analysis, what stays the same, and what changes from task to task."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from gym_passive_walker.arguments import number, unknown, whole
+
+HOW = ("grid", "list", "sobol", "latin-hypercube")
+_SAMPLERS = {"sobol": "Sobol", "latin-hypercube": "LatinHypercube"}  # in scipy.stats.qmc
+
+RESERVED = ("task", "sweep", "version", "seed", "status", "error", "seconds")
+"""Columns that every row has, besides those of its parameters and results."""
+
+Given = dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Description:
+    """A sweep, all of it: the same description is the same tasks, in the same order.
+
+    Attributes:
+        analysis: One of `tasks.ANALYSES`, or "module:function" for one of your own.
+        over: What changes, by name: parameters of the walker, arguments of the analysis or of its
+            scene. For a grid or a list, the values of each; for a sample, its [low, high].
+        how: "grid" for all combinations, "list" for the first values together, then the second
+            ones, and so on; "sobol" or "latin-hypercube" for a random sample of the box.
+        given: What is the same in all tasks, by name.
+        samples: How many of a random sample; a power of two balances Sobol's.
+        seed: Of the sample, and of each task that has none of its own.
+        time_out: Seconds after which a task is given up; None waits for ever.
+
+    Raises:
+        ValueError: if it describes no sweep.
+    """
+
+    analysis: str
+    over: Mapping[str, Any]
+    how: str = "grid"
+    given: Mapping[str, Any] = field(default_factory=dict)
+    samples: int | None = None
+    seed: int = 0
+    time_out: float | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what is no sweep."""
+        if self.how not in HOW:
+            raise ValueError(f"how must be one of {', '.join(HOW)}, not {self.how!r}")
+        for name in ("over", "given"):
+            if not isinstance(getattr(self, name), Mapping):
+                raise ValueError(f"{name} must name values, as in slope: [0.02, 0.03]")
+        if not self.over:
+            raise ValueError("over must name what changes, as in slope: [0.02, 0.03]")
+        if both := sorted(self.over.keys() & self.given.keys()):
+            raise ValueError(f"{', '.join(both)} cannot both change and be given")
+        if taken := {*self.over, *self.given} & {*RESERVED} - {"seed"}:
+            raise ValueError(f"{', '.join(sorted(taken))} is a column of every sweep's: rename it")
+        whole(self.seed, "seed", 0)
+        if self.time_out is not None:
+            number(self.time_out, "time_out", above=0.0)
+        if (self.how in _SAMPLERS) != (self.samples is not None):
+            raise ValueError("samples says how many of a sobol or latin-hypercube sample, only so")
+        self._check_values()
+
+    def _check_values(self) -> None:
+        for name, values in self.over.items():
+            if not isinstance(values, list | tuple | np.ndarray) or not len(values):
+                raise ValueError(f"{name} must change over a list of values, not {values!r}")
+            if self.how in _SAMPLERS:
+                if len(values) != 2 or not number(values[0], name) < number(values[1], name):
+                    raise ValueError(f"{name} must be sampled from [low, high], not {values!r}")
+        lengths = {name: len(values) for name, values in self.over.items()}
+        if self.how == "list" and len(set(lengths.values())) > 1:
+            said = ", ".join(f"{name} has {length}" for name, length in lengths.items())
+            raise ValueError(f"the columns of a list must be of one length, but {said}")
+        if self.samples is not None:
+            whole(self.samples, "samples")
+
+    @classmethod
+    def of(cls, content: Any) -> Description:
+        """A description from what a YAML or JSON file holds.
+
+        Raises:
+            ValueError: if it describes no sweep.
+        """
+        known = tuple(f.name for f in fields(cls))
+        if not isinstance(content, Mapping) or not {"analysis", "over"} <= content.keys():
+            raise ValueError("a sweep names its analysis, and over what it goes")
+        if said := unknown(content, known, "a sweep"):
+            raise ValueError(said)
+        return cls(**content)
+
+    @cached_property
+    def content(self) -> dict[str, Any]:
+        """All of it as JSON has it."""
+        return json.loads(json.dumps(asdict(self), default=_plain))
+
+    @cached_property
+    def digest(self) -> str:
+        """A name for the content."""
+        text = json.dumps(self.content, sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+    @cached_property
+    def tasks(self) -> list[Given]:
+        """What each task is given, by name; its place in the list is its number."""
+        names, columns = list(self.over), [list(values) for values in self.over.values()]
+        rows: Any
+        if self.how in _SAMPLERS:
+            from scipy.stats import qmc  # slow to load, and this package is loaded often
+
+            low, high = np.array(columns, dtype=float).T
+            made = getattr(qmc, _SAMPLERS[self.how])
+            sampler = made(len(names), seed=np.random.default_rng(self.seed))
+            rows = (low + (high - low) * sampler.random(self.samples)).tolist()
+        else:
+            rows = itertools.product(*columns) if self.how == "grid" else zip(*columns, strict=True)
+        same = {"seed": self.seed, **self.given}
+        return [json.loads(json.dumps({**same, **dict(zip(names, row, strict=True))},
+                                      default=_plain)) for row in rows]  # fmt: skip
+
+
+def _plain(value: Any) -> Any:
+    """A value as JSON has it."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if hasattr(value, "__dataclass_fields__"):  # a walker
+        return asdict(value)
+    raise ValueError(f"a sweep takes numbers, words, lists and walkers, not {value!r}")

@@ -1,0 +1,66 @@
+"""What is done once on each machine: compiling, by one process, while the others wait."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+
+from gym_passive_walker.engine.cache import cache_directory
+from gym_passive_walker.engine.compiled import compiled
+from gym_passive_walker.envs.reality import natives
+from gym_passive_walker.envs.registration import ID
+from gym_passive_walker.gaits.fixed_point import find_gait
+from gym_passive_walker.physics.systems import SYSTEMS
+
+
+@contextmanager
+def locked(path: Path, *, wait: bool = True) -> Iterator[None]:
+    """Alone on this machine with a file, which is made; the system frees it when a process dies.
+
+    Raises:
+        BlockingIOError: if another process holds it, and it is not to be waited for.
+    """
+    with path.open("a") as file:
+        try:
+            import fcntl
+        except ImportError:  # Windows, where nothing is lost but time
+            pass
+        else:
+            fcntl.flock(file, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        yield
+
+
+def compile_once() -> None:
+    """Compile everything that walks, unless it was done on this machine before."""
+    folder = cache_directory()
+    if folder is None or (folder / "swept").exists():
+        return
+    with locked(folder / "sweeping"):
+        if not (folder / "swept").exists():
+            for piece in pieces():
+                piece()
+            (folder / "swept").touch()
+
+
+def pieces() -> Iterator[Callable[[], object]]:
+    """All that is compiled, as what compiles it."""
+    for name in SYSTEMS:
+        yield partial(compiled, name)
+        yield partial(compiled, name, derived=True)
+        yield partial(natives, name, pushed=True, watched=True)
+    yield lambda: find_gait("C", 0.03)
+    yield lambda: _act(gym.make_vec(ID, num_envs=2))
+    yield lambda: _act(gym.make(ID))
+    yield lambda: _act(gym.make(ID, motor_delay=1))
+
+
+def _act(world: gym.Env | gym.vector.VectorEnv) -> None:
+    """A step of an environment."""
+    world.reset(seed=0)
+    world.step(np.zeros(world.action_space.shape))  # type: ignore[arg-type]
+    world.close()

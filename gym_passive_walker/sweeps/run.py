@@ -1,0 +1,157 @@
+"""A sweep from its description to its folder, in one piece or in several."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+import gym_passive_walker
+from gym_passive_walker.arguments import whole
+from gym_passive_walker.engine.cache import fingerprint
+from gym_passive_walker.progress import progress
+from gym_passive_walker.shown import Table
+from gym_passive_walker.sweeps.cluster import Cluster
+from gym_passive_walker.sweeps.description import Description
+from gym_passive_walker.sweeps.store import DONE, Store, holds_another, read_columns
+from gym_passive_walker.sweeps.tasks import ANALYSES, function, task
+from gym_passive_walker.sweeps.workers import Workers
+
+
+@dataclass(frozen=True, repr=False)
+class Swept(Table):
+    """A sweep that is over.
+
+    Attributes:
+        folder: Where it is; ``folder / "rows"`` is its Parquet dataset.
+        tasks: How many tasks it had.
+        failures: How many of them failed or timed out.
+    """
+
+    folder: Path
+    tasks: int
+    failures: int
+
+    def columns(self) -> dict[str, NDArray]:
+        """Its rows in the order of the tasks."""
+        return read_columns(self.folder)
+
+    def facts(self) -> dict[str, str]:
+        """How it went."""
+        return {
+            "tasks": str(self.tasks),
+            "failures": str(self.failures),
+            "folder": str(self.folder),
+        }
+
+
+def version() -> str:
+    """What results depend on: the package's version, and a hash of equations and machinery."""
+    return f"{gym_passive_walker.__version__}+{fingerprint()}"
+
+
+def sweep(
+    analysis: str | Callable[..., Any] | Mapping[str, Any] | Description,
+    out: str | os.PathLike[str],
+    *,
+    workers: int | None = None,
+    ray: str | None = None,
+    branch: bool = False,
+    **described: Any,
+) -> Swept:
+    """Do an analysis many times over, on all processors, and keep what is found in a folder.
+
+    Killed at any moment, it goes on where it stopped when it is called again. A task that fails,
+    hangs or takes its process with it is a row with its error, and stops no other. A script that
+    sweeps does so below ``if __name__ == "__main__":``, since its processes read it too.
+
+    Args:
+        analysis: Its name: gait, family, bifurcation, basin, robustness, reality, optimal or
+            evaluation; a function of a module of your own, or "module:function", which returns
+            numbers, words and truths by name; or a whole `Description`, or a mapping of one.
+        out: The folder; made if it is not there.
+        workers: How many processes; one to each processor if None.
+        ray: "here" for Ray on this machine, or the address of a cluster, whose machines see the
+            package, and a function of your own, at the same places.
+        branch: If the folder holds a sweep by another description, take one of its own beside it,
+            instead of refusing.
+        **described: The rest of the `Description`: over, how, given, samples, seed, time_out.
+
+    Returns:
+        The sweep: a table with a row for each task.
+
+    Raises:
+        ValueError: if this is no sweep, or the folder holds another one.
+        OSError: if something cannot be written; what was is kept.
+        ImportError: if pyarrow, or ray, is not installed.
+    """
+    description, folder = _described(analysis, described), Path(out)
+    if branch and holds_another(folder, description):
+        folder = folder.with_name(f"{folder.name}-{description.digest[:8]}")
+    if workers is not None:
+        workers = whole(workers, "workers")
+    function(description.analysis)
+    if description.analysis in ANALYSES:  # what cannot be called is better known at once
+        task(description.analysis, description.tasks[0])
+    store = Store(folder, description, version())
+    try:
+        left = [pair for pair in enumerate(description.tasks) if pair[0] not in store.done]
+        if left:
+            _work(description, store, left, workers, ray)
+        store.flush(last=True)
+    except KeyboardInterrupt:
+        store.flush()
+        said = f"{len(store.done)} of {len(description.tasks)} tasks are kept in {folder}"
+        print(f"\nstopped: {said}; the same call goes on", file=sys.stderr)
+        raise
+    finally:
+        store.close()
+    failures = sum(status != DONE for status in store.done.values())
+    return Swept(folder, len(description.tasks), failures)
+
+
+def _described(analysis: Any, rest: dict[str, Any]) -> Description:
+    if isinstance(analysis, Description):
+        return analysis
+    if isinstance(analysis, Mapping):
+        return Description.of({**analysis, **rest})
+    if callable(analysis):
+        module, name = analysis.__module__, analysis.__qualname__
+        if not name.isidentifier():
+            raise ValueError(f"{name} cannot be found by other processes: put it into a module")
+        analysis = f"{module}:{name}"
+    return Description.of({"analysis": analysis, **rest})
+
+
+def _work(
+    description: Description,
+    store: Store,
+    left: list[tuple[int, dict[str, Any]]],
+    workers: int | None,
+    ray: str | None,
+) -> None:
+    """Do the tasks that are left."""
+    crew: Workers | Cluster
+    if ray is None:
+        count = min(workers or os.cpu_count() or 1, len(left))
+        crew = Workers(description.analysis, count, description.time_out)
+    else:
+        crew = Cluster(description.analysis, workers, description.time_out, ray)
+    failures, began = 0, time.monotonic()
+    try:
+        with progress("tasks", len(left)) as advance:
+            for count, outcome in enumerate(crew.outcomes(left), 1):
+                row = {**description.tasks[outcome.task], **outcome._asdict()}
+                store.add(row, row.pop("results"))
+                failures += outcome.status != DONE
+                rate = count / (time.monotonic() - began)
+                rest = (len(left) - count) / rate
+                advance(note=f"{rate:.3g}/s, {failures} failed, {rest:.0f} s left")
+    finally:
+        crew.close()

@@ -1,0 +1,246 @@
+"""What a task does: an analysis of the package, told in a row of numbers and words."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping
+from dataclasses import fields, replace
+from functools import partial
+from inspect import Parameter, signature
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+from gym_passive_walker.arguments import unknown
+from gym_passive_walker.control import robustness as robust
+from gym_passive_walker.control import walks
+from gym_passive_walker.control.baselines import BASELINES
+from gym_passive_walker.control.optimal import optimal_gait
+from gym_passive_walker.envs.registration import ID
+from gym_passive_walker.envs.scene import Scene, make_scene, walker_from
+from gym_passive_walker.gaits.basin import basin_of_attraction
+from gym_passive_walker.gaits.bifurcation import bifurcation_diagram
+from gym_passive_walker.gaits.family import gait_family
+from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
+from gym_passive_walker.gaits.reality import reality_check
+from gym_passive_walker.policies import load_policy
+from gym_passive_walker.walkers import Walker
+
+Row = dict[str, Any]
+
+_WALKER = tuple(f.name for f in fields(Walker))
+_SCENE = tuple(f.name for f in fields(Scene))
+
+
+def gait(walker: Walker, slope: float, kind: str = "long", period: int = 1) -> Row:
+    """Whether there is a gait of a kind at a slope, whether it is stable, and its measures."""
+    found = [gait for gait in find_gaits(walker, slope, period=period) if gait.kind == kind]
+    names = ("stance_angle", "step_period", "step_length", "froude_speed", "cost_of_transport")
+    return {
+        "found": bool(found),
+        "stable": bool(found and found[0].stable),
+        "multiplier": abs(found[0].multipliers[0]) if found else np.nan,
+        **{name: getattr(found[0], name) if found else np.nan for name in names},
+    }
+
+
+def family(walker: Walker, slope_min: float, slope_max: float, kind: str = "long") -> Row:
+    """How far a family of gaits goes, why no further, and where it is stable and fastest."""
+    found = gait_family(walker, slope_min, slope_max, kind)  # type: ignore[arg-type]
+    steady = found.slope[found.stable]
+    ends = {
+        f"{side}_{name}": value
+        for side, end in zip(("first", "last"), found.ends, strict=True)
+        for name, value in (("end", float(end.value)), ("reason", end.reason))
+    }
+    return {
+        "gaits": len(found),
+        **ends,
+        "folds": len(found.folds),
+        "period_doubling": min(found.period_doublings, default=np.nan),
+        "stable_from": steady.min(initial=np.inf) if len(steady) else np.nan,
+        "stable_to": steady.max(initial=-np.inf) if len(steady) else np.nan,
+        "fastest": float(np.max(found.froude_speed)),
+    }
+
+
+def bifurcation(
+    walker: Walker, slope: float, settle: int = 500, keep: int = 64, kind: str = "long"
+) -> Row:
+    """Where walks settle at a slope."""
+    found = bifurcation_diagram(
+        walker, [slope], settle=settle, keep=keep, kind=kind  # type: ignore[arg-type]
+    )  # fmt: skip
+    angles = found.stance_angle[0]
+    return {
+        "walks": bool(found.walks[0]),
+        "period": int(found.period[0]),
+        "least_angle": angles.min(),
+        "greatest_angle": angles.max(),
+    }
+
+
+def basin(walker: Walker, slope: float, resolution: int = 100, strides: int = 300) -> Row:
+    """The share of starts on a slice through the gait that walk on, and that settle on gaits."""
+    found = basin_of_attraction(walker, slope, resolution=resolution, strides=strides)
+    return {
+        "gaits": len(found.gaits),
+        "walks": float(found.walks.mean()),
+        "settles": float((found.settled >= 0).mean()),
+    }
+
+
+def reality(walker: Walker, slope: float, kind: str = "long", friction: float = 0.8) -> Row:
+    """Whether a gait could happen, item by item."""
+    gait = find_gait(walker, slope, kind)  # type: ignore[arg-type]
+    found = reality_check(
+        gait.walker, gait.slope, gait.state, strides=gait.period, friction=friction
+    )
+    items = {name.replace(" ", "_"): passed for name, passed in found.passed.items()}
+    return {"holds": found.holds, **items}
+
+
+def robustness(
+    changes: Mapping[str, Any],
+    policy: str | None = None,
+    scene: str | None = None,
+    roughness: float = 0.002,
+    walkers: int | None = None,
+    strides: int = 200,
+    spread: float = 0.5,
+    starts: int = 512,
+    seed: int = 0,
+) -> Row:
+    """How much a walk bears, of a passive walker or under a policy."""
+    options: Row = {"roughness": roughness, "walkers": walkers, "strides": strides}
+    options |= {"spread": spread, "starts": starts, "seed": seed}
+    if policy is None and scene is None and changes.keys() == {"walker", "slope"}:
+        found = robust.robustness(changes["walker"], slope=changes["slope"], **options)
+    else:
+        where, who = _acting(policy or "passive", scene, changes)
+        found = robust.robustness(who, where, **options)
+    lasting = found.first_passage
+    names = ("sensitivity", "step_up", "step_down", "recovered", "recovered_error", "recovery")
+    return {
+        "first_passage": lasting.mean,
+        "first_passage_error": lasting.error,
+        **{name: float(getattr(found, name)) for name in names},
+        "push_forward": float(np.min(found.forward)),
+        "push_backward": float(np.min(found.backward)),
+    }
+
+
+def optimal(changes: Mapping[str, Any], speed: float, scene: str = "level") -> Row:
+    """The gait of least cost of transport at a speed."""
+    found = optimal_gait(_scene(scene, changes), speed)
+    names = ("cost_of_transport", "hip_cost", "step_period", "step_length", "stable", "stubs")
+    return {name: getattr(found, name) for name in names}
+
+
+def evaluation(
+    changes: Mapping[str, Any],
+    policy: str,
+    scene: str | None = None,
+    episodes: int = 20,
+    seed: int = 0,
+) -> Row:
+    """What a policy makes of some episodes, the first of which has the seed."""
+    where, who = _acting(policy, scene, changes)
+    arena = gym.make_vec(ID, num_envs=episodes, scene=where)
+    return walks.evaluate(who, arena, seed=seed).summary()
+
+
+def _scene(scene: Any, changes: Mapping[str, Any]) -> Scene:
+    """A scene with changes; whether stubbing a toe ends a walk is for its walker's legs."""
+    return make_scene(scene, **({"stub": None} if "walker" in changes else {}), **changes)
+
+
+def _acting(policy: str, scene: str | None, changes: Mapping[str, Any]) -> tuple[Scene, Any]:
+    """A scene, and who acts in it."""
+    if policy in BASELINES:
+        where = _scene(scene or "level", changes)
+        return where, BASELINES[policy](where)
+    trained = load_policy(policy)
+    return _scene(scene or trained.scene, changes), trained
+
+
+ANALYSES: dict[str, Callable[..., Row]] = {
+    each.__name__: each
+    for each in (gait, family, bifurcation, basin, robustness, reality, optimal, evaluation)
+}
+"""What can be swept by name."""
+
+
+def function(analysis: str) -> Callable[..., Any]:
+    """What an analysis calls, by its name or as "module:function".
+
+    Raises:
+        ValueError: if there is none.
+    """
+    if analysis in ANALYSES:
+        return ANALYSES[analysis]
+    module, colon, name = str(analysis).partition(":")
+    if not colon:
+        raise ValueError(
+            f"no analysis {analysis!r}: choose from {', '.join(ANALYSES)}, or give a function of "
+            'your own as "module:function"'
+        )
+    try:
+        return getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError) as error:
+        raise ValueError(f"the analysis {analysis!r} cannot be found: {error}") from None
+
+
+def task(analysis: str, given: Mapping[str, Any]) -> Callable[[], Any]:
+    """An analysis with its arguments, to be called.
+
+    Parameters of a walker change the walker that is given; arguments of a scene come as a mapping
+    to a function that takes `changes`; a seed goes to those that take one.
+
+    Raises:
+        ValueError: if the analysis takes no such argument, or there is no such walker.
+    """
+    called, rest = function(analysis), dict(given)
+    takes = signature(called).parameters
+    anything = any(each.kind is Parameter.VAR_KEYWORD for each in takes.values())
+    if "walker" in takes or "changes" in takes:
+        parts = {name: rest.pop(name) for name in _WALKER if name in rest and name not in takes}
+        if parts and "walker" not in rest:
+            raise ValueError(f"{', '.join(parts)} of which walker? Give one, as in walker: lab")
+        if "walker" in rest:
+            rest["walker"] = replace(walker_from(rest["walker"]), **parts)
+    if "changes" in takes:
+        rest["changes"] = {
+            name: rest.pop(name) for name in _SCENE if name in rest and name not in takes
+        }
+    if "seed" not in takes and not anything:
+        rest.pop("seed", None)
+    known = [name for name in takes if name != "changes"]
+    known += _SCENE if "changes" in takes else []
+    known += [name for name in _WALKER if "walker" in known]
+    if not anything and (said := unknown([n for n in rest if n != "changes"], known, analysis)):
+        raise ValueError(said)
+    lacking = [
+        name
+        for name, each in takes.items()
+        if each.default is Parameter.empty and name not in rest and "VAR" not in each.kind.name
+    ]
+    if lacking:
+        raise ValueError(f"{analysis} needs {', '.join(lacking)} besides")
+    return partial(called, **rest)
+
+
+def flat(found: Any) -> Row:
+    """Results as a row: numbers, words and truths by name; a single one is called "value".
+
+    Raises:
+        TypeError: if there is anything else among them.
+    """
+    row: Row = {}
+    for name, value in (found if isinstance(found, Mapping) else {"value": found}).items():
+        value = value.item() if isinstance(value, np.generic | np.ndarray) else value
+        if not isinstance(value, bool | int | float | str):
+            raise TypeError(f"{name} must be a number, a word or a truth, not {value!r}")
+        row[str(name)] = value
+    return row

@@ -1,0 +1,223 @@
+"""Worker processes on one machine, and who watches them.
+
+Each worker has a pipe of its own: it is sent tasks for about a second, and answers one by one. So
+it is known which task a worker is at: where that takes too long, or takes the process with it, the
+worker is replaced, and what else it was to do is left to the others.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Iterator, Sequence
+from multiprocessing.connection import Connection, wait
+from typing import Any, NamedTuple
+
+import numba
+
+from gym_passive_walker.progress import hush
+from gym_passive_walker.sweeps.node import compile_once
+from gym_passive_walker.sweeps.store import DONE, FAILED, TIMED_OUT
+from gym_passive_walker.sweeps.tasks import ANALYSES, flat, task
+
+_MOST = 2000  # tasks sent at once
+_STILLBORN = 3  # workers that end before they begin, after which it is no accident
+_TRIES = 2  # of a task that takes its process with it
+
+Task = tuple[int, dict[str, Any]]
+"""A task's number, and what it is given."""
+
+
+class Outcome(NamedTuple):
+    """How a task has ended.
+
+    Attributes:
+        task: Its number.
+        status: `DONE`, `FAILED` or `TIMED_OUT`.
+        error: What went wrong; None if nothing did.
+        seconds: How long it took.
+        results: What it found, by name.
+    """
+
+    task: int
+    status: str
+    error: str | None
+    seconds: float
+    results: dict[str, Any]
+
+
+class Pace:
+    """How many tasks make about a second."""
+
+    def __init__(self, workers: int) -> None:
+        self._workers, self._count, self._seconds = workers, 0, 0.0
+
+    def note(self, outcome: Outcome) -> None:
+        """A task has taken so long."""
+        self._count, self._seconds = self._count + 1, self._seconds + outcome.seconds
+
+    def take(self, waiting: deque[Task]) -> list[Task]:
+        """The tasks for a worker to do next; towards the end fewer, so that all end together."""
+        fair = -(-len(waiting) // (2 * self._workers))
+        second = int(self._count / max(self._seconds, 1e-9)) if self._count else 1
+        return [waiting.popleft() for _ in range(max(1, min(fair, second, _MOST)))]
+
+
+class Workers:
+    """Processes that do tasks of one analysis.
+
+    Args:
+        analysis: Its name.
+        count: How many processes.
+        time_out: Seconds after which a task is given up; None waits for ever.
+    """
+
+    def __init__(self, analysis: str, count: int, time_out: float | None) -> None:
+        self._analysis, self._time_out, self._count = analysis, time_out, count
+        self._crew = [_Worker(analysis) for _ in range(count)]
+        self._stillborn = 0
+
+    def outcomes(self, tasks: Sequence[Task]) -> Iterator[Outcome]:
+        """Do tasks, and say of each how it ended as soon as it has.
+
+        Raises:
+            RuntimeError: if no worker can be started.
+        """
+        waiting, tried, pace = deque(tasks), Counter(), Pace(self._count)
+        while waiting or any(worker.tasks for worker in self._crew):
+            for worker in self._crew:
+                if worker.ready and not worker.tasks and waiting:
+                    worker.send(pace.take(waiting))
+            for pipe in wait([worker.pipe for worker in self._crew], self._patience()):
+                worker = next(each for each in self._crew if each.pipe is pipe)
+                try:
+                    outcome = worker.hear()
+                except (EOFError, OSError):
+                    outcome = self._lost(worker, waiting, tried)
+                if outcome is not None:
+                    self._stillborn = 0
+                    pace.note(outcome)
+                    yield outcome
+            for worker in [each for each in self._crew if self._overdue(each)]:
+                late, took = worker.tasks[0][0], time.monotonic() - worker.since
+                self._replace(worker, waiting)
+                said = f"given up after {self._time_out:g} s"
+                yield Outcome(late, TIMED_OUT, said, took, {})
+
+    def close(self) -> None:
+        """End all processes."""
+        for worker in self._crew:
+            worker.end()
+
+    def _patience(self) -> float | None:
+        """Seconds to the next time-out."""
+        since = [worker.since for worker in self._crew if worker.tasks]
+        if self._time_out is None or not since:
+            return None
+        return max(0.0, min(since) + self._time_out - time.monotonic())
+
+    def _overdue(self, worker: _Worker) -> bool:
+        if self._time_out is None or not worker.tasks or worker.pipe.poll():
+            return False
+        return time.monotonic() - worker.since >= self._time_out
+
+    def _lost(self, worker: _Worker, waiting: deque[Task], tried: Counter) -> Outcome | None:
+        """A process is gone: what it was at is tried once more, then has failed."""
+        worker.process.join()
+        code, at = worker.process.exitcode, worker.tasks[0] if worker.tasks else None
+        self._stillborn += not worker.ready
+        if self._stillborn >= _STILLBORN:
+            raise RuntimeError(
+                f"worker processes end before they begin (exit code {code}): a script that sweeps "
+                'does so below `if __name__ == "__main__":`'
+            )
+        took = time.monotonic() - worker.since
+        self._replace(worker, waiting)
+        if at is None:
+            return None
+        tried[at[0]] += 1
+        if tried[at[0]] < _TRIES:
+            waiting.appendleft(at)
+            return None
+        return Outcome(at[0], FAILED, f"its process ended with exit code {code}", took, {})
+
+    def _replace(self, worker: _Worker, waiting: deque[Task]) -> None:
+        """Another process for one; what it had not begun waits again."""
+        waiting.extendleft(reversed(list(worker.tasks)[1:]))
+        worker.end()
+        self._crew[self._crew.index(worker)] = _Worker(self._analysis)
+
+
+class _Worker:
+    """A process, its pipe, and what it has still to do: the first task is the one it is at."""
+
+    def __init__(self, analysis: str) -> None:
+        context = multiprocessing.get_context("spawn")
+        self.pipe, theirs = context.Pipe()
+        self.process = context.Process(target=_serve, args=(theirs, analysis))
+        self.process.start()
+        theirs.close()  # so that its end is heard
+        self.ready, self.since, self.tasks = False, time.monotonic(), deque[Task]()
+
+    def send(self, tasks: list[Task]) -> None:
+        """Give it tasks."""
+        self.tasks.extend(tasks)
+        self.since = time.monotonic()
+        try:
+            self.pipe.send(tasks)
+        except OSError:  # it has ended, as its pipe will say
+            pass
+
+    def hear(self) -> Outcome | None:
+        """What it says: first, that it is ready."""
+        said = self.pipe.recv()
+        self.since = time.monotonic()
+        if said is None:
+            self.ready = True
+            return None
+        self.tasks.popleft()
+        return said
+
+    def end(self) -> None:
+        """End it, whatever it is at."""
+        self.process.kill()
+        self.process.join()
+        self.pipe.close()
+
+
+def _serve(pipe: Connection, analysis: str) -> None:
+    """What a worker does: tasks, until nobody wants more."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # who watches decides
+    threading.Thread(target=_leave_with_parent, daemon=True).start()
+    hush()
+    numba.set_num_threads(1)
+    if analysis in ANALYSES:
+        compile_once()
+    try:
+        pipe.send(None)
+        while True:
+            for number, given in pipe.recv():
+                pipe.send(_done(analysis, number, given))
+    except (EOFError, OSError):
+        return
+
+
+def _done(analysis: str, number: int, given: dict[str, Any]) -> Outcome:
+    began = time.perf_counter()
+    try:
+        results, status, error = flat(task(analysis, given)()), DONE, None
+    except (Exception, SystemExit) as raised:
+        results, status, error = {}, FAILED, f"{type(raised).__name__}: {raised}"
+    return Outcome(number, status, error, time.perf_counter() - began, results)
+
+
+def _leave_with_parent() -> None:
+    """A worker whose parent was killed would otherwise finish its task for nobody."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        wait([parent.sentinel])
+        os._exit(1)

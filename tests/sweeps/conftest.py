@@ -1,0 +1,54 @@
+"""A module of tasks that do odd things, where worker processes find it."""
+
+import sys
+
+import pytest
+
+ODD = '''
+import os, signal, time
+from pathlib import Path
+
+
+def square(x, seed=0):
+    return {"square": x * x, "odd": x % 2 == 1, "word": f"{x} {seed}"}
+
+
+def noted(x, folder):
+    """Says that it was done, so that it can be seen how often."""
+    with open(Path(folder) / "noted", "a") as file:
+        file.write(f"{x}\\n")
+    time.sleep(0.02)
+    return {"square": x * x}
+
+
+def dies(x, times, folder):
+    """Takes its process with it, the first few times."""
+    lives = Path(folder) / "lives"
+    if x == 5 and (len(lives.read_text()) if lives.exists() else 0) < times:
+        with lives.open("a") as file:
+            file.write("x")
+        os.kill(os.getpid(), signal.SIGKILL)
+    return {"square": x * x}
+
+
+def hangs(x):
+    if x == 2:
+        time.sleep(600)
+    if x == 3:
+        raise ValueError("three is too many")
+    return {"square": x * x}
+
+
+def changeable(x):
+    return {"square": x} if x else {"cube": x}
+'''
+
+
+@pytest.fixture
+def odd(tmp_path, monkeypatch):
+    """The folder where the module is."""
+    (tmp_path / "odd_tasks.py").write_text(ODD)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=":")
+    yield tmp_path
+    sys.modules.pop("odd_tasks", None)

@@ -1,0 +1,121 @@
+"""A description says which tasks there are, or why it is none."""
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.sweeps.description import Description
+from gym_passive_walker.sweeps.tasks import ANALYSES, flat, task
+
+
+def test_a_grid_is_every_combination_and_a_list_goes_row_by_row():
+    over = {"slope": [0.02, 0.03], "seed": [7, 8]}
+    pairs = [
+        (given["slope"], given["seed"]) for given in Description(analysis="gait", over=over).tasks
+    ]
+    assert pairs == [(0.02, 7), (0.02, 8), (0.03, 7), (0.03, 8)]
+    rows = Description(analysis="gait", over=over, how="list").tasks
+    assert [(given["slope"], given["seed"]) for given in rows] == [(0.02, 7), (0.03, 8)]
+
+
+def test_each_of_n_slices_of_a_parameter_holds_one_of_n_latin_samples():
+    given = Description(
+        analysis="gait", over={"foot_radius": [0.1, 0.3], "slope": [0.01, 0.05]},
+        how="latin-hypercube", samples=50, seed=3,
+    ).tasks  # fmt: skip
+    for name, low, high in (("foot_radius", 0.1, 0.3), ("slope", 0.01, 0.05)):
+        slices = [int(50 * (each[name] - low) / (high - low)) for each in given]
+        assert sorted(slices) == list(range(50))
+
+
+def test_the_first_half_of_a_sobol_sample_is_the_smaller_sample():
+    few, many = (
+        Description(analysis="gait", over={"slope": [0.01, 0.05]}, how="sobol", samples=n).tasks
+        for n in (16, 32)
+    )
+    assert many[:16] == few and len({each["slope"] for each in many}) == 32
+
+
+def test_a_digest_knows_any_change_and_no_other_order_of_names():
+    one = {
+        "analysis": "gait",
+        "over": {"slope": [0.02]},
+        "given": {"walker": "lab", "kind": "long"},
+    }
+    same = {**one, "given": {"kind": "long", "walker": "lab"}}
+    assert Description.of(one).digest == Description.of(same).digest
+    other = {**one, "over": {"slope": [0.02, 0.03]}}
+    assert Description.of(one).digest != Description.of(other).digest
+
+
+def test_a_walker_in_a_description_is_its_parameters():
+    found = Description(analysis="gait", over={"slope": [0.03]}, given={"walker": gpw.WALKERS["C"]})
+    call = task("gait", found.tasks[0])
+    assert call.keywords == {"walker": gpw.WALKERS["C"], "slope": 0.03}
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        ({"analysis": "gait"}, "names its analysis, and over what"),
+        ({"analysis": "gait", "over": {"slope": [1]}, "sampels": 3}, "sampels \\(samples\\?\\)"),
+        ({"analysis": "gait", "over": {"slope": 0.1}}, "over a list of values"),
+        ({"analysis": "gait", "over": {}}, "over must name what changes"),
+        ({"analysis": "gait", "over": {"slope": [1]}, "how": "random"}, "how must be one of"),
+        ({"analysis": "gait", "over": {"slope": [0, 1]}, "how": "sobol"}, "samples says how many"),
+        (
+            {"analysis": "gait", "over": {"slope": [2, 1]}, "how": "sobol", "samples": 2},
+            "sampled from \\[low, high\\]",
+        ),
+        ({"analysis": "gait", "over": {"a": [1], "b": [1, 2]}, "how": "list"}, "a has 1, b has 2"),
+        ({"analysis": "gait", "over": {"a": [1]}, "given": {"a": 2}}, "cannot both"),
+        ({"analysis": "gait", "over": {"status": [1]}}, "status is a column"),
+    ],
+)
+def test_what_describes_no_sweep_is_refused_in_a_sentence(content, said):
+    with pytest.raises(ValueError, match=said):
+        Description.of(content)
+
+
+@pytest.mark.parametrize(
+    ("analysis", "given", "said"),
+    [
+        ("gaits", {}, "choose from gait,"),
+        ("nowhere:nothing", {}, "cannot be found"),
+        ("gait", {"slope": 0.03}, "gait needs walker"),
+        ("gait", {"slope": 0.03, "foot_radius": 0.1}, "foot_radius of which walker"),
+        ("gait", {"walker": "lab", "slop": 0.03}, "slop \\(slope\\?\\)"),
+        ("evaluation", {"policy": "level-ppo", "max_hip": 1}, "max_hip_torque\\?"),
+    ],
+)
+def test_what_an_analysis_does_not_take_is_refused_in_a_sentence(analysis, given, said):
+    with pytest.raises(ValueError, match=said):
+        task(analysis, given)
+
+
+LAB = {"walker": "C", "seed": 0}
+SMALL = {
+    "gait": {**LAB, "slope": 0.03},
+    "family": {**LAB, "slope_min": 0.03, "slope_max": 0.04},
+    "bifurcation": {**LAB, "slope": 0.03, "settle": 100},
+    "basin": {**LAB, "slope": 0.03, "resolution": 8},
+    "robustness": {**LAB, "slope": 0.03, "walkers": 20, "strides": 10, "starts": 8},
+    "reality": {**LAB, "slope": 0.03},
+    "optimal": {"scene": "lab", "control": "stride", "slope": 0.03, "speed": 0.16},
+    "evaluation": {"policy": "level-ppo", "episodes": 2, "slope": 0.001},
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ANALYSES)
+def test_each_analysis_gives_the_same_row_whenever_it_is_asked(name):
+    rows = [flat(task(name, SMALL[name])()) for _ in range(2)]
+    assert repr(rows[0]) == repr(rows[1]) and len(rows[0]) >= 3
+
+
+def test_a_swept_gait_is_the_gait():
+    row = flat(task("gait", {"walker": "lab", "foot_radius": 0.22, "slope": 0.036})())
+    walker = gpw.find_gait("lab", 0.036).walker
+    gait = gpw.find_gait(gpw.Walker(**{**vars(walker), "foot_radius": 0.22}), 0.036)
+    assert row["stance_angle"] == gait.stance_angle and row["stable"] == gait.stable
+    assert row["multiplier"] == np.abs(gait.multipliers[0])

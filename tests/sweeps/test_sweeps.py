@@ -1,0 +1,180 @@
+"""Whatever befalls a sweep, what was finished is kept, and the rest can be done."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.cli import main
+from gym_passive_walker.sweeps import run
+from gym_passive_walker.sweeps.store import DONE, FAILED, TIMED_OUT
+
+parquet = pytest.importorskip("pyarrow.parquet")
+
+
+def same(one, other):
+    """Whether two sweeps found the same, to the last bit; how long it took is nobody's promise."""
+    one, other = one.columns(), other.columns()
+    assert list(one) == list(other)
+    for name in one.keys() - {"seconds", "version", "sweep"}:
+        np.testing.assert_array_equal(one[name], other[name], err_msg=name)
+
+
+def squares(folder, count=12, **options):
+    return gpw.sweep("odd_tasks:square", folder, over={"x": list(range(count))}, **options)
+
+
+def test_ten_thousand_tiny_tasks_are_ten_thousand_rows(odd):
+    found = squares(odd / "out", 10_000, workers=2, seed=4)
+    columns = found.columns()
+    assert columns["task"].tolist() == list(range(10_000)) and found.failures == 0
+    assert columns["square"].tolist() == [x * x for x in range(10_000)]
+    assert set(columns["version"]) == {run.version()} and set(columns["seed"]) == {4}
+    assert columns["word"][3] == "3 4" and columns["odd"].dtype == bool
+
+
+def test_a_worker_that_is_killed_is_replaced_and_its_task_done_again(odd):
+    over, given = {"x": list(range(12))}, {"times": 1, "folder": str(odd)}
+    killed = gpw.sweep("odd_tasks:dies", odd / "out", over=over, given=given, workers=2)
+    assert (odd / "lives").read_text() == "x" and killed.failures == 0
+    again = gpw.sweep("odd_tasks:dies", odd / "whole", over=over, given=given, workers=2)
+    same(killed, again)
+
+
+def test_a_task_that_always_takes_its_process_with_it_is_a_row(odd):
+    given = {"times": 9, "folder": str(odd)}
+    found = gpw.sweep(
+        "odd_tasks:dies", odd / "out", over={"x": list(range(8))}, given=given, workers=2
+    )
+    columns = found.columns()
+    assert [*columns["status"]] == [FAILED if x == 5 else DONE for x in range(8)]
+    assert "exit code -9" in columns["error"][5] and found.failures == 1
+
+
+def test_a_task_that_hangs_or_fails_is_a_row_and_stops_no_other(odd):
+    found = gpw.sweep(
+        "odd_tasks:hangs", odd / "out", over={"x": list(range(6))}, time_out=0.5, workers=1
+    )
+    columns = found.columns()
+    assert [*columns["status"]] == [DONE, DONE, TIMED_OUT, FAILED, DONE, DONE]
+    assert columns["error"][2] == "given up after 0.5 s"
+    assert columns["error"][3] == "ValueError: three is too many"
+    assert np.isnan(columns["square"][[2, 3]]).all() and columns["square"][5] == 25
+
+
+def test_results_of_another_kind_are_an_error_in_their_row(odd):
+    found = gpw.sweep("odd_tasks:changeable", odd / "out", over={"x": [1, 2, 0]}, workers=1)
+    assert found.failures == 1
+    assert found.columns()["error"][2] == (
+        "it found cube (int64), where others found square (int64)"
+    )
+
+
+@pytest.mark.parametrize("sent", [signal.SIGKILL, signal.SIGINT], ids=["killed", "Ctrl-C"])
+def test_a_sweep_that_was_stopped_does_the_rest_alone_and_ends_as_if_it_had_not(odd, sent):
+    (odd / "kept").mkdir()
+    text = json.dumps(
+        {
+            "analysis": "odd_tasks:noted",
+            "over": {"x": list(range(120))},
+            "given": {"folder": str(odd)},
+        }
+    )
+    (odd / "kept.json").write_text(text)
+    command = [sys.executable, "-m", "gym_passive_walker", "sweep", str(odd / "kept.json")]
+    process = subprocess.Popen([*command, "--workers", "2"], stderr=subprocess.PIPE, text=True)
+    journal, deadline = odd / "kept" / "journal.jsonl", time.monotonic() + 120.0
+    while not (journal.exists() and journal.read_text().count("\n") >= 10):
+        assert process.poll() is None and time.monotonic() < deadline
+        time.sleep(0.01)
+    process.send_signal(sent)
+    said = process.communicate()[1]
+    assert process.returncode == (130 if sent == signal.SIGINT else -signal.SIGKILL)
+    assert ("tasks are kept in" in said and "goes on" in said) == (sent == signal.SIGINT)
+    time.sleep(0.5)  # for workers that nobody watches any more to leave
+    begun = (odd / "noted").read_text().count("\n")
+    assert 10 <= begun < 120
+    assert main([*command[3:], "--workers", "1", "--json"]) == 0
+    # Done twice is at most what the two workers were at, and what was on its way back.
+    assert (odd / "noted").read_text().count("\n") <= 120 + 4
+    stopped = run.Swept(odd / "kept", 120, 0)
+    whole = gpw.sweep(json.loads(text), odd / "whole", workers=1)
+    same(stopped, whole)
+
+
+def test_a_full_disk_loses_nothing_finished(odd, monkeypatch):
+    full = {"write": True}
+    write = parquet.write_table
+
+    def fails(table, where):
+        if full["write"]:
+            where.write_bytes(b"half a fi")
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        write(table, where)
+
+    monkeypatch.setattr(parquet, "write_table", fails)
+    over, given = {"x": list(range(9))}, {"folder": str(odd)}
+    with pytest.raises(OSError, match=r"No space left on device.*make room.*goes on"):
+        gpw.sweep("odd_tasks:noted", odd / "out", over=over, given=given, workers=1)
+    assert not list((odd / "out" / "rows").iterdir())
+    full["write"] = False
+    found = gpw.sweep("odd_tasks:noted", odd / "out", over=over, given=given, workers=1)
+    assert (odd / "noted").read_text().count("\n") == 9  # nothing was done again
+    assert found.columns()["square"].tolist() == [x * x for x in range(9)]
+    assert not list((odd / "out").glob("*.aside"))
+
+
+def test_a_sweep_of_another_version_or_description_is_refused_or_branches(odd, monkeypatch):
+    squares(odd / "out", workers=1)
+    with pytest.raises(ValueError, match="another over: give another folder, or let it branch"):
+        squares(odd / "out", 5, workers=1)
+    beside = squares(odd / "out", 5, workers=1, branch=True)
+    assert beside.folder != odd / "out" and len(beside.columns()["x"]) == 5
+    assert len(squares(odd / "out", workers=1).columns()["x"]) == 12
+    monkeypatch.setattr(run, "version", lambda: "0.0.1")
+    with pytest.raises(ValueError, match=r"was computed by version .*, this is 0\.0\.1"):
+        squares(odd / "out", workers=1)
+
+
+def test_a_folder_of_other_things_is_left_alone(odd):
+    with pytest.raises(ValueError, match="holds no sweep"):
+        squares(odd)
+
+
+def test_gaits_are_the_same_by_one_worker_and_by_two(tmp_path):
+    described = {
+        "analysis": "gait", "over": {"slope": [0.02, 0.03, 0.04], "walker": ["C", "E"]},
+    }  # fmt: skip
+    found = [gpw.sweep(described, tmp_path / str(n), workers=n) for n in (1, 2)]
+    same(*found)
+    assert all(each.failures == 0 for each in found)
+    assert found[0].columns()["stance_angle"][2] == gpw.find_gait("C", 0.03).stance_angle
+
+
+@pytest.mark.slow
+def test_ray_finds_the_same(odd):
+    pytest.importorskip("ray")
+    here, there = squares(odd / "here", workers=2), squares(odd / "there", workers=2, ray="here")
+    same(here, there)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("library", ["pandas", "polars", "duckdb"])
+def test_the_dataset_is_read_by(library, odd):
+    module = pytest.importorskip(library)
+    rows = squares(odd / "out", workers=1).folder / "rows"
+    match library:
+        case "pandas":
+            total = module.read_parquet(rows)["square"].sum()
+        case "polars":
+            total = module.read_parquet(rows / "*.parquet")["square"].sum()
+        case _:
+            total = module.sql(f"select sum(square) from '{rows}/*.parquet'").fetchall()[0][0]
+    assert total == sum(x * x for x in range(12))
