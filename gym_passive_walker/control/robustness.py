@@ -146,13 +146,11 @@ def robustness(
 ) -> Robustness:
     """Try how much a walk bears.
 
-    ```python
-    >>> import gym_passive_walker as gpw
-    >>> bears = gpw.robustness("lab", slope=0.036, walkers=200, strides=20)
-    >>> 0.0 < bears.step_down < 0.1
-    True
-
-    ```
+    Example:
+        >>> import gym_passive_walker as gpw
+        >>> bears = gpw.robustness("lab", slope=0.036, walkers=200, strides=20)
+        >>> 0.0 < bears.step_down < 0.1
+        True
 
     Args:
         who: A passive walker, or a preset's name; or whatever acts: a learned policy, a feedback,

@@ -60,9 +60,10 @@ def _bases() -> Iterator[Path]:
     """Where the folder may be, the best place first."""
     name = "gym_passive_walker"
     if chosen := os.environ.get("NUMBA_CACHE_DIR"):
-        yield Path(chosen) / name
+        yield Path(chosen).absolute() / name  # wherever the program goes from here
     with suppress(RuntimeError):  # a user without a home
-        yield Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / name
+        home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        yield home.absolute() / name
     user = getattr(os, "getuid", lambda: None)()  # Windows has none, and a folder for each user
     shared = Path(tempfile.gettempdir()) / (name if user is None else f"{name}-{user}")
     if user is None or _private(shared, user):

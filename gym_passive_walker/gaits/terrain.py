@@ -87,14 +87,12 @@ class Terrain:
 def rough(height_std: float = 0.0, slope_std: float = 0.0) -> Terrain:
     """Footholds at random: heights in leg lengths, slopes in rad, each normally distributed.
 
-    ```python
-    >>> import gym_passive_walker as gpw
-    >>> ground = gpw.rough(height_std=0.002)
-    >>> slope, rise, turn = ground.ground(7, 0)
-    >>> float(slope), float(turn), abs(float(rise)) < 0.01
-    (0.0, 0.0, True)
-
-    ```
+    Example:
+        >>> import gym_passive_walker as gpw
+        >>> ground = gpw.rough(height_std=0.002)
+        >>> slope, rise, turn = ground.ground(7, 0)
+        >>> float(slope), float(turn), abs(float(rise)) < 0.01
+        (0.0, 0.0, True)
 
     Args:
         height_std: Standard deviation of their heights.

@@ -111,14 +111,12 @@ def simulate(
 ) -> Trajectory:
     """Follow one walker for some strides, and keep what it passes through.
 
-    ```python
-    >>> import gym_passive_walker as gpw
-    >>> gait = gpw.find_gait("lab", 0.036)
-    >>> walk = gpw.simulate("lab", 0.036, 1.02 * gait.state, 20)  # a little off its gait
-    >>> walk.ending, len(walk)
-    ('heelstrike', 2000)
-
-    ```
+    Example:
+        >>> import gym_passive_walker as gpw
+        >>> gait = gpw.find_gait("lab", 0.036)
+        >>> walk = gpw.simulate("lab", 0.036, 1.02 * gait.state, 20)  # a little off its gait
+        >>> walk.ending, len(walk)
+        ('heelstrike', 2000)
 
     Args:
         walker: The walker, or a preset's name.
