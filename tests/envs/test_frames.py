@@ -92,8 +92,7 @@ def test_frames_of_many_make_one_picture_of_a_film_s_size():
 
 def test_gymnasium_s_wrappers_film_one_walker_and_many(tmp_path):
     pytest.importorskip("moviepy")
-    from gymnasium.wrappers import RecordVideo
-    from gymnasium.wrappers import vector
+    from gymnasium.wrappers import RecordVideo, vector
 
     if not hasattr(vector, "RecordVideo"):
         pytest.skip("this Gymnasium films no vector environments")
