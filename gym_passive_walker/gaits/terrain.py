@@ -80,7 +80,7 @@ class Terrain:
         """
         keys, places = np.broadcast_arrays(np.asarray(keys, np.uint64), np.asarray(places))
         found = np.empty((keys.size, 3))
-        _grounds(*self.arrays(), keys.ravel(), places.ravel().astype(np.int64), found)
+        _grounds(*self.arrays(), keys.flatten(), places.flatten().astype(np.int64), found)
         return found.reshape(*keys.shape, 3)
 
 
