@@ -18,7 +18,8 @@ from gym_passive_walker.control.baselines import Passive
 from gym_passive_walker.control.policy import Policy, steps
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.gaits.first_passage import FirstPassage, walks
+from gym_passive_walker.gaits.first_passage import SETTLING as FORGETTING
+from gym_passive_walker.gaits.first_passage import FirstPassage, survivors, walks
 from gym_passive_walker.gaits.terrain import Terrain, rough
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.systems import UNEVEN, body_of, system_of
@@ -39,7 +40,6 @@ PHASES = np.linspace(0.0, 0.9, 10)
 _TRIES = 24  # sizes that are tried at once
 _SMALL = 1e-4  # leg lengths: a step whose answer is in proportion to it
 _ANSWERS = 60  # strides that are looked at after it
-_FORGETTING = 10  # strides on rough ground before falls are counted
 _IDLE = {"pushes": {"rate": 0.0, "impulse": 0.0}, "terrain": Terrain()}
 _CALM = {
     "sensor_noise": 0.0, "motor_noise": 0.0, "perturbation": 0.0, "randomise": {}, "reality": {},
@@ -344,11 +344,11 @@ class _Tries:
         self, terrain: Terrain, count: int, strides: int, seed: int
     ) -> tuple[FirstPassage, NDArray[np.float64]]:
         """How long walkers last on rough ground, and what share is left after each stride."""
-        whole_way = _FORGETTING + strides
+        whole_way = FORGETTING + strides
         starts = np.repeat(self.gait[None], count, axis=0)
         made = self.walk(starts, whole_way, terrain=terrain, seed=seed).made
-        left = np.array([np.count_nonzero(made > k) for k in range(whole_way)])
-        return _told(np.concatenate([[count], left]))
+        left = np.array([count, *(np.count_nonzero(made > k) for k in range(whole_way))])
+        return FirstPassage.of(left), left[1:] / count
 
     def answers(self, period: float) -> NDArray[np.float64]:
         """By how much periods change after a small step in the ground, per leg length of it."""
@@ -424,19 +424,11 @@ def _lasting(
     scene: Scene, state: NDArray, terrain: Terrain, count: int, strides: int, seed: int
 ) -> tuple[FirstPassage, NDArray[np.float64]]:
     """How long passive walkers last on rough ground, and what share is left after each stride."""
-    walker, whole_way = scene.walker, _FORGETTING + strides
+    walker, whole_way = scene.walker, FORGETTING + strides
     crowd = walks(
         system_of(walker, using=UNEVEN), body_of(walker), units_of(walker).to_dimensionless(state),
         float(np.mean(scene.slope)), terrain, walkers=count, seed=seed, tolerance=scene.tolerance,
         stub=scene.stub,
     )  # fmt: skip
-    left = [still for still, _ in zip(crowd, range(whole_way), strict=False)]
-    left += [0] * (whole_way - len(left))
-    return _told(np.array([count, *left]))
-
-
-def _told(left: NDArray) -> tuple[FirstPassage, NDArray[np.float64]]:
-    """What follows from how many walkers are left, before any stride and after each."""
-    counted = left[_FORGETTING:]
-    found = FirstPassage(int(counted[0] - counted[-1]), int(counted[:-1].sum()))
-    return found, left[1:] / left[0]
+    left = survivors(crowd, count, whole_way)
+    return FirstPassage.of(left), left[1:] / count

@@ -20,7 +20,7 @@ from gym_passive_walker.engine.jit import Kernel, address, call, jitted
 from gym_passive_walker.engine.run import carry_on
 from gym_passive_walker.envs import reality, task
 from gym_passive_walker.envs.checks import CHECKS
-from gym_passive_walker.gaits.terrain import foothold
+from gym_passive_walker.gaits.terrain import ground_at
 from gym_passive_walker.physics.bodies import StraightBody
 from gym_passive_walker.physics.hybrid import Outcome
 
@@ -97,10 +97,9 @@ def perceive(fate, row, odds, table, spread, observations, first):
         observations[first + task.SIZE] = fate.command
     first += task.SIZE + odds.commanded
     for ahead in range(odds.preview):
-        rise, here = foothold(table, spread, fate.key, row.strides + ahead)
-        there = foothold(table, spread, fate.key, row.strides + ahead + 1)[1]
+        _, rise, turn = ground_at(table, spread, fate.key, row.strides + ahead)
         observations[first + 2 * ahead] = task.clipped(rise, task.HIGHEST)
-        observations[first + 2 * ahead + 1] = task.clipped(there - here, task.STEEPEST)
+        observations[first + 2 * ahead + 1] = task.clipped(turn, task.STEEPEST)
 
 
 @Kernel
@@ -114,19 +113,17 @@ def observe(fates, ledger, odds, table, spread, lanes, observations):
 @jitted
 def lay(record, row, fate, table, spread):
     """Lay the ground of the stride that begins."""
-    rise, here = foothold(table, spread, fate.key, row.strides)
-    there = foothold(table, spread, fate.key, row.strides + 1)[1]
-    fate.tilt, row.slope = here, fate.slope + here
+    fate.tilt, rise, turn = ground_at(table, spread, fate.key, row.strides)
+    row.slope = fate.slope + fate.tilt
     record.ground[0], record.ground[1] = math.sin(row.slope), math.cos(row.slope)
-    record.ground[2], record.ground[3] = rise, there - here
+    record.ground[2], record.ground[3] = rise, turn
 
 
 @jitted
 def step_over(record, row, fate, radius, table, spread):
     """Enter where the foot has come down that stands now, and lay its ground."""
-    rise, here = foothold(table, spread, fate.key, row.strides - 1)
+    here, rise, turn = ground_at(table, spread, fate.key, row.strides - 1)
     rise, fate.ledge = rise + fate.ledge, 0.0
-    turn = foothold(table, spread, fate.key, row.strides)[1] - here
     # It touches the new ground beside where it came down, as the two slope apart.
     for k in range(PASSED - 1, 0, -1):
         fate.passed[k, 0], fate.passed[k, 1] = fate.passed[k - 1, 0], fate.passed[k - 1, 1]

@@ -21,6 +21,9 @@ from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.physics.hybrid import Outcome, System
 from gym_passive_walker.progress import progress
 
+SETTLING = 10
+"""Strides after which walkers have forgotten how they began."""
+
 _CONFIDENT = 1.959963984540054  # standard errors on both sides of 95 of 100
 _NONE_SEEN = 2.995732273553991  # falls expected at most, 95 times of 100, where none was seen
 
@@ -35,6 +38,17 @@ class FirstPassage(NamedTuple):
 
     falls: int
     strides: int
+
+    @classmethod
+    def of(cls, left: NDArray, settling: int = SETTLING) -> FirstPassage:
+        """From how many walkers are left, before any stride and after each.
+
+        Args:
+            left: Shape (1 + strides,).
+            settling: Strides that are not counted: after these they have forgotten their start.
+        """
+        counted = left[settling:]
+        return cls(int(counted[0] - counted[-1]), int(counted[:-1].sum()))
 
     @property
     def mean(self) -> float:
@@ -116,7 +130,7 @@ def first_passage(
     *,
     walkers: int = 4096,
     strides: int = 1000,
-    settling: int = 10,
+    settling: int = SETTLING,
     **options: Any,
 ) -> FirstPassage:
     """How long walkers last on rough ground, from a crowd of them.
@@ -133,14 +147,18 @@ def first_passage(
         **options: As for `walks`.
     """
     crowd = walks(system, body, state, slope, terrain, walkers=walkers, **options)
-    left, falls, made = walkers, 0, 0
-    with progress("strides on rough ground", settling + strides) as taken:
-        for stride, still in zip(range(settling + strides), crowd, strict=False):
-            if stride >= settling:
-                falls, made = falls + left - still, made + left
-            left = still
+    return FirstPassage.of(survivors(crowd, walkers, settling + strides), settling)
+
+
+def survivors(crowd: Iterator[int], walkers: int, strides: int) -> NDArray[np.int64]:
+    """How many of a crowd from `walks` are left: before any stride, and after each of them."""
+    left = np.zeros(1 + strides, np.int64)
+    left[0] = walkers
+    with progress("strides on rough ground", strides) as taken:
+        for stride, still in zip(range(strides), crowd, strict=False):
+            left[1 + stride] = still
             taken()
-    return FirstPassage(falls, made)
+    return left
 
 
 def leading_eigenvalue(

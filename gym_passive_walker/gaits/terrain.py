@@ -213,8 +213,13 @@ def foothold(table, spread, key, place):
 
 
 @Kernel
+def ground_at(table, spread, key, place):
+    """A foothold's slope, the rise to the next, and by how much that one slopes more steeply."""
+    rise, slope = foothold(table, spread, key, place)
+    return slope, rise, foothold(table, spread, key, place + 1)[1] - slope
+
+
+@Kernel
 def _grounds(table, spread, keys, places, found):
     for i in range(len(keys)):
-        rise, slope = foothold(table, spread, keys[i], places[i])
-        following = foothold(table, spread, keys[i], places[i] + 1)[1]
-        found[i, 0], found[i, 1], found[i, 2] = slope, rise, following - slope
+        found[i, 0], found[i, 1], found[i, 2] = ground_at(table, spread, keys[i], places[i])
