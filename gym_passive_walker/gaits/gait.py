@@ -165,6 +165,7 @@ def measure(stride_map: StrideMap, u: NDArray, slope: float, period: int) -> Gai
     exact, walker = stride_map.with_tolerance(_EXACT), stride_map.walker
     drive = to_own(exact.units, exact.drive)
     map_derivative = gait_equations(exact, u[None], slope, period=period).map[0]
+    multipliers = multipliers_of(map_derivative)  # first of all: refuses where no stride exists
     state = exact.states_at(from_logarithms(u[None]))[0]
     walks = [stride(walker, slope, state, tolerance=_EXACT, **drive._asdict())]
     for _ in range(period - 1):
@@ -177,7 +178,7 @@ def measure(stride_map: StrideMap, u: NDArray, slope: float, period: int) -> Gai
         kind=_kind(walker, map_derivative, duration / exact.units.time),
         period=period,
         state=state,
-        multipliers=multipliers_of(map_derivative),
+        multipliers=multipliers,
         stride=walks[0],
         step_period=duration,
         step_length=sum(float(walk.step_length) for walk in walks) / period,

@@ -31,7 +31,7 @@ LONGEST = 20.0
 """Time in sqrt(l/g) after which a stride without heelstrike is given up; a usual one takes 3."""
 
 _MOVED = ("state", "slope", *Drive._fields)  # to differentiate by, besides parameters
-_FEW = 4  # strides that are so rarely all in vain that it does not pay to try them first
+_FEW = 16
 _OF_ONE_STRIDE = ("time", "step", "knee_time", "knee_loss", "friction_loss", "moved", "turned")
 _FIELDS = [field.name for field in fields(Change)]
 _STRUCK, _STALLED = int(Outcome.HEELSTRIKE), int(Outcome.STALLED)
@@ -94,7 +94,10 @@ class StrideMap(Section):
         drive = self.drive
         if self.parameter in Drive._fields:
             drive = drive._replace(**{self.parameter: self.values})  # type: ignore[dict-item]
-        return np.stack([for_each(part, count) for part in drive], axis=1)
+        drives = np.empty((count, len(drive)))
+        for column, part in zip(drives.T, drive, strict=True):
+            column[:] = part
+        return drives
 
     @cached_property
     def bodies(self) -> NDArray[np.float64]:
