@@ -34,11 +34,21 @@ time since the stride began; how far the hip has opened, net and either way: the
 torque; when the knee locked, what both strikes cost; the step length and the work of gravity and
 of springs in a stride that has ended, 0 where there are none; and what friction has taken."""
 
+MOTORS = ("ankle_moved", "ankle_turned", "push_work")
+"""What other motors have done: likewise how far the ankle has tipped, and the push-off's work."""
+
+
+def _place(name: str, i: int = 0) -> int:
+    """Where a number of a record lies among all of them."""
+    return RECORD.fields[name][1] // 8 + i  # type: ignore[index]
+
+
 _PLACES = [
-    RECORD.fields[name][1] // 8 + i  # type: ignore[index]
+    _place(name, i)
     for name in _RECORDED
     for i in range(len(State._fields) if name == "state" else 1)  # of controls the hip's, the first
 ]
+_MOTOR_PLACES = [_place("moved", 1), _place("turned", 1), _place("push_work")]
 _SIZE = len(State._fields)
 _MIRRORED = np.array([1.0, -1.0, -1.0])  # angles of a state on the section, by the stance angle's
 _STRUCK = int(Outcome.HEELSTRIKE)  # greater outcomes are falls: no strike but this ends a motion
@@ -53,7 +63,8 @@ class _Columns(NamedTuple):
     names: tuple[str, ...]
     states: NDArray[np.float64]  # (k, 6)
     slopes: NDArray[np.float64]  # (k,)
-    torques: NDArray[np.float64]
+    controls: NDArray[np.float64]  # (k, 2)
+    push_offs: NDArray[np.float64]  # (k,)
     starts: NDArray[np.float64]
     ends: NDArray[np.float64]
 
@@ -64,10 +75,16 @@ def _columns(walker: Walker, by: tuple[str, ...]) -> _Columns:
     of_state = {"state": np.eye(_SIZE), "point": section.state(np.eye(section.dimension))}
     states = [of_state.get(name, np.zeros((1, _SIZE))) for name in by]
     names = tuple(name for name, rows in zip(by, states, strict=True) for _ in rows)
-    others = (
-        np.array([float(x == name) for x in names]) for name in ("slope", "torque", "start", "end")
+
+    def by_each(*wanted: str) -> NDArray:
+        return np.array([[float(x == name) for name in wanted] for x in names])
+
+    return _Columns(
+        names,
+        np.concatenate([np.zeros((0, _SIZE)), *states]),
+        controls=by_each("torque", "ankle").reshape(-1, 2),
+        **{f"{name}s": by_each(name).ravel() for name in ("slope", "push_off", "start", "end")},
     )
-    return _Columns(names, np.concatenate([np.zeros((0, _SIZE)), *states]), *others)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,16 +96,18 @@ class Motion:
         parameters: Values of parameters in which walkers differ from it, a number or (n,).
         tolerance: Of the integration.
         stub: Whether a stubbed toe ends a stride.
+        motors: Which motors they have besides the hip's: "ankle", "push_off".
     """
 
     walker: Walker
     parameters: Mapping[str, ArrayLike] = field(default_factory=dict)
     tolerance: float = 1e-12
     stub: bool = False
+    motors: tuple[str, ...] = ()
 
     def system(self, using: Collection[str] = ()) -> System:
         """Which equations the walkers obey, as some of their parameters change."""
-        return system_of(self.walker, using={*self.parameters, *using})
+        return system_of(self.walker, using={*self.parameters, *self.motors, *using})
 
     @cached_property
     def section(self) -> Section:
@@ -130,9 +149,10 @@ class Motion:
             records: Where they are, what they hold and until when, (n, 1) of `engine.layout.RECORD`
                 (see `new_records`); left as they are.
             by: Columns of the derivatives, in order: "state" (one for each of its six numbers) or
-                "point" (one for each coordinate of the section), "slope", "torque", a parameter of
-                the walker, "start", the stance angle with which the stride began (legs
-                mirrored), by which its length changes, or "end", the time to stop.
+                "point" (one for each coordinate of the section), "slope", "torque" of the hip,
+                "ankle" and "push_off", a parameter of the walker, "start", the stance angle with
+                which the stride began (legs mirrored), by which its length changes, or "end", the
+                time to stop.
             lanes: Which walkers these are, where parameters are given for more.
             from_section: Whether a stride begins here.
         """
@@ -141,7 +161,8 @@ class Motion:
         walked[:, :1] = records
         walked["outcome"] = 0
         changes = walked[:, 1:]
-        changes["state"], changes["control"][..., 0] = columns.states, columns.torques
+        changes["state"], changes["control"] = columns.states, columns.controls
+        changes["push_off"] = columns.push_offs
         if "slope" in by:
             turn = records["ground"][:, :, 1::-1] * [1.0, -1.0]
             changes["ground"][..., :2] = columns.slopes[:, None] * turn
@@ -199,8 +220,16 @@ class Carried:
     @cached_property
     def told(self) -> NDArray[np.float64]:
         """ROWS of each walker: the value, then its derivatives, (n, rows, 1 + k)."""
+        return self._numbers(_PLACES)
+
+    @cached_property
+    def told_of_all(self) -> NDArray[np.float64]:
+        """ROWS and MOTORS of each walker, likewise."""
+        return self._numbers(_PLACES + _MOTOR_PLACES)
+
+    def _numbers(self, places: list[int]) -> NDArray:
         numbers = self.walked.view(float).reshape(*self.walked.shape, -1)
-        return self._told(numbers.swapaxes(1, 2)[:, _PLACES])
+        return self._told(numbers.swapaxes(1, 2)[:, places])
 
     @cached_property
     def distance(self) -> NDArray[np.float64]:

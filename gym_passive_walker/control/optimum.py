@@ -134,7 +134,7 @@ class Problem:
         length, by_length = walked.length, by[m + 1]
         work = self.absolute * held @ walked.turn + self.net * torque @ walked.swing
         by_work = (
-            self.absolute * held @ by[m + 2 + n : -1] + self.net * torque @ by[m + 2 : m + 2 + n]
+            self.absolute * held @ by[m + 2 + n : -2] + self.net * torque @ by[m + 2 : m + 2 + n]
         )
         turn, swing = self.absolute * most * walked.turn, self.net * most * walked.swing
         by_work[m:] += np.concatenate([turn + swing, turn - swing])

@@ -13,20 +13,28 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.control.motion import ROWS, Motion
+from gym_passive_walker.control.motion import MOTORS, ROWS, Carried, Motion
+from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.gaits.passage import NoStride
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.physics.hybrid import Outcome, State
 from gym_passive_walker.physics.systems import bodies, system_of
 from gym_passive_walker.walkers import Walker
 
 LONGEST = 20.0
 """Time after which a stride is given up."""
 
-_DURATION, _LENGTH, _KNEE, *_HIP = map(
-    ROWS.index, ("time", "step_length", "knee_time", "moved", "turned")
+_TOLD = (*ROWS, *MOTORS)
+_DURATION, _LENGTH, _KNEE, _PUSHED = map(
+    _TOLD.index, ("time", "step_length", "knee_time", "push_work")
 )
+_OF_HIP = list(map(_TOLD.index, ("moved", "turned")))
+_OF_BOTH = list(map(_TOLD.index, ("moved", "ankle_moved", "turned", "ankle_turned")))
+_MOTORS = ("torque", "ankle")
+_TOGETHER = 128  # walkers whose ticks are followed side by side
+_STATE = len(State._fields)
+_RUNNING, _STRUCK = int(Outcome.RUNNING), int(Outcome.HEELSTRIKE)
 _SAMPLES = 200  # of a stride, for a picture
 _VERGE = 1e-8  # of a stride, before its end: the heelstrike has not yet come
 
@@ -34,7 +42,8 @@ _VERGE = 1e-8  # of a stride, before its end: the heelstrike has not yet come
 class TickedStride(NamedTuple):
     """Strides of n walkers under N torques, with their derivatives; NaN where a walker fell.
 
-    Of a single stride (see `ticked_stride`) nothing has the axis of walkers.
+    Of a single stride (see `ticked_stride`) nothing has the axis of walkers. Where torques are of
+    hip and ankle, (n, 2, N), so are `swing` and `turn`; T is how many there are for a walker.
 
     Attributes:
         end: Where each ends on the section, (n, m).
@@ -42,9 +51,11 @@ class TickedStride(NamedTuple):
         length: Step length, (n,).
         swing: How far the hip opened while each torque was held, (n, N): the net work of a unit.
         turn: How far it turned, either way, (n, N): the absolute work of a unit.
+        push_work: Work of the push-off, (n,).
         kneestrike: When the knee locks, (n,); 0 without knees.
-        by: Derivatives of all these, in this order, by the m coordinates of the start, the N
-            torques, and what else was asked for, (n, m + 3 + 2 N, m + N + others).
+        by: Derivatives of all these, in this order, by the m coordinates of the start, the T
+            torques, the push-off if there is one, and what else was asked for,
+            (n, m + 4 + 2 T, m + T + others).
         outcomes: How each ended, an `Outcome`, (n,).
     """
 
@@ -53,6 +64,7 @@ class TickedStride(NamedTuple):
     length: NDArray[np.float64]
     swing: NDArray[np.float64]
     turn: NDArray[np.float64]
+    push_work: NDArray[np.float64]
     kneestrike: NDArray[np.float64]
     by: NDArray[np.float64]
     outcomes: NDArray[np.int64]
@@ -65,8 +77,9 @@ class TickedStride(NamedTuple):
 
     @property
     def by_torque(self) -> NDArray[np.float64]:
-        """Derivative of the end by the torques, (n, m, N)."""
-        m, count = self.end.shape[-1], self.swing.shape[-1]
+        """Derivative of the end by the torques, (n, m, T)."""
+        m = self.end.shape[-1]
+        count = (self.by.shape[-2] - m - 4) // 2
         return self.by[..., :m, m : m + count]
 
 
@@ -77,6 +90,7 @@ def ticked_stride(
     torques: NDArray,
     *,
     tick: float,
+    push_off: float | None = None,
     stub: bool = False,
     tolerance: float = 1e-12,
 ) -> TickedStride:
@@ -86,17 +100,21 @@ def ticked_stride(
         walker: The walker.
         slope: Slope in rad.
         point: Start on the section, (m,).
-        torques: Torques, (N,).
+        torques: Torques of the hip (N,), or of hip and ankle (2, N).
         tick: How long a torque is held.
+        push_off: Impulse just before heelstrike, if there is one.
         stub: Whether a stubbed toe ends the stride.
         tolerance: Of the integration.
 
     Raises:
         NoStride: if the stride does not end with a heelstrike.
     """
-    motion = Motion(walker=walker, tolerance=tolerance, stub=stub)
+    motors = ("ankle",) * (np.ndim(torques) == 2) + ("push_off",) * (push_off is not None)
+    motion = Motion(walker=walker, tolerance=tolerance, stub=stub, motors=motors)
     points, held = (np.asarray(x, dtype=float)[None] for x in (point, torques))
-    walked = TickedStride(*(x[0] for x in ticked_strides(motion, slope, points, held, tick=tick)))
+    pushed = None if push_off is None else np.array([push_off])
+    walked = ticked_strides(motion, slope, points, held, tick=tick, push_offs=pushed)
+    walked = TickedStride(*(x[0] for x in walked))
     outcome = Outcome(int(walked.outcomes))
     if outcome != Outcome.HEELSTRIKE:
         raise NoStride(f"this stride does not end with a heelstrike but with {outcome.name}")
@@ -110,6 +128,7 @@ def ticked_strides(
     torques: NDArray,
     *,
     tick: float,
+    push_offs: NDArray | None = None,
     by: Sequence[str] = (),
 ) -> TickedStride:
     """Follow walkers through a stride each, every torque held for a tick.
@@ -119,67 +138,160 @@ def ticked_strides(
     there are.
 
     Args:
-        motion: How the walkers move.
+        motion: How the walkers move; it names ankle and push-off among its motors if they are used.
         slopes: Slope in rad, one for all or (n,).
         points: Starts on the section, (n, m).
-        torques: Torques, (n, N); the last one is held until heelstrike, and those that come after
-            it have no effect.
+        torques: Torques of the hip, (n, N), or of hip and ankle, (n, 2, N); the last one is held
+            until heelstrike, and those that come after it have no effect.
         tick: How long a torque is held.
-        by: Columns of derivatives behind those by coordinates and torques: "slope", or parameters
+        push_offs: Impulses just before heelstrike, (n,), if there are any.
+        by: Columns of derivatives behind those by coordinates and motors: "slope", or parameters
             of the walker.
     """
-    section = motion.section
-    (n, m), count = points.shape, torques.shape[1]
-    columns, others = m + count + len(by), m + count
-    told = np.full((n, m + 3 + 2 * count, 1 + columns), np.nan)
-    ends = [*section.coordinates, _DURATION, _LENGTH]
-    hip = told[:, m + 2 : -1].reshape(n, 2, count, 1 + columns)  # a view: swing and turn
-    hip[:], told[:, -1] = 0.0, 0.0
-    outcomes, walking = np.full(n, Outcome.STALLED, np.int64), np.arange(n)
-    records, change = new_records(section.state(points), slopes), np.eye(m, columns)
-    tick_by = ("point", "torque", *by)
-    for k in range(count):
-        hold(records, torques[walking, k], LONGEST if k == count - 1 else (k + 1) * tick)
-        ended = motion.follow(records, tick_by, lanes=walking, from_section=k == 0)
-        rows, size = np.empty((len(walking), len(ROWS), 1 + columns)), change.shape[-2]
-        rows[:, :, 0], by_all = ended.told[:, :, 0], rows[:, :, 1:]
-        by_state, by_torque, by_others = np.split(ended.told[:, :, 1:], [size, size + 1], axis=2)
-        np.matmul(by_state, change, out=by_all)
-        by_all[:, :, m + k] += by_torque[:, :, 0]
-        by_all[:, :, others:] += by_others[:, :, : len(by)]
-        if k:
-            by_all[:, :, 0] += by_others[:, :, -1]
-        hip[walking, :, k] = rows[:, _HIP]
-        if ended.locked.any():
-            told[walking[ended.locked], -1] = rows[ended.locked, _KNEE]
-        if ended.outcomes.any():
-            struck = ended.outcomes == Outcome.HEELSTRIKE
-            told[walking[struck], : m + 2] = rows[struck][:, ends]
-            on = ended.outcomes == Outcome.RUNNING
-            outcomes[walking[~on]] = ended.outcomes[~on]
-            walking, records, change = walking[on], ended.records[on], by_all[on, :6]
-            if len(walking) == 0:
-                break
-        else:
-            records, change = ended.records, by_all[:, :6]
-        tick_by = ("state", "torque", *by, "start")
-    told[outcomes != Outcome.HEELSTRIKE] = np.nan
-    values = told[:, :, 0]
+    n, m = points.shape
+    held = torques if torques.ndim == 3 else torques[:, None]
+    size = held.shape[1] * held.shape[2]
+    pushes = 0.0 if push_offs is None else push_offs
+    records = new_records(motion.section.state(points), slopes, push_off=pushes)
+    columns = by if push_offs is None else ("push_off", *by)
+    parts = [
+        _ticked(motion, records, held, np.arange(i, min(i + _TOGETHER, n)), tick, columns)
+        for i in range(0, n, _TOGETHER)
+    ]
+    told, outcomes = map(np.concatenate, zip(*parts, strict=True))
+    told[outcomes != _STRUCK] = np.nan
+    values, shape = told[:, :, 0], torques.shape
     return TickedStride(
         end=values[:, :m],
         duration=values[:, m],
         length=values[:, m + 1],
-        swing=values[:, m + 2 : m + 2 + count],
-        turn=values[:, m + 2 + count : -1],
+        swing=values[:, m + 2 : m + 2 + size].reshape(shape),
+        turn=values[:, m + 2 + size : -2].reshape(shape),
+        push_work=values[:, -2],
         kneestrike=values[:, -1],
         by=told[:, :, 1:],
         outcomes=outcomes,
     )
 
 
+def _ticked(
+    motion: Motion,
+    records: NDArray,
+    held: NDArray,
+    walkers: NDArray,
+    tick: float,
+    others: Sequence[str],
+) -> tuple[NDArray, NDArray]:
+    """What `TickedStride` tells of some walkers, values before derivatives; and the outcomes."""
+    section, (_, motors, count) = motion.section, held.shape
+    n, m, size = len(walkers), section.dimension, motors * count
+    columns = ("state", *_MOTORS[:motors], *others, "start")
+    ticks = _through_ticks(motion, records, held, walkers, tick)
+    moved = _side_by_side(motion, ticks, columns)
+    if moved is None:
+        ticks = _through_ticks(motion, records, held, walkers, tick, columns)
+        moved = np.concatenate([ended.told_of_all for _, _, ended in ticks])
+    lanes = np.concatenate([lanes for lanes, _, _ in ticks]) - walkers[0]
+    tick_of = np.repeat(np.arange(len(ticks)), [len(lanes) for lanes, _, _ in ticks])
+    edges = np.searchsorted(tick_of, np.arange(len(ticks) + 1))
+    by_state, by_motors, by_others, by_start = np.split(
+        moved[:, :, 1:], np.cumsum([_STATE, motors, len(others)]), axis=2
+    )
+
+    # How a walker changes with all that came before a tick; the chain rule goes through them.
+    before = np.empty((len(lanes), _STATE, m + size + len(others)))
+    change = np.zeros((n, *before.shape[1:]))
+    change[:, :, :m] = section.state(np.eye(m)).T
+    for k, (low, high) in enumerate(pairwise(edges)):
+        here, state = lanes[low:high], np.s_[low:high, :_STATE]
+        before[low:high] = change[here]
+        after = by_state[state] @ before[low:high]
+        after[:, :, m + k : m + size : count] += by_motors[state]
+        after[:, :, m + size :] += by_others[state]
+        change[here] = after
+    rows = np.empty((*moved.shape[:2], 1 + before.shape[2]))
+    rows[:, :, 0], by_all = moved[:, :, 0], rows[:, :, 1:]
+    np.matmul(by_state, before, out=by_all)
+    every = np.arange(len(lanes))
+    for j in range(motors):
+        by_all[every, :, m + j * count + tick_of] += by_motors[:, :, j]
+    by_all[:, :, m + size :] += by_others
+    by_all[:, :, 0] += by_start[:, :, 0]
+
+    told = np.full((n, m + 4 + 2 * size, rows.shape[2]), np.nan)
+    angles = told[:, m + 2 : -2].reshape(n, 2, motors, count, -1)  # a view: swing and turn
+    angles[:], told[:, -2:] = 0.0, 0.0
+    works = _OF_BOTH if motors == 2 else _OF_HIP
+    angles[lanes, :, :, tick_of] = rows[:, works].reshape(len(lanes), 2, motors, -1)
+    ended, locked = (
+        np.concatenate([getattr(ended, name) for _, _, ended in ticks])
+        for name in ("outcomes", "locked")
+    )
+    struck, over = ended == _STRUCK, ended != _RUNNING
+    told[lanes[struck], : m + 2] = rows[struck][:, [*section.coordinates, _DURATION, _LENGTH]]
+    told[lanes[struck], -2] = rows[struck, _PUSHED]
+    told[lanes[locked], -1] = rows[locked, _KNEE]
+    outcomes = np.full(n, Outcome.STALLED, np.int64)
+    outcomes[lanes[over]] = ended[over]
+    return told, outcomes
+
+
+def _through_ticks(
+    motion: Motion,
+    records: NDArray,
+    held: NDArray,
+    lanes: NDArray,
+    tick: float,
+    by: Sequence[str] = (),
+) -> list[tuple[NDArray, NDArray, Carried]]:
+    """Carry walkers through tick after tick: which they were, from where, what became of them."""
+    ticks, last = [], held.shape[2] - 1
+    records = records[lanes]
+    for k in range(last + 1):
+        hold(records, held[lanes, :, k], LONGEST if k == last else (k + 1) * tick)
+        ended = motion.follow(records, by, lanes=lanes, from_section=k == 0)
+        ticks.append((lanes, records, ended))
+        on = ended.outcomes == _RUNNING
+        lanes, records = lanes[on], ended.records[on]
+        if len(lanes) == 0:
+            break
+    return ticks
+
+
+def _side_by_side(
+    motion: Motion, ticks: list[tuple[NDArray, NDArray, Carried]], by: Sequence[str]
+) -> NDArray | None:
+    """What is told of ticks with their derivatives, all of them followed at once.
+
+    Values with derivatives and without may differ by a rounding. None if that moves a strike from
+    one tick to the next.
+    """
+    parts = []
+    for first, some in ((True, ticks[:1]), (False, ticks[1:])):
+        if not some:
+            continue
+        # As plain numbers: NumPy is slow to see that records are alike.
+        before = np.concatenate([records.view(float) for _, records, _ in some]).view(RECORD)
+        lanes = np.concatenate([lanes for lanes, _, _ in some])
+        part = motion.follow(before, by, lanes=lanes, from_section=first)
+        for name in ("outcomes", "locked"):
+            there = np.concatenate([getattr(ended, name) for _, _, ended in some])
+            if not np.array_equal(there, getattr(part, name)):
+                return None
+        parts.append(part.told_of_all)
+    return np.concatenate(parts)
+
+
 def hold(records: NDArray, torques: ArrayLike, until: float) -> None:
-    """Have walkers (n, 1) hold torques, one for all or (n,), until a time; work is counted anew."""
-    records["control"][:, 0, 0], records["end"][:, 0] = torques, until
+    """Have walkers (n, 1) hold torques until a time; work is counted anew.
+
+    Args:
+        records: The walkers.
+        torques: Of the hip, one for all; or of their first motors, (n, motors).
+        until: The time.
+    """
+    motors = np.shape(torques)[1] if np.ndim(torques) else 1
+    records["control"][:, 0, :motors], records["end"][:, 0] = torques, until
     records["moved"], records["turned"] = 0.0, 0.0
 
 

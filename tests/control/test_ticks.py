@@ -35,7 +35,8 @@ def level():
 def walk(point, torques):
     """A stride's end and measures in one array, and their derivatives."""
     walked = ticked_stride(WALKER, 0.0, point, torques, tick=TICK)
-    measures = [walked.duration, walked.length, *walked.swing, *walked.turn, walked.kneestrike]
+    measures = [walked.duration, walked.length, *walked.swing, *walked.turn]
+    measures += [walked.push_work, walked.kneestrike]
     return np.concatenate([walked.end, measures]), walked.by
 
 
