@@ -10,13 +10,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gym_passive_walker.arguments import number
 from gym_passive_walker.control.feedback import powered_gait
 from gym_passive_walker.control.optimum import OptimalGait, Problem, slope_of
 from gym_passive_walker.control.ticks import ticked_stride
 from gym_passive_walker.envs.scene import Scene, make_scene
+from gym_passive_walker.gaits.drive import PASSIVE, Drive, to_dimensionless, to_own
 from gym_passive_walker.gaits.gait import GaitNotFound
+from gym_passive_walker.gaits.search import seek
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.progress import progress
 from gym_passive_walker.units import units_of
@@ -26,6 +29,7 @@ STORE = Path(__file__).parent / "gaits"
 
 _SPARE = 1.5  # ticks given to a stride, over those it takes at first
 _ALIKE = 1e-6  # relative difference of costs that is none
+_SHARES = (0.1, 0.2, 0.4, 0.6, 0.8, 1.0)  # of the largest push-off or ankle torque, to begin with
 
 
 def optimal_gait(
@@ -49,18 +53,19 @@ def optimal_gait(
     slope_of(scene)  # refuses a range before there is work done
     if not 0.0 < number(speed, "speed", above=0.0) < 2.0:
         raise ValueError(f"speed must lie between 0 and 2, over sqrt(g l), not {speed!r}")
-    start = start or constant_torque_gait(scene)
+    start = start or constant_gait(scene)
     ticks = 1 if scene.control == "stride" else math.ceil(_SPARE * start.step_period / scene.tick)
     problem = Problem(scene, speed, ticks, len(start.point))
-    z = problem.solve(problem.guess(start.point, start.torques))
+    torques = start.torques, start.ankle_torques
+    z = problem.solve(problem.begun(start.point, torques, start.push_off))
     best = problem.measured(z)
     for edge in _edges(best, problem.tick):
         problem.edge = edge
         try:
-            found = problem.measured(problem.solve(z))
+            found = problem.measured(problem.solve(z, near=True))
         except GaitNotFound:
             continue
-        if found.hip_cost <= best.hip_cost * (1.0 + _ALIKE):
+        if found.motor_cost <= best.motor_cost * (1.0 + _ALIKE):
             best = found
     return best
 
@@ -77,20 +82,53 @@ def _edges(gait: OptimalGait, tick: float) -> list[float]:
     return [edge * tick for edge in range(math.floor(before), math.ceil(before) + 1)]
 
 
-def constant_torque_gait(scene: Scene) -> OptimalGait:
-    """The gait under a constant torque, passive where there is one, as a start for a search.
+def constant_gait(scene: Scene) -> OptimalGait:
+    """A gait whose motors do the same all along, at rest where it is passive: where searches begin.
 
     Raises:
         GaitNotFound: if there is none.
     """
     walker, slope = scene.walker, slope_of(scene)
-    powered = powered_gait(walker, slope)
-    point = Section(walker=walker).points_at(powered.state)[0]
-    torque = np.array([powered.hip_torque / units_of(walker).torque])
-    walked = ticked_stride(walker, slope, point, torque, tick=math.inf)
+    state, drive = _driven(scene)
+    point = Section(walker=walker).points_at(state)[0]
+    hip, ankle, push_off = to_dimensionless(units_of(walker), drive)
+    torques = np.array([[hip], [ankle]])
+    walked = ticked_stride(walker, slope, point, torques, tick=math.inf, push_off=push_off)
     ticks = 1 if scene.control == "stride" else math.ceil(walked.duration / scene.tick)
     problem = Problem(scene, float(walked.length / walked.duration), ticks, len(point))
-    return problem.measured(problem.guess(point, torque))
+    return problem.measured(problem.begun(point, [[hip], [ankle]], push_off))
+
+
+def _driven(scene: Scene) -> tuple[NDArray, Drive]:
+    """The state in which a gait starts that is passive or has one constant motor, and the drive.
+
+    Raises:
+        GaitNotFound: if there is none.
+    """
+    walker, slope = scene.walker, slope_of(scene)
+    passive = seek(walker, slope).gait
+    if passive is not None:
+        return passive.state, PASSIVE
+    refused = None
+    if "hip" in scene.actions:
+        try:
+            powered = powered_gait(walker, slope)
+            return powered.state, Drive(hip_torque=powered.hip_torque)
+        except GaitNotFound as error:
+            refused = error
+    for channel, name in (("push_off", "push_off"), ("ankle", "ankle_torque")):
+        if channel not in scene.actions:
+            continue
+        for share in _SHARES:
+            drive = Drive(**{name: share * scene.largest(channel)})
+            gait = seek(walker, slope, drive=to_own(units_of(walker), drive)).gait
+            if gait is not None:
+                return gait.state, gait.drive
+    raise refused or GaitNotFound(
+        f"no passive gait at slope {slope:g}, and none with a constant "
+        f"{' or '.join(scene.actions)} of {_SHARES[0]:g} to {_SHARES[-1]:g} of the largest; "
+        "try another slope, or larger motors"
+    )
 
 
 def optimal_gaits(
@@ -107,9 +145,9 @@ def optimal_gaits(
         speeds: Speeds over sqrt(g l).
     """
     scene = make_scene(scene)
-    natural = constant_torque_gait(scene)
+    natural = constant_gait(scene)
     speeds = sorted(speeds, key=lambda speed: abs(speed - natural.speed))
-    best = {natural.speed: natural} if natural.hip_cost == 0.0 else {}
+    best = {natural.speed: natural} if natural.motor_cost == 0.0 else {}
     with progress("searches for an optimal gait") as searched:
         for way in (
             [speed for speed in speeds if speed >= natural.speed],
@@ -127,7 +165,7 @@ def optimal_gaits(
                         break
                     last = best[speed]
                     continue
-                if speed not in best or found.hip_cost < best[speed].hip_cost:
+                if speed not in best or found.motor_cost < best[speed].motor_cost:
                     best[speed] = found
                 last = best[speed]
     return [best[speed] for speed in sorted(best)]
@@ -161,7 +199,7 @@ def stored_name(scene: Scene) -> str:
     Raises:
         ValueError: if there are none.
     """
-    kept = ("walker", "slope", "control", "tick", "max_hip_torque", "energy")
+    kept = ("walker", "slope", "control", "tick", "actions", "max_hip_torque", "energy")
     for path in sorted(STORE.glob("*.json")):
         other = make_scene(path.stem)
         if all(getattr(scene, name) == getattr(other, name) for name in kept):

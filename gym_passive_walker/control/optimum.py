@@ -1,16 +1,18 @@
 """One gait of least cost: its unknowns, cost and constraints, and the search for it.
 
-Unknown are a point of the section and the torque of each tick; wanted is that the stride ends where
-it began, at the speed asked for, for the least work of the motor. Each torque is the difference of
-a driving and a braking part, neither of them negative, so that absolute work is smooth. SciPy's
-SLSQP solves it with exact derivatives (see `ticks`).
+Unknown are a point of the section, the torques of each tick and the push-off; wanted is that the
+stride ends where it began, at the speed asked for, for the least work of the motors. Each torque is
+the difference of a driving and a braking part, neither of them negative, so that absolute work is
+smooth. SciPy's SLSQP solves it with exact derivatives (see `ticks`).
 """
 
 from __future__ import annotations
 
 import math
 import warnings
-from dataclasses import dataclass
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -18,13 +20,22 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize
 
 from gym_passive_walker.control.ticks import TickedStride, ticked_stride
-from gym_passive_walker.envs.scene import Scene, by_hip_alone
+from gym_passive_walker.envs.scene import Scene
+from gym_passive_walker.envs.task import CHANNELS
 from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.stability import NoStride
+from gym_passive_walker.physics.systems import system_of
 
 _ITERATIONS = 600
+_FIRST = 6  # iterations among all unknowns, before those are set aside that stay at their bounds
+_PATIENCE, _GAIN = 40, 1e-7  # iterations without that gain, relative, that end a search
+_LITTLE = 10  # of them, where a solution nearby is known
+_WORTH = 1e-6  # gain, relative, that is worth another round
+_ROUNDS = 8  # of setting unknowns aside, and of taking them up again
+_AT_BOUND, _PULL = 1e-9, 1e-6  # distance from a bound; share of the gradient that is one off it
 _NEWTON = 3  # iterations that close a stride, from where the optimisation left it
 _CLOSED = 1e-9  # from its end to its start, at most, for a stride to be a gait
+_NEAR = 1e-7  # a bound, at which an unknown counts as at it
 _SHARES = {"absolute": (1.0, 0.0), "positive": (0.5, 0.5), "net": (0.0, 1.0)}
 """Of absolute and of net work, in what the motor is charged for."""
 
@@ -36,8 +47,8 @@ class OptimalGait:
     Attributes:
         slope: Slope in rad.
         speed: Speed over sqrt(g l).
-        cost_of_transport: Gravity's work and the motor's charge.
-        hip_cost: The motor's charge.
+        cost_of_transport: Gravity's work and the motors' charge.
+        hip_cost: The charge of the hip's motor.
         step_period: Time of a stride.
         step_length: Length of a step.
         point: Where it starts on the section.
@@ -50,6 +61,10 @@ class OptimalGait:
         optimality: Largest entry of the Lagrangian's gradient that bounds do not explain, over the
             largest entry of the cost's own.
         stubs: Whether the toe would stub on it.
+        ankle_torques: Likewise of the ankle; empty if there is none.
+        ankle_cost: Its charge.
+        push_off: Impulse just before heelstrike, in units of m sqrt(g l).
+        push_off_cost: Its work.
     """
 
     slope: float
@@ -66,11 +81,52 @@ class OptimalGait:
     violation: float
     optimality: float
     stubs: bool
+    ankle_torques: list[float] = field(default_factory=list)
+    ankle_cost: float = 0.0
+    push_off: float = 0.0
+    push_off_cost: float = 0.0
+
+    @property
+    def motor_cost(self) -> float:
+        """The charge of all motors."""
+        return self.hip_cost + self.ankle_cost + self.push_off_cost
 
     @property
     def stable(self) -> bool:
         """Whether small disturbances die out with these torques."""
         return self.multipliers[0] < 1.0
+
+
+class _StandsStill(Exception):
+    """An optimisation gets no further: it zigzags about a corner of the cost."""
+
+
+class _Seen:
+    """The best of the points that an optimisation has come through.
+
+    Attributes:
+        best: That point.
+        said: What there is to say of it.
+    """
+
+    def __init__(self, start: NDArray, patience: int) -> None:
+        self.patience = patience
+        self.best, self.said = start, "it gets no further"
+        self._least, self._since = math.inf, 0
+
+    def take(self, point: NDArray, merit: float) -> None:
+        """See a point, whose merit is small if it is good.
+
+        Raises:
+            _StandsStill: if points have become no better for long.
+        """
+        self._since += 1
+        if merit < self._least * (1.0 - _GAIN):
+            self._since = 0
+        if merit < self._least:
+            self.best, self._least = point.copy(), merit
+        if self._since > self.patience:
+            raise _StandsStill
 
 
 def slope_of(scene: Scene) -> float:
@@ -88,30 +144,50 @@ def slope_of(scene: Scene) -> float:
 
 
 class Problem:
-    """Cost and constraints over z = (point, driving parts, braking parts), parts from 0 to 1."""
+    """Cost and constraints over z = (point, driving parts, braking parts, push-off).
+
+    Parts are from 0 to 1, those of the hip's ticks before those of the ankle's; so is the push-off.
+    """
 
     def __init__(self, scene: Scene, speed: float, ticks: int, m: int) -> None:
-        self.slope = slope_of(by_hip_alone(scene, "optimal gaits are driven"))
+        self.slope = slope_of(scene)
         self.scene, self.speed, self.ticks, self.m = scene, speed, ticks, m
         self.tick = scene.tick if scene.control == "tick" else math.inf
         self.absolute, self.net = _SHARES[scene.energy]
         self.edge: float | None = None  # when the knee has to lock, if that is fixed
+        self.motors = 2 if "ankle" in scene.actions else 1
+        self.pushes = "push_off" in scene.actions and scene.max_push_off > 0.0
+        largest = [scene.largest(name) * (name in scene.actions) for name in CHANNELS]
+        self.largest = np.repeat(largest[: self.motors], ticks)  # torque of each part
+        self.largest_push = largest[-1]
+        works = system_of(scene.walker).works  # a hip's work is none on feet of vanishing mass
+        self.works = np.repeat(np.array(works)[: self.motors], ticks)
         self._last: tuple[bytes, Any] = b"", None
 
+    def parts(self, z: NDArray) -> tuple[NDArray, NDArray]:
+        """Driving and braking parts of z, views of it."""
+        driving, braking = z[self.m : self.m + 2 * len(self.largest)].reshape(2, -1)
+        return driving, braking
+
     def torques(self, z: NDArray) -> NDArray:
-        """Torque of each tick."""
-        driving, braking = z[self.m :].reshape(2, self.ticks)
-        return self.scene.max_hip_torque * (driving - braking)
+        """Torque of each tick, (ticks,); of hip and ankle, (2, ticks)."""
+        driving, braking = self.parts(z)
+        torques = self.largest * (driving - braking)
+        return torques if self.motors == 1 else torques.reshape(2, -1)
+
+    def push_off(self, z: NDArray) -> float | None:
+        """The push-off, if there may be any."""
+        return self.largest_push * float(z[-1]) if self.pushes else None
 
     def walk(self, z: NDArray, *, stub: bool = False) -> TickedStride:
         """The stride."""
-        scene = self.scene
         return ticked_stride(
-            scene.walker, self.slope, z[: self.m], self.torques(z), tick=self.tick, stub=stub
-        )
+            self.scene.walker, self.slope, z[: self.m], self.torques(z), tick=self.tick,
+            push_off=self.push_off(z), stub=stub,
+        )  # fmt: skip
 
     def at(self, z: NDArray) -> tuple[float, NDArray, NDArray, NDArray]:
-        """The motor's cost with its gradient, and what has to vanish with its derivative."""
+        """The motors' cost with its gradient, and what has to vanish with its derivative."""
         key = z.tobytes()
         if key != self._last[0]:
             try:
@@ -125,58 +201,122 @@ class Problem:
             return cost, gradient, gap[:-1], by_gap[:-1]
         return cost, gradient, gap - np.append(np.zeros(self.m + 1), self.edge), by_gap
 
+    def charges(self, z: NDArray, walked: TickedStride) -> tuple[NDArray, float]:
+        """What the motors are charged for each torque and for the push-off."""
+        held, torques = self.largest * sum(self.parts(z)), self.torques(z).ravel()
+        of_torques = self.absolute * held * walked.turn.ravel()
+        of_torques += self.net * torques * walked.swing.ravel()
+        return self.works * of_torques, float(walked.push_work)
+
     def _evaluate(self, z: NDArray) -> tuple[float, NDArray, NDArray, NDArray]:
-        m, n, most = self.m, self.ticks, self.scene.max_hip_torque
-        walked, torque = self.walk(z), self.torques(z)
-        held = most * z[m:].reshape(2, n).sum(axis=0)
-        by_torque = most * walked.by[:, m:]
-        by = np.hstack([walked.by[:, :m], by_torque, -by_torque])
+        m, n = self.m, len(self.largest)
+        walked = self.walk(z)
+        by_torque = self.largest * walked.by[:, m : m + n]
+        by_push = self.largest_push * walked.by[:, m + n :]
+        by = np.hstack([walked.by[:, :m], by_torque, -by_torque, by_push])
         length, by_length = walked.length, by[m + 1]
-        work = self.absolute * held @ walked.turn + self.net * torque @ walked.swing
-        by_work = (
-            self.absolute * held @ by[m + 2 + n : -2] + self.net * torque @ by[m + 2 : m + 2 + n]
-        )
-        turn, swing = self.absolute * most * walked.turn, self.net * most * walked.swing
-        by_work[m:] += np.concatenate([turn + swing, turn - swing])
-        cost = work / length
+        absolute, net = self.absolute * self.works, self.net * self.works
+        held, torques = self.largest * sum(self.parts(z)), self.torques(z).ravel()
+        of_torques, of_push = self.charges(z, walked)
+        by_work = by[-2] + (net * torques) @ by[m + 2 : m + 2 + n]
+        by_work += (absolute * held) @ by[m + 2 + n : m + 2 + 2 * n]
+        turn = absolute * self.largest * walked.turn.ravel()
+        swing = net * self.largest * walked.swing.ravel()
+        by_work[m : m + 2 * n] += np.concatenate([turn + swing, turn - swing])
+        cost = (of_torques.sum() + of_push) / length
         late = length - self.speed * walked.duration
         gap = np.concatenate([walked.end - z[:m], [late, walked.kneestrike]])
         by_gap = np.vstack([by[:m], by_length - self.speed * by[m], by[-1]])
         by_gap[:m, :m] -= np.eye(m)
         return cost, (by_work - cost * by_length) / length, gap, by_gap
 
-    def solve(self, start: NDArray) -> NDArray:
+    def solve(self, start: NDArray, *, near: bool = False) -> NDArray:
         """The solution nearest to a start.
+
+        The algebra of SLSQP grows with the cube of the unknowns, and most parts end at a bound:
+        after a few iterations those are set aside that are there and would not leave.
+
+        Args:
+            start: The start.
+            near: Whether it is the solution of a problem that is much the same.
 
         Raises:
             GaitNotFound: if SLSQP finds none.
         """
-        scale = 100.0  # of the cost, to the size of the constraints
-        with warnings.catch_warnings():
-            # Before SciPy 1.15 a step out of the box by rounding is said to be clipped to it.
-            warnings.filterwarnings("ignore", "Values in x were outside bounds", RuntimeWarning)
-            found = minimize(
-                lambda z: scale * self.at(z)[0],
-                start,
-                jac=lambda z: scale * self.at(z)[1],
-                method="SLSQP",
-                bounds=[*self.box],
-                constraints={
-                    "type": "eq",
-                    "fun": lambda z: self.at(z)[2],
-                    "jac": lambda z: self.at(z)[3],
-                },
-                options={"maxiter": _ITERATIONS, "ftol": 1e-11},
-            )
-        z = self._closed(np.clip(found.x, *self.box.T))
+        z, said, free = start, "", np.zeros(len(start), bool)
+        if not near:
+            z, said = self._minimised(start, self.box[:, 0] < self.box[:, 1], _FIRST)
+        cost = math.inf
+        for _ in range(_ROUNDS):
+            wanted, before, cost = self._leaving(z), cost, self.at(z)[0]
+            if not np.any(wanted & ~free) and not cost < before * (1.0 - _WORTH):
+                break
+            free |= wanted
+            z, said = self._minimised(z, free, _ITERATIONS, _LITTLE if near else _PATIENCE)
+        z = self._closed(z)
         violation = float(np.max(np.abs(self.at(z)[2])))
         if not violation < _CLOSED:
             raise GaitNotFound(
-                f"no gait at speed {self.speed:g} with torques up to "
-                f"{self.scene.max_hip_torque:g} m g l was found: {found.message}, {violation:.1e} "
-                "from closing; try a speed nearer to one that has a gait"
+                f"no gait at speed {self.speed:g} by motors of {self._motors()} was found: {said}, "
+                f"{violation:.1e} from closing; try a speed nearer to one that has a gait"
             )
         return z
+
+    def _motors(self) -> str:
+        """The motors, for people."""
+        units = ("m g l at the hip", "m g l at the ankle", "m sqrt(g l) as a push-off")
+        return " and ".join(
+            f"up to {self.scene.largest(name):g} {unit}"
+            for name, unit in zip(CHANNELS, units, strict=True)
+            if name in self.scene.actions
+        )
+
+    def _minimised(
+        self, start: NDArray, free: NDArray, iterations: int, patience: int = _PATIENCE
+    ) -> tuple[NDArray, str]:
+        """Where some of the unknowns come to, the others being held; and what SLSQP said."""
+        scale = 100.0  # of the cost, to the size of the constraints
+        z, seen = start.copy(), _Seen(start[free], patience)
+
+        def at(unknown: NDArray) -> tuple[float, NDArray, NDArray, NDArray]:
+            z[free] = unknown
+            return self.at(z)
+
+        def look(unknown: NDArray) -> None:
+            cost, _, gap, _ = at(unknown)
+            seen.take(unknown, cost + 10.0 * float(np.abs(gap).sum()))
+
+        look(start[free])
+        with warnings.catch_warnings(), suppress(_StandsStill):
+            # Before SciPy 1.15 a step out of the box by rounding is said to be clipped to it.
+            warnings.filterwarnings("ignore", "Values in x were outside bounds", RuntimeWarning)
+            found = minimize(
+                lambda unknown: scale * at(unknown)[0],
+                start[free],
+                jac=lambda unknown: scale * at(unknown)[1][free],
+                method="SLSQP",
+                bounds=[*self.box[free]],
+                constraints={
+                    "type": "eq",
+                    "fun": lambda unknown: at(unknown)[2],
+                    "jac": lambda unknown: at(unknown)[3][:, free],
+                },
+                options={"maxiter": iterations, "ftol": 1e-11},
+                callback=look,
+            )
+            seen.said = found.message
+            look(found.x)
+        z[free] = seen.best
+        return np.clip(z, *self.box.T), seen.said
+
+    def _leaving(self, z: NDArray) -> NDArray[np.bool_]:
+        """Which unknowns are between their bounds, or better were; those without effect are not."""
+        _, gradient, _, by_gap = self.at(z)
+        low, high = self.box.T
+        rest = self._lagrangian(z)
+        pull = _PULL * np.max(np.abs(gradient))
+        stays = (z <= low + _AT_BOUND) & (rest > -pull) | (z >= high - _AT_BOUND) & (rest < pull)
+        return ~stays & (np.any(by_gap != 0.0, axis=0) | (gradient != 0.0))
 
     def _closed(self, z: NDArray) -> NDArray:
         """The point nearby at which the stride closes; SLSQP stops short of it at a corner."""
@@ -192,26 +332,38 @@ class Problem:
     @property
     def box(self) -> NDArray:
         """Bounds of z, (size, 2)."""
-        angle, rates, parts = [[0.01, 1.0]], [[-3.0, 3.0]] * (self.m - 1), [[0.0, 1.0]]
-        return np.array(angle + rates + parts * 2 * self.ticks)
+        state = [[0.01, 1.0]] + [[-3.0, 3.0]] * (self.m - 1)
+        parts = np.stack([np.zeros(len(self.largest)), self.largest > 0.0], axis=1)
+        push = np.tile([0.0, 1.0], (int(self.pushes), 1))
+        return np.concatenate([state, parts, parts, push])
+
+    def _lagrangian(self, z: NDArray) -> NDArray:
+        """The Lagrangian's gradient."""
+        _, gradient, _, by_gap = self.at(z)
+        low, high = self.box.T
+        free = (z >= low + _NEAR) & (z <= high - _NEAR)
+        multipliers = np.linalg.lstsq(by_gap[:, free].T, gradient[free], rcond=None)[0]
+        return gradient - by_gap.T @ multipliers
 
     def optimality(self, z: NDArray) -> float:
         """How far z is from fulfilling the Karush-Kuhn-Tucker conditions; see `OptimalGait`."""
-        _, gradient, _, by_gap = self.at(z)
-        low, high = self.box.T
-        at_low, at_high = z < low + 1e-7, z > high - 1e-7
-        free = ~(at_low | at_high)
-        multipliers = np.linalg.lstsq(by_gap[:, free].T, gradient[free], rcond=None)[0]
-        rest = gradient - by_gap.T @ multipliers
+        rest, (low, high) = self._lagrangian(z), self.box.T
+        at_low, at_high = z < low + _NEAR, z > high - _NEAR
         rest[at_low], rest[at_high] = np.minimum(rest[at_low], 0.0), np.maximum(rest[at_high], 0.0)
-        return float(np.max(np.abs(rest)) / np.max(np.abs(gradient)))
+        rest[low == high] = 0.0
+        largest = float(np.max(np.abs(self.at(z)[1])))
+        return float(np.max(np.abs(rest))) / largest if largest else 0.0
 
-    def guess(self, point: ArrayLike, torques: ArrayLike) -> NDArray:
-        """The z of a gait with other torques."""
-        torques = np.asarray(torques)
-        shares = np.pad(torques, (0, max(0, self.ticks - len(torques))), mode="edge")
-        shares = shares[: self.ticks] / self.scene.max_hip_torque
-        parts = np.clip(np.concatenate([shares, -shares]), 0.0, 1.0)
+    def begun(self, point: ArrayLike, torques: Iterable[ArrayLike], push_off: float) -> NDArray:
+        """The z at a point of the section, under torques of hip and ankle and a push-off."""
+        shares = np.zeros((self.motors, self.ticks))
+        for row, held, most in zip(shares, torques, self.largest[:: self.ticks], strict=False):
+            held = np.asarray(held)
+            if len(held) and most:
+                there = np.minimum(np.arange(self.ticks), len(held) - 1)  # the last one is held
+                row[:] = held[there] / most
+        push = [push_off / self.largest_push] if self.pushes else []
+        parts = np.clip(np.concatenate([shares.ravel(), -shares.ravel(), push]), 0.0, 1.0)
         return np.concatenate([np.asarray(point), parts])
 
     def measured(self, z: NDArray) -> OptimalGait:
@@ -225,19 +377,26 @@ class Problem:
             except NoStride:
                 stubs = True
         taken = 1 if scene.control == "stride" else math.ceil(walked.duration / scene.tick)
+        of_torques, of_push = self.charges(z, walked)
+        of_hip, of_ankle, *_ = *np.split(of_torques, self.motors), np.zeros(1)
+        hip, ankle, *_ = *self.torques(z).reshape(self.motors, -1), np.zeros(0)
         return OptimalGait(
             slope=self.slope,
             speed=float(walked.length / walked.duration),
             cost_of_transport=math.sin(self.slope) + cost,
-            hip_cost=cost,
+            hip_cost=float(of_hip.sum() / walked.length),
             step_period=float(walked.duration),
             step_length=float(walked.length),
             point=z[: self.m].tolist(),
-            torques=self.torques(z)[:taken].tolist(),
+            torques=hip[:taken].tolist(),
             multipliers=np.abs(multipliers_of(walked.by_point)).tolist(),
             kneestrike_time=float(walked.kneestrike),
             on_edge=self.edge is not None,
             violation=float(np.max(np.abs(gap))),
             optimality=self.optimality(z),
             stubs=stubs,
+            ankle_torques=ankle[:taken].tolist(),
+            ankle_cost=float(of_ankle.sum() / walked.length),
+            push_off=self.push_off(z) or 0.0,
+            push_off_cost=float(of_push / walked.length),
         )

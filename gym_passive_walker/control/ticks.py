@@ -209,7 +209,8 @@ def _ticked(
         after[:, :, m + k : m + size : count] += by_motors[state]
         after[:, :, m + size :] += by_others[state]
         change[here] = after
-    rows = np.empty((*moved.shape[:2], 1 + before.shape[2]))
+    width = 1 + before.shape[2]
+    rows = np.empty((len(lanes), len(_TOLD), width))
     rows[:, :, 0], by_all = moved[:, :, 0], rows[:, :, 1:]
     np.matmul(by_state, before, out=by_all)
     every = np.arange(len(lanes))
@@ -218,7 +219,7 @@ def _ticked(
     by_all[:, :, m + size :] += by_others
     by_all[:, :, 0] += by_start[:, :, 0]
 
-    told = np.full((n, m + 4 + 2 * size, rows.shape[2]), np.nan)
+    told = np.full((n, m + 4 + 2 * size, width), np.nan)
     angles = told[:, m + 2 : -2].reshape(n, 2, motors, count, -1)  # a view: swing and turn
     angles[:], told[:, -2:] = 0.0, 0.0
     works = _OF_BOTH if motors == 2 else _OF_HIP

@@ -134,7 +134,8 @@ def robustness(
 def optimal(changes: Mapping[str, Any], speed: float, scene: str = "level") -> Row:
     """The gait of least cost of transport at a speed."""
     found = optimal_gait(_scene(scene, changes), speed)
-    names = ("cost_of_transport", "hip_cost", "step_period", "step_length", "stable", "stubs")
+    names = ("cost_of_transport", "hip_cost", "ankle_cost", "push_off_cost", "push_off")
+    names += ("step_period", "step_length", "stable", "stubs")
     return {name: getattr(found, name) for name in names}
 
 

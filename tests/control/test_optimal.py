@@ -13,6 +13,9 @@ from gym_passive_walker.control.baselines import ConstantTorque, LinearFeedback,
 from gym_passive_walker.control.ticks import ticked_stride
 from gym_passive_walker.control.walks import WALKED_ON, evaluate
 from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.gaits.drive import Drive, to_own
+from gym_passive_walker.gaits.section import Section
+from gym_passive_walker.units import units_of
 
 SCENES = sorted(path.stem for path in optimal.STORE.glob("*.json"))
 STORED = [(scene, gait) for scene in SCENES for gait in optimal.load(scene)]
@@ -159,3 +162,41 @@ def test_scenes_without_stored_gaits_say_how_to_get_them():
 def test_gaits_at_many_speeds_are_of_one_slope_too():
     with pytest.raises(ValueError, match="choose one by"):
         optimal.optimal_gaits("rolling", [0.1])
+
+
+def test_the_simplest_walker_s_optimal_push_off_makes_good_its_heelstrike():
+    """On level ground P = v tan(alpha), 2 alpha between the legs (Kuo 2002)."""
+    gait = gpw.find_gait("D", 0.0, drive=Drive(push_off=0.05))
+    found = optimal.optimal_gait("push-off", gait.froude_speed)
+    assert found.speed == pytest.approx(gait.froude_speed, rel=1e-9)
+    angle, rate = found.point[:2]
+    assert found.push_off == pytest.approx(-rate * np.tan(angle), rel=1e-8)
+    assert found.cost_of_transport == found.push_off_cost
+    assert found.push_off_cost == pytest.approx(0.5 * found.push_off**2 / found.step_length)
+    units = units_of(gait.walker)
+    longer = float(gait.stride.push_off_work) / (units.energy * gait.step_length)
+    assert found.push_off_cost < longer  # shorter steps at the same speed cost less
+
+
+def test_with_every_motor_a_gait_closes_and_its_books_do():
+    """Point feet, uphill: what hip, ankle and push-off give is what a plain stride says they do."""
+    actions, slope = ("hip", "ankle", "push_off"), -0.005
+    scene = make_scene("level", walker="E", slope=slope, control="stride", actions=actions)
+    found = optimal.optimal_gait(scene, 0.15)
+    walker, units = scene.walker, units_of(scene.walker)
+    state = Section(walker=walker).states_at(np.array([found.point]))[0]
+    drive = to_own(units, Drive(found.torques[0], found.ankle_torques[0], found.push_off))
+    walked = gpw.stride(walker, slope, state, **drive._asdict())
+    np.testing.assert_allclose(walked.state, state, atol=1e-8)
+    work = units.energy * found.step_length
+    assert float(walked.hip_work_absolute) / work == pytest.approx(found.hip_cost, abs=1e-9)
+    assert float(walked.push_off_work) / work == pytest.approx(found.push_off_cost, abs=1e-9)
+    assert float(walked.ankle_work_absolute) / work == pytest.approx(found.ankle_cost, abs=1e-9)
+    assert found.push_off > 0.0
+
+
+def test_in_ticks_the_push_off_is_cheaper_than_the_hip():
+    """As Kuo found it for the simplest walker, so it is for one with knees."""
+    pushing = optimal.optimal_gait(make_scene("level", actions=("push_off",)), 0.15)
+    assert pushing.optimality < 1e-8
+    assert pushing.motor_cost < 0.25 * optimal.least_cost(optimal.load("level"), 0.15)
