@@ -43,9 +43,10 @@ def points_along(
         longest: Longest step.
         shortest: Step below which the curve counts as lost.
     """
-    here, step = start, min(first, longest)
+    here, step, curvature = start, min(first, longest), np.zeros(len(start.y))
     for _ in range(_MOST_POINTS):
-        there = curve.correct(here.y + step * here.tangent, here.tangent)
+        ahead = here.y + step * here.tangent
+        there = curve.correct(ahead, here.tangent, bend=0.5 * step**2 * curvature)
         # A turn too sharp for this step, or a leap to another branch: try a shorter one.
         if there is None or there.tangent @ here.tangent < 0.8:
             step *= 0.4
@@ -53,6 +54,7 @@ def points_along(
                 return
         else:
             yield there
+            curvature = (there.tangent - here.tangent) / np.linalg.norm(there.y - here.y)
             here, step = there, min(1.5 * step, longest)
 
 

@@ -125,7 +125,11 @@ class Curve:
         return varied, np.full(len(values), self.axis.slope), values
 
     def correct(
-        self, guess: NDArray, tangent: NDArray | None = None, accuracy: float = 1e-10
+        self,
+        guess: NDArray,
+        tangent: NDArray | None = None,
+        accuracy: float = 1e-10,
+        bend: NDArray | float = 0.0,
     ) -> Point | None:
         """The gait nearest to a guess across a tangent; None if there is none near.
 
@@ -133,6 +137,7 @@ class Curve:
             guess: Coordinates.
             tangent: Direction in which the gait is not moved; the varied quantity's if None.
             accuracy: Largest violation.
+            bend: How far from the guess the gait may be expected.
         """
         across = np.eye(len(guess))[-1] if tangent is None else tangent
 
@@ -150,13 +155,15 @@ class Curve:
             )
 
         found = newton(
-            equations, guess[None], accuracy=accuracy, iterations=_CORRECTIONS, longest=1.0,
+            equations, (guess + bend)[None], accuracy=accuracy, iterations=_CORRECTIONS, longest=1.0,
             damped=False,
         )  # fmt: skip
         if found.sizes[0] > _CLOSED:
             return None
+        # One step more squares what is left of the error, and costs no stride.
+        y = found.points[0] - np.linalg.solve(found.derivatives[0], found.values[0])
         new = np.linalg.svd(found.derivatives[0, :-1])[2][-1]
-        return Point(found.points[0], new if new @ across >= 0.0 else -new, found.carried[0])
+        return Point(y, new if new @ across >= 0.0 else -new, found.carried[0])
 
 
 def doubling_test(point: Point) -> float:

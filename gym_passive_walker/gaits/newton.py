@@ -18,12 +18,14 @@ class Solution(NamedTuple):
 
     Attributes:
         points: (n, k).
+        values: Of the equations there, (n, k).
         sizes: Largest violation at each, (n,); infinite where it was given up or has no value.
         derivatives: Of the equations there, (n, k, k).
         carried: What the equations told besides, one entry for each point; empty if nothing.
     """
 
     points: NDArray[np.float64]
+    values: NDArray[np.float64]
     sizes: NDArray[np.float64]
     derivatives: NDArray[np.float64]
     carried: NDArray[np.float64]
@@ -97,7 +99,7 @@ def newton(
             still = (new_sizes < _ROUNDING) & (new_sizes > 0.1 * old_sizes)
             damping[active[still]] = 0.0
             sizes[lost] = np.inf
-    return Solution(points, sizes, derivatives, carried)
+    return Solution(points, values, sizes, derivatives, carried)
 
 
 def fixed_point(
