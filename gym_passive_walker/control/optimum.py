@@ -19,12 +19,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize
 
+from gym_passive_walker.control.motion import Motion
 from gym_passive_walker.control.ticks import TickedStride, ticked_stride
-from gym_passive_walker.envs.scene import Scene
-from gym_passive_walker.envs.task import CHANNELS
+from gym_passive_walker.envs.scene import CHANNELS, Scene
 from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.stability import NoStride
-from gym_passive_walker.physics.systems import system_of
 
 _ITERATIONS = 600
 _FIRST = 6  # iterations among all unknowns, before those are set aside that stay at their bounds
@@ -160,7 +159,9 @@ class Problem:
         largest = [scene.largest(name) * (name in scene.actions) for name in CHANNELS]
         self.largest = np.repeat(largest[: self.motors], ticks)  # torque of each part
         self.largest_push = largest[-1]
-        works = system_of(scene.walker).works  # a hip's work is none on feet of vanishing mass
+        works = (
+            Motion(walker=scene.walker).system().works
+        )  # a hip's work is none on feet of vanishing mass
         self.works = np.repeat(np.array(works)[: self.motors], ticks)
         self._last: tuple[bytes, Any] = b"", None
 

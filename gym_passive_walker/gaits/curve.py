@@ -155,8 +155,8 @@ class Curve:
             )
 
         found = newton(
-            equations, (guess + bend)[None], accuracy=accuracy, iterations=_CORRECTIONS, longest=1.0,
-            damped=False,
+            equations, (guess + bend)[None], accuracy=accuracy, iterations=_CORRECTIONS,
+            longest=1.0, damped=False,
         )  # fmt: skip
         if found.sizes[0] > _CLOSED:
             return None

@@ -209,7 +209,7 @@ def seek(
         )
 
     u = begin(stride_map, slope, period, guess)
-    few = u[::_THINNED] if period == 1 else u
+    few = u[::_THINNED] if period == 1 and guess is None else u
     gaits, ends = search(stride_map, slope, few, period, enough, _BATCHES[:1], _PATIENCE)
     if not enough(gaits):  # starts that were left out or not waited for may lead to it
         gaits, ends = search(stride_map, slope, u, period, enough)

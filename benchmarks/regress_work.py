@@ -1,0 +1,86 @@
+"""What `regress` has each side do: pieces of work by public names alone, which older commits have.
+
+Run as a script by the side itself. It prints the names of its pieces and what some walks come to;
+then it reads a name a line, does that piece, and prints the CPU seconds that it took.
+"""
+
+import json
+import sys
+import time
+
+import gymnasium as gym
+import numpy as np
+
+import gym_passive_walker as gpw
+
+WALKS = {"lab": 0.036, "A": 0.03, "D": 0.009}
+"""Walkers with knees, with straight legs, and the simplest; and slopes that they walk on."""
+CROWD, ALONE = 2048, 20
+
+
+def strides(pieces, walks):
+    """Strides about a gait, in a crowd and one after the other; and with their derivatives."""
+    for name, slope in WALKS.items():
+        gait = np.array(gpw.find_gait(name, slope).state)
+        starts = np.repeat(gait[None], CROWD, axis=0)
+        starts[:, 3:] *= 1.0 + 0.005 * np.random.default_rng(0).normal(size=(CROWD, 3))
+        if not gpw.WALKERS[name].knees:
+            starts[:, 5] = starts[:, 4]
+
+        def crowd(tolerance, name=name, slope=slope, starts=starts):
+            return gpw.stride(name, slope, starts, tolerance=tolerance, threads=1)
+
+        def alone(name=name, slope=slope, start=starts[0]):
+            for _ in range(ALONE):
+                gpw.stride(name, slope, start, tolerance=1e-8)
+
+        def derivatives(name=name, slope=slope, starts=starts[:256]):
+            gpw.stride_jacobian(name, slope, starts)
+
+        for tolerance in (1e-6, 1e-10):
+            pieces[f"crowd {name} {tolerance:g}"] = lambda f=crowd, tolerance=tolerance: f(
+                tolerance
+            )
+        pieces[f"alone {name}"] = alone
+        pieces[f"derivatives {name}"] = derivatives
+        pieces[f"find_gait {name}"] = lambda name=name, slope=slope: gpw.find_gait(name, slope)
+        walks[name] = float(np.abs(crowd(1e-10).state).sum())
+
+
+def steps(pieces, walks):
+    """Steps of environments, side by side and single."""
+    for count in (64, 1024):
+        envs = gym.make_vec("PassiveWalker-v0", num_envs=count)
+        envs.reset(seed=0)
+        envs.action_space.seed(0)
+        actions = [envs.action_space.sample() for _ in range(20)]
+        seen = [envs.step(action)[0] for action in actions]
+        walks[f"ticks {count}"] = float(np.abs(np.array(seen, float)).sum())
+        pieces[f"ticks {count}"] = lambda e=envs, actions=actions: [e.step(a) for a in actions]
+    env = gym.make("PassiveWalker-v0", max_episode_steps=10**9)
+    action = np.zeros(env.action_space.shape, env.action_space.dtype)
+
+    def single():
+        env.reset(seed=0)
+        for _ in range(50):
+            env.step(action)
+
+    pieces["env.step"] = single
+
+
+def main():
+    """Answer until nobody asks."""
+    pieces, walks = {}, {}
+    strides(pieces, walks)
+    steps(pieces, walks)
+    for piece in pieces.values():
+        piece()
+    print("=" + json.dumps([list(pieces), walks]), flush=True)
+    for line in sys.stdin:
+        piece, start = pieces[line.strip()], time.process_time()
+        piece()
+        print(f"={time.process_time() - start:.9g}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
