@@ -164,3 +164,17 @@ def test_what_the_ground_gives_at_a_strike_is_what_changes_the_momentum_push_off
 def test_straight_legs_have_no_knee_to_lock():
     with pytest.raises(ValueError, match="'knee lock' is a check of walkers with knees"):
         world("A", reality={"knee lock": "end"})
+
+
+def test_clearance_is_told_over_the_lower_of_two_footholds():
+    """Where the ground steps down there is that much more room; where it steps up, no more."""
+    gait = gpw.find_gait("C", 0.03)
+    told = []
+    for rise in (0.0, -0.01, 0.01):
+        ahead = {"footholds": {"heights": [0.0, rise, rise]}}
+        env = world("C", tick=0.02, terrain=ahead, reality=checks("C"))
+        infos = walked(env, steps=40, options={"state": gait.state})
+        told.append(np.array([info["clearance"] for info in infos[:30]]))
+    smooth, down, up = told
+    np.testing.assert_allclose(down, smooth + 0.01, atol=1e-12)
+    np.testing.assert_allclose(up, smooth, atol=1e-12)
