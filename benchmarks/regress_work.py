@@ -47,6 +47,12 @@ def strides(pieces, walks):
         walks[name] = float(np.abs(crowd(1e-10).state).sum())
 
 
+def analyses(pieces):
+    """A family of some 130 gaits, and a gait of least cost with some 30 torques."""
+    pieces["gait_family C"] = lambda: gpw.gait_family("C", 0.0003, 0.1)
+    pieces["optimal_gait lab"] = lambda: gpw.optimal_gait("lab", 0.18)
+
+
 def steps(pieces, walks):
     """Steps of environments, side by side and single."""
     for count in (64, 1024):
@@ -72,6 +78,7 @@ def main():
     """Answer until nobody asks."""
     pieces, walks = {}, {}
     strides(pieces, walks)
+    analyses(pieces)
     steps(pieces, walks)
     for piece in pieces.values():
         piece()
