@@ -236,7 +236,8 @@ class Batch:
         """Put the strides that some walkers begin on slopes of their own.
 
         Args:
-            slopes: In rad, one for each walker of the batch, or one for all.
+            slopes: In rad, one for each walker of the batch, or one for all; footholds of a terrain
+                slope that much more or less than it.
             lanes: Which walkers, (count,).
 
         Raises:
@@ -252,6 +253,8 @@ class Batch:
                 "the ground changes where a stride begins, at a heelstrike or a reset; in the "
                 f"midst of one, or at the end of an episode, are walkers {under_way.tolist()}"
             )
+        if self.disturbances:
+            checked = self.disturbances.lean(checked, lanes)
         ground = np.stack([np.sin(checked), np.cos(checked)], axis=-1)
         self.ledger["slope"][lanes] = checked[lanes]
         self.records["ground"][lanes, 0, :2] = ground[lanes]

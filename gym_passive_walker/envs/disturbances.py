@@ -87,6 +87,11 @@ class Disturbances:
         """Make some walkers' observations those of their sensors."""
         fates.observe(self.fates, ledger, self.odds, *self.terrain, lanes, observations)
 
+    def lean(self, slopes: NDArray[np.float64], lanes: NDArray[np.bool_]) -> NDArray[np.float64]:
+        """Have some walkers walk on other slopes; those of the footholds that they stand on."""
+        self.fates["slope"][lanes] = slopes[lanes]
+        return slopes + self.fates["tilt"]
+
     def contact(self, lane: int, rolled: float, length: float) -> Contact:
         """Where a walker touches a foothold.
 

@@ -166,3 +166,16 @@ def test_a_flight_of_stairs_leads_down_as_far_as_a_slope():
 def test_nonsense_is_told_what_is_allowed(arguments, said):
     with pytest.raises(SceneError, match=said):
         gym.make("PassiveWalker-v0", **arguments)
+
+
+def test_a_slope_that_is_set_stays_and_footholds_slope_about_it():
+    env = gym.make("PassiveWalker-v0", **STRIDES, perturbation=0.0, disable_env_checker=True)
+    seen, _ = env.reset(seed=3)
+    terrain, key = STRIDES["terrain"], int(env.unwrapped.batch.disturbances.fates["key"][0])
+    tilts = terrain.ground(key, np.arange(4))[:, 0]
+    assert seen[7] == pytest.approx(0.05 + tilts[0], abs=1e-7)
+    slopes = [env.unwrapped.set_slope(0.052)[7]]
+    while len(slopes) < 4:
+        slopes.append(env.step(np.zeros(1, np.float32))[0][7])
+    assert np.ptp(tilts) > 1e-3
+    np.testing.assert_allclose(slopes, 0.052 + tilts, atol=1e-7)
