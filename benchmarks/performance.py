@@ -1,0 +1,184 @@
+"""Where does a stride's time go? Operations counted, and what a processor can do.
+
+    python -m benchmarks.performance               all parts, a minute
+    python -m benchmarks.performance operations    one of them
+
+The tables land in docs/performance.md. Run it on a quiet machine.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Sequence
+from functools import lru_cache, partial
+
+import numba
+import numpy as np
+
+from benchmarks import engine
+from benchmarks.problem import WALKS, Problem, problem
+from benchmarks.report import DOCS, command, keep, machine, seconds, table
+from gym_passive_walker.engine.compiled import constants_used, loaded, object_code
+from gym_passive_walker.engine.jit import call
+from gym_passive_walker.engine.layout import PAIR, TILE, WIDTH, aligned
+from gym_passive_walker.engine.native import GROUP, Function, Memory, Module
+from gym_passive_walker.engine.step import Equations
+
+PAGE = DOCS / "performance.md"
+COUNTED = ("fma", "fmul", "fadd", "fsub", "fdiv", "sqrt")
+"""Instructions of arithmetic; signs, comparisons, choices and what is fetched cost little."""
+
+TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
+_CROWD, _TURNS, _ANEW = 2048, 4000, 8  # walkers; calls timed; of which one puts the tile back
+_CHAINS, _LINKS = 12, 100  # of products and sums that wait for one another, to find the peak
+
+Code = Callable[[Memory], None]
+
+
+class Timed:
+    """Straight-line code over the lanes of a tile: what it is made of, and how long it takes.
+
+    Attributes:
+        counts: Vector instructions, each of eight lanes, by name.
+        nanoseconds: Of a lane.
+    """
+
+    def __init__(self, codes: Sequence[Code], fresh: np.ndarray) -> None:
+        module = Module()
+        function = Function(module, "timed", (TILE,))
+        for code in codes:
+            function.over_lanes(code)
+        function.end()
+        found = re.findall(r"call <8 x double> @llvm\.(\w+)|= (f\w+) <8 x double>", str(module))
+        self.counts = Counter(first or second for first, second in found)
+        self.nanoseconds = _clocked(module, fresh)
+
+    @property
+    def operations(self) -> int:
+        """Vector instructions of arithmetic."""
+        return sum(self.counts[name] for name in COUNTED)
+
+
+def _clocked(module: Module, fresh: np.ndarray) -> float:
+    """Nanoseconds for a lane of a module's function, over a tile that is in the cache."""
+    code = loaded(object_code(module))
+    address, vectors = code.get_function_address("timed"), code.get_global_value_address("table")
+    tile = aligned(TILE, 1)
+    numbers, begun = tile.view(float), fresh.view(float).copy()
+
+    @numba.njit
+    def repeated(start, numbers, begun):  # type: ignore[no-untyped-def]
+        for turn in range(_TURNS):
+            if turn % _ANEW == 0:
+                numbers[:] = begun
+            for group in range(WIDTH // GROUP):
+                call(address, start + 8 * GROUP * group, vectors, 0, 0, 0.0, 0.0)
+
+    return seconds(partial(repeated, tile.ctypes.data, numbers, begun)) / _TURNS / WIDTH * 1e9
+
+
+def equations_of(p: Problem, phase: int = 0) -> tuple[Equations, np.ndarray]:
+    """A phase's functions, and a tile with walkers in the midst of it."""
+    there = p.system.phases[phase]
+    used = constants_used(p.system, there)
+    tile = aligned(TILE, 1)
+    states = np.resize(p.starts, (WIDTH, 6)).T
+    tile["angle"], tile["rate"] = states[:3], states[3:]
+    tile["ground"] = np.array(p.ground)[:, None]
+    for i, name in enumerate(used):
+        tile["body"][:, i] = getattr(p.body, name)
+    tile["h"], tile["next"], tile["end"] = 0.2, 0.2, 1e3
+    return Equations(p.system, there, used), tile
+
+
+def acceleration(equations: Equations) -> Code:
+    """One evaluation of the equations of motion."""
+
+    def evaluate(tile: Memory) -> None:
+        for link, a in enumerate(equations.accelerations(tile, equations.state(tile))):
+            tile["angle", link] = tile["angle", link] + 1e-9 * a  # as a motion goes on
+
+    return evaluate
+
+
+def step(equations: Equations) -> list[Code]:
+    """One step: its stages, its error, and what came of it."""
+    stages = [equations.stage(index) for index in range(1, PAIR.stages + 1)]
+    return [*stages, equations.estimate, equations.judge]
+
+
+@lru_cache
+def fastest() -> float:
+    """Nanoseconds for a lane of the fastest arithmetic there is: products added, side by side."""
+
+    def chains(tile: Memory) -> None:
+        factor, term = tile["h"], tile["next"]
+        for chain in range(_CHAINS):
+            place = "stage", chain // 3, chain % 3
+            x = tile[place]
+            for _ in range(_LINKS):
+                x = x * factor + term
+            tile[place] = x
+
+    timed = Timed([chains], equations_of(problem("simplest"))[1])
+    return timed.nanoseconds / timed.operations
+
+
+def operations() -> None:
+    """What an acceleration and a step compute, and how near the processor's best they are."""
+    rows = []
+    for name in WALKS:
+        p = problem(name)
+        for index, phase in enumerate(p.system.phases):
+            equations, tile = equations_of(p, index)
+            of_phase = (
+                f"{p.system.name}, {phase.stage.name.lower()}"
+                if len(p.system.phases) > 1
+                else p.system.name
+            )
+            for what, codes in (
+                ("acceleration", [acceleration(equations)]),
+                ("step", step(equations)),
+            ):
+                timed = Timed(codes, tile)
+                least = timed.operations * fastest()
+                counts = timed.counts
+                rows.append([
+                    of_phase, what, counts["fma"], counts["fmul"], counts["fadd"] + counts["fsub"],
+                    counts["fdiv"] + counts["sqrt"], least, timed.nanoseconds,
+                    timed.nanoseconds / least,
+                ])  # fmt: skip
+    heads = [
+        "system", "code", "a b + c", "a b", "a ± b", "a / b, √a", "least ns a lane",
+        "measured", "ratio",
+    ]  # fmt: skip
+    best = f"The fastest a b + c takes {fastest():.3f} ns a lane"
+    keep("operations", f"{table(heads, rows)}\n\n{best}. One core. {machine()}.", page=PAGE)
+
+
+def strides() -> None:
+    """Steps of a stride, and what share of its time they take."""
+    rows = []
+    for name in WALKS:
+        p = problem(name)
+        each = [Timed(step(equations), tile).nanoseconds for equations, tile in _phases(p)]
+        for tolerance in TOLERANCES:
+            records = engine.crowd(p, _CROWD)
+            engine.move(p, records, tolerance)
+            steps = float(records["steps"].mean())
+            whole = engine.microseconds(p, _CROWD, tolerance)
+            stepping = steps * float(np.mean(each)) * 1e-3
+            rows.append([
+                f"{name}", f"{tolerance:.0e}", steps, stepping, whole, stepping / whole,
+            ])  # fmt: skip
+    heads = ["walker", "tolerance", "steps a stride", "µs in steps", "µs in all", "share"]
+    keep("strides", f"{table(heads, rows)}\n\nOne core. {machine()}.", page=PAGE)
+
+
+def _phases(p: Problem) -> list[tuple[Equations, np.ndarray]]:
+    return [equations_of(p, index) for index in range(len(p.system.phases))]
+
+
+if __name__ == "__main__":
+    command(__doc__, {"operations": operations, "strides": strides})
