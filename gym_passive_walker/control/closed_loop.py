@@ -251,7 +251,7 @@ def closed_loop_gait(
     smooth = {"terrain": Terrain(), "preview": scene.preview} if scene.preview else {}
     scene = make_scene(scene, **CALM | smooth | {"slope": slope, "command": command})
 
-    def ends(points: NDArray, count: int = period) -> NDArray:
+    def ends(points: NDArray, count: int) -> NDArray:
         return policy_strides(policy, scene, slope, points, count).ends
 
     if start is None:
@@ -266,10 +266,12 @@ def closed_loop_gait(
     shifts = _SHIFT * np.eye(len(point))
 
     def linearised(points: NDArray) -> tuple[NDArray, NDArray]:
-        tried = ends(np.vstack([points[0], points[0] + shifts, points[0] - shifts]))
-        ahead, behind = tried[1:].reshape(2, len(shifts), -1)
-        by_point = (ahead - behind).T / (2.0 * _SHIFT)
-        return tried[:1], by_point[None]
+        here, by_point = points[0], np.eye(len(shifts))
+        for _ in range(period):  # stride by stride: over several, differences would be too coarse
+            tried = ends(np.vstack([here, here + shifts, here - shifts]), 1)
+            ahead, behind = tried[1:].reshape(2, len(shifts), -1)
+            here, by_point = tried[0], (ahead - behind).T / (2.0 * _SHIFT) @ by_point
+        return here[None], by_point[None]
 
     found = fixed_point(linearised, point[None], accuracy=_CLOSED, damped=False)
     violation, name = float(found.sizes[0]), getattr(policy, "name", "this policy")

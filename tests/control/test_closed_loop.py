@@ -85,6 +85,8 @@ def test_a_gait_of_two_strides_is_the_passive_gait_of_two_strides():
     closed = closed_loop_gait(Passive(), scene, period=2, start=start)
     assert closed.step_length * units.length == pytest.approx(passive.step_length, rel=1e-6)
     assert closed.step_period * units.time == pytest.approx(passive.step_period, rel=1e-6)
+    known = np.sort(np.abs(passive.multipliers))
+    np.testing.assert_allclose(np.sort(np.abs(closed.multipliers)), known, rtol=2e-2, atol=1e-3)
     assert closed.speed == pytest.approx(passive.froude_speed, rel=1e-6)
     assert closed.cost_of_transport == pytest.approx(np.sin(0.016), rel=1e-5)
     assert closed.stable
