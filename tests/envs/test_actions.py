@@ -141,8 +141,3 @@ def test_an_action_that_is_no_number_is_refused_and_changes_nothing():
     with pytest.raises(ValueError, match=r"shape \(3,\)"):
         env.step(np.array([0.1]))
     np.testing.assert_array_equal(env.get_state()["records"], before)
-
-
-def test_methods_that_know_the_hip_alone_say_so():
-    with pytest.raises(SceneError, match="by the hip alone"):
-        gpw.optimal_gait(make_scene("level", actions=("hip", "push_off")), 0.3)
