@@ -19,6 +19,7 @@ from gym_passive_walker.engine.layout import (
     MOST_GUARDS,
     PAIR,
     RECORD,
+    WIDTH,
     tile_for,
 )
 from gym_passive_walker.engine.native import Code, Function, Memory, Module, uses
@@ -125,12 +126,22 @@ def phases_of(system: System, code: Any) -> NDArray:
     return phases
 
 
-def written(system: System, *, derived: bool = False, pair: Pair = PAIR) -> Module:
-    """All native functions of a system, in steps of a method."""
-    module, tile, body = Module(), tile_for(pair), body_layout(system)
+def written(
+    system: System,
+    *,
+    derived: bool = False,
+    pair: Pair = PAIR,
+    module: Module | None = None,
+    width: int = WIDTH,
+) -> Module:
+    """All native functions of a system, in steps of a method, over tiles of a width.
+
+    They are written into a module of another language if it is given.
+    """
+    module, tile, body = module or Module(), tile_for(pair, width), body_layout(system)
 
     def function(name: str, *layouts: np.dtype, active: tuple[str, ...]) -> Function:
-        return Function(module, name, layouts, active=active if derived else ())
+        return module.function(name, layouts, active=active if derived else ())
 
     def once(name: str, code: Code, *layouts: np.dtype, active: tuple[str, ...] = ()) -> None:
         made = function(name, *layouts, active=active)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from gym_passive_walker.engine.jit import address, call, jitted
+from gym_passive_walker.engine.jit import address, call, inlined, jitted
 from gym_passive_walker.engine.landing import TIME_UP, attend
 from gym_passive_walker.engine.layout import WIDTH
 from gym_passive_walker.engine.native import GROUP
@@ -21,6 +21,26 @@ _LINE = 8 * GROUP  # bytes from one group of a tile's lanes to the next
 
 WAITING, HALTED = int(Outcome.RUNNING), -1
 """Outcomes of a record that is to be carried on, and of one whose time is up."""
+
+
+@inlined
+def came(tiles, courses, phase, lane, options):
+    """What has come of a lane's step: as of `landing.attend`."""
+    verdict = tiles[0].verdict[lane]
+    if verdict == ALERT:
+        return attend(tiles, courses, phase, lane, options.scuff, options.landing)
+    return TIME_UP if verdict == UP else 0
+
+
+@inlined
+def leave(record, tiles, phase, lane, event):
+    """Take a walker out of its lane, and say how its phase has ended."""
+    up = 1.0 if event == TIME_UP else 0.0
+    call(phase.unload, address(tiles), address(record), lane, len(tiles) - 1, up, 0.0)
+    if event > 0:
+        record[0].outcome = phase.outcomes[event - 1]
+    else:
+        record[0].outcome = HALTED if event == TIME_UP else _DIVERGED
 
 
 @jitted
@@ -47,21 +67,10 @@ def carry(records, bodies, phase, number, tiles, courses, options):
             call(phase.equip, origin, address(bodies[0]), lane, planes, 0.0, 0.0)
     while True:
         for lane in range(used):
-            event, verdict = 0, tiles[0].verdict[lane]
-            if verdict == ALERT:
-                event = attend(tiles, courses, phase, lane, options.scuff, options.landing)
-            elif verdict == UP:
-                event = TIME_UP
-            if event == 0:
-                continue
-            record = records[owner[lane]]
-            up = 1.0 if event == TIME_UP else 0.0
-            call(phase.unload, origin, address(record), lane, planes, up, 0.0)
-            if event > 0:
-                record[0].outcome = phase.outcomes[event - 1]
-            else:
-                record[0].outcome = HALTED if event == TIME_UP else _DIVERGED
-            owner[lane] = -1
+            event = came(tiles, courses, phase, lane, options)
+            if event != 0:
+                leave(records[owner[lane]], tiles, phase, lane, event)
+                owner[lane] = -1
         # Fill what is free from those who wait, or from the last lanes in use.
         lane = 0
         while lane < WIDTH:

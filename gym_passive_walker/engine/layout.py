@@ -29,7 +29,7 @@ MOST_GUARDS = 12
 """Guards that a phase may have, with what controls move and friction takes."""
 
 LINKS = 3
-_CONTROLS, _GROUND, _LINE = len(Control._fields), len(Ground._fields), (WIDTH,)
+_CONTROLS, _GROUND = len(Control._fields), len(Ground._fields)
 
 RECORD = np.dtype(
     [
@@ -61,35 +61,36 @@ RECORD = np.dtype(
 )
 
 
-def tile_for(pair: Pair) -> np.dtype:
-    """The layout of a tile for steps made with a method."""
+def tile_for(pair: Pair, width: int = WIDTH) -> np.dtype:
+    """The layout of a tile for steps made with a method, of as many walkers as it is wide."""
+    line = (width,)
     return np.dtype(
         [
-            ("angle", "f8", (LINKS, *_LINE)),
-            ("rate", "f8", (LINKS, *_LINE)),
-            ("new_angle", "f8", (LINKS, *_LINE)),
-            ("new_rate", "f8", (LINKS, *_LINE)),
+            ("angle", "f8", (LINKS, *line)),
+            ("rate", "f8", (LINKS, *line)),
+            ("new_angle", "f8", (LINKS, *line)),
+            ("new_rate", "f8", (LINKS, *line)),
             # Accelerations at the step's start, in its stages, and at its end.
-            ("stage", "f8", (pair.stages + 1, LINKS, *_LINE)),
-            ("moved", "f8", (_CONTROLS, *_LINE)),
-            ("turned", "f8", (_CONTROLS, *_LINE)),
-            ("lost", "f8", _LINE),  # to friction
-            ("power", "f8", _LINE),  # that friction takes, on average over the step
-            ("ground", "f8", (_GROUND, *_LINE)),
-            ("control", "f8", (_CONTROLS, *_LINE)),
-            ("body", "f8", (MOST_CONSTANTS, *_LINE)),
-            ("h", "f8", _LINE),  # length of the step
-            ("next", "f8", _LINE),  # proposed length of the next
-            ("time", "f8", _LINE),
-            ("end", "f8", _LINE),
-            ("error", "f8", _LINE),
-            ("growth", "f8", _LINE),  # factor to the next step's length that this allows
-            ("verdict", "f8", _LINE),
-            ("event", "f8", _LINE),  # the guard that the step is aimed at, from 1 on
-            ("low", "f8", _LINE),  # what that guard's fall lies between
-            ("high", "f8", _LINE),
-            ("steps", "f8", _LINE),
-            ("fresh", "f8", _LINE),  # whether the walker has just been loaded
+            ("stage", "f8", (pair.stages + 1, LINKS, *line)),
+            ("moved", "f8", (_CONTROLS, *line)),
+            ("turned", "f8", (_CONTROLS, *line)),
+            ("lost", "f8", line),  # to friction
+            ("power", "f8", line),  # that friction takes, on average over the step
+            ("ground", "f8", (_GROUND, *line)),
+            ("control", "f8", (_CONTROLS, *line)),
+            ("body", "f8", (MOST_CONSTANTS, *line)),
+            ("h", "f8", line),  # length of the step
+            ("next", "f8", line),  # proposed length of the next
+            ("time", "f8", line),
+            ("end", "f8", line),
+            ("error", "f8", line),
+            ("growth", "f8", line),  # factor to the next step's length that this allows
+            ("verdict", "f8", line),
+            ("event", "f8", line),  # the guard that the step is aimed at, from 1 on
+            ("low", "f8", line),  # what that guard's fall lies between
+            ("high", "f8", line),
+            ("steps", "f8", line),
+            ("fresh", "f8", line),  # whether the walker has just been loaded
         ]
     )
 

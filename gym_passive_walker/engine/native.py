@@ -38,6 +38,12 @@ class Module:
         self.declared: set[str] = set()
         self.table: dict[tuple[float, int], int] = {}
 
+    def function(
+        self, name: str, layouts: tuple[np.dtype, ...], *, active: Collection[str] = ()
+    ) -> Function:
+        """A new function of the module; see `Function` for what it takes."""
+        return Function(self, name, layouts, active=active)
+
     def __str__(self) -> str:
         entries = ", ".join(f"double {_written(value)}" for value, _ in self.table)
         table = f"[{len(self.table)} x double] [{entries}]"
@@ -165,14 +171,18 @@ class Function:
             if name in self.active:
                 change = tangents(x)
                 changes[base, name, index, 1] = x.number(0.0) if change is None else change
-        emit = _Emitter(self, uses(values.values()), vector=vector, lane=lane)
+        emit = self._emitter(uses(values.values()), vector=vector, lane=lane)
         results = {place: emit(x) for place, x in values.items()}
         loop = self._over_planes(emit, changes) if changes else []
         for place, result in results.items():
             emit.store(place, result)
         self.lines += loop
 
-    def _over_planes(self, emit: _Emitter, changes: dict[tuple, Expression]) -> list[str]:
+    def _emitter(self, uses: Counter[Expression], *, vector: bool, lane: bool) -> Emitter:
+        """What writes the instructions of a code."""
+        return Emitter(self, uses, vector=vector, lane=lane)
+
+    def _over_planes(self, emit: Emitter, changes: dict[tuple, Expression]) -> list[str]:
         """The loop that writes tangents; what is the same in all planes is computed before it."""
         block, self.block = self.block, self.block + 1
         number = self.block
@@ -224,7 +234,7 @@ def _operands(x: Expression) -> tuple[Expression, ...]:
     return tuple(a for a in x.args if isinstance(a, Expression))
 
 
-class _Emitter:
+class Emitter:
     """Instructions for expressions, each computed once."""
 
     def __init__(
@@ -280,27 +290,26 @@ class _Emitter:
         if op in ("add", "sub"):
             return self._sum(x)
         values = [self(a) for a in args]
-        if op in _ARITHMETIC:
-            return self.owner.new(f"{_ARITHMETIC[op]} {self.number} {values[0]}, {values[1]}")
-        if op in _COMPARED:
-            return self.owner.new(f"fcmp {_COMPARED[op]} {self.number} {values[0]}, {values[1]}")
         if op in _INTRINSICS:
             return self._call(_INTRINSICS[op], *values)
+        if op in ("neg", "flip"):
+            return self._negative(*values) if op == "neg" else self._flipped(*values)
+        return self.owner.new(self._operation(op, *values))
+
+    def _operation(self, op: str, *values: str) -> str:
+        """The instruction for an operation on values."""
+        if op in _ARITHMETIC:
+            return f"{_ARITHMETIC[op]} {self.number} {values[0]}, {values[1]}"
+        if op in _COMPARED:
+            return f"fcmp {_COMPARED[op]} {self.number} {values[0]}, {values[1]}"
         match op:
-            case "neg":
-                return self._negative(values[0])
-            case "flip":
-                return self._flipped(*values)
             case "and" | "or":
-                return self.owner.new(f"{op} {self.truth} {values[0]}, {values[1]}")
+                return f"{op} {self.truth} {values[0]}, {values[1]}"
             case "not":
-                true = self._alike("i1", "true")
-                return self.owner.new(f"xor {self.truth} {values[0]}, {true}")
+                return f"xor {self.truth} {values[0]}, {self._alike('i1', 'true')}"
             case "choose":
                 condition, yes, no = values
-                return self.owner.new(
-                    f"select {self.truth} {condition}, {self.number} {yes}, {self.number} {no}"
-                )
+                return f"select {self.truth} {condition}, {self.number} {yes}, {self.number} {no}"
         raise ValueError(f"no code for {op!r}")
 
     def _sum(self, x: Expression) -> str:
@@ -314,7 +323,7 @@ class _Emitter:
             first = self(b.args[0])
             first = self._negative(first) if minus else first
             return self._call("fma", first, self(b.args[1]), self(a))
-        return self.owner.new(f"{_ARITHMETIC[x.op]} {self.number} {self(a)}, {self(b)}")
+        return self.owner.new(self._operation(x.op, self(a), self(b)))
 
     def _fusible(self, x: Expression) -> bool:
         return x.op == "mul" and self.uses[x] == 1

@@ -1,0 +1,138 @@
+"""Traced code as Python source over plain numbers, for compilers and simulators that read that.
+
+The operations are those that `engine.native` writes as machine code for processors, in the same
+order, products fused with sums alike: whoever computes them exactly walks the same walk to the last
+bit. Memory is read and written by the primitives of `gpu.primitives`.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection
+
+import numpy as np
+
+from gym_passive_walker.engine.expressions import Expression
+from gym_passive_walker.engine.native import Code, Emitter, Function, Module
+
+_SIGNS = {"mul": "*", "div": "/", "add": "+", "sub": "-", "and": "&", "or": "|"}
+
+
+class Source(Module):
+    """Functions that belong together, as Python source.
+
+    Each is called ``name(first, second, x, y)``, with two addresses and two numbers. `call` finds
+    one by its number, from 1 on in the order of the module: what stands for its address.
+
+    Attributes:
+        names: Of the functions that `call` finds.
+        parts: Of those that stand for one code of many: each is called in one place.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.names: list[str] = []
+        self.parts: list[str] = []
+
+    def function(
+        self, name: str, layouts: tuple[np.dtype, ...], *, active: Collection[str] = ()
+    ) -> Function:
+        """A new function; there are no tangents here, so `active` must be empty."""
+        return _Function(self, name, layouts)
+
+    def get_function_address(self, name: str) -> int:
+        """The number by which a function is called."""
+        return 1 + self.names.index(name)
+
+    def get_global_value_address(self, name: str) -> int:
+        """Of constants, which stand in the text: none."""
+        return 0
+
+    def __str__(self) -> str:
+        """The functions, and the one that calls them by their numbers."""
+        cases = [
+            f"    if function == {i}:\n        return {name}(first, second, x, y)"
+            for i, name in enumerate(self.names, 1)
+        ]
+        call = ["def call(function, first, second, lane, planes, x, y):", "    apart()", *cases]
+        return "\n\n".join([*self.functions, "\n".join(call)]) + "\n"
+
+
+class _Function(Function):
+    """A function under construction."""
+
+    module: Source
+
+    def __init__(self, module: Source, name: str, layouts: tuple[np.dtype, ...]) -> None:
+        self.module, self.name, self.layouts = module, name, layouts
+        self.active: Collection[str] = ()
+        self.lines: list[str] = []
+        self.values = self.block = 0
+
+    def new(self, instruction: str) -> str:
+        """The name of what an instruction gives."""
+        self.values += 1
+        self.lines.append(f"v{self.values} = {instruction}")
+        return f"v{self.values}"
+
+    def over_lanes(self, code: Code) -> None:
+        """Run code over the one walker of a tile, in a part by itself: compilers like them short."""
+        part = f"{self.name}_{len(self.lines) + 1}"
+        lines, self.lines = self.lines, []
+        self._emit(code)
+        self.module.functions.append(self._text(part))
+        self.module.parts.append(part)
+        self.lines = [*lines, f"{part}(first, second, x, y)"]
+
+    def end(self) -> None:
+        """Close the function."""
+        self.module.functions.append(self._text(self.name))
+        self.module.names.append(self.name)
+
+    def _text(self, name: str) -> str:
+        return "\n    ".join([f"def {name}(first, second, x, y):", *self.lines, "return"])
+
+    def _emitter(self, uses: Counter[Expression], *, vector: bool, lane: bool) -> Emitter:
+        return _Emitter(self, uses, vector=False, lane=False)
+
+
+class _Emitter(Emitter):
+    """Lines of Python for expressions, each computed once."""
+
+    def _operation(self, op: str, *values: str) -> str:
+        if op == "choose":
+            return f"select({', '.join(values)})"
+        if op == "not":
+            return f"not {values[0]}"
+        return f"{values[0]} {_SIGNS.get(op, op)} {values[1]}"
+
+    def _negative(self, x: str) -> str:
+        return self.owner.new(f"-{x}")
+
+    def _flipped(self, x: str, last_bit: str) -> str:
+        return self.owner.new(f"flip({x}, {last_bit})")
+
+    def _call(self, name: str, *operands: str) -> str:
+        return self.owner.new(f"{name}({', '.join(operands)})")
+
+    def _constant(self, value: float) -> str:
+        return f"({value!r})"
+
+    def _splat(self, value: str) -> str:
+        return value.removeprefix("%")
+
+    def _load(self, place: tuple) -> str:
+        address, word, whole = self._word(place)
+        return self.owner.new(f"get{whole}({address}, {word})")
+
+    def store(self, place: tuple, value: str) -> None:
+        """Write an entry."""
+        address, word, whole = self._word(place)
+        self.owner.lines.append(f"put{whole}({address}, {word}, {value})")
+
+    def _word(self, place: tuple) -> tuple[str, int, str]:
+        """Which address an entry is behind, how many words, and whether it is a whole number."""
+        base, name, index, _ = place
+        field, offset = self.owner.layouts[base].fields[name][:2]  # type: ignore[index]
+        whole = "_whole" if field.base.kind == "i" else ""
+        return ("first", "second")[base], offset // 8 + index, whole
