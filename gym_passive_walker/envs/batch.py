@@ -31,7 +31,7 @@ _BLANK = np.zeros(1, RECORD), np.zeros(1, task.LEDGER)
 _CROWD = 2048  # walkers from which on threads may share the work
 
 
-def _rules(scene: Scene, system: System, step_limit: float) -> NDArray:
+def rules_of(scene: Scene, system: System, step_limit: float) -> NDArray:
     """A scene's rules, as the kernel reads them."""
     rules = np.zeros(1, task.RULES)
     rules["tick"] = scene.tick if scene.control == "tick" else math.inf
@@ -45,6 +45,12 @@ def _rules(scene: Scene, system: System, step_limit: float) -> NDArray:
     rules["step_limit"] = step_limit
     rules["works"] = (*system.works, 1.0)
     return rules
+
+
+def system_in(scene: Scene, *walkers: Walker) -> System:
+    """Which equations walkers of one kind obey in a scene."""
+    using = {*scene.randomise, *scene.actions, *(UNEVEN if scene.terrain else ())}
+    return system_of(*walkers, using=using)
 
 
 def _radii(walkers: Sequence[Walker]) -> NDArray[np.float64]:
@@ -119,7 +125,7 @@ class Batch:
         self._radii = _radii(shown)
         self.records = np.zeros((count, 1), RECORD)
         self.ledger = np.zeros(count, task.LEDGER)
-        self.rules = _rules(scene, self.system, step_limit)
+        self.rules = rules_of(scene, self.system, step_limit)
         self.randoms: list[np.random.Generator] = []
         self.machinery = self._machinery()
 
@@ -138,9 +144,7 @@ class Batch:
     @property
     def system(self) -> System:
         """Which equations the walkers obey."""
-        scene = self.scene
-        using = {*scene.randomise, *scene.actions, *(UNEVEN if scene.terrain else ())}
-        return system_of(*set(self.walkers), using=using)
+        return system_in(self.scene, *set(self.walkers))
 
     def start(
         self,

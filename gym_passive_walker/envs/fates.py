@@ -78,7 +78,7 @@ _DEPTH = 1e-9  # rounding of a foot's height
 _FIRST_REASON = len(Outcome)
 _HEELSTRIKE, _WORK, _ROOM = int(Outcome.HEELSTRIKE), len(reality.NOTES) - 1, reality.ROOM
 _BLANK = reality.BLANK
-_RADIUS = StraightBody._fields.index("foot_radius")  # of every kind's constants
+RADIUS = StraightBody._fields.index("foot_radius")  # of every kind's constants
 _CONTACT, _FRICTION, _KNEE = range(len(CHECKS) - 1)
 # Streams of a walker's key.
 _WHEN, _HOW_HARD, _SENSOR, _MOTOR, _COMMAND = range(5)
@@ -160,9 +160,15 @@ def begin(fates, odds, lanes, keys, pending, records, ledger, table, spread):
 
 
 @jitted
+def copied(actions):
+    """What agents do, to be changed on its way to the motors."""
+    return actions.copy()
+
+
+@jitted
 def sent(fates, ledger, odds, pending, actions):
-    """What reaches the motors of what agents do."""
-    found, late = actions.copy(), pending.shape[1]
+    """Make of what agents do what reaches the motors."""
+    late = pending.shape[1]
     count = len(actions) // len(fates)
     for i in range(len(fates)):
         fate, step = fates[i], ledger[i].steps
@@ -172,8 +178,7 @@ def sent(fates, ledger, odds, pending, actions):
                 share, pending[i, step % late, j] = pending[i, step % late, j], share
             if odds.motor_noise > 0.0:
                 share += odds.motor_noise * normal(fate.key, step * count + j, _MOTOR)
-            found[i * count + j] = share
-    return found
+            actions[i * count + j] = share
 
 
 @jitted
@@ -279,11 +284,13 @@ def step(
     table, spread, actions, observations, rewards, terminated, truncated,
 ):  # fmt: skip
     """A step of every walker, whose actions are finite; returns `settle`'s answers."""
-    reached = sent(fates, ledger, odds[0], pending, actions)
+    reached = copied(actions)
+    sent(fates, ledger, odds[0], pending, reached)
     task.command(records, ledger, rules[0], reached)
     for i in range(len(records)):
         fates[i].idle = task.over(ledger[i])
-        bodies[i, 0, len(bodies[i, 0]) - _ROOM :][: len(_BLANK)] = _BLANK
+        for k in range(len(_BLANK)):
+            bodies[i, 0, len(bodies[i, 0]) - _ROOM + k] = _BLANK[k]
     carry_through(records, bodies, fates, phases, options, tiles, courses, odds[0], natives)
     for i in range(len(records)):
         if not fates[i].idle:
@@ -303,7 +310,7 @@ def step(
                 row.total -= lost
                 rewards[i] -= lost
             if odds[0].uneven and row.outcome == _HEELSTRIKE:
-                step_over(records[i, 0], row, fate, bodies[i, 0, _RADIUS], table, spread)
+                step_over(records[i, 0], row, fate, bodies[i, 0, RADIUS], table, spread)
                 task.see(records[i, 0], row, phases, observations, i * size)
         perceive(fate, row, odds[0], table, spread, observations, i * size)
     return strides, endings

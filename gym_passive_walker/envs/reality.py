@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from gym_passive_walker.engine import compiled
 from gym_passive_walker.engine.expressions import choose, larger
 from gym_passive_walker.engine.layout import RECORD
-from gym_passive_walker.engine.native import Function, Memory, Module
+from gym_passive_walker.engine.native import Memory, Module
 from gym_passive_walker.gaits.forces import borne, struck
 from gym_passive_walker.physics import legs, straight
 from gym_passive_walker.physics.bodies import SimplestBody
@@ -64,42 +64,54 @@ def natives(name: str, *, pushed: bool, watched: bool) -> tuple[NDArray, NDArray
     Returns:
         Shape (phases,) of `compiled.PHASE`, and of NATIVE.
     """
-    system, phases = SYSTEMS[name], compiled.compiled(name).copy()
-    found = np.zeros(len(phases), NATIVE)
+    system, pushes, looks = SYSTEMS[name], None, None
     if pushed:
-        code = compiled.kept(f"{name}-pushed", lambda: _pushes(system))
-        for i, native in enumerate(found):
-            native["push"] = code.get_function_address(f"push{i}")
+        pushes = compiled.kept(f"{name}-pushed", lambda: push_code(system, Module()))
     if watched:
-        code = compiled.kept(f"{name}-watched", lambda: _looks(system))
-        for i, (native, phase) in enumerate(zip(found, system.phases, strict=True)):
-            native["look"] = code.get_function_address(f"look{i}")
+        looks = compiled.kept(f"{name}-watched", lambda: look_code(system, Module()))
+    return equipped(system, compiled.compiled(name), pushes, looks)
+
+
+def equipped(system: System, phases: NDArray, pushes: Any, looks: Any) -> tuple[NDArray, NDArray]:
+    """Phases whose resets look, and what else is done to walkers, from their native code.
+
+    Args:
+        system: The system.
+        phases: As compiled; they stay as they are.
+        pushes: Code from `push_code`; None where walkers are not pushed.
+        looks: From `look_code`, likewise.
+    """
+    phases, found = phases.copy(), np.zeros(len(phases), NATIVE)
+    for i, (native, phase) in enumerate(zip(found, system.phases, strict=True)):
+        if pushes is not None:
+            native["push"] = pushes.get_function_address(f"push{i}")
+        if looks is not None:
+            native["look"] = looks.get_function_address(f"look{i}")
             for outcome in phase.resets:
-                address = code.get_function_address(f"reset{i}_{outcome.name}")
+                address = looks.get_function_address(f"reset{i}_{outcome.name}")
                 phases[i]["resets"][outcome] = address
     return phases, found
 
 
-def _pushes(system: System) -> Module:
-    """Native functions that push the hip of a record, by the impulse (back, up)."""
-    module = Module()
+def push_code(system: System, module: Module) -> Module:
+    """Functions that push the hip of a record, by the impulse (back, up), into a module."""
     for i, phase in enumerate(system.phases):
         if phase.push is not None:
-            function = Function(module, f"push{i}", (RECORD, page(system)))
+            function = module.function(f"push{i}", (RECORD, page(system)))
             function.once(partial(_push, system, phase))
             function.end()
     return module
 
 
-def _looks(system: System) -> Module:
-    """Native functions that look at a record, and resets that look before and after."""
-    module, layouts = Module(), (RECORD, page(system))
+def look_code(system: System, module: Module) -> Module:
+    """Functions that look at a record, and resets that look before and after, into a module."""
+    layouts = RECORD, page(system)
     for i, phase in enumerate(system.phases):
-        function = Function(module, f"look{i}", layouts)
+        function = module.function(f"look{i}", layouts)
         function.once(partial(_look, system, phase))
         function.end()
         for outcome in phase.resets:
-            function = Function(module, f"reset{i}_{outcome.name}", layouts)
+            function = module.function(f"reset{i}_{outcome.name}", layouts)
             # One code after the other: what looks on changes no bit of the reset.
             function.once(partial(_look, system, phase))
             function.once(partial(_before, system, outcome))

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from gym_passive_walker.engine.jit import Kernel
 from gym_passive_walker.envs.scene import SCENES, Scene, SceneError, make_scene
 from gym_passive_walker.gaits.search import seek
 from gym_passive_walker.walkers import WALKERS, Walker, WalkerError
@@ -128,12 +129,12 @@ class Starts:
         Returns:
             Shape (n, 6), or (1, 6) if all start alike; rates in units of 1/sqrt(l/g).
         """
-        nodes, states = self._nodes
+        nodes, states = self.nodes
         if len(nodes) == 1:
             return states
-        right = np.clip(np.searchsorted(nodes, slopes, side="right"), 1, len(nodes) - 1)
-        share = (slopes - nodes[right - 1]) / (nodes[right] - nodes[right - 1])
-        return (1.0 - share)[:, None] * states[right - 1] + share[:, None] * states[right]
+        found = np.empty((len(slopes), 6))
+        between(nodes, states, slopes, found)
+        return found
 
     def state(self, slope: float) -> State:
         """The section state to start from at any slope."""
@@ -162,7 +163,7 @@ class Starts:
         return np.linspace(self.low, self.high, NODES if self.high > self.low else 1).tolist()
 
     @cached_property
-    def _nodes(self) -> tuple[NDArray, NDArray]:
+    def nodes(self) -> tuple[NDArray, NDArray]:
         """Slopes of the range, and the states to start from there."""
         if self.scene.start is not None:
             return np.array([self.low]), np.array([self.scene.start])
@@ -170,6 +171,19 @@ class Starts:
         for slope in reversed(self.node_slopes):
             states.insert(0, gait_near(self.walker, slope, states[0] if states else None))
         return np.array(self.node_slopes), np.array(states)
+
+
+@Kernel
+def between(nodes, states, slopes, found):
+    """Write the section states to start from at slopes, between those of nodes, (n, 6)."""
+    last = len(nodes) - 1
+    for i in range(len(slopes)):
+        right = 1
+        while right < last and slopes[i] >= nodes[right]:
+            right += 1
+        share = (slopes[i] - nodes[right - 1]) / (nodes[right] - nodes[right - 1])
+        for k in range(6):
+            found[i, k] = (1.0 - share) * states[right - 1, k] + share * states[right, k]
 
 
 def checked_state(state: Sequence[float], walker: Walker) -> State:

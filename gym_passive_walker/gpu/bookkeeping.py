@@ -8,53 +8,65 @@ processors run.
 from __future__ import annotations
 
 import dis
-from collections.abc import Callable
 from types import FunctionType, ModuleType
 from typing import Any
 
 from numba.core.dispatcher import Dispatcher
 
 from gym_passive_walker.engine.jit import Kernel
+from gym_passive_walker.gpu.primitives import jitted
+
+_OURS = "gym_passive_walker"
 
 
 def plain(value: Any) -> FunctionType | None:
-    """The function that a processor's kernel is made of; None of anything else."""
+    """The function that kernels are made of, or are to be; None of anything else."""
     if isinstance(value, Kernel):
         return value.function  # type: ignore[return-value]
-    return getattr(value, "py_func", None) if isinstance(value, Dispatcher) else None
+    if isinstance(value, Dispatcher):
+        return value.py_func
+    ours = isinstance(value, FunctionType) and value.__module__.startswith(_OURS)
+    return value if ours else None
 
 
 class Bound:
     """Functions bound to a device, each made once.
 
     Args:
-        compile: What makes a device's function of a plain one.
-        given: By what to replace functions that are called, by those themselves.
+        given: Functions of a device, by what they stand for.
     """
 
-    def __init__(self, compile: Callable[[FunctionType], Any], given: dict[Any, Any]) -> None:
-        self._compile, self._made = compile, dict(given)
+    def __init__(self, given: dict[Any, Any]) -> None:
+        self._made = dict(given)
+
+    def copy(self) -> Bound:
+        """Another, to replace other functions in; what is made already stays as it is."""
+        return Bound(self._made)
+
+    def replace(self, function: Any, by: Any) -> None:
+        """Have another function stand for one, bound likewise."""
+        self._made[function] = self(by)
 
     def __call__(self, function: Any) -> Any:
-        """A kernel or function of the engine, and all that it calls, for the device."""
+        """A function of the package, and all that it calls, for kernels to call."""
         if function not in self._made:
-            found = plain(function)
-            assert found is not None
-            self._made[function] = self._compile(self.rebound(found))
+            self._made[function] = jitted(self.rebound(function))
         return self._made[function]
 
-    def rebound(self, function: FunctionType) -> FunctionType:
-        """A plain function that calls what is bound to the device."""
-        names = dict(function.__globals__)
-        read = [(step.opname, step.argval) for step in dis.get_instructions(function)]
+    def rebound(self, function: Any) -> FunctionType:
+        """A plain function whose names stand for what is bound to the device."""
+        found = plain(function)
+        assert found is not None
+        names = dict(found.__globals__)
+        read = [(step.opname, step.argval) for step in dis.get_instructions(found)]
         attributes = {name for kind, name in read if kind in ("LOAD_ATTR", "LOAD_METHOD")}
         for name in {name for kind, name in read if kind == "LOAD_GLOBAL"} & names.keys():
             names[name] = self._other(names[name], attributes)
-        return FunctionType(function.__code__, names, function.__name__, function.__defaults__)
+        return FunctionType(found.__code__, names, found.__name__)
 
     def _other(self, value: Any, attributes: set[str]) -> Any:
         """What stands on a device for what a function names."""
-        if isinstance(value, ModuleType) and value.__name__.startswith("gym_passive_walker"):
+        if isinstance(value, ModuleType) and value.__name__.startswith(_OURS):
             module = ModuleType(value.__name__)
             for name in attributes & vars(value).keys():
                 setattr(module, name, self._other(vars(value)[name], set()))

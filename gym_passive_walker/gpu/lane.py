@@ -6,23 +6,27 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numba import cuda
 from numpy.typing import NDArray
 
-from gym_passive_walker.engine import jit, lanes, layout
+from gym_passive_walker.engine import jit, lanes
 from gym_passive_walker.engine.compiled import phases_of, written
 from gym_passive_walker.engine.lanes import WAITING, came, leave
-from gym_passive_walker.engine.layout import PAIR, tile_for
+from gym_passive_walker.engine.layout import COURSE, PAIR, tile_for
+from gym_passive_walker.envs.reality import equipped, look_code, push_code
 from gym_passive_walker.gpu import primitives
 from gym_passive_walker.gpu.bookkeeping import Bound
+from gym_passive_walker.gpu.device import kind
 from gym_passive_walker.gpu.source import Source
 from gym_passive_walker.physics.systems import SYSTEMS
 
-TILE, COURSE = (np.dtype((np.record, kind)) for kind in (tile_for(PAIR, width=1), layout.COURSE))
+TILE, RUN = kind(tile_for(PAIR, width=1)), kind(COURSE)
 """A tile for one walker, and how guards run over its step."""
 
+_PRIMITIVES = (
+    "address", "apart", "flip", "fma", "get", "get_whole", "put", "put_whole", "select", "sqrt",
+)  # fmt: skip
 
-@jit.jitted
+
 def carry(records, bodies, phase, number, tiles, courses, options):
     """Take the one walker through a phase if it waits there; as of `lanes.carry`."""
     record = records[0, 0]
@@ -42,46 +46,52 @@ def carry(records, bodies, phase, number, tiles, courses, options):
 class Machinery:
     """A system's traced code and the engine's bookkeeping, for a device.
 
+    Args:
+        system: Its name.
+        pushed: Whether walkers are pushed.
+        watched: Whether ground and knees are looked at.
+
     Attributes:
         phases: What the engine knows of the system's phases, with numbers for addresses.
+        natives: What else is done to walkers, likewise.
         bound: Makes a device's function of one of the engine's.
     """
 
-    def __init__(self, system: str) -> None:
+    phases: NDArray
+    natives: NDArray
+
+    def __init__(self, system: str, *, pushed: bool = False, watched: bool = False) -> None:
+        of, pushes, looks = SYSTEMS[system], None, None
         source = Source()
-        written(SYSTEMS[system], module=source, width=1)
-        self.phases: NDArray = phases_of(SYSTEMS[system], source)
-        names = {
-            "apart": primitives.apart,
-            "get": primitives.get,
-            "put": primitives.put,
-            "get_whole": primitives.get_whole,
-            "put_whole": primitives.put_whole,
-            "select": primitives.select,
-            "flip": primitives.flip,
-            "fma": primitives.fma,
-            "sqrt": primitives.sqrt,
-            "fabs": abs,
-            "inf": np.inf,
-            "nan": np.nan,
-        }
-        exec(compile(str(source), f"<the equations {system}>", "exec"), names)
-        for name in source.parts:
-            names[name] = primitives.inlined(names[name])
-        for name in [*source.names, "call"]:
-            names[name] = primitives.jitted(names[name])
-        self.bound = Bound(
-            primitives.jitted,
-            {
-                jit.call: names["call"],
-                jit.address: primitives.address,
-                jit.fma: primitives.fma,
-            },
-        )
-        self.bound._made[lanes.carry] = self.bound(carry)
+        written(of, module=source, width=1)
+        phases = phases_of(of, source)
+        if pushed:
+            pushes = source = Source(source, "pushed_")
+            push_code(of, source)
+        if watched:
+            looks = source = Source(source, "watched_")
+            look_code(of, source)
+        self.phases, self.natives = equipped(of, phases, pushes, looks)
+        call = _compiled(source, f"<the equations {system}>")
+        self.bound = Bound({
+            jit.call: call, jit.address: primitives.address, jit.fma: primitives.fma,
+        })  # fmt: skip
+        self.bound.replace(lanes.carry, carry)
+
+
+def _compiled(source: Source, name: str) -> Any:
+    """The device's function that calls each of a source's functions by its number."""
+    names: dict[str, Any] = {name: getattr(primitives, name) for name in _PRIMITIVES}
+    names |= {"fabs": abs, "inf": np.inf, "nan": np.nan}
+    exec(compile(str(source), name, "exec"), names)
+    for part in source.parts:
+        names[part] = primitives.inlined(names[part])
+    for function in (*source.names, "call"):
+        names[function] = primitives.jitted(names[function])
+    return names["call"]
 
 
 @lru_cache
-def machinery(system: str) -> Machinery:
-    """The machinery of a system."""
-    return Machinery(system)
+def machinery(system: str, *, pushed: bool = False, watched: bool = False) -> Machinery:
+    """The machinery of a system; see `Machinery`."""
+    return Machinery(system, pushed=pushed, watched=watched)

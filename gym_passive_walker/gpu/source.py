@@ -22,40 +22,50 @@ class Source(Module):
     """Functions that belong together, as Python source.
 
     Each is called ``name(first, second, x, y)``, with two addresses and two numbers. `call` finds
-    one by its number, from 1 on in the order of the module: what stands for its address.
+    one by its number: what stands for its address.
+
+    Args:
+        before: Whose functions come before these in the same text.
+        kind: What tells these by their names from those.
 
     Attributes:
         names: Of the functions that `call` finds.
         parts: Of those that stand for one code of many: each is called in one place.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, before: Source | None = None, kind: str = "") -> None:
         super().__init__()
-        self.names: list[str] = []
-        self.parts: list[str] = []
+        self.before, self.kind = before, kind
+        self.names: list[str] = list(before.names) if before else []
+        self.parts: list[str] = list(before.parts) if before else []
 
     def function(
         self, name: str, layouts: tuple[np.dtype, ...], *, active: Collection[str] = ()
     ) -> Function:
         """A new function; there are no tangents here, so `active` must be empty."""
-        return _Function(self, name, layouts)
+        return _Function(self, self.kind + name, layouts)
 
     def get_function_address(self, name: str) -> int:
-        """The number by which a function is called."""
-        return 1 + self.names.index(name)
+        """The number by which a function is called, from 1 on."""
+        return 1 + self.names.index(self.kind + name)
 
     def get_global_value_address(self, name: str) -> int:
         """Of constants, which stand in the text: none."""
         return 0
 
+    def text(self) -> str:
+        """The functions, these and those before."""
+        before = self.before.text() if self.before else ""
+        return before + "".join(f"{function}\n\n" for function in self.functions)
+
     def __str__(self) -> str:
         """The functions, and the one that calls them by their numbers."""
-        cases = [
-            f"    if function == {i}:\n        return {name}(first, second, x, y)"
+        cases = "".join(
+            f"    if function == {i}:\n        return {name}(first, second, x, y)\n"
             for i, name in enumerate(self.names, 1)
-        ]
-        call = ["def call(function, first, second, lane, planes, x, y):", "    apart()", *cases]
-        return "\n\n".join([*self.functions, "\n".join(call)]) + "\n"
+        )
+        head = "def call(function, first, second, lane, planes, x, y):\n    apart()\n"
+        return self.text() + head + cases
 
 
 class _Function(Function):

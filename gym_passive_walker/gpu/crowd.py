@@ -1,0 +1,164 @@
+"""A scene's walkers on a device: they begin, act and begin again there."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker.arguments import whole
+from gym_passive_walker.engine.layout import RECORD
+from gym_passive_walker.engine.run import options
+from gym_passive_walker.envs import fates, task
+from gym_passive_walker.envs.batch import rules_of, system_in
+from gym_passive_walker.envs.disturbances import Disturbances, disturbed
+from gym_passive_walker.envs.reality import ROOM
+from gym_passive_walker.envs.scene import Scene, make_scene
+from gym_passive_walker.envs.starts import Starts
+from gym_passive_walker.gpu import device, episodes
+from gym_passive_walker.gpu.episodes import Play, Walkers, World
+from gym_passive_walker.gpu.lane import machinery
+from gym_passive_walker.physics.systems import bodies
+
+DRAWN = 4096
+"""Walkers that the episodes of a scene with random ones draw from."""
+
+
+@lru_cache
+def _kernels(system: str, pushed: bool, watched: bool, fateful: bool) -> tuple[Any, Any]:
+    """What resets walkers, and what steps them."""
+    bound = machinery(system, pushed=pushed, watched=watched).bound.copy()
+    if fateful:
+        bound.replace(fates.copied, episodes.as_it_is)
+        bound.replace(fates.carry_through, episodes.carry_through)
+        bound.replace(episodes.calm_begin, episodes.fateful_begin)
+        bound.replace(episodes.calm_step, episodes.fateful_step)
+    kernels = episodes.reset_kernel, episodes.step_kernel
+    return tuple(device.kernel(bound.rebound(kernel)) for kernel in kernels)  # type: ignore[return-value]
+
+
+class Crowd:
+    """Walkers of a scene, on a device.
+
+    A walker's episodes are those of its key, `seed` plus its number, whoever walks beside it. They
+    go by the rules of `PassiveWalkerVectorEnv`, and the next one begins in the step that ends one.
+
+    Args:
+        count: How many walkers.
+        scene: As of `PassiveWalkerEnv`.
+        step_limit: Steps after which an episode is truncated.
+        seed: Of the first walker: any whole number below 2^64.
+        sort: Whether threads that lie together take walkers in the same phase.
+        **changes: As of `PassiveWalkerEnv`.
+
+    Attributes:
+        play: Actions, observations, rewards and endings, on the device; see `episodes.Play`.
+        walkers: What is kept of each walker, likewise.
+
+    Raises:
+        NoDevice: if there is no device.
+        SceneError: if there is no such scene.
+    """
+
+    def __init__(
+        self,
+        count: int,
+        scene: Scene | str | Mapping[str, Any] = "level",
+        *,
+        step_limit: float = math.inf,
+        seed: int = 0,
+        sort: bool = True,
+        **changes: Any,
+    ) -> None:
+        device.need_device()
+        self.scene, self.count = make_scene(scene, **changes), whole(count, "count")
+        self.seen = task.SIZE + (self.scene.command is not None) + 2 * self.scene.preview
+        self._sort = sort
+        system, fateful = system_in(self.scene, self.scene.walker), disturbed(self.scene)
+        self._system, pushed, watched = system, bool(self.scene.pushes), bool(self.scene.reality)
+        told = system.name, pushed, watched
+        self._reset, self._step = _kernels(*told, fateful)
+        here = machinery(told[0], pushed=pushed, watched=watched)
+        drawn = self._drawn()
+        self.walkers = self._walkers(drawn, seed, own=fateful or len(drawn) > 1)
+        self._world = self._as_told(here, drawn, step_limit)
+        self.play = self._play()
+        self._order, self._count = _ordering()
+
+    def _drawn(self) -> NDArray[np.float64]:
+        """Constants of the walkers that episodes draw from."""
+        starts, random = Starts(self.scene), np.random.default_rng(0)
+        if not self.scene.randomise:
+            return bodies(self.scene.walker)[:, 0]
+        return bodies(*(starts.varied(random) for _ in range(DRAWN)))[:, 0]
+
+    def _walkers(self, drawn: NDArray, seed: int, *, own: bool) -> Walkers:
+        count, fateful = self.count, disturbed(self.scene)
+        width = drawn.shape[1] + (ROOM if fateful else 0)
+        late = self.scene.motor_delay, len(self.scene.actions)
+        keys = np.uint64(seed % 2**64) + np.arange(count, dtype=np.uint64)
+        return Walkers(
+            records=device.room((count, 1), RECORD),
+            bodies=device.room((count, 1, width), float) if own else device.put(drawn[:, None]),
+            ledger=device.room(count, task.LEDGER),
+            told=device.put(np.zeros(count, task.LEDGER)),
+            keys=device.put(keys),
+            episodes=device.put(np.zeros(count, np.int64)),
+            fates=device.room(count if fateful else 0, fates.FATE),
+            pending=device.room((count if fateful else 0, *late), float),
+            order=device.room(count if self._sort else 0, np.int64),
+            counts=device.room(2, np.int64),
+        )
+
+    def _as_told(self, here: Any, drawn: NDArray, step_limit: float) -> World:
+        starts, scene = Starts(self.scene), self.scene
+        nodes, states = starts.nodes
+        if len(nodes) == 1:  # as it is, wherever it begins
+            nodes, states = np.array([nodes[0], np.inf]), np.repeat(states, 2, axis=0)
+        befall = Disturbances(scene, self._system.name, 0)
+        arrays = World(
+            here.phases, options(scene.tolerance, scuff=bool(scene.stub)),
+            rules_of(scene, self._system, step_limit),
+            np.zeros(1, RECORD), np.zeros(1, task.LEDGER), np.zeros(1, fates.FATE),
+            np.array([starts.low, starts.high]), nodes, states, np.array([scene.perturbation]),
+            drawn, befall.odds, here.natives, *befall.terrain,
+        )  # fmt: skip
+        return World(*map(device.put, arrays))
+
+    def _play(self) -> Play:
+        count = self.count
+        return Play(
+            actions=device.put(np.zeros(count * len(self.scene.actions))),
+            observations=device.room(count * self.seen, np.float32),
+            rewards=device.room(count, float),
+            terminated=device.room(count, bool),
+            truncated=device.room(count, bool),
+            last=device.put(np.zeros(count * self.seen, np.float32)),
+        )
+
+    def reset(self, *, stream: Any = 0) -> None:
+        """Begin an episode of every walker."""
+        arguments = self.walkers, self._world, self.play.observations
+        device.launch(self._reset, self.count, *arguments, stream=stream)
+
+    def step(self, *, stream: Any = 0) -> None:
+        """A step of every walker, by `play.actions`: nothing is moved to or from the device.
+
+        A walker whose action is no finite number stays as it is, and its reward is not a number.
+        """
+        if self._sort:
+            device.launch(self._count, 1, self.walkers, stream=stream)
+            device.launch(self._order, self.count, self.walkers, stream=stream)
+        device.launch(
+            self._step, self.count, self.walkers, self._world, self.play, stream=stream
+        )
+
+
+@lru_cache
+def _ordering() -> tuple[Any, Any]:
+    """What orders walkers, and what begins to count them."""
+    return device.kernel(episodes.order_kernel), device.kernel(episodes.count_kernel)
