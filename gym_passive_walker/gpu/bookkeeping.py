@@ -39,13 +39,18 @@ class Bound:
     def __init__(self, given: dict[Any, Any]) -> None:
         self._made = dict(given)
 
-    def copy(self) -> Bound:
-        """Another, to replace other functions in; what is made already stays as it is."""
-        return Bound(self._made)
+    def instead(self, of: dict[Any, Any], *, anew: tuple[Any, ...] = ()) -> Bound:
+        """The same with other functions instead.
 
-    def replace(self, function: Any, by: Any) -> None:
-        """Have another function stand for one, bound likewise."""
-        self._made[function] = self(by)
+        Args:
+            of: Functions of the package, by those that they stand for; or made ones.
+            anew: Which to make again, since they call those.
+        """
+        kept = {key: made for key, made in self._made.items() if key not in anew}
+        bound = Bound(kept)
+        for function, other in of.items():
+            bound._made[function] = bound(other) if plain(other) else other
+        return bound
 
     def __call__(self, function: Any) -> Any:
         """A function of the package, and all that it calls, for kernels to call."""

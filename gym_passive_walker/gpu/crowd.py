@@ -31,12 +31,14 @@ DRAWN = 4096
 @lru_cache
 def _kernels(system: str, pushed: bool, watched: bool, fateful: bool) -> tuple[Any, Any]:
     """What resets walkers, and what steps them."""
-    bound = machinery(system, pushed=pushed, watched=watched).bound.copy()
+    bound = machinery(system, pushed=pushed, watched=watched).bound
     if fateful:
-        bound.replace(fates.copied, episodes.as_it_is)
-        bound.replace(fates.carry_through, episodes.carry_through)
-        bound.replace(episodes.calm_begin, episodes.fateful_begin)
-        bound.replace(episodes.calm_step, episodes.fateful_step)
+        bound = bound.instead({
+            fates.copied: episodes.as_it_is,
+            fates.carry_through: episodes.carry_through,
+            episodes.calm_begin: episodes.fateful_begin,
+            episodes.calm_step: episodes.fateful_step,
+        })  # fmt: skip
     kernels = episodes.reset_kernel, episodes.step_kernel
     return tuple(device.kernel(bound.rebound(kernel)) for kernel in kernels)  # type: ignore[return-value]
 

@@ -23,7 +23,8 @@ TILE, RUN = kind(tile_for(PAIR, width=1)), kind(COURSE)
 """A tile for one walker, and how guards run over its step."""
 
 _PRIMITIVES = (
-    "address", "apart", "flip", "fma", "get", "get_whole", "put", "put_whole", "select", "sqrt",
+    "address", "apart", "cos", "flip", "fma", "get", "get_whole", "put", "put_whole", "select",
+    "sin", "sqrt",
 )  # fmt: skip
 
 
@@ -50,6 +51,8 @@ class Machinery:
         system: Its name.
         pushed: Whether walkers are pushed.
         watched: Whether ground and knees are looked at.
+        single: Whether its equations are computed in single precision. Records stay in double, and
+            so does the landing on events.
 
     Attributes:
         phases: What the engine knows of the system's phases, with numbers for addresses.
@@ -60,29 +63,29 @@ class Machinery:
     phases: NDArray
     natives: NDArray
 
-    def __init__(self, system: str, *, pushed: bool = False, watched: bool = False) -> None:
+    def __init__(
+        self, system: str, *, pushed: bool = False, watched: bool = False, single: bool = False
+    ) -> None:
         of, pushes, looks = SYSTEMS[system], None, None
-        source = Source()
+        source = Source(single=single)
         written(of, module=source, width=1)
         phases = phases_of(of, source)
         if pushed:
-            pushes = source = Source(source, "pushed_")
+            pushes = source = Source(source, "pushed_", single=single)
             push_code(of, source)
         if watched:
-            looks = source = Source(source, "watched_")
+            looks = source = Source(source, "watched_", single=single)
             look_code(of, source)
         self.phases, self.natives = equipped(of, phases, pushes, looks)
         call = _compiled(source, f"<the equations {system}>")
-        self.bound = Bound({
-            jit.call: call, jit.address: primitives.address, jit.fma: primitives.fma,
-        })  # fmt: skip
-        self.bound.replace(lanes.carry, carry)
+        own = {jit.call: call, jit.address: primitives.address, jit.fma: primitives.fma}
+        self.bound = Bound(own).instead({lanes.carry: carry})
 
 
 def _compiled(source: Source, name: str) -> Any:
     """The device's function that calls each of a source's functions by its number."""
     names: dict[str, Any] = {name: getattr(primitives, name) for name in _PRIMITIVES}
-    names |= {"fabs": abs, "inf": np.inf, "nan": np.nan}
+    names |= {"fabs": abs, "inf": np.inf, "nan": np.nan, "single": np.float32}
     exec(compile(str(source), name, "exec"), names)
     for part in source.parts:
         names[part] = primitives.inlined(names[part])
@@ -92,6 +95,8 @@ def _compiled(source: Source, name: str) -> Any:
 
 
 @lru_cache
-def machinery(system: str, *, pushed: bool = False, watched: bool = False) -> Machinery:
+def machinery(
+    system: str, *, pushed: bool = False, watched: bool = False, single: bool = False
+) -> Machinery:
     """The machinery of a system; see `Machinery`."""
-    return Machinery(system, pushed=pushed, watched=watched)
+    return Machinery(system, pushed=pushed, watched=watched, single=single)

@@ -33,8 +33,14 @@ def inlined(function: Callable[..., Any]) -> Any:
 
 
 if SIMULATED:
-    fma: Any = numba.njit(lambda a, b, c: _fma(a, b, c))
+    _fused = numba.njit(lambda a, b, c: _fma(a, b, c))
     sqrt: Any = np.sqrt
+    sin, cos = np.sin, np.cos
+
+    def fma(a, b, c):
+        """The sum a * b + c, rounded once; of singles, as good as once."""
+        whole = _fused(a, b, c)
+        return np.float32(whole) if isinstance(c, np.float32) else whole
 
     def address(array):
         """The numbers of an array."""
@@ -73,7 +79,7 @@ else:
     from numba.cuda.extending import intrinsic
 
     _NUMBER, _WORD = ir.DoubleType(), ir.IntType(64)
-    sqrt = math.sqrt
+    sqrt, sin, cos = math.sqrt, math.sin, math.cos
 
     def _entry(builder, first, word, kind):
         """A pointer to one of the words that begin at an address."""
@@ -146,7 +152,7 @@ else:
         def code(context, builder, signature, arguments):
             return builder.select(*arguments)
 
-        return types.float64(types.boolean, types.float64, types.float64), code
+        return yes(types.boolean, yes, yes), code
 
     @intrinsic
     def flip(typing_context, x, last_bit):
@@ -166,4 +172,4 @@ else:
         def code(context, builder, signature, arguments):
             return builder.fma(*arguments)
 
-        return types.float64(types.float64, types.float64, types.float64), code
+        return c(c, c, c), code

@@ -27,15 +27,18 @@ class Source(Module):
     Args:
         before: Whose functions come before these in the same text.
         kind: What tells these by their names from those.
+        single: Whether to compute in single precision what memory keeps in double.
 
     Attributes:
         names: Of the functions that `call` finds.
         parts: Of those that stand for one code of many: each is called in one place.
     """
 
-    def __init__(self, before: Source | None = None, kind: str = "") -> None:
+    def __init__(
+        self, before: Source | None = None, kind: str = "", *, single: bool = False
+    ) -> None:
         super().__init__()
-        self.before, self.kind = before, kind
+        self.before, self.kind, self.single = before, kind, single
         self.names: list[str] = list(before.names) if before else []
         self.parts: list[str] = list(before.parts) if before else []
 
@@ -103,7 +106,8 @@ class _Function(Function):
         return "\n    ".join([f"def {name}(first, second, x, y):", *self.lines, "return"])
 
     def _emitter(self, uses: Counter[Expression], *, vector: bool, lane: bool) -> Emitter:
-        return _Emitter(self, uses, vector=False, lane=False)
+        kind = _Single if self.module.single else _Emitter
+        return kind(self, uses, vector=False, lane=False)
 
 
 class _Emitter(Emitter):
@@ -146,3 +150,21 @@ class _Emitter(Emitter):
         field, offset = self.owner.layouts[base].fields[name][:2]  # type: ignore[index]
         whole = "_whole" if field.base.kind == "i" else ""
         return ("first", "second")[base], offset // 8 + index, whole
+
+
+class _Single(_Emitter):
+    """The same in single precision, but for sines: what suits doubles says nothing of singles."""
+
+    def _of(self, x: Expression) -> str:
+        if x.op in ("sin", "cos"):
+            return self.owner.new(f"{x.op}({self(x.args[0])})")
+        return super()._of(x)
+
+    def _constant(self, value: float) -> str:
+        return f"single({value!r})"
+
+    def _splat(self, value: str) -> str:
+        return f"single({super()._splat(value)})"
+
+    def _load(self, place: tuple) -> str:
+        return self.owner.new(f"single({super()._load(place)})")

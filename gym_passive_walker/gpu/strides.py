@@ -1,38 +1,164 @@
-"""Strides on a device: `engine.run.advance` with a thread for each walker."""
+"""Strides on a device: `engine.run.advance` with a thread for each walker.
+
+Threads of a warp run one instruction at a time, so a warp takes as long as its slowest walker, and
+as all the ways that its walkers go. Either each thread takes its walker through all phases (a
+"loop"); or each phase is a "pass" by itself, over those alone who wait in it.
+"""
 
 from __future__ import annotations
 
 from functools import lru_cache
 from typing import Any
 
+import numpy as np
 from numba import cuda
-from numpy.typing import NDArray
 
-from gym_passive_walker.engine import run
+from gym_passive_walker.engine import lanes, run
+from gym_passive_walker.engine.lanes import WAITING
 from gym_passive_walker.gpu import device
 from gym_passive_walker.gpu.lane import RUN, TILE, machinery
+from gym_passive_walker.gpu.primitives import jitted
 from gym_passive_walker.physics.hybrid import System
 
+WAYS = "loop", "passes"
+"""How threads go through phases."""
 
-def _carried(records, bodies, phases, options):
-    """Carry the walker of this thread on, as of `run.carry_on`."""
+
+def _loop_kernel(records, bodies, phases, options):
+    """Carry the walker of this thread on."""
     i = cuda.grid(1)
     if i < len(records):
         tiles, courses = cuda.local.array(1, TILE), cuda.local.array(1, RUN)
-        own = i if len(bodies) > 1 else 0
-        alone = records[i : i + 1], bodies[own : own + 1]
-        run.carry_on(alone[0], alone[1], phases, options, tiles, courses)
+        own = i if len(bodies) == len(records) else 0
+        run.carry_on(
+            records[i : i + 1], bodies[own : own + 1], phases, options, tiles, courses
+        )
+
+
+def _ready_kernel(records, options):
+    """Have every walker wait where it begins."""
+    i = cuda.grid(1)
+    if i < len(records):
+        record = records[i, 0]
+        record.outcome = WAITING
+        if options[0].from_section:
+            record.phase = 0
+
+
+def _nobody_kernel(count):
+    """Begin to count."""
+    count[0] = 0
+
+
+def _waiting_kernel(records, number, order, count):
+    """Find who waits in a phase."""
+    i = cuda.grid(1)
+    if i < len(records):
+        record = records[i, 0]
+        if record.phase == number and record.outcome == WAITING and record.time < record.end:
+            order[cuda.atomic.add(count, 0, 1)] = i
+
+
+def _pass_kernel(records, bodies, phases, options, order, count):
+    """Carry the walker of this thread through a phase."""
+    j = cuda.grid(1)
+    if j < count[0]:
+        i = order[j]
+        tiles, courses = cuda.local.array(1, TILE), cuda.local.array(1, RUN)
+        own = i if len(bodies) == len(records) else 0
+        run.carry_on(
+            records[i : i + 1], bodies[own : own + 1], phases, options, tiles, courses
+        )
 
 
 @lru_cache
-def _made(system: str) -> tuple[Any, Any]:
-    """The kernel of a system, and its phases on the device."""
-    here = machinery(system)
-    return device.kernel(here.bound.rebound(_carried)), device.put(here.phases)
+def _simple() -> tuple[Any, ...]:
+    """The kernels that know no equation."""
+    return tuple(map(device.kernel, (_ready_kernel, _nobody_kernel, _waiting_kernel)))
+
+
+class Strides:
+    """A system's kernels that carry records on.
+
+    Args:
+        system: Its name.
+        way: One of WAYS.
+        single: Whether equations are computed in single precision.
+    """
+
+    def __init__(self, system: str, way: str = "loop", *, single: bool = False) -> None:
+        if way not in WAYS:
+            raise ValueError(f"threads go through phases as {' or '.join(WAYS)}, not {way!r}")
+        here = machinery(system, single=single)
+        self._phases, self._way = device.put(here.phases), way
+        self._order, self._found = None, device.room(1, np.int64)
+        if way == "loop":
+            self._kernels = [device.kernel(here.bound.rebound(_loop_kernel))]
+            return
+        self._kernels = []
+        for number in range(len(here.phases)):
+            alone = {lanes.carry: _only(number, here.bound(lanes.carry))}
+            bound = here.bound.instead(alone, anew=(run.carry_on,))
+            self._kernels.append(device.kernel(bound.rebound(_pass_kernel)))
+
+    def __call__(
+        self,
+        records: Any,
+        bodies: Any,
+        *,
+        tolerance: float,
+        scuff: bool = False,
+        from_section: bool = True,
+        stream: Any = 0,
+    ) -> None:
+        """Carry the device's records on, in place; arguments as of `advance`.
+
+        Args:
+            records: Shape (n, 1).
+            bodies: Shape (1 or n, 1, constants).
+            tolerance: Error relative to the largest angle or rate.
+            scuff: Whether a kneed walker's locked swing leg below the ground ends the stride.
+            from_section: Whether records stand just after heelstrike; else at their phase.
+            stream: Behind what to do it.
+        """
+        count = len(records)
+        told = options(tolerance, scuff=scuff, from_section=from_section)
+        if self._way == "loop":
+            arguments = records, bodies, self._phases, told
+            device.launch(self._kernels[0], count, *arguments, stream=stream)
+            return
+        ready, nobody, waiting = _simple()
+        if self._order is None or len(self._order) < count:
+            self._order = device.room(count, np.int64)
+        device.launch(ready, count, records, told, stream=stream)
+        for number, kernel in enumerate(self._kernels):
+            device.launch(nobody, 1, self._found, stream=stream)
+            those = self._order, self._found
+            device.launch(waiting, count, records, number, *those, stream=stream)
+            arguments = records, bodies, self._phases, told, *those
+            device.launch(kernel, count, *arguments, stream=stream)
+            told = options(tolerance, scuff=scuff)
+
+
+def _only(number: int, carry: Any) -> Any:
+    """Carrying through one phase, and not through others."""
+
+    def carry_here(records, bodies, phase, other, tiles, courses, options):
+        if other == number:
+            carry(records, bodies, phase, other, tiles, courses, options)
+
+    return jitted(carry_here)
 
 
 @lru_cache
-def _options(tolerance: float, scuff: bool, from_section: bool) -> Any:
+def strides(system: str, way: str = "loop", *, single: bool = False) -> Strides:
+    """A system's kernels; see `Strides`."""
+    return Strides(system, way, single=single)
+
+
+@lru_cache
+def options(tolerance: float, *, scuff: bool = False, from_section: bool = False) -> Any:
+    """What the engine is told, on the device."""
     return device.put(run.options(tolerance, scuff=scuff, from_section=from_section))
 
 
@@ -51,12 +177,11 @@ def advance(
     Args:
         system: Which equations the walkers obey.
         bodies: Their constants, (1, 1, constants) for all alike or (n, 1, constants).
-        records: Shape (n, 1) of RECORD: here, or (with bodies) on the device, from `device.put`;
-            then nothing is moved to or fro.
+        records: Shape (n, 1) of RECORD.
         tolerance: Error relative to the largest angle or rate.
         scuff: Whether a kneed walker's locked swing leg below the ground ends the stride.
         from_section: Whether records stand just after heelstrike; else at their phase.
-        threads: Of the processor, which has none to spend here; as of `run.advance`.
+        threads: Of the processor; it has none to spend here.
 
     Returns:
         The records.
@@ -65,12 +190,7 @@ def advance(
         NoDevice: if there is no device.
     """
     device.need_device()
-    kernel, phases = _made(system.name)
-    told = _options(tolerance, scuff, from_section)
-    if not isinstance(records, NDArray.__origin__):
-        device.launch(kernel, len(records), records, bodies, phases, told)
-        return records
-    there = device.put(records)
-    device.launch(kernel, len(records), there, device.put(bodies), phases, told)
+    there, told = device.put(records), {"scuff": scuff, "from_section": from_section}
+    strides(system.name)(there, device.put(bodies), tolerance=tolerance, **told)
     records[:] = device.back(there)
     return records
