@@ -8,6 +8,7 @@ processors run.
 from __future__ import annotations
 
 import dis
+from collections.abc import Hashable
 from types import FunctionType, ModuleType
 from typing import Any
 
@@ -38,16 +39,20 @@ class Bound:
 
     def __init__(self, given: dict[Any, Any]) -> None:
         self._made = dict(given)
+        self._calls: dict[Any, set[Any]] = {}
 
-    def instead(self, of: dict[Any, Any], *, anew: tuple[Any, ...] = ()) -> Bound:
+    def instead(self, of: dict[Any, Any]) -> Bound:
         """The same with other functions instead.
 
         Args:
             of: Functions of the package, by those that they stand for; or made ones.
-            anew: Which to make again, since they call those.
         """
-        kept = {key: made for key, made in self._made.items() if key not in anew}
-        bound = Bound(kept)
+        stale, found = set(of), 0
+        while found < len(stale):  # and whoever calls them
+            found = len(stale)
+            stale |= {caller for caller, calls in self._calls.items() if calls & stale}
+        bound = Bound({key: made for key, made in self._made.items() if key not in stale})
+        bound._calls = {key: calls for key, calls in self._calls.items() if key not in stale}
         for function, other in of.items():
             bound._made[function] = bound(other) if plain(other) else other
         return bound
@@ -62,22 +67,24 @@ class Bound:
         """A plain function whose names stand for what is bound to the device."""
         found = plain(function)
         assert found is not None
+        calls = self._calls.setdefault(function, set())
         names = dict(found.__globals__)
         read = [(step.opname, step.argval) for step in dis.get_instructions(found)]
         attributes = {name for kind, name in read if kind in ("LOAD_ATTR", "LOAD_METHOD")}
         for name in {name for kind, name in read if kind == "LOAD_GLOBAL"} & names.keys():
-            names[name] = self._other(names[name], attributes)
+            value = names[name]
+            if isinstance(value, ModuleType) and value.__name__.startswith(_OURS):
+                names[name] = ModuleType(value.__name__)
+                for part in attributes & vars(value).keys():
+                    setattr(names[name], part, self._other(vars(value)[part], calls))
+            else:
+                names[name] = self._other(value, calls)
         return FunctionType(found.__code__, names, found.__name__)
 
-    def _other(self, value: Any, attributes: set[str]) -> Any:
-        """What stands on a device for what a function names."""
-        if isinstance(value, ModuleType) and value.__name__.startswith(_OURS):
-            module = ModuleType(value.__name__)
-            for name in attributes & vars(value).keys():
-                setattr(module, name, self._other(vars(value)[name], set()))
-            return module
-        try:
-            known = value in self._made
-        except TypeError:  # an array
+    def _other(self, value: Any, calls: set[Any]) -> Any:
+        """What stands on a device for what a function names, which is noted if it is called."""
+        given = isinstance(value, Hashable) and value in self._made
+        if not given and plain(value) is None:
             return value
-        return self(value) if known or plain(value) else value
+        calls.add(value)
+        return self(value)

@@ -22,15 +22,24 @@ from gym_passive_walker.envs.starts import Starts
 from gym_passive_walker.gpu import device, episodes
 from gym_passive_walker.gpu.episodes import Play, Walkers, World
 from gym_passive_walker.gpu.lane import machinery
+from gym_passive_walker.gpu.strides import strides
 from gym_passive_walker.physics.systems import bodies
 
 DRAWN = 4096
 """Walkers that the episodes of a scene with random ones draw from."""
 
 
+WAYS = "loop", "sorted", "passes"
+"""How threads go through phases: each takes its walker through all of them, in the order of their
+numbers or so that neighbours begin in the same phase; or one phase after the other, over those
+alone who wait in it, where nothing befalls walkers on their way."""
+
+
 @lru_cache
-def _kernels(system: str, pushed: bool, watched: bool, fateful: bool) -> tuple[Any, Any]:
-    """What resets walkers, and what steps them."""
+def _kernels(
+    system: str, pushed: bool, watched: bool, fateful: bool, way: str
+) -> tuple[Any, Any, Any]:
+    """What resets walkers, what steps them, and what commands them before passes."""
     bound = machinery(system, pushed=pushed, watched=watched).bound
     if fateful:
         bound = bound.instead({
@@ -39,7 +48,9 @@ def _kernels(system: str, pushed: bool, watched: bool, fateful: bool) -> tuple[A
             episodes.calm_begin: episodes.fateful_begin,
             episodes.calm_step: episodes.fateful_step,
         })  # fmt: skip
-    kernels = episodes.reset_kernel, episodes.step_kernel
+    if way == "passes":
+        bound = bound.instead({episodes.calm_step: episodes.calm_settle})
+    kernels = episodes.reset_kernel, episodes.step_kernel, episodes.command_kernel
     return tuple(device.kernel(bound.rebound(kernel)) for kernel in kernels)  # type: ignore[return-value]
 
 
@@ -54,7 +65,7 @@ class Crowd:
         scene: As of `PassiveWalkerEnv`.
         step_limit: Steps after which an episode is truncated.
         seed: Of the first walker: any whole number below 2^64.
-        sort: Whether threads that lie together take walkers in the same phase.
+        way: How threads go through phases, one of WAYS.
         **changes: As of `PassiveWalkerEnv`.
 
     Attributes:
@@ -73,18 +84,23 @@ class Crowd:
         *,
         step_limit: float = math.inf,
         seed: int = 0,
-        sort: bool = True,
+        way: str = "sorted",
         **changes: Any,
     ) -> None:
         device.need_device()
         self.scene, self.count = make_scene(scene, **changes), whole(count, "count")
         self.seen = task.SIZE + (self.scene.command is not None) + 2 * self.scene.preview
-        self._sort = sort
         system, fateful = system_in(self.scene, self.scene.walker), disturbed(self.scene)
         self._system, pushed, watched = system, bool(self.scene.pushes), bool(self.scene.reality)
-        told = system.name, pushed, watched
-        self._reset, self._step = _kernels(*told, fateful)
-        here = machinery(told[0], pushed=pushed, watched=watched)
+        if way not in WAYS or (fateful and way == "passes"):
+            raise ValueError(
+                f"threads go through phases as {', '.join(WAYS)} (passes where nothing befalls "
+                f"walkers on their way), not {way!r}"
+            )
+        self._way = way
+        kernels = _kernels(system.name, pushed, watched, fateful, way)
+        self._reset, self._step, self._command = kernels
+        here = machinery(system.name, pushed=pushed, watched=watched)
         drawn = self._drawn()
         self.walkers = self._walkers(drawn, seed, own=fateful or len(drawn) > 1)
         self._world = self._as_told(here, drawn, step_limit)
@@ -112,7 +128,7 @@ class Crowd:
             episodes=device.put(np.zeros(count, np.int64)),
             fates=device.room(count if fateful else 0, fates.FATE),
             pending=device.room((count if fateful else 0, *late), float),
-            order=device.room(count if self._sort else 0, np.int64),
+            order=device.room(count if self._way == "sorted" else 0, np.int64),
             counts=device.room(2, np.int64),
         )
 
@@ -152,12 +168,17 @@ class Crowd:
 
         A walker whose action is no finite number stays as it is, and its reward is not a number.
         """
-        if self._sort:
+        count, everything = self.count, (self.walkers, self._world, self.play)
+        if self._way == "sorted":
             device.launch(self._count, 1, self.walkers, stream=stream)
-            device.launch(self._order, self.count, self.walkers, stream=stream)
-        device.launch(
-            self._step, self.count, self.walkers, self._world, self.play, stream=stream
-        )
+            device.launch(self._order, count, self.walkers, stream=stream)
+        elif self._way == "passes":
+            device.launch(self._command, count, *everything, stream=stream)
+            strides(self._system.name, "passes")(
+                self.walkers.records, self.walkers.bodies, tolerance=self.scene.tolerance,
+                scuff=bool(self.scene.stub), from_section=False, stream=stream,
+            )  # fmt: skip
+        device.launch(self._step, count, *everything, stream=stream)
 
 
 @lru_cache

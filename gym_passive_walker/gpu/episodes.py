@@ -225,23 +225,42 @@ one_step = calm_step
 """A walker's step; bound to `fateful_step` where something befalls walkers."""
 
 
+def command_kernel(walkers, world, play):
+    """Set the torques of the walker of this thread, which waits where it stands then."""
+    i = cuda.grid(1)
+    if i < len(walkers.records):
+        own, count = slice_of(i), len(play.actions) // len(walkers.records)
+        actions = play.actions[i * count : (i + 1) * count]
+        wrong = task.command(walkers.records[own], walkers.ledger[own], world.rules[0], actions)
+        if wrong >= 0:  # its time is up
+            walkers.records[i, 0].end = walkers.records[i, 0].time
+
+
+def calm_settle(
+    walkers, world, i, tiles, courses, actions, observations, rewards, terminated, truncated
+):
+    """What the step of a walker has come to that others have carried on."""
+    own, body = slice_of(i), own_body(walkers, i)
+    task.settle(
+        walkers.records[own], walkers.bodies[body], walkers.ledger[own], world.rules[0],
+        world.phases, observations, rewards, terminated, truncated,
+    )  # fmt: skip
+
+
 def play_on(walkers, world, play, i, tiles, courses, desk):
     """A step of a walker, and the beginning of its next episode if this one has ended."""
-    seen = len(play.observations) // len(walkers.records)
-    count = len(play.actions) // len(walkers.records)
+    seen, own = len(play.observations) // len(walkers.records), slice_of(i)
     observations = play.observations[i * seen : (i + 1) * seen]
-    finite = True
-    for j in range(count):
-        desk.actions[j] = play.actions[i * count + j]
-        finite = finite and math.isfinite(desk.actions[j])
-    own = slice_of(i)
     rewards, terminated, truncated = play.rewards[own], play.terminated[own], play.truncated[own]
+    actions, finite = desk.actions[: len(play.actions) // len(walkers.records)], True
+    for j in range(len(actions)):
+        actions[j] = play.actions[i * len(actions) + j]
+        finite = finite and math.isfinite(actions[j])
     if not finite:
         rewards[0], terminated[0], truncated[0] = math.nan, False, False
         return
     one_step(
-        walkers, world, i, tiles, courses, desk.actions[:count], observations, rewards, terminated,
-        truncated,
+        walkers, world, i, tiles, courses, actions, observations, rewards, terminated, truncated
     )  # fmt: skip
     walkers.told[i] = walkers.ledger[i]
     for k in range(seen):

@@ -98,7 +98,7 @@ class Strides:
         self._kernels = []
         for number in range(len(here.phases)):
             alone = {lanes.carry: _only(number, here.bound(lanes.carry))}
-            bound = here.bound.instead(alone, anew=(run.carry_on,))
+            bound = here.bound.instead(alone)
             self._kernels.append(device.kernel(bound.rebound(_pass_kernel)))
 
     def __call__(
