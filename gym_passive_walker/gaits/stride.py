@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -159,6 +160,7 @@ def stride(
     longest: float = LONGEST_STRIDE,
     stub: bool = False,
     threads: int | None = None,
+    carry: Callable[..., object] = advance,
 ) -> Stride:
     """Follow walkers from one heelstrike to the next: the stride map.
 
@@ -181,6 +183,7 @@ def stride(
         stub: Whether a kneed walker's locked swing leg below the ground ends the stride; the
             source document ignores such scuffing, and so does this by default.
         threads: How many threads to use; all of numba's when None. It changes no result.
+        carry: What carries walkers on: `engine.run.advance`, or `gpu.advance` on a device.
 
     Returns:
         A `Stride`, whatever happens: its `outcome` says how it ended.
@@ -225,7 +228,8 @@ def stride(
     if ground:
         each = [np.broadcast_to(part, shape).ravel() for part in ground]
         records["ground"][:, 0, 2], records["ground"][:, 0, 3] = each[0] / units.length, each[1]
-    record = advance(system, own, records, tolerance=tolerance, scuff=stub, threads=threads)[:, 0]
+    carry(system, own, records, tolerance=tolerance, scuff=stub, threads=threads)
+    record = records[:, 0]
     outcome, length = record["outcome"], record["step_length"]
     gravity, spring, knee_time = (record[x] for x in ("gravity_work", "spring_work", "knee_time"))
     knee_time[knee_time <= 0.0] = np.nan

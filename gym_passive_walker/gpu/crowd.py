@@ -118,19 +118,26 @@ class Crowd:
         count, fateful = self.count, disturbed(self.scene)
         width = drawn.shape[1] + (ROOM if fateful else 0)
         late = self.scene.motor_delay, len(self.scene.actions)
-        keys = np.uint64(seed % 2**64) + np.arange(count, dtype=np.uint64)
         return Walkers(
             records=device.room((count, 1), RECORD),
             bodies=device.room((count, 1, width), float) if own else device.put(drawn[:, None]),
             ledger=device.room(count, task.LEDGER),
             told=device.put(np.zeros(count, task.LEDGER)),
-            keys=device.put(keys),
+            keys=device.put(self._keys(seed)),
             episodes=device.put(np.zeros(count, np.int64)),
             fates=device.room(count if fateful else 0, fates.FATE),
             pending=device.room((count if fateful else 0, *late), float),
             order=device.room(count if self._way == "sorted" else 0, np.int64),
             counts=device.room(2, np.int64),
         )
+
+    def _keys(self, seed: int) -> NDArray[np.uint64]:
+        return np.uint64(seed % 2**64) + np.arange(self.count, dtype=np.uint64)
+
+    def seed(self, seed: int) -> None:
+        """Begin all over, each walker with a key of its own, from a seed on."""
+        keys, none = self._keys(seed), np.zeros(self.count, np.int64)
+        self.walkers = self.walkers._replace(keys=device.put(keys), episodes=device.put(none))
 
     def _as_told(self, here: Any, drawn: NDArray, step_limit: float) -> World:
         starts, scene = Starts(self.scene), self.scene

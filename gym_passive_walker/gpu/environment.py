@@ -1,0 +1,123 @@
+"""A vector environment whose walkers and tensors never leave the device."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from gym_passive_walker.envs import interface, task
+from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
+from gym_passive_walker.envs.scene import Scene
+from gym_passive_walker.extras import extra
+from gym_passive_walker.gpu.crowd import Crowd
+from gym_passive_walker.gpu.primitives import SIMULATED
+
+with extra("train"):
+    import torch
+    from torch import Tensor
+
+
+class PassiveWalkerGpuEnv:
+    """As `torch.PassiveWalkerTorchEnv`, with the walkers on the device too.
+
+    A step moves nothing to the processor and waits for nothing: it only tells the device what to do
+    next. An episode that ends begins again in the same step. Walkers follow the rules of
+    `PassiveWalkerVectorEnv`; their random numbers are other ones, functions of a walker's key alone.
+
+    Args:
+        num_envs: How many walkers.
+        scene: As of `PassiveWalkerEnv`.
+        max_episode_steps: Steps after which an episode is truncated; -1 or None for never.
+        seed: Of the first walker; the next have those that follow.
+        way: As of `Crowd`.
+        **changes: As of `PassiveWalkerEnv`.
+
+    Attributes:
+        crowd: The walkers.
+        device: Where tensors are.
+
+    Raises:
+        NoDevice: if there is no device.
+        ImportError: if torch is not installed.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        scene: Scene | str | Mapping[str, Any] = "level",
+        *,
+        max_episode_steps: int | None = MAX_EPISODE_STEPS,
+        seed: int = 0,
+        way: str = "sorted",
+        **changes: Any,
+    ) -> None:
+        limit = interface.step_limit(max_episode_steps)
+        self.crowd = Crowd(num_envs, scene, step_limit=limit, seed=seed, way=way, **changes)
+        self.device = torch.device("cpu" if SIMULATED else "cuda")
+        self.num_envs = num_envs
+        self.observation_space = interface.observation_space(self.crowd.scene)
+        self.action_space = interface.action_space(self.crowd.scene.actions)
+        self._play = self.crowd.play._make(map(_tensor, self.crowd.play))
+        self._told = _tensor(self.crowd.walkers.told.view(np.float64)).view(num_envs, -1)
+
+    def reset(self, *, seed: int | None = None) -> tuple[Tensor, dict[str, Any]]:
+        """Begin an episode of every walker.
+
+        Args:
+            seed: Begin all over, with this seed; else with each walker's next episode.
+
+        Returns:
+            Observations, (num_envs, seen), and an empty dictionary.
+        """
+        if seed is not None:
+            self.crowd.seed(seed)
+        self.crowd.reset(stream=_stream())
+        return self._rows(self._play.observations), {}
+
+    def step(self, actions: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor, dict[str, Any]]:
+        """A step of every walker.
+
+        Args:
+            actions: On the device, (num_envs, actions of the scene). A walker whose action is no
+                finite number stays as it is, and its reward is not a number.
+
+        Returns:
+            Observations (num_envs, seen); rewards, terminated and truncated (num_envs,); and what
+            the step tells, as of `PassiveWalkerTorchEnv`: also "final_obs", the observations
+            before other episodes began.
+        """
+        play = self._play
+        play.actions.copy_(actions.detach().reshape(-1))
+        self.crowd.step(stream=_stream())
+        told = self._told.clone()
+        infos = {name: told[:, _column(name)] for name in (*task.EVERY_STEP, *task.EVERY_STRIDE)}
+        whole = told.view(torch.int64)
+        infos |= {name: whole[:, _column(name)] for name in ("strides", "outcome")}
+        infos["final_obs"] = self._rows(play.last)
+        endings = play.terminated.clone(), play.truncated.clone()
+        return self._rows(play.observations), play.rewards.clone(), *endings, infos
+
+    def _rows(self, flat: Tensor) -> Tensor:
+        return flat.view(self.num_envs, -1).clone()
+
+
+def _column(name: str) -> int:
+    """Which word of its row in the ledger a field is."""
+    return task.LEDGER.fields[name][1] // 8  # type: ignore[index]
+
+
+def _tensor(array: Any) -> Tensor:
+    """A device's array as a tensor: the same memory."""
+    return torch.from_numpy(array) if SIMULATED else torch.as_tensor(array, device="cuda")
+
+
+def _stream() -> Any:
+    """The stream that torch works behind."""
+    if SIMULATED:
+        return 0
+    from numba import cuda
+
+    found = torch.cuda.current_stream().cuda_stream
+    return cuda.external_stream(found) if found else 0

@@ -1,0 +1,202 @@
+"""Episodes on a device are those of the vector environment, for the same starts and keys."""
+
+import numpy as np
+import pytest
+
+from gym_passive_walker.engine.chance import uniform, word
+from gym_passive_walker.envs import task
+from gym_passive_walker.envs.batch import Batch
+from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.envs.starts import Starts
+from gym_passive_walker.gpu import crowd as crowds
+from gym_passive_walker.gpu import device
+from gym_passive_walker.gpu.crowd import WAYS, Crowd
+from gym_passive_walker.physics.systems import bodies
+
+SCENES = {
+    "level": {},
+    "one torque a stride": {"slope": 0.11, "control": "stride"},
+    "random slopes": {"slope": (0.0, 0.06), "tick": 0.4},
+    "all channels": {
+        "walker": "E", "slope": 0.02, "actions": ("hip", "push_off"), "tick": 0.5,
+        "energy": "positive",
+    },
+    "simplest": {"walker": "D", "slope": 0.009, "actions": ("push_off", "ankle"), "tick": 0.7},
+    "rough ground": {
+        "slope": 0.03, "terrain": {"rough": {"height_std": 0.003, "slope_std": 0.01}},
+        "preview": 2, "tick": 0.5,
+    },
+    "pushes": {"pushes": {"rate": 0.5, "impulse": (-0.05, 0.05)}, "tick": 0.5},
+    "everything": {
+        "slope": (0.01, 0.06), "terrain": {"stairs": {"rise": -0.002}}, "tick": 0.3, "preview": 1,
+        "pushes": {"rate": 0.5, "impulse": (-0.05, 0.05)}, "sensor_noise": 0.01,
+        "motor_noise": 0.1, "motor_delay": 2, "command": (0.1, 0.2),
+        "reality": {"friction": "end", "contact": "report", "knee lock": "report"},
+    },
+}  # fmt: skip
+
+
+class Drawn:
+    """A device's random numbers as a walker's generator gives them to the vector environment."""
+
+    def __init__(self, key):
+        self.key, self.episode = np.uint64(key), 0
+
+    def random(self, out):
+        """What a start takes, which comes first in an episode."""
+        self.now = word(self.key, np.uint64(self.episode))
+        self.episode += 1
+        out[:] = [uniform(self.now, k, 200) for k in range(len(out))]
+
+    def integers(self, end, dtype):
+        """The key of its fate."""
+        return self.now
+
+
+class Reference:
+    """The processor's walkers, that start as a device's do, and again where an episode ends."""
+
+    def __init__(self, scene, count, seed, limit):
+        self.batch = Batch(make_scene(scene), count, step_limit=limit)
+        self.batch.randoms = [Drawn(seed + i) for i in range(count)]
+        self.observations = np.zeros((count, self.batch.seen), np.float32)
+        self.batch.start(np.arange(count), self.observations.reshape(-1))
+
+    def step(self, actions):
+        """Rewards, endings, and observations before others begin."""
+        count = self.batch.count
+        rewards, terminated, truncated = np.zeros(count), *np.zeros((2, count), bool)
+        flat = self.observations.reshape(-1)
+        self.batch.step(actions, flat, rewards, terminated, truncated)
+        last, told = self.observations.copy(), self.batch.ledger.copy()
+        if (terminated | truncated).any():
+            self.batch.start(np.flatnonzero(terminated | truncated), flat)
+        return rewards, terminated, truncated, last, told
+
+
+def same(found, known):
+    """Whether numbers, of one kind, are the same to the last bit."""
+    found = np.asarray(found).view(np.ndarray)
+    return found.tobytes() == np.ascontiguousarray(known, found.dtype).tobytes()
+
+
+def rows(scene, count, *, seed=0, way="sorted", steps=20, limit=15):
+    """A crowd's observations, rewards and endings over some steps by random actions."""
+    there = Crowd(count, scene, seed=seed, way=way, step_limit=limit)
+    there.reset()
+    random, found = np.random.default_rng(0).uniform(-1.2, 1.2, (steps, 50, 3)), []
+    for actions in random:
+        there.play.actions[:] = actions[seed : seed + count, : len(there.scene.actions)].ravel()
+        there.step()
+        play = there.play
+        told = play.observations.reshape(count, -1), play.rewards, play.terminated
+        found.append([np.array(part) for part in told])
+    return found
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_an_episode_on_a_device_is_the_vector_environments(name):
+    scene, count = SCENES[name], 5
+    there, here = Crowd(count, scene, seed=7, step_limit=12), Reference(scene, count, 7, 12)
+    there.reset()
+    assert same(there.play.observations, here.observations)
+    random, endings = np.random.default_rng(0), 0
+    for _ in range(25):
+        actions = random.uniform(-1.2, 1.2, len(there.play.actions))
+        there.play.actions[:] = actions
+        there.step()
+        rewards, terminated, truncated, last, told = here.step(actions)
+        assert same(there.play.rewards, rewards)
+        assert same(there.play.terminated, terminated)
+        assert same(there.play.truncated, truncated)
+        assert same(there.play.last, last)
+        assert same(there.play.observations, here.observations)
+        assert same(there.walkers.told, told)
+        endings += np.sum(terminated | truncated)
+    assert endings >= count
+    assert there.walkers.episodes.sum() == count + endings
+
+
+def test_random_walkers_are_drawn_and_walk_as_they_would_alone(monkeypatch):
+    monkeypatch.setattr(crowds, "DRAWN", 16)
+    scene = {"slope": 0.03, "randomise": {"foot_radius": 0.2, "hip_mass": 0.1}, "tick": 0.5}
+    there = Crowd(6, scene, seed=3, step_limit=8)
+    starts, random = Starts(make_scene(scene)), np.random.default_rng(0)
+    drawn = [starts.varied(random) for _ in range(16)]
+    here = Reference(scene, 6, 3, 8)
+
+    def varied(self, own):
+        return drawn[int(uniform(own.now, 0, 201) * 16)]
+
+    monkeypatch.setattr(Starts, "varied", varied)
+    here = Reference(scene, 6, 3, 8)
+    there.reset()
+    for _ in range(10):
+        actions = random.uniform(-1.0, 1.0, 6)
+        there.play.actions[:] = actions
+        there.step()
+        assert same(there.play.rewards, here.step(actions)[0])
+    assert len(np.unique(there.walkers.bodies[:, 0, 0])) > 3
+    assert set(there.walkers.bodies[:, 0, 0]) <= set(bodies(*drawn)[:, 0, 0])
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_the_same_seed_is_the_same_walk_whatever_the_batch_and_the_way(way):
+    scene = {"slope": 0.03, "tick": 0.6}
+    together = rows(scene, 6, way="loop")
+    for part in (rows(scene, 6, way=way), rows(scene, 2, seed=3, way=way)):
+        first = 0 if len(part[0][1]) == 6 else 3
+        for all_of_them, some in zip(together, part, strict=True):
+            for whole, own in zip(all_of_them, some, strict=True):
+                np.testing.assert_array_equal(whole[first : first + len(own)], own)
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_an_action_that_is_no_number_stops_its_walker_alone(way):
+    there = Crowd(3, "level", way=way)
+    there.reset()
+    there.play.actions[:] = [0.1, np.nan, 0.2]
+    before = there.play.observations.copy()
+    there.step()
+    moved = (there.play.observations != before).reshape(3, -1).any(axis=1)
+    assert moved.tolist() == [True, False, True]
+    assert np.isnan(there.play.rewards).tolist() == [False, True, False]
+    there.play.actions[:] = 0.0
+    there.step()
+    assert there.walkers.ledger["steps"].tolist() == [2, 1, 2]
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_step_moves_nothing_to_or_from_the_device(way, monkeypatch):
+    there = Crowd(4, "level", way=way)
+    there.reset()
+    there.step()
+
+    def refuse(*_, **__):
+        raise AssertionError("something is moved")
+
+    for name in ("put", "back", "room"):
+        monkeypatch.setattr(device, name, refuse)
+    there.step()
+    assert there.walkers.ledger["steps"].tolist() == [2] * 4
+
+
+def test_another_seed_is_another_walk():
+    there = Crowd(2, "level", seed=0)
+    there.reset()
+    first = there.play.observations.copy()
+    there.reset()
+    assert not same(there.play.observations, first)
+    there.seed(0)
+    there.reset()
+    assert same(there.play.observations, first)
+    there.seed(1)
+    there.reset()
+    assert same(there.play.observations[: task.SIZE], first[task.SIZE :])
+
+
+def test_passes_are_for_scenes_in_which_nothing_befalls_walkers():
+    with pytest.raises(ValueError, match="passes where nothing befalls"):
+        Crowd(2, "pushed", way="passes")
+    with pytest.raises(ValueError, match="not 'at once'"):
+        Crowd(2, "level", way="at once")

@@ -1,0 +1,150 @@
+"""A walker on a device walks as on a processor: to the last bit, where one computes as the other.
+
+Numba's simulator of a device does; a device may fuse more products with sums, and rounds
+differently then.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker import gpu
+from gym_passive_walker.engine.layout import RECORD
+from gym_passive_walker.engine.run import advance, new_records
+from gym_passive_walker.gpu import device
+from gym_passive_walker.gpu.strides import WAYS, Strides, strides
+from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.physics.systems import SYSTEMS, bodies
+from gym_passive_walker.units import units_of
+from tests.physics.examples import LONG_GAITS
+
+NAMES = {"kneed": "C", "straight": "E", "simplest": "D"}
+FITTED = {"hip_stiffness": 0.1, "hip_friction": 0.02}
+
+
+def thrown(name, count, *, seed=0, wild=0.4):
+    """A walker's constants, and records of it beside its gait, some of them far from it."""
+    kind, *fitted = name.split("-")
+    walker = gpw.WALKERS[NAMES[kind]]
+    if fitted:
+        walker = replace(walker, **FITTED)
+    rng, gait = np.random.default_rng(seed), LONG_GAITS[NAMES[kind]]
+    section = units_of(walker).to_dimensionless(gait.state)
+    states = section * (1.0 + wild * rng.uniform(-1.0, 1.0, (count, 6)))
+    states[count // 2 :, 3:] *= rng.uniform(-40.0, 40.0, (count - count // 2, 3))
+    states[:, 2] = states[:, 1]
+    if kind != "kneed":
+        states[:, 5] = states[:, 4]
+    records = new_records(states, gait.slope, end=20.0)
+    if fitted:
+        records["control"][:, 0] = rng.uniform(-0.05, 0.05, (count, 2))
+        records["push_off"][:, 0] = rng.uniform(0.0, 0.05, count)
+    if fitted == ["uneven"]:
+        records["ground"][:, 0, 2:] = rng.uniform(-0.01, 0.01, (count, 2))
+    return bodies(walker), records
+
+
+def carried(name, records, own, *, way="loop", single=False, tolerance=1e-8, **told):
+    """Records that a device has carried on."""
+    there = device.put(records)
+    strides(name, way, single=single)(there, device.put(own), tolerance=tolerance, **told)
+    return device.back(there)
+
+
+def bits(records):
+    """All of some records, as bytes."""
+    return np.array(records).view(np.ndarray).tobytes()
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_a_stride_on_a_device_is_the_processors(name, way):
+    own, records = thrown(name, 24)
+    usual = advance(SYSTEMS[name], own, records.copy(), tolerance=1e-8)
+    assert bits(carried(name, records, own, way=way)) == bits(usual)
+    assert {Outcome.HEELSTRIKE, Outcome.FELL_FORWARD, Outcome.OVER_THE_TOP} <= set(usual["outcome"].ravel().tolist())
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_every_outcome_comes_about_on_a_device_as_on_a_processor(way):
+    system = SYSTEMS["kneed"]
+    own, records = thrown("kneed", 40, seed=1)
+    slope, beyond = LONG_GAITS["C"].slope, records[:1].copy()
+    beyond["state"][:, 0, 3:] = 1e200, -1e200, 1e200
+    section = units_of(gpw.WALKERS["C"]).to_dimensionless(LONG_GAITS["C"].state)
+    hurried = new_records(section[None], slope, end=1.0)
+    scuffing = new_records(section[None], slope)
+    late = new_records(section * [[1.0, 1.0, 1.0, 1.4, 1.0, 2.0]], slope)
+    everyone = np.concatenate([records, beyond, hurried, scuffing, late])
+    found = set()
+    for scuff in (False, True):
+        usual = advance(system, own, everyone.copy(), tolerance=1e-6, scuff=scuff)
+        there = carried("kneed", everyone, own, way=way, tolerance=1e-6, scuff=scuff)
+        assert bits(there) == bits(usual)
+        found |= set(usual["outcome"].ravel().tolist())
+    assert found == set(Outcome) - {Outcome.KNEESTRIKE, Outcome.STALLED}
+
+
+def test_a_walk_does_not_depend_on_who_walks_beside():
+    own, records = thrown("kneed", 12)
+    together = carried("kneed", records, own)
+    apart = [carried("kneed", records[i : i + 1], own) for i in (3, 8)]
+    assert [bits(one) for one in apart] == [bits(together[i : i + 1]) for i in (3, 8)]
+    backwards = carried("kneed", records[::-1], own, way="passes")
+    assert bits(backwards[::-1]) == bits(together)
+
+
+def test_walkers_of_one_batch_may_differ():
+    own, records = thrown("straight", 6)
+    each = np.repeat(own, 6, axis=0) * (1.0 + 0.01 * np.arange(6))[:, None, None]
+    usual = advance(SYSTEMS["straight"], each, records.copy(), tolerance=1e-8)
+    for way in WAYS:
+        assert bits(carried("straight", records, each, way=way)) == bits(usual)
+
+
+def test_a_tick_goes_on_from_where_it_was():
+    own, records = thrown("kneed", 8, wild=0.01)
+    records["end"] = 1.0
+    usual = advance(SYSTEMS["kneed"], own, records.copy(), tolerance=1e-8)
+    there = carried("kneed", records, own)
+    for end in (1.7, 2.4, 6.0):
+        usual["end"] = there["end"] = end
+        usual = advance(SYSTEMS["kneed"], own, usual, tolerance=1e-8, from_section=False)
+        there = carried("kneed", there, own, way="passes", from_section=False)
+        assert bits(there) == bits(usual)
+    assert Outcome.HEELSTRIKE in usual["outcome"]
+
+
+def test_single_precision_costs_six_digits_and_no_outcome():
+    own, records = thrown("kneed", 30, wild=0.05)
+    records = records[:15]
+    exact = advance(SYSTEMS["kneed"], own, records.copy(), tolerance=1e-10)
+    single = carried("kneed", records, own, single=True, tolerance=1e-5)
+    assert np.array_equal(single["outcome"], exact["outcome"])
+    struck = (exact["outcome"] == Outcome.HEELSTRIKE)[:, 0]
+    error = np.abs(single["state"] - exact["state"])[struck].max()
+    assert 1e-8 < error < 1e-5
+
+
+def test_the_door_gives_the_strides_of_the_other_door():
+    gait = LONG_GAITS["C"]
+    states = gait.state * np.linspace(0.9, 1.1, 5)[:, None]
+    there = gpu.stride("C", gait.slope, states, hip_torque=0.01)
+    usual = gpw.stride("C", gait.slope, states, hip_torque=0.01)
+    for found, known in zip(there, usual, strict=True):
+        np.testing.assert_array_equal(found, known)
+
+
+def test_threads_know_no_other_ways():
+    with pytest.raises(ValueError, match="loop or passes, not 'sorted'"):
+        Strides("kneed", "sorted")
+
+
+def test_a_device_keeps_what_the_engine_keeps():
+    kept = device.kind(RECORD)
+    assert kept.itemsize == RECORD.itemsize
+    assert {name: kept.fields[name][1] for name in kept.names} == {
+        name: RECORD.fields[name][1] for name in RECORD.names
+    }
