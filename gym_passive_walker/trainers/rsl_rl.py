@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import torch
@@ -23,7 +24,9 @@ class RslRlWalkers(VecEnv):
         num_envs: How many walkers.
         max_episode_steps: Steps after which an episode is truncated.
         seed: Seeds the walkers with seed, seed + 1, ...
-        **scene: As of `PassiveWalkerTorchEnv`.
+        worlds: What makes the walkers: `PassiveWalkerTorchEnv`, or `gpu.environment`'s
+            `PassiveWalkerGpuEnv` for walkers that live on the device with the learner.
+        **scene: As of the walkers.
     """
 
     num_actions = 1
@@ -34,9 +37,10 @@ class RslRlWalkers(VecEnv):
         *,
         max_episode_steps: int = MAX_EPISODE_STEPS,
         seed: int | None = None,
+        worlds: Callable[..., Any] = PassiveWalkerTorchEnv,
         **scene: Any,
     ) -> None:
-        self.walkers = PassiveWalkerTorchEnv(num_envs, max_episode_steps=max_episode_steps, **scene)
+        self.walkers = worlds(num_envs, max_episode_steps=max_episode_steps, **scene)
         self.num_envs, self.device = num_envs, self.walkers.device
         self.max_episode_length = max_episode_steps
         self.episode_length_buf = torch.zeros(num_envs, dtype=torch.long, device=self.device)

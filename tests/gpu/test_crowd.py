@@ -44,7 +44,7 @@ class Drawn:
 
     def random(self, out):
         """What a start takes, which comes first in an episode."""
-        self.now = word(self.key, np.uint64(self.episode))
+        self.now = np.uint64(word(self.key, np.uint64(self.episode)))
         self.episode += 1
         out[:] = [uniform(self.now, k, 200) for k in range(len(out))]
 
@@ -123,7 +123,6 @@ def test_random_walkers_are_drawn_and_walk_as_they_would_alone(monkeypatch):
     there = Crowd(6, scene, seed=3, step_limit=8)
     starts, random = Starts(make_scene(scene)), np.random.default_rng(0)
     drawn = [starts.varied(random) for _ in range(16)]
-    here = Reference(scene, 6, 3, 8)
 
     def varied(self, own):
         return drawn[int(uniform(own.now, 0, 201) * 16)]

@@ -1,0 +1,196 @@
+"""How fast are walkers on a CUDA device? Strides, ticks and learning a second, beside processors.
+
+    python -m benchmarks.gpu               all parts
+    python -m benchmarks.gpu strides       one of them
+
+Each part prints its table and puts it into docs/benchmarks.md. It needs a device and the extras
+"gpu" and, for `learning`, "rsl-rl"; with NUMBA_ENABLE_CUDASIM=1 it is rehearsed by a few walkers on
+a simulated one, and nothing is kept.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+import gym_passive_walker  # noqa: F401  (registers the environment)
+from benchmarks import engine
+from benchmarks.problem import error, problem
+from benchmarks.report import command, keep, machine, seconds, table
+from gym_passive_walker.gpu import crowd, device
+from gym_passive_walker.gpu.crowd import Crowd
+from gym_passive_walker.gpu.primitives import SIMULATED
+from gym_passive_walker.gpu.strides import WAYS, strides
+
+SIZES = [4, 16] if SIMULATED else [10**k for k in range(3, 8)]
+LARGEST_HERE = 10**6
+"""Walkers on the processor: more of them are no faster."""
+
+CORES = os.cpu_count() or 1
+
+_NETWORK = {
+    "class_name": "MLPModel", "hidden_dims": [64, 64], "activation": "relu",
+    "obs_normalization": True,
+}  # fmt: skip
+_PPO = {
+    "save_interval": 10**9,
+    "logger": "tensorboard",
+    "obs_groups": {"actor": ["policy"], "critic": ["policy"]},
+    "actor": {
+        **_NETWORK,
+        "distribution_cfg": {"class_name": "GaussianDistribution", "init_std": 0.37},
+    },
+    "critic": _NETWORK,
+    "algorithm": {
+        "class_name": "PPO", "gamma": 0.995, "lam": 0.98, "clip_param": 0.2,
+        "learning_rate": 1e-3, "schedule": "fixed", "num_learning_epochs": 5,
+        "num_mini_batches": 4, "entropy_coef": 0.0, "value_loss_coef": 0.5, "max_grad_norm": 0.5,
+        "use_clipped_value_loss": False,
+    },
+}  # fmt: skip
+
+
+def _finished(job: Callable[[], object]) -> Callable[[], None]:
+    """A job that ends when the device has done it."""
+    from numba import cuda
+
+    def done() -> None:
+        job()
+        cuda.synchronize()
+
+    return done
+
+
+def _copied(there: Any, source: Any) -> None:
+    """Fill an array of the device from another."""
+    if SIMULATED:
+        there[:] = source
+    else:
+        there.copy_to_device(source)
+
+
+def _told(name: str, text: str) -> None:
+    """Keep a result, unless it is of a rehearsal."""
+    if SIMULATED:
+        print(f"\n{text}\n\nA rehearsal: nothing is kept.")
+        return
+    from numba import cuda
+
+    there = cuda.get_current_device().name
+    there = there.decode() if isinstance(there, bytes) else there
+    keep(name, f"{text}\n\n{there}; processor: {machine('numba-cuda', 'torch')}.")
+
+
+def carried() -> None:
+    """Strides a second of each kind of walker, by both ways and precisions."""
+    text = []
+    for name, tolerance in (("kneed", 1e-3), ("kneed", 1e-5), ("straight", 1e-4), ("simplest", 1e-4)):
+        p, rows = problem(name), []
+        exact = engine.strides(p, 1e-14)  # six digits finer than what is asked for
+        makers = [(f"device, {way}", strides(p.system.name, way)) for way in WAYS]
+        makers += [("device, loop, single", strides(p.system.name, single=True))]
+        for label, carry in makers:
+            rows += [(label, count, *_strides(p, carry, tolerance, count, exact)) for count in SIZES]
+        for count in SIZES:
+            if count <= LARGEST_HERE:
+                one = engine.microseconds(p, count, tolerance, CORES)
+                reached = error(engine.strides(p, tolerance), exact)
+                rows.append((f"processor, {CORES} cores", count, reached, 1e6 / one))
+        heads = ["by", "walkers", "error reached", "strides/s"]
+        text += [f"Walker {name}, tolerance {tolerance:.0e}", table(heads, rows)]
+    _told("gpu strides", "\n\n".join(text))
+
+
+def _strides(p: Any, carry: Any, tolerance: float, count: int, exact: Any) -> tuple[float, float]:
+    """Error of the problem's strides on the device, and how many it makes in a second."""
+    fresh = device.put(engine.crowd(p, count))
+    body, records = device.put(np.array(p.body)[None, None]), device.put(engine.crowd(p, count))
+    begin = _finished(lambda: _copied(records, fresh))
+
+    def job() -> None:
+        _copied(records, fresh)
+        carry(records, body, tolerance=tolerance)
+
+    alone, both = seconds(begin), seconds(_finished(job))
+    states = device.back(records)["state"][: len(p.starts), 0]
+    return error(states, exact[: len(states)]), count / (both - alone)
+
+
+def ticks() -> None:
+    """Control ticks a second with random actions, episodes beginning again on the device."""
+    rows = []
+    for count in SIZES:
+        for way in crowd.WAYS:
+            rows.append((f"device, {way}", count, count / _tick(Crowd(count, way=way))))
+        if count <= LARGEST_HERE:
+            rows.append((f"processor, {CORES} cores", count, count / _tick_here(count)))
+    _told("gpu ticks", table(["by", "walkers", "ticks/s"], rows))
+
+
+def _tick(there: Crowd) -> float:
+    """Time of a step of a crowd."""
+    random = np.random.default_rng(0)
+    few = [device.put(random.uniform(-1.0, 1.0, len(there.play.actions))) for _ in range(4)]
+    there.reset()
+
+    def job() -> None:
+        for actions in few:
+            _copied(there.play.actions, actions)
+            there.step()
+
+    for _ in range(2 if SIMULATED else 100):  # until walkers stand in all phases
+        job()
+    return seconds(_finished(job)) / len(few)
+
+
+def _tick_here(count: int) -> float:
+    """Time of a step of as many walkers on the processor."""
+    envs = gym.make_vec("PassiveWalker-v0", num_envs=count, threads=CORES)
+    envs.reset(seed=0)
+    envs.action_space.seed(0)
+    few = [envs.action_space.sample() for _ in range(4)]
+    took = seconds(lambda: [envs.step(actions) for actions in few]) / len(few)
+    envs.close()
+    return took
+
+
+def learning() -> None:
+    """Frames a second of PPO, walkers and learner on the device, and with walkers here."""
+    import torch
+    from rsl_rl.runners import OnPolicyRunner  # type: ignore[import-not-found]
+
+    from gym_passive_walker.gpu.environment import PassiveWalkerGpuEnv
+    from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
+    from gym_passive_walker.trainers.rsl_rl import RslRlWalkers
+
+    where, steps = "cpu" if SIMULATED else "cuda", 4 if SIMULATED else 24
+
+    def here(count: int, **told: Any) -> Any:
+        return PassiveWalkerTorchEnv(count, device=where, **told)
+
+    rows = []
+    for count in SIZES if SIMULATED else (4096, 65_536, 524_288):
+        for label, worlds in (("device", PassiveWalkerGpuEnv), ("processor", here)):
+            told = {**_PPO, "num_steps_per_env": steps}
+            runner = OnPolicyRunner(RslRlWalkers(count, worlds=worlds), told, device=where)
+
+            def job(runner: Any = runner) -> None:
+                runner.learn(2)
+                torch.cuda.synchronize() if not SIMULATED else None
+
+            frames = 2 * steps * count
+            rows.append((f"walkers on the {label}", count, frames / seconds(job, repeats=2)))
+    _told("gpu learning", table(["PPO of rsl_rl", "walkers", "frames/s"], rows))
+
+
+if __name__ == "__main__":
+    try:
+        device.need_device()
+    except device.NoDevice as error_:
+        sys.exit(str(error_))
+    command(__doc__, {"strides": carried, "ticks": ticks, "learning": learning})

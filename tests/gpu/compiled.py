@@ -1,0 +1,100 @@
+"""Kernels without a device: as PTX for one, and their functions as code for this processor.
+
+Run by tests in processes of their own, since here no device is simulated: numba's compiler for
+devices is told that there is one of the wanted kind.
+"""
+
+from __future__ import annotations
+
+import sys
+from types import ModuleType, SimpleNamespace
+from unittest import mock
+
+import numpy as np
+
+
+def ptx(capability: int, scene: str, way: str) -> dict[str, str]:
+    """PTX of all kernels of a scene."""
+    import numba.cuda.api
+    import numba.cuda.cudadrv.devices as devices
+    import numba.cuda.dispatcher
+    from numba import cuda
+    from numba.cuda.typing.typeof import typeof
+
+    context = SimpleNamespace(device=SimpleNamespace(compute_capability=(capability, 0), id=0))
+    for module, name in (
+        (devices, "get_context"),
+        (numba.cuda.dispatcher, "get_context"),
+        (numba.cuda.api, "current_context"),
+    ):
+        setattr(module, name, lambda *_: context)
+    from gym_passive_walker.gpu import crowd, device
+
+    found = {}
+
+    def compiled(kernel, count, *arguments, stream):
+        kinds = tuple(map(typeof, arguments))
+        found[kernel.py_func.__name__] = cuda.compile_ptx(
+            kernel.py_func, kinds, cc=(capability, 0)
+        )[0]
+
+    here = mock.patch.multiple(
+        device, need_device=lambda: None, put=_put, room=_room, launch=compiled
+    )
+    with here:
+        there = crowd.Crowd(2, eval(scene), way=way)
+        there.reset()
+        there.step()
+    return found
+
+
+def _put(array):
+    from gym_passive_walker.gpu.device import kind
+
+    array = np.array(array, order="C")
+    return array.view(kind(array.dtype)) if array.dtype.fields else array
+
+
+def _room(shape, of):
+    return _put(np.zeros(shape, of))
+
+
+def on_processor(name: str, single: bool) -> float:
+    """By how much strides by the device's functions, compiled for this processor, are off."""
+    import numba
+    import numba.cuda.extending
+    import numba.extending
+
+    numba.cuda.extending.intrinsic = numba.extending.intrinsic
+    sys.modules.setdefault("numba_cuda", ModuleType("numba_cuda"))  # which a device would need
+    from gym_passive_walker.engine import run
+    from gym_passive_walker.engine.layout import COURSE, PAIR, tile_for
+    from gym_passive_walker.gpu import bookkeeping, lane, primitives
+    from gym_passive_walker.physics.systems import SYSTEMS
+
+    def jitted(function):
+        return numba.njit(error_model="numpy")(function)
+
+    primitives.jitted = primitives.inlined = bookkeeping.jitted = jitted
+    from tests.gpu.thrown import thrown
+
+    here, (own, records) = lane.machinery(name, single=single), thrown(name, 200)
+    carry_on, told = here.bound(run.carry_on), run.options(1e-8, from_section=True)
+    usual, desk = records.copy(), (np.zeros(1, tile_for(PAIR, 1)), np.zeros(1, COURSE))
+    run.advance(SYSTEMS[name], own, usual, tolerance=1e-8)
+    for i in range(len(records)):
+        carry_on(records[i : i + 1], own, here.phases, told, *desk)
+    if single:
+        near = usual["outcome"] == 1
+        assert np.array_equal(near, records["outcome"] == 1)
+        return float(np.abs(usual["state"] - records["state"])[near].max())
+    return 0.0 if usual.tobytes() == records.tobytes() else np.inf
+
+
+if __name__ == "__main__":
+    what, *told = sys.argv[1:]
+    if what == "processor":
+        print(on_processor(told[0], told[1:] == ["single"]))
+    else:
+        for name, text in ptx(int(what), *told).items():
+            print(name, text.count(f".target sm_{what}0"), text.count(".entry"), "malloc" in text)

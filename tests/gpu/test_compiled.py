@@ -1,0 +1,71 @@
+"""What a device would run, as far as it can be known without one."""
+
+import os
+import subprocess
+import sys
+from importlib.util import find_spec
+
+import pytest
+
+EVERYTHING = """{
+    "slope": (0.0, 0.06), "terrain": {"rough": {"height_std": 0.002}}, "preview": 2,
+    "pushes": {"rate": 0.3, "impulse": (-0.03, 0.03)}, "sensor_noise": 0.01, "motor_noise": 0.1,
+    "motor_delay": 2, "command": (0.1, 0.2), "randomise": {"foot_radius": 0.1},
+    "reality": {"friction": "end", "contact": "report"},
+}"""
+
+
+def run(*arguments, code=0):
+    """What a process says in which no device is simulated."""
+    told = {name: value for name, value in os.environ.items() if name != "NUMBA_ENABLE_CUDASIM"}
+    done = subprocess.run(
+        [sys.executable, *arguments], env=told, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == code, done.stderr[-2000:]
+    return done.stdout + done.stderr
+
+
+def test_without_a_device_one_sentence_says_so():
+    installed = "import sys, types; sys.modules['numba_cuda'] = types.ModuleType('numba_cuda'); "
+    code = installed + "from gym_passive_walker.gpu import Crowd; Crowd(2)"
+    assert "this needs a CUDA device, and there is none here" in run("-c", code, code=1)
+
+
+@pytest.mark.skipif(find_spec("numba_cuda") is not None, reason="the extra is installed")
+def test_without_the_extra_one_sentence_names_it():
+    said = run("-c", "import gym_passive_walker.gpu", code=1)
+    assert 'pip install "gym-passive-walker[gpu]"' in said
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["simplest", "straight-fitted", "kneed"])
+def test_the_devices_functions_are_the_processors_to_the_last_bit(name):
+    assert float(run("-m", "tests.gpu.compiled", "processor", name).split()[-1]) == 0.0
+
+
+@pytest.mark.slow
+def test_the_devices_functions_in_single_precision_keep_six_digits():
+    said = run("-m", "tests.gpu.compiled", "processor", "kneed", "single")
+    assert 1e-8 < float(said.split()[-1]) < 1e-4
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(find_spec("numba_cuda") is None, reason="the extra gpu is not installed")
+@pytest.mark.parametrize("capability", ["8", "9"])
+@pytest.mark.parametrize(
+    ("scene", "way", "kernels"),
+    [
+        ("'level'", "sorted", {"reset_kernel", "count_kernel", "order_kernel", "step_kernel"}),
+        ("{'walker': 'E'}", "loop", {"reset_kernel", "step_kernel"}),
+        (
+            "{'walker': 'D'}", "passes",
+            {"reset_kernel", "command_kernel", "step_kernel", "_ready_kernel", "_nobody_kernel",
+             "_waiting_kernel", "_pass_kernel"},
+        ),
+        (EVERYTHING, "sorted", {"reset_kernel", "count_kernel", "order_kernel", "step_kernel"}),
+    ],
+)  # fmt: skip
+def test_kernels_compile_for_devices_of_two_kinds(scene, way, kernels, capability):
+    said = run("-m", "tests.gpu.compiled", capability, scene, way).splitlines()
+    told = {line.split()[0]: line.split()[1:] for line in said if "_kernel" in line}
+    assert told == dict.fromkeys(kernels, ["1", "1", "False"])

@@ -1,0 +1,79 @@
+"""Tensors that are the device's own: what learners see of a crowd."""
+
+import numpy as np
+import pytest
+
+from gym_passive_walker.envs import task
+from gym_passive_walker.gpu.crowd import Crowd
+
+torch = pytest.importorskip("torch")
+
+from gym_passive_walker.gpu.environment import PassiveWalkerGpuEnv  # noqa: E402
+
+SCENE = {"slope": 0.03, "tick": 0.6, "command": (0.1, 0.2)}
+
+
+def test_the_environments_tensors_tell_what_the_crowd_holds():
+    there, crowd = PassiveWalkerGpuEnv(4, SCENE, max_episode_steps=6), Crowd(4, SCENE, step_limit=6)
+    seen, told = there.reset()
+    crowd.reset()
+    assert told == {}
+    np.testing.assert_array_equal(seen.flatten().numpy(), crowd.play.observations)
+    random, endings = np.random.default_rng(0), 0
+    for _ in range(8):
+        actions = random.uniform(-1.0, 1.0, (4, 1)).astype(np.float32)
+        seen, rewards, terminated, truncated, infos = there.step(torch.from_numpy(actions))
+        crowd.play.actions[:] = actions.ravel()
+        crowd.step()
+        for tensor, array in (
+            (seen, crowd.play.observations),
+            (rewards, crowd.play.rewards),
+            (terminated, crowd.play.terminated),
+            (truncated, crowd.play.truncated),
+            (infos["final_obs"], crowd.play.last),
+        ):
+            np.testing.assert_array_equal(tensor.flatten().numpy(), array)
+        for name in (*task.EVERY_STEP, *task.EVERY_STRIDE, "outcome"):
+            np.testing.assert_array_equal(infos[name].numpy(), crowd.walkers.told[name])
+        endings += int((terminated | truncated).sum())
+    assert endings >= 4
+
+
+def test_what_a_step_has_told_stays_told():
+    there = PassiveWalkerGpuEnv(2, SCENE)
+    seen, _ = there.reset()
+    before = seen.clone()
+    first = there.step(torch.zeros(2, 1))
+    kept = first[1].clone(), first[4]["episode_distance"].clone()
+    there.step(torch.ones(2, 1))
+    assert torch.equal(seen, before)
+    assert torch.equal(first[1], kept[0])
+    assert torch.equal(first[4]["episode_distance"], kept[1])
+
+
+def test_a_seed_begins_all_over():
+    there = PassiveWalkerGpuEnv(3, SCENE, seed=5)
+    first, _ = there.reset()
+    second, _ = there.reset()
+    again, _ = there.reset(seed=5)
+    assert not torch.equal(first, second)
+    assert torch.equal(first, again)
+
+
+def test_spaces_are_those_of_the_other_environments():
+    there = PassiveWalkerGpuEnv(3, SCENE)
+    assert there.observation_space.shape == (9,)
+    assert there.action_space.shape == (1,)
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="there is no device")
+def test_a_step_waits_for_nothing():
+    there = PassiveWalkerGpuEnv(256, SCENE)
+    there.reset()
+    actions = torch.zeros(256, 1, device=there.device)
+    there.step(actions)
+    torch.cuda.set_sync_debug_mode("error")
+    try:
+        there.step(actions)
+    finally:
+        torch.cuda.set_sync_debug_mode("default")
