@@ -1,11 +1,11 @@
 """How fast are walkers on a CUDA device? Strides, ticks and learning a second, beside processors.
 
     python -m benchmarks.gpu               all parts
-    python -m benchmarks.gpu strides       one of them
+    python -m benchmarks.gpu strides       one of them: precision, strides, ticks, learning
 
 Each part prints its table and puts it into docs/benchmarks.md. It needs a device and the extras
-"gpu" and, for `learning`, "rsl-rl"; with NUMBA_ENABLE_CUDASIM=1 it is rehearsed by a few walkers on
-a simulated one, and nothing is kept.
+"gpu" and, for `learning`, "rsl-rl". With NUMBA_ENABLE_CUDASIM=1 it is rehearsed by a few walkers on
+a simulated one, and nothing is kept but `precision`, which is no matter of speed.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ import numpy as np
 
 import gym_passive_walker  # noqa: F401  (registers the environment)
 from benchmarks import engine
-from benchmarks.problem import error, problem
+from benchmarks.problem import STARTS, error, problem
 from benchmarks.report import command, keep, machine, seconds, table
 from gym_passive_walker.gpu import crowd, device
 from gym_passive_walker.gpu.crowd import Crowd
-from gym_passive_walker.gpu.primitives import SIMULATED
+from gym_passive_walker.gpu.device import SIMULATED, cuda
 from gym_passive_walker.gpu.strides import WAYS, strides
 
 SIZES = [4, 16] if SIMULATED else [10**k for k in range(3, 8)]
@@ -32,6 +32,8 @@ LARGEST_HERE = 10**6
 """Walkers on the processor: more of them are no faster."""
 
 CORES = os.cpu_count() or 1
+
+_WALKS = ("kneed", 1e-4), ("kneed", 1e-6), ("straight", 1e-4), ("simplest", 1e-4)
 
 _NETWORK = {
     "class_name": "MLPModel", "hidden_dims": [64, 64], "activation": "relu",
@@ -57,7 +59,6 @@ _PPO = {
 
 def _finished(job: Callable[[], object]) -> Callable[[], None]:
     """A job that ends when the device has done it."""
-    from numba import cuda
 
     def done() -> None:
         job()
@@ -79,23 +80,42 @@ def _told(name: str, text: str) -> None:
     if SIMULATED:
         print(f"\n{text}\n\nA rehearsal: nothing is kept.")
         return
-    from numba import cuda
-
     there = cuda.get_current_device().name
     there = there.decode() if isinstance(there, bytes) else there
     keep(name, f"{text}\n\n{there}; processor: {machine('numba-cuda', 'torch')}.")
 
 
+def precision() -> None:
+    """Errors of strides in double and in single precision, and the integration steps they take."""
+    rows = []
+    for name in ("kneed", "straight", "simplest"):
+        p = problem(name)
+        fresh, exact = engine.crowd(p, STARTS), engine.strides(p, 1e-14)
+        for tolerance in (1e-3, 1e-4, 1e-5, 1e-6):
+            told: list[float] = []
+            for single in (False, True):
+                records = device.put(fresh)
+                carry = strides(p.system.name, single=single)
+                carry(records, device.put(np.array(p.body)[None, None]), tolerance=tolerance)
+                ended = device.back(records)
+                told += [error(ended["state"][:, 0], exact), float(ended["steps"].mean())]
+            rows.append((name, f"{tolerance:.0e}", told[0], told[2], told[1], told[3]))
+    heads = ["walker", "tolerance", "error, double", "single", "steps, double", "single"]
+    keep("gpu precision", f"{table(heads, rows)}\n\nThe largest error of {STARTS} strides.")
+
+
 def carried() -> None:
     """Strides a second of each kind of walker, by both ways and precisions."""
     text = []
-    for name, tolerance in (("kneed", 1e-3), ("kneed", 1e-5), ("straight", 1e-4), ("simplest", 1e-4)):
+    for name, tolerance in _WALKS:
         p, rows = problem(name), []
         exact = engine.strides(p, 1e-14)  # six digits finer than what is asked for
         makers = [(f"device, {way}", strides(p.system.name, way)) for way in WAYS]
         makers += [("device, loop, single", strides(p.system.name, single=True))]
         for label, carry in makers:
-            rows += [(label, count, *_strides(p, carry, tolerance, count, exact)) for count in SIZES]
+            rows += [
+                (label, count, *_strides(p, carry, tolerance, count, exact)) for count in SIZES
+            ]
         for count in SIZES:
             if count <= LARGEST_HERE:
                 one = engine.microseconds(p, count, tolerance, CORES)
@@ -188,9 +208,12 @@ def learning() -> None:
     _told("gpu learning", table(["PPO of rsl_rl", "walkers", "frames/s"], rows))
 
 
+PARTS = {"precision": precision, "strides": carried, "ticks": ticks, "learning": learning}
+
+
 if __name__ == "__main__":
     try:
         device.need_device()
     except device.NoDevice as error_:
         sys.exit(str(error_))
-    command(__doc__, {"strides": carried, "ticks": ticks, "learning": learning})
+    command(__doc__, PARTS)

@@ -261,6 +261,7 @@ class Emitter:
         self.before_planes, self.plane, self.uses = before, plane, uses
 
     def __call__(self, x: Expression) -> str:
+        """What an expression's value is called in the code, which has computed it by then."""
         if x.op == "constant":
             return self._constant(x.args[0])
         if x not in self.done:

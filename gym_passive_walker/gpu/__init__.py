@@ -4,7 +4,7 @@ Example:
     >>> from gym_passive_walker import gpu  # doctest: +SKIP
     >>> gpu.stride("C", 0.036, states)  # doctest: +SKIP
 
-Without a device every function says so; with ``NUMBA_ENABLE_CUDASIM=1`` numba simulates one, slowly.
+Without a device every function says so; with ``NUMBA_ENABLE_CUDASIM=1`` numba simulates one slowly.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ from gym_passive_walker.extras import need
 if os.environ.get("NUMBA_ENABLE_CUDASIM") != "1":
     need("numba_cuda", "gpu")
 
-from gym_passive_walker.gaits.stride import stride as _stride  # noqa: E402
-from gym_passive_walker.gpu.crowd import Crowd  # noqa: E402
-from gym_passive_walker.gpu.device import NoDevice  # noqa: E402
-from gym_passive_walker.gpu.strides import advance  # noqa: E402
+from gym_passive_walker.gaits.stride import stride as _stride
+from gym_passive_walker.gpu.crowd import Crowd
+from gym_passive_walker.gpu.device import NoDevice
+from gym_passive_walker.gpu.strides import advance
 
 __all__ = ["Crowd", "NoDevice", "advance", "stride"]
 

@@ -6,11 +6,15 @@ import warnings
 from collections.abc import Callable
 from typing import Any
 
+import numba.cuda
 import numpy as np
-from numba import cuda
 from numpy.typing import NDArray
 
-from gym_passive_walker.gpu.primitives import SIMULATED
+cuda: Any = numba.cuda
+"""What kernels and this room know of devices."""
+
+SIMULATED = bool(cuda.config.ENABLE_CUDASIM)
+"""Whether there is a simulator instead of a device: ``NUMBA_ENABLE_CUDASIM=1``."""
 
 BLOCK = 64
 """Threads of a block: a thread takes nearly all registers there may be, so blocks are small."""

@@ -12,7 +12,7 @@ from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.extras import extra
 from gym_passive_walker.gpu.crowd import Crowd
-from gym_passive_walker.gpu.primitives import SIMULATED
+from gym_passive_walker.gpu.device import SIMULATED, cuda
 
 with extra("train"):
     import torch
@@ -24,7 +24,7 @@ class PassiveWalkerGpuEnv:
 
     A step moves nothing to the processor and waits for nothing: it only tells the device what to do
     next. An episode that ends begins again in the same step. Walkers follow the rules of
-    `PassiveWalkerVectorEnv`; their random numbers are other ones, functions of a walker's key alone.
+    `PassiveWalkerVectorEnv`; their random numbers are others: functions of a walker's key.
 
     Args:
         num_envs: How many walkers.
@@ -117,7 +117,5 @@ def _stream() -> Any:
     """The stream that torch works behind."""
     if SIMULATED:
         return 0
-    from numba import cuda
-
     found = torch.cuda.current_stream().cuda_stream
     return cuda.external_stream(found) if found else 0

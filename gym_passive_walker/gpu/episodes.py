@@ -11,13 +11,12 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import cuda
 
 from gym_passive_walker.engine.chance import uniform, word
 from gym_passive_walker.engine.run import carry_on
 from gym_passive_walker.envs import fates, task
 from gym_passive_walker.envs.starts import DRAWS, between
-from gym_passive_walker.gpu.device import kind
+from gym_passive_walker.gpu.device import cuda, kind
 from gym_passive_walker.gpu.lane import RUN, TILE
 
 _START, _WHO = 200, 201  # streams of random numbers of a walker's key

@@ -22,11 +22,6 @@ from gym_passive_walker.physics.systems import SYSTEMS
 TILE, RUN = kind(tile_for(PAIR, width=1)), kind(COURSE)
 """A tile for one walker, and how guards run over its step."""
 
-_PRIMITIVES = (
-    "address", "apart", "cos", "flip", "fma", "get", "get_whole", "put", "put_whole", "select",
-    "sin", "sqrt",
-)  # fmt: skip
-
 
 def carry(records, bodies, phase, number, tiles, courses, options):
     """Take the one walker through a phase if it waits there; as of `lanes.carry`."""
@@ -78,13 +73,14 @@ class Machinery:
             look_code(of, source)
         self.phases, self.natives = equipped(of, phases, pushes, looks)
         call = _compiled(source, f"<the equations {system}>")
-        own = {jit.call: call, jit.address: primitives.address, jit.fma: primitives.fma}
+        own = {getattr(jit, name): primitives.BY_NAME[name] for name in ("address", "fma")}
+        own[jit.call] = call
         self.bound = Bound(own).instead({lanes.carry: carry})
 
 
 def _compiled(source: Source, name: str) -> Any:
     """The device's function that calls each of a source's functions by its number."""
-    names: dict[str, Any] = {name: getattr(primitives, name) for name in _PRIMITIVES}
+    names = dict(primitives.BY_NAME)
     names |= {"fabs": abs, "inf": np.inf, "nan": np.nan, "single": np.float32}
     exec(compile(str(source), name, "exec"), names)
     for part in source.parts:

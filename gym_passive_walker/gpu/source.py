@@ -2,7 +2,7 @@
 
 The operations are those that `engine.native` writes as machine code for processors, in the same
 order, products fused with sums alike: whoever computes them exactly walks the same walk to the last
-bit. Memory is read and written by the primitives of `gpu.primitives`.
+bit. Memory is read and written by `gpu.primitives`.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ class _Function(Function):
         return f"v{self.values}"
 
     def over_lanes(self, code: Code) -> None:
-        """Run code over the one walker of a tile, in a part by itself: compilers like them short."""
+        """Run code over the one walker of a tile, in a part of its own: compilers like it short."""
         part = f"{self.name}_{len(self.lines) + 1}"
         lines, self.lines = self.lines, []
         self._emit(code)

@@ -11,11 +11,11 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numba import cuda
 
 from gym_passive_walker.engine import lanes, run
 from gym_passive_walker.engine.lanes import WAITING
 from gym_passive_walker.gpu import device
+from gym_passive_walker.gpu.device import cuda
 from gym_passive_walker.gpu.lane import RUN, TILE, machinery
 from gym_passive_walker.gpu.primitives import jitted
 from gym_passive_walker.physics.hybrid import System
@@ -30,9 +30,7 @@ def _loop_kernel(records, bodies, phases, options):
     if i < len(records):
         tiles, courses = cuda.local.array(1, TILE), cuda.local.array(1, RUN)
         own = i if len(bodies) == len(records) else 0
-        run.carry_on(
-            records[i : i + 1], bodies[own : own + 1], phases, options, tiles, courses
-        )
+        run.carry_on(records[i : i + 1], bodies[own : own + 1], phases, options, tiles, courses)
 
 
 def _ready_kernel(records, options):
@@ -66,9 +64,7 @@ def _pass_kernel(records, bodies, phases, options, order, count):
         i = order[j]
         tiles, courses = cuda.local.array(1, TILE), cuda.local.array(1, RUN)
         own = i if len(bodies) == len(records) else 0
-        run.carry_on(
-            records[i : i + 1], bodies[own : own + 1], phases, options, tiles, courses
-        )
+        run.carry_on(records[i : i + 1], bodies[own : own + 1], phases, options, tiles, courses)
 
 
 @lru_cache

@@ -1,0 +1,1 @@
+"""Walkers on a device, which numba simulates."""

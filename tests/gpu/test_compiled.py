@@ -68,4 +68,4 @@ def test_the_devices_functions_in_single_precision_keep_six_digits():
 def test_kernels_compile_for_devices_of_two_kinds(scene, way, kernels, capability):
     said = run("-m", "tests.gpu.compiled", capability, scene, way).splitlines()
     told = {line.split()[0]: line.split()[1:] for line in said if "_kernel" in line}
-    assert told == dict.fromkeys(kernels, ["1", "1", "False"])
+    assert told == {name: ["1", "1", "False"] for name in kernels}

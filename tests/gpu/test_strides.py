@@ -19,6 +19,7 @@ from gym_passive_walker.units import units_of
 from tests.gpu.thrown import thrown
 from tests.physics.examples import LONG_GAITS
 
+
 def carried(name, records, own, *, way="loop", single=False, tolerance=1e-8, **told):
     """Records that a device has carried on."""
     there = device.put(records)
@@ -37,7 +38,9 @@ def test_a_stride_on_a_device_is_the_processors(name, way):
     own, records = thrown(name, 24)
     usual = advance(SYSTEMS[name], own, records.copy(), tolerance=1e-8)
     assert bits(carried(name, records, own, way=way)) == bits(usual)
-    assert {Outcome.HEELSTRIKE, Outcome.FELL_FORWARD, Outcome.OVER_THE_TOP} <= set(usual["outcome"].ravel().tolist())
+    assert {Outcome.HEELSTRIKE, Outcome.FELL_FORWARD, Outcome.OVER_THE_TOP} <= set(
+        usual["outcome"].ravel().tolist()
+    )
 
 
 @pytest.mark.parametrize("way", WAYS)
