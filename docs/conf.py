@@ -1,10 +1,13 @@
 """How Sphinx makes the documentation's site: `make docs`."""
 
 import inspect
+import os
 from importlib.metadata import version as _version
 from pathlib import Path
 
 from gym_passive_walker.envs.walker_env import PassiveWalkerEnv
+
+os.environ["NUMBA_ENABLE_CUDASIM"] = "1"  # pages on devices are made where there is none
 
 project = "gym_passive_walker"
 author = "the gym_passive_walker authors"
