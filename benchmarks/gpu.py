@@ -25,7 +25,7 @@ from benchmarks.report import command, keep, machine, seconds, table
 from gym_passive_walker.gpu import crowd, device
 from gym_passive_walker.gpu.crowd import Crowd
 from gym_passive_walker.gpu.device import SIMULATED, cuda
-from gym_passive_walker.gpu.strides import WAYS, strides
+from gym_passive_walker.gpu.strides import WAYS, Strides
 
 SIZES = [4, 16] if SIMULATED else [10**k for k in range(3, 8)]
 LARGEST_HERE = 10**6
@@ -95,7 +95,7 @@ def precision() -> None:
             told: list[float] = []
             for single in (False, True):
                 records = device.put(fresh)
-                carry = strides(p.system.name, single=single)
+                carry = Strides(p.system.name, single=single)
                 carry(records, device.put(np.array(p.body)[None, None]), tolerance=tolerance)
                 ended = device.back(records)
                 told += [error(ended["state"][:, 0], exact), float(ended["steps"].mean())]
@@ -110,8 +110,8 @@ def carried() -> None:
     for name, tolerance in _WALKS:
         p, rows = problem(name), []
         exact = engine.strides(p, 1e-14)  # six digits finer than what is asked for
-        makers = [(f"device, {way}", strides(p.system.name, way)) for way in WAYS]
-        makers += [("device, loop, single", strides(p.system.name, single=True))]
+        makers = [(f"device, {way}", Strides(p.system.name, way)) for way in WAYS]
+        makers += [("device, loop, single", Strides(p.system.name, single=True))]
         for label, carry in makers:
             rows += [
                 (label, count, *_strides(p, carry, tolerance, count, exact)) for count in SIZES

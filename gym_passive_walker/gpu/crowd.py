@@ -20,9 +20,10 @@ from gym_passive_walker.envs.reality import ROOM
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.envs.starts import Starts
 from gym_passive_walker.gpu import device, episodes
+from gym_passive_walker.gpu.bookkeeping import Bound
 from gym_passive_walker.gpu.episodes import Play, Walkers, World
 from gym_passive_walker.gpu.lane import machinery
-from gym_passive_walker.gpu.strides import strides
+from gym_passive_walker.gpu.strides import Strides
 from gym_passive_walker.physics.systems import bodies
 
 DRAWN = 4096
@@ -105,7 +106,8 @@ class Crowd:
         self.walkers = self._walkers(drawn, seed, own=fateful or len(drawn) > 1)
         self._world = self._as_told(here, drawn, step_limit)
         self.play = self._play()
-        self._order, self._count = _ordering()
+        self._order, self._none = _ordering()
+        self._passes = Strides(system.name, "passes") if way == "passes" else None
 
     def _drawn(self) -> NDArray[np.float64]:
         """Constants of the walkers that episodes draw from."""
@@ -177,11 +179,11 @@ class Crowd:
         """
         count, everything = self.count, (self.walkers, self._world, self.play)
         if self._way == "sorted":
-            device.launch(self._count, 1, self.walkers, stream=stream)
+            device.launch(self._none, 1, self.walkers.counts, stream=stream)
             device.launch(self._order, count, self.walkers, stream=stream)
-        elif self._way == "passes":
+        elif self._passes:
             device.launch(self._command, count, *everything, stream=stream)
-            strides(self._system.name, "passes")(
+            self._passes(
                 self.walkers.records, self.walkers.bodies, tolerance=self.scene.tolerance,
                 scuff=bool(self.scene.stub), from_section=False, stream=stream,
             )  # fmt: skip
@@ -191,4 +193,5 @@ class Crowd:
 @lru_cache
 def _ordering() -> tuple[Any, Any]:
     """What orders walkers, and what begins to count them."""
-    return device.kernel(episodes.order_kernel), device.kernel(episodes.count_kernel)
+    order = Bound({}).rebound(episodes.order_kernel)
+    return device.kernel(order), device.kernel(device.none_kernel)

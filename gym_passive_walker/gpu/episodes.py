@@ -16,7 +16,7 @@ from gym_passive_walker.engine.chance import uniform, word
 from gym_passive_walker.engine.run import carry_on
 from gym_passive_walker.envs import fates, task
 from gym_passive_walker.envs.starts import DRAWS, between
-from gym_passive_walker.gpu.device import cuda, kind
+from gym_passive_walker.gpu.device import cuda, kind, place_of
 from gym_passive_walker.gpu.lane import RUN, TILE
 
 _START, _WHO = 200, 201  # streams of random numbers of a walker's key
@@ -289,12 +289,8 @@ def step_kernel(walkers, world, play):
 def order_kernel(walkers):
     """Have threads that lie together take walkers in the same phase: the first from the front."""
     i = cuda.grid(1)
-    if i < len(walkers.records):
-        later = walkers.records[i, 0].phase != 0
-        place = cuda.atomic.add(walkers.counts, 1 if later else 0, 1)
+    there = i < len(walkers.records)
+    later = there and walkers.records[i, 0].phase != 0
+    place = place_of(there, 1 if later else 0, walkers.counts)
+    if there:
         walkers.order[len(walkers.records) - 1 - place if later else place] = i
-
-
-def count_kernel(walkers):
-    """Begin to count."""
-    walkers.counts[0] = walkers.counts[1] = 0

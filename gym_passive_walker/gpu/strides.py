@@ -15,6 +15,7 @@ import numpy as np
 from gym_passive_walker.engine import lanes, run
 from gym_passive_walker.engine.lanes import WAITING
 from gym_passive_walker.gpu import device
+from gym_passive_walker.gpu.bookkeeping import Bound
 from gym_passive_walker.gpu.device import cuda
 from gym_passive_walker.gpu.lane import RUN, TILE, machinery
 from gym_passive_walker.gpu.primitives import jitted
@@ -43,24 +44,21 @@ def _ready_kernel(records, options):
             record.phase = 0
 
 
-def _nobody_kernel(count):
-    """Begin to count."""
-    count[0] = 0
-
-
-def _waiting_kernel(records, number, order, count):
+def _waiting_kernel(records, number, order, counts):
     """Find who waits in a phase."""
-    i = cuda.grid(1)
+    i, mine = cuda.grid(1), False
     if i < len(records):
         record = records[i, 0]
-        if record.phase == number and record.outcome == WAITING and record.time < record.end:
-            order[cuda.atomic.add(count, 0, 1)] = i
+        mine = record.phase == number and record.outcome == WAITING and record.time < record.end
+    place = device.place_of(mine, 0, counts)
+    if mine:
+        order[place] = i
 
 
-def _pass_kernel(records, bodies, phases, options, order, count):
+def _pass_kernel(records, bodies, phases, options, order, counts):
     """Carry the walker of this thread through a phase."""
     j = cuda.grid(1)
-    if j < count[0]:
+    if j < counts[0]:
         i = order[j]
         tiles, courses = cuda.local.array(1, TILE), cuda.local.array(1, RUN)
         own = i if len(bodies) == len(records) else 0
@@ -70,32 +68,42 @@ def _pass_kernel(records, bodies, phases, options, order, count):
 @lru_cache
 def _simple() -> tuple[Any, ...]:
     """The kernels that know no equation."""
-    return tuple(map(device.kernel, (_ready_kernel, _nobody_kernel, _waiting_kernel)))
+    waiting = Bound({}).rebound(_waiting_kernel)
+    return tuple(map(device.kernel, (_ready_kernel, device.none_kernel, waiting)))
+
+
+@lru_cache
+def _made(system: str, way: str, single: bool) -> tuple[Any, list[Any]]:
+    """A system's phases on the device, and the kernels that carry walkers through them."""
+    here = machinery(system, single=single)
+    phases = device.put(here.phases)
+    if way == "loop":
+        return phases, [device.kernel(here.bound.rebound(_loop_kernel))]
+    kernels = []
+    for number in range(len(here.phases)):
+        bound = here.bound.instead({lanes.carry: _only(number, here.bound(lanes.carry))})
+        kernels.append(device.kernel(bound.rebound(_pass_kernel)))
+    return phases, kernels
 
 
 class Strides:
-    """A system's kernels that carry records on.
+    """What carries a system's records on; used by one stream at a time.
 
     Args:
         system: Its name.
         way: One of WAYS.
         single: Whether equations are computed in single precision.
+
+    Raises:
+        ValueError: if there is no such way.
     """
 
     def __init__(self, system: str, way: str = "loop", *, single: bool = False) -> None:
         if way not in WAYS:
             raise ValueError(f"threads go through phases as {' or '.join(WAYS)}, not {way!r}")
-        here = machinery(system, single=single)
-        self._phases, self._way = device.put(here.phases), way
-        self._order, self._found = None, device.room(1, np.int64)
-        if way == "loop":
-            self._kernels = [device.kernel(here.bound.rebound(_loop_kernel))]
-            return
-        self._kernels = []
-        for number in range(len(here.phases)):
-            alone = {lanes.carry: _only(number, here.bound(lanes.carry))}
-            bound = here.bound.instead(alone)
-            self._kernels.append(device.kernel(bound.rebound(_pass_kernel)))
+        self._way = way
+        self._phases, self._kernels = _made(system, way, single)
+        self._order, self._counts = device.room(0, np.int64), device.room(2, np.int64)
 
     def __call__(
         self,
@@ -123,13 +131,13 @@ class Strides:
             arguments = records, bodies, self._phases, told
             device.launch(self._kernels[0], count, *arguments, stream=stream)
             return
-        ready, nobody, waiting = _simple()
-        if self._order is None or len(self._order) < count:
+        ready, none, waiting = _simple()
+        if len(self._order) < count:
             self._order = device.room(count, np.int64)
         device.launch(ready, count, records, told, stream=stream)
         for number, kernel in enumerate(self._kernels):
-            device.launch(nobody, 1, self._found, stream=stream)
-            those = self._order, self._found
+            device.launch(none, 1, self._counts, stream=stream)
+            those = self._order, self._counts
             device.launch(waiting, count, records, number, *those, stream=stream)
             arguments = records, bodies, self._phases, told, *those
             device.launch(kernel, count, *arguments, stream=stream)
@@ -144,12 +152,6 @@ def _only(number: int, carry: Any) -> Any:
             carry(records, bodies, phase, other, tiles, courses, options)
 
     return jitted(carry_here)
-
-
-@lru_cache
-def strides(system: str, way: str = "loop", *, single: bool = False) -> Strides:
-    """A system's kernels; see `Strides`."""
-    return Strides(system, way, single=single)
 
 
 @lru_cache
@@ -187,6 +189,6 @@ def advance(
     """
     device.need_device()
     there, told = device.put(records), {"scuff": scuff, "from_section": from_section}
-    strides(system.name)(there, device.put(bodies), tolerance=tolerance, **told)
+    Strides(system.name)(there, device.put(bodies), tolerance=tolerance, **told)
     records[:] = device.back(there)
     return records

@@ -55,14 +55,14 @@ def test_the_devices_functions_in_single_precision_keep_six_digits():
 @pytest.mark.parametrize(
     ("scene", "way", "kernels"),
     [
-        ("'level'", "sorted", {"reset_kernel", "count_kernel", "order_kernel", "step_kernel"}),
+        ("'level'", "sorted", {"reset_kernel", "none_kernel", "order_kernel", "step_kernel"}),
         ("{'walker': 'E'}", "loop", {"reset_kernel", "step_kernel"}),
         (
             "{'walker': 'D'}", "passes",
-            {"reset_kernel", "command_kernel", "step_kernel", "_ready_kernel", "_nobody_kernel",
+            {"reset_kernel", "command_kernel", "step_kernel", "_ready_kernel", "none_kernel",
              "_waiting_kernel", "_pass_kernel"},
         ),
-        (EVERYTHING, "sorted", {"reset_kernel", "count_kernel", "order_kernel", "step_kernel"}),
+        (EVERYTHING, "sorted", {"reset_kernel", "none_kernel", "order_kernel", "step_kernel"}),
     ],
 )  # fmt: skip
 def test_kernels_compile_for_devices_of_two_kinds(scene, way, kernels, capability):

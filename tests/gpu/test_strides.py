@@ -12,7 +12,7 @@ from gym_passive_walker import gpu
 from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.gpu import device
-from gym_passive_walker.gpu.strides import WAYS, Strides, strides
+from gym_passive_walker.gpu.strides import WAYS, Strides
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.physics.systems import SYSTEMS
 from gym_passive_walker.units import units_of
@@ -23,7 +23,7 @@ from tests.physics.examples import LONG_GAITS
 def carried(name, records, own, *, way="loop", single=False, tolerance=1e-8, **told):
     """Records that a device has carried on."""
     there = device.put(records)
-    strides(name, way, single=single)(there, device.put(own), tolerance=tolerance, **told)
+    Strides(name, way, single=single)(there, device.put(own), tolerance=tolerance, **told)
     return device.back(there)
 
 
