@@ -91,10 +91,45 @@ def on_processor(name: str, single: bool) -> float:
     return 0.0 if usual.tobytes() == records.tobytes() else np.inf
 
 
+def on_device(name: str) -> tuple[bool, float]:
+    """Whether outcomes on a device are the processor's, and how far states after strides differ."""
+    from gym_passive_walker.engine.run import advance
+    from gym_passive_walker.gpu import strides
+    from gym_passive_walker.physics.systems import SYSTEMS
+    from tests.gpu.thrown import thrown
+
+    own, records = thrown(name, 2000, wild=0.05)
+    usual = advance(SYSTEMS[name], own, records.copy(), tolerance=1e-10)
+    there = strides.advance(SYSTEMS[name], own, records, tolerance=1e-10)
+    near = usual["outcome"] == 1
+    alike = np.array_equal(usual["outcome"], there["outcome"])
+    off = np.abs(usual["state"] - there["state"]) / (1.0 + np.abs(usual["state"]))
+    return alike, float(off[near].max())
+
+
+def in_silence() -> None:
+    """Steps of an environment on a device, during which torch lets nobody wait."""
+    import torch
+
+    from gym_passive_walker.gpu.environment import PassiveWalkerGpuEnv
+
+    there = PassiveWalkerGpuEnv(256, "level")
+    there.reset()
+    actions = torch.zeros(256, 1, device=there.device)
+    there.step(actions)
+    torch.cuda.set_sync_debug_mode("error")
+    for _ in range(3):
+        there.step(actions)
+
+
 if __name__ == "__main__":
     what, *told = sys.argv[1:]
     if what == "processor":
         print(on_processor(told[0], told[1:] == ["single"]))
+    elif what == "device":
+        print(*on_device(told[0]))
+    elif what == "silence":
+        in_silence()
     else:
         for name, text in ptx(int(what), *told).items():
             print(name, text.count(f".target sm_{what}0"), text.count(".entry"), "malloc" in text)

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from importlib.util import find_spec
+from shutil import which
 
 import pytest
 
@@ -25,6 +26,26 @@ def run(*arguments, code=0):
     return done.stdout + done.stderr
 
 
+needs_device = pytest.mark.skipif(
+    which("nvidia-smi") is None or find_spec("numba_cuda") is None, reason="there is no device"
+)
+
+
+@needs_device
+@pytest.mark.parametrize("name", ["kneed", "straight", "simplest"])
+def test_a_stride_on_a_real_device_is_the_processors_to_rounding(name):
+    alike, off = run("-m", "tests.gpu.compiled", "device", name).split()[-2:]
+    assert alike == "True"
+    assert float(off) < 1e-12
+
+
+@needs_device
+def test_a_step_waits_for_nothing():
+    pytest.importorskip("torch")
+    run("-m", "tests.gpu.compiled", "silence")
+
+
+@pytest.mark.skipif(which("nvidia-smi") is not None, reason="there is a device")
 def test_without_a_device_one_sentence_says_so():
     installed = "import sys, types; sys.modules['numba_cuda'] = types.ModuleType('numba_cuda'); "
     code = installed + "from gym_passive_walker.gpu import Crowd; Crowd(2)"
