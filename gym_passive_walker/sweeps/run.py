@@ -19,7 +19,7 @@ from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
 from gym_passive_walker.sweeps.cluster import Cluster
 from gym_passive_walker.sweeps.description import Description
-from gym_passive_walker.sweeps.store import DONE, Store, holds_another, read_columns
+from gym_passive_walker.sweeps.store import DONE, Store, holds_another, read_columns, read_manifest
 from gym_passive_walker.sweeps.tasks import ANALYSES, function, task
 from gym_passive_walker.sweeps.workers import Workers
 
@@ -41,6 +41,10 @@ class Swept(Table):
     def columns(self) -> dict[str, NDArray]:
         """Its rows in the order of the tasks."""
         return read_columns(self.folder)
+
+    def description(self) -> Description:
+        """What was swept."""
+        return Description.of(read_manifest(self.folder)["description"])
 
     def facts(self) -> dict[str, str]:
         """How it went."""

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -156,6 +157,23 @@ def test_gaits_are_the_same_by_one_worker_and_by_two(tmp_path):
     same(*found)
     assert all(each.failures == 0 for each in found)
     assert found[0].columns()["stance_angle"][2] == gpw.find_gait("C", 0.03).stance_angle
+
+
+def test_a_picture_is_in_the_units_that_it_says_whatever_the_size_of_a_walker(tmp_path):
+    pytest.importorskip("matplotlib")
+    small = gpw.WALKERS["lab-straight"]
+    ends = ("length", "offset", "gyration", "com", "radius")
+    large = replace(small, **{n: 2.0 * v for n, v in vars(small).items() if n.endswith(ends)})
+    found = gpw.sweep(
+        "gait", tmp_path / "out", over={"walker": [small, large]}, given={"slope": 0.03}, workers=1
+    )
+    ax, bar = found.plot(x="step_length", y="step_period", by="multiplier").axes
+    one, other = ax.collections[0].get_offsets()
+    length = found.columns()["step_length"]
+    assert length[1] == pytest.approx(2.0 * length[0])
+    np.testing.assert_allclose(one, other, rtol=1e-9)
+    assert ax.get_xlabel() == "step length / l" and ax.get_ylabel() == "step period / √(l/g)"
+    assert bar.get_ylabel() == "modulus of the largest multiplier"
 
 
 @pytest.mark.slow
