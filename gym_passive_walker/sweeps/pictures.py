@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_MANY = 2000  # points, from which on they are drawn smaller
+
 
 @picture.register(Swept)
 def _swept(swept: Swept, ax: Axes | None = None, *, x: str, y: str, by: str) -> Figure:
@@ -47,16 +49,21 @@ def _swept(swept: Swept, ax: Axes | None = None, *, x: str, y: str, by: str) -> 
         return columns[name] / sizes(name, described.analysis, tasks)
 
     across, up, kinds = drawn(x), drawn(y), columns[by][done]
+    size = 9.0 * min(1.0, _MANY / max(1, len(tasks)))  # of a point, so that many can be told apart
     if all(isinstance(value, bool | np.bool_) for value in kinds):
         no, yes = done.copy(), done.copy()
         no[done], yes[done] = ~kinds.astype(bool), kinds.astype(bool)
         for which, told, style in (
-            (yes, by, {"c": BLUE, "linewidths": 0.0, "s": 9.0}),
-            (no, f"not {by}", {"c": VERMILION, "marker": "x", "linewidths": 0.9, "s": 12.0}),
+            (yes, by, {"c": BLUE, "linewidths": 0.0, "s": size}),
+            (
+                no,
+                f"not {by}",
+                {"c": VERMILION, "marker": "x", "linewidths": 0.3 * size**0.5, "s": 1.3 * size},
+            ),
         ):
             ax.scatter(across[which], up[which], label=f"{told}: {which.sum()}", **style)
     else:
-        points = ax.scatter(across[done], up[done], c=drawn(by)[done].astype(float), s=9.0)
+        points = ax.scatter(across[done], up[done], c=drawn(by)[done].astype(float), s=size)
         figure_of(ax).colorbar(points, ax=ax, label=label(by))
     if not done.all():
         told = f"failed: {np.sum(~done)}"

@@ -31,6 +31,16 @@ def dies(x, times, folder):
     return {"square": x * x}
 
 
+def orphans(x, folder):
+    """Takes with it the process that watches its own, once."""
+    told = Path(folder) / "told"
+    if x == 5 and not told.exists():
+        told.touch()
+        os.kill(os.getppid(), signal.SIGKILL)
+        time.sleep(60.0)
+    return {"square": x * x}
+
+
 def hangs(x):
     if x == 2:
         time.sleep(600)

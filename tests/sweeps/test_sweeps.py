@@ -16,16 +16,10 @@ import gym_passive_walker as gpw
 from gym_passive_walker.cli import main
 from gym_passive_walker.sweeps import run
 from gym_passive_walker.sweeps.store import DONE, FAILED, TIMED_OUT
+from gym_passive_walker.sweeps.version import version
+from tests.sweeps.same import same
 
 parquet = pytest.importorskip("pyarrow.parquet")
-
-
-def same(one, other):
-    """Whether two sweeps found the same, to the last bit; how long it took is nobody's promise."""
-    one, other = one.columns(), other.columns()
-    assert list(one) == list(other)
-    for name in one.keys() - {"seconds", "version", "sweep"}:
-        np.testing.assert_array_equal(one[name], other[name], err_msg=name)
 
 
 def squares(folder, count=12, **options):
@@ -37,7 +31,7 @@ def test_ten_thousand_tiny_tasks_are_ten_thousand_rows(odd):
     columns = found.columns()
     assert columns["task"].tolist() == list(range(10_000)) and found.failures == 0
     assert columns["square"].tolist() == [x * x for x in range(10_000)]
-    assert set(columns["version"]) == {run.version()} and set(columns["seed"]) == {4}
+    assert set(columns["version"]) == {version("odd_tasks:square")} and set(columns["seed"]) == {4}
     assert columns["word"][3] == "3 4" and columns["odd"].dtype == bool
 
 
@@ -110,6 +104,20 @@ def test_a_sweep_that_was_stopped_does_the_rest_alone_and_ends_as_if_it_had_not(
     same(stopped, whole)
 
 
+def test_what_failed_is_done_once_more_if_that_is_asked_for_and_nothing_else(odd):
+    over, given = {"x": list(range(8))}, {"times": 2, "folder": str(odd)}
+    options = {"over": over, "given": given, "workers": 1}
+    first = gpw.sweep("odd_tasks:dies", odd / "out", **options)
+    assert first.failures == 1 and first.columns()["status"][5] == FAILED
+    kept = gpw.sweep("odd_tasks:dies", odd / "out", **options)
+    assert kept.failures == 1 and (odd / "lives").read_text() == "xx"
+    again = gpw.sweep("odd_tasks:dies", odd / "out", retry=True, **options)
+    before, after = first.columns(), again.columns()
+    assert again.failures == 0 and [*after["square"]] == [x * x for x in range(8)]
+    others = np.arange(8) != 5
+    np.testing.assert_array_equal(before["seconds"][others], after["seconds"][others])
+
+
 def test_a_full_disk_loses_nothing_finished(odd, monkeypatch):
     full = {"write": True}
     write = parquet.write_table
@@ -139,7 +147,10 @@ def test_a_sweep_of_another_version_or_description_is_refused_or_branches(odd, m
     beside = squares(odd / "out", 5, workers=1, branch=True)
     assert beside.folder != odd / "out" and len(beside.columns()["x"]) == 5
     assert len(squares(odd / "out", workers=1).columns()["x"]) == 12
-    monkeypatch.setattr(run, "version", lambda: "0.0.1")
+    (odd / "odd_tasks.py").write_text((odd / "odd_tasks.py").read_text() + "# another\n")
+    with pytest.raises(ValueError, match="was computed by version"):
+        squares(odd / "out", workers=1)
+    monkeypatch.setattr(run, "version", lambda _: "0.0.1")
     with pytest.raises(ValueError, match=r"was computed by version .*, this is 0\.0\.1"):
         squares(odd / "out", workers=1)
 
@@ -174,13 +185,6 @@ def test_a_picture_is_in_the_units_that_it_says_whatever_the_size_of_a_walker(tm
     np.testing.assert_allclose(one, other, rtol=1e-9)
     assert ax.get_xlabel() == "step length / l" and ax.get_ylabel() == "step period / √(l/g)"
     assert bar.get_ylabel() == "modulus of the largest multiplier"
-
-
-@pytest.mark.slow
-def test_ray_finds_the_same(odd):
-    pytest.importorskip("ray")
-    here, there = squares(odd / "here", workers=2), squares(odd / "there", workers=2, ray="here")
-    same(here, there)
 
 
 @pytest.mark.slow
