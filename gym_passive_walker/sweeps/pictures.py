@@ -60,7 +60,7 @@ def _swept(swept: Swept, ax: Axes | None = None, *, x: str, y: str, by: str) -> 
                 f"not {by}",
                 {"c": VERMILION, "marker": "x", "linewidths": 0.3 * size**0.5, "s": 1.3 * size},
             ),
-        ):
+        ):  # fmt: skip
             ax.scatter(across[which], up[which], label=f"{told}: {which.sum()}", **style)
     else:
         points = ax.scatter(across[done], up[done], c=drawn(by)[done].astype(float), s=size)

@@ -8,6 +8,7 @@ from dataclasses import fields
 import numpy as np
 from numpy.typing import NDArray
 
+from gym_passive_walker.gaits.drive import Drive
 from gym_passive_walker.render.axes import ANGLE, SLOPE, SPEED
 from gym_passive_walker.sweeps.description import Given
 from gym_passive_walker.sweeps.tasks import task
@@ -26,20 +27,21 @@ _UNITS = {
     "m": ("thigh_mass", "shank_mass", "hip_mass"),
     "√(l/g)": ("step_period",),
     "√(g l)": ("fastest",),
-    "(m g l)": ("hip_stiffness", "knee_stiffness"),
+    "(m g l)": ("hip_stiffness", "knee_stiffness", "hip_torque", "ankle_torque"),
     "(m l √(g l))": ("hip_friction",),
-    "(m √(g l))": ("push_forward", "push_backward"),
+    "(m √(g l))": ("push_off", "push_forward", "push_backward"),
 }  # fmt: skip
 _SIZES: dict[str, Callable[[Walker], float]] = {
     "l": lambda walker: walker.leg_length,
     "m": lambda walker: walker.total_mass,
     "√(l/g)": lambda walker: units_of(walker).time,
     "(m g l)": lambda walker: units_of(walker).torque,
+    "(m √(g l))": lambda walker: units_of(walker).impulse,
     "(m l √(g l))": lambda walker: units_of(walker).torque * units_of(walker).time,
 }
-_OWN = {f.name for f in fields(Walker)}
+_OWN = {*(f.name for f in fields(Walker)), *Drive._fields}
 _OWN_OF = {"gait": {"step_length", "step_period"}}
-"""Which columns are in a walker's own units: its parameters, and these results of an analysis."""
+"""Which columns are in a walker's own units: its parameters and drive, and these results."""
 
 
 def label(name: str) -> str:

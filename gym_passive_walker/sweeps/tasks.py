@@ -21,6 +21,7 @@ from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.scene import Scene, make_scene, walker_from
 from gym_passive_walker.gaits.basin import basin_of_attraction
 from gym_passive_walker.gaits.bifurcation import bifurcation_diagram
+from gym_passive_walker.gaits.drive import Drive, one_drive
 from gym_passive_walker.gaits.family import gait_family
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.reality import reality_check
@@ -34,9 +35,19 @@ _WALKER = tuple(f.name for f in fields(Walker))
 _SCENE = tuple(f.name for f in fields(Scene))
 
 
-def gait(walker: Walker, slope: float, kind: str = "long", period: int = 1) -> Row:
+def gait(
+    walker: Walker,
+    slope: float,
+    kind: str = "long",
+    period: int = 1,
+    hip_torque: float = 0.0,
+    ankle_torque: float = 0.0,
+    push_off: float = 0.0,
+) -> Row:
     """Whether there is a gait of a kind at a slope, whether it is stable, and its measures."""
-    found = seek(walker, one_slope(slope), gait_kind(kind), period=whole(period, "period")).gait
+    drive = one_drive(walker, Drive(hip_torque, ankle_torque, push_off))
+    slope, kind, period = one_slope(slope), gait_kind(kind), whole(period, "period")
+    found = seek(walker, slope, kind, period=period, drive=drive).gait
     names = ("stance_angle", "step_period", "step_length", "froude_speed", "cost_of_transport")
     return {
         "found": found is not None,
