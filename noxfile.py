@@ -50,5 +50,10 @@ def rllib(session: nox.Session) -> None:
     """Sample and learn through RLlib, with the Gymnasium that it pins."""
     session.install(".[rllib,test]", "torch")
     kernels = {"XDG_CACHE_HOME": session.create_tmp()}
-    chosen = ["tests/envs/test_rllib.py", "tests/trainers/test_rllib.py", "-m", "learning or not slow"]
+    chosen = [
+        "tests/envs/test_rllib.py",
+        "tests/trainers/test_rllib.py",
+        "-m",
+        "learning or not slow",
+    ]
     session.run("python", "-m", "pytest", *chosen, *session.posargs, env=QUIET | kernels)

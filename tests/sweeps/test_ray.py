@@ -1,15 +1,18 @@
 """On a Ray cluster a sweep finds the same, whatever becomes of workers, machines and the head."""
 
+import subprocess
+import sys
 import threading
 import time
 
 import pytest
 
 import gym_passive_walker as gpw
+from gym_passive_walker.sweeps.run import Swept
 from tests.sweeps.same import same
 
 pytest.importorskip("ray")
-pytest.importorskip("pyarrow")
+parquet = pytest.importorskip("pyarrow.parquet")
 cluster_utils = pytest.importorskip("ray.cluster_utils")
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]  # Ray's own
@@ -53,3 +56,52 @@ def test_a_machine_that_is_lost_leaves_its_tasks_to_the_others(odd, cluster):
     losing.join()
     assert found.failures == 0
     assert found.columns()["square"].tolist() == [x * x for x in range(300)]
+
+
+def test_a_machine_of_another_version_is_refused(odd, cluster, monkeypatch):
+    elsewhere = odd / "elsewhere"
+    elsewhere.mkdir()
+    text = (odd / "odd_tasks.py").read_text()
+    (elsewhere / "odd_tasks.py").write_text(text.replace("x * x", "x * x + 1"))
+    cluster.remove_node(cluster.other)
+    monkeypatch.setenv("PYTHONPATH", str(elsewhere), prepend=":")
+    cluster.add_node(num_cpus=1)
+    over = {"x": list(range(500))}
+    with pytest.raises(ValueError, match=r"of the cluster has version .* install that one there"):
+        gpw.sweep("odd_tasks:noted", odd / "out", over=over, given={"folder": str(odd)},
+                  ray=cluster.address)  # fmt: skip
+
+
+def test_a_sweep_whose_head_is_lost_goes_on_with_the_next(odd):
+    head = {"num_cpus": 2, "include_dashboard": False}
+    first = cluster_utils.Cluster(initialize_head=True, head_node_args=head)
+    script = odd / "script.py"
+    script.write_text(
+        "import sys, gym_passive_walker as gpw\n"
+        "if __name__ == '__main__':\n"
+        f"    gpw.sweep('odd_tasks:noted', {str(odd / 'out')!r}, over={{'x': list(range(400))}},\n"
+        f"              given={{'folder': {str(odd)!r}}}, ray=sys.argv[1])\n"
+    )
+    line = [sys.executable, "-W", "ignore", str(script)]
+    process = subprocess.Popen([*line, first.address], stderr=subprocess.PIPE, text=True)
+    journal = odd / "out" / "journal.jsonl"
+    while not (journal.exists() and journal.read_text().count("\n") >= 30):
+        assert process.poll() is None
+        time.sleep(0.01)
+    first.shutdown()
+    process.communicate(timeout=300)
+    assert process.returncode != 0
+    kept = len(journal.read_text().splitlines())
+    kept += sum(parquet.read_metadata(path).num_rows for path in (odd / "out/rows").iterdir())
+    done = (odd / "noted").read_text().count("\n")
+    second = cluster_utils.Cluster(initialize_head=True, head_node_args=head)
+    try:
+        subprocess.run([*line, second.address], check=True, timeout=300)
+    finally:
+        second.shutdown()
+    again = (odd / "noted").read_text().count("\n") - done
+    assert 30 <= kept < 400 and again == 400 - kept  # nothing that was kept is done again
+    same(Swept(odd / "out", 400, 0), gpw.sweep(
+        "odd_tasks:noted", odd / "whole", over={"x": list(range(400))},
+        given={"folder": str(odd)}, workers=1,
+    ))  # fmt: skip
