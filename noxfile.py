@@ -45,7 +45,7 @@ def base(session: nox.Session) -> None:
     session.run("passive-walker", "evaluate", "level-ppo", "--episodes", "2", env=kernels)
 
 
-@nox.session
+@nox.session(default=False)
 def rllib(session: nox.Session) -> None:
     """Sample and learn through RLlib, with the Gymnasium that it pins."""
     session.install(".[rllib,test]", "torch")

@@ -20,7 +20,7 @@ from gym_passive_walker.sweeps.workers import STILLBORN, TRIES, Outcome, Pace, T
 HERE = "here"
 """The address of a cluster of this machine alone."""
 
-_PATIENCE = 60.0  # seconds for a cluster where nobody is at work to have room for one
+_PATIENCE = 300.0  # seconds for a cluster where nobody is at work to have room for one
 
 
 class Watcher:

@@ -46,8 +46,8 @@ def gait(
 ) -> Row:
     """Whether there is a gait of a kind at a slope, whether it is stable, and its measures."""
     drive = one_drive(walker, Drive(hip_torque, ankle_torque, push_off))
-    slope, kind, period = one_slope(slope), gait_kind(kind), whole(period, "period")
-    found = seek(walker, slope, kind, period=period, drive=drive).gait
+    sought = one_slope(slope), gait_kind(kind)
+    found = seek(walker, *sought, period=whole(period, "period"), drive=drive).gait
     names = ("stance_angle", "step_period", "step_length", "froude_speed", "cost_of_transport")
     return {
         "found": found is not None,
