@@ -200,3 +200,36 @@ def test_the_dataset_is_read_by(library, odd):
         case _:
             total = module.sql(f"select sum(square) from '{rows}/*.parquet'").fetchall()[0][0]
     assert total == sum(x * x for x in range(12))
+
+
+@pytest.mark.slow
+def test_on_a_disk_that_fills_up_nothing_finished_is_lost(odd):
+    """A disk of 300 kB, in a place of its own that ends with the processes that see it."""
+    disk = odd / "disk"
+    disk.mkdir()
+    (odd / "much.json").write_text(
+        json.dumps({"analysis": "odd_tasks:square", "over": {"x": list(range(5000))}})
+    )
+    sweep = f"{sys.executable} -m gym_passive_walker sweep {odd}/much.json --out {disk}/out"
+    script = (
+        f"mount -t tmpfs -o size=300k none {disk} || exit 77\n"
+        f"{sweep} --workers 1; echo first $?\n"
+        f"cp {disk}/out/journal.jsonl {odd}/before\n"
+        f"mount -o remount,size=30m {disk}\n"
+        f"{sweep} --workers 1 --json && cp -r {disk}/out {odd}/kept"
+    )
+    alone = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-c", script]
+    try:
+        told = subprocess.run(alone, capture_output=True, text=True, timeout=300)
+    except FileNotFoundError:
+        pytest.skip("there is no unshare here")
+    if told.returncode in (1, 77) and "first" not in told.stdout:
+        pytest.skip(f"no disk of one's own here: {told.stderr}")
+    assert "No space left on device" in told.stderr and "the same call goes on" in told.stderr
+    assert told.returncode == 0 and "first 0" not in told.stdout
+    columns = run.Swept(odd / "kept", 5000, 0).columns()
+    assert columns["square"].tolist() == [x * x for x in range(5000)]
+    whole = [line for line in (odd / "before").read_text().splitlines() if line.endswith("}")]
+    before = [json.loads(line) for line in whole]
+    assert 100 < len(before) < 5000
+    assert all(columns["seconds"][row["task"]] == row["seconds"] for row in before)
