@@ -27,6 +27,7 @@ import gym_passive_walker as gpw
 from benchmarks.report import DOCS, command, keep, machine, seconds, table
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.sweeps.description import Description
+from gym_passive_walker.sweeps.store import DONE, Store
 
 PAGE = DOCS / "scaling.md"
 WALKER, SLOPE = "C", 0.03
@@ -113,6 +114,47 @@ def tasks() -> None:
     keep("tasks", f"{table(heads, rows)}\n\n{_when()}", PAGE)
 
 
+def keeper() -> None:
+    """What the one process that keeps the rows can take: what limits a thousand workers."""
+    over = {f"parameter_{i}": [0.0, 1.0] for i in range(10)}
+    described = Description(
+        analysis="benchmarks.sweeps:anything", over=over, how="latin-hypercube", samples=20_000
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        store = Store(Path(folder), described, "any")
+        began = time.process_time()
+        for number, given in enumerate(described.tasks):
+            row = {"task": number, **given, "status": DONE, "error": None, "seconds": 0.0}
+            store.add(row, {"sum": 1.0})
+        store.flush(last=True)
+        written = (time.process_time() - began) / len(described.tasks)
+        store.close()
+    rows = [("a row of ten parameters kept", written * 1e6)]
+    if find_spec("ray"):
+        rows.append(("a second's tasks sent through Ray, and their outcomes back", _call() * 1e6))
+    keep("keeper", f"{table(['', 'µs of processor time'], rows)}\n\n{_when()}", PAGE)
+
+
+def _call() -> float:
+    """What a call through Ray with twenty tasks takes of who calls."""
+    import ray
+
+    class Echo:
+        def hear(self, tasks: Any) -> Any:
+            return tasks
+
+    ray.init("local", num_cpus=2, include_dashboard=False, log_to_driver=False)
+    try:
+        crew: Any = [ray.remote(num_cpus=1)(Echo).remote() for _ in range(2)]
+        tasks = [(i, {f"parameter_{j}": 0.5 for j in range(10)}) for i in range(20)]
+        ray.get([each.hear.remote(tasks) for each in crew])
+        began = time.process_time()
+        ray.get([crew[i % 2].hear.remote(tasks) for i in range(2000)])
+        return (time.process_time() - began) / 2000
+    finally:
+        ray.shutdown()
+
+
 def naps() -> None:
     """A hundred thousand tasks of a millisecond."""
     rows = []
@@ -163,9 +205,9 @@ def _when() -> str:
     return f"*{machine('ray')}, load {os.getloadavg()[0]:.1f}.*"
 
 
-PARTS = {each.__name__: each for each in (walkers, parameters, tasks, naps, minutes)}
+PARTS = {each.__name__: each for each in (walkers, parameters, tasks, keeper, naps, minutes)}
 
 if __name__ == "__main__":
     if len(sys.argv) == 1:
-        sys.argv += ["walkers", "parameters", "tasks", "naps"]
+        sys.argv += ["walkers", "parameters", "tasks", "keeper", "naps"]
     command(__doc__, PARTS)

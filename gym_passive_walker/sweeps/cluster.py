@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import platform
+import time
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -20,6 +21,7 @@ from gym_passive_walker.sweeps.workers import STILLBORN, TRIES, Outcome, Pace, T
 HERE = "here"
 """The address of a cluster of this machine alone."""
 
+_LOOK = 1.0  # seconds between two looks at what room there is
 _PATIENCE = 300.0  # seconds for a cluster where nobody is at work to have room for one
 
 
@@ -91,7 +93,7 @@ class Cluster:
         self._joining: dict[Any, Any] = {}
         self._at_work: dict[Any, tuple[Any, list[Task]]] = {}
         self._idle: list[Any] = []
-        self._stillborn = 0
+        self._stillborn, self._looked = 0, 0.0
 
     def outcomes(self, tasks: Sequence[Task]) -> Iterator[Outcome]:
         """Do tasks, and say of each how it ended soon after it has.
@@ -155,7 +157,11 @@ class Cluster:
 
     def _fill(self) -> None:
         """Make watchers where there is room; they join once they have their place."""
-        for _ in range(self._room() - len(self._joining) - len(self._at_work) - len(self._idle)):
+        crew = len(self._joining) + len(self._at_work) + len(self._idle)
+        if crew and time.monotonic() < self._looked + _LOOK:
+            return
+        self._looked = time.monotonic()
+        for _ in range(self._room() - crew):
             watcher = self._made.remote(*self._given)
             self._joining[watcher.join.remote(self._computing)] = watcher
 

@@ -16,7 +16,7 @@ def square(x, seed=0):
 def noted(x, folder):
     """Says that it was done, so that it can be seen how often."""
     with open(Path(folder) / "noted", "a") as file:
-        file.write(f"{x}\\n")
+        file.write(f"{x} {os.getpid()}\\n")
     time.sleep(0.02)
     return {"square": x * x}
 

@@ -58,6 +58,23 @@ def test_a_machine_that_is_lost_leaves_its_tasks_to_the_others(odd, cluster):
     assert found.columns()["square"].tolist() == [x * x for x in range(300)]
 
 
+def test_a_machine_that_joins_takes_its_share(odd, cluster):
+    cluster.remove_node(cluster.other)
+    over, given = {"x": list(range(600))}, {"folder": str(odd)}
+
+    def join():
+        while not (odd / "noted").exists():
+            time.sleep(0.01)
+        cluster.add_node(num_cpus=1)
+
+    joining = threading.Thread(target=join)
+    joining.start()
+    found = gpw.sweep("odd_tasks:noted", odd / "out", over=over, given=given, ray=cluster.address)
+    joining.join()
+    workers = {line.split()[1] for line in (odd / "noted").read_text().splitlines()}
+    assert found.failures == 0 and len(workers) == 2
+
+
 def test_a_machine_of_another_version_is_refused(odd, cluster, monkeypatch):
     elsewhere = odd / "elsewhere"
     elsewhere.mkdir()
