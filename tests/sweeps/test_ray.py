@@ -28,6 +28,18 @@ def cluster(odd):
     found.shutdown()
 
 
+def line(odd, count, address):
+    """A command that sweeps on a cluster, in a process of its own."""
+    script = odd / "script.py"
+    script.write_text(
+        "import gym_passive_walker as gpw\n"
+        "if __name__ == '__main__':\n"
+        f"    gpw.sweep('odd_tasks:noted', {str(odd / 'out')!r}, over={{'x': list(range({count}))}},"
+        f" given={{'folder': {str(odd)!r}}}, ray={address!r})\n"
+    )
+    return [sys.executable, "-W", "ignore", str(script)]
+
+
 def test_it_finds_the_same_as_processes_do(odd, cluster):
     over = {"x": list(range(200))}
     here = gpw.sweep("odd_tasks:square", odd / "here", over=over, workers=2)
@@ -60,19 +72,14 @@ def test_a_machine_that_is_lost_leaves_its_tasks_to_the_others(odd, cluster):
 
 def test_a_machine_that_joins_takes_its_share(odd, cluster):
     cluster.remove_node(cluster.other)
-    over, given = {"x": list(range(600))}, {"folder": str(odd)}
-
-    def join():
-        while not (odd / "noted").exists():
-            time.sleep(0.01)
-        cluster.add_node(num_cpus=1)
-
-    joining = threading.Thread(target=join)
-    joining.start()
-    found = gpw.sweep("odd_tasks:noted", odd / "out", over=over, given=given, ray=cluster.address)
-    joining.join()
-    workers = {line.split()[1] for line in (odd / "noted").read_text().splitlines()}
-    assert found.failures == 0 and len(workers) == 2
+    process = subprocess.Popen(line(odd, 2500, cluster.address))
+    while not (odd / "noted").exists():
+        assert process.poll() is None
+        time.sleep(0.01)
+    cluster.add_node(num_cpus=1)
+    assert process.wait(timeout=300) == 0
+    workers = {each.split()[1] for each in (odd / "noted").read_text().splitlines()}
+    assert len(workers) == 2 and len(Swept(odd / "out", 2500, 0).columns()["x"]) == 2500
 
 
 def test_a_machine_of_another_version_is_refused(odd, cluster, monkeypatch):
@@ -92,28 +99,19 @@ def test_a_machine_of_another_version_is_refused(odd, cluster, monkeypatch):
 def test_a_sweep_whose_head_is_lost_goes_on_with_the_next(odd):
     head = {"num_cpus": 2, "include_dashboard": False}
     first = cluster_utils.Cluster(initialize_head=True, head_node_args=head)
-    script = odd / "script.py"
-    script.write_text(
-        "import sys, gym_passive_walker as gpw\n"
-        "if __name__ == '__main__':\n"
-        f"    gpw.sweep('odd_tasks:noted', {str(odd / 'out')!r}, over={{'x': list(range(400))}},\n"
-        f"              given={{'folder': {str(odd)!r}}}, ray=sys.argv[1])\n"
-    )
-    line = [sys.executable, "-W", "ignore", str(script)]
-    process = subprocess.Popen([*line, first.address], stderr=subprocess.PIPE, text=True)
+    process = subprocess.Popen(line(odd, 400, first.address))
     journal = odd / "out" / "journal.jsonl"
     while not (journal.exists() and journal.read_text().count("\n") >= 30):
         assert process.poll() is None
         time.sleep(0.01)
     first.shutdown()
-    process.communicate(timeout=300)
-    assert process.returncode != 0
+    assert process.wait(timeout=300) != 0
     kept = len(journal.read_text().splitlines())
     kept += sum(parquet.read_metadata(path).num_rows for path in (odd / "out/rows").iterdir())
     done = (odd / "noted").read_text().count("\n")
     second = cluster_utils.Cluster(initialize_head=True, head_node_args=head)
     try:
-        subprocess.run([*line, second.address], check=True, timeout=300)
+        subprocess.run(line(odd, 400, second.address), check=True, timeout=300)
     finally:
         second.shutdown()
     again = (odd / "noted").read_text().count("\n") - done
