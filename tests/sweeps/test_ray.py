@@ -30,12 +30,12 @@ def cluster(odd):
 
 def line(odd, count, address):
     """A command that sweeps on a cluster, in a process of its own."""
-    script = odd / "script.py"
+    script, options = odd / "script.py", {"over": {"x": list(range(count))}, "ray": address}
+    options["given"] = {"folder": str(odd)}
     script.write_text(
         "import gym_passive_walker as gpw\n"
         "if __name__ == '__main__':\n"
-        f"    gpw.sweep('odd_tasks:noted', {str(odd / 'out')!r}, over={{'x': list(range({count}))}},"
-        f" given={{'folder': {str(odd)!r}}}, ray={address!r})\n"
+        f"    gpw.sweep('odd_tasks:noted', {str(odd / 'out')!r}, **{options!r})\n"
     )
     return [sys.executable, "-W", "ignore", str(script)]
 
