@@ -43,3 +43,17 @@ def base(session: nox.Session) -> None:
     session.chdir(session.create_tmp())  # away from the sources
     session.run("passive-walker", "warmup", env=kernels)
     session.run("passive-walker", "evaluate", "level-ppo", "--episodes", "2", env=kernels)
+
+
+@nox.session(default=False)
+def rllib(session: nox.Session) -> None:
+    """Sample and learn through RLlib, with the Gymnasium that it pins."""
+    session.install(".[rllib,test]", "torch")
+    kernels = {"XDG_CACHE_HOME": session.create_tmp()}
+    chosen = [
+        "tests/envs/test_rllib.py",
+        "tests/trainers/test_rllib.py",
+        "-m",
+        "learning or not slow",
+    ]
+    session.run("python", "-m", "pytest", *chosen, *session.posargs, env=QUIET | kernels)

@@ -95,6 +95,7 @@ def train_parser() -> argparse.ArgumentParser:
     add("--tensorboard", action="store_true", help="write tensorboard's logs into the run's folder")
     searched = "try N sets of hyperparameters (needs Optuna), and keep the best as a preset"
     add("--search", type=whole, metavar="N", help=searched)
+    add("--ray", nargs="?", const="here", metavar="ADDRESS", help="search on Ray Tune (here)")
     add("--quiet", action="store_true", help="no progress bar")
     return parser
 
@@ -152,6 +153,8 @@ def train(args: argparse.Namespace) -> int:
     else:
         config = asked_for(args)
         worlds.check(config)  # refuses nonsense before there is a folder
+        if args.search is None and args.ray is not None:
+            raise ConfigError("--ray goes with --search: a training is done by this process")
         if args.search is not None:
             return find_better(config, args)
         folder = files.new_run(args.out, f"{config.scene}-{config.algo}")
@@ -183,7 +186,7 @@ def find_better(config: Config, args: argparse.Namespace) -> int:
     from agents.search import BEST, search
 
     folder = args.out or files.RUNS / f"search-{config.scene}-{config.algo}"
-    best = search(config, folder, args.search, progress=not args.quiet)
+    best = search(config, folder, args.search, ray=args.ray, progress=not args.quiet)
     print("\n".join(f"{name}: {value}" for name, value in best.items()))
     print(f"Saved in {folder / BEST}, in the layout of agents/presets")
     return 0

@@ -1,18 +1,24 @@
-"""A search for better hyperparameters, with Optuna."""
+"""A search for better hyperparameters, with Optuna, here or through Ray Tune on many processors."""
 
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numba
+import torch
 import yaml
 
 from agents import files
 from agents.config import Config, ConfigError
 from agents.training import Run
+from gym_passive_walker.sweeps.cluster import HERE
 
 STUDY, BEST = "study.log", "best.yml"
 
@@ -41,59 +47,130 @@ _SPACES: dict[str, dict[str, Callable[[Any], Any]]] = {
 }
 
 
-def search(config: Config, folder: Path, trials: int, *, progress: bool = True) -> dict[str, Any]:
+def search(
+    config: Config,
+    folder: Path,
+    trials: int,
+    *,
+    ray: str | None = None,
+    progress: bool = True,
+) -> dict[str, Any]:
     """Try hyperparameters, each in a training of its own, and keep the best.
 
-    The study is kept on disk: the same call goes on with it.
+    The study is kept on disk: the same call goes on with it, on Ray or not.
 
     Args:
         config: What to train; its hyperparameters are the first that are tried.
-        folder: Gets the study, the trainings and the best hyperparameters as a preset in YAML.
+        folder: Gets the study, the trainings and the best hyperparameters as a preset in YAML; the
+            machines of a cluster see it at the same place.
         trials: How many trainings in all.
+        ray: "here" for Ray Tune on this machine, a training on each processor, or the address of a
+            cluster; None does one after the other.
         progress: Whether to print each result.
 
     Returns:
         The best hyperparameters.
 
     Raises:
-        ConfigError: if Optuna is not installed.
+        ConfigError: if Optuna, or Ray Tune, is not installed.
     """
-    try:
+    with _needed("Optuna", "search"):
         import optuna  # type: ignore  # an extra
         from optuna.storages import JournalStorage  # type: ignore  # an extra
         from optuna.storages.journal import JournalFileBackend  # type: ignore  # an extra
-    except ImportError:
-        raise ConfigError(
-            'a search needs Optuna: pip install "gym-passive-walker[search]"'
-        ) from None
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     folder.mkdir(parents=True, exist_ok=True)
+    folder = folder.absolute()  # wherever a worker stands
     with files.reading(folder / STUDY):
+        storage = JournalStorage(JournalFileBackend(str(folder / STUDY)))
         study = optuna.create_study(
             study_name=f"{config.scene}-{config.algo}",
-            storage=JournalStorage(JournalFileBackend(str(folder / STUDY))),
+            storage=storage,
             sampler=optuna.samplers.TPESampler(seed=config.seed),
             direction="maximize",
             load_if_exists=True,
         )
 
     def tried(trial: Any) -> float:
-        hyperparams = copy.deepcopy(config.hyperparams)
-        if trial.number > 0:
-            hyperparams |= {name: draw(trial) for name, draw in _SPACES[config.algo].items()}
-        trial.set_user_attr("hyperparams", hyperparams)
-        run = Run(replace(config, hyperparams=hyperparams), folder / f"trial-{trial.number}")
-        if not run.train(progress=False):
-            raise KeyboardInterrupt  # half a trial says nothing
+        best = _trained(folder, **_drawn(config, trial))
         if progress:
-            print(f"trial {trial.number}: return {run.notes['best']:.3f}", flush=True)
-        return float(run.notes["best"])
+            print(f"trial {trial.number}: return {best:.3f}", flush=True)
+        return best
 
     left = trials - len([t for t in study.trials if t.state.is_finished()])
-    if left > 0:
+    if left > 0 and ray is None:
         study.optimize(tried, n_trials=left)
+    elif left > 0:
+        kept = {"study_name": study.study_name, "storage": storage, "sampler": study.sampler}
+        _tune(kept, partial(_drawn, config), folder, left, str(ray), progress=progress)
     best = study.best_trial.user_attrs["hyperparams"]
     preset = replace(config, hyperparams=best).preset()
     with files.replacing(folder / BEST) as path:
         path.write_text(yaml.safe_dump({config.scene: preset}, sort_keys=False), encoding="utf-8")
     return best
+
+
+def _drawn(config: Config, trial: Any) -> dict[str, Any]:
+    """What a trial of a study is: the first has the hyperparameters that there are."""
+    hyperparams = copy.deepcopy(config.hyperparams)
+    if trial.number > 0:
+        hyperparams |= {name: draw(trial) for name, draw in _SPACES[config.algo].items()}
+    trial.set_user_attr("hyperparams", hyperparams)
+    return {"config": replace(config, hyperparams=hyperparams), "number": trial.number}
+
+
+def _trained(folder: Path, config: Config, number: int) -> float:
+    """The return that one training comes to."""
+    run = Run(config, folder / f"trial-{number}")
+    if not run.train(progress=False):
+        raise KeyboardInterrupt  # half a trial says nothing
+    return float(run.notes["best"])
+
+
+def _tune(
+    study: dict[str, Any],
+    drawn: Callable[[Any], dict[str, Any]],
+    folder: Path,
+    trials: int,
+    ray: str,
+    *,
+    progress: bool,
+) -> None:
+    """Let Ray Tune do the trials of a study, as many at a time as there are processors."""
+    with _needed("Ray Tune", "ray"):
+        import ray as library  # type: ignore[import-not-found]
+        from ray import tune  # type: ignore[import-not-found]
+        from ray.tune.search.optuna import OptunaSearch  # type: ignore[import-not-found]
+    local = {"address": "local", "include_dashboard": False} if ray == HERE else {"address": ray}
+    library.init(**local, log_to_driver=False, logging_level=logging.ERROR)
+
+    def trial(given: dict[str, Any]) -> None:
+        numba.get_num_threads()  # which sets torch's anew, so it comes first
+        torch.set_num_threads(1)
+        tune.report({"return": _trained(folder, given["config"], given["number"])})
+
+    try:
+        found = tune.Tuner(
+            trial,
+            tune_config=tune.TuneConfig(
+                search_alg=OptunaSearch(drawn, metric="return", mode="max", **study),
+                num_samples=trials,
+            ),
+            run_config=tune.RunConfig(storage_path=str(folder), name="tune", verbose=0),
+        ).fit()
+    finally:
+        library.shutdown()
+    if progress:
+        for each in found:
+            said = each.error or f"return {each.metrics['return']:.3f}"
+            print(f"trial {each.config['number']}: {said}", flush=True)
+
+
+@contextmanager
+def _needed(what: str, name: str) -> Iterator[None]:
+    try:
+        yield
+    except ImportError:
+        raise ConfigError(
+            f'a search needs {what}: pip install "gym-passive-walker[{name}]"'
+        ) from None

@@ -28,6 +28,7 @@ def sweep(command: ArgumentParser) -> Callable[[Namespace], Report]:
     add("--workers", type=int, metavar="N", help="processes (one to each processor)")
     add("--ray", nargs="?", const=HERE, metavar="ADDRESS", help="on a Ray cluster (here)")
     add("--branch", action="store_true", help="beside another sweep, if the folder holds one")
+    add("--retry", action="store_true", help="tasks once more that failed or were given up")
 
     def run(arguments: Namespace) -> Report:
         found = swept(
@@ -36,6 +37,7 @@ def sweep(command: ArgumentParser) -> Callable[[Namespace], Report]:
             workers=arguments.workers,
             ray=arguments.ray,
             branch=arguments.branch,
+            retry=arguments.retry,
         )
         data = {
             "tasks": found.tasks,

@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gym_passive_walker.arguments import unknown
 from gym_passive_walker.render.axes import BLUE, GREY, VERMILION, axes_for, figure_of, legend
 from gym_passive_walker.shown import picture
+from gym_passive_walker.sweeps.quantities import label, sizes
 from gym_passive_walker.sweeps.run import Swept
 from gym_passive_walker.sweeps.store import DONE
 
@@ -16,12 +18,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_MANY = 2000  # points, from which on they are drawn smaller
+
 
 @picture.register(Swept)
 def _swept(swept: Swept, ax: Axes | None = None, *, x: str, y: str, by: str) -> Figure:
     """A point for each task over two of its parameters or results, told apart by a third.
 
-    Truths are two kinds of points, numbers colours; tasks that failed are crosses.
+    Truths are two kinds of points, numbers colours; tasks that failed are crosses. What is in a
+    walker's own units is drawn over its leg length, mass or pendulum time.
 
     Args:
         swept: The sweep.
@@ -33,29 +38,37 @@ def _swept(swept: Swept, ax: Axes | None = None, *, x: str, y: str, by: str) -> 
     Raises:
         ValueError: if there is no such column.
     """
-    columns = swept.columns()
+    columns, described = swept.columns(), swept.description()
     if said := unknown((x, y, by), tuple(columns), "this sweep"):
         raise ValueError(said)
     ax = axes_for(ax)
     done = columns["status"] == DONE
-    across, up, told = columns[x], columns[y], columns[by]
-    kinds = told[done]
+    tasks = [described.tasks[number] for number in columns["task"]]
+
+    def drawn(name: str) -> NDArray:
+        return columns[name] / sizes(name, described.analysis, tasks)
+
+    across, up, kinds = drawn(x), drawn(y), columns[by][done]
+    size = 9.0 * min(1.0, _MANY / max(1, len(tasks)))  # of a point, so that many can be told apart
     if all(isinstance(value, bool | np.bool_) for value in kinds):
         no, yes = done.copy(), done.copy()
         no[done], yes[done] = ~kinds.astype(bool), kinds.astype(bool)
-        for which, label, style in (
-            (yes, by, {"c": BLUE, "linewidths": 0.0, "s": 9.0}),
-            (no, f"not {by}", {"c": VERMILION, "marker": "x", "linewidths": 0.9, "s": 12.0}),
-        ):
-            ax.scatter(across[which], up[which], label=f"{label}: {which.sum()}", **style)
+        for which, told, style in (
+            (yes, by, {"c": BLUE, "linewidths": 0.0, "s": size}),
+            (
+                no,
+                f"not {by}",
+                {"c": VERMILION, "marker": "x", "linewidths": 0.3 * size**0.5, "s": 1.3 * size},
+            ),
+        ):  # fmt: skip
+            ax.scatter(across[which], up[which], label=f"{told}: {which.sum()}", **style)
     else:
-        points = ax.scatter(across[done], up[done], c=kinds.astype(float), s=9.0)
-        figure_of(ax).colorbar(points, ax=ax, label=by.replace("_", " "))
+        points = ax.scatter(across[done], up[done], c=drawn(by)[done].astype(float), s=size)
+        figure_of(ax).colorbar(points, ax=ax, label=label(by))
     if not done.all():
-        label = f"failed: {np.sum(~done)}"
-        ax.scatter(across[~done], up[~done], c=GREY, marker="+", s=12.0, label=label)
-    ax.set_xlabel(x.replace("_", " "))
-    ax.set_ylabel(y.replace("_", " "))
+        told = f"failed: {np.sum(~done)}"
+        ax.scatter(across[~done], up[~done], c=GREY, marker="+", s=12.0, label=told)
+    ax.set(xlabel=label(x), ylabel=label(y))
     if ax.get_legend_handles_labels()[0]:
         legend(ax)
     return figure_of(ax)

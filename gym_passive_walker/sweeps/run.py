@@ -12,16 +12,15 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-import gym_passive_walker
 from gym_passive_walker.arguments import whole
-from gym_passive_walker.engine.cache import fingerprint
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
 from gym_passive_walker.sweeps.cluster import Cluster
 from gym_passive_walker.sweeps.description import Description
-from gym_passive_walker.sweeps.store import DONE, Store, holds_another, read_columns
-from gym_passive_walker.sweeps.tasks import ANALYSES, function, task
-from gym_passive_walker.sweeps.workers import Workers
+from gym_passive_walker.sweeps.store import DONE, Store, holds_another, read_columns, read_manifest
+from gym_passive_walker.sweeps.tasks import ANALYSES, task
+from gym_passive_walker.sweeps.version import version
+from gym_passive_walker.sweeps.workers import Task, Workers
 
 
 @dataclass(frozen=True, repr=False)
@@ -42,6 +41,10 @@ class Swept(Table):
         """Its rows in the order of the tasks."""
         return read_columns(self.folder)
 
+    def description(self) -> Description:
+        """What was swept."""
+        return Description.of(read_manifest(self.folder)["description"])
+
     def facts(self) -> dict[str, str]:
         """How it went."""
         return {
@@ -51,11 +54,6 @@ class Swept(Table):
         }
 
 
-def version() -> str:
-    """What results depend on: the package's version, and a hash of equations and machinery."""
-    return f"{gym_passive_walker.__version__}+{fingerprint()}"
-
-
 def sweep(
     analysis: str | Callable[..., Any] | Mapping[str, Any] | Description,
     out: str | os.PathLike[str],
@@ -63,6 +61,7 @@ def sweep(
     workers: int | None = None,
     ray: str | None = None,
     branch: bool = False,
+    retry: bool = False,
     **described: Any,
 ) -> Swept:
     """Do an analysis many times over, on all processors, and keep what is found in a folder.
@@ -81,6 +80,7 @@ def sweep(
             package, and a function of your own, at the same places.
         branch: If the folder holds a sweep by another description, take one of its own beside it,
             instead of refusing.
+        retry: Do tasks once more that failed or were given up; their rows are replaced.
         **described: The rest of the `Description`: over, how, given, samples, seed, time_out.
 
     Returns:
@@ -96,14 +96,14 @@ def sweep(
         folder = folder.with_name(f"{folder.name}-{description.digest[:8]}")
     if workers is not None:
         workers = whole(workers, "workers")
-    function(description.analysis)
+    computing = version(description.analysis)
     if description.analysis in ANALYSES:  # what cannot be called is better known at once
         task(description.analysis, description.tasks[0])
-    store = Store(folder, description, version())
+    store = Store(folder, description, computing, retry=retry)
     try:
         left = [pair for pair in enumerate(description.tasks) if pair[0] not in store.done]
         if left:
-            _work(description, store, left, workers, ray)
+            _work(_crew(description, computing, len(left), workers, ray), store, left)
         store.flush(last=True)
     except KeyboardInterrupt:
         store.flush()
@@ -129,25 +129,23 @@ def _described(analysis: Any, rest: dict[str, Any]) -> Description:
     return Description.of({"analysis": analysis, **rest})
 
 
-def _work(
-    description: Description,
-    store: Store,
-    left: list[tuple[int, dict[str, Any]]],
-    workers: int | None,
-    ray: str | None,
-) -> None:
+def _crew(
+    description: Description, computing: str, tasks: int, workers: int | None, ray: str | None
+) -> Workers | Cluster:
+    """Who does the tasks."""
+    analysis, time_out = description.analysis, description.time_out
+    if ray is not None:
+        return Cluster(analysis, workers, time_out, ray, computing)
+    return Workers(analysis, min(workers or os.cpu_count() or 1, tasks), time_out)
+
+
+def _work(crew: Workers | Cluster, store: Store, left: list[Task]) -> None:
     """Do the tasks that are left."""
-    crew: Workers | Cluster
-    if ray is None:
-        count = min(workers or os.cpu_count() or 1, len(left))
-        crew = Workers(description.analysis, count, description.time_out)
-    else:
-        crew = Cluster(description.analysis, workers, description.time_out, ray)
-    failures, began = 0, time.monotonic()
+    failures, began, given = 0, time.monotonic(), dict(left)
     try:
         with progress("tasks", len(left)) as advance:
             for count, outcome in enumerate(crew.outcomes(left), 1):
-                row = {**description.tasks[outcome.task], **outcome._asdict()}
+                row = {**given[outcome.task], **outcome._asdict()}
                 store.add(row, row.pop("results"))
                 failures += outcome.status != DONE
                 rate = count / (time.monotonic() - began)

@@ -38,6 +38,7 @@ class Store:
         folder: Made if it is not there.
         description: What is swept.
         version: Of what computes.
+        retry: Whether tasks that failed are to be done again: their rows are taken out.
 
     Raises:
         ValueError: if the folder holds another sweep, one of another version, or anything else; or
@@ -45,9 +46,12 @@ class Store:
         ImportError: if pyarrow is not installed.
     """
 
-    def __init__(self, folder: Path, description: Description, version: str) -> None:
+    def __init__(
+        self, folder: Path, description: Description, version: str, *, retry: bool = False
+    ) -> None:
         with extra("sweep"):
             import pyarrow  # type: ignore[import-not-found]
+            import pyarrow.compute  # type: ignore[import-not-found]
             import pyarrow.parquet  # type: ignore[import-not-found]
         self._arrow, self._parquet = pyarrow, pyarrow.parquet
         self.folder, self._rows_folder = folder, folder / "rows"
@@ -68,15 +72,18 @@ class Store:
             self._manifest = read_manifest(folder)
         else:
             self._save_manifest()
-        self._read()
+        self._read(retry)
         with self._writing():
             self._journal = self._new_journal()
         self.flush()
 
-    def _read(self) -> None:
+    def _read(self, retry: bool) -> None:
         """Take up what stands in the folder; a torn line at the journal's end is forgotten."""
         for left in self.folder.glob("*.aside"):
             left.unlink()
+        for path in sorted(self._rows_folder.glob("*.parquet")):
+            if retry:
+                self._take_failed_out(path)
         for path in sorted(self._rows_folder.glob("*.parquet")):
             table = self._parquet.read_table(path, columns=["task", "status"])
             self.done |= dict(zip(*(column.to_pylist() for column in table.columns), strict=True))
@@ -86,9 +93,25 @@ class Store:
                 row = json.loads(line)
             except ValueError:
                 continue
-            if row["task"] not in self.done:
+            if row["task"] not in self.done and not (retry and row["status"] != DONE):
                 self.done[row["task"]] = row["status"]
                 self._pending.append(row)
+
+    def _take_failed_out(self, path: Path) -> None:
+        """Leave in a file of the dataset what was done."""
+        table = self._parquet.read_table(path)
+        done = table.filter(self._arrow.compute.equal(table["status"], DONE))
+        if not len(done):
+            path.unlink()
+        elif len(done) < len(table):
+            with self._writing():
+                self._put(done, path.name)
+
+    def _put(self, table: Any, name: str) -> None:
+        """Write a file of the dataset, in place of one of that name."""
+        aside = self.folder / f"{name}.aside"
+        self._parquet.write_table(table, aside)
+        os.replace(aside, self._rows_folder / name)
 
     def _new_journal(self) -> TextIO:
         """A journal of the rows that are no part of the dataset yet."""
@@ -156,11 +179,9 @@ class Store:
             rows = sorted(self._pending, key=lambda row: row["task"])
             parts = {n: [_as(row.get(n), kind) for row in rows] for n, kind in kinds.items()}
             table = self._arrow.Table.from_pydict(parts, schema=schema)
-            name = f"{rows[0]['task']:08d}-{len(self.done):08d}.parquet"
-            aside = self.folder / f"{name}.aside"
+            last_one = max((path.stem for path in self._rows_folder.glob("*.parquet")), default="0")
             with self._writing():
-                self._parquet.write_table(table, aside)
-                os.replace(aside, self._rows_folder / name)
+                self._put(table, f"{int(last_one) + 1:06d}.parquet")
                 self._pending = []
                 self._journal.truncate(0)
 

@@ -12,7 +12,7 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from gym_passive_walker.arguments import unknown
+from gym_passive_walker.arguments import gait_kind, one_slope, unknown, whole
 from gym_passive_walker.control import robustness as robust
 from gym_passive_walker.control import walks
 from gym_passive_walker.control.baselines import BASELINES
@@ -21,9 +21,11 @@ from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.scene import Scene, make_scene, walker_from
 from gym_passive_walker.gaits.basin import basin_of_attraction
 from gym_passive_walker.gaits.bifurcation import bifurcation_diagram
+from gym_passive_walker.gaits.drive import Drive, one_drive
 from gym_passive_walker.gaits.family import gait_family
-from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
+from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.reality import reality_check
+from gym_passive_walker.gaits.search import seek
 from gym_passive_walker.policies import load_policy
 from gym_passive_walker.walkers import Walker
 
@@ -33,15 +35,25 @@ _WALKER = tuple(f.name for f in fields(Walker))
 _SCENE = tuple(f.name for f in fields(Scene))
 
 
-def gait(walker: Walker, slope: float, kind: str = "long", period: int = 1) -> Row:
+def gait(
+    walker: Walker,
+    slope: float,
+    kind: str = "long",
+    period: int = 1,
+    hip_torque: float = 0.0,
+    ankle_torque: float = 0.0,
+    push_off: float = 0.0,
+) -> Row:
     """Whether there is a gait of a kind at a slope, whether it is stable, and its measures."""
-    found = [gait for gait in find_gaits(walker, slope, period=period) if gait.kind == kind]
+    drive = one_drive(walker, Drive(hip_torque, ankle_torque, push_off))
+    sought = one_slope(slope), gait_kind(kind)
+    found = seek(walker, *sought, period=whole(period, "period"), drive=drive).gait
     names = ("stance_angle", "step_period", "step_length", "froude_speed", "cost_of_transport")
     return {
-        "found": bool(found),
-        "stable": bool(found and found[0].stable),
-        "multiplier": abs(found[0].multipliers[0]) if found else np.nan,
-        **{name: getattr(found[0], name) if found else np.nan for name in names},
+        "found": found is not None,
+        "stable": found is not None and bool(found.stable),
+        "multiplier": np.nan if found is None else abs(found.multipliers[0]),
+        **{name: np.nan if found is None else getattr(found, name) for name in names},
     }
 
 

@@ -25,8 +25,11 @@ from gym_passive_walker.sweeps.store import DONE, FAILED, TIMED_OUT
 from gym_passive_walker.sweeps.tasks import ANALYSES, flat, task
 
 _MOST = 2000  # tasks sent at once
-_STILLBORN = 3  # workers that end before they begin, after which it is no accident
-_TRIES = 2  # of a task that takes its process with it
+STILLBORN = 3
+"""Workers that end before they begin, after which it is no accident."""
+
+TRIES = 2
+"""Of a task that takes its process with it."""
 
 Task = tuple[int, dict[str, Any]]
 """A task's number, and what it is given."""
@@ -130,7 +133,7 @@ class Workers:
         worker.process.join()
         code, at = worker.process.exitcode, worker.tasks[0] if worker.tasks else None
         self._stillborn += not worker.ready
-        if self._stillborn >= _STILLBORN:
+        if self._stillborn >= STILLBORN:
             raise RuntimeError(
                 f"worker processes end before they begin (exit code {code}): a script that sweeps "
                 'does so below `if __name__ == "__main__":`'
@@ -140,7 +143,7 @@ class Workers:
         if at is None:
             return None
         tried[at[0]] += 1
-        if tried[at[0]] < _TRIES:
+        if tried[at[0]] < TRIES:
             waiting.appendleft(at)
             return None
         return Outcome(at[0], FAILED, f"its process ended with exit code {code}", took, {})

@@ -308,11 +308,18 @@ def test_ctrl_c_saves_evaluates_and_ends_well(tmp_path):
 
 
 @pytest.mark.learning
-def test_a_search_keeps_the_best_and_can_go_on(tmp_path, capsys):
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of Ray's own
+@pytest.mark.filterwarnings("ignore::FutureWarning")
+@pytest.mark.filterwarnings("ignore::ResourceWarning")
+@pytest.mark.parametrize("ways", [("", ""), ("", "--ray"), ("--ray", "")])
+def test_a_search_keeps_the_best_and_can_go_on(ways, tmp_path, capsys):
     pytest.importorskip("optuna")
+    if any(ways):
+        pytest.importorskip("ray.tune", exc_type=ImportError)
     line = ["--scene", "steep", "--steps", "128", "--envs", "8", "--every", "64", "--quiet"]
-    for trials in (1, 2):
-        assert train.main([*line, "--search", str(trials), "--out", str(tmp_path)]) == 0
+    for trials, way in enumerate(ways, 1):
+        asked = ["--search", str(trials), "--out", str(tmp_path), *filter(None, [way])]
+        assert train.main([*line, *asked]) == 0
     assert sorted(path.name for path in tmp_path.glob("trial-*")) == ["trial-0", "trial-1"]
     best = yaml.safe_load((tmp_path / "best.yml").read_text())["steep"]
     assert best["n_envs"] == 8 and "learning_rate" in best

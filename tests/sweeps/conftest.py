@@ -16,7 +16,7 @@ def square(x, seed=0):
 def noted(x, folder):
     """Says that it was done, so that it can be seen how often."""
     with open(Path(folder) / "noted", "a") as file:
-        file.write(f"{x}\\n")
+        file.write(f"{x} {os.getpid()}\\n")
     time.sleep(0.02)
     return {"square": x * x}
 
@@ -28,6 +28,16 @@ def dies(x, times, folder):
         with lives.open("a") as file:
             file.write("x")
         os.kill(os.getpid(), signal.SIGKILL)
+    return {"square": x * x}
+
+
+def orphans(x, folder):
+    """Takes with it the process that watches its own, once."""
+    told = Path(folder) / "told"
+    if x == 5 and not told.exists():
+        told.touch()
+        os.kill(os.getppid(), signal.SIGKILL)
+        time.sleep(60.0)
     return {"square": x * x}
 
 

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,16 +16,10 @@ import gym_passive_walker as gpw
 from gym_passive_walker.cli import main
 from gym_passive_walker.sweeps import run
 from gym_passive_walker.sweeps.store import DONE, FAILED, TIMED_OUT
+from gym_passive_walker.sweeps.version import version
+from tests.sweeps.same import same
 
 parquet = pytest.importorskip("pyarrow.parquet")
-
-
-def same(one, other):
-    """Whether two sweeps found the same, to the last bit; how long it took is nobody's promise."""
-    one, other = one.columns(), other.columns()
-    assert list(one) == list(other)
-    for name in one.keys() - {"seconds", "version", "sweep"}:
-        np.testing.assert_array_equal(one[name], other[name], err_msg=name)
 
 
 def squares(folder, count=12, **options):
@@ -36,7 +31,7 @@ def test_ten_thousand_tiny_tasks_are_ten_thousand_rows(odd):
     columns = found.columns()
     assert columns["task"].tolist() == list(range(10_000)) and found.failures == 0
     assert columns["square"].tolist() == [x * x for x in range(10_000)]
-    assert set(columns["version"]) == {run.version()} and set(columns["seed"]) == {4}
+    assert set(columns["version"]) == {version("odd_tasks:square")} and set(columns["seed"]) == {4}
     assert columns["word"][3] == "3 4" and columns["odd"].dtype == bool
 
 
@@ -109,6 +104,20 @@ def test_a_sweep_that_was_stopped_does_the_rest_alone_and_ends_as_if_it_had_not(
     same(stopped, whole)
 
 
+def test_what_failed_is_done_once_more_if_that_is_asked_for_and_nothing_else(odd):
+    over, given = {"x": list(range(8))}, {"times": 2, "folder": str(odd)}
+    options = {"over": over, "given": given, "workers": 1}
+    first = gpw.sweep("odd_tasks:dies", odd / "out", **options)
+    assert first.failures == 1 and first.columns()["status"][5] == FAILED
+    kept = gpw.sweep("odd_tasks:dies", odd / "out", **options)
+    assert kept.failures == 1 and (odd / "lives").read_text() == "xx"
+    again = gpw.sweep("odd_tasks:dies", odd / "out", retry=True, **options)
+    before, after = first.columns(), again.columns()
+    assert again.failures == 0 and [*after["square"]] == [x * x for x in range(8)]
+    others = np.arange(8) != 5
+    np.testing.assert_array_equal(before["seconds"][others], after["seconds"][others])
+
+
 def test_a_full_disk_loses_nothing_finished(odd, monkeypatch):
     full = {"write": True}
     write = parquet.write_table
@@ -138,7 +147,10 @@ def test_a_sweep_of_another_version_or_description_is_refused_or_branches(odd, m
     beside = squares(odd / "out", 5, workers=1, branch=True)
     assert beside.folder != odd / "out" and len(beside.columns()["x"]) == 5
     assert len(squares(odd / "out", workers=1).columns()["x"]) == 12
-    monkeypatch.setattr(run, "version", lambda: "0.0.1")
+    (odd / "odd_tasks.py").write_text((odd / "odd_tasks.py").read_text() + "# another\n")
+    with pytest.raises(ValueError, match="was computed by version"):
+        squares(odd / "out", workers=1)
+    monkeypatch.setattr(run, "version", lambda _: "0.0.1")
     with pytest.raises(ValueError, match=r"was computed by version .*, this is 0\.0\.1"):
         squares(odd / "out", workers=1)
 
@@ -158,11 +170,21 @@ def test_gaits_are_the_same_by_one_worker_and_by_two(tmp_path):
     assert found[0].columns()["stance_angle"][2] == gpw.find_gait("C", 0.03).stance_angle
 
 
-@pytest.mark.slow
-def test_ray_finds_the_same(odd):
-    pytest.importorskip("ray")
-    here, there = squares(odd / "here", workers=2), squares(odd / "there", workers=2, ray="here")
-    same(here, there)
+def test_a_picture_is_in_the_units_that_it_says_whatever_the_size_of_a_walker(tmp_path):
+    pytest.importorskip("matplotlib")
+    small = gpw.WALKERS["lab-straight"]
+    ends = ("length", "offset", "gyration", "com", "radius")
+    large = replace(small, **{n: 2.0 * v for n, v in vars(small).items() if n.endswith(ends)})
+    found = gpw.sweep(
+        "gait", tmp_path / "out", over={"walker": [small, large]}, given={"slope": 0.03}, workers=1
+    )
+    ax, bar = found.plot(x="step_length", y="step_period", by="multiplier").axes
+    one, other = ax.collections[0].get_offsets()
+    length = found.columns()["step_length"]
+    assert length[1] == pytest.approx(2.0 * length[0])
+    np.testing.assert_allclose(one, other, rtol=1e-9)
+    assert ax.get_xlabel() == "step length / l" and ax.get_ylabel() == "step period / √(l/g)"
+    assert bar.get_ylabel() == "modulus of the largest multiplier"
 
 
 @pytest.mark.slow
@@ -178,3 +200,36 @@ def test_the_dataset_is_read_by(library, odd):
         case _:
             total = module.sql(f"select sum(square) from '{rows}/*.parquet'").fetchall()[0][0]
     assert total == sum(x * x for x in range(12))
+
+
+@pytest.mark.slow
+def test_on_a_disk_that_fills_up_nothing_finished_is_lost(odd):
+    """A disk of 300 kB, in a place of its own that ends with the processes that see it."""
+    disk = odd / "disk"
+    disk.mkdir()
+    (odd / "much.json").write_text(
+        json.dumps({"analysis": "odd_tasks:square", "over": {"x": list(range(5000))}})
+    )
+    sweep = f"{sys.executable} -m gym_passive_walker sweep {odd}/much.json --out {disk}/out"
+    script = (
+        f"mount -t tmpfs -o size=300k none {disk} || exit 77\n"
+        f"{sweep} --workers 1; echo first $?\n"
+        f"cp {disk}/out/journal.jsonl {odd}/before\n"
+        f"mount -o remount,size=30m {disk}\n"
+        f"{sweep} --workers 1 --json && cp -r {disk}/out {odd}/kept"
+    )
+    alone = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-c", script]
+    try:
+        told = subprocess.run(alone, capture_output=True, text=True, timeout=300)
+    except FileNotFoundError:
+        pytest.skip("there is no unshare here")
+    if told.returncode in (1, 77) and "first" not in told.stdout:
+        pytest.skip(f"no disk of one's own here: {told.stderr}")
+    assert "No space left on device" in told.stderr and "the same call goes on" in told.stderr
+    assert told.returncode == 0 and "first 0" not in told.stdout
+    columns = run.Swept(odd / "kept", 5000, 0).columns()
+    assert columns["square"].tolist() == [x * x for x in range(5000)]
+    whole = [line for line in (odd / "before").read_text().splitlines() if line.endswith("}")]
+    before = [json.loads(line) for line in whole]
+    assert 100 < len(before) < 5000
+    assert all(columns["seconds"][row["task"]] == row["seconds"] for row in before)

@@ -1,0 +1,199 @@
+"""PPO through RLlib, whose env runners sample native batches of walkers.
+
+    python -m agents.rllib                                on the recommended scene
+    python -m agents.rllib --scene lab --runners 2        two processes that sample
+    python -m agents.rllib --steps 300000 --out runs/rllib
+
+RLlib pins an older Gymnasium than all else here: give it an environment of its own, with
+`pip install -e ".[rllib]" torch`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from agents.config import DEFAULT_SCENE, Config, ConfigError, configure
+from gym_passive_walker.arguments import whole
+from gym_passive_walker.control.baselines import Passive
+from gym_passive_walker.control.walks import Walks, evaluate, table
+from gym_passive_walker.envs.registration import ID
+from gym_passive_walker.envs.scene import SCENES
+from gym_passive_walker.extras import extra
+
+with extra("rllib"):
+    import ray  # type: ignore[import-not-found]
+    from ray.rllib.algorithms.ppo import PPO, PPOConfig  # type: ignore[import-not-found]
+    from ray.rllib.connectors.env_to_module import (  # type: ignore[import-not-found]
+        MeanStdFilter,
+    )
+    from ray.rllib.core.rl_module.default_model_config import (  # type: ignore[import-not-found]
+        DefaultModelConfig,
+    )
+    from ray.rllib.utils.filter import RunningStat  # type: ignore[import-not-found]
+    from ray.rllib.utils.numpy import SMALL_NUMBER  # type: ignore[import-not-found]
+
+STEPS = 200_000
+"""Environment steps of a training, unless told otherwise: enough to walk, not to walk well."""
+
+EPISODES, SEED = 20, 1000
+"""Episodes that judge what was learned, and the seed of the first."""
+
+
+def rllib_config(config: Config, *, runners: int = 0) -> PPOConfig:
+    """A configuration of this repository's PPO as RLlib has it.
+
+    The preset's schedule of exploration is stable-baselines3's alone: here noise begins as large as
+    the largest torque, and becomes what learning makes of it.
+
+    Args:
+        config: What to train.
+        runners: Processes that sample, each as many walkers as there are; 0 samples in this one.
+
+    Raises:
+        ValueError: if there cannot be so many.
+    """
+    runners, given = whole(runners, "runners", least=0), config.hyperparams
+    network = given["policy_kwargs"]
+    rate = float(str(given["learning_rate"]).removeprefix("lin_"))
+    scene = {"scene": config.scene, **config.env, **config.training}
+    return (
+        PPOConfig()
+        .environment(
+            f"gym_passive_walker:{ID}",
+            env_config=scene | {"max_episode_steps": config.episode_steps},
+        )
+        .env_runners(
+            num_env_runners=runners,
+            num_envs_per_env_runner=config.n_envs,
+            gym_env_vectorize_mode=gym.VectorizeMode.VECTOR_ENTRY_POINT,
+            rollout_fragment_length=given["n_steps"],
+            env_to_module_connector=lambda env, spaces, device: MeanStdFilter(),
+        )
+        .training(
+            train_batch_size_per_learner=given["n_steps"] * config.n_envs * max(runners, 1),
+            minibatch_size=given["batch_size"],
+            num_epochs=given["n_epochs"],
+            lr=[[0, rate], [config.steps, 0.0]],
+            gamma=given["gamma"],
+            lambda_=given["gae_lambda"],
+            clip_param=given.get("clip_range", 0.2),
+            entropy_coeff=given["ent_coef"],
+            vf_clip_param=float("inf"),
+            use_kl_loss=False,
+            grad_clip=0.5,
+        )
+        .rl_module(
+            model_config=DefaultModelConfig(
+                fcnet_hiddens=network["net_arch"],
+                fcnet_activation=str(network.get("activation_fn", "Tanh")).split(".")[-1].lower(),
+                vf_share_layers=False,
+                free_log_std=True,
+            )
+        )
+        .debugging(seed=config.seed, log_level="ERROR")
+    )
+
+
+class RllibPolicy:
+    """What an algorithm of RLlib has learned so far, acting as the package's policies do.
+
+    Args:
+        algorithm: The algorithm.
+    """
+
+    def __init__(self, algorithm: PPO) -> None:
+        self._module = algorithm.get_module()
+        sees = algorithm.env_runner.get_state()["env_to_module_connector"]["MeanStdFilter"]
+        self._seen = RunningStat.from_state(sees[None]["running_stats"][0])
+
+    def predict(
+        self,
+        observation: NDArray,
+        state: tuple[NDArray, ...] | None = None,
+        episode_start: NDArray | None = None,
+        deterministic: bool = True,
+    ) -> tuple[NDArray[np.float32], None]:
+        """The mean actions for a batch of observations."""
+        seen = np.clip(
+            (observation - self._seen.mean) / (self._seen.std + SMALL_NUMBER), -10.0, 10.0
+        )
+        with torch.no_grad():
+            batch = {"obs": torch.as_tensor(seen, dtype=torch.float32)}
+            mean, _ = self._module.forward_inference(batch)["action_dist_inputs"].chunk(2, dim=-1)
+        return np.clip(mean.numpy(), -1.0, 1.0), None
+
+
+def train(
+    config: Config, *, runners: int = 0, out: Path | None = None, quiet: bool = False
+) -> Walks:
+    """Train PPO through RLlib, and let what it has learned walk.
+
+    Args:
+        config: What to train.
+        runners: Processes that sample; 0 samples in this one.
+        out: Gets RLlib's checkpoint; nothing is kept if None.
+        quiet: Whether to say nothing of how it goes.
+
+    Returns:
+        Episodes of the mean actions.
+    """
+    ray.init("local", include_dashboard=False, log_to_driver=False, logging_level=logging.ERROR)
+    try:
+        algorithm = rllib_config(config, runners=runners).build_algo()
+        steps = 0
+        while steps < config.steps:
+            result = algorithm.train()
+            steps = int(result["num_env_steps_sampled_lifetime"])
+            if not quiet:
+                length = result["env_runners"].get("episode_len_mean", float("nan"))
+                print(f"{steps:,} steps: episodes of {length:.0f}", flush=True)
+        if out is not None:
+            algorithm.save_to_path(out.absolute())
+        return evaluate(RllibPolicy(algorithm), arena(config), seed=SEED)
+    finally:
+        ray.shutdown()
+
+
+def arena(config: Config) -> gym.vector.VectorEnv:
+    """Environments to be judged in."""
+    return gym.make_vec(f"gym_passive_walker:{ID}", EPISODES, scene=config.scene, **config.env)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line; returns the exit status."""
+    parser = argparse.ArgumentParser(
+        prog="python -m agents.rllib",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("--scene", default=DEFAULT_SCENE, help=f"{', '.join(SCENES)} (%(default)s)")
+    add("--steps", type=int, default=STEPS, metavar="N", help="environment steps (%(default)s)")
+    add("--runners", type=int, default=0, metavar="N", help="processes that sample (this one)")
+    add("--seed", type=int, default=0, help="of everything (%(default)s)")
+    add("--out", type=Path, metavar="DIR", help="keep RLlib's checkpoint there")
+    args = parser.parse_args(arguments)
+    try:
+        config = configure("ppo", args.scene, steps=args.steps, seed=args.seed)
+        walks = train(config, runners=args.runners, out=args.out)
+    except (ConfigError, ValueError) as error:
+        print(f"agents.rllib: error: {error}", file=sys.stderr)
+        return 2
+    passive = evaluate(Passive(), arena(config), seed=SEED)
+    print(
+        table(f"{config.scene}; {EPISODES} episodes", {"RLlib PPO": walks, Passive.name: passive})
+    )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

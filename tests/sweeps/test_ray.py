@@ -1,0 +1,122 @@
+"""On a Ray cluster a sweep finds the same, whatever becomes of workers, machines and the head."""
+
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.sweeps.run import Swept
+from tests.sweeps.same import same
+
+pytest.importorskip("ray")
+parquet = pytest.importorskip("pyarrow.parquet")
+cluster_utils = pytest.importorskip("ray.cluster_utils")
+
+pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]  # Ray's own
+
+
+@pytest.fixture
+def cluster(odd):
+    """A head and another machine, with a processor each, both on this machine."""
+    head = {"num_cpus": 1, "include_dashboard": False}
+    found = cluster_utils.Cluster(initialize_head=True, head_node_args=head)
+    found.other = found.add_node(num_cpus=1)
+    yield found
+    found.shutdown()
+
+
+def line(odd, count, address):
+    """A command that sweeps on a cluster, in a process of its own."""
+    script, options = odd / "script.py", {"over": {"x": list(range(count))}, "ray": address}
+    options["given"] = {"folder": str(odd)}
+    script.write_text(
+        "import gym_passive_walker as gpw\n"
+        "if __name__ == '__main__':\n"
+        f"    gpw.sweep('odd_tasks:noted', {str(odd / 'out')!r}, **{options!r})\n"
+    )
+    return [sys.executable, "-W", "ignore", str(script)]
+
+
+def test_it_finds_the_same_as_processes_do(odd, cluster):
+    over = {"x": list(range(200))}
+    here = gpw.sweep("odd_tasks:square", odd / "here", over=over, workers=2)
+    same(here, gpw.sweep("odd_tasks:square", odd / "there", over=over, ray=cluster.address))
+
+
+def test_a_worker_that_is_killed_leaves_its_tasks_to_the_others(odd, cluster):
+    over, given = {"x": list(range(40))}, {"folder": str(odd)}
+    options = {"over": over, "given": given}
+    killed = gpw.sweep("odd_tasks:orphans", odd / "out", ray=cluster.address, **options)
+    assert (odd / "told").exists() and killed.failures == 0
+    same(killed, gpw.sweep("odd_tasks:orphans", odd / "whole", workers=1, **options))
+
+
+def test_a_machine_that_is_lost_leaves_its_tasks_to_the_others(odd, cluster):
+    over, given = {"x": list(range(300))}, {"folder": str(odd)}
+
+    def lose():
+        while not (odd / "noted").exists() or (odd / "noted").read_text().count("\n") < 20:
+            time.sleep(0.01)
+        cluster.remove_node(cluster.other)
+
+    losing = threading.Thread(target=lose)
+    losing.start()
+    found = gpw.sweep("odd_tasks:noted", odd / "out", over=over, given=given, ray=cluster.address)
+    losing.join()
+    assert found.failures == 0
+    assert found.columns()["square"].tolist() == [x * x for x in range(300)]
+
+
+def test_a_machine_that_joins_takes_its_share(odd, cluster):
+    cluster.remove_node(cluster.other)
+    process = subprocess.Popen(line(odd, 2500, cluster.address))
+    while not (odd / "noted").exists():
+        assert process.poll() is None
+        time.sleep(0.01)
+    cluster.add_node(num_cpus=1)
+    assert process.wait(timeout=300) == 0
+    workers = {each.split()[1] for each in (odd / "noted").read_text().splitlines()}
+    assert len(workers) == 2 and len(Swept(odd / "out", 2500, 0).columns()["x"]) == 2500
+
+
+def test_a_machine_of_another_version_is_refused(odd, cluster, monkeypatch):
+    elsewhere = odd / "elsewhere"
+    elsewhere.mkdir()
+    text = (odd / "odd_tasks.py").read_text()
+    (elsewhere / "odd_tasks.py").write_text(text.replace("x * x", "x * x + 1"))
+    cluster.remove_node(cluster.other)
+    monkeypatch.setenv("PYTHONPATH", str(elsewhere), prepend=":")
+    cluster.add_node(num_cpus=1)
+    over = {"x": list(range(500))}
+    with pytest.raises(ValueError, match=r"of the cluster has version .* install that one there"):
+        gpw.sweep("odd_tasks:noted", odd / "out", over=over, given={"folder": str(odd)},
+                  ray=cluster.address)  # fmt: skip
+
+
+def test_a_sweep_whose_head_is_lost_goes_on_with_the_next(odd):
+    head = {"num_cpus": 2, "include_dashboard": False}
+    first = cluster_utils.Cluster(initialize_head=True, head_node_args=head)
+    process = subprocess.Popen(line(odd, 400, first.address))
+    journal = odd / "out" / "journal.jsonl"
+    while not (journal.exists() and journal.read_text().count("\n") >= 30):
+        assert process.poll() is None
+        time.sleep(0.01)
+    first.shutdown()
+    assert process.wait(timeout=300) != 0
+    kept = len(journal.read_text().splitlines())
+    kept += sum(parquet.read_metadata(path).num_rows for path in (odd / "out/rows").iterdir())
+    done = (odd / "noted").read_text().count("\n")
+    second = cluster_utils.Cluster(initialize_head=True, head_node_args=head)
+    try:
+        subprocess.run(line(odd, 400, second.address), check=True, timeout=300)
+    finally:
+        second.shutdown()
+    again = (odd / "noted").read_text().count("\n") - done
+    assert 30 <= kept < 400 and again == 400 - kept  # nothing that was kept is done again
+    same(Swept(odd / "out", 400, 0), gpw.sweep(
+        "odd_tasks:noted", odd / "whole", over={"x": list(range(400))},
+        given={"folder": str(odd)}, workers=1,
+    ))  # fmt: skip

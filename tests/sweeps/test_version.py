@@ -1,0 +1,43 @@
+"""The version in a row changes with what computes, and with nothing else."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.sweeps.version import version
+
+
+@pytest.mark.parametrize(
+    ("part", "counts"),
+    [
+        ("gaits/search.py", True),
+        ("engine/lanes.py", True),
+        ("physics/kneed.py", True),
+        ("control/optimal.py", True),
+        ("envs/task.py", True),
+        ("sweeps/tasks.py", True),
+        ("render/axes.py", False),
+        ("sweeps/pictures.py", False),
+    ],
+)
+def test_another_equation_or_search_is_another_version_and_another_picture_is_not(
+    part, counts, tmp_path, monkeypatch
+):
+    only = shutil.ignore_patterns("__pycache__", "*.safetensors")
+    copy = tmp_path / "copy"
+    shutil.copytree(Path(gpw.__file__).parent, copy, ignore=only)
+    monkeypatch.setattr(gpw, "__file__", str(copy / "__init__.py"))
+    before = version("gait")
+    with (copy / part).open("a") as file:
+        file.write("# another\n")
+    assert (version("gait") != before) == counts
+
+
+def test_a_function_of_ones_own_counts_with_its_module(odd):
+    before = version("odd_tasks:square")
+    assert before != version("gait")
+    with (odd / "odd_tasks.py").open("a") as file:
+        file.write("# another\n")
+    assert version("odd_tasks:square") != before

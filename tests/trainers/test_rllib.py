@@ -1,0 +1,36 @@
+"""PPO of RLlib, sampled by its own env runners, learns to walk.
+
+RLlib pins an older Gymnasium: `nox -s rllib` makes an environment of its own for this.
+"""
+
+import pytest
+
+pytest.importorskip("ray.rllib.algorithms.ppo", exc_type=ImportError)
+pytest.importorskip("torch")
+
+from agents import rllib
+from agents.config import configure
+from gym_passive_walker.control.baselines import Passive
+from gym_passive_walker.control.walks import HUNDRED, WALKED_ON, evaluate
+
+pytestmark = pytest.mark.filterwarnings("ignore")  # Ray's own
+
+
+@pytest.mark.learning
+@pytest.mark.parametrize("runners", [0, 1], ids=["in this process", "in one of its own"])
+def test_it_walks_where_a_passive_walker_falls(runners, tmp_path):
+    config = configure("ppo", "level", steps=120_000, seed=0)
+    learned = rllib.train(config, runners=runners, out=tmp_path / "kept", quiet=True)
+    passive = evaluate(Passive(), rllib.arena(config), seed=rllib.SEED)
+    assert passive.endings.count(WALKED_ON) == 0
+    assert learned.endings.count(WALKED_ON) >= 15 and (learned.strides >= HUNDRED).sum() >= 15
+    assert (learned.cost_of_transport[learned.strides >= HUNDRED] > 0.0).all()
+    assert any((tmp_path / "kept").iterdir())
+
+
+def test_it_samples_native_batches_as_the_preset_says():
+    config = rllib.rllib_config(configure("ppo", "level", steps=1000), runners=2)
+    assert config.num_envs_per_env_runner == 64 and config.num_env_runners == 2
+    assert config.train_batch_size_per_learner == 2 * 64 * 64
+    with pytest.raises(ValueError, match="runners"):
+        rllib.rllib_config(configure("ppo", "level"), runners=-1)
