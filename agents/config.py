@@ -12,7 +12,7 @@ import yaml
 
 from gym_passive_walker.arguments import unknown, whole
 
-ALGORITHMS = ("ppo", "sac", "shac")
+ALGORITHMS = ("ppo", "ppo-fast", "sac", "shac")
 DEFAULT_SCENE = "level"
 EVALUATIONS = 20
 """How often a run stops to evaluate and to save, unless told otherwise."""
@@ -23,6 +23,7 @@ _OF_THE_RUN = ("normalize", "env_wrapper", "callback", "env_kwargs")
 _TIME_LIMIT = "gymnasium.wrappers.TimeLimit"
 _EXPLORATION = {
     "ppo": "agents.exploration.Schedule",
+    "ppo-fast": "agents.exploration.Schedule",
     "sac": "agents.exploration.Ladder",
     "shac": "agents.exploration.Schedule",
 }
@@ -182,7 +183,7 @@ def configure(
     count: int = preset.pop("n_envs")
     total: int = preset.pop("n_timesteps")
     normalize, wrapper, callback, training = (preset.pop(key, None) for key in _OF_THE_RUN)
-    if n_envs is not None and algo == "ppo" and n_envs > 0:
+    if n_envs is not None and algo in ("ppo", "ppo-fast") and n_envs > 0:
         # Of an update as large, as many whole batches.
         update = preset["n_steps"] * count
         batches = max(1, update // preset["batch_size"])

@@ -87,6 +87,7 @@ class Ladder(BaseCallback):
 
 _EXPLORERS: dict[str, type[BaseCallback]] = {
     "ppo": Schedule,
+    "ppo-fast": Schedule,
     "sac": Ladder,
     "shac": Schedule,
 }

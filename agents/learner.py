@@ -27,6 +27,7 @@ from agents.config import Config, ConfigError, reason
 from agents.files import CONFIG, read_arrays, reading, replacing
 from agents.first_order import SHAC
 from agents.networks import POLICIES
+from agents.ppo_fast import FastPPO
 from agents.worlds import training_worlds
 from gym_passive_walker.arguments import unknown
 from gym_passive_walker.control.policy import Policy
@@ -36,7 +37,9 @@ from gym_passive_walker.policies.network import ACTIVATIONS, Network
 from gym_passive_walker.policies.tensors import read_tensors
 
 MODEL, NORMALIZER = "model.zip", "normalizer.npz"
-_CLASSES: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "shac": SHAC}
+_CLASSES: dict[str, type[BaseAlgorithm]] = {
+    "ppo": PPO, "ppo-fast": FastPPO, "sac": SAC, "shac": SHAC,
+}  # fmt: skip
 _MOMENTS = ("obs_rms", "ret_rms")
 _PLAIN = (bool, int, float, str, type(None))
 _OURS = ("env", "venv", "seed", "device")  # what a configuration decides elsewhere
@@ -192,7 +195,7 @@ def load_policy(run: Path, config: Config | None = None) -> LearnedPolicy:
         raise ConfigError(f"{run} has no {MODEL}: train it first, by --resume {run}")
     # To act takes no memory of steps.
     short = {"n_steps": 2, "batch_size": 2}
-    memory = {"ppo": short, "sac": {"buffer_size": 1}, "shac": short}[config.algo]
+    memory = {"buffer_size": 1} if config.algo == "sac" else short
     model = build(config, training_worlds(config, 1), **memory)
     restore_weights(model, run / MODEL)
     normalizer = model.get_vec_normalize_env()

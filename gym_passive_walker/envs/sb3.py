@@ -44,7 +44,7 @@ class Lane:
     @property
     def render_mode(self) -> str | None:
         """How it is drawn."""
-        return self._vec_env._native.render_mode
+        return self._vec_env.worlds.render_mode
 
     @property
     def walker(self) -> Walker:
@@ -88,6 +88,9 @@ class PassiveWalkerVecEnv(VecEnv):
         threads: As of `PassiveWalkerVectorEnv`.
         render_mode: "rgb_array", or None.
         **changes: As of `PassiveWalkerEnv`.
+
+    Attributes:
+        worlds: The vector environment that carries them.
     """
 
     def __init__(
@@ -103,7 +106,7 @@ class PassiveWalkerVecEnv(VecEnv):
         render_mode: str | None = None,
         **changes: Any,
     ) -> None:
-        self._native = PassiveWalkerVectorEnv(
+        self.worlds = PassiveWalkerVectorEnv(
             num_envs,
             scene,
             max_episode_steps=max_episode_steps,
@@ -111,14 +114,15 @@ class PassiveWalkerVecEnv(VecEnv):
             slopes=slopes,
             threads=threads,
             render_mode=render_mode,
+            autoreset_mode="SameStep",
             **changes,
         )
-        self.batch, self.scene = self._native.batch, self._native.scene
-        num_envs = self._native.num_envs
+        self.batch, self.scene = self.worlds.batch, self.worlds.scene
+        num_envs = self.worlds.num_envs
         self.lanes = [Lane(self, i) for i in range(num_envs)]
         super().__init__(
             num_envs,
-            self._native.single_observation_space,
+            self.worlds.single_observation_space,
             interface.action_space(self.scene.actions),
         )
         metadata: dict[str, Any] = self.metadata
@@ -133,7 +137,7 @@ class PassiveWalkerVecEnv(VecEnv):
         """Begin an episode in every environment, with the seeds and options that were set."""
         options = self._common_options()
         seeds = None if all(seed is None for seed in self._seeds) else self._seeds
-        observations, _ = self._native.reset(seed=seeds, options=options)
+        observations, _ = self.worlds.reset(seed=seeds, options=options)
         self.reset_infos = [{} for _ in range(self.num_envs)]
         self._reset_seeds()
         self._reset_options()
@@ -199,18 +203,18 @@ class PassiveWalkerVecEnv(VecEnv):
 
     def close(self) -> None:
         """Close what draws."""
-        self._native.close()
+        self.worlds.close()
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """A picture of each walker."""
-        frames = self._native.render()
+        frames = self.worlds.render()
         return [None] * self.num_envs if frames is None else list(frames)
 
     def get_attr(self, attr_name: str, indices: int | Iterable[int] | None = None) -> list[Any]:
         """An attribute of some environments: one of `Lane`, or else of the vector environment."""
         lanes = [self.lanes[i] for i in self._get_indices(indices)]
         return [
-            getattr(lane if hasattr(lane, attr_name) else self._native, attr_name) for lane in lanes
+            getattr(lane if hasattr(lane, attr_name) else self.worlds, attr_name) for lane in lanes
         ]
 
     def set_attr(
@@ -247,16 +251,16 @@ class PassiveWalkerVecEnv(VecEnv):
         self, slopes: ArrayLike, mask: NDArray[np.bool_] | None = None
     ) -> NDArray[np.float32]:
         """Give the strides that begin slopes of their own; see `PassiveWalkerVectorEnv`."""
-        return self._native.set_slopes(slopes, mask)
+        return self.worlds.set_slopes(slopes, mask)
 
     def charge_for(self, energy: str | None) -> None:
         """Charge all motors for another kind of hip work; see `PassiveWalkerVectorEnv`."""
-        self._native.charge_for(energy)
+        self.worlds.charge_for(energy)
 
     def get_state(self) -> dict[str, Any]:
         """All that decides what comes next; a copy."""
-        return self._native.get_state()
+        return self.worlds.get_state()
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Go back to a state that `get_state` gave."""
-        self._native.set_state(state)
+        self.worlds.set_state(state)

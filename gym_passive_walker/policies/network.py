@@ -22,6 +22,7 @@ ACTIVATIONS: dict[str, Callable[[NDArray], NDArray]] = {
 # Where each algorithm keeps its hidden layers, and the layer of the mean torque.
 _PLACES = {
     "ppo": ("mlp_extractor.policy_net", "action_net"),
+    "ppo-fast": ("mlp_extractor.policy_net", "action_net"),
     "sac": ("actor.latent_pi", "actor.mu"),
     "shac": ("mlp_extractor.policy_net", "action_net"),
 }
@@ -33,7 +34,7 @@ class Network:
 
     Args:
         tensors: Weights and moments, by the names that stable-baselines3 gives them.
-        algo: "ppo", "sac" or "shac".
+        algo: "ppo", "ppo-fast", "sac" or "shac".
         activation: One of `ACTIVATIONS`.
         normalizer: "epsilon" and "clip" of VecNormalize; None if observations were taken as they
             are.

@@ -51,6 +51,15 @@ class PassiveWalkerTorchEnv:
             num_envs, scene, autoreset_mode=autoreset_mode, **changes
         )
 
+    @classmethod
+    def around(
+        cls, worlds: PassiveWalkerVectorEnv, device: torch.device | str = "cpu"
+    ) -> PassiveWalkerTorchEnv:
+        """The walkers of a vector environment, on tensors: both step the same ones."""
+        self = cls.__new__(cls)
+        self.device, self.worlds = torch.device(device), worlds
+        return self
+
     @property
     def num_envs(self) -> int:
         """How many walkers."""

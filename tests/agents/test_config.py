@@ -128,7 +128,7 @@ def test_what_befalls_walkers_stands_in_a_run_s_file(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"algo": "dqn"}, "ppo, sac"),
+        ({"algo": "dqn"}, "ppo, ppo-fast, sac"),
         ({"scene": "moon"}, "level"),
         ({"steps": 0}, "steps must be a whole number from 1 on"),
         ({"n_envs": -1}, "n_envs must be a whole number from 1 on"),

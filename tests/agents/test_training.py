@@ -36,7 +36,7 @@ SAC = {"learning_starts": 64, "batch_size": 32, "buffer_size": 512, "learning_ra
 def small(algo="ppo", steps=256, scene="level", **changes):
     """A configuration of a few hundred steps."""
     config = configure(algo, scene, steps=steps, **{**SMALL, **changes})
-    config.hyperparams.update({"ppo": PPO, "sac": SAC, "shac": SHAC}[algo])
+    config.hyperparams.update({"sac": SAC, "shac": SHAC}.get(algo, PPO))
     if algo != "sac":  # noise follows the steps asked for
         config = dataclasses.replace(config, exploration=None)
     return config
@@ -80,8 +80,9 @@ def varied(steps):
         lambda steps: small("ppo", steps, "steep"),
         varied,
         lambda steps: small("shac", steps, "level"),
+        lambda steps: small("ppo-fast", steps, "rolling"),
     ],
-    ids=["ppo-rolling", "sac-level", "ppo-steep", "sac-varied", "shac-level"],
+    ids=["ppo-rolling", "sac-level", "ppo-steep", "sac-varied", "shac-level", "ppo-fast-rolling"],
 )
 def test_a_resumed_run_goes_on_as_if_uninterrupted(tmp_path, config):
     whole = Run(config(384), tmp_path / "whole")
@@ -111,11 +112,11 @@ def draws(run):
     return [
         torch.rand(3).tolist(), np.random.random(3).tolist(),  # noqa: NPY002
         *([run.model.action_space.sample().item() for _ in range(3)]),
-        *(source.random() for source in worlds._native.np_random),
+        *(source.random() for source in worlds.worlds.np_random),
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("algo", ["ppo", "sac", "shac"])
+@pytest.mark.parametrize("algo", ["ppo", "ppo-fast", "sac", "shac"])
 def test_a_checkpoint_brings_back_every_source_of_random_numbers(tmp_path, algo):
     run = Run(small(algo), tmp_path)
     run.train(progress=False)
@@ -184,10 +185,11 @@ def test_seconds_of_training_add_up(tmp_path, monkeypatch):
     assert [row["seconds"] for row in run.notes["curve"]] == [2.0, 5.0, 10.0]
 
 
-def test_the_same_seed_learns_the_same(tmp_path):
+@pytest.mark.parametrize("algo", ["ppo", "ppo-fast"])
+def test_the_same_seed_learns_the_same(tmp_path, algo):
     runs = []
     for i, seed in enumerate((1, 1, 2)):
-        runs.append(Run(small(seed=seed), tmp_path / str(i)))
+        runs.append(Run(small(algo, seed=seed), tmp_path / str(i)))
         runs[-1].train(progress=False)
     first, second, other = map(weights, runs)
     assert np.array_equal(first, second) and not np.array_equal(first, other)

@@ -1,0 +1,110 @@
+"""PPO on tensors: what it computes, beside the library that it is to be like."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+from stable_baselines3.common.buffers import RolloutBuffer
+
+from agents import evaluation, worlds
+from agents.config import ConfigError, configure
+from agents.learner import build
+from agents.ppo_fast import advantages, chances
+from agents.training import Run
+from gym_passive_walker.control.walks import WALKED_ON
+
+
+def made(scene="level", **changes):
+    """An untrained agent of eight walkers that is about to learn, and its callbacks."""
+    config = dataclasses.replace(configure("ppo-fast", scene, n_envs=8), episode_steps=45)
+    hyperparams = {"n_steps": 100, "batch_size": 200} | changes
+    model = build(
+        dataclasses.replace(config, exploration=None), worlds.training_worlds(config), **hyperparams
+    )
+    _, told = model._setup_learn(1, None)
+    return config, model, told
+
+
+def drawn(steps=20, count=5):
+    """Rewards, values and endings of any kind."""
+    generator = torch.Generator().manual_seed(0)
+    rewards, values = torch.randn((2, steps, count), generator=generator)
+    return rewards, values, torch.rand((steps, count), generator=generator) < 0.2
+
+
+@pytest.mark.parametrize("gae_lambda", [0.0, 0.9, 1.0])
+def test_advantages_are_those_of_the_library(gae_lambda):
+    """Two derivations: there a time limit's value is part of the reward."""
+    rewards, values, ended = drawn()
+    last, final = torch.randn((2, 5), generator=torch.Generator().manual_seed(1))
+    after = torch.where(ended, torch.zeros(()), torch.cat([values[1:], last[None]]))
+    late = ended.clone()
+    late[::2] = False  # of those that ended, the others fell
+    after = torch.where(late, final.expand_as(after), after)
+    found = advantages(rewards, values, after, ended, gamma=0.9, gae_lambda=gae_lambda)
+    _, model, _ = made()
+    buffer = RolloutBuffer(
+        20, model.observation_space, model.action_space, gamma=0.9, gae_lambda=gae_lambda, n_envs=5
+    )
+    begun = np.zeros(5)
+    for t in range(20):
+        paid = rewards[t] + 0.9 * final * late[t]
+        buffer.add(np.zeros((5, 8)), np.zeros((5, 1)), paid.numpy(), begun, values[t], values[t])
+        begun = ended[t].numpy()
+    buffer.compute_returns_and_advantage(last, begun)
+    np.testing.assert_allclose(found, buffer.advantages, rtol=1e-4, atol=1e-5)
+
+
+def test_chances_are_a_gaussians_but_for_a_constant():
+    actions, mean = torch.randn((2, 7, 3), generator=torch.Generator().manual_seed(0))
+    log_std = torch.tensor([-1.0, 0.0, 0.5])
+    density = torch.distributions.Normal(mean, log_std.exp()).log_prob(actions).sum(-1)
+    apart = density - chances(actions, mean, log_std)
+    torch.testing.assert_close(apart, torch.full((7,), -1.5 * np.log(2.0 * np.pi)))
+
+
+@pytest.mark.parametrize("scene", ["level", "steep", "push-off"])
+def test_a_rollout_is_the_walk_that_the_library_would_have_seen(scene):
+    """The same walkers and actions: observations, endings, and all that is learned of scales."""
+    config, model, told = made(scene)
+    ours, theirs = (
+        model.get_vec_normalize_env(),
+        build(
+            config, worlds.training_worlds(config), n_steps=100, batch_size=200
+        ).get_vec_normalize_env(),
+    )
+    first = theirs.reset()
+    rollout = model.walk(told)
+    np.testing.assert_allclose(rollout.seen[0], first, atol=1e-5)
+    for actions in rollout.actions.numpy():
+        theirs.step(actions.clip(-1.0, 1.0))
+    np.testing.assert_array_equal(model._last_obs, theirs.get_original_obs())
+    for name in ("obs_rms", "ret_rms"):
+        for key in ("mean", "var", "count"):
+            found = [np.asarray(getattr(getattr(env, name), key)) for env in (ours, theirs)]
+            np.testing.assert_allclose(*found, rtol=1e-5, atol=1e-6, err_msg=f"{name}.{key}")
+    np.testing.assert_allclose(ours.returns, theirs.returns, rtol=1e-5, atol=1e-6)
+
+
+def test_rollouts_fall_into_whole_batches():
+    config = configure("ppo-fast", "level", n_envs=8)
+    with pytest.raises(ConfigError, match="batch_size must divide the 800 steps of a rollout"):
+        build(config, worlds.training_worlds(config), n_steps=100, batch_size=300)
+
+
+def test_a_hyperparameter_of_another_algorithm_is_refused():
+    config = configure("ppo-fast", "level", n_envs=8)
+    with pytest.raises(ConfigError, match="ent_coef"):
+        build(config, worlds.training_worlds(config), ent_coef=0.0)
+
+
+@pytest.mark.learning
+def test_it_learns_to_walk_on_the_level(tmp_path):
+    """In a thirtieth of its steps; passive walkers return 5, and the best constant torque 27."""
+    run = Run(configure("ppo-fast", "level", steps=200_000, every=200_000), tmp_path)
+    assert run.train(progress=False)
+    assert run.notes["best"] > 35.0
+    _, rows = evaluation.judge(tmp_path)
+    walks = [row for row in rows if row["agent"] == "PPO-FAST"]
+    assert sum(row["ending"] == WALKED_ON for row in walks) > 15
