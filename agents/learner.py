@@ -63,8 +63,10 @@ def build(config: Config, worlds: VecEnv, **overrides: Any) -> BaseAlgorithm:
         arguments["learning_rate"] = _schedule(arguments["learning_rate"])
         arguments["policy"] = POLICIES.get(arguments["policy"], arguments["policy"])
         arguments["policy_kwargs"] = _with_activation(arguments.get("policy_kwargs"))
-        # Networks this small are faster on the CPU, and the same there on each run.
-        return of(env=worlds, seed=config.seed, device="cpu", **arguments)
+        # Networks this small are faster on the CPU, and the same there on each run; but what
+        # lives on tensors goes where there is a GPU.
+        device = "auto" if of is FastPPO else "cpu"
+        return of(env=worlds, seed=config.seed, device=device, **arguments)
     except Exception as error:  # it may stumble over a wrong value anywhere
         raise ConfigError(
             f"{config.algo.upper()} cannot be built as its configuration says: {reason(error)}"

@@ -15,7 +15,7 @@ loop's callbacks and the files come from stable-baselines3, so that a run is lik
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -179,18 +179,20 @@ class FastPPO(BaseAlgorithm):
         """Let all walkers walk on, and look back at it; None if a callback stops it."""
         callback.on_rollout_start()
         walkers = PassiveWalkerTorchEnv.around(self.env.unwrapped.worlds, self.device)  # type: ignore[union-attr]
-        net, size, (mean, spread, clip) = self.policy, (self.n_steps, self.n_envs), self._scales()
+        net, size, scaled = self.policy, (self.n_steps, self.n_envs), self._scaling()
         # Drawn on the CPU, so that a seed is the same wherever it learns.
         noise = torch.randn(*size, *self.action_space.shape).to(self.device)  # type: ignore[misc]
         noise *= net.log_std.exp()
-        begun = self._last_obs if self._last_original_obs is None else self._last_original_obs
-        raw = torch.empty((self.n_steps + 1, *begun.shape), device=self.device)  # type: ignore[union-attr]
+        begun: Any = self._last_obs if self._last_original_obs is None else self._last_original_obs
+        raw = torch.empty((self.n_steps + 1, *begun.shape), device=self.device)
         raw[0] = torch.as_tensor(begun)
-        last, seen = raw[1:].clone(), torch.empty_like(raw)
-        means, rewards = torch.empty_like(noise), torch.empty(size, device=self.device)
-        fell, late = torch.empty((2, *size), dtype=torch.bool, device=self.device)
+        means, seen, last = torch.empty_like(noise), torch.empty_like(raw), raw[1:].clone()
+        rewards, fell, late = (
+            torch.empty(size, dtype=kind, device=self.device)
+            for kind in (torch.float32, torch.bool, torch.bool)
+        )
         for t in range(self.n_steps):
-            seen[t] = ((raw[t] - mean) / spread).clamp(-clip, clip)
+            seen[t] = scaled(raw[t])
             means[t] = net.action_net(net.mlp_extractor.policy_net(seen[t]))
             actions = (means[t] + noise[t]).clamp(-1.0, 1.0)
             raw[t + 1], rewards[t], fell[t], late[t], info = walkers.step(actions)
@@ -200,50 +202,51 @@ class FastPPO(BaseAlgorithm):
                 return None
         callback.on_rollout_end()
         self._last_obs = self._last_original_obs = raw[-1].cpu().numpy()
-        seen[-1] = ((raw[-1] - mean) / spread).clamp(-clip, clip)
-        values, ended = self.value(seen), fell | late
+
+        seen[-1] = scaled(raw[-1])
+        values, ended, broken_off = self.value(seen), fell | late, late & ~fell
         after = values[1:] * ~ended
-        broken_off = late & ~fell
-        after[broken_off] = self.value(((last[broken_off] - mean) / spread).clamp(-clip, clip))
+        after[broken_off] = self.value(scaled(last[broken_off]))
+        self.logger.record("rollout/reward", rewards.mean().item())
         rewards = self._learn_scales(raw[1:], rewards, ended)
-        better = advantages(
+        gains = advantages(
             rewards, values[:-1], after, ended, gamma=self.gamma, gae_lambda=self.gae_lambda
         )
-        returns = better + values[:-1]
-        drawn = means + noise
-        better = (better - better.mean()) / (better.std() + 1e-8)
-        return Rollout(seen[:-1], drawn, chances(drawn, means, net.log_std), better, returns)
+        drawn, returns = means + noise, gains + values[:-1]
+        gains = (gains - gains.mean()) / (gains.std() + 1e-8)
+        return Rollout(seen[:-1], drawn, chances(drawn, means, net.log_std), gains, returns)
 
     def value(self, seen: Tensor) -> Tensor:
         """What the critic expects, (..., 8) to (...)."""
         return self.policy.value_net(self.policy.mlp_extractor.value_net(seen))[..., 0]
 
-    def _scales(self) -> tuple[Tensor, Tensor, float]:
-        """What observations are shifted and divided by, and clipped at."""
+    def _scaling(self) -> Callable[[Tensor], Tensor]:
+        """How observations are scaled in this rollout."""
         normalizer = self._vec_normalize_env
         if normalizer is None or not normalizer.norm_obs:
-            return torch.tensor(0.0), torch.tensor(1.0), math.inf
-        found: Any = normalizer.obs_rms
-        scales = found.mean, np.sqrt(found.var + normalizer.epsilon)
-        mean, spread = (torch.tensor(x, dtype=torch.float32, device=self.device) for x in scales)
-        return mean, spread, normalizer.clip_obs
+            return lambda raw: raw
+        moments: Any = normalizer.obs_rms
+        mean, spread = (
+            torch.tensor(x, dtype=torch.float32, device=self.device)
+            for x in (moments.mean, np.sqrt(moments.var + normalizer.epsilon))
+        )
+        return lambda raw: ((raw - mean) / spread).clamp(-normalizer.clip_obs, normalizer.clip_obs)
 
-    def _learn_scales(self, seen: Tensor, rewards: Tensor, ended: Tensor) -> Tensor:
+    def _learn_scales(self, raw: Tensor, rewards: Tensor, ended: Tensor) -> Tensor:
         """Let VecNormalize see a rollout, and return the rewards as it scales them."""
-        normalizer = self._vec_normalize_env
+        normalizer: Any = self._vec_normalize_env
         if normalizer is None:
             return rewards
         if normalizer.norm_obs:
-            normalizer.obs_rms.update(seen.flatten(0, 1).cpu().numpy())  # type: ignore[union-attr]
+            normalizer.obs_rms.update(raw.flatten(0, 1).cpu().numpy())
         if not normalizer.norm_reward:
             return rewards
-        returned = torch.as_tensor(normalizer.returns).to(rewards)
-        totals = torch.empty_like(rewards)
-        for t in range(self.n_steps):
-            totals[t] = returned = normalizer.gamma * returned + rewards[t]
-            returned = returned * ~ended[t]
+        returned, totals = torch.as_tensor(normalizer.returns).to(rewards), []
+        for paid, over in zip(rewards, ended, strict=True):
+            totals.append(normalizer.gamma * returned + paid)
+            returned = totals[-1] * ~over
         normalizer.returns = returned.cpu().numpy()
-        normalizer.ret_rms.update(totals.flatten().cpu().numpy())
+        normalizer.ret_rms.update(torch.cat(totals).cpu().numpy())
         scale = float(np.sqrt(normalizer.ret_rms.var + normalizer.epsilon))
         return (rewards / scale).clamp(-normalizer.clip_reward, normalizer.clip_reward)
 
@@ -256,14 +259,17 @@ class FastPPO(BaseAlgorithm):
         for _ in range(self.n_epochs):
             order = torch.randperm(len(rows.returns)).to(self.device)
             for chosen in order.split(self.batch_size):
-                seen, actions, before, better, returns = (x[chosen] for x in rows)
+                seen, actions, before, gains, returns = (x[chosen] for x in rows)
                 mean = net.action_net(net.mlp_extractor.policy_net(seen))
                 ratio = torch.exp(chances(actions, mean, net.log_std) - before)
                 near = ratio.clamp(1.0 - self.clip_range, 1.0 + self.clip_range)
-                gain = torch.min(better * ratio, better * near).mean()
+                gain = torch.min(gains * ratio, gains * near).mean()
                 errors = nn.functional.mse_loss(self.value(seen), returns)
                 net.optimizer.zero_grad()
                 (self.vf_coef * errors - gain).backward()
                 nn.utils.clip_grad_norm_(parameters, self.max_grad_norm)
                 net.optimizer.step()
         self._n_updates += self.n_epochs
+        for name, last in (("gain", gain), ("value_loss", errors)):
+            self.logger.record(f"train/{name}", last.item())
+        self.logger.record("train/std", net.log_std.exp().mean().item())

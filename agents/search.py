@@ -30,6 +30,13 @@ _SPACES: dict[str, dict[str, Callable[[Any], Any]]] = {
         "ent_coef": lambda t: t.suggest_float("ent_coef", 1e-5, 1e-2, log=True),
         "n_epochs": lambda t: t.suggest_int("n_epochs", 3, 20),
     },
+    "ppo-fast": {
+        "learning_rate": lambda t: f"lin_{t.suggest_float('learning_rate', 3e-4, 1e-2, log=True)}",
+        "gamma": lambda t: 1.0 - t.suggest_float("1 - gamma", 2e-3, 5e-2, log=True),
+        "gae_lambda": lambda t: t.suggest_float("gae_lambda", 0.85, 0.99),
+        "clip_range": lambda t: t.suggest_float("clip_range", 0.05, 0.4, log=True),
+        "n_epochs": lambda t: t.suggest_int("n_epochs", 2, 10),
+    },
     "sac": {
         "learning_rate": lambda t: t.suggest_float("learning_rate", 1e-4, 3e-3, log=True),
         "gamma": lambda t: 1.0 - t.suggest_float("1 - gamma", 2e-3, 5e-2, log=True),

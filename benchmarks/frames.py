@@ -14,6 +14,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from agents.config import configure
 from agents.learner import build
+from agents.ppo_fast import FastPPO
 from agents.worlds import training_worlds
 from benchmarks.report import machine, seconds, table
 
@@ -70,19 +71,25 @@ def _timed(job: Callable[..., Any], taken: list[float]) -> Callable[..., Any]:
     return timed
 
 
-def _trained(learners: list[BaseAlgorithm], frames: int) -> list[float]:
-    """Frames a second of each learner."""
+def _trained(learners: list[BaseAlgorithm], fast: FastPPO, frames: int) -> list[float]:
+    """Frames a second of each learner of the library, and of the one on tensors."""
     collecting: list[list[float]] = [[] for _ in learners]
     training: list[float] = []  # the same sums for all
-    for model, collected in zip(learners, collecting, strict=True):
+    whole: list[float] = []
+    for model in (*learners, fast):
         model.set_logger(Logger(None, []))
         model.learn(WARMING * frames)
+    for model, collected in zip(learners, collecting, strict=True):
         model.collect_rollouts = _timed(model.collect_rollouts, collected)  # type: ignore
         model.train = _timed(model.train, training)  # type: ignore
+    update = fast.n_steps * fast.n_envs
+    learn = _timed(fast.learn, whole)
     for _ in range(MEASURED):  # by turns, so that all see the same machine
         for model in learners:
             model.learn(frames, reset_num_timesteps=False)
-    return [frames / float(np.median(each) + np.median(training)) for each in collecting]
+        learn(update, reset_num_timesteps=False)
+    each = [frames / float(np.median(each) + np.median(training)) for each in collecting]
+    return [*each, update / float(np.median(whole))]
 
 
 def report() -> str:
@@ -92,7 +99,10 @@ def report() -> str:
     worlds = training_worlds(config)
     frames = config.hyperparams["n_steps"] * worlds.num_envs
     learners = [build(config, environment) for environment in (worlds, _Free(worlds))]
-    own, floor = _trained(learners, frames)
+    told = configure("ppo-fast", "level")
+    fast = build(told, training_worlds(told))
+    assert isinstance(fast, FastPPO)
+    own, floor, on_tensors = _trained(learners, fast, frames)
 
     native = training_worlds(config)
     native.reset()
@@ -117,12 +127,14 @@ def report() -> str:
         ("environment and policy", 1.0 / env_policy),
         ("environment, policy and training", own),
         ("the same with an environment that costs nothing", floor),
+        (f"PPO on tensors (`ppo-fast`), preset level, {told.n_envs} environments", on_tensors),
     ]
     text = table([f"PPO, preset level, {native.num_envs} environments", "frames/s"], rows)
     return (
         f"{text}\n\nAfter {WARMING * frames:,} frames, training reaches {100 * own / floor:.1f} % "
         f"of the frames/s that the free environment allows (medians of {MEASURED} updates, by "
         "turns, of the time to collect frames and of the time to learn from them); the "
-        f"environment's own steps take {100 * env_only * own:.1f} % of the time of training. One "
-        f"thread of torch. {machine('stable-baselines3', 'torch')}."
+        f"environment's own steps take {100 * env_only * own:.1f} % of the time of training. PPO "
+        f"on tensors learns from {on_tensors / own:.1f} times as many frames a second, by turns "
+        f"with the others. One thread of torch. {machine('stable-baselines3', 'torch')}."
     )
