@@ -118,9 +118,7 @@ class PassiveWalkerTorchEnv:
             told = _joined(ended, told["final_info"], told)
         for name, values in told.items():
             if name == "outcome":
-                values = np.array(
-                    [interface.OUTCOMES.index(outcome) for outcome in values], np.int8
-                )
+                values = _numbered(values)
             if not name.startswith("_"):
                 infos[name] = self._tensor(values)
         return (
@@ -146,6 +144,14 @@ class PassiveWalkerTorchEnv:
     def close(self) -> None:
         """Close what draws."""
         self.worlds.close()
+
+
+def _numbered(outcomes: np.ndarray) -> np.ndarray:
+    """Outcomes by their numbers; most walkers have none."""
+    numbers = np.zeros(len(outcomes), np.int8)
+    for i in np.flatnonzero(outcomes):
+        numbers[i] = interface.OUTCOMES.index(outcomes[i])
+    return numbers
 
 
 def _joined(ended: np.ndarray, last: dict[str, Any], rest: dict[str, Any]) -> dict[str, Any]:
