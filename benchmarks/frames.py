@@ -1,4 +1,4 @@
-"""Frames a second of PPO with this environment, and with one that costs nothing."""
+"""Frames a second of PPO with this environment, with one that costs nothing, and on tensors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from agents.config import configure
 from agents.learner import build
-from agents.ppo_fast import FastPPO
 from agents.worlds import training_worlds
 from benchmarks.report import machine, seconds, table
 
@@ -71,25 +70,19 @@ def _timed(job: Callable[..., Any], taken: list[float]) -> Callable[..., Any]:
     return timed
 
 
-def _trained(learners: list[BaseAlgorithm], fast: FastPPO, frames: int) -> list[float]:
-    """Frames a second of each learner of the library, and of the one on tensors."""
+def _trained(learners: list[BaseAlgorithm], frames: int) -> list[float]:
+    """Frames a second of each learner."""
     collecting: list[list[float]] = [[] for _ in learners]
     training: list[float] = []  # the same sums for all
-    whole: list[float] = []
-    for model in (*learners, fast):
+    for model, collected in zip(learners, collecting, strict=True):
         model.set_logger(Logger(None, []))
         model.learn(WARMING * frames)
-    for model, collected in zip(learners, collecting, strict=True):
         model.collect_rollouts = _timed(model.collect_rollouts, collected)  # type: ignore
         model.train = _timed(model.train, training)  # type: ignore
-    update = fast.n_steps * fast.n_envs
-    learn = _timed(fast.learn, whole)
     for _ in range(MEASURED):  # by turns, so that all see the same machine
         for model in learners:
             model.learn(frames, reset_num_timesteps=False)
-        learn(update, reset_num_timesteps=False)
-    each = [frames / float(np.median(each) + np.median(training)) for each in collecting]
-    return [*each, update / float(np.median(whole))]
+    return [frames / float(np.median(each) + np.median(training)) for each in collecting]
 
 
 def report() -> str:
@@ -99,10 +92,7 @@ def report() -> str:
     worlds = training_worlds(config)
     frames = config.hyperparams["n_steps"] * worlds.num_envs
     learners = [build(config, environment) for environment in (worlds, _Free(worlds))]
-    told = configure("ppo-fast", "level")
-    fast = build(told, training_worlds(told))
-    assert isinstance(fast, FastPPO)
-    own, floor, on_tensors = _trained(learners, fast, frames)
+    own, floor = _trained(learners, frames)
 
     native = training_worlds(config)
     native.reset()
@@ -127,14 +117,43 @@ def report() -> str:
         ("environment and policy", 1.0 / env_policy),
         ("environment, policy and training", own),
         ("the same with an environment that costs nothing", floor),
-        (f"PPO on tensors (`ppo-fast`), preset level, {told.n_envs} environments", on_tensors),
     ]
     text = table([f"PPO, preset level, {native.num_envs} environments", "frames/s"], rows)
     return (
         f"{text}\n\nAfter {WARMING * frames:,} frames, training reaches {100 * own / floor:.1f} % "
         f"of the frames/s that the free environment allows (medians of {MEASURED} updates, by "
         "turns, of the time to collect frames and of the time to learn from them); the "
-        f"environment's own steps take {100 * env_only * own:.1f} % of the time of training. PPO "
-        f"on tensors learns from {on_tensors / own:.1f} times as many frames a second, by turns "
-        f"with the others. One thread of torch. {machine('stable-baselines3', 'torch')}."
+        f"environment's own steps take {100 * env_only * own:.1f} % of the time of training. One "
+        f"thread of torch. {machine('stable-baselines3', 'torch')}."
+    )
+
+
+def on_tensors() -> str:
+    """PPO on tensors beside that of the library, each by its preset."""
+    torch.set_num_threads(1)
+    learners, frames, names = [], [], []
+    for algo in ("ppo", "ppo-fast"):
+        config = configure(algo, "level")
+        learners.append(build(config, training_worlds(config)))
+        frames.append(config.n_envs * config.hyperparams["n_steps"])
+        names.append((f"`{algo}`", config.n_envs, config.hyperparams["n_epochs"]))
+    for model in learners:
+        model.set_logger(Logger(None, []))
+        model.learn(WARMING * frames[0])
+    taken = np.empty((MEASURED, 2))
+    for turn in taken:  # as many frames each, so that both see the same machine
+        for i, model in enumerate(learners):
+            began = time.process_time()
+            for _ in range(max(frames) // frames[i]):
+                model.learn(frames[i], reset_num_timesteps=False)
+            turn[i] = (time.process_time() - began) / max(frames)
+    rates = 1.0 / np.median(taken, axis=0)
+    rows = [(*name, rate) for name, rate in zip(names, rates, strict=True)]
+    text = table(["PPO, preset level", "walkers", "passes", "frames/s"], rows)
+    low, middle, high = np.percentile(taken[:, 0] / taken[:, 1], [25, 50, 75])
+    return (
+        f"{text}\n\nOn tensors {middle:.2f} times as many (quartiles {low:.2f} and {high:.2f} of "
+        f"{MEASURED} turns of {max(frames):,} frames each, after {WARMING * frames[0]:,}), by the "
+        "time of the processor: what else a machine does slows both, and is not counted. One "
+        f"thread of torch. {machine('stable-baselines3', 'torch')}."
     )

@@ -245,12 +245,20 @@ def learning() -> None:
     keep("learning", frames.report())
 
 
+def on_tensors() -> None:
+    """Frames a second of PPO on tensors, beside that of stable-baselines3."""
+    from benchmarks import frames
+
+    keep("on_tensors", frames.on_tensors())
+
+
 PARTS = {
     "accelerations": accelerations,
     "strides": strides,
     "against": against,
     "ticks": ticks,
     "learning": learning,
+    "on_tensors": on_tensors,
 }
 
 
