@@ -179,36 +179,30 @@ class FastPPO(BaseAlgorithm):
         """Let all walkers walk on, and look back at it; None if a callback stops it."""
         callback.on_rollout_start()
         walkers = PassiveWalkerTorchEnv.around(self.env.unwrapped.worlds, self.device)  # type: ignore[union-attr]
-        net, size, scaled = self.policy, (self.n_steps, self.n_envs), self._scaling()
+        net, scaled = self.policy, self._scaling()
         # Drawn on the CPU, so that a seed is the same wherever it learns.
-        noise = torch.randn(*size, *self.action_space.shape).to(self.device)  # type: ignore[misc]
-        noise *= net.log_std.exp()
+        noise = torch.randn(self.n_steps, self.n_envs, len(net.log_std))
+        noise = noise.to(self.device) * net.log_std.exp()
         begun: Any = self._last_obs if self._last_original_obs is None else self._last_original_obs
-        raw = torch.empty((self.n_steps + 1, *begun.shape), device=self.device)
-        raw[0] = torch.as_tensor(begun)
-        means, seen, last = torch.empty_like(noise), torch.empty_like(raw), raw[1:].clone()
-        rewards, fell, late = (
-            torch.empty(size, dtype=kind, device=self.device)
-            for kind in (torch.float32, torch.bool, torch.bool)
-        )
-        for t in range(self.n_steps):
-            seen[t] = scaled(raw[t])
-            means[t] = net.action_net(net.mlp_extractor.policy_net(seen[t]))
-            actions = (means[t] + noise[t]).clamp(-1.0, 1.0)
-            raw[t + 1], rewards[t], fell[t], late[t], info = walkers.step(actions)
-            last[t] = info.get("final_obs", raw[t + 1])
+        raw, seen, steps = torch.as_tensor(begun).to(self.device), [], []
+        for strayed in noise:
+            seen.append(scaled(raw))
+            mean = net.action_net(net.mlp_extractor.policy_net(seen[-1]))
+            raw, paid, fell, late, info = walkers.step((mean + strayed).clamp(-1.0, 1.0))
+            steps.append((mean, raw, info.get("final_obs", raw), paid.float(), fell, late))
             self.num_timesteps += self.n_envs
             if not callback.on_step():
                 return None
         callback.on_rollout_end()
-        self._last_obs = self._last_original_obs = raw[-1].cpu().numpy()
+        self._last_obs = self._last_original_obs = raw.cpu().numpy()
 
-        seen[-1] = scaled(raw[-1])
+        means, reached, last, rewards, fell, late = map(torch.stack, zip(*steps, strict=True))
+        seen = torch.stack([*seen, scaled(raw)])
         values, ended, broken_off = self.value(seen), fell | late, late & ~fell
         after = values[1:] * ~ended
         after[broken_off] = self.value(scaled(last[broken_off]))
         self.logger.record("rollout/reward", rewards.mean().item())
-        rewards = self._learn_scales(raw[1:], rewards, ended)
+        rewards = self._learn_scales(reached, rewards, ended)
         gains = advantages(
             rewards, values[:-1], after, ended, gamma=self.gamma, gae_lambda=self.gae_lambda
         )
