@@ -1,13 +1,13 @@
 """Proximal policy optimisation (Schulman et al., 2017) on tensors, all of it in this file.
 
-It is the PPO of stable-baselines3, arranged for speed. Profiled there, nine tenths of the time go
-into ten passes over what was walked and into calls for few walkers at a time, next to none into
+It is the PPO of stable-baselines3, arranged for speed. There most of the time goes into ten passes
+over each rollout, and most of the rest into calls for few walkers at a time; next to none into
 walking. So here
 
-- many walkers walk side by side, on tensors (`PassiveWalkerTorchEnv`), and a step of all of them is
-  one pass through the actor alone: values are asked for when all have walked, at once;
+- walkers are tensors (`PassiveWalkerTorchEnv`), and a step of theirs is one pass through the actor
+  alone: the critic is asked for all steps at once when they have been made;
 - what scales observations and rewards is found once a rollout and not at each step;
-- the Gaussian is three lines, and fewer passes learn from more walkers.
+- the Gaussian is a line, and fewer passes may each change the policy more.
 
 Rollouts, advantages and updates are below in the order in which they happen. Only the networks, the
 loop's callbacks and the files come from stable-baselines3, so that a run is like every other.
