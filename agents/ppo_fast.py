@@ -252,8 +252,8 @@ class FastPPO(BaseAlgorithm):
         parameters = list(net.parameters())
         for _ in range(self.n_epochs):
             order = torch.randperm(len(rows.returns)).to(self.device)
-            for chosen in order.split(self.batch_size):
-                seen, actions, before, gains, returns = (x[chosen] for x in rows)
+            for batch in zip(*(x[order].split(self.batch_size) for x in rows), strict=True):
+                seen, actions, before, gains, returns = batch
                 mean = net.action_net(net.mlp_extractor.policy_net(seen))
                 ratio = torch.exp(chances(actions, mean, net.log_std) - before)
                 near = ratio.clamp(1.0 - self.clip_range, 1.0 + self.clip_range)
