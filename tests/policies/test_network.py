@@ -205,7 +205,7 @@ def test_a_missing_file_is_told(copy):
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"algo": "dqn"}, "ppo, sac"),
+        ({"algo": "dqn"}, "ppo, ppo-fast, sac"),
         ({"algo": "sac"}, "actor"),
         ({"activation": "Sine"}, "ReLU"),
         ({"scene": "moon"}, "moon"),
