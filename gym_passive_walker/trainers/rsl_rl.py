@@ -24,12 +24,9 @@ class RslRlWalkers(VecEnv):
         num_envs: How many walkers.
         max_episode_steps: Steps after which an episode is truncated.
         seed: Seeds the walkers with seed, seed + 1, ...
-        worlds: What makes the walkers: `PassiveWalkerTorchEnv`, or `gpu.environment`'s
-            `PassiveWalkerGpuEnv` for walkers that live on the device with the learner.
+        worlds: What makes them; `gpu.environment.PassiveWalkerGpuEnv` for some on the device.
         **scene: As of the walkers.
     """
-
-    num_actions = 1
 
     def __init__(
         self,
@@ -41,7 +38,7 @@ class RslRlWalkers(VecEnv):
         **scene: Any,
     ) -> None:
         self.walkers = worlds(num_envs, max_episode_steps=max_episode_steps, **scene)
-        self.num_envs, self.device = num_envs, self.walkers.device
+        self.num_envs, self.num_actions, self.device = num_envs, 1, self.walkers.device
         self.max_episode_length = max_episode_steps
         self.episode_length_buf = torch.zeros(num_envs, dtype=torch.long, device=self.device)
         self.cfg: dict[str, Any] = {"seed": seed, **scene}
