@@ -135,8 +135,7 @@ def _evaluated(
 
 
 def _size(values: NDArray) -> NDArray:
-    with np.errstate(all="ignore"):
-        sizes = np.abs(values).max(axis=1)
+    sizes = np.abs(values).max(axis=1)
     return np.where(np.isfinite(sizes), sizes, np.inf)
 
 

@@ -31,7 +31,7 @@ ACCURACY = 1e-12
 
 _BATCHES = (12, 24, 96)  # promising starts tried by Newton's method, as long as need be
 _PATIENCE = 2  # steps for other starts to follow the first that has led to a gait
-_THINNED = 3  # of the lattice of starts, a quick search looks at every third
+_LATTICE = 216  # starts are enough for a quick search; a kneed walker's lattice has 864
 _APART = 0.03  # starts closer than this are tried once
 _LOOKS = 64  # at the swing leg during a stride
 _LARGEST = 1.4  # stance angle of a gait, in rad
@@ -55,8 +55,7 @@ class _Starts:
     """
 
     def __init__(self, u: NDArray, end: NDArray) -> None:
-        self.u, self.score = u, np.abs(end - u).max(axis=1)
-        self.left = np.ones(len(u), bool)
+        self.u, self.score = u, np.abs(end - u).max(axis=1)  # infinite once tried
 
     def avoid(self, point: NDArray) -> None:
         """Turn away from a gait."""
@@ -65,11 +64,13 @@ class _Starts:
 
     def best(self, count: int) -> NDArray:
         """The next starts, each apart from the others."""
-        chosen = []
-        while len(chosen) < count and np.any(self.left):
-            i = np.argmin(np.where(self.left, self.score, np.inf))
+        chosen: list[NDArray] = []
+        while len(chosen) < min(count, len(self.u)):
+            i = self.score.argmin()
+            if self.score[i] == math.inf:
+                break
             chosen.append(self.u[i])
-            self.left &= np.abs(self.u - self.u[i]).max(axis=1) > _APART
+            self.score[np.abs(self.u - self.u[i]).max(axis=1) <= _APART] = math.inf
         return np.array(chosen).reshape(-1, self.u.shape[1])
 
 
@@ -119,9 +120,11 @@ def search(
             if any(np.abs(point - other).max() < 1e-6 for other in found):
                 continue  # another stride of a gait found in this batch
             orbit = _orbit(stride_map, point, slope, period)
-            if len(orbit) == period and _human(roughly, point, slope):
+            if len(orbit) == period:
                 with suppress(np.linalg.LinAlgError):  # a rounding off, there may be no stride
-                    gaits.append(measure(stride_map, point, slope, period))
+                    gait = measure(stride_map, point, slope, period)
+                    if _human(roughly, point, gait):
+                        gaits.append(gait)
             for stride in orbit:
                 found.append(stride)
                 candidates.avoid(stride)
@@ -142,12 +145,11 @@ def _orbit(stride_map: StrideMap, u: NDArray, slope: float, period: int) -> list
     return orbit
 
 
-def _human(stride_map: StrideMap, u: NDArray, slope: float) -> bool:
+def _human(stride_map: StrideMap, u: NDArray, gait: Gait) -> bool:
     """Whether the swing leg swings forward once: no walk of several swings a step."""
-    point, walker = from_logarithms(u[None]), stride_map.walker
-    duration = stride_map.apply(point, slope).durations
-    times = duration[:, None] * np.linspace(0.0, 1.0 - 1e-4, _LOOKS)
-    rates = stride_map.sample(point, slope, times).states[0, :, 3:]
+    walker, duration = gait.walker, float(gait.stride.duration) / stride_map.units.time
+    times = duration * np.linspace(0.0, 1.0 - 1e-4, _LOOKS)[None]
+    rates = stride_map.sample(from_logarithms(u[None]), gait.slope, times).states[0, :, 3:]
     forward = walker.thigh_length * rates[:, 1] + walker.shank_length * rates[:, 2]
     swings = np.count_nonzero(np.diff(forward > 0.0, prepend=False) & (forward > 0.0))
     return swings == 1
@@ -209,7 +211,7 @@ def seek(
         )
 
     u = begin(stride_map, slope, period, guess)
-    few = u[::_THINNED] if period == 1 and guess is None else u
+    few = u[:: max(1, len(u) // _LATTICE)] if period == 1 and guess is None else u
     gaits, ends = search(stride_map, slope, few, period, enough, _BATCHES[:1], _PATIENCE)
     if not enough(gaits):  # starts that were left out or not waited for may lead to it
         gaits, ends = search(stride_map, slope, u, period, enough)

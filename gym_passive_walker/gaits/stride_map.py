@@ -175,7 +175,7 @@ class StrideMap(Section):
         values = np.full((told.shape[1], len(points)), np.nan)
         derivatives = np.full((*values.shape, len(columns)), np.nan)
         values[:, walking] = told[0]
-        derivatives[:, walking] = np.moveaxis(told[1:], 0, -1)
+        derivatives[:, walking] = told[1:].transpose(1, 2, 0)
         derivatives[np.isnan(values)] = np.nan
         return Passage(**_named(values), outcomes=outcomes), Change(**_named(derivatives))
 
@@ -233,7 +233,7 @@ class StrideMap(Section):
             imbalance = _relative_difference(totals[2], totals[3])
         totals[4][totals[4][:, 0] == 0.0] = np.nan
         told = np.full((planes + 1, self.dimension + 6, len(points)), np.nan)
-        ends = np.moveaxis(self.point(records["state"]), 2, 0)
+        ends = self.point(records["state"]).transpose(2, 0, 1)
         rows = np.concatenate([ends, totals, imbalance[None]])
         told[:, :, walking] = rows.transpose(2, 0, 1)
         return told, outcomes
@@ -293,7 +293,7 @@ def _columns(by: tuple[str, ...], coordinates: int) -> tuple[tuple[str, ...], ND
 def _named(told: NDArray) -> dict[str, NDArray]:
     """The fields of `Change` from rows (m + 6, n), or from their derivatives (m + 6, n, k)."""
     rest = 1 - len(_FIELDS)
-    return dict(zip(_FIELDS, [np.moveaxis(told[:rest], 0, 1), *told[rest:]], strict=True))
+    return dict(zip(_FIELDS, [told[:rest].swapaxes(0, 1), *told[rest:]], strict=True))
 
 
 def _product(a: NDArray, b: NDArray) -> NDArray:
