@@ -53,6 +53,15 @@ MEASURES = {
 }
 """What a family can be drawn by, and its label."""
 
+_OWN_UNITS = {
+    "mass": "mass",
+    "torque": ("torque", "stiffness"),
+    "torque and time": "friction",
+    "impulse": "push_off",
+    "acceleration": "gravity",
+}
+"""By how parameters end; all others are lengths."""
+
 _ENDS = {
     ends.KNEE_MEETS_HEEL: "X",
     ends.TANGENTIAL: "v",
@@ -99,7 +108,15 @@ def draw_family(
     for marker, places in ((_ENDS[ends.STANCE_STOPS], halts), ("d", doublings)):
         where = np.interp(places, along, family.value), np.interp(places, along, value)
         ax.plot(*where, marker, fillstyle="none", **point)
-    ax.set(xlabel=SLOPE if family.parameter == "slope" else family.parameter, ylabel=MEASURES[by])
+    ax.set(xlabel=varied_label(family.parameter), ylabel=MEASURES[by])
+
+
+def varied_label(parameter: str) -> str:
+    """What is varied along a family, with its unit: the walker's own."""
+    if parameter in ("slope", "foot_angle"):
+        return SLOPE if parameter == "slope" else "foot angle (rad)"
+    unit = next((unit for unit, ends in _OWN_UNITS.items() if parameter.endswith(ends)), "length")
+    return f"{parameter.replace('_', ' ')} (in the walker's unit of {unit})"
 
 
 def _to_minus_one(family: GaitFamily) -> NDArray[np.float64]:

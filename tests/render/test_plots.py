@@ -8,6 +8,7 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.control.baselines import LinearFeedback
+from gym_passive_walker.render.plots import varied_label
 from gym_passive_walker.shown import Table
 
 pytest.importorskip("matplotlib")
@@ -141,3 +142,18 @@ def test_drawing_leaves_matplotlib_s_settings_alone(gait):
     before = dict(matplotlib.rcParams)
     gait.plot()
     assert dict(matplotlib.rcParams) == before
+
+
+@pytest.mark.parametrize(
+    ("parameter", "words"),
+    [
+        ("slope", "(rad)"),
+        ("foot_angle", "(rad)"),
+        ("foot_radius", "unit of length"),
+        ("hip_mass", "unit of mass"),
+        ("hip_stiffness", "unit of torque"),
+        ("push_off", "unit of impulse"),
+    ],
+)
+def test_what_is_varied_is_told_with_its_unit(parameter, words):
+    assert words in varied_label(parameter)
