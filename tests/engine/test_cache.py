@@ -62,9 +62,7 @@ def test_a_source_that_changes_has_another_fingerprint(tmp_path, monkeypatch):
 
 
 def test_whatever_is_compiled_is_part_of_the_fingerprint():
-    """Kernels call those of other files, and native code is traced from them; a device's is kept
-    nowhere.
-    """
+    """Kernels call those of other files, and native code is traced from them; GPUs' is not kept."""
     hashed = {path for pattern in cache._SOURCES for path in cache._ROOT.glob(f"{pattern}.py")}
     making = ("engine.jit import", "engine.native import")
     made = {
