@@ -30,7 +30,7 @@ COUNTED = ("fma", "fmul", "fadd", "fsub", "fdiv", "sqrt")
 """Instructions of arithmetic; signs, comparisons, choices and what is fetched cost little."""
 
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
-_CROWD, _TURNS, _ANEW = 2048, 4000, 8  # walkers; calls timed; of which one puts the tile back
+_CROWD, _TURNS, _ANEW = 2048, 4000, 200  # walkers; calls timed; of which one puts the tile back
 _CHAINS, _LINKS = 12, 100  # of products and sums that wait for one another, to find the peak
 
 Code = Callable[[Memory], None]
