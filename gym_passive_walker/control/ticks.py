@@ -181,17 +181,25 @@ def _ticked(
     walkers: NDArray,
     tick: float,
     others: Sequence[str],
+    *,
+    in_turn: bool = False,
 ) -> tuple[NDArray, NDArray]:
-    """What `TickedStride` tells of some walkers, values before derivatives; and the outcomes."""
+    """What `TickedStride` tells of some walkers, values before derivatives; and the outcomes.
+
+    Where every tick begins is known once all have been walked without derivatives; then all of
+    them are followed side by side, or on request with their derivatives one after the other.
+    """
     section, (_, motors, count) = motion.section, held.shape
     n, m, size = len(walkers), section.dimension, motors * count
     columns = ("state", *_MOTORS[:motors], *others, "start")
-    ticks = _through_ticks(motion, records, held, walkers, tick)
-    moved = _side_by_side(motion, ticks, columns)
-    if moved is None:
-        ticks = _through_ticks(motion, records, held, walkers, tick, columns)
+    ticks = _through_ticks(motion, records, held, walkers, tick, columns if in_turn else ())
+    lanes = np.searchsorted(walkers, np.concatenate([lanes for lanes, _, _ in ticks]))
+    if in_turn:
         moved = np.concatenate([ended.told_of_all for _, _, ended in ticks])
-    lanes = np.concatenate([lanes for lanes, _, _ in ticks]) - walkers[0]
+        astray = lanes[:0]
+    else:
+        moved, alike = _side_by_side(motion, ticks, columns)
+        astray = np.unique(lanes[~alike])
     tick_of = np.repeat(np.arange(len(ticks)), [len(lanes) for lanes, _, _ in ticks])
     edges = np.searchsorted(tick_of, np.arange(len(ticks) + 1))
     by_state, by_motors, by_others, by_start = np.split(
@@ -234,6 +242,9 @@ def _ticked(
     told[lanes[locked], -1] = rows[locked, _KNEE]
     outcomes = np.full(n, Outcome.STALLED, np.int64)
     outcomes[lanes[over]] = ended[over]
+    if len(astray):
+        again = _ticked(motion, records, held, walkers[astray], tick, others, in_turn=True)
+        told[astray], outcomes[astray] = again
     return told, outcomes
 
 
@@ -261,13 +272,13 @@ def _through_ticks(
 
 def _side_by_side(
     motion: Motion, ticks: list[tuple[NDArray, NDArray, Carried]], by: Sequence[str]
-) -> NDArray | None:
-    """What is told of ticks with their derivatives, all of them followed at once.
+) -> tuple[NDArray, NDArray[np.bool_]]:
+    """What is told of ticks with their derivatives, all followed at once; and of which it holds.
 
-    Values with derivatives and without may differ by a rounding. None if that moves a strike from
-    one tick to the next.
+    Values with derivatives and without may differ by a rounding, which may move a strike from one
+    tick to the next.
     """
-    parts = []
+    told, alike = [], []
     for first, some in ((True, ticks[:1]), (False, ticks[1:])):
         if not some:
             continue
@@ -275,12 +286,13 @@ def _side_by_side(
         before = np.concatenate([records.view(float) for _, records, _ in some]).view(RECORD)
         lanes = np.concatenate([lanes for lanes, _, _ in some])
         part = motion.follow(before, by, lanes=lanes, from_section=first)
-        for name in ("outcomes", "locked"):
-            there = np.concatenate([getattr(ended, name) for _, _, ended in some])
-            if not np.array_equal(there, getattr(part, name)):
-                return None
-        parts.append(part.told_of_all)
-    return np.concatenate(parts)
+        ended, locked = (
+            np.concatenate([getattr(ended, name) for _, _, ended in some])
+            for name in ("outcomes", "locked")
+        )
+        told.append(part.told_of_all)
+        alike.append((part.outcomes == ended) & (part.locked == locked))
+    return np.concatenate(told), np.concatenate(alike)
 
 
 def hold(records: NDArray, torques: ArrayLike, until: float) -> None:

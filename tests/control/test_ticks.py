@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from gym_passive_walker.control import ticks
 from gym_passive_walker.control.feedback import powered_gait
 from gym_passive_walker.control.motion import Motion
 from gym_passive_walker.control.optimum import Problem
@@ -250,3 +251,25 @@ def test_the_rate_at_which_a_heelstrike_falls_is_the_legs(name):
         at_lock = strides.before_strike(point[0], slope, carried.records["knee_time"][0, 0])
         knee = abs(at_lock[5] - at_lock[4])
     assert carried.margins[0] == pytest.approx(min(-(stance + thigh), knee), rel=1e-6)
+
+
+def test_ticks_in_turn_are_those_side_by_side_and_one_does_not_change_the_others(monkeypatch):
+    """Where a rounding moves a strike to another tick, that walker alone is followed in turn."""
+    points, torques = crowd(6)
+    motion = Motion(walker=gpw.WALKERS["lab"])
+    beside = ticked_strides(motion, 0.036, points, torques, tick=TICK)
+    told = ticks._side_by_side
+
+    def astray(*arguments):
+        moved, alike = told(*arguments)
+        alike[2] = False  # the third walker's first tick
+        moved[2] = np.nan
+        return moved, alike
+
+    monkeypatch.setattr(ticks, "_side_by_side", astray)
+    again = ticked_strides(motion, 0.036, points, torques, tick=TICK)
+    others = np.arange(6) != 2
+    for name in ("end", "duration", "swing", "turn", "kneestrike", "by"):
+        found, expected = getattr(again, name), getattr(beside, name)
+        np.testing.assert_array_equal(found[others], expected[others])
+        np.testing.assert_allclose(found[2], expected[2], rtol=1e-9, atol=1e-11)
