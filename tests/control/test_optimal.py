@@ -133,6 +133,8 @@ def test_stored_gaits_belong_to_a_scene_however_it_is_named():
         Optimal(make_scene("level", slope=0.001))
     with pytest.raises(ValueError, match="optimal_gait"):
         Optimal(make_scene("steep", walker=gpw.tune("C")))
+    with pytest.raises(ValueError, match="optimal_gait"):
+        Optimal(make_scene("level", actions=("hip", "push_off")))
 
 
 @pytest.mark.parametrize(
@@ -200,3 +202,18 @@ def test_in_ticks_the_push_off_is_cheaper_than_the_hip():
     pushing = optimal.optimal_gait(make_scene("level", actions=("push_off",)), 0.15)
     assert pushing.optimality < 1e-8
     assert pushing.motor_cost < 0.25 * optimal.least_cost(optimal.load("level"), 0.15)
+
+
+def test_each_torque_is_charged_to_its_motor():
+    scene = make_scene("level", walker="E", slope=0.01, control="stride", actions=("hip", "ankle"))
+    found = optimal.optimal_gait(scene, 0.15)
+    torques = np.array([found.torques, found.ankle_torques])
+    walked = ticked_stride(scene.walker, 0.01, np.array(found.point), torques, tick=np.inf)
+    hip, ankle = np.abs(torques[:, 0]) * walked.turn[:, 0] / walked.length
+    assert (found.hip_cost, found.ankle_cost) == pytest.approx((hip, ankle), rel=1e-9)
+    assert found.ankle_cost > 5.0 * found.hip_cost > 0.0
+
+
+def test_an_optimum_in_no_corner_is_one_to_rounding():
+    """What was set aside on the way has come back: no torque would pay."""
+    assert optimal.optimal_gait("level", 0.08).optimality < 1e-6

@@ -273,3 +273,30 @@ def test_ticks_in_turn_are_those_side_by_side_and_one_does_not_change_the_others
         found, expected = getattr(again, name), getattr(beside, name)
         np.testing.assert_array_equal(found[others], expected[others])
         np.testing.assert_allclose(found[2], expected[2], rtol=1e-9, atol=1e-11)
+
+
+def test_derivatives_by_every_motor_are_those_of_the_stride():
+    """Hip, ankle and push-off on point feet, against differences."""
+    walker, rng = gpw.WALKERS["E"], np.random.default_rng(4)
+    motion = Motion(walker=walker, motors=("ankle", "push_off"), tolerance=1e-13)
+    gait = gpw.find_gait(walker, 0.009)
+    point = Section(walker=walker).points_at(gait.state)[0]
+    torques, push = rng.normal(0.0, 1e-3, (2, 6)), 0.01
+
+    def walked(change):
+        held = torques + change[3:-1].reshape(2, 6)
+        pushes = np.array([push + change[-1]])
+        return ticked_strides(
+            motion, 0.009, (point + change[:3])[None], held[None], tick=0.4, push_offs=pushes
+        )
+
+    def told(of):
+        parts = (of.end, of.duration, of.length, of.swing, of.turn, of.push_work, of.kneestrike)
+        return np.concatenate([np.ravel(part) for part in parts])
+
+    for column in range(3 + 12 + 1):
+        change = 1e-6 * np.eye(16)[column]
+        difference = (told(walked(change)) - told(walked(-change))) / 2e-6
+        by = walked(0.0 * change).by[0, :, column]
+        np.testing.assert_allclose(by, difference, rtol=1e-5, atol=1e-7)
+    assert np.abs(walked(np.zeros(16)).by[0, :3, -1]).max() > 0.1  # a push-off moves the end
