@@ -4,6 +4,8 @@
 Learning is left out too: its libraries are large, and its tests run with the pinned ones.
 """
 
+from tempfile import gettempdir
+
 import nox
 
 nox.options.default_venv_backend = "uv"
@@ -49,7 +51,8 @@ def base(session: nox.Session) -> None:
 def rllib(session: nox.Session) -> None:
     """Sample and learn through RLlib, with the Gymnasium that it pins."""
     session.install(".[rllib,test]", "torch")
-    kernels = {"XDG_CACHE_HOME": session.create_tmp()}
+    # Ray waits forever in a temporary folder below its environment, which is nox's.
+    kernels = {"XDG_CACHE_HOME": session.create_tmp(), "TMPDIR": gettempdir()}
     chosen = [
         "tests/envs/test_rllib.py",
         "tests/trainers/test_rllib.py",

@@ -2,6 +2,7 @@
 
 import json
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -106,6 +107,14 @@ def test_kicks_are_told_as_forward_and_backward(optimal_score):
     gait = closed_loop_gait(Optimal("level"), "level")
     told = optimal_score["kick_forward"], optimal_score["kick_backward"]
     assert told == kicks(gait) and told[0] != told[1]
+
+
+def test_a_passive_walker_costs_at_a_speed_what_its_slope_pays_whichever_gait_was_found_first():
+    slopes, speeds = np.array([0.02, 0.01, 0.03]), np.array([0.2, 0.15, 0.25])
+    family = SimpleNamespace(slope=slopes, froude_speed=speeds)
+    assert standings._cost_at(family, 0.175) == pytest.approx(math.sin(0.015))
+    assert standings._cost_at(family, 0.25) == pytest.approx(math.sin(0.03))
+    assert math.isnan(standings._cost_at(family, 0.1))
 
 
 def test_who_walks_on_the_level_stands_beside_the_passive_walker_at_its_speed():

@@ -14,6 +14,7 @@ from gym_passive_walker.envs.starts import (
     known_gaits,
     searched_gait,
 )
+from gym_passive_walker.units import units_of
 
 
 def begun(scene, count=200, seed=0):
@@ -116,6 +117,13 @@ def test_a_state_just_after_heelstrike_is_a_start_though_its_knee_would_bend_too
     state = find_gait(name, 0.036).state.copy()
     state[5] = state[4] + 0.1
     assert checked_state(state.tolist(), WALKERS[name])[:3] == tuple(state[:3])
+
+
+def test_a_start_is_told_in_the_walkers_units_and_kept_in_its_own():
+    walker, state = WALKERS["lab"], find_gait("lab", 0.036).state
+    own = units_of(walker).to_dimensionless(state)
+    np.testing.assert_allclose(checked_state(state, walker), own, rtol=1e-14)
+    assert not np.allclose(own[3:], state[3:])
 
 
 def test_the_shank_of_a_straight_leg_is_ignored():
