@@ -1,5 +1,8 @@
 """Agents that learn nothing."""
 
+from dataclasses import replace
+from itertools import islice
+
 import gymnasium
 import numpy as np
 import pytest
@@ -7,7 +10,9 @@ import pytest
 import gym_passive_walker as gpw
 from gym_passive_walker.control.baselines import ConstantTorque, LinearFeedback, Passive
 from gym_passive_walker.control.feedback import gains, powered_gait
+from gym_passive_walker.control.policy import steps
 from gym_passive_walker.control.walks import WALKED_ON, evaluate
+from gym_passive_walker.units import units_of
 
 
 def walks(policy, scene, episodes=4, **env):
@@ -28,6 +33,23 @@ def test_policies_act_on_one_observation_and_on_batches_alike(policy):
     for one, action in zip(batch, together, strict=True):
         alone, _ = policy.predict(one)
         assert alone.shape == (1,) and alone == pytest.approx(action)
+
+
+def test_a_policy_is_told_when_an_episode_begins_and_asked_to_act_without_noise():
+    told = []
+
+    class Watched(Passive):
+        def predict(self, observation, state=None, episode_start=None, deterministic=False):
+            told.append((episode_start.copy(), deterministic))
+            return super().predict(observation, state, episode_start, deterministic)
+
+    arena = gymnasium.make_vec("PassiveWalker-v0", num_envs=3, scene="level")
+    seen, _ = arena.reset(seed=0)
+    walked = list(islice(steps(Watched(), arena, seen), 400))
+    ended = np.array([step.terminated | step.truncated for step in walked])
+    assert ended.any()
+    assert told[0][0].all() and all(deterministic for _, deterministic in told)
+    np.testing.assert_array_equal([first for first, _ in told[1:]], ended[:-1])
 
 
 def test_no_torque_gets_nowhere_on_level_ground():
@@ -83,6 +105,19 @@ def test_a_powered_gait_returns_to_itself(name, slope):
     end = gpw.stride(walker, slope, gait.state, hip_torque=gait.hip_torque, tolerance=1e-12)
     assert end.state == pytest.approx(gait.state, abs=1e-8)
     assert (gait.hip_torque > 0.0) == (slope == 0.0)
+
+
+def test_a_powered_gait_is_the_same_in_any_units():
+    walkers = gpw.WALKERS["C"], replace(gpw.WALKERS["C"], gravity=9.81)
+    own, other = (powered_gait(walker, 0.0) for walker in walkers)
+    torques = [
+        g.hip_torque / units_of(w).torque for g, w in zip((own, other), walkers, strict=True)
+    ]
+    assert torques[0] == pytest.approx(torques[1], rel=1e-9) and torques[0] != own.hip_torque
+    states = [
+        units_of(w).to_dimensionless(g.state) for g, w in zip((own, other), walkers, strict=True)
+    ]
+    np.testing.assert_allclose(*states, rtol=1e-7)
 
 
 def moduli(matrix):

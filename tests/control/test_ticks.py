@@ -62,8 +62,18 @@ def test_equal_ticks_are_one_torque(level):
     assert gait.hip_torque * walked.swing.sum() == pytest.approx(float(whole.hip_work))
 
 
-def test_walkers_that_differ_strike_each_in_its_own_time():
-    """The first to strike leaves the others their bodies, slopes and torques."""
+def test_walkers_that_differ_strike_each_in_its_own_time(monkeypatch):
+    """The first to strike leaves the others their bodies, slopes and torques.
+
+    So what is followed side by side ends where walkers went, and nobody needs a turn alone.
+    """
+    told, followed = ticks._side_by_side, []
+
+    def beside(*arguments):
+        followed.append(told(*arguments))
+        return followed[-1]
+
+    monkeypatch.setattr(ticks, "_side_by_side", beside)
     lengths, slopes = np.array([0.40, 0.52, 0.46, 0.55]), np.array([0.04, 0.036, 0.038, 0.03])
     gait = gpw.find_gait("lab", 0.036)
     points = np.repeat(Section(walker=gait.walker).points_at(gait.state), 4, axis=0)
@@ -76,6 +86,7 @@ def test_walkers_that_differ_strike_each_in_its_own_time():
         for mine, its in zip(together, alone, strict=True):
             np.testing.assert_allclose(mine[i], its[0], rtol=1e-11, atol=1e-13)
     assert len(np.unique(np.ceil(together.duration / TICK))) > 1
+    assert len(followed) == 5 and all(alike.all() for _, alike in followed)
 
 
 @pytest.fixture(scope="module")

@@ -89,6 +89,13 @@ def test_the_simplest_walker_s_small_steps_obey_the_series_of_the_literature():
     assert short.step_period / unit == pytest.approx(np.pi, abs=2e-6)
 
 
+def test_a_gait_that_few_starts_lead_to_is_found_by_a_second_look():
+    gait = find_gait("C", 0.002)
+    assert gait.kind == "long" and np.abs(gait.multipliers).max() < 1.0
+    end = stride("C", 0.002, gait.state).state
+    np.testing.assert_allclose(end, gait.state, atol=1e-9)
+
+
 def test_the_compass_gait_is_that_of_the_literature():
     compass = Walker(
         thigh_length=0.5, thigh_mass=5.0, thigh_com=0.5, shank_length=0.5, shank_mass=0.0,
