@@ -108,7 +108,7 @@ def test_a_powered_gait_returns_to_itself(name, slope):
 
 
 def test_a_powered_gait_is_the_same_in_any_units():
-    walkers = gpw.WALKERS["C"], replace(gpw.WALKERS["C"], gravity=9.81)
+    walkers = gpw.WALKERS["C"], replace(gpw.WALKERS["C"], gravity=1.62)
     own, other = (powered_gait(walker, 0.0) for walker in walkers)
     torques = [
         g.hip_torque / units_of(w).torque for g, w in zip((own, other), walkers, strict=True)
