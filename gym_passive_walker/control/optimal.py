@@ -62,7 +62,7 @@ def optimal_gait(
     for edge in _edges(best, problem.tick):
         problem.edge = edge
         try:
-            found = problem.measured(problem.solve(z, near=True))
+            found = problem.measured(problem.solve(z, known=best.motor_cost))
         except GaitNotFound:
             continue
         if found.motor_cost <= best.motor_cost * (1.0 + _ALIKE):

@@ -29,6 +29,7 @@ _ITERATIONS = 600
 _FIRST = 6  # iterations among all unknowns, before those are set aside that stay at their bounds
 _PATIENCE, _GAIN = 40, 1e-7  # iterations without that gain, relative, that end a search
 _LITTLE = 10  # of them, where a solution nearby is known
+_OPEN = 1e-3  # from the end of a stride to its start, after one round: that will hardly close
 _WORTH = 1e-6  # gain, relative, that is worth another round
 _ROUNDS = 8  # of setting unknowns aside, and of taking them up again
 _AT_BOUND, _PULL = 1e-9, 1e-6  # distance from a bound; share of the gradient that is one off it
@@ -231,7 +232,7 @@ class Problem:
         by_gap[:m, :m] -= np.eye(m)
         return cost, (by_work - cost * by_length) / length, gap, by_gap
 
-    def solve(self, start: NDArray, *, near: bool = False) -> NDArray:
+    def solve(self, start: NDArray, *, known: float | None = None) -> NDArray:
         """The solution nearest to a start.
 
         The algebra of SLSQP grows with the cube of the unknowns, and most parts end at a bound:
@@ -239,13 +240,15 @@ class Problem:
 
         Args:
             start: The start.
-            near: Whether it is the solution of a problem that is much the same.
+            known: Where it is the solution of a problem that is much the same, the cost of that
+                one: the search is given up if it costs more and does not close.
 
         Raises:
             GaitNotFound: if SLSQP finds none.
         """
         z, said, free = start, "", np.zeros(len(start), bool)
-        if not near:
+        patience = _PATIENCE if known is None else _LITTLE
+        if known is None:
             z, said = self._minimised(start, self.box[:, 0] < self.box[:, 1], _FIRST)
         cost = math.inf
         for _ in range(_ROUNDS):
@@ -253,7 +256,9 @@ class Problem:
             if not np.any(wanted & ~free) and not cost < before * (1.0 - _WORTH):
                 break
             free |= wanted
-            z, said = self._minimised(z, free, _ITERATIONS, _LITTLE if near else _PATIENCE)
+            z, said = self._minimised(z, free, _ITERATIONS, patience)
+            if known is not None and self._hopeless(z, known):
+                break
         z = self._closed(z)
         violation = float(np.max(np.abs(self.at(z)[2])))
         if not violation < _CLOSED:
@@ -262,6 +267,11 @@ class Problem:
                 f"{violation:.1e} from closing; try a speed nearer to one that has a gait"
             )
         return z
+
+    def _hopeless(self, z: NDArray, known: float) -> bool:
+        """Whether z neither closes its stride nor is as cheap as a gait that is known."""
+        cost, _, gap, _ = self.at(z)
+        return cost > known and float(np.max(np.abs(gap))) > _OPEN
 
     def _motors(self) -> str:
         """The motors, for people."""

@@ -214,6 +214,7 @@ def test_each_torque_is_charged_to_its_motor():
     assert found.ankle_cost > 5.0 * found.hip_cost > 0.0
 
 
-def test_an_optimum_in_no_corner_is_one_to_rounding():
+@pytest.mark.parametrize(("scene", "speed"), [("level", 0.08), ("lab", 0.17)])
+def test_an_optimum_in_no_corner_is_one_to_rounding(scene, speed):
     """What was set aside on the way has come back: no torque would pay."""
-    assert optimal.optimal_gait("level", 0.08).optimality < 1e-6
+    assert optimal.optimal_gait(scene, speed).optimality < 1e-6
