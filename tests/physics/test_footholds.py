@@ -175,3 +175,5 @@ def test_a_stubbed_toe_is_one_below_both_footholds(name):
     down = stride(walker, gait.slope, gait.state, rise=-0.01 * walker.leg_length, stub=True)
     assert down.outcome == stride(walker, gait.slope, gait.state, stub=True).outcome
     assert down.outcome == Outcome.HEELSTRIKE
+    up = 0.03 * walker.leg_length
+    assert stride(walker, gait.slope, gait.state, rise=up, stub=True).outcome == Outcome.HEELSTRIKE
