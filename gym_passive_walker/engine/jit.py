@@ -136,7 +136,37 @@ def _address(typing_context, array):  # type: ignore[no-untyped-def]
     return types.int64(array), code
 
 
-# In compiled code: address(array), fma(a, b, c), call(function, first, second, lane, planes, x, y).
+@intrinsic
+def _pointer(typing_context, address):  # type: ignore[no-untyped-def]
+    """What `numba.carray` takes: an array's address, which is known much faster than the array."""
+
+    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        return builder.inttoptr(arguments[0], ir.IntType(8).as_pointer())
+
+    return types.voidptr(types.int64), code
+
+
+@intrinsic
+def _uniform(typing_context, generator):  # type: ignore[no-untyped-def]
+    """The next number from 0 to 1 of the NumPy generator whose `bitgen_t` lies at an address."""
+
+    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        word, number = ir.IntType(64), ir.DoubleType()
+        members = builder.inttoptr(arguments[0], word.as_pointer())  # state, three functions of it
+
+        def member(i: int) -> Any:
+            return builder.load(builder.gep(members, [ir.Constant(word, i)]))
+
+        draws = builder.inttoptr(member(3), ir.FunctionType(number, [word]).as_pointer())
+        return builder.call(draws, [member(0)])
+
+    return types.float64(types.int64), code
+
+
+# In compiled code: address(array), pointer(address), fma(a, b, c), uniform(generator),
+# call(function, first, second, lane, planes, x, y).
 call: Any = _call
 fma: Any = _fma
 address: Any = _address
+pointer: Any = _pointer
+uniform: Any = _uniform

@@ -19,8 +19,9 @@ from gym_passive_walker.physics.hybrid import Outcome
 _DIVERGED, _FALLS = int(Outcome.DIVERGED), int(Outcome.FELL_FORWARD)
 _LINE = 8 * GROUP  # bytes from one group of a tile's lanes to the next
 
-WAITING = int(Outcome.RUNNING)
-"""Outcome of a record that is to be carried on, or has been until its time was up."""
+WAITING, RESTING = int(Outcome.RUNNING), -1
+"""Outcomes of a record that is to be carried on, or has been until its time was up; and of one that
+is to be left as it is."""
 
 
 @inlined

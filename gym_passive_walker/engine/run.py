@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.jit import Kernel, address, call
-from gym_passive_walker.engine.lanes import carry
+from gym_passive_walker.engine.lanes import RESTING, carry
 from gym_passive_walker.engine.layout import COURSE, PAIR, RECORD, TILE, aligned
 from gym_passive_walker.physics.hybrid import Outcome, System
 
@@ -45,7 +45,7 @@ _WORTH_A_THREAD = 1024  # records below which a second thread costs more than it
 
 @Kernel
 def carry_on(records, bodies, phases, options, tiles, courses):
-    """Carry walkers to heelstrike, their fall, or their time's end.
+    """Carry walkers that do not rest to heelstrike, their fall, or their time's end.
 
     Args:
         records: Shape (n, planes).
@@ -60,6 +60,8 @@ def carry_on(records, bodies, phases, options, tiles, courses):
         chunk = records[first : first + _CHUNK]
         own = bodies[first : first + _CHUNK] if len(bodies) > 1 else bodies
         for i in range(len(chunk)):
+            if chunk[i, 0].outcome == RESTING:
+                continue
             record, body = address(chunk[i]), address(own[i if len(own) > 1 else 0])
             # A walker that would begin beyond a bound has fallen already.
             if told.from_section:

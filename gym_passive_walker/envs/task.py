@@ -14,6 +14,7 @@ import math
 import numpy as np
 
 from gym_passive_walker.engine.jit import Kernel, address, call, jitted
+from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.run import carry_on
 from gym_passive_walker.physics.hybrid import Outcome
 
@@ -234,7 +235,7 @@ def begin(
 
 @jitted
 def command(records, ledger, rules, actions):
-    """Set every walker's torques and push-off, and the time to stop.
+    """Set every walker's torques and push-off, and the time to stop; whose episode is over rests.
 
     Returns:
         The first walker whose action is not all finite, before anything has changed; else -1.
@@ -245,10 +246,13 @@ def command(records, ledger, rules, actions):
             if not math.isfinite(actions[i * count + j]) and not over(ledger[i]):
                 return i
     for i in range(len(records)):
-        record, row = records[i, 0], ledger[i]
+        record = records[i, 0]
+        if over(ledger[i]):
+            record.outcome = RESTING
+            continue
         for j in range(count):
             channel = rules.channels[j]
-            share = 0.0 if over(row) else clipped(actions[i * count + j], 1.0)
+            share = clipped(actions[i * count + j], 1.0)
             if channel == _PUSH_OFF:
                 record.push_off = rules.largest[channel] * max(share, 0.0)
             else:
@@ -329,10 +333,14 @@ def settle(records, bodies, ledger, rules, phases, observations, rewards, termin
     strides, endings, size = 0, 0, len(observations) // len(records)
     for i in range(len(records)):
         record, row = records[i, 0], ledger[i]
+        if record.outcome == RESTING:
+            rewards[i], terminated[i], truncated[i] = 0.0, False, False
+            see(record, row, phases, observations, i * size)
+            continue
         body = bodies[i if len(bodies) > 1 else 0]
         call(phases[0].place, address(records[i]), address(body), 0, 0, 0.0, 0.0)
-        idle = over(row)
-        forget_stride(row)
+        if row.outcome != 0:
+            forget_stride(row)
         row.outcome = record.outcome
         if record.outcome == 0 and record.time >= rules.longest_stride:
             row.outcome = _STALLED
@@ -352,9 +360,8 @@ def settle(records, bodies, ledger, rules, phases, observations, rewards, termin
             strides += 1
         if row.steps >= rules.step_limit:
             row.truncated = 1
-        rewards[i] = 0.0 if idle else row.reward
-        terminated[i] = row.ending != 0 and not idle
-        truncated[i] = row.truncated != 0 and not idle
+        rewards[i] = row.reward
+        terminated[i], truncated[i] = row.ending != 0, row.truncated != 0
         endings += terminated[i] or truncated[i]
         see(record, row, phases, observations, i * size)
     return strides, endings

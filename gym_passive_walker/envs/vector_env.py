@@ -13,7 +13,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import whole
-from gym_passive_walker.envs import interface, task
+from gym_passive_walker.envs import interface, task, ticks
 from gym_passive_walker.envs.batch import OPTIONS, Batch
 from gym_passive_walker.envs.frames import frame
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
@@ -23,6 +23,9 @@ from gym_passive_walker.walkers import Walker
 
 _OUTCOMES = np.array(interface.OUTCOMES, object)
 _NONE = np.zeros((0, 0))
+_OF_STEPS, _OF_STRIDES = (
+    [(name, "_" + name) for name in names] for names in (task.EVERY_STEP, task.EVERY_STRIDE)
+)
 
 
 class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
@@ -89,6 +92,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             step_limit=interface.step_limit(max_episode_steps),
             threads=threads,
         )
+        self._shape = num_envs, len(self.scene.actions)
         self._ended = np.ones(num_envs, bool)
         self._any_ended = True
         self._begun = False
@@ -137,26 +141,20 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             ValueError: if an action is not one finite number; nothing has changed then.
             ResetNeeded: if an environment must be reset first.
         """
-        try:
-            actions = np.asarray(actions, dtype=np.float64)
-        except (TypeError, ValueError):
-            interface.refuse(actions, self.scene.actions)
-        shape = self.action_space.shape
-        if actions.shape != shape:
-            raise ValueError(f"actions must have shape {shape}, not {actions.shape}")
+        if type(actions) is not np.ndarray or actions.dtype.kind != "f":
+            actions = interface.numbers(actions, self.scene.actions)
+        if actions.shape != self._shape:
+            raise ValueError(f"actions must have shape {self._shape}, not {actions.shape}")
         if self._any_ended and (not self._begun or self.autoreset_mode == AutoresetMode.DISABLED):
             raise ResetNeeded("some environments have ended, or never begun: reset them first")
         observations = np.empty((self.num_envs, self.batch.seen), np.float32)
         rewards = np.empty(self.num_envs)
         terminated, truncated = np.empty((2, self.num_envs), bool)
-        flat = observations.reshape(-1)
+        flat, again = observations.reshape(-1), self._any_ended
         strides, endings = self.batch.step(
-            actions.reshape(-1), flat, rewards, terminated, truncated
+            actions.reshape(-1), flat, rewards, terminated, truncated, again=again
         )
-        stepped = None
-        if self._any_ended:  # NEXT_STEP: this step was their reset
-            stepped = ~self._ended
-            self.batch.start(np.flatnonzero(self._ended), flat)
+        stepped = ~self._ended if again else None  # NEXT_STEP: this was the reset of others
         told = bool(strides or endings)
         if not endings or self.autoreset_mode != AutoresetMode.SAME_STEP:
             if self._any_ended or endings:
@@ -233,25 +231,24 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         mask = np.ones(self.num_envs, bool) if which is None else which
         steps = np.zeros((len(task.EVERY_STEP) - 1, self.num_envs))
         measures = np.zeros((len(task.EVERY_STRIDE), self.num_envs)) if told else _NONE
-        strides, outcomes = np.empty((2, self.num_envs), np.int64)
-        ended, struck = np.empty((2, self.num_envs), bool)
-        present, endings, strikes = task.tell(
-            self.batch.ledger, mask, steps, strides, outcomes, ended, struck, measures
+        counts, flags = np.empty((2, self.num_envs), np.int64), np.empty((2, self.num_envs), bool)
+        present, endings, strikes = ticks.tell.compiled(
+            self.batch.door.where, mask, steps, counts, flags, measures
         )
         if not present:
             return {}
+        (strides, outcomes), (ended, struck) = counts, flags
         infos: dict[str, Any] = {}
-        for name, column in zip(task.EVERY_STEP, steps, strict=False):
-            infos[name], infos["_" + name] = column, mask
-        infos["strides"], infos["_strides"] = strides, mask
+        for (name, who), column in zip(_OF_STEPS, (*steps, strides), strict=True):
+            infos[name], infos[who] = column, mask
         if self.batch.disturbances:
             for name, column in self.batch.told().items():
                 infos[name], infos["_" + name] = np.where(mask, column, 0), mask
         if endings:
             infos["outcome"], infos["_outcome"] = _OUTCOMES.take(outcomes), ended
         if strikes:
-            for name, column in zip(task.EVERY_STRIDE, measures, strict=True):
-                infos[name], infos["_" + name] = column, struck
+            for (name, who), column in zip(_OF_STRIDES, measures, strict=True):
+                infos[name], infos[who] = column, struck
         return infos
 
     def _checked_mask(self, mask: Any, name: str) -> NDArray[np.bool_]:
@@ -339,8 +336,9 @@ def seed_randoms(
         raise ValueError(f"seed must be a whole number, a row of them, or None, not {seed!r}")
     if len(seeds) != batch.count:
         raise ValueError(f"{len(seeds)} seeds for {batch.count} environments")
-    if not batch.randoms:
-        batch.randoms = [None] * batch.count  # type: ignore[list-item]
+    randoms: list[Any] = list(batch.randoms) or [None] * batch.count
     for i in lanes:
-        if seeds[i] is not None or batch.randoms[i] is None:
-            batch.randoms[i], _ = seeding.np_random(seeds[i])
+        if seeds[i] is not None or randoms[i] is None:
+            randoms[i], _ = seeding.np_random(seeds[i])
+    if randoms != batch.randoms:
+        batch.randoms = randoms
