@@ -347,7 +347,7 @@ class Batch:
 
     def step(
         self,
-        actions: NDArray[np.float64],
+        actions: NDArray[np.floating],
         observations: NDArray[np.float32],
         rewards: NDArray[np.float64],
         terminated: NDArray[np.bool_],
@@ -371,11 +371,11 @@ class Batch:
         Raises:
             ValueError: if an action is no finite number; nothing has changed then.
         """
+        door, at_once = self.door, again and self._calm
+        door.actions[...] = actions
         if self.count < _CROWD and not self.disturbances:
-            door, at_once = self.door, again and self._calm
             if at_once:
                 self._prepare()
-            door.actions[:] = actions
             wrong, strides, endings = ticks.step.compiled(
                 door.where, at_once, observations, rewards, terminated, truncated
             )
@@ -384,7 +384,7 @@ class Batch:
             if again and not at_once:
                 self._begin_again(observations)
             return strides, endings
-        each = actions.reshape(self.count, -1)
+        each = door.actions.reshape(self.count, -1)
         finite = np.isfinite(each).all(axis=1)
         for wrong in np.flatnonzero(~finite & ~self.over):  # before anyone steps
             refuse(each[wrong], self.scene.actions, int(wrong))
@@ -415,7 +415,7 @@ class Batch:
         """A step of a batch of one; what `step` fills besides is left at the door."""
         if self.disturbances:
             return self.step(action, observation, *self.door.results)
-        self.door.actions[:] = action
+        self.door.actions[...] = action
         wrong, strides, endings = ticks.step_here.compiled(self.door.where, observation)
         if wrong >= 0:
             self.refuse(wrong)

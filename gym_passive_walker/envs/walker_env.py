@@ -18,6 +18,9 @@ from gym_passive_walker.extras import need
 from gym_passive_walker.walkers import Walker
 
 
+_SINGLE = np.dtype(np.float32)
+
+
 class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     """A passive walker with a motor at its hip, on exact hybrid dynamics.
 
@@ -252,13 +255,18 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if not self._ready:
             raise ResetNeeded("no episode is under way: call reset first")
         batch = self.batch
-        observation = np.empty(batch.seen, np.float32)
+        observation = np.empty(batch.seen, _SINGLE)
         struck, ended = batch.step_alone(action, observation)
         door = batch.door
         strides, outcome = door.counts.tolist()
-        info: dict[str, Any] = dict(
-            zip(task.EVERY_STEP, (*door.of_step.tolist(), strides), strict=True)
-        )
+        distance, energy, whole_distance, whole_energy = door.of_step.tolist()
+        info: dict[str, Any] = {  # task.EVERY_STEP
+            "distance": distance,
+            "energy": energy,
+            "episode_distance": whole_distance,
+            "episode_energy": whole_energy,
+            "strides": strides,
+        }
         if struck:
             info |= zip(task.EVERY_STRIDE, door.of_stride.tolist(), strict=True)
         if batch.disturbances:
