@@ -63,9 +63,12 @@ def carry(records, bodies, phase, number, tiles, courses, options):
         courses: Shape (planes,).
         options: An `OPTIONS`.
     """
-    owner = np.empty(WIDTH, np.int64)
+    owner, queue, waiting = np.empty(WIDTH, np.int64), np.empty(len(records), np.int64), 0
+    for i in range(len(records)):  # no branch: which phase a walker is in cannot be foretold
+        queue[waiting] = i
+        waiting += (records[i, 0].phase == number) & (records[i, 0].outcome == WAITING)
     origin, planes, alike = address(tiles), len(tiles) - 1, len(bodies) == 1
-    waiting, used, going, equipped, fresh = 0, 0, 0, 0, False
+    called, used, going, equipped, fresh = 0, 0, 0, 0, False
     scuff = float(options.scuff)
     while True:
         for lane in range(used):
@@ -80,24 +83,20 @@ def carry(records, bodies, phase, number, tiles, courses, options):
                 going -= 1
         # Fill what is free from those who wait.
         lane = 0
-        while lane < WIDTH and waiting < len(records):
-            if lane < used and owner[lane] >= 0:
-                lane += 1
-                continue
-            record = records[waiting, 0]
-            if record.phase == number and record.outcome == WAITING:
+        while lane < WIDTH and called < waiting:
+            if lane >= used or owner[lane] < 0:
+                i = queue[called]
                 if not alike or lane >= equipped:
-                    body = address(bodies[0 if alike else waiting])
+                    body = address(bodies[0 if alike else i])
                     call(phase.equip, origin, body, lane, planes, 0.0, 0.0)
                     equipped = max(equipped, lane + 1)
-                whole = address(records[waiting])
+                whole = address(records[i])
                 call(phase.load, origin, whole, lane, planes, options.first_step, 0.0)
-                owner[lane] = waiting
+                owner[lane], fresh = i, True
                 used = max(used, lane + 1)
+                called += 1
                 going += 1
-                fresh = True
-                lane += 1
-            waiting += 1
+            lane += 1
         if going == 0:
             return
         # Whoever is left at the end moves together where that saves a group.
