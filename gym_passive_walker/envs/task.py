@@ -158,47 +158,44 @@ def observe(records, ledger, phases, observations):
         see(records[i, 0], ledger[i], phases, observations, i * size)
 
 
-@Kernel
-def tell(ledger, asked, steps, strides, outcomes, ended, struck, told):
+@jitted
+def tell(ledger, asked, steps, counts, measures):
     """Write what the ledger tells of the walkers asked about; of the others, zeros.
 
     Args:
         ledger: The ledger.
         asked: Which walkers are asked about.
-        steps: Zeros, filled: a row for each of EVERY_STEP but the last.
-        strides: Filled with the number of strides.
-        outcomes: Filled with outcomes, as numbers.
-        ended: Filled: whose stride or episode has ended.
-        struck: Filled: whose stride has ended with a heelstrike.
-        told: Zeros, filled: a row for each of EVERY_STRIDE.
+        steps: Filled: a row for each of EVERY_STEP but the last.
+        counts: Filled with the number of strides, and with the outcome of who has ended a stride or
+            an episode, as a number.
+        measures: Filled from the front: a row for each who has, with EVERY_STRIDE.
 
     Returns:
-        How many walkers are asked about, how many of them have ended something, and how many have
-        ended a stride.
+        How many walkers are asked about.
     """
-    present, endings, strikes = 0, 0, 0
+    present, endings = 0, 0
     for i in range(len(ledger)):
         row = ledger[i]
-        strides[i], outcomes[i], ended[i], struck[i] = 0, 0, False, False
         if not asked[i]:
+            for k in range(len(steps)):
+                steps[k, i] = 0.0
+            counts[0, i], counts[1, i] = 0, 0
             continue
         present += 1
         steps[0, i], steps[1, i] = row.distance, row.energy
         steps[2, i], steps[3, i] = row.episode_distance, row.episode_energy
-        strides[i] = row.strides
+        counts[0, i], counts[1, i] = row.strides, row.outcome
         if row.outcome == 0:
             continue
+        told = measures[endings]
         endings += 1
-        outcomes[i], ended[i] = row.outcome, True
-        told[0, i], told[1, i], told[2, i] = row.step_length, row.step_period, row.speed
-        told[3, i], told[4, i] = row.cost_of_transport, row.gravity_cost
-        told[5, i], told[6, i] = row.hip_cost, row.net_hip_cost
-        told[7, i], told[8, i] = row.ankle_cost, row.net_ankle_cost
-        told[9, i], told[10, i] = row.push_off_cost, row.collision_cost
-        told[11, i], told[12, i] = row.friction_cost, row.kneestrike_time
-        struck[i] = row.outcome == _HEELSTRIKE
-        strikes += struck[i]
-    return present, endings, strikes
+        told[0], told[1], told[2] = row.step_length, row.step_period, row.speed
+        told[3], told[4] = row.cost_of_transport, row.gravity_cost
+        told[5], told[6] = row.hip_cost, row.net_hip_cost
+        told[7], told[8] = row.ankle_cost, row.net_ankle_cost
+        told[9], told[10] = row.push_off_cost, row.collision_cost
+        told[11], told[12] = row.friction_cost, row.kneestrike_time
+    return present
 
 
 @Kernel

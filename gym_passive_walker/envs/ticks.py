@@ -132,13 +132,11 @@ def step_here(where, observations):
 
 
 @Kernel
-def tell(where, asked, steps, counts, flags, measures):
-    """`task.tell` of the batch that lies there."""
+def tell(where, asked, steps, counts, measures):
+    """`task.tell` of the walkers there."""
     here = carray(pointer(where), (1,), _PLACES)[0]
     ledger = carray(pointer(here.ledger), (here.of_ledger,), task.LEDGER)
-    return task.tell(
-        ledger, asked, steps, counts[0], counts[1], flags[0], flags[1], measures
-    )
+    return task.tell(ledger, asked, steps, counts, measures)
 
 
 class Door:

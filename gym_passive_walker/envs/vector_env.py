@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,16 +17,14 @@ from gym_passive_walker.arguments import whole
 from gym_passive_walker.envs import interface, task, ticks
 from gym_passive_walker.envs.batch import OPTIONS, Batch
 from gym_passive_walker.envs.frames import frame
+from gym_passive_walker.envs.infos import Infos
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import Scene, make_scene, walker_from
 from gym_passive_walker.extras import need
+from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.walkers import Walker
 
 _OUTCOMES = np.array(interface.OUTCOMES, object)
-_NONE = np.zeros((0, 0))
-_OF_STEPS, _OF_STRIDES = (
-    [(name, "_" + name) for name in names] for names in (task.EVERY_STEP, task.EVERY_STRIDE)
-)
 
 
 class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
@@ -93,7 +92,8 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             threads=threads,
         )
         self._shape = num_envs, len(self.scene.actions)
-        self._ended = np.ones(num_envs, bool)
+        self._everyone = np.ones(num_envs, bool)
+        self._ended = self._everyone.copy()
         self._any_ended = True
         self._begun = False
 
@@ -155,11 +155,10 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             actions.reshape(-1), flat, rewards, terminated, truncated, again=again
         )
         stepped = ~self._ended if again else None  # NEXT_STEP: this was the reset of others
-        told = bool(strides or endings)
         if not endings or self.autoreset_mode != AutoresetMode.SAME_STEP:
             if self._any_ended or endings:
                 self._ended, self._any_ended = terminated | truncated, endings > 0
-            infos = self._infos(stepped, told)
+            infos = self._infos(stepped, strides + endings)
             return observations, rewards, terminated, truncated, infos
         ended = terminated | truncated
         last = np.full(self.num_envs, None, object)
@@ -168,9 +167,9 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         infos = {
             "final_obs": last,
             "_final_obs": ended,
-            "final_info": self._infos(ended, told),
+            "final_info": self._infos(ended, strides + endings),
             "_final_info": ended.copy(),
-            **self._infos(~ended, told),
+            **self._infos(~ended, strides + endings),
         }
         self.batch.start(np.flatnonzero(ended), flat)
         return observations, rewards, terminated, truncated, infos
@@ -198,8 +197,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         """
         if not self._begun:
             raise ResetNeeded("no episode has begun: call reset first")
-        everyone = np.ones(self.num_envs, bool)
-        which = everyone if mask is None else self._checked_mask(mask, "mask")
+        which = self._everyone if mask is None else self._checked_mask(mask, "mask")
         self.batch.set_slopes(slopes, which)
         observations = np.empty((self.num_envs, self.batch.seen), np.float32)
         self.batch.observe(observations.reshape(-1))
@@ -221,35 +219,21 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         """
         self.batch.charge_for(energy)
 
-    def _infos(self, which: NDArray[np.bool_] | None, told: bool) -> dict[str, Any]:
+    def _infos(self, which: NDArray[np.bool_] | None, most: int) -> dict[str, Any]:
         """What single environments would put into `info`, with masks of who did.
 
         Args:
             which: Who makes this step; None for all.
-            told: Whether someone ended a stride or an episode.
+            most: How many at most have ended a stride or an episode.
         """
-        mask = np.ones(self.num_envs, bool) if which is None else which
-        steps = np.zeros((len(task.EVERY_STEP) - 1, self.num_envs))
-        measures = np.zeros((len(task.EVERY_STRIDE), self.num_envs)) if told else _NONE
-        counts, flags = np.empty((2, self.num_envs), np.int64), np.empty((2, self.num_envs), bool)
-        present, endings, strikes = ticks.tell.compiled(
-            self.batch.door.where, mask, steps, counts, flags, measures
-        )
-        if not present:
+        steps = np.empty((len(task.EVERY_STEP) - 1, self.num_envs))
+        counts = np.empty((2, self.num_envs), np.int64)
+        measures = np.empty((most, len(task.EVERY_STRIDE)))
+        asked = self._everyone if which is None else which
+        if not ticks.tell.compiled(self.batch.door.where, asked, steps, counts, measures):
             return {}
-        (strides, outcomes), (ended, struck) = counts, flags
-        infos: dict[str, Any] = {}
-        for (name, who), column in zip(_OF_STEPS, (*steps, strides), strict=True):
-            infos[name], infos[who] = column, mask
-        if self.batch.disturbances:
-            for name, column in self.batch.told().items():
-                infos[name], infos["_" + name] = np.where(mask, column, 0), mask
-        if endings:
-            infos["outcome"], infos["_outcome"] = _OUTCOMES.take(outcomes), ended
-        if strikes:
-            for (name, who), column in zip(_OF_STRIDES, measures, strict=True):
-                infos[name], infos[who] = column, struck
-        return infos
+        befell = {name: np.where(asked, told, 0) for name, told in self.batch.told().items()}
+        return Infos(partial(told, asked.copy(), steps, counts, measures, befell))
 
     def _checked_mask(self, mask: Any, name: str) -> NDArray[np.bool_]:
         """A boolean array that says of each environment whether it is meant."""
@@ -342,3 +326,27 @@ def seed_randoms(
             randoms[i], _ = seeding.np_random(seeds[i])
     if randoms != batch.randoms:
         batch.randoms = randoms
+
+
+def told(
+    mask: NDArray[np.bool_],
+    steps: NDArray[np.float64],
+    counts: NDArray[np.int64],
+    measures: NDArray[np.float64],
+    befell: Mapping[str, NDArray],
+) -> dict[str, Any]:
+    """The infos of a vector environment, of what `task.tell` tells and of what befell walkers."""
+    (strides, outcomes), infos = counts, {}
+    columns = dict(zip(task.EVERY_STEP, (*steps, strides), strict=True))
+    for name, column in (columns | dict(befell)).items():
+        infos[name], infos["_" + name] = column, mask
+    ended = outcomes != 0
+    if ended.any():
+        infos["outcome"], infos["_outcome"] = _OUTCOMES.take(outcomes), ended
+    struck = outcomes == int(Outcome.HEELSTRIKE)
+    if struck.any():
+        ways = np.zeros((len(task.EVERY_STRIDE), len(mask)))
+        ways[:, ended] = measures[: np.count_nonzero(ended)].T
+        for name, column in zip(task.EVERY_STRIDE, ways, strict=True):
+            infos[name], infos["_" + name] = column, struck
+    return infos
