@@ -14,10 +14,12 @@ from typing import Any
 import numba
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 from numba.extending import intrinsic, typeof_impl
+from numba.np.arrayobj import populate_array
 
 from gym_passive_walker.engine import cache
 from gym_passive_walker.engine.announced import announce
@@ -137,13 +139,21 @@ def _address(typing_context, array):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
-def _pointer(typing_context, address):  # type: ignore[no-untyped-def]
-    """What `numba.carray` takes: an array's address, which is known much faster than the array."""
+def _view(typing_context, address, shape, dtype):  # type: ignore[no-untyped-def]
+    """The array that lies at an address (compiled in a tenth of the time of `numba.carray`)."""
+    kind = types.Array(dtype.dtype, len(shape), "C")
 
     def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
-        return builder.inttoptr(arguments[0], ir.IntType(8).as_pointer())
+        array = context.make_array(kind)(context, builder)
+        size = context.get_constant(types.intp, context.get_abi_sizeof(array.data.type.pointee))
+        lengths, strides = cgutils.unpack_tuple(builder, arguments[1]), [size]
+        for length in lengths[:0:-1]:
+            strides.insert(0, builder.mul(strides[0], length))
+        data = builder.inttoptr(arguments[0], array.data.type)
+        populate_array(array, data, lengths, strides, size, None)
+        return array._getvalue()
 
-    return types.voidptr(types.int64), code
+    return kind(types.int64, types.UniTuple(types.intp, len(shape)), dtype), code
 
 
 @intrinsic
@@ -163,10 +173,10 @@ def _uniform(typing_context, generator):  # type: ignore[no-untyped-def]
     return types.float64(types.int64), code
 
 
-# In compiled code: address(array), pointer(address), fma(a, b, c), uniform(generator),
-# call(function, first, second, lane, planes, x, y).
+# In compiled code: address(array), view(address, shape, dtype), fma(a, b, c),
+# uniform(generator), call(function, first, second, lane, planes, x, y).
 call: Any = _call
 fma: Any = _fma
 address: Any = _address
-pointer: Any = _pointer
+view: Any = _view
 uniform: Any = _uniform

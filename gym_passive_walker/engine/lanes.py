@@ -35,7 +35,7 @@ def came(tiles, courses, phase, lane, options):
 
 @inlined
 def leave(record, body, tiles, phase, lane, event, options):
-    """Take a walker out of its lane, and through the strike that has ended its phase, if one has."""
+    """Take a walker out of its lane, and through the strike that has ended its phase, if any."""
     planes, up = len(tiles) - 1, 1.0 if event == TIME_UP else 0.0
     call(phase.unload, address(tiles), address(record), lane, planes, up, 0.0)
     if event == TIME_UP:

@@ -22,7 +22,7 @@ from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.jit import Kernel, address, call
 from gym_passive_walker.engine.lanes import RESTING, carry
 from gym_passive_walker.engine.layout import COURSE, PAIR, RECORD, TILE, aligned
-from gym_passive_walker.physics.hybrid import Outcome, System
+from gym_passive_walker.physics.hybrid import System
 
 OPTIONS = np.dtype(
     [

@@ -28,7 +28,7 @@ from gym_passive_walker.walkers import Walker
 OPTIONS = ("state", "slope")
 """What `reset` may be asked for."""
 
-_BLANK = np.zeros(1, RECORD), np.zeros(1, task.LEDGER)
+_UNASKED = np.empty(0), np.empty((0, 6)), np.empty((0, DRAWS))
 _CROWD = 2048  # walkers from which on threads may share the work
 
 
@@ -115,7 +115,6 @@ class Batch:
             for walker, slope in zip(self.walkers, slope_of, strict=True)
         ]
         self._alike_starts = len(shared) == 1
-        self._calm = self._alike_starts and not scene.randomise and not disturbed(scene)
         self._alike = walkers is None and not scene.randomise
         self.disturbances: Disturbances | None = None
         if disturbed(scene):
@@ -131,6 +130,11 @@ class Batch:
         self.randoms: list[np.random.Generator] = []
         self.machinery = self._machinery()
         self.door = self._door()
+
+    @property
+    def starts_alike(self) -> bool:
+        """Whether compiled code alone may begin episodes: all walkers start alike, as they are."""
+        return self._alike_starts and not self.scene.randomise and not self.disturbances
 
     def _machinery(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
         """Compiled phases, what the engine is told, and where one thread works."""
@@ -177,12 +181,12 @@ class Batch:
                 but the random numbers taken.
         """
         where = np.array(lanes, np.int64)
-        if self._calm and not options:
+        if self.starts_alike and not options:
             self._prepare()
-            ticks.begin(self.door.where, where, observations)
+            ticks.begin(self.door.where, where, True, *_UNASKED, observations)
             return
         states, asked = self._asked(options) if options else (None, None)
-        draws = self._drawn(where)
+        draws = self.drawn(where)
         varied = {}
         if self.scene.randomise:
             varied = {i: self._starts[i].varied(self.randoms[i]) for i in where.tolist()}
@@ -194,10 +198,7 @@ class Batch:
         for i, walker in varied.items():
             self.walkers[i], self._constants[i : i + 1] = walker, bodies(walker)
             self._radii[i : i + 1] = _radii([walker])
-        task.begin(
-            self.records, self.bodies, self._radii, self.ledger, *_BLANK, self.machinery[0],
-            where, slopes, gaits, draws, self.scene.perturbation, observations,
-        )  # fmt: skip
+        ticks.begin(self.door.where, where, False, slopes, gaits, draws, observations)
         if self.disturbances:
             self.disturbances.begin(where, self.randoms, self.records, self.ledger)
             self.disturbances.observe(self.ledger, where, observations)
@@ -207,7 +208,7 @@ class Batch:
         self.door.draw_from(self.randoms)
         self.door.begin_at(self._starts[0])
 
-    def _drawn(self, where: NDArray[np.int64]) -> NDArray[np.float64]:
+    def drawn(self, where: NDArray[np.int64]) -> NDArray[np.float64]:
         """The numbers that some walkers' starts take from their random ones, (lanes, DRAWS)."""
         draws = np.empty((len(where), DRAWS))
         self.door.draw_from(self.randoms)
@@ -371,14 +372,15 @@ class Batch:
         Raises:
             ValueError: if an action is no finite number; nothing has changed then.
         """
-        door, at_once = self.door, again and self._calm
+        door, at_once = self.door, again and self.starts_alike
         door.actions[...] = actions
         if self.count < _CROWD and not self.disturbances:
             if at_once:
                 self._prepare()
             wrong, strides, endings = ticks.step.compiled(
-                door.where, at_once, observations, rewards, terminated, truncated
-            )
+                door.where, 0, self.count, *door.desk, at_once,
+                observations, rewards, terminated, truncated,
+            )  # fmt: skip
             if wrong >= 0:
                 self.refuse(wrong)
             if again and not at_once:
@@ -391,18 +393,17 @@ class Batch:
         ended = []
 
         def job(a: int, b: int) -> None:
-            own = self.bodies[a:b] if len(self.bodies) > 1 else self.bodies
-            seen = observations[a * self.seen : b * self.seen]
-            walkers = self.records[a:b], own, self.ledger[a:b], self.rules
             desk = self.machinery[2:] if (a, b) == (0, self.count) else workspace()
+            seen = observations[a * self.seen : b * self.seen]
             results = seen, rewards[a:b], terminated[a:b], truncated[a:b]
-            acts = each[a:b].reshape(-1)
             if self.disturbances:
-                step, further = fates.step, self.disturbances.part(a, b)
+                own = self.bodies[a:b] if len(self.bodies) > 1 else self.bodies
+                walkers = self.records[a:b], own, self.ledger[a:b], self.rules
+                further = *self.disturbances.part(a, b), each[a:b].reshape(-1)
+                ended.append(fates.step(*walkers, *self.machinery[:2], *desk, *further, *results))
             else:
-                step, further = task.step, ()
-            counts = step(*walkers, *self.machinery[:2], *desk, *further, acts, *results)
-            ended.append(counts[-2:])
+                at = [part.ctypes.data for part in desk]
+                ended.append(ticks.step(door.where, a, b, *at, False, *results)[1:])
 
         in_parts(job, self.count, self.threads)
         if again:

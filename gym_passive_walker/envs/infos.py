@@ -14,11 +14,14 @@ class Infos(dict[str, Any]):
 
     Args:
         make: Makes the content, of numbers that nobody changes.
+        **first: Its first entries, which are there from the beginning: what is written in C, as
+            `json` is, may ask a dictionary for its size before it asks for its items.
     """
 
     __slots__ = ("__weakref__", "_make")
 
-    def __init__(self, make: Callable[[], dict[str, Any]]) -> None:
+    def __init__(self, make: Callable[[], dict[str, Any]], **first: Any) -> None:
+        super().__init__(first)
         self._make: Callable[[], dict[str, Any]] | None = make
 
     def __reduce__(self) -> tuple[Any, ...]:

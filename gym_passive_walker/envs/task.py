@@ -198,7 +198,7 @@ def tell(ledger, asked, steps, counts, measures):
     return present
 
 
-@Kernel
+@jitted
 def begin(
     records, bodies, radii, ledger, blank_record, blank_row, phases, lanes,
     slopes, gaits, draws, perturbation, observations,
@@ -373,7 +373,7 @@ def forget_stride(row):
     row.collision_cost, row.friction_cost, row.kneestrike_time = 0.0, 0.0, 0.0
 
 
-@Kernel
+@jitted
 def step(
     records, bodies, ledger, rules, phases, options, tiles, courses,
     actions, observations, rewards, terminated, truncated,

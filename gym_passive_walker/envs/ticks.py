@@ -7,12 +7,12 @@ long as the engine needs for a walker. What stays in its place from tick to tick
 from __future__ import annotations
 
 import ctypes
+
 import numpy as np
-from numba import carray
 from numpy.typing import NDArray
 
 from gym_passive_walker.engine.compiled import PHASE
-from gym_passive_walker.engine.jit import Kernel, inlined, jitted, pointer, uniform
+from gym_passive_walker.engine.jit import Kernel, inlined, jitted, uniform, view
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import COURSE, RECORD, TILE
 from gym_passive_walker.engine.run import OPTIONS
@@ -34,6 +34,7 @@ PLACES = np.dtype(
 """Where they are, and what starts go by besides: constants of a body, and the range of slopes."""
 
 _NUMBER, _WORD, _TRUTH, _PLACES = np.dtype("f8"), np.dtype("i8"), np.dtype("?"), PLACES
+_ALL = 1 << 62
 
 _capsule = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)(
     ("PyCapsule_GetPointer", ctypes.pythonapi)
@@ -41,101 +42,139 @@ _capsule = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)
 
 
 @inlined
-def found(where):
-    """What a door has noted, and the walkers there."""
-    places = carray(pointer(where), (1,), _PLACES)
+def found(where, first, last):
+    """What a door has noted, and its walkers from one to before another."""
+    places = view(where, (1,), _PLACES)
     here = places[0]
-    records = carray(pointer(here.records), (here.of_records, 1), RECORD)
-    bodies = carray(pointer(here.bodies), (here.of_bodies, 1, here.constants), _NUMBER)
-    ledger = carray(pointer(here.ledger), (here.of_ledger,), task.LEDGER)
-    phases = carray(pointer(here.phases), (here.of_phases,), PHASE)
+    records = view(here.records, (here.of_records, 1), RECORD)[first:last]
+    bodies = view(here.bodies, (here.of_bodies, 1, here.constants), _NUMBER)
+    if here.of_bodies > 1:
+        bodies = bodies[first:last]
+    ledger = view(here.ledger, (here.of_ledger,), task.LEDGER)[first:last]
+    phases = view(here.phases, (here.of_phases,), PHASE)
     return places, records, bodies, ledger, phases
 
 
 @Kernel
-def begin(where, lanes, observations):
-    """Begin episodes of walkers that all start alike, by the numbers that each one draws."""
-    places, records, bodies, ledger, phases = found(where)
+def begin(where, lanes, alike, slopes, gaits, draws, observations):
+    """Begin episodes of some walkers, as `task.begin` does.
+
+    Args:
+        where: A door's address.
+        lanes: Which walkers.
+        alike: Whether they start as the door has noted, by the numbers that each one draws; the
+            next three are of no interest then.
+        slopes: As of `task.begin`, as all that follow.
+        gaits: Theirs.
+        draws: Theirs.
+        observations: Filled, flat.
+    """
+    places, records, bodies, ledger, phases = found(where, 0, _ALL)
     here = places[0]
-    radii = carray(pointer(here.radii), (here.of_radii,), _NUMBER)
-    generators = carray(pointer(here.generators), (here.of_generators,), _WORD)
-    nodes = carray(pointer(here.nodes), (here.of_nodes,), _NUMBER)
-    states = carray(pointer(here.states), (here.of_states, 6), _NUMBER)
-    draws, slopes = np.empty((len(lanes), DRAWS)), np.empty(len(lanes))
-    for j in range(len(lanes)):
-        for k in range(DRAWS):
-            draws[j, k] = uniform(generators[lanes[j]])
-        slopes[j] = here.low
-        if here.low != here.high:
-            slopes[j] = here.low + (here.high - here.low) * draws[j, 0]
-    gaits = states
-    if len(nodes) > 1:
-        gaits = np.empty((len(lanes), 6))
-        between(nodes, states, slopes, gaits)
+    radii = view(here.radii, (here.of_radii,), _NUMBER)
+    if alike:
+        draws, slopes = np.empty((len(lanes), DRAWS)), np.empty(len(lanes))
+        fill(where, lanes, draws)
+        for j in range(len(lanes)):
+            slopes[j] = here.low
+            if here.low != here.high:
+                slopes[j] = here.low + (here.high - here.low) * draws[j, 0]
+        nodes = view(here.nodes, (here.of_nodes,), _NUMBER)
+        gaits = view(here.states, (here.of_states, 6), _NUMBER)
+        if len(nodes) > 1:
+            states, gaits = gaits, np.empty((len(lanes), 6))
+            between(nodes, states, slopes, gaits)
     task.begin(
         records, bodies, radii, ledger, np.zeros(1, RECORD), np.zeros(1, task.LEDGER), phases,
         lanes, slopes, gaits, draws, here.perturbation, observations,
     )  # fmt: skip
 
 
-@Kernel
-def draw(where, lanes, draws):
-    """Draw the numbers that some walkers' starts take, (lanes, DRAWS)."""
-    here = carray(pointer(where), (1,), _PLACES)[0]
-    generators = carray(pointer(here.generators), (here.of_generators,), _WORD)
+@jitted
+def fill(where, lanes, draws):
+    """See `draw`."""
+    here = view(where, (1,), _PLACES)[0]
+    generators = view(here.generators, (here.of_generators,), _WORD)
     for j in range(len(lanes)):
         for k in range(DRAWS):
             draws[j, k] = uniform(generators[lanes[j]])
 
 
+@Kernel
+def draw(where, lanes, draws):
+    """Draw the numbers that some walkers' starts take, (lanes, DRAWS)."""
+    fill(where, lanes, draws)
+
+
 @jitted
-def tick(where, again, observations, rewards, terminated, truncated):
-    """A step of every walker by the actions that lie there, or the start `again` of who rests."""
-    places, records, bodies, ledger, phases = found(where)
+def tick(where, first, last, tiles, courses, observations, rewards, terminated, truncated):
+    """A step of some walkers by the actions that lie there; see `task.step`."""
+    places, records, bodies, ledger, phases = found(where, first, last)
     here = places[0]
-    rules = carray(pointer(here.rules), (1,), task.RULES)
-    options = carray(pointer(here.options), (1,), OPTIONS)
-    tiles = carray(pointer(here.tiles), (1,), TILE)
-    courses = carray(pointer(here.courses), (1,), COURSE)
-    actions = carray(pointer(here.actions), (here.of_actions,), _NUMBER)
-    answer = task.step(
-        records, bodies, ledger, rules, phases, options, tiles, courses, actions, observations,
+    rules = view(here.rules, (1,), task.RULES)
+    options = view(here.options, (1,), OPTIONS)
+    actions = view(here.actions, (here.of_actions,), _NUMBER)
+    each = rules[0].actions
+    return task.step(
+        records, bodies, ledger, rules, phases, options, view(tiles, (1,), TILE),
+        view(courses, (1,), COURSE), actions[first * each : last * each], observations,
         rewards, terminated, truncated,
     )  # fmt: skip
+
+
+@Kernel
+def step(
+    where, first, last, tiles, courses, again, observations, rewards, terminated, truncated
+):  # fmt: skip
+    """A step of the walkers from `first` to before `last`, and `again` a start of who rests.
+
+    Args:
+        where: A door's address.
+        first: The first of them.
+        last: Whom they end before.
+        tiles: Where a tile lies to work at.
+        courses: Likewise, a course.
+        again: Whether they are all there are, and who rests begins another episode.
+        observations: Filled, flat, as all that follow.
+        rewards: Filled.
+        terminated: Filled.
+        truncated: Filled.
+
+    Returns:
+        As of `task.step`.
+    """
+    answer = tick(
+        where, first, last, tiles, courses, observations, rewards, terminated, truncated
+    )  # fmt: skip
     if again and answer[0] < 0:
-        resting = np.empty(len(records), np.int64)
-        count = 0
+        _, records, _, _, _ = found(where, first, last)
+        resting, count = np.empty(len(records), np.int64), 0
         for i in range(len(records)):
             if records[i, 0].outcome == RESTING:
                 resting[count] = i
                 count += 1
-        begin(where, resting[:count], observations)
+        none = np.empty((0, 6))
+        begin(where, resting[:count], True, np.empty(0), none, none, observations)
     return answer
 
 
 @Kernel
-def step(where, again, observations, rewards, terminated, truncated):
-    """See `tick`; returns what `task.step` does."""
-    return tick(where, again, observations, rewards, terminated, truncated)
-
-
-@Kernel
-def step_here(where, observations):
-    """Likewise, with rewards and endings in the batch's own arrays."""
-    here = carray(pointer(where), (1,), _PLACES)[0]
-    count = here.of_records
+def step_here(where, observation):
+    """A step of a single walker, with reward and endings in the batch's own arrays."""
+    here = view(where, (1,), _PLACES)[0]
     return tick(
-        where, False, observations, carray(pointer(here.rewards), (count,), _NUMBER),
-        carray(pointer(here.terminated), (count,), _TRUTH),
-        carray(pointer(here.truncated), (count,), _TRUTH),
+        where, 0, 1, here.tiles, here.courses, observation,
+        view(here.rewards, (1,), _NUMBER),
+        view(here.terminated, (1,), _TRUTH),
+        view(here.truncated, (1,), _TRUTH),
     )  # fmt: skip
 
 
 @Kernel
 def tell(where, asked, steps, counts, measures):
     """`task.tell` of the walkers there."""
-    here = carray(pointer(where), (1,), _PLACES)[0]
-    ledger = carray(pointer(here.ledger), (here.of_ledger,), task.LEDGER)
+    here = view(where, (1,), _PLACES)[0]
+    ledger = view(here.ledger, (here.of_ledger,), task.LEDGER)
     return task.tell(ledger, asked, steps, counts, measures)
 
 
@@ -149,6 +188,7 @@ class Door:
 
     Attributes:
         where: The address that kernels take.
+        desk: Those of the tile and the course where one thread works.
         actions: Of all walkers, flat, to be filled before a step.
         results: Rewards and both kinds of endings, (count,), as `step_here` leaves them.
         of_step: What the first walker's ledger tells of EVERY_STEP but the strides.
@@ -165,6 +205,7 @@ class Door:
         self._places["perturbation"] = scene.perturbation
         self._places["constants"] = arrays["bodies"].shape[-1]
         self.where: int = self._places.ctypes.data
+        self.desk = arrays["tiles"].ctypes.data, arrays["courses"].ctypes.data
         results = dict(zip(("rewards", "terminated", "truncated"), self.results, strict=True))
         self._put(actions=self.actions, **results, **arrays)
         ledger, steps = arrays["ledger"], len(task.EVERY_STEP) - 1

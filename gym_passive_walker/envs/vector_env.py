@@ -233,7 +233,9 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         if not ticks.tell.compiled(self.batch.door.where, asked, steps, counts, measures):
             return {}
         befell = {name: np.where(asked, told, 0) for name, told in self.batch.told().items()}
-        return Infos(partial(told, asked.copy(), steps, counts, measures, befell))
+        mask = asked.copy()
+        make = partial(told, mask, steps, counts, measures, befell)
+        return Infos(make, distance=steps[0], _distance=mask)
 
     def _checked_mask(self, mask: Any, name: str) -> NDArray[np.bool_]:
         """A boolean array that says of each environment whether it is meant."""

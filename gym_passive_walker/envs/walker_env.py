@@ -17,7 +17,6 @@ from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.extras import need
 from gym_passive_walker.walkers import Walker
 
-
 _SINGLE = np.dtype(np.float32)
 
 
@@ -248,15 +247,16 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             ValueError: if the action is not one finite number; nothing has changed then.
             ResetNeeded: if no episode is under way.
         """
+        act: NDArray[np.floating] = action
         if type(action) is not np.ndarray or action.dtype.kind != "f":
-            action = interface.numbers(action, self.scene.actions)
-        if action.shape != self._shape:
-            raise ValueError(f"the action must have shape {self._shape}, not {action.shape}")
+            act = interface.numbers(action, self.scene.actions)
+        if act.shape != self._shape:
+            raise ValueError(f"the action must have shape {self._shape}, not {act.shape}")
         if not self._ready:
             raise ResetNeeded("no episode is under way: call reset first")
         batch = self.batch
         observation = np.empty(batch.seen, _SINGLE)
-        struck, ended = batch.step_alone(action, observation)
+        struck, ended = batch.step_alone(act, observation)
         door = batch.door
         strides, outcome = door.counts.tolist()
         distance, energy, whole_distance, whole_energy = door.of_step.tolist()
