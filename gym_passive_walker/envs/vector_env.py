@@ -32,6 +32,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
 
     Observations, rewards, endings and infos are those of as many single environments in a
     `SyncVectorEnv`, seeded alike, to the last bit; the steps of all are one call of one kernel.
+    Infos are a dictionary that is filled when it is first looked at.
 
     Args:
         num_envs: How many walkers.
