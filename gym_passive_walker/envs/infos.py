@@ -10,7 +10,7 @@ from typing import Any
 class Infos(dict[str, Any]):
     """A dictionary that is filled when it is first looked at or written into.
 
-    Most loops read infos seldom, and to make them takes as long as the ticks of twenty walkers.
+    Most loops read infos seldom, and to make them takes a fifth of a tick of 64 walkers.
 
     Args:
         make: Makes the content, of numbers that nobody changes.

@@ -1,7 +1,7 @@
 """A batch's ticks and starts as one call each, by where the batch's arrays lie.
 
-Numba takes a third of a microsecond to recognise an array of structures, and a tick needs eight: as
-long as the engine needs for a walker. What stays in its place from tick to tick is told once.
+Numba takes a third of a microsecond to recognise an array of structures, and a tick needs eight:
+longer than the engine takes for one walker. What stays in its place from tick to tick is told once.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ PLACES = np.dtype(
 )
 """Where they are, and what starts go by besides: constants of a body, and the range of slopes."""
 
-_NUMBER, _WORD, _TRUTH, _PLACES = np.dtype("f8"), np.dtype("i8"), np.dtype("?"), PLACES
+_NUMBER, _WORD, _TRUTH = np.dtype("f8"), np.dtype("i8"), np.dtype("?")
 _ALL = 1 << 62
 
 _capsule = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)(
@@ -44,7 +44,7 @@ _capsule = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)
 @inlined
 def found(where, first, last):
     """What a door has noted, and its walkers from one to before another."""
-    places = view(where, (1,), _PLACES)
+    places = view(where, (1,), PLACES)
     here = places[0]
     records = view(here.records, (here.of_records, 1), RECORD)[first:last]
     bodies = view(here.bodies, (here.of_bodies, 1, here.constants), _NUMBER)
@@ -93,7 +93,7 @@ def begin(where, lanes, alike, slopes, gaits, draws, observations):
 @jitted
 def fill(where, lanes, draws):
     """See `draw`."""
-    here = view(where, (1,), _PLACES)[0]
+    here = view(where, (1,), PLACES)[0]
     generators = view(here.generators, (here.of_generators,), _WORD)
     for j in range(len(lanes)):
         for k in range(DRAWS):
@@ -161,7 +161,7 @@ def step(
 @Kernel
 def step_here(where, observation):
     """A step of a single walker, with reward and endings in the batch's own arrays."""
-    here = view(where, (1,), _PLACES)[0]
+    here = view(where, (1,), PLACES)[0]
     return tick(
         where, 0, 1, here.tiles, here.courses, observation,
         view(here.rewards, (1,), _NUMBER),
@@ -173,7 +173,7 @@ def step_here(where, observation):
 @Kernel
 def tell(where, asked, steps, counts, measures):
     """`task.tell` of the walkers there."""
-    here = view(where, (1,), _PLACES)[0]
+    here = view(where, (1,), PLACES)[0]
     ledger = view(here.ledger, (here.of_ledger,), task.LEDGER)
     return task.tell(ledger, asked, steps, counts, measures)
 
