@@ -14,10 +14,12 @@ from typing import Any
 import numba
 from llvmlite import ir
 from numba import types
+from numba.core import cgutils
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 from numba.extending import intrinsic, typeof_impl
+from numba.np.arrayobj import populate_array
 
 from gym_passive_walker.engine import cache
 from gym_passive_walker.engine.announced import announce
@@ -136,7 +138,45 @@ def _address(typing_context, array):  # type: ignore[no-untyped-def]
     return types.int64(array), code
 
 
-# In compiled code: address(array), fma(a, b, c), call(function, first, second, lane, planes, x, y).
+@intrinsic
+def _view(typing_context, address, shape, dtype):  # type: ignore[no-untyped-def]
+    """The contiguous array that lies at an address, with nothing to compile besides."""
+    kind = types.Array(dtype.dtype, len(shape), "C")
+
+    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        array = context.make_array(kind)(context, builder)
+        size = context.get_constant(types.intp, context.get_abi_sizeof(array.data.type.pointee))
+        lengths, strides = cgutils.unpack_tuple(builder, arguments[1]), [size]
+        for length in lengths[:0:-1]:
+            strides.insert(0, builder.mul(strides[0], length))
+        data = builder.inttoptr(arguments[0], array.data.type)
+        populate_array(array, data, lengths, strides, size, None)
+        return array._getvalue()
+
+    return kind(types.int64, types.UniTuple(types.intp, len(shape)), dtype), code
+
+
+@intrinsic
+def _uniform(typing_context, generator):  # type: ignore[no-untyped-def]
+    """The next number from 0 to 1 of the NumPy generator whose `bitgen_t` lies at an address."""
+
+    def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+        word, number = ir.IntType(64), ir.DoubleType()
+        members = builder.inttoptr(arguments[0], word.as_pointer())  # state, three functions of it
+
+        def member(i: int) -> Any:
+            return builder.load(builder.gep(members, [ir.Constant(word, i)]))
+
+        draws = builder.inttoptr(member(3), ir.FunctionType(number, [word]).as_pointer())
+        return builder.call(draws, [member(0)])
+
+    return types.float64(types.int64), code
+
+
+# In compiled code: address(array), view(address, shape, dtype), fma(a, b, c),
+# uniform(generator), call(function, first, second, lane, planes, x, y).
 call: Any = _call
 fma: Any = _fma
 address: Any = _address
+view: Any = _view
+uniform: Any = _uniform

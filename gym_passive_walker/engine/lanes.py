@@ -16,11 +16,12 @@ from gym_passive_walker.engine.native import GROUP
 from gym_passive_walker.engine.step import ALERT, UP
 from gym_passive_walker.physics.hybrid import Outcome
 
-_DIVERGED = int(Outcome.DIVERGED)
+_DIVERGED, _FALLS = int(Outcome.DIVERGED), int(Outcome.FELL_FORWARD)
 _LINE = 8 * GROUP  # bytes from one group of a tile's lanes to the next
 
-WAITING, HALTED = int(Outcome.RUNNING), -1
-"""Outcomes of a record that is to be carried on, and of one whose time is up."""
+WAITING, RESTING = int(Outcome.RUNNING), -1
+"""Outcomes of a record that is to be carried on, or has been until its time was up; and of one that
+is to be left as it is."""
 
 
 @inlined
@@ -33,14 +34,17 @@ def came(tiles, courses, phase, lane, options):
 
 
 @inlined
-def leave(record, tiles, phase, lane, event):
-    """Take a walker out of its lane, and say how its phase has ended."""
-    up = 1.0 if event == TIME_UP else 0.0
-    call(phase.unload, address(tiles), address(record), lane, len(tiles) - 1, up, 0.0)
-    if event > 0:
-        record[0].outcome = phase.outcomes[event - 1]
-    else:
-        record[0].outcome = HALTED if event == TIME_UP else _DIVERGED
+def leave(record, body, tiles, phase, lane, event, options):
+    """Take a walker out of its lane, and through the strike that has ended its phase, if any."""
+    planes, up = len(tiles) - 1, 1.0 if event == TIME_UP else 0.0
+    call(phase.unload, address(tiles), address(record), lane, planes, up, 0.0)
+    if event == TIME_UP:
+        return
+    outcome = phase.outcomes[event - 1] if event > 0 else _DIVERGED
+    record[0].outcome = outcome
+    if outcome < _FALLS:
+        scuff = float(options.scuff)
+        call(phase.resets[outcome], address(record), address(body), 0, planes, 0.0, scuff)
 
 
 @jitted
@@ -48,7 +52,7 @@ def carry(records, bodies, phase, number, tiles, courses, options):
     """Take every record that waits in a phase through it: to its event, or to its time's end.
 
     Records with an outcome other than RUNNING are left alone; the outcome becomes an `Outcome`, or
-    HALTED where the time is up.
+    stays where the time is up. Who struck has done so: it may wait in another phase.
 
     Args:
         records: Shape (n, planes).
@@ -59,50 +63,55 @@ def carry(records, bodies, phase, number, tiles, courses, options):
         courses: Shape (planes,).
         options: An `OPTIONS`.
     """
-    owner = np.empty(WIDTH, np.int64)
+    owner, queue, waiting = np.empty(WIDTH, np.int64), np.empty(len(records), np.int64), 0
+    for i in range(len(records)):  # no branch: which phase a walker is in cannot be foretold
+        queue[waiting] = i
+        waiting += (records[i, 0].phase == number) & (records[i, 0].outcome == WAITING)
     origin, planes, alike = address(tiles), len(tiles) - 1, len(bodies) == 1
-    waiting, used, fresh, scuff = 0, 0, False, float(options.scuff)
-    if alike:  # they stay
-        for lane in range(WIDTH):
-            call(phase.equip, origin, address(bodies[0]), lane, planes, 0.0, 0.0)
+    called, used, going, equipped, fresh = 0, 0, 0, 0, False
+    scuff = float(options.scuff)
     while True:
         for lane in range(used):
+            if owner[lane] < 0:
+                continue
             event = came(tiles, courses, phase, lane, options)
             if event != 0:
-                leave(records[owner[lane]], tiles, phase, lane, event)
+                i = owner[lane]
+                body = bodies[0 if alike else i]
+                leave(records[i], body, tiles, phase, lane, event, options)
                 owner[lane] = -1
-        # Fill what is free from those who wait, or from the last lanes in use.
+                going -= 1
+        # Fill what is free from those who wait.
         lane = 0
-        while lane < WIDTH:
+        while lane < WIDTH and called < waiting:
             if lane >= used or owner[lane] < 0:
-                while waiting < len(records):
-                    record = records[waiting, 0]
-                    if record.phase == number and record.outcome == WAITING:
-                        break
-                    waiting += 1
-                if waiting < len(records):
-                    if not alike:
-                        body = address(bodies[waiting])
-                        call(phase.equip, origin, body, lane, planes, 0.0, 0.0)
-                    whole = address(records[waiting])
-                    call(phase.load, origin, whole, lane, planes, options.first_step, 0.0)
-                    owner[lane] = waiting
-                    waiting += 1
-                    used = max(used, lane + 1)
-                    fresh = True
-                elif lane >= used:
-                    break
-                else:
-                    used -= 1
-                    if lane < used:
-                        source = origin + 8 * used
-                        call(phase.move, origin + 8 * lane, source, 0, planes, 0.0, 0.0)
-                        owner[lane] = owner[used]
-                        continue
+                i = queue[called]
+                if not alike or lane >= equipped:
+                    body = address(bodies[0 if alike else i])
+                    call(phase.equip, origin, body, lane, planes, 0.0, 0.0)
+                    equipped = max(equipped, lane + 1)
+                whole = address(records[i])
+                call(phase.load, origin, whole, lane, planes, options.first_step, 0.0)
+                owner[lane], fresh = i, True
+                used = max(used, lane + 1)
+                called += 1
+                going += 1
             lane += 1
-        if used == 0:
+        if going == 0:
             return
-        for group in range((used + GROUP - 1) // GROUP):  # idle lanes compute along, unread
+        # Whoever is left at the end moves together where that saves a group.
+        groups = (going + GROUP - 1) // GROUP
+        lane = 0
+        while used > groups * GROUP:
+            used -= 1
+            if owner[used] < 0:
+                continue
+            while owner[lane] >= 0:
+                lane += 1
+            source = origin + 8 * used
+            call(phase.move, origin + 8 * lane, source, 0, planes, 0.0, 0.0)
+            owner[lane] = owner[used]
+        for group in range(groups):  # idle lanes compute along, unread
             here = origin + _LINE * group
             if fresh:
                 call(phase.first, here, phase.table, 0, planes, 0.0, 0.0)

@@ -20,9 +20,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.jit import Kernel, address, call
-from gym_passive_walker.engine.lanes import HALTED, WAITING, carry
+from gym_passive_walker.engine.lanes import RESTING, carry
 from gym_passive_walker.engine.layout import COURSE, PAIR, RECORD, TILE, aligned
-from gym_passive_walker.physics.hybrid import Outcome, System
+from gym_passive_walker.physics.hybrid import System
 
 OPTIONS = np.dtype(
     [
@@ -41,12 +41,11 @@ LONGEST_STRIDE = 100.0
 _DESKS = threading.local()
 _CHUNK = 1024  # records carried through a stride together, so that they stay in the cache
 _WORTH_A_THREAD = 1024  # records below which a second thread costs more than it saves
-_FALLS = int(Outcome.FELL_FORWARD)
 
 
 @Kernel
 def carry_on(records, bodies, phases, options, tiles, courses):
-    """Carry walkers to heelstrike, their fall, or their time's end.
+    """Carry walkers that do not rest to heelstrike, their fall, or their time's end.
 
     Args:
         records: Shape (n, planes).
@@ -57,11 +56,12 @@ def carry_on(records, bodies, phases, options, tiles, courses):
         courses: Likewise.
     """
     told, planes = options[0], len(tiles) - 1
-    scuff = float(told.scuff)
     for first in range(0, len(records), _CHUNK):
         chunk = records[first : first + _CHUNK]
         own = bodies[first : first + _CHUNK] if len(bodies) > 1 else bodies
         for i in range(len(chunk)):
+            if chunk[i, 0].outcome == RESTING:
+                continue
             record, body = address(chunk[i]), address(own[i if len(own) > 1 else 0])
             # A walker that would begin beyond a bound has fallen already.
             if told.from_section:
@@ -69,18 +69,7 @@ def carry_on(records, bodies, phases, options, tiles, courses):
             else:
                 call(phases[chunk[i, 0].phase].open, record, body, 0, planes, 0.0, 0.0)
         for number in range(len(phases)):
-            phase = phases[number]
-            carry(chunk, own, phase, number, tiles, courses, told)
-            for i in range(len(chunk)):
-                record = chunk[i]
-                outcome = record[0].outcome
-                if record[0].phase == number and WAITING < outcome < _FALLS:
-                    body = own[i if len(own) > 1 else 0]
-                    reset = phase.resets[outcome]
-                    call(reset, address(record), address(body), 0, planes, 0.0, scuff)
-        for i in range(len(chunk)):
-            if chunk[i, 0].outcome == HALTED:
-                chunk[i, 0].outcome = WAITING
+            carry(chunk, own, phases[number], number, tiles, courses, told)
 
 
 class Seeds(NamedTuple):

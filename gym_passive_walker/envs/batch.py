@@ -5,16 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import check_slope, check_state, whole
 from gym_passive_walker.engine.compiled import compiled
+from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import in_parts, options, workspace
-from gym_passive_walker.envs import fates, task
+from gym_passive_walker.envs import fates, task, ticks
 from gym_passive_walker.envs.disturbances import Contact, Disturbances, disturbed
 from gym_passive_walker.envs.interface import refuse
 from gym_passive_walker.envs.reality import ROOM
@@ -27,7 +28,7 @@ from gym_passive_walker.walkers import Walker
 OPTIONS = ("state", "slope")
 """What `reset` may be asked for."""
 
-_BLANK = np.zeros(1, RECORD), np.zeros(1, task.LEDGER)
+_UNASKED = np.empty(0), np.empty((0, 6)), np.empty((0, DRAWS))
 _CROWD = 2048  # walkers from which on threads may share the work
 
 
@@ -128,6 +129,12 @@ class Batch:
         self.rules = rules_of(scene, self.system, step_limit)
         self.randoms: list[np.random.Generator] = []
         self.machinery = self._machinery()
+        self.door = self._door()
+
+    @property
+    def starts_alike(self) -> bool:
+        """Whether compiled code alone may begin episodes: all walkers start alike, as they are."""
+        return self._alike_starts and not self.scene.randomise and not self.disturbances
 
     def _machinery(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
         """Compiled phases, what the engine is told, and where one thread works."""
@@ -135,6 +142,15 @@ class Batch:
         phases = here.natives[0] if here else compiled(self.system.name)
         told = options(self.scene.tolerance, scuff=bool(self.scene.stub))
         return phases, told, *workspace()
+
+    def _door(self) -> ticks.Door:
+        """Where compiled code finds the walkers."""
+        phases, told, tiles, courses = self.machinery
+        return ticks.Door(
+            self.scene, self.count, records=self.records, bodies=self.bodies, radii=self._radii,
+            ledger=self.ledger, rules=self.rules, phases=phases, options=told, tiles=tiles,
+            courses=courses,
+        )  # fmt: skip
 
     @property
     def _constants(self) -> NDArray[np.float64]:
@@ -165,10 +181,12 @@ class Batch:
                 but the random numbers taken.
         """
         where = np.array(lanes, np.int64)
+        if self.starts_alike and not options:
+            self._prepare()
+            ticks.begin(self.door.where, where, True, *_UNASKED, observations)
+            return
         states, asked = self._asked(options) if options else (None, None)
-        draws = np.empty((len(where), DRAWS))
-        for draw, i in zip(draws, where.tolist(), strict=True):
-            self.randoms[i].random(out=draw)
+        draws = self.drawn(where)
         varied = {}
         if self.scene.randomise:
             varied = {i: self._starts[i].varied(self.randoms[i]) for i in where.tolist()}
@@ -180,13 +198,22 @@ class Batch:
         for i, walker in varied.items():
             self.walkers[i], self._constants[i : i + 1] = walker, bodies(walker)
             self._radii[i : i + 1] = _radii([walker])
-        task.begin(
-            self.records, self.bodies, self._radii, self.ledger, *_BLANK, self.machinery[0],
-            where, slopes, gaits, draws, self.scene.perturbation, observations,
-        )  # fmt: skip
+        ticks.begin(self.door.where, where, False, slopes, gaits, draws, observations)
         if self.disturbances:
             self.disturbances.begin(where, self.randoms, self.records, self.ledger)
             self.disturbances.observe(self.ledger, where, observations)
+
+    def _prepare(self) -> None:
+        """Make known what calm walkers start by."""
+        self.door.draw_from(self.randoms)
+        self.door.begin_at(self._starts[0])
+
+    def drawn(self, where: NDArray[np.int64]) -> NDArray[np.float64]:
+        """The numbers that some walkers' starts take from their random ones, (lanes, DRAWS)."""
+        draws = np.empty((len(where), DRAWS))
+        self.door.draw_from(self.randoms)
+        ticks.draw(self.door.where, where, draws)
+        return draws
 
     def _nominal(
         self,
@@ -321,11 +348,13 @@ class Batch:
 
     def step(
         self,
-        actions: NDArray[np.float64],
+        actions: NDArray[np.floating],
         observations: NDArray[np.float32],
         rewards: NDArray[np.float64],
         terminated: NDArray[np.bool_],
         truncated: NDArray[np.bool_],
+        *,
+        again: bool = False,
     ) -> tuple[int, int]:
         """A step of every walker whose episode goes on; the others get a reward of 0.
 
@@ -335,6 +364,7 @@ class Batch:
             rewards: Filled; shape (count,).
             terminated: Filled; shape (count,).
             truncated: Filled; shape (count,).
+            again: Whether these others begin their next episode.
 
         Returns:
             How many strides, and how many episodes have ended.
@@ -342,44 +372,72 @@ class Batch:
         Raises:
             ValueError: if an action is no finite number; nothing has changed then.
         """
+        door, at_once = self.door, again and self.starts_alike
+        door.actions[...] = actions
         if self.count < _CROWD and not self.disturbances:
-            wrong, strides, endings = task.step(
-                self.records, self.bodies, self.ledger, self.rules, *self.machinery,
-                actions, observations, rewards, terminated, truncated,
+            if at_once:
+                self._prepare()
+            wrong, strides, endings = ticks.step.compiled(
+                door.where, 0, self.count, *door.desk, at_once,
+                observations, rewards, terminated, truncated,
             )  # fmt: skip
             if wrong >= 0:
-                lane = int(wrong) if self.count > 1 else None
-                refuse(actions.reshape(self.count, -1)[wrong], self.scene.actions, lane)
+                self.refuse(wrong)
+            if again and not at_once:
+                self._begin_again(observations)
             return strides, endings
-        each = actions.reshape(self.count, -1)
+        each = door.actions.reshape(self.count, -1)
         finite = np.isfinite(each).all(axis=1)
         for wrong in np.flatnonzero(~finite & ~self.over):  # before anyone steps
             refuse(each[wrong], self.scene.actions, int(wrong))
         ended = []
 
         def job(a: int, b: int) -> None:
-            own = self.bodies[a:b] if len(self.bodies) > 1 else self.bodies
-            seen = observations[a * self.seen : b * self.seen]
-            walkers = self.records[a:b], own, self.ledger[a:b], self.rules
             desk = self.machinery[2:] if (a, b) == (0, self.count) else workspace()
+            seen = observations[a * self.seen : b * self.seen]
             results = seen, rewards[a:b], terminated[a:b], truncated[a:b]
-            acts = each[a:b].reshape(-1)
             if self.disturbances:
-                step, further = fates.step, self.disturbances.part(a, b)
+                own = self.bodies[a:b] if len(self.bodies) > 1 else self.bodies
+                walkers = self.records[a:b], own, self.ledger[a:b], self.rules
+                further = *self.disturbances.part(a, b), each[a:b].reshape(-1)
+                ended.append(fates.step(*walkers, *self.machinery[:2], *desk, *further, *results))
             else:
-                step, further = task.step, ()
-            counts = step(*walkers, *self.machinery[:2], *desk, *further, acts, *results)
-            ended.append(counts[-2:])
+                at = [part.ctypes.data for part in desk]
+                ended.append(ticks.step(door.where, a, b, *at, False, *results)[1:])
 
         in_parts(job, self.count, self.threads)
+        if again:
+            self._begin_again(observations)
         return sum(strides for strides, _ in ended), sum(endings for _, endings in ended)
 
+    def step_alone(
+        self, action: NDArray[np.floating], observation: NDArray[np.float32]
+    ) -> tuple[int, int]:
+        """A step of a batch of one; what `step` fills besides is left at the door."""
+        if self.disturbances:
+            return self.step(action, observation, *self.door.results)
+        self.door.actions[...] = action
+        wrong, strides, endings = ticks.step_here.compiled(self.door.where, observation)
+        if wrong >= 0:
+            self.refuse(wrong)
+        return strides, endings
+
+    def refuse(self, wrong: int) -> NoReturn:
+        """Say what is wrong with a walker's action, of those at the door."""
+        lane = wrong if self.count > 1 else None
+        refuse(self.door.actions.reshape(self.count, -1)[wrong], self.scene.actions, lane)
+
+    def _begin_again(self, observations: NDArray[np.float32]) -> None:
+        """Begin the next episode of every walker that has rested in this step."""
+        self.start(np.flatnonzero(self.records["outcome"][:, 0] == RESTING), observations)
+
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "machinery": None}  # compiled code stays at home
+        return {**self.__dict__, "machinery": None, "door": None}  # compiled code stays at home
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self.machinery = self._machinery()
+        self.door = self._door()
 
     @property
     def over(self) -> NDArray[np.bool_]:

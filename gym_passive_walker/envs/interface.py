@@ -8,6 +8,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 from gymnasium import spaces
+from numpy.typing import NDArray
 
 from gym_passive_walker.arguments import unknown, whole
 from gym_passive_walker.envs import task
@@ -69,6 +70,18 @@ def reset_options(options: Mapping[str, Any] | None, known: Sequence[str]) -> di
     if said := unknown(options, known, "reset"):
         raise ValueError(said)
     return dict(options)
+
+
+def numbers(actions: Any, names: Sequence[str]) -> NDArray[np.float64]:
+    """Actions as an array of numbers.
+
+    Raises:
+        ValueError: if they are none.
+    """
+    try:
+        return np.asarray(actions, dtype=np.float64)
+    except (TypeError, ValueError):
+        refuse(actions, names)
 
 
 def refuse(action: Any, actions: Sequence[str], lane: int | None = None) -> NoReturn:

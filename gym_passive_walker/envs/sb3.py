@@ -153,10 +153,7 @@ class PassiveWalkerVecEnv(VecEnv):
 
     def step_async(self, actions: NDArray) -> None:
         """Take note of the actions, shape (num_envs, actions of the scene)."""
-        try:
-            actions = np.asarray(actions, dtype=np.float64)
-        except (TypeError, ValueError):
-            interface.refuse(actions, self.scene.actions)
+        actions = interface.numbers(actions, self.scene.actions)
         shape = (self.num_envs, len(self.scene.actions))
         if actions.shape != shape:
             raise ValueError(f"actions must have shape {shape}, not {actions.shape}")

@@ -14,6 +14,7 @@ import math
 import numpy as np
 
 from gym_passive_walker.engine.jit import Kernel, address, call, jitted
+from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.run import carry_on
 from gym_passive_walker.physics.hybrid import Outcome
 
@@ -157,50 +158,47 @@ def observe(records, ledger, phases, observations):
         see(records[i, 0], ledger[i], phases, observations, i * size)
 
 
-@Kernel
-def tell(ledger, asked, steps, strides, outcomes, ended, struck, told):
+@jitted
+def tell(ledger, asked, steps, counts, measures):
     """Write what the ledger tells of the walkers asked about; of the others, zeros.
 
     Args:
         ledger: The ledger.
         asked: Which walkers are asked about.
-        steps: Zeros, filled: a row for each of EVERY_STEP but the last.
-        strides: Filled with the number of strides.
-        outcomes: Filled with outcomes, as numbers.
-        ended: Filled: whose stride or episode has ended.
-        struck: Filled: whose stride has ended with a heelstrike.
-        told: Zeros, filled: a row for each of EVERY_STRIDE.
+        steps: Filled: a row for each of EVERY_STEP but the last.
+        counts: Filled with the number of strides, and with the outcome of who has ended a stride or
+            an episode, as a number.
+        measures: Filled from the front: a row for each who has, with EVERY_STRIDE.
 
     Returns:
-        How many walkers are asked about, how many of them have ended something, and how many have
-        ended a stride.
+        How many walkers are asked about.
     """
-    present, endings, strikes = 0, 0, 0
+    present, endings = 0, 0
     for i in range(len(ledger)):
         row = ledger[i]
-        strides[i], outcomes[i], ended[i], struck[i] = 0, 0, False, False
         if not asked[i]:
+            for k in range(len(steps)):
+                steps[k, i] = 0.0
+            counts[0, i], counts[1, i] = 0, 0
             continue
         present += 1
         steps[0, i], steps[1, i] = row.distance, row.energy
         steps[2, i], steps[3, i] = row.episode_distance, row.episode_energy
-        strides[i] = row.strides
+        counts[0, i], counts[1, i] = row.strides, row.outcome
         if row.outcome == 0:
             continue
+        told = measures[endings]
         endings += 1
-        outcomes[i], ended[i] = row.outcome, True
-        told[0, i], told[1, i], told[2, i] = row.step_length, row.step_period, row.speed
-        told[3, i], told[4, i] = row.cost_of_transport, row.gravity_cost
-        told[5, i], told[6, i] = row.hip_cost, row.net_hip_cost
-        told[7, i], told[8, i] = row.ankle_cost, row.net_ankle_cost
-        told[9, i], told[10, i] = row.push_off_cost, row.collision_cost
-        told[11, i], told[12, i] = row.friction_cost, row.kneestrike_time
-        struck[i] = row.outcome == _HEELSTRIKE
-        strikes += struck[i]
-    return present, endings, strikes
+        told[0], told[1], told[2] = row.step_length, row.step_period, row.speed
+        told[3], told[4] = row.cost_of_transport, row.gravity_cost
+        told[5], told[6] = row.hip_cost, row.net_hip_cost
+        told[7], told[8] = row.ankle_cost, row.net_ankle_cost
+        told[9], told[10] = row.push_off_cost, row.collision_cost
+        told[11], told[12] = row.friction_cost, row.kneestrike_time
+    return present
 
 
-@Kernel
+@jitted
 def begin(
     records, bodies, radii, ledger, blank_record, blank_row, phases, lanes,
     slopes, gaits, draws, perturbation, observations,
@@ -234,7 +232,7 @@ def begin(
 
 @jitted
 def command(records, ledger, rules, actions):
-    """Set every walker's torques and push-off, and the time to stop.
+    """Set every walker's torques and push-off, and the time to stop; whose episode is over rests.
 
     Returns:
         The first walker whose action is not all finite, before anything has changed; else -1.
@@ -245,10 +243,13 @@ def command(records, ledger, rules, actions):
             if not math.isfinite(actions[i * count + j]) and not over(ledger[i]):
                 return i
     for i in range(len(records)):
-        record, row = records[i, 0], ledger[i]
+        record = records[i, 0]
+        if over(ledger[i]):
+            record.outcome = RESTING
+            continue
         for j in range(count):
             channel = rules.channels[j]
-            share = 0.0 if over(row) else clipped(actions[i * count + j], 1.0)
+            share = clipped(actions[i * count + j], 1.0)
             if channel == _PUSH_OFF:
                 record.push_off = rules.largest[channel] * max(share, 0.0)
             else:
@@ -329,10 +330,14 @@ def settle(records, bodies, ledger, rules, phases, observations, rewards, termin
     strides, endings, size = 0, 0, len(observations) // len(records)
     for i in range(len(records)):
         record, row = records[i, 0], ledger[i]
+        if record.outcome == RESTING:
+            rewards[i], terminated[i], truncated[i] = 0.0, False, False
+            see(record, row, phases, observations, i * size)
+            continue
         body = bodies[i if len(bodies) > 1 else 0]
         call(phases[0].place, address(records[i]), address(body), 0, 0, 0.0, 0.0)
-        idle = over(row)
-        forget_stride(row)
+        if row.outcome != 0:
+            forget_stride(row)
         row.outcome = record.outcome
         if record.outcome == 0 and record.time >= rules.longest_stride:
             row.outcome = _STALLED
@@ -352,9 +357,8 @@ def settle(records, bodies, ledger, rules, phases, observations, rewards, termin
             strides += 1
         if row.steps >= rules.step_limit:
             row.truncated = 1
-        rewards[i] = 0.0 if idle else row.reward
-        terminated[i] = row.ending != 0 and not idle
-        truncated[i] = row.truncated != 0 and not idle
+        rewards[i] = row.reward
+        terminated[i], truncated[i] = row.ending != 0, row.truncated != 0
         endings += terminated[i] or truncated[i]
         see(record, row, phases, observations, i * size)
     return strides, endings
@@ -369,7 +373,7 @@ def forget_stride(row):
     row.collision_cost, row.friction_cost, row.kneestrike_time = 0.0, 0.0, 0.0
 
 
-@Kernel
+@jitted
 def step(
     records, bodies, ledger, rules, phases, options, tiles, courses,
     actions, observations, rewards, terminated, truncated,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,16 +14,17 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import whole
-from gym_passive_walker.envs import interface, task
+from gym_passive_walker.envs import interface, task, ticks
 from gym_passive_walker.envs.batch import OPTIONS, Batch
 from gym_passive_walker.envs.frames import frame
+from gym_passive_walker.envs.infos import Infos
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import Scene, make_scene, walker_from
 from gym_passive_walker.extras import need
+from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.walkers import Walker
 
 _OUTCOMES = np.array(interface.OUTCOMES, object)
-_NONE = np.zeros((0, 0))
 
 
 class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
@@ -30,6 +32,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
 
     Observations, rewards, endings and infos are those of as many single environments in a
     `SyncVectorEnv`, seeded alike, to the last bit; the steps of all are one call of one kernel.
+    Infos are a dictionary that is filled when it is first looked at.
 
     Args:
         num_envs: How many walkers.
@@ -89,7 +92,9 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             step_limit=interface.step_limit(max_episode_steps),
             threads=threads,
         )
-        self._ended = np.ones(num_envs, bool)
+        self._shape = num_envs, len(self.scene.actions)
+        self._everyone = np.ones(num_envs, bool)
+        self._ended = self._everyone.copy()
         self._any_ended = True
         self._begun = False
 
@@ -137,31 +142,24 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             ValueError: if an action is not one finite number; nothing has changed then.
             ResetNeeded: if an environment must be reset first.
         """
-        try:
-            actions = np.asarray(actions, dtype=np.float64)
-        except (TypeError, ValueError):
-            interface.refuse(actions, self.scene.actions)
-        shape = self.action_space.shape
-        if actions.shape != shape:
-            raise ValueError(f"actions must have shape {shape}, not {actions.shape}")
+        if type(actions) is not np.ndarray or actions.dtype.kind != "f":
+            actions = interface.numbers(actions, self.scene.actions)
+        if actions.shape != self._shape:
+            raise ValueError(f"actions must have shape {self._shape}, not {actions.shape}")
         if self._any_ended and (not self._begun or self.autoreset_mode == AutoresetMode.DISABLED):
             raise ResetNeeded("some environments have ended, or never begun: reset them first")
         observations = np.empty((self.num_envs, self.batch.seen), np.float32)
         rewards = np.empty(self.num_envs)
         terminated, truncated = np.empty((2, self.num_envs), bool)
-        flat = observations.reshape(-1)
+        flat, again = observations.reshape(-1), self._any_ended
         strides, endings = self.batch.step(
-            actions.reshape(-1), flat, rewards, terminated, truncated
+            actions.reshape(-1), flat, rewards, terminated, truncated, again=again
         )
-        stepped = None
-        if self._any_ended:  # NEXT_STEP: this step was their reset
-            stepped = ~self._ended
-            self.batch.start(np.flatnonzero(self._ended), flat)
-        told = bool(strides or endings)
+        stepped = ~self._ended if again else None  # NEXT_STEP: this was the reset of others
         if not endings or self.autoreset_mode != AutoresetMode.SAME_STEP:
             if self._any_ended or endings:
                 self._ended, self._any_ended = terminated | truncated, endings > 0
-            infos = self._infos(stepped, told)
+            infos = self._infos(stepped, strides + endings)
             return observations, rewards, terminated, truncated, infos
         ended = terminated | truncated
         last = np.full(self.num_envs, None, object)
@@ -170,9 +168,9 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         infos = {
             "final_obs": last,
             "_final_obs": ended,
-            "final_info": self._infos(ended, told),
+            "final_info": self._infos(ended, strides + endings),
             "_final_info": ended.copy(),
-            **self._infos(~ended, told),
+            **self._infos(~ended, strides + endings),
         }
         self.batch.start(np.flatnonzero(ended), flat)
         return observations, rewards, terminated, truncated, infos
@@ -200,8 +198,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         """
         if not self._begun:
             raise ResetNeeded("no episode has begun: call reset first")
-        everyone = np.ones(self.num_envs, bool)
-        which = everyone if mask is None else self._checked_mask(mask, "mask")
+        which = self._everyone if mask is None else self._checked_mask(mask, "mask")
         self.batch.set_slopes(slopes, which)
         observations = np.empty((self.num_envs, self.batch.seen), np.float32)
         self.batch.observe(observations.reshape(-1))
@@ -223,36 +220,23 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         """
         self.batch.charge_for(energy)
 
-    def _infos(self, which: NDArray[np.bool_] | None, told: bool) -> dict[str, Any]:
+    def _infos(self, which: NDArray[np.bool_] | None, most: int) -> dict[str, Any]:
         """What single environments would put into `info`, with masks of who did.
 
         Args:
             which: Who makes this step; None for all.
-            told: Whether someone ended a stride or an episode.
+            most: How many at most have ended a stride or an episode.
         """
-        mask = np.ones(self.num_envs, bool) if which is None else which
-        steps = np.zeros((len(task.EVERY_STEP) - 1, self.num_envs))
-        measures = np.zeros((len(task.EVERY_STRIDE), self.num_envs)) if told else _NONE
-        strides, outcomes = np.empty((2, self.num_envs), np.int64)
-        ended, struck = np.empty((2, self.num_envs), bool)
-        present, endings, strikes = task.tell(
-            self.batch.ledger, mask, steps, strides, outcomes, ended, struck, measures
-        )
-        if not present:
+        steps = np.empty((len(task.EVERY_STEP) - 1, self.num_envs))
+        counts = np.empty((2, self.num_envs), np.int64)
+        measures = np.empty((most, len(task.EVERY_STRIDE)))
+        asked = self._everyone if which is None else which
+        if not ticks.tell.compiled(self.batch.door.where, asked, steps, counts, measures):
             return {}
-        infos: dict[str, Any] = {}
-        for name, column in zip(task.EVERY_STEP, steps, strict=False):
-            infos[name], infos["_" + name] = column, mask
-        infos["strides"], infos["_strides"] = strides, mask
-        if self.batch.disturbances:
-            for name, column in self.batch.told().items():
-                infos[name], infos["_" + name] = np.where(mask, column, 0), mask
-        if endings:
-            infos["outcome"], infos["_outcome"] = _OUTCOMES.take(outcomes), ended
-        if strikes:
-            for name, column in zip(task.EVERY_STRIDE, measures, strict=True):
-                infos[name], infos["_" + name] = column, struck
-        return infos
+        befell = {name: np.where(asked, told, 0) for name, told in self.batch.told().items()}
+        mask = asked.copy()
+        make = partial(told, mask, steps, counts, measures, befell)
+        return Infos(make, distance=steps[0], _distance=mask)
 
     def _checked_mask(self, mask: Any, name: str) -> NDArray[np.bool_]:
         """A boolean array that says of each environment whether it is meant."""
@@ -339,8 +323,33 @@ def seed_randoms(
         raise ValueError(f"seed must be a whole number, a row of them, or None, not {seed!r}")
     if len(seeds) != batch.count:
         raise ValueError(f"{len(seeds)} seeds for {batch.count} environments")
-    if not batch.randoms:
-        batch.randoms = [None] * batch.count  # type: ignore[list-item]
+    randoms: list[Any] = list(batch.randoms) or [None] * batch.count
     for i in lanes:
-        if seeds[i] is not None or batch.randoms[i] is None:
-            batch.randoms[i], _ = seeding.np_random(seeds[i])
+        if seeds[i] is not None or randoms[i] is None:
+            randoms[i], _ = seeding.np_random(seeds[i])
+    if randoms != batch.randoms:
+        batch.randoms = randoms
+
+
+def told(
+    mask: NDArray[np.bool_],
+    steps: NDArray[np.float64],
+    counts: NDArray[np.int64],
+    measures: NDArray[np.float64],
+    befell: Mapping[str, NDArray],
+) -> dict[str, Any]:
+    """The infos of a vector environment, of what `task.tell` tells and of what befell walkers."""
+    (strides, outcomes), infos = counts, {}
+    columns = dict(zip(task.EVERY_STEP, (*steps, strides), strict=True))
+    for name, column in (columns | dict(befell)).items():
+        infos[name], infos["_" + name] = column, mask
+    ended = outcomes != 0
+    if ended.any():
+        infos["outcome"], infos["_outcome"] = _OUTCOMES.take(outcomes), ended
+    struck = outcomes == int(Outcome.HEELSTRIKE)
+    if struck.any():
+        ways = np.zeros((len(task.EVERY_STRIDE), len(mask)))
+        ways[:, ended] = measures[: np.count_nonzero(ended)].T
+        for name, column in zip(task.EVERY_STRIDE, ways, strict=True):
+            infos[name], infos["_" + name] = column, struck
+    return infos

@@ -17,10 +17,7 @@ from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.extras import need
 from gym_passive_walker.walkers import Walker
 
-_STRIDE, _STRIDES, _OUTCOME, _REWARD = (
-    list(task.LEDGER.fields or ()).index(name)
-    for name in (task.EVERY_STRIDE[0], "strides", "outcome", "reward")
-)
+_SINGLE = np.dtype(np.float32)
 
 
 class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
@@ -213,7 +210,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.action_space = interface.action_space(self.scene.actions)
         self.batch = Batch(self.scene)
         self.metadata = {**self.metadata, "render_fps": self.scene.frames_per_second}
-        self._results = np.zeros(1), np.zeros(1, bool), np.zeros(1, bool)
+        self._shape = (len(self.scene.actions),)
         self._ready = False
         self._screen: Any = None
 
@@ -232,7 +229,8 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             ValueError: if an option is unknown or out of its range.
         """
         super().reset(seed=seed)
-        self.batch.randoms = [self.np_random]
+        if self.np_random not in self.batch.randoms:
+            self.batch.randoms = [self.np_random]
         observation = np.empty(self.batch.seen, np.float32)
         self.batch.start((0,), observation, interface.reset_options(options, OPTIONS))
         self._ready = True
@@ -249,32 +247,36 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             ValueError: if the action is not one finite number; nothing has changed then.
             ResetNeeded: if no episode is under way.
         """
-        try:
-            actions = np.asarray(action, dtype=np.float64)
-        except (TypeError, ValueError):
-            interface.refuse(action, self.scene.actions)
-        shape = self.action_space.shape
-        if actions.shape != shape:
-            raise ValueError(f"the action must have shape {shape}, not {actions.shape}")
+        act: NDArray[np.floating] = action
+        if type(action) is not np.ndarray or action.dtype.kind != "f":
+            act = interface.numbers(action, self.scene.actions)
+        if act.shape != self._shape:
+            raise ValueError(f"the action must have shape {self._shape}, not {act.shape}")
         if not self._ready:
             raise ResetNeeded("no episode is under way: call reset first")
         batch = self.batch
-        observation = np.empty(self.batch.seen, np.float32)
-        struck, ended = batch.step(actions, observation, *self._results)
-        row = batch.ledger.item(0)
-        info: dict[str, Any] = dict(
-            zip(task.EVERY_STEP, [*row[:_STRIDE], row[_STRIDES]], strict=True)
-        )
+        observation = np.empty(batch.seen, _SINGLE)
+        struck, ended = batch.step_alone(act, observation)
+        door = batch.door
+        strides, outcome = door.counts.tolist()
+        distance, energy, whole_distance, whole_energy = door.of_step.tolist()
+        info: dict[str, Any] = {  # task.EVERY_STEP
+            "distance": distance,
+            "energy": energy,
+            "episode_distance": whole_distance,
+            "episode_energy": whole_energy,
+            "strides": strides,
+        }
         if struck:
-            info |= zip(task.EVERY_STRIDE, row[_STRIDE:_STRIDES], strict=True)
+            info |= zip(task.EVERY_STRIDE, door.of_stride.tolist(), strict=True)
         if batch.disturbances:
             info |= {name: column.item() for name, column in batch.told().items()}
         if struck or ended:
-            info["outcome"] = interface.OUTCOMES[row[_OUTCOME]]
+            info["outcome"] = interface.OUTCOMES[outcome]
             self._ready = not ended
         if self.render_mode == "human":
             self.render()
-        return observation, row[_REWARD], bool(ended), False, info
+        return observation, door.results[0].item(), ended > 0, False, info
 
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
         """Draw the walker as it stands, in a window ("human") or as an array ("rgb_array")."""

@@ -36,7 +36,7 @@ def carry(records, bodies, phase, number, tiles, courses, options):
     while event == 0:
         jit.call(phase.sweep, tile, tile, 0, planes, options.tolerance, scuff)
         event = came(tiles, courses, phase, 0, options)
-    leave(records[0], tiles, phase, 0, event)
+    leave(records[0], bodies[0], tiles, phase, 0, event, options)
 
 
 class Machinery:

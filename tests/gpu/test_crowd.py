@@ -7,7 +7,7 @@ from gym_passive_walker.engine.chance import uniform, word
 from gym_passive_walker.envs import task
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.scene import make_scene
-from gym_passive_walker.envs.starts import Starts
+from gym_passive_walker.envs.starts import DRAWS, Starts
 from gym_passive_walker.gpu import crowd as crowds
 from gym_passive_walker.gpu import device
 from gym_passive_walker.gpu.crowd import WAYS, Crowd
@@ -42,23 +42,33 @@ class Drawn:
     def __init__(self, key):
         self.key, self.episode = np.uint64(key), 0
 
-    def random(self, out):
+    def random(self, size):
         """What a start takes, which comes first in an episode."""
         self.now = np.uint64(word(self.key, np.uint64(self.episode)))
         self.episode += 1
-        out[:] = [uniform(self.now, k, 200) for k in range(len(out))]
+        return [uniform(self.now, k, 200) for k in range(size)]
 
     def integers(self, end, dtype):
         """The key of its fate."""
         return self.now
 
 
+class Drawing(Batch):
+    """A batch whose starts draw from these."""
+
+    starts_alike = False  # type: ignore[assignment]
+
+    def drawn(self, where):
+        """What they take of each walker, (lanes, DRAWS)."""
+        return np.array([self.randoms[i].random(DRAWS) for i in where])
+
+
 class Reference:
     """The processor's walkers, that start as a device's do, and again where an episode ends."""
 
     def __init__(self, scene, count, seed, limit):
-        self.batch = Batch(make_scene(scene), count, step_limit=limit)
-        self.batch.randoms = [Drawn(seed + i) for i in range(count)]
+        self.batch = Drawing(make_scene(scene), count, step_limit=limit)
+        self.batch.randoms = [Drawn(seed + i) for i in range(count)]  # type: ignore[assignment]
         self.observations = np.zeros((count, self.batch.seen), np.float32)
         self.batch.start(np.arange(count), self.observations.reshape(-1))
 

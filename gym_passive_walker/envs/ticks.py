@@ -1,0 +1,235 @@
+"""A batch's ticks and starts as one call each, by where the batch's arrays lie.
+
+Numba takes a third of a microsecond to recognise an array of structures, and a tick needs eight:
+longer than the engine takes for one walker. What stays in its place from tick to tick is told once.
+"""
+
+from __future__ import annotations
+
+import ctypes
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker.engine.compiled import PHASE
+from gym_passive_walker.engine.jit import Kernel, inlined, jitted, uniform, view
+from gym_passive_walker.engine.lanes import RESTING
+from gym_passive_walker.engine.layout import COURSE, RECORD, TILE
+from gym_passive_walker.engine.run import OPTIONS
+from gym_passive_walker.envs import task
+from gym_passive_walker.envs.scene import Scene
+from gym_passive_walker.envs.starts import DRAWS, Starts, between
+
+STAYS = (
+    "records", "bodies", "radii", "ledger", "rules", "phases", "options", "tiles", "courses",
+    "actions", "rewards", "terminated", "truncated", "generators", "nodes", "states",
+)  # fmt: skip
+"""Arrays of a batch that stay where they are."""
+
+PLACES = np.dtype(
+    [(name, "i8") for name in STAYS]
+    + [(f"of_{name}", "i8") for name in STAYS]  # how many entries each has
+    + [("constants", "i8"), ("low", "f8"), ("high", "f8"), ("perturbation", "f8")]
+)
+"""Where they are, and what starts go by besides: constants of a body, and the range of slopes."""
+
+_NUMBER, _WORD, _TRUTH = np.dtype("f8"), np.dtype("i8"), np.dtype("?")
+_ALL = 1 << 62
+
+_capsule = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)(
+    ("PyCapsule_GetPointer", ctypes.pythonapi)
+)
+
+
+@inlined
+def found(where, first, last):
+    """What a door has noted, and its walkers from one to before another."""
+    places = view(where, (1,), PLACES)
+    here = places[0]
+    records = view(here.records, (here.of_records, 1), RECORD)[first:last]
+    bodies = view(here.bodies, (here.of_bodies, 1, here.constants), _NUMBER)
+    if here.of_bodies > 1:
+        bodies = bodies[first:last]
+    ledger = view(here.ledger, (here.of_ledger,), task.LEDGER)[first:last]
+    phases = view(here.phases, (here.of_phases,), PHASE)
+    return places, records, bodies, ledger, phases
+
+
+@Kernel
+def begin(where, lanes, alike, slopes, gaits, draws, observations):
+    """Begin episodes of some walkers, as `task.begin` does.
+
+    Args:
+        where: A door's address.
+        lanes: Which walkers.
+        alike: Whether they start as the door has noted, by the numbers that each one draws; the
+            next three are of no interest then.
+        slopes: As of `task.begin`, as all that follow.
+        gaits: Theirs.
+        draws: Theirs.
+        observations: Filled, flat.
+    """
+    places, records, bodies, ledger, phases = found(where, 0, _ALL)
+    here = places[0]
+    radii = view(here.radii, (here.of_radii,), _NUMBER)
+    if alike:
+        draws, slopes = np.empty((len(lanes), DRAWS)), np.empty(len(lanes))
+        fill(where, lanes, draws)
+        for j in range(len(lanes)):
+            slopes[j] = here.low
+            if here.low != here.high:
+                slopes[j] = here.low + (here.high - here.low) * draws[j, 0]
+        nodes = view(here.nodes, (here.of_nodes,), _NUMBER)
+        gaits = view(here.states, (here.of_states, 6), _NUMBER)
+        if len(nodes) > 1:
+            states, gaits = gaits, np.empty((len(lanes), 6))
+            between(nodes, states, slopes, gaits)
+    task.begin(
+        records, bodies, radii, ledger, np.zeros(1, RECORD), np.zeros(1, task.LEDGER), phases,
+        lanes, slopes, gaits, draws, here.perturbation, observations,
+    )  # fmt: skip
+
+
+@jitted
+def fill(where, lanes, draws):
+    """See `draw`."""
+    here = view(where, (1,), PLACES)[0]
+    generators = view(here.generators, (here.of_generators,), _WORD)
+    for j in range(len(lanes)):
+        for k in range(DRAWS):
+            draws[j, k] = uniform(generators[lanes[j]])
+
+
+@Kernel
+def draw(where, lanes, draws):
+    """Draw the numbers that some walkers' starts take, (lanes, DRAWS)."""
+    fill(where, lanes, draws)
+
+
+@jitted
+def tick(where, first, last, tiles, courses, observations, rewards, terminated, truncated):
+    """A step of some walkers by the actions that lie there; see `task.step`."""
+    places, records, bodies, ledger, phases = found(where, first, last)
+    here = places[0]
+    rules = view(here.rules, (1,), task.RULES)
+    options = view(here.options, (1,), OPTIONS)
+    actions = view(here.actions, (here.of_actions,), _NUMBER)
+    each = rules[0].actions
+    return task.step(
+        records, bodies, ledger, rules, phases, options, view(tiles, (1,), TILE),
+        view(courses, (1,), COURSE), actions[first * each : last * each], observations,
+        rewards, terminated, truncated,
+    )  # fmt: skip
+
+
+@Kernel
+def step(
+    where, first, last, tiles, courses, again, observations, rewards, terminated, truncated
+):  # fmt: skip
+    """A step of the walkers from `first` to before `last`, and `again` a start of who rests.
+
+    Args:
+        where: A door's address.
+        first: The first of them.
+        last: Whom they end before.
+        tiles: Where a tile lies to work at.
+        courses: Likewise, a course.
+        again: Whether they are all there are, and who rests begins another episode.
+        observations: Filled, flat, as all that follow.
+        rewards: Filled.
+        terminated: Filled.
+        truncated: Filled.
+
+    Returns:
+        As of `task.step`.
+    """
+    answer = tick(
+        where, first, last, tiles, courses, observations, rewards, terminated, truncated
+    )  # fmt: skip
+    if again and answer[0] < 0:
+        _, records, _, _, _ = found(where, first, last)
+        resting, count = np.empty(len(records), np.int64), 0
+        for i in range(len(records)):
+            if records[i, 0].outcome == RESTING:
+                resting[count] = i
+                count += 1
+        none = np.empty((0, 6))
+        begin(where, resting[:count], True, np.empty(0), none, none, observations)
+    return answer
+
+
+@Kernel
+def step_here(where, observation):
+    """A step of a single walker, with reward and endings in the batch's own arrays."""
+    here = view(where, (1,), PLACES)[0]
+    return tick(
+        where, 0, 1, here.tiles, here.courses, observation,
+        view(here.rewards, (1,), _NUMBER),
+        view(here.terminated, (1,), _TRUTH),
+        view(here.truncated, (1,), _TRUTH),
+    )  # fmt: skip
+
+
+@Kernel
+def tell(where, asked, steps, counts, measures):
+    """`task.tell` of the walkers there."""
+    here = view(where, (1,), PLACES)[0]
+    ledger = view(here.ledger, (here.of_ledger,), task.LEDGER)
+    return task.tell(ledger, asked, steps, counts, measures)
+
+
+class Door:
+    """Where compiled code finds the arrays of a batch.
+
+    Args:
+        scene: What is simulated.
+        count: How many walkers.
+        **arrays: Of STAYS; they stay where they are from now on.
+
+    Attributes:
+        where: The address that kernels take.
+        desk: Those of the tile and the course where one thread works.
+        actions: Of all walkers, flat, to be filled before a step.
+        results: Rewards and both kinds of endings, (count,), as `step_here` leaves them.
+        of_step: What the first walker's ledger tells of EVERY_STEP but the strides.
+        of_stride: What it tells of EVERY_STRIDE.
+        counts: Its strides, and its outcome.
+    """
+
+    def __init__(self, scene: Scene, count: int, **arrays: NDArray) -> None:
+        self.actions = np.zeros(count * len(scene.actions))
+        self.results = np.zeros(count), np.zeros(count, bool), np.zeros(count, bool)
+        self._randoms: list[np.random.Generator] | None = None
+        self._kept: dict[str, NDArray] = {}
+        self._places = np.zeros(1, PLACES)
+        self._places["perturbation"] = scene.perturbation
+        self._places["constants"] = arrays["bodies"].shape[-1]
+        self.where: int = self._places.ctypes.data
+        self.desk = arrays["tiles"].ctypes.data, arrays["courses"].ctypes.data
+        results = dict(zip(("rewards", "terminated", "truncated"), self.results, strict=True))
+        self._put(actions=self.actions, **results, **arrays)
+        ledger, steps = arrays["ledger"], len(task.EVERY_STEP) - 1
+        words = steps + len(task.EVERY_STRIDE)
+        numbers = ledger.view(np.float64)[:words]
+        self.of_step, self.of_stride = numbers[:steps], numbers[steps:]
+        self.counts = ledger.view(np.int64)[words : words + 2]
+
+    def _put(self, **arrays: NDArray) -> None:
+        for name, array in arrays.items():
+            assert array.flags.c_contiguous
+            self._kept[name] = array
+            self._places[name], self._places[f"of_{name}"] = array.ctypes.data, len(array)
+
+    def draw_from(self, randoms: list[np.random.Generator]) -> None:
+        """Draw from these generators from now on."""
+        if randoms is not self._randoms:
+            self._randoms = randoms
+            found = [_capsule(random.bit_generator.capsule, b"BitGenerator") for random in randoms]
+            self._put(generators=np.array(found, np.int64))
+
+    def begin_at(self, starts: Starts) -> None:
+        """Begin all episodes there, from now on."""
+        if "nodes" not in self._kept:
+            nodes, states = starts.nodes
+            self._put(nodes=nodes, states=states)
+            self._places["low"], self._places["high"] = starts.low, starts.high

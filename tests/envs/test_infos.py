@@ -1,0 +1,106 @@
+"""Infos of many walkers are made when someone looks, and are a dictionary like any other."""
+
+import copy
+import json
+import pickle
+
+import numpy as np
+import pytest
+
+from gym_passive_walker.envs import ticks
+from gym_passive_walker.envs.batch import Batch
+from gym_passive_walker.envs.infos import Infos
+from gym_passive_walker.envs.scene import Scene
+from gym_passive_walker.envs.starts import DRAWS
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+
+CONTENT = {"distance": 0.25, "strides": 3}
+
+LOOKS = {
+    "dict": dict,
+    "a copy": lambda infos: infos.copy(),
+    "copy.copy": copy.copy,
+    "copy.deepcopy": copy.deepcopy,
+    "pickle": lambda infos: pickle.loads(pickle.dumps(infos)),
+    "json": lambda infos: json.loads(json.dumps(infos)),
+    "double star": lambda infos: {**infos},
+    "or": lambda infos: infos | {},
+    "or from the right": lambda infos: {} | infos,
+    "items": lambda infos: dict(infos.items()),
+    "keys": lambda infos: {name: infos[name] for name in infos.keys()},
+    "values": lambda infos: dict(zip(CONTENT, infos.values(), strict=True)),
+    "iter": lambda infos: {name: infos.get(name) for name in infos},
+    "reversed": lambda infos: {name: infos[name] for name in reversed(infos)},
+    "update": lambda infos: (found := {}, found.update(infos))[0],
+    "pop": lambda infos: {name: infos.pop(name) for name in CONTENT},
+    "setdefault": lambda infos: {name: infos.setdefault(name, None) for name in CONTENT},
+    "repr": lambda infos: eval(repr(infos)),
+}
+
+
+@pytest.mark.parametrize("look", LOOKS)
+def test_whoever_looks_first_finds_all(look):
+    made = []
+    infos = Infos(lambda: made.append(1) or CONTENT, distance=0.25)
+    assert isinstance(infos, dict) and not made
+    assert LOOKS[look](infos) == CONTENT
+    assert made == [1]
+
+
+@pytest.mark.parametrize(
+    "told",
+    [len, bool, lambda x: "strides" in x, lambda x: dict(CONTENT) == x, lambda x: x == CONTENT],
+)
+def test_it_is_never_taken_for_empty(told):
+    assert told(Infos(lambda: CONTENT, distance=0.25)) not in (False, 0, NotImplemented)
+
+
+def test_what_is_written_first_is_not_lost():
+    infos = Infos(lambda: CONTENT, distance=0.25)
+    infos["strides"], infos["episode"] = 4, "mine"
+    assert infos == CONTENT | {"strides": 4, "episode": "mine"}
+
+
+def test_infos_looked_at_late_are_those_of_their_step():
+    """Whatever came since: the ledger that they are made of is another one by then."""
+    prompt, late = (PassiveWalkerVectorEnv(8, perturbation=0.3) for _ in range(2))
+    found: list[list] = []
+    for worlds, look in ((prompt, dict), (late, lambda infos: infos)):
+        worlds.reset(seed=0)
+        worlds.action_space.seed(0)
+        found.append([look(worlds.step(worlds.action_space.sample())[-1]) for _ in range(120)])
+    for one, other in zip(*found, strict=True):
+        assert list(one) == list(other)
+        for name in one:
+            np.testing.assert_array_equal(one[name], other[name])
+    assert any("outcome" in infos for infos in found[1])
+    assert any("step_length" in infos for infos in found[1])
+
+
+@pytest.mark.parametrize("kind", ["PCG64", "MT19937", "Philox", "SFC64"])
+def test_compiled_code_draws_what_numpy_would(kind):
+    def randoms():
+        return [np.random.Generator(getattr(np.random, kind)(i)) for i in range(3)]
+
+    batch, here = Batch(Scene(), 3), randoms()
+    batch.randoms = randoms()
+    for who in ([0, 1, 2], [2, 0], [1]):
+        expected = [here[i].random(DRAWS) for i in who]
+        np.testing.assert_array_equal(batch.drawn(np.array(who)), expected)
+    later = pickle.loads(pickle.dumps(batch))  # elsewhere, and at the same place in the stream
+    expected = [random.random(DRAWS) for random in here]
+    np.testing.assert_array_equal(later.drawn(np.arange(3)), expected)
+
+
+def test_who_has_fallen_rests_until_the_next_episode_begins():
+    worlds = PassiveWalkerVectorEnv(4, autoreset_mode="Disabled", perturbation=0.3)
+    worlds.reset(seed=0)
+    ended = np.zeros(4, bool)
+    while not ended.any():
+        _, _, ended, *_ = worlds.step(np.ones((4, 1)))
+    batch, before = worlds.batch, worlds.batch.states[ended]
+    results = np.empty(4 * batch.seen, np.float32), np.ones(4), *np.ones((2, 4), bool)
+    batch.step(np.ones(4), *results)
+    np.testing.assert_array_equal(batch.states[ended], before)
+    assert not results[1][ended].any() and not results[2][ended].any()
+    assert ticks.RESTING in batch.records["outcome"]
