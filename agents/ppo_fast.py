@@ -4,10 +4,11 @@ It is the PPO of stable-baselines3, arranged for speed. There most of the time g
 over each rollout, and most of the rest into calls for few walkers at a time; next to none into
 walking. So here
 
-- walkers are tensors (`PassiveWalkerTorchEnv`), and a step of theirs is one pass through the actor
-  alone: the critic is asked for all steps at once when they have been made;
+- walkers are tensors, and a step of theirs is one pass through the actor alone: the critic is asked
+  for all steps at once when they have been made;
 - what scales observations and rewards is found once a rollout and not at each step;
-- the Gaussian is a line, and fewer passes may each change the policy more.
+- the gradient is written out, into memory that serves every batch: where autograd takes new memory
+  for each, sums wait for it.
 
 Rollouts, advantages and updates are below in the order in which they happen. Only the networks, the
 loop's callbacks and the files come from stable-baselines3, so that a run is like every other.
@@ -24,9 +25,12 @@ from gymnasium.spaces import Box
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
+from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback, Schedule
-from torch import Tensor, nn
+from torch import Tensor
 
+from agents.networks import Perceptron
+from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
 
 
@@ -70,6 +74,30 @@ def advantages(
     for t in reversed(range(len(rewards))):
         found[t] = later = surprises[t] + going[t] * later
     return found
+
+
+def carried(walkers: PassiveWalkerVecEnv, device: torch.device) -> Any:
+    """Walkers on tensors: themselves, or as many more of their scene on a GPU that can carry them.
+
+    Args:
+        walkers: What the processor carries.
+        device: Where tensors are wanted.
+    """
+    if device.type == "cuda":
+        from gym_passive_walker.gpu.device import cuda
+        from gym_passive_walker.gpu.environment import PassiveWalkerGpuEnv
+
+        if cuda.is_available():
+            limit = walkers.batch.rules["step_limit"][0]
+            steps = int(limit) if np.isfinite(limit) else None
+            return PassiveWalkerGpuEnv(walkers.num_envs, walkers.scene, max_episode_steps=steps)
+    return PassiveWalkerTorchEnv.around(walkers.worlds, device)
+
+
+def _bring_up(moments: RunningMeanStd, rows: Tensor) -> None:
+    """Add rows to moments; what leaves the device is a number for each column."""
+    var, mean = torch.var_mean(rows.double(), 0, correction=0)
+    moments.update_from_moments(mean.cpu().numpy(), var.cpu().numpy(), len(rows))
 
 
 class FastPPO(BaseAlgorithm):
@@ -144,10 +172,30 @@ class FastPPO(BaseAlgorithm):
         made = self.policy_class(
             self.observation_space, self.action_space, self.lr_schedule, **self.policy_kwargs
         )
-        self.policy = made.to(self.device)  # type: ignore[assignment]
+        net: Any = made.to(self.device)
+        self.policy, inner = net, net.mlp_extractor
+        self.actor = Perceptron([*inner.policy_net, net.action_net], self.batch_size)
+        self.critic = Perceptron([*inner.value_net, net.value_net], self.batch_size)
+        sizes = [weights.numel() for weights in net.parameters()]
+        self.gradient = torch.zeros(sum(sizes), device=self.device)
+        for weights, part in zip(net.parameters(), self.gradient.split(sizes), strict=True):
+            weights.grad = part.view_as(weights)
 
     def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
         return ["policy", "policy.optimizer"], []
+
+    def _excluded_save_params(self) -> list[str]:
+        return [*super()._excluded_save_params(), "actor", "critic", "gradient", "walkers"]
+
+    def _setup_learn(self, *arguments: Any, **named: Any) -> tuple[int, BaseCallback]:
+        prepared = super()._setup_learn(*arguments, **named)
+        native: Any = self.env.unwrapped  # type: ignore[union-attr]
+        self.walkers = carried(native, self.device)
+        if not isinstance(self.walkers, PassiveWalkerTorchEnv):
+            # Those on a device begin anew, with keys that no seed and no part of a training shares.
+            begun, _ = self.walkers.reset(seed=((self.seed or 0) << 32) + self.num_timesteps)
+            self._last_obs = self._last_original_obs = begun.cpu().numpy()
+        return prepared
 
     def learn(
         self,
@@ -176,19 +224,22 @@ class FastPPO(BaseAlgorithm):
 
     @torch.no_grad()
     def walk(self, callback: BaseCallback) -> Rollout | None:
-        """Let all walkers walk on, and look back at it; None if a callback stops it."""
+        """Let all walkers walk on, and look back at it; None if a callback stops it.
+
+        Where they are on a device, nothing comes from there before the last step is made.
+        """
         callback.on_rollout_start()
-        walkers = PassiveWalkerTorchEnv.around(self.env.unwrapped.worlds, self.device)  # type: ignore[union-attr]
+        native: Any = self.env.unwrapped  # type: ignore[union-attr]
+        self.walkers.charge_for(native.worlds.charged_for)
         net, scaled = self.policy, self._scaling()
-        # Drawn on the CPU, so that a seed is the same wherever it learns.
-        noise = torch.randn(self.n_steps, self.n_envs, len(net.log_std))
-        noise = noise.to(self.device) * net.log_std.exp()
+        noise = torch.randn(self.n_steps, self.n_envs, len(net.log_std), device=self.device)
+        noise *= net.log_std.exp()
         begun: Any = self._last_obs if self._last_original_obs is None else self._last_original_obs
         raw, seen, steps = torch.as_tensor(begun).to(self.device), [], []
         for strayed in noise:
             seen.append(scaled(raw))
             mean = net.action_net(net.mlp_extractor.policy_net(seen[-1]))
-            raw, paid, fell, late, info = walkers.step((mean + strayed).clamp(-1.0, 1.0))
+            raw, paid, fell, late, info = self.walkers.step((mean + strayed).clamp(-1.0, 1.0))
             steps.append((mean, raw, info.get("final_obs", raw), paid.float(), fell, late))
             self.num_timesteps += self.n_envs
             if not callback.on_step():
@@ -197,18 +248,16 @@ class FastPPO(BaseAlgorithm):
         self._last_obs = self._last_original_obs = raw.cpu().numpy()
 
         means, reached, last, rewards, fell, late = map(torch.stack, zip(*steps, strict=True))
-        seen = torch.stack([*seen, scaled(raw)])
-        values, ended, broken_off = self.value(seen), fell | late, late & ~fell
-        after = values[1:] * ~ended
-        after[broken_off] = self.value(scaled(last[broken_off]))
+        seen = torch.stack(seen)
+        values, after = self.value(seen), self.value(scaled(last)) * ~fell
         self.logger.record("rollout/reward", rewards.mean().item())
-        rewards = self._learn_scales(reached, rewards, ended)
+        rewards = self._learn_scales(reached, rewards, fell | late)
         gains = advantages(
-            rewards, values[:-1], after, ended, gamma=self.gamma, gae_lambda=self.gae_lambda
+            rewards, values, after, fell | late, gamma=self.gamma, gae_lambda=self.gae_lambda
         )
-        drawn, returns = means + noise, gains + values[:-1]
+        drawn, returns = means + noise, gains + values
         gains = (gains - gains.mean()) / (gains.std() + 1e-8)
-        return Rollout(seen[:-1], drawn, chances(drawn, means, net.log_std), gains, returns)
+        return Rollout(seen, drawn, chances(drawn, means, net.log_std), gains, returns)
 
     def value(self, seen: Tensor) -> Tensor:
         """What the critic expects, (..., 8) to (...)."""
@@ -232,7 +281,7 @@ class FastPPO(BaseAlgorithm):
         if normalizer is None:
             return rewards
         if normalizer.norm_obs:
-            normalizer.obs_rms.update(raw.flatten(0, 1).cpu().numpy())
+            _bring_up(normalizer.obs_rms, raw.flatten(0, 1))
         if not normalizer.norm_reward:
             return rewards
         returned, totals = torch.as_tensor(normalizer.returns).to(rewards), []
@@ -240,30 +289,41 @@ class FastPPO(BaseAlgorithm):
             totals.append(normalizer.gamma * returned + paid)
             returned = totals[-1] * ~over
         normalizer.returns = returned.cpu().numpy()
-        normalizer.ret_rms.update(torch.cat(totals).cpu().numpy())
+        _bring_up(normalizer.ret_rms, torch.cat(totals))
         scale = float(np.sqrt(normalizer.ret_rms.var + normalizer.epsilon))
         return (rewards / scale).clamp(-normalizer.clip_reward, normalizer.clip_reward)
 
+    @torch.no_grad()
     def update(self, rollout: Rollout) -> None:
         """Let actor and critic learn from a rollout, in batches drawn anew for each epoch."""
         net = self.policy
         self._update_learning_rate(net.optimizer)
-        rows = Rollout(*(x.flatten(0, 1) for x in rollout))
-        parameters = list(net.parameters())
+        columns = [x.flatten(0, 1).view(self.n_steps * self.n_envs, -1) for x in rollout]
+        rows, widths = torch.cat(columns, -1), [x.shape[1] for x in columns]
         for _ in range(self.n_epochs):
-            order = torch.randperm(len(rows.returns)).to(self.device)
-            for batch in zip(*(x[order].split(self.batch_size) for x in rows), strict=True):
-                seen, actions, before, gains, returns = batch
-                mean = net.action_net(net.mlp_extractor.policy_net(seen))
-                ratio = torch.exp(chances(actions, mean, net.log_std) - before)
-                near = ratio.clamp(1.0 - self.clip_range, 1.0 + self.clip_range)
-                gain = torch.min(gains * ratio, gains * near).mean()
-                errors = nn.functional.mse_loss(self.value(seen), returns)
-                net.optimizer.zero_grad()
-                (self.vf_coef * errors - gain).backward()
-                nn.utils.clip_grad_norm_(parameters, self.max_grad_norm)
+            order = torch.randperm(len(rows), device=self.device)
+            for batch in rows[order].split(self.batch_size):
+                gain, error = self.differentiate(*batch.split(widths, -1))
+                self.gradient *= (self.max_grad_norm / self.gradient.norm()).clamp(max=1.0)
                 net.optimizer.step()
         self._n_updates += self.n_epochs
-        for name, last in (("gain", gain), ("value_loss", errors)):
-            self.logger.record(f"train/{name}", last.item())
-        self.logger.record("train/std", net.log_std.exp().mean().item())
+        for name, last in (("gain", gain), ("value_loss", error), ("std", net.log_std.exp())):
+            self.logger.record(f"train/{name}", last.mean().item())
+
+    def differentiate(
+        self, seen: Tensor, actions: Tensor, before: Tensor, gains: Tensor, returns: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """Make `gradient` that of PPO's loss over a batch; the rows' gains and squared errors."""
+        log_std, rows = self.policy.log_std, len(seen)
+        mean = self.actor.forward(seen)
+        ratio = torch.exp(chances(actions, mean, log_std)[:, None] - before)
+        gain = gains * ratio
+        clipped = gains * ratio.clamp(1.0 - self.clip_range, 1.0 + self.clip_range)
+        # By the logarithm of a chance: where it went too far already, nothing is to be gained.
+        slope = torch.where(gain <= clipped, gain, 0.0) / -rows
+        strayed = (actions - mean) * torch.exp(-log_std)
+        torch.sum(slope * (strayed.square() - 1.0), 0, out=log_std.grad)
+        self.actor.backward(slope * strayed * torch.exp(-log_std))
+        errors = self.critic.forward(seen) - returns
+        self.critic.backward(errors * (2.0 * self.vf_coef / rows))
+        return torch.min(gain, clipped), errors.square()

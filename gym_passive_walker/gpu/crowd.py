@@ -104,7 +104,8 @@ class Crowd:
         here = machinery(system.name, pushed=pushed, watched=watched)
         drawn = self._drawn()
         self.walkers = self._walkers(drawn, seed, own=fateful or len(drawn) > 1)
-        self._world = self._as_told(here, drawn, step_limit)
+        self._limit = step_limit
+        self._world = self._as_told(here, drawn)
         self.play = self._play()
         self._order, self._none = _ordering()
         self._passes = Strides(system.name, "passes") if way == "passes" else None
@@ -141,7 +142,17 @@ class Crowd:
         keys, none = self._keys(seed), np.zeros(self.count, np.int64)
         self.walkers = self.walkers._replace(keys=device.put(keys), episodes=device.put(none))
 
-    def _as_told(self, here: Any, drawn: NDArray, step_limit: float) -> World:
+    def charge_for(self, energy: str | None) -> None:
+        """Charge the motors of all walkers for another kind of work; see `PassiveWalkerEnv`.
+
+        Raises:
+            SceneError: if there is no such kind.
+        """
+        scene = self.scene if energy is None else make_scene(self.scene, energy=energy)
+        rules = device.put(rules_of(scene, self._system, self._limit))
+        self._world = self._world._replace(rules=rules)
+
+    def _as_told(self, here: Any, drawn: NDArray) -> World:
         starts, scene = Starts(self.scene), self.scene
         nodes, states = starts.nodes
         if len(nodes) == 1:  # as it is, wherever it begins
@@ -149,7 +160,7 @@ class Crowd:
         befall = Disturbances(scene, self._system.name, 0)
         arrays = World(
             here.phases, options(scene.tolerance, scuff=bool(scene.stub)),
-            rules_of(scene, self._system, step_limit),
+            rules_of(scene, self._system, self._limit),
             np.zeros(1, RECORD), np.zeros(1, task.LEDGER), np.zeros(1, fates.FATE),
             np.array([starts.low, starts.high]), nodes, states, np.array([scene.perturbation]),
             drawn, befall.odds, here.natives, *befall.terrain,

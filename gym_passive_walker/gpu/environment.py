@@ -99,6 +99,10 @@ class PassiveWalkerGpuEnv:
         endings = play.terminated.clone(), play.truncated.clone()
         return self._rows(play.observations), play.rewards.clone(), *endings, infos
 
+    def charge_for(self, energy: str | None) -> None:
+        """Charge all motors for another kind of work, from the next step on; see `Crowd`."""
+        self.crowd.charge_for(energy)
+
     def _rows(self, flat: Tensor) -> Tensor:
         return flat.view(self.num_envs, -1).clone()
 

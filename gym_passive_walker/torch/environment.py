@@ -137,6 +137,10 @@ class PassiveWalkerTorchEnv:
         """As of the vector environment."""
         self.worlds.set_state(state)
 
+    def charge_for(self, energy: str | None) -> None:
+        """As of the vector environment."""
+        self.worlds.charge_for(energy)
+
     def render(self) -> Any:
         """As of the vector environment."""
         return self.worlds.render()
