@@ -27,7 +27,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.policies import ActorCriticPolicy, BasePolicy
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.type_aliases import GymEnv, MaybeCallback, Schedule
-from torch import Tensor
+from torch import Tensor, nn
 
 from agents.networks import Perceptron
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
@@ -176,16 +176,29 @@ class FastPPO(BaseAlgorithm):
         self.policy, inner = net, net.mlp_extractor
         self.actor = Perceptron([*inner.policy_net, net.action_net], self.batch_size)
         self.critic = Perceptron([*inner.value_net, net.value_net], self.batch_size)
-        sizes = [weights.numel() for weights in net.parameters()]
-        self.gradient = torch.zeros(sum(sizes), device=self.device)
-        for weights, part in zip(net.parameters(), self.gradient.split(sizes), strict=True):
-            weights.grad = part.view_as(weights)
+        # All weights are views of one vector, and their gradients of another: Adam steps once.
+        each = list(net.parameters())
+        self.weights = nn.Parameter(nn.utils.parameters_to_vector(each).detach())
+        nn.utils.vector_to_parameters(self.weights, each)
+        self.gradient = self.weights.grad = torch.zeros_like(self.weights)
+        for part, slope in zip(each, self.gradient.split([x.numel() for x in each]), strict=True):
+            part.grad = slope.view_as(part)
+        net.optimizer = net.optimizer_class(
+            [self.weights], lr=self.lr_schedule(1.0), **net.optimizer_kwargs
+        )
 
     def _get_torch_save_params(self) -> tuple[list[str], list[str]]:
         return ["policy", "policy.optimizer"], []
 
     def _excluded_save_params(self) -> list[str]:
-        return [*super()._excluded_save_params(), "actor", "critic", "gradient", "walkers"]
+        return [
+            *super()._excluded_save_params(),
+            "actor",
+            "critic",
+            "weights",
+            "gradient",
+            "walkers",
+        ]
 
     def _setup_learn(self, *arguments: Any, **named: Any) -> tuple[int, BaseCallback]:
         prepared = super()._setup_learn(*arguments, **named)

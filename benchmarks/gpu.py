@@ -4,8 +4,8 @@
     python -m benchmarks.gpu strides       one of them: precision, strides, ticks, learning
 
 Each part prints its table and puts it into docs/benchmarks.md. It needs a device and the extras
-"gpu" and, for `learning`, "rsl-rl". With NUMBA_ENABLE_CUDASIM=1 it is rehearsed by a few walkers on
-a simulated one, and nothing is kept but `precision`, which is no matter of speed.
+"gpu" and, for `learning`, "train" and "rsl-rl". With NUMBA_ENABLE_CUDASIM=1 it is rehearsed by a
+few walkers on a simulated one, and nothing is kept but `precision`, no matter of speed.
 """
 
 from __future__ import annotations
@@ -204,8 +204,28 @@ def learning() -> None:
                 torch.cuda.synchronize() if not SIMULATED else None
 
             frames = 2 * steps * count
-            rows.append((f"walkers on the {label}", count, frames / seconds(job, repeats=2)))
-    _told("gpu learning", table(["PPO of rsl_rl", "walkers", "frames/s"], rows))
+            rows.append(
+                (f"rsl_rl, walkers on the {label}", count, frames / seconds(job, repeats=2))
+            )
+        update = _finished(_ppo_fast(count, steps))
+        rows.append(("ppo-fast, both on the device", count, frames / seconds(update, repeats=2)))
+    _told("gpu learning", table(["PPO", "walkers", "frames/s"], rows))
+
+
+def _ppo_fast(count: int, steps: int) -> Callable[[], object]:
+    """Two updates by the PPO of this repository, with the other's passes and batches."""
+    from stable_baselines3.common.logger import Logger
+
+    from agents.config import configure
+    from agents.learner import build
+    from agents.worlds import training_worlds
+
+    config, size = configure("ppo-fast", "level"), steps * count // 4
+    model = build(
+        config, training_worlds(config, count), n_steps=steps, batch_size=size, n_epochs=5
+    )
+    model.set_logger(Logger(None, []))
+    return lambda: model.learn(2 * steps * count)
 
 
 PARTS = {"precision": precision, "strides": carried, "ticks": ticks, "learning": learning}

@@ -65,6 +65,31 @@ def test_chances_are_a_gaussians_but_for_a_constant():
 
 
 @pytest.mark.parametrize("scene", ["level", "steep", "push-off"])
+def test_the_gradient_is_that_of_the_loss_by_autograd(scene):
+    """Two derivations: written out, and by torch from the loss as it is printed."""
+    _, model, _ = made(scene)
+    net, torques = model.policy, len(model.policy.log_std)
+    generator = torch.Generator().manual_seed(0)
+    seen, actions, before, gains, returns = (
+        torch.randn((200, width), generator=generator) for width in (8, torques, 1, 1, 1)
+    )
+    actions = 0.3 * actions
+    with torch.no_grad():
+        before = 0.2 * before + chances(actions, torch.zeros(torques), net.log_std)[:, None]
+        model.differentiate(seen, actions, before, gains, returns)
+    mean = net.action_net(net.mlp_extractor.policy_net(seen))
+    ratio = torch.exp(chances(actions, mean, net.log_std)[:, None] - before)
+    near = ratio.clamp(1.0 - model.clip_range, 1.0 + model.clip_range)
+    assert 20 < (ratio == near).sum() < 180  # some went too far already
+    gain = torch.min(gains * ratio, gains * near).mean()
+    loss = model.vf_coef * (model.value(seen) - returns[:, 0]).square().mean() - gain
+    by_torch = torch.autograd.grad(loss, list(net.parameters()))
+    torch.testing.assert_close(
+        model.gradient, torch.cat([x.flatten() for x in by_torch]), rtol=1e-4, atol=1e-6
+    )
+
+
+@pytest.mark.parametrize("scene", ["level", "steep", "push-off"])
 def test_a_rollout_is_the_walk_that_the_library_would_have_seen(scene):
     """The same walkers and actions: observations, endings, and all that is learned of scales."""
     config, model, told = made(scene)
@@ -91,6 +116,12 @@ def test_rollouts_fall_into_whole_batches():
     config = configure("ppo-fast", "level", n_envs=8)
     with pytest.raises(ConfigError, match="batch_size must divide the 800 steps of a rollout"):
         build(config, worlds.training_worlds(config), n_steps=100, batch_size=300)
+
+
+def test_units_whose_slope_is_not_written_out_are_refused():
+    config = configure("ppo-fast", "level", n_envs=8)
+    with pytest.raises(ConfigError, match="ReLU or Tanh, not SiLU"):
+        build(config, worlds.training_worlds(config), policy_kwargs={"activation_fn": "nn.SiLU"})
 
 
 def test_a_hyperparameter_of_another_algorithm_is_refused():

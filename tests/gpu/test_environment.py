@@ -64,3 +64,24 @@ def test_spaces_are_those_of_the_other_environments():
     there = PassiveWalkerGpuEnv(3, SCENE)
     assert there.observation_space.shape == (9,)
     assert there.action_space.shape == (1,)
+
+
+def test_motors_charged_for_other_work_are_those_of_a_scene_that_says_so():
+    usual, told, other = (
+        PassiveWalkerGpuEnv(2, {**SCENE, "energy": energy})
+        for energy in ("absolute", "absolute", "net")
+    )
+    told.charge_for("net")
+    for envs in (usual, told, other):
+        envs.reset()
+    rewards = [
+        torch.stack([envs.step(torch.full((2, 1), 0.5))[1] for _ in range(6)])
+        for envs in (usual, told, other)
+    ]
+    assert torch.equal(rewards[1], rewards[2])
+    assert not torch.equal(rewards[0], rewards[1])
+    told.charge_for(None)
+    usual.reset(seed=1), told.reset(seed=1)
+    actions = torch.full((2, 1), 0.5)
+    for _ in range(4):
+        assert torch.equal(usual.step(actions)[1], told.step(actions)[1])
