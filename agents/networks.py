@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any
 
 import torch
 from stable_baselines3.common.policies import ContinuousCritic
@@ -37,44 +36,43 @@ class NormedCriticPolicy(SACPolicy):
         return critic
 
 
-_UNITS: dict[type[nn.Module], tuple[Callable[..., Any], Callable[..., Any]]] = {
-    nn.ReLU: (torch.relu_, lambda slope, out: slope.mul_(out.sign())),
-    nn.Tanh: (torch.tanh_, lambda slope, out: slope.mul_(1.0 - out * out)),
+_UNITS: dict[type[nn.Module], tuple[Callable[[Tensor], Tensor], Callable[..., Tensor]]] = {
+    nn.ReLU: (torch.relu_, lambda told, said: said.sign()),
+    nn.Tanh: (torch.tanh_, lambda told, said: 1.0 - said * said),
+    nn.ELU: (nn.functional.elu_, lambda told, said: said.clamp(max=0.0) + 1.0),
+    nn.SiLU: (nn.functional.silu, lambda told, said: told.sigmoid() * (1.0 + told - said)),
 }
-"""What units say, and how a slope by that becomes one by what they are told; both in place."""
+"""What units say, in place where that tells their slope as well; and this slope."""
 
 
 class Perceptron:
-    """A network's outputs, and its gradient, in memory that serves every batch.
+    """A network's outputs and its gradient, written out, in memory that serves every batch.
+
+    Autograd takes new memory for each: sums of networks this small wait for it.
 
     Args:
-        layers: Those of a torch network: linear ones, and between them all ReLU or all Tanh.
+        layers: Those of a torch network, with units of one kind, of those that policies may have.
+            The `grad` of each weight is there.
         rows: Of a batch.
-
-    Raises:
-        ValueError: if units are of another kind.
     """
 
     def __init__(self, layers: Iterable[nn.Module], rows: int) -> None:
         layers = list(layers)
-        self.linear = [x for x in layers if isinstance(x, nn.Linear)]
-        kinds = {type(x) for x in layers} - {nn.Linear} or {nn.ReLU}
-        if not kinds < {nn.ReLU, nn.Tanh}:
-            said = ", ".join(sorted(x.__name__ for x in kinds))
-            raise ValueError(f"units of ppo-fast are ReLU or Tanh, not {said}")
-        self.activate, self.lead_back = _UNITS[kinds.pop()]
+        self.linear = [layer for layer in layers if isinstance(layer, nn.Linear)]
+        between = (type(layer) for layer in layers if not isinstance(layer, nn.Linear))
+        self.unit, self.slope_of = _UNITS[next(between, nn.ReLU)]
         where = self.linear[0].weight.device
-        self.outputs = [torch.empty(rows, x.out_features, device=where) for x in self.linear]
-        self.slopes = [torch.empty_like(x) for x in self.outputs[:-1]]
+        self.told = [torch.empty(rows, x.out_features, device=where) for x in self.linear]
+        self.slopes = [torch.empty_like(told) for told in self.told[:-1]]
 
     def forward(self, seen: Tensor) -> Tensor:
         """Outputs of a batch, (rows, seen) to (rows, outputs); the next batch overwrites them."""
-        self.inputs = [seen, *self.outputs[:-1]]
-        for layer, below, found in zip(self.linear, self.inputs, self.outputs, strict=True):
-            torch.addmm(layer.bias, below, layer.weight.t(), out=found)
+        self.inputs = [seen]
+        for layer, told in zip(self.linear, self.told, strict=True):
+            torch.addmm(layer.bias, self.inputs[-1], layer.weight.t(), out=told)
             if layer is not self.linear[-1]:
-                self.activate(found)
-        return self.outputs[-1]
+                self.inputs.append(self.unit(told))
+        return self.told[-1]
 
     def backward(self, slope: Tensor) -> None:
         """Fill the gradients of weights, from the slope of a sum by the last outputs."""
@@ -85,7 +83,7 @@ class Perceptron:
             torch.sum(slope, 0, out=layer.bias.grad)
             if k:
                 slope = torch.mm(slope, layer.weight, out=self.slopes[k - 1])
-                self.lead_back(slope, below)
+                slope *= self.slope_of(self.told[k - 1], below)
 
 
 POLICIES = {"agents.networks.NormedCriticPolicy": NormedCriticPolicy}

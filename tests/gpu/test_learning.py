@@ -1,6 +1,7 @@
 """PPO on tensors with its walkers on the device: what it sees, and what it never waits for."""
 
 import dataclasses
+from contextlib import ExitStack
 
 import numpy as np
 import pytest
@@ -43,7 +44,7 @@ class NothingComesBack(TorchDispatchMode):
         return func(*args, **(kwargs or {}))
 
 
-def test_a_rollout_is_the_walk_of_a_crowd_on_the_device(learner):
+def test_a_rollout_is_the_walk_of_a_crowd_on_the_device(learner, monkeypatch):
     """The same scene, keys, limit of steps and actions: the same observations and rewards."""
     model, told = learner
     crowd = PassiveWalkerGpuEnv(COUNT, model.env.unwrapped.scene, max_episode_steps=5)
@@ -66,23 +67,17 @@ def test_a_rollout_is_the_walk_of_a_crowd_on_the_device(learner):
 
 def test_nothing_comes_from_the_device_while_walkers_walk(learner, monkeypatch):
     model, told = learner
-    silence, refused = NothingComesBack(), pytest.MonkeyPatch()
+    with ExitStack() as silence:
 
-    def begin():
-        silence.__enter__()
-        for door in ("cpu", "numpy", "tolist"):
-            refused.setattr(torch.Tensor, door, None)
+        def begin():
+            silence.enter_context(NothingComesBack())
+            closed = silence.enter_context(pytest.MonkeyPatch.context())
+            for door in ("cpu", "numpy", "tolist"):
+                closed.setattr(torch.Tensor, door, None)
 
-    def end():
-        silence.__exit__(None, None, None)
-        refused.undo()
-
-    monkeypatch.setattr(told, "on_rollout_start", begin)
-    monkeypatch.setattr(told, "on_rollout_end", end)
-    try:
+        monkeypatch.setattr(told, "on_rollout_start", begin)
+        monkeypatch.setattr(told, "on_rollout_end", silence.close)
         rollout = model.walk(told)
-    finally:
-        refused.undo()
     assert rollout.seen.shape == (STEPS, COUNT, 8)
 
 
