@@ -7,11 +7,12 @@ walking. So here
 - walkers are tensors, and a step of theirs is one pass through the actor alone: the critic is asked
   for all steps at once when they have been made;
 - what scales observations and rewards is found once a rollout and not at each step;
-- the gradient is written out, into memory that serves every batch: where autograd takes new memory
-  for each, sums wait for it.
+- the gradient is written out, into memory that serves every batch (`networks.Perceptron`): where
+  autograd takes new memory for each, sums wait for it.
 
 Rollouts, advantages and updates are below in the order in which they happen. Only the networks, the
-loop's callbacks and the files come from stable-baselines3, so that a run is like every other.
+loop's callbacks and the files come from stable-baselines3, so that a run is like every other. Where
+there is a GPU, all of it is there, walkers as well (`carried`).
 """
 
 from __future__ import annotations
