@@ -274,8 +274,10 @@ class FastPPO(BaseAlgorithm):
         return Rollout(seen, drawn, chances(drawn, means, net.log_std), gains, returns)
 
     def value(self, seen: Tensor) -> Tensor:
-        """What the critic expects, (..., 8) to (...)."""
-        return self.policy.value_net(self.policy.mlp_extractor.value_net(seen))[..., 0]
+        """What the critic expects in all steps of a rollout, (T, n, 8) to (T, n)."""
+        batches = seen.flatten(0, 1).split(self.batch_size)
+        said = [self.critic.forward(batch).clone() for batch in batches]
+        return torch.cat(said).view(seen.shape[:-1])
 
     def _scaling(self) -> Callable[[Tensor], Tensor]:
         """How observations are scaled in this rollout."""
