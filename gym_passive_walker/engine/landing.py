@@ -126,6 +126,21 @@ def turning(tile, phase, course, lane, k):
 
 
 @jitted
+def wavering(tile, phase, course, lane, k):
+    """Where in the step it is slowest, between two places where it turns back; or -1."""
+    i = phase.guards + k
+    before, after = course.rate_before[i], course.rate_after[i]
+    if before * course.bend_before[i] >= 0.0 or after * course.bend_after[i] <= 0.0:
+        return -1.0
+    if before * after < 0.0 or tile.control[k, lane] == 0.0:
+        return -1.0
+    rate = derivative(path(course, i, tile.h[lane]))
+    slowest = root(derivative(rate))
+    turns = before * value(rate, slowest) < 0.0
+    return slowest if turns and _BRINK < slowest < 1.0 - _BRINK else -1.0
+
+
+@jitted
 def hiding(course, i, h):
     """Where in the step a guard turns back so near zero that it may pass it twice.
 
@@ -279,7 +294,9 @@ def attend(tiles, courses, phase, lane, scuff, landing):
 
     for k in range(_CONTROLS):  # end a step where a control turns back, so that its work is exact
         turned = turning(tile, phase, course, lane, k)
-        if 0.02 < turned < 0.98:
+        if not 0.02 < turned < 0.98:
+            turned = wavering(tile, phase, course, lane, k)
+        if turned > 0.0:
             tile.next[lane] = h
             tile.h[lane] = turned * h
             return 0

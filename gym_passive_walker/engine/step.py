@@ -346,11 +346,17 @@ class Equations:
                 found = (g0 > 0.0) & (g1 <= 0.0) & (tile.argument(1) > 0.0)
             alert = found if alert is None else alert | found
         assert alert is not None
+        h, bends = (
+            tile["h"],
+            [[tile["stage", stage, link] for link in range(3)] for stage in (0, self.pair.stages)],
+        )
         for i in self.controls:
             moved = partial(self._moved, i)
-            v0 = self.along(moved, before, none)[1]
-            v1 = self.along(moved, after, none)[1]
-            alert |= (v0 * v1 < 0.0) & (abs(tile["control", i]) > 0.0)
+            _, v0, b0 = self.along(moved, before, bends[0])
+            _, v1, b1 = self.along(moved, after, bends[1])
+            # To turn back twice, it has to slow down first, and to speed up at last.
+            waver = (v0 * b0 < 0.0) & (v1 * b1 > 0.0) & (abs(v0) < h * abs(b0))
+            alert |= ((v0 * v1 < 0.0) | waver) & (abs(tile["control", i]) > 0.0)
         return alert
 
     def _moved(self, control: int, state: State) -> Expression:

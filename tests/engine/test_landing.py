@@ -6,8 +6,11 @@ import numba
 import numpy as np
 import pytest
 
+from gym_passive_walker import WALKERS
 from gym_passive_walker.engine import landing
 from gym_passive_walker.engine.layout import COURSE
+from gym_passive_walker.engine.run import advance, new_records
+from gym_passive_walker.physics.systems import bodies, system_of
 
 
 @numba.njit
@@ -109,3 +112,28 @@ def test_a_turn_at_a_steps_end_hides_nothing():
 def test_a_guard_is_followed_a_little_beyond_the_step():
     courses = along([0.2, -1.0, 0.5], 0.4)
     assert _further(courses, 0, 0.01) == pytest.approx(0.2 - 0.41 + 0.5 * 0.41**2, abs=1e-15)
+
+
+@pytest.mark.parametrize("name", ["lab", "C", "A", "E"])
+def test_a_hip_that_turns_back_twice_has_gone_every_way(name):
+    """However short the steps in which one looks: its motor is paid for all that it turned."""
+    random, walker, count = np.random.default_rng(0), WALKERS[name], 2000
+    states = random.uniform(-0.3, 0.3, (count, 6))
+    states[:, 4] = states[:, 3] + random.uniform(-0.003, 0.003, count)  # the hip hardly turns
+    states[:, 2], states[:, 5] = states[:, 1], states[:, 4]
+    fresh = new_records(states, 0.03, random.uniform(-0.1, 0.1, count))
+
+    def walked(times):
+        records = fresh.copy()
+        for time in times:
+            records["end"] = time
+            going = records["outcome"][:, 0] == 0
+            records[going] = advance(
+                system_of(walker), bodies(walker), records[going], tolerance=1e-10,
+                from_section=False,
+            )  # fmt: skip
+        return records["turned"][:, 0, 0], records["moved"][:, 0, 0], records["outcome"][:, 0] == 0
+
+    (way, moved, going), (ways, _, _) = walked([0.2]), walked(0.2 * np.arange(1, 33) / 32)
+    assert going.mean() > 0.9 and (way > 1.001 * np.abs(moved)).any()
+    np.testing.assert_allclose(way[going], ways[going], rtol=0.0, atol=1e-9)
