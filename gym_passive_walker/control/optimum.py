@@ -260,6 +260,10 @@ class Problem:
             if known is not None and self._hopeless(z, known):
                 break
         z = self._closed(z)
+        driving, braking = self.parts(z)
+        both = np.minimum(driving, braking)  # to push both ways at once does nothing, and costs
+        driving -= both
+        braking -= both
         violation = float(np.max(np.abs(self.at(z)[2])))
         if not violation < _CLOSED:
             raise GaitNotFound(
