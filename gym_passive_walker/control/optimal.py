@@ -29,6 +29,7 @@ STORE = Path(__file__).parent / "gaits"
 
 _SPARE = 1.5  # ticks given to a stride, over those it takes at first
 _ALIKE = 1e-6  # relative difference of costs that is none
+_AT_HAND = 0.02  # difference in speed, over sqrt(g l), from which a stored gait is a start
 _SHARES = (0.1, 0.2, 0.4, 0.6, 0.8, 1.0)  # of the largest push-off or ankle torque, to begin with
 
 
@@ -43,7 +44,8 @@ def optimal_gait(
         scene: A `Scene`, its name, or a mapping of its arguments, of one slope: says which torques
             there are, for how long they are held and how the motor is charged.
         speed: Speed over sqrt(g l).
-        start: A gait at a neighbouring speed; None is one with a constant torque.
+        start: A gait at a neighbouring speed; None is the nearest of those stored for the scene if
+            there is one at hand, else one with a constant torque.
 
     Raises:
         GaitNotFound: if none is found at that speed.
@@ -53,7 +55,7 @@ def optimal_gait(
     slope_of(scene)  # refuses a range before there is work done
     if not 0.0 < number(speed, "speed", above=0.0) < 2.0:
         raise ValueError(f"speed must lie between 0 and 2, over sqrt(g l), not {speed!r}")
-    start = start or constant_gait(scene)
+    start = start or _at_hand(scene, speed) or constant_gait(scene)
     ticks = 1 if scene.control == "stride" else math.ceil(_SPARE * start.step_period / scene.tick)
     problem = Problem(scene, speed, ticks, len(start.point))
     torques = start.torques, start.ankle_torques
@@ -68,6 +70,16 @@ def optimal_gait(
         if found.motor_cost <= best.motor_cost * (1.0 + _ALIKE):
             best = found
     return best
+
+
+def _at_hand(scene: Scene, speed: float) -> OptimalGait | None:
+    """The stored gait of a scene that is nearest in speed, if it is near."""
+    try:
+        gaits = load(stored_name(scene))
+    except ValueError:
+        return None
+    nearest = min(gaits, key=lambda gait: abs(gait.speed - speed))
+    return nearest if abs(nearest.speed - speed) < _AT_HAND else None
 
 
 def _edges(gait: OptimalGait, tick: float) -> list[float]:
