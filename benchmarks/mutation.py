@@ -38,8 +38,13 @@ PAGE = DOCS / "stability.md"
 PATIENCE = 300.0  # seconds after which a mutant that still runs counts as noticed
 LIBRARIES = ("numba", "scipy.optimize", "scipy.linalg", "gymnasium", "torch", "stable_baselines3")
 """What tests import and no mutant changes."""
-WITHIN_FATES = ("envs/checks", "envs/reality", "envs/task", "gaits/forces", "gaits/terrain")
-"""What the code for walkers whom something befalls is made of besides its own file."""
+_FATES, _TICKS = ("fates.*", "*-pushed-*", "*-watched-*"), ("ticks.*",)
+WITHIN = {
+    **dict.fromkeys(("envs/checks", "envs/reality", "gaits/forces", "gaits/terrain"), _FATES),
+    "envs/starts": _TICKS,
+    "envs/task": _FATES + _TICKS,
+}
+"""Compiled code that files are in besides their own."""
 CHANGED_BY_COPY = "tests/engine/test_cache.py::test_a_source_that_changes_has_another_fingerprint"
 """The test of what a copy does away with."""
 
@@ -77,9 +82,8 @@ class Copy:
         shutil.rmtree(self.cache, ignore_errors=True)
         if mutant.room not in ("physics", "engine"):
             # Kernels know a change of their own file, but not of others that they are made of.
-            stale = shutil.ignore_patterns("fates.*", "*-pushed-*", "*-watched-*")
-            ignored = stale if mutant.file in WITHIN_FATES else None
-            shutil.copytree(self.filled, self.cache, ignore=ignored)
+            stale = shutil.ignore_patterns(*WITHIN.get(mutant.file, ()))
+            shutil.copytree(self.filled, self.cache, ignore=stale)
         elif mutant.room == "physics" and mutant.file != "physics/hybrid":
             # Bookkeeping knows no equations.
             shutil.copytree(self.filled, self.cache, ignore=shutil.ignore_patterns("*.o"))

@@ -8,7 +8,7 @@ import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import SyncVectorEnv
 
-from gym_passive_walker import WALKERS, blend
+from gym_passive_walker import WALKERS, blend, rough
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 
@@ -41,15 +41,20 @@ def some(count, size=1.0, seed=0):
     return np.random.default_rng(seed).uniform(-size, size, (count, 1))
 
 
-@pytest.mark.parametrize(("count", "threads"), [(60, 1), (2304, 1), (4608, 2)])
-def test_walkers_that_all_differ_walk_in_a_crowd_as_each_does_alone(count, threads, assert_same):
-    crowd = mixed(count, threads=threads, max_episode_steps=35, perturbation=0.3)
+@pytest.mark.parametrize(
+    ("count", "threads", "befalls"),
+    [(60, 1, {}), (2304, 1, {}), (4608, 2, {}), (4608, 2, {"terrain": rough(0.002)})],
+)
+def test_walkers_that_all_differ_walk_in_a_crowd_as_each_does_alone(
+    count, threads, befalls, assert_same
+):
+    crowd = mixed(count, threads=threads, max_episode_steps=35, perturbation=0.3, **befalls)
     places = [*range(0, count, count // 6 + 1), count // 2, count - 1]
 
     def single(place):
         return lambda: gymnasium.make(
             ID, walker=shape(place), slope=ground(place), start=START,
-            max_episode_steps=35, perturbation=0.3,
+            max_episode_steps=35, perturbation=0.3, **befalls,
         )  # fmt: skip
 
     alone = SyncVectorEnv([single(place) for place in places])
