@@ -17,7 +17,7 @@ EVERYTHING = """{
 
 
 def run(*arguments, code=0):
-    """What a process says in which no device is simulated."""
+    """What a process says in which no device is simulated: its answer, then what it waited for."""
     told = {name: value for name, value in os.environ.items() if name != "NUMBA_ENABLE_CUDASIM"}
     done = subprocess.run(
         [sys.executable, *arguments], env=told, capture_output=True, text=True, check=False
@@ -34,7 +34,7 @@ needs_device = pytest.mark.skipif(
 @needs_device
 @pytest.mark.parametrize("name", ["kneed", "straight", "simplest"])
 def test_a_stride_on_a_real_device_is_the_processors_to_rounding(name):
-    alike, off = run("-m", "tests.gpu.compiled", "device", name).split()[-2:]
+    alike, off, *_ = run("-m", "tests.gpu.compiled", "device", name).split()
     assert alike == "True"
     assert float(off) < 1e-12
 
@@ -62,13 +62,13 @@ def test_without_the_extra_one_sentence_names_it():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["simplest", "straight-fitted", "kneed"])
 def test_the_devices_functions_are_the_processors_to_the_last_bit(name):
-    assert float(run("-m", "tests.gpu.compiled", "processor", name).split()[-1]) == 0.0
+    assert float(run("-m", "tests.gpu.compiled", "processor", name).split()[0]) == 0.0
 
 
 @pytest.mark.slow
 def test_the_devices_functions_in_single_precision_keep_six_digits():
     said = run("-m", "tests.gpu.compiled", "processor", "kneed", "single")
-    assert 1e-8 < float(said.split()[-1]) < 1e-4
+    assert 1e-8 < float(said.split()[0]) < 1e-4
 
 
 @pytest.mark.slow
