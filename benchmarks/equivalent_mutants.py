@@ -13,7 +13,4 @@ EQUIVALENT: dict[str, str] = {
     "engine/run.module: _WORTH_A_THREAD = 1024 -> _WORTH_A_THREAD = 1025": (
         "threads change no result, only when a second one is worth its start"
     ),
-    "agents/standings: the passive cost at a speed is read off an unsorted family": (
-        "the one family that is asked for is followed from its slowest gait on: it is sorted"
-    ),
 }
