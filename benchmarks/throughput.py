@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 from functools import partial
+from itertools import product
 from typing import Any
 
 import gymnasium as gym
@@ -172,19 +173,31 @@ def ticks() -> None:
             envs.close()  # fmt: skip
     fast = min(value for (count, _), value in native.items() if count in (64, 1024))
     for count in (64, 1024):
-        own = min(value for (n, _), value in native.items() if n == count)
         envs = gym.make_vec("CartPole-v1", num_envs=count, vectorization_mode="vector_entry_point")
         took = _many(envs) / count
-        rows.append(("CartPole-v1, native batch (NumPy)", count, took * 1e6, 1 / took, took / own))
-        for name in ("BipedalWalker-v3", "Walker2d-v4"):
+        rows.append(
+            (
+                "CartPole-v1, native batch (NumPy)",
+                count,
+                took * 1e6,
+                1 / took,
+                took / native[count, 1],
+            )
+        )
+        for name, cores in product(("BipedalWalker-v3", "Walker2d-v4"), sorted({1, CORES})):
+            what = f"EnvPool {name}, {cores} core{'s' * (cores > 1)}"
             try:
-                took = _envpool(name, count) / count
+                took = _envpool(name, count, cores) / count
             except ImportError:
-                rows.append((f"EnvPool {name}", count, float("nan"), float("nan"), "absent"))
+                rows.append((what, count, float("nan"), float("nan"), "absent"))
                 continue
-            took_each = (took * 1e6, 1 / took, took / own)
-            rows.append((f"EnvPool {name}, {CORES} cores", count, *took_each))
-    text += [table(["environments", "number", "µs a step each", "steps/s", "times ours"], rows)]
+            own = native.get((count, cores), native[count, 1])
+            rows.append((what, count, took * 1e6, 1 / took, took / own))
+    text += [
+        table(
+            ["environments", "number", "µs a step each", "steps/s", "times ours on as many"], rows
+        )
+    ]
     scene = gym.make("PassiveWalker-v0").unwrapped.scene  # type: ignore[attr-defined]
     text += [
         f"A tick lasts {scene.tick} √(l/g), at a tolerance of {scene.tolerance:.0e}; actions are "
@@ -222,10 +235,10 @@ def _many(envs: Any) -> float:
     return seconds(job) / len(actions)
 
 
-def _envpool(name: str, count: int) -> float:
+def _envpool(name: str, count: int, threads: int) -> float:
     import envpool
 
-    envs: Any = envpool.make_gymnasium(name, num_envs=count, num_threads=CORES)
+    envs: Any = envpool.make_gymnasium(name, num_envs=count, num_threads=threads)
     envs.reset()
     random = np.random.default_rng(0)
     size = (count, *envs.action_space.shape)
