@@ -80,19 +80,24 @@ def advantages(
 def carried(walkers: PassiveWalkerVecEnv, device: torch.device) -> Any:
     """Walkers on tensors: themselves, or as many more of their scene on a GPU that can carry them.
 
+    Without the extra `gpu` the processor carries them, and tensors go to the device and back.
+
     Args:
         walkers: What the processor carries.
         device: Where tensors are wanted.
     """
+    here = PassiveWalkerTorchEnv.around(walkers.worlds, device)
     if device.type == "cuda":
-        from gym_passive_walker.gpu.device import cuda
-        from gym_passive_walker.gpu.environment import PassiveWalkerGpuEnv
-
+        try:
+            from gym_passive_walker.gpu.device import cuda
+            from gym_passive_walker.gpu.environment import PassiveWalkerGpuEnv
+        except ImportError:
+            return here
         if cuda.is_available():
             limit = walkers.batch.rules["step_limit"][0]
             steps = int(limit) if np.isfinite(limit) else None
             return PassiveWalkerGpuEnv(walkers.num_envs, walkers.scene, max_episode_steps=steps)
-    return PassiveWalkerTorchEnv.around(walkers.worlds, device)
+    return here
 
 
 def _bring_up(moments: RunningMeanStd, rows: Tensor) -> None:
@@ -135,13 +140,13 @@ class FastPPO(BaseAlgorithm):
         self,
         policy: str | type[ActorCriticPolicy],
         env: GymEnv,
-        learning_rate: float | Schedule = 2e-3,
+        learning_rate: float | Schedule = 3e-3,
         n_steps: int = 64,
-        batch_size: int = 4096,
-        n_epochs: int = 4,
+        batch_size: int = 1024,
+        n_epochs: int = 5,
         gamma: float = 0.995,
-        gae_lambda: float = 0.98,
-        clip_range: float = 0.1,
+        gae_lambda: float = 0.99,
+        clip_range: float = 0.2,
         vf_coef: float = 0.5,
         max_grad_norm: float = 0.5,
         stats_window_size: int = 100,

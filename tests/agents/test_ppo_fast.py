@@ -1,6 +1,7 @@
 """PPO on tensors: what it computes, beside the library that it is to be like."""
 
 import dataclasses
+import sys
 
 import numpy as np
 import pytest
@@ -10,10 +11,12 @@ from stable_baselines3.common.buffers import RolloutBuffer
 from agents import evaluation, worlds
 from agents.config import ConfigError, configure
 from agents.learner import build
-from agents.ppo_fast import advantages, chances
+from agents.ppo_fast import advantages, carried, chances
 from agents.training import Run
 from gym_passive_walker.control.walks import WALKED_ON
+from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.policies.network import ACTIVATIONS
+from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
 
 
 def made(scene="level", **changes):
@@ -113,6 +116,13 @@ def test_a_rollout_is_the_walk_that_the_library_would_have_seen(scene):
             found = [np.asarray(getattr(getattr(env, name), key)) for env in (ours, theirs)]
             np.testing.assert_allclose(*found, rtol=1e-5, atol=1e-6, err_msg=f"{name}.{key}")
     np.testing.assert_allclose(ours.returns, theirs.returns, rtol=1e-5, atol=1e-6)
+
+
+def test_without_the_extra_for_devices_the_processor_carries_walkers(monkeypatch):
+    monkeypatch.setitem(sys.modules, "gym_passive_walker.gpu.environment", None)
+    env = PassiveWalkerVecEnv(2, "level")
+    walkers = carried(env, torch.device("cuda"))
+    assert type(walkers) is PassiveWalkerTorchEnv and walkers.worlds is env.worlds
 
 
 def test_rollouts_fall_into_whole_batches():
