@@ -127,7 +127,11 @@ def turning(tile, phase, course, lane, k):
 
 @jitted
 def wavering(tile, phase, course, lane, k):
-    """Where in the step it is slowest, between two places where it turns back; or -1."""
+    """Where in the step what a control moves is slowest, if it turns back before and after; or -1.
+
+    Cut there, each part has one turn. Not looked for where it speeds up at first or slows down at
+    last: it would have to change its mind three times in a step.
+    """
     i = phase.guards + k
     before, after = course.rate_before[i], course.rate_after[i]
     if before * course.bend_before[i] >= 0.0 or after * course.bend_after[i] <= 0.0:

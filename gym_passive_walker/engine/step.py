@@ -346,16 +346,15 @@ class Equations:
                 found = (g0 > 0.0) & (g1 <= 0.0) & (tile.argument(1) > 0.0)
             alert = found if alert is None else alert | found
         assert alert is not None
-        h, bends = (
-            tile["h"],
-            [[tile["stage", stage, link] for link in range(3)] for stage in (0, self.pair.stages)],
+        first, last = (
+            [tile["stage", stage, link] for link in range(3)] for stage in (0, self.pair.stages)
         )
         for i in self.controls:
             moved = partial(self._moved, i)
-            _, v0, b0 = self.along(moved, before, bends[0])
-            _, v1, b1 = self.along(moved, after, bends[1])
+            _, v0, b0 = self.along(moved, before, first)
+            _, v1, b1 = self.along(moved, after, last)
             # To turn back twice, it has to slow down first, and to speed up at last.
-            waver = (v0 * b0 < 0.0) & (v1 * b1 > 0.0) & (abs(v0) < h * abs(b0))
+            waver = (v0 * b0 < 0.0) & (v1 * b1 > 0.0) & (abs(v0) < tile["h"] * abs(b0))
             alert |= ((v0 * v1 < 0.0) | waver) & (abs(tile["control", i]) > 0.0)
         return alert
 

@@ -10,6 +10,7 @@ import gym_passive_walker as gpw
 from gym_passive_walker import closed_loop_gait
 from gym_passive_walker.control import optimal
 from gym_passive_walker.control.baselines import ConstantTorque, LinearFeedback, Optimal
+from gym_passive_walker.control.optimum import Problem
 from gym_passive_walker.control.ticks import ticked_stride
 from gym_passive_walker.control.walks import WALKED_ON, evaluate
 from gym_passive_walker.envs.scene import make_scene
@@ -35,6 +36,21 @@ def test_a_stored_gait_closes_at_its_speed_and_cost(scene, gait):
     work = float(np.abs(torques) @ walked.turn)
     assert work / walked.length == pytest.approx(gait.hip_cost, rel=1e-6)
     assert not gait.stubs
+
+
+def test_a_motor_that_pushes_both_ways_at_once_is_not_paid_for_it(monkeypatch):
+    gait = optimal.load("level")[5]
+    problem = Problem(make_scene("level"), gait.speed, len(gait.torques), len(gait.point))
+    alone = problem.begun(gait.point, (gait.torques,), 0.0)
+    both = alone.copy()
+    for parts in problem.parts(both):
+        parts += 0.01
+    np.clip(both, *problem.box.T, out=both)
+    monkeypatch.setattr(problem, "_minimised", lambda z, *_: (z, ""))
+    found = problem.solve(both)
+    assert not np.minimum(*problem.parts(found)).any()
+    assert problem.at(found)[0] == pytest.approx(problem.at(alone)[0], rel=1e-2)
+    assert problem.at(both)[0] > 1.5 * problem.at(alone)[0]
 
 
 def test_level_walking_at_a_tenth_costs_a_third_of_a_percent():
