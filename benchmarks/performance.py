@@ -21,9 +21,9 @@ from benchmarks.problem import WALKS, Problem, problem
 from benchmarks.report import DOCS, command, keep, machine, seconds, table
 from gym_passive_walker.engine.compiled import constants_used, loaded, object_code
 from gym_passive_walker.engine.jit import call
-from gym_passive_walker.engine.layout import PAIR, TILE, WIDTH, aligned
+from gym_passive_walker.engine.layout import TILE, WIDTH, aligned
 from gym_passive_walker.engine.native import GROUP, Function, Memory, Module
-from gym_passive_walker.engine.step import Equations
+from gym_passive_walker.engine.step import Step
 
 PAGE = DOCS / "performance.md"
 COUNTED = ("fma", "fmul", "fadd", "fsub", "fdiv", "sqrt")
@@ -78,7 +78,7 @@ def _clocked(module: Module, fresh: np.ndarray) -> float:
     return seconds(partial(repeated, tile.ctypes.data, numbers, begun)) / _TURNS / WIDTH * 1e9
 
 
-def equations_of(p: Problem, phase: int = 0) -> tuple[Equations, np.ndarray]:
+def equations_of(p: Problem, phase: int = 0) -> tuple[Step, np.ndarray]:
     """A phase's functions, and a tile with walkers in the midst of it."""
     there = p.system.phases[phase]
     used = constants_used(p.system, there)
@@ -89,10 +89,10 @@ def equations_of(p: Problem, phase: int = 0) -> tuple[Equations, np.ndarray]:
     for i, name in enumerate(used):
         tile["body"][:, i] = getattr(p.body, name)
     tile["h"], tile["next"], tile["end"] = 0.2, 0.2, 1e3
-    return Equations(p.system, there, used), tile
+    return Step(p.system, there, used), tile
 
 
-def acceleration(equations: Equations) -> Code:
+def acceleration(equations: Step) -> Code:
     """One evaluation of the equations of motion."""
 
     def evaluate(tile: Memory) -> None:
@@ -102,10 +102,9 @@ def acceleration(equations: Equations) -> Code:
     return evaluate
 
 
-def step(equations: Equations) -> list[Code]:
+def step(equations: Step) -> list[Code]:
     """One step: its stages, its error, and what came of it."""
-    stages = [equations.stage(index) for index in range(1, PAIR.stages + 1)]
-    return [*stages, equations.estimate, equations.judge]
+    return equations.sweep()
 
 
 @lru_cache
@@ -176,7 +175,7 @@ def strides() -> None:
     keep("strides", f"{table(heads, rows)}\n\nOne core. {machine()}.", page=PAGE)
 
 
-def _phases(p: Problem) -> list[tuple[Equations, np.ndarray]]:
+def _phases(p: Problem) -> list[tuple[Step, np.ndarray]]:
     return [equations_of(p, index) for index in range(len(p.system.phases))]
 
 

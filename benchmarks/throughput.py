@@ -23,10 +23,10 @@ from benchmarks.engine import microseconds
 from benchmarks.problem import WALKS, Problem, error, problem
 from benchmarks.report import command, keep, machine, plot, seconds, table
 from gym_passive_walker.engine.compiled import constants_used, loaded, object_code
+from gym_passive_walker.engine.equations import Equations
 from gym_passive_walker.engine.jit import call
 from gym_passive_walker.engine.layout import TILE, WIDTH, aligned
 from gym_passive_walker.engine.native import GROUP, Function, Memory, Module
-from gym_passive_walker.engine.step import Equations
 
 CORES = os.cpu_count() or 1
 SIZES = [10**k for k in range(7)]

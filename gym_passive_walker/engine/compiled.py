@@ -13,6 +13,7 @@ from llvmlite import binding as llvm
 from numpy.typing import NDArray
 
 from gym_passive_walker.engine import cache
+from gym_passive_walker.engine.equations import Equations, without_absent
 from gym_passive_walker.engine.expressions import Expression, choose, read
 from gym_passive_walker.engine.layout import (
     COURSE,
@@ -23,15 +24,16 @@ from gym_passive_walker.engine.layout import (
     tile_for,
 )
 from gym_passive_walker.engine.native import Code, Function, Memory, Module, uses
+from gym_passive_walker.engine.one_lane import OneLane
 from gym_passive_walker.engine.runge_kutta import Pair
-from gym_passive_walker.engine.step import Equations, without_absent
+from gym_passive_walker.engine.step import Step
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import Control, Ground, Outcome, Phase, State, System
 from gym_passive_walker.physics.numbers import sine_cosine
 from gym_passive_walker.physics.systems import SYSTEMS
 from gym_passive_walker.progress import compiling
 
-OF_LANE = ("equip", "load", "move", "unload", "look", "accept")
+OF_LANE = ("equip", "load", "move", "unload", "look", "accept", "onto")
 OF_LANES = ("first", "sweep")
 
 PHASE = np.dtype(
@@ -42,6 +44,7 @@ PHASE = np.dtype(
         ("resets", "i8", (len(Outcome),)),  # by outcome; 0 where it is a fall
         ("links", "i8"),
         ("guards", "i8"),
+        ("strike", "i8"),  # which of them is the strike, counted from 1; 0 if none is
         ("outcomes", "i8", (MOST_GUARDS,)),
         ("watch", "i8", (MOST_GUARDS,)),
     ]
@@ -121,6 +124,7 @@ def phases_of(system: System, code: Any) -> NDArray:
         for outcome in phase.resets:
             entry["resets"][outcome] = code.get_function_address(f"reset{i}_{outcome.name}")
         entry["links"], entry["guards"] = phase.links, len(phase.guards)
+        entry["strike"] = 0 if phase.strike is None else phase.strike + 1
         entry["outcomes"][: len(phase.guards)] = [guard.outcome for guard in phase.guards]
         entry["watch"][: len(phase.guards)] = [guard.watch for guard in phase.guards]
     return phases
@@ -149,19 +153,19 @@ def written(
         made.end()
 
     for i, phase in enumerate(system.phases):
-        equations = Equations(system, phase, constants_used(system, phase), pair)
-        others = (body, RECORD, tile, RECORD, COURSE, COURSE)
+        told = system, phase, constants_used(system, phase), pair
+        one_lane, step = OneLane(*told), Step(*told)
+        others = (body, RECORD, tile, RECORD, COURSE, COURSE, COURSE)
         for name, other in zip(OF_LANE, others, strict=True):
-            active = (*_STATES, *_TIMES, *_RECORDS, *_COURSES)
-            once(f"{name}{i}", getattr(equations, name), tile, other, active=active)
+            # Where a strike is expected decides where steps end, and nothing else.
+            active = () if name == "onto" else (*_STATES, *_TIMES, *_RECORDS, *_COURSES)
+            once(f"{name}{i}", getattr(one_lane, name), tile, other, active=active)
         first = function(f"first{i}", tile, active=_STATES)
-        first.over_lanes(equations.first)
+        first.over_lanes(step.first)
         first.end()
         sweep = function(f"sweep{i}", tile, active=_STATES)
-        for index in range(1, pair.stages + 1):
-            sweep.over_lanes(equations.stage(index))
-        sweep.over_lanes(equations.estimate)
-        sweep.over_lanes(equations.judge)
+        for code in step.sweep():
+            sweep.over_lanes(code)
         sweep.end()
         once(f"open{i}", partial(_open, system, phase), RECORD, body)
         for outcome in phase.resets:

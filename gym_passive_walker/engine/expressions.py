@@ -8,6 +8,7 @@ differentiated exactly (`tangent`), and `native` turns them into machine code.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from math import factorial
 from typing import Any
 
 from gym_passive_walker.physics.numbers import larger, sine_cosine
@@ -159,6 +160,51 @@ def _flipped(x: Expression, rounded: Expression) -> Expression:
     return x._with("flip", x, rounded)
 
 
+def near(angle: Expression, sine: Expression, cosine: Expression, turn: Expression, most: float):
+    """An angle near another one, whose sine and cosine are known.
+
+    Args:
+        angle: What it is.
+        sine: Of the other.
+        cosine: Likewise.
+        turn: From there to here.
+        most: Up to which turn sine and cosine shall be exact to the last bit or so.
+    """
+    return angle._with("near", angle, sine, cosine, turn, most)
+
+
+def _by_addition(x: Expression) -> tuple[Expression, Expression]:
+    """Sine and cosine of an angle near another, by as many terms of their series as that needs."""
+    _, sine, cosine, turn, most = x.args
+    square = turn * turn
+    odd, even = ([1.0 / k for k in _factorials(first, most)] for first in (3, 2))
+    signs = [(-1.0) ** (k + 1) for k in range(max(len(odd), len(even)))]
+    s = turn + (turn * square) * _horner([a * b for a, b in zip(odd, signs, strict=False)], square)
+    less = square * _horner([a * b for a, b in zip(even, signs, strict=False)], square)
+    by_sine = x._with("sin", x, (sine + cosine * s) + sine * less)
+    return by_sine, x._with("cos", x, (cosine - sine * s) + cosine * less)
+
+
+def _factorials(first: int, most: float) -> list[float]:
+    """Factorials of every other number, as long as a turn's power over them counts."""
+    found = [float(factorial(first))]
+    k = first + 2
+    while most**k / factorial(k) > _NOTHING:
+        found.append(float(factorial(k)))
+        k += 2
+    return found
+
+
+_NOTHING = 2e-17  # beside one
+
+
+def _horner(powers: list[float], x: Expression) -> Any:
+    value: Any = powers[-1]
+    for power in reversed(powers[:-1]):
+        value = power + x * value
+    return value
+
+
 @sine_cosine.register
 def _(x: Expression) -> tuple[Expression, Expression]:
     """Sine and cosine to the last bit or so, in plain arithmetic that suits vectors.
@@ -167,6 +213,8 @@ def _(x: Expression) -> tuple[Expression, Expression]:
     square are Chebyshev fits there, in Estrin's order to keep the chains of dependent operations
     short. Absolute error below 2e-16 for angles up to a thousand turns.
     """
+    if x.op == "near":
+        return _by_addition(x)
     rounded = x * _INVERSE_PI + _ROUNDS
     half_turns = rounded - _ROUNDS
     r = (x - half_turns * _PI) - half_turns * _PI_REST
@@ -204,6 +252,15 @@ def _(x: Expression) -> tuple[Expression, Expression]:
     return x._with("sin", x, _flipped(sine, rounded)), x._with("cos", x, _flipped(cosine, rounded))
 
 
+def operands(x: Expression) -> tuple[Expression, ...]:
+    """What an expression is computed from."""
+    if x.op in ("sin", "cos"):
+        return x.args[1:]
+    if x.op == "near":
+        return x.args[:1]
+    return tuple(a for a in x.args if isinstance(a, Expression))
+
+
 class Tangents:
     """How expressions change as the entries that they read change: derivatives along a direction.
 
@@ -222,7 +279,7 @@ class Tangents:
                 change = self(x.args[0])
                 self._done[x] = _times(change, cosine if x.op == "sin" else -sine)
             elif x.op in _RULES:
-                self._done[x] = _RULES[x.op](x, *map(self, x.args))
+                self._done[x] = _RULES[x.op](x, *map(self, operands(x)))
             else:
                 self._done[x] = None
         return self._done[x]
@@ -247,6 +304,7 @@ def _choice(x: Expression, _: None, yes: Any, no: Any) -> Expression | None:
 
 
 _RULES: dict[str, Callable[..., Expression | None]] = {
+    "near": lambda x, a, *_: a,
     "add": lambda x, a, b: _sum(a, b),
     "sub": lambda x, a, b: _difference(a, b),
     "mul": lambda x, a, b: _sum(_times(a, x.args[1]), _times(b, x.args[0])),

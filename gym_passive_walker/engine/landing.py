@@ -1,8 +1,9 @@
 """What happens within a step: events found, landed on, or ruled out, one lane at a time.
 
-To land on an event, the step is repeated from its start with Newton's method on its *length*, so
-the state at an event is as exact as any other and no interpolation enters it. A quintic through
-both ends of the step says where to begin.
+Steps end on strikes that are foreseen, or nearly so: the rest of the way is gone along the
+polynomial through the step's last accelerations, where that is as exact as the step. Otherwise the
+step is repeated from its start with Newton's method on its *length*; a quintic through both ends of
+the step says where to begin.
 
 Events are a phase's guards, by their place in it, from 1 on; `course` holds how they run over the
 step, as `step.Equations.look` writes it. A tile's planes of derivatives follow the values: what a
@@ -12,10 +13,12 @@ step's length depends on shifts its end along the motion.
 from __future__ import annotations
 
 from gym_passive_walker.engine.jit import address, call, fma, inlined, jitted
-from gym_passive_walker.engine.layout import PAIR
 from gym_passive_walker.engine.step import (
     LONGEST_STEP,
     MOST_STEPS,
+    NEAR,
+    SHORT,
+    STRETCH,
 )
 from gym_passive_walker.physics.hybrid import Control, Watch
 
@@ -35,7 +38,7 @@ _TOGETHER = 1e-14
 near, either may."""
 
 _SCUFF = int(Watch.SCUFF)
-_CONTROLS, _END, _SHARE = len(Control._fields), PAIR.stages, 1.0 / PAIR.error_order
+_CONTROLS = len(Control._fields)
 
 
 @inlined
@@ -173,8 +176,8 @@ def far(course, i, h):
 
 
 @jitted
-def earliest(phase, course, h, scuff):
-    """What comes first within a step.
+def earliest(phase, course, h, scuff, but):
+    """What comes first within a step, among all events but one.
 
     Returns:
         A fraction of the step, and the event that falls there; or -1 for a turn there that may
@@ -182,7 +185,7 @@ def earliest(phase, course, h, scuff):
     """
     first, event = 2.0, 0
     for i in range(phase.guards):
-        if far(course, i, h):
+        if i + 1 == but or far(course, i, h):
             continue
         if fell(phase, course, i, scuff, 0.0):
             fraction, found = root(path(course, i, h)), i + 1
@@ -196,12 +199,12 @@ def earliest(phase, course, h, scuff):
 
 
 @jitted
-def accept(tiles, courses, phase, lane, event):
-    """Take the end of a step as the new start: moved onto an event, or as it is if that is 0.0."""
+def accept(tiles, courses, phase, lane, event, late):
+    """Take a step's end as the new start: moved by a time onto an event, or for 0.0 as it is."""
     for k in range(_CONTROLS):
         courses[0].turning[k] = turning(tiles[0], phase, courses[0], lane, k)
     here, course, planes = address(tiles), address(courses), len(tiles) - 1
-    call(phase.accept, here, course, lane, planes, event, 0.0)
+    call(phase.accept, here, course, lane, planes, event, late)
 
 
 @inlined
@@ -227,23 +230,40 @@ def look(tiles, courses, phase, lane):
     call(phase.look, address(tiles), address(courses), lane, len(tiles) - 1, 0.0, 0.0)
 
 
+@inlined
+def expect(tiles, courses, phase, lane, options):
+    """Have it written down when the strike comes, counted from a step's end."""
+    call(phase.onto, address(tiles), address(courses), lane, 0, options.tolerance, 0.0)
+
+
+@inlined
+def correction_to(course, event, strike, h, options):
+    """By how much a step misses an event, and whether its end may be moved there."""
+    g, speed = course.after[event - 1], course.rate_after[event - 1]
+    late, close = -g / speed if speed != 0.0 else 0.0, False
+    if event == strike and abs(course.late) <= NEAR * h:
+        late, close = course.late, course.doubt <= options.doubt
+    return late, speed, close or abs(late) <= options.landing * max(h, 1e-3)
+
+
 @jitted
-def land(tiles, courses, phase, lane, scuff, landing):
+def land(tiles, courses, phase, lane, options):
     """A Newton step on the length of the step that leads to the lane's event.
 
     Returns:
         The event, if the step ends on it; 0 to try again.
     """
-    tile, course = tiles[0], courses[0]
+    tile, course, scuff = tiles[0], courses[0], options.scuff
     event = int(tile.event[lane])
     h, low, high = tile.h[lane], tile.low[lane], tile.high[lane]
-    g, speed = course.after[event - 1], course.rate_after[event - 1]
+    g = course.after[event - 1]
     if g > 0.0:
         low = h
     else:
         high = h
-    correction = -g / speed if speed != 0.0 else 0.0
-    close = abs(correction) <= landing * max(h, 1e-3)
+    if event == phase.strike:
+        expect(tiles, courses, phase, lane, options)
+    correction, speed, close = correction_to(course, event, phase.strike, h, options)
     narrow = high - low <= 4e-16 * high
     # Where the guard rises, or touches zero, Newton leads to the way out or nowhere.
     inside = speed < 0.0 and (low <= h + correction <= high or close)
@@ -261,8 +281,7 @@ def land(tiles, courses, phase, lane, scuff, landing):
     if other != 0 and further(course, other - 1, 0.0) < -_TOGETHER:
         aim(tile, lane, other, root(path(course, other - 1, h)), h)
         return 0
-    accept(tiles, courses, phase, lane, float(event) if close else 0.0)
-    look(tiles, courses, phase, lane)
+    accept(tiles, courses, phase, lane, float(event) if close else 0.0, correction)
     if course.counts[event - 1] == 0.0:
         go_on(tile, lane)
         return 0
@@ -270,28 +289,44 @@ def land(tiles, courses, phase, lane, scuff, landing):
 
 
 @jitted
-def attend(tiles, courses, phase, lane, scuff, landing):
+def strike(tiles, courses, phase, lane, options):
+    """Whether a step ends so near to the strike that it has been moved there."""
+    tile, course = tiles[0], courses[0]
+    expect(tiles, courses, phase, lane, options)
+    late, speed, close = correction_to(course, phase.strike, phase.strike, tile.h[lane], options)
+    if not (close and speed < 0.0 and course.comes > 0.0 and course.before[phase.strike - 1] > 0.0):
+        return False
+    if tile.time[lane] + tile.h[lane] + late > tile.end[lane]:
+        return False
+    if rival(phase, course, phase.strike, options.scuff, late):
+        return False
+    accept(tiles, courses, phase, lane, float(phase.strike), late)
+    return True
+
+
+@jitted
+def attend(tiles, courses, phase, lane, options):
     """Look at one lane after its step: reject it, shorten it, land on an event, or accept it.
 
     Returns:
         The event that ends the phase; TIME_UP or LOST; 0 to go on.
     """
-    tile, course = tiles[0], courses[0]
-    h, error = tile.h[lane], tile.error[lane]
+    tile, course, scuff = tiles[0], courses[0], options.scuff
+    h, ratio = tile.h[lane], tile.ratio[lane]
     if not h * 0.0 == 0.0 or tile.steps[lane] > MOST_STEPS:
         return LOST
     look(tiles, courses, phase, lane)
     aimed = tile.event[lane] != 0.0
-    if aimed and error <= 1.0:
-        return land(tiles, courses, phase, lane, scuff, landing)
+    if aimed and ratio <= 1.0:
+        return land(tiles, courses, phase, lane, options)
 
-    if not error <= 1.0:
+    if not ratio <= 1.0:
         tile.event[lane] = 0.0  # where a step is not to be trusted, neither is its event
-        shorter = tile.growth[lane] if error > 1.0 else 0.1
+        shorter = tile.growth[lane] if ratio > 1.0 else 0.1
         tile.next[lane] = h * shorter
         tile.h[lane] = h * shorter
-        if error < 1e3 and not aimed:  # near enough to tell where an event cuts the next step short
-            first, event = earliest(phase, course, h, scuff)
+        if ratio < 2.0 and not aimed:  # near enough to tell where an event cuts the next step short
+            first, event = earliest(phase, course, h, scuff, 0)
             if event > 0 and first < 0.8 * shorter:
                 aim(tile, lane, event, first, h)
         return LOST if h < 1e-13 else 0
@@ -304,7 +339,13 @@ def attend(tiles, courses, phase, lane, scuff, landing):
             tile.next[lane] = h
             tile.h[lane] = turned * h
             return 0
-    first, event = earliest(phase, course, h, scuff)
+    i = max(phase.strike - 1, 0)
+    near = abs(course.after[i]) <= 2.0 * NEAR * h * abs(course.rate_after[i])
+    near = near and phase.strike > 0
+    if near and earliest(phase, course, h, scuff, phase.strike)[1] == 0:
+        if strike(tiles, courses, phase, lane, options):
+            return phase.strike
+    first, event = earliest(phase, course, h, scuff, 0)
     if event < 0:  # stop where a pair of roots may hide, between them
         tile.next[lane] = h
         tile.h[lane] = first * h
@@ -314,10 +355,12 @@ def attend(tiles, courses, phase, lane, scuff, landing):
         aim(tile, lane, event, first, h)
         return 0
     following = min(h * tile.growth[lane], LONGEST_STEP)
-    if following > tile.next[lane] or error > 0.1:
+    if following > tile.next[lane] or ratio > SHORT:
         tile.next[lane] = following
-    accept(tiles, courses, phase, lane, 0.0)
+    accept(tiles, courses, phase, lane, 0.0, 0.0)
     if tile.time[lane] >= tile.end[lane] * (1.0 - 1e-15):
         return TIME_UP
     go_on(tile, lane)
+    if 0.0 < tile.ahead[lane] < STRETCH * tile.h[lane]:
+        tile.h[lane] = min(tile.ahead[lane], tile.end[lane] - tile.time[lane])
     return 0

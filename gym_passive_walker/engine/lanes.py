@@ -13,7 +13,7 @@ from gym_passive_walker.engine.jit import address, call, inlined, jitted
 from gym_passive_walker.engine.landing import TIME_UP, attend
 from gym_passive_walker.engine.layout import WIDTH
 from gym_passive_walker.engine.native import GROUP
-from gym_passive_walker.engine.step import ALERT, UP
+from gym_passive_walker.engine.step import ALERT, PLAIN, UP
 from gym_passive_walker.physics.hybrid import Outcome
 
 _DIVERGED, _FALLS = int(Outcome.DIVERGED), int(Outcome.FELL_FORWARD)
@@ -29,7 +29,7 @@ def came(tiles, courses, phase, lane, options):
     """What has come of a lane's step: as of `landing.attend`."""
     verdict = tiles[0].verdict[lane]
     if verdict == ALERT:
-        return attend(tiles, courses, phase, lane, options.scuff, options.landing)
+        return attend(tiles, courses, phase, lane, options)
     return TIME_UP if verdict == UP else 0
 
 
@@ -72,7 +72,7 @@ def carry(records, bodies, phase, number, tiles, courses, options):
     scuff = float(options.scuff)
     while True:
         for lane in range(used):
-            if owner[lane] < 0:
+            if tiles[0].verdict[lane] == PLAIN or owner[lane] < 0:
                 continue
             event = came(tiles, courses, phase, lane, options)
             if event != 0:
@@ -83,7 +83,7 @@ def carry(records, bodies, phase, number, tiles, courses, options):
                 going -= 1
         # Fill what is free from those who wait.
         lane = 0
-        while lane < WIDTH and called < waiting:
+        while going < WIDTH and lane < WIDTH and called < waiting:
             if lane >= used or owner[lane] < 0:
                 i = queue[called]
                 if not alike or lane >= equipped:
@@ -115,5 +115,5 @@ def carry(records, bodies, phase, number, tiles, courses, options):
             here = origin + _LINE * group
             if fresh:
                 call(phase.first, here, phase.table, 0, planes, 0.0, 0.0)
-            call(phase.sweep, here, phase.table, 0, planes, options.tolerance, scuff)
+            call(phase.sweep, here, phase.table, 0, planes, options.fineness, scuff)
         fresh = False

@@ -70,6 +70,10 @@ def tile_for(pair: Pair, width: int = WIDTH) -> np.dtype:
             ("rate", "f8", (LINKS, *line)),
             ("new_angle", "f8", (LINKS, *line)),
             ("new_rate", "f8", (LINKS, *line)),
+            # Of stages near which others follow: how far angles have turned, their sine and cosine.
+            ("turn", "f8", (pair.stages + 1, LINKS, *line)),
+            ("sine", "f8", (pair.stages + 1, LINKS, *line)),
+            ("cosine", "f8", (pair.stages + 1, LINKS, *line)),
             # Accelerations at the step's start, in its stages, and at its end.
             ("stage", "f8", (pair.stages + 1, LINKS, *line)),
             ("moved", "f8", (_CONTROLS, *line)),
@@ -80,10 +84,11 @@ def tile_for(pair: Pair, width: int = WIDTH) -> np.dtype:
             ("control", "f8", (_CONTROLS, *line)),
             ("body", "f8", (MOST_CONSTANTS, *line)),
             ("h", "f8", line),  # length of the step
+            ("ahead", "f8", line),  # when the strike is expected after its end; 0 if it is not near
             ("next", "f8", line),  # proposed length of the next
             ("time", "f8", line),
             ("end", "f8", line),
-            ("error", "f8", line),
+            ("ratio", "f8", line),  # of its length to what the tolerance allows
             ("growth", "f8", line),  # factor to the next step's length that this allows
             ("verdict", "f8", line),
             ("event", "f8", line),  # the guard that the step is aimed at, from 1 on
@@ -109,6 +114,11 @@ COURSE = np.dtype(
         ("counts", "f8", (MOST_GUARDS,)),  # whether a fall at the step's end would count
         # Where in the step what each control moves turns back: a fraction, or -1.
         ("turning", "f8", (_CONTROLS,)),
+        # Of the strike, along the motion beyond the step's end: when it comes, whether it counts
+        # there, and the error of what is beyond the end so far, over the tolerance.
+        ("late", "f8"),
+        ("comes", "f8"),
+        ("doubt", "f8"),
     ]
 )
 """How guards run over a step."""

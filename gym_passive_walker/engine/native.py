@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from gym_passive_walker.engine.expressions import Expression, Tangents, read
+from gym_passive_walker.engine.expressions import Expression, Tangents, operands, read
 
 GROUP = 8
 """Lanes of a vector: one of 512 bits, or two of 256."""
@@ -219,19 +219,12 @@ def uses(roots: Iterable[Expression]) -> Counter[Expression]:
     waiting = list(uses)
     seen = set(waiting)
     while waiting:
-        for operand in _operands(waiting.pop()):
+        for operand in operands(waiting.pop()):
             uses[operand] += 1
             if operand not in seen:
                 seen.add(operand)
                 waiting.append(operand)
     return uses
-
-
-def _operands(x: Expression) -> tuple[Expression, ...]:
-    """What an expression is computed from."""
-    if x.op in ("sin", "cos"):
-        return x.args[1:]
-    return tuple(a for a in x.args if isinstance(a, Expression))
 
 
 class Emitter:
@@ -276,7 +269,7 @@ class Emitter:
     def _varies(self, x: Expression) -> bool:
         """Whether an expression differs from plane to plane."""
         if x not in self.varying:
-            varies = x.args[3] > 0 if x.op == "read" else any(map(self._varies, _operands(x)))
+            varies = x.args[3] > 0 if x.op == "read" else any(map(self._varies, operands(x)))
             self.varying[x] = varies
         return self.varying[x]
 
@@ -284,6 +277,8 @@ class Emitter:
         op, args = x.op, x.args
         if op in ("sin", "cos"):
             return self(args[1])
+        if op == "near":
+            return self(args[0])
         if op == "read":
             return self._load(args)
         if op == "argument":

@@ -27,8 +27,10 @@ from gym_passive_walker.physics.hybrid import System
 OPTIONS = np.dtype(
     [
         ("tolerance", "f8"),  # error of a step, relative to the largest angle or rate
-        ("landing", "f8"),  # by how much of its length a step's end may be moved onto an event
+        ("landing", "f8"),  # by how much of its length a step's end may be moved onto an event,
+        ("doubt", "f8"),  # or onto a strike with how large an error, over the tolerance
         ("first_step", "f8"),
+        ("fineness", "f8"),  # one over what the tolerance allows where all else is one
         ("scuff", "i8"),  # whether a kneed walker's locked leg below the ground ends the stride
         ("from_section", "i8"),  # whether records stand just after heelstrike, or at their phase
     ]
@@ -160,11 +162,13 @@ def options(
     tolerance: float, *, scuff: bool = False, from_section: bool = False, planes: int = 0
 ) -> NDArray:
     """What the engine is told of a tolerance, shape (1,) of OPTIONS."""
-    # A step's end is moved by up to `landing` of its length by its Taylor series of second order.
-    # Derivatives need it smaller, but where a foot comes down slowly 1e-13 drowns in rounding.
-    landing = 1e-11 if planes else 0.1 * math.sqrt(tolerance)
+    # A step's end is moved onto an event along the polynomial through its last stages. Derivatives
+    # need the move smaller, but where a foot comes down slowly 1e-13 drowns in rounding.
+    landing, doubt = (1e-11, -1.0) if planes else (0.1 * math.sqrt(tolerance), 0.02)
     first_step = tolerance ** (1.0 / PAIR.order)
-    return np.array([(tolerance, landing, first_step, scuff, from_section)], OPTIONS)
+    return np.array(
+        [(tolerance, landing, doubt, first_step, 1.0 / first_step, scuff, from_section)], OPTIONS
+    )
 
 
 @lru_cache(maxsize=1)

@@ -28,7 +28,6 @@ class Pair(NamedTuple):
         angles: Likewise in the angles.
         nodes: Where in the step each of them lies, shape (stages + 1,).
         rate_error: Weights in the error of the rates, (stages,).
-        angle_error: Likewise of the angles.
     """
 
     order: int
@@ -37,12 +36,43 @@ class Pair(NamedTuple):
     angles: NDArray[np.longdouble]
     nodes: NDArray[np.longdouble]
     rate_error: NDArray[np.longdouble]
-    angle_error: NDArray[np.longdouble]
 
     @property
     def stages(self) -> int:
         """Evaluations of the accelerations in a step; one more at its end serves the next."""
         return self.rates.shape[1]
+
+    def neighbours(self) -> list[int]:
+        """For each stage but the first, and for the step's end, the one before nearest in time."""
+        nodes = self.nodes.astype(float)
+        return [
+            min(range(stage), key=lambda j: (round(abs(nodes[j] - nodes[stage]), 9), -j))
+            for stage in range(1, self.stages + 1)
+        ]
+
+    def onward(self, count: int) -> dict[int, list[float]]:
+        """Accelerations near a step's end, as the polynomial through its last stages.
+
+        Args:
+            count: How many stages it passes through, the step's end among them.
+
+        Returns:
+            For each of these stages the weights of its acceleration in the polynomial's
+            coefficients, by powers of the time from the step's end over the step's length.
+        """
+        places: dict[float, int] = {}
+        for stage in reversed(range(self.stages + 1)):
+            places.setdefault(round(float(self.nodes[stage]), 9), stage)
+        chosen = list(places.values())[:count]
+        where = {stage: self.nodes[stage] - self.nodes[-1] for stage in chosen}
+        weights = {}
+        for stage, at in where.items():
+            product = np.ones(1, np.longdouble)
+            for x in (x for other, x in where.items() if other != stage):
+                product = np.append(0.0, product) - np.append(x * product, 0.0)
+                product = product / (at - x)
+            weights[stage] = [float(x) for x in product]
+        return weights
 
     @classmethod
     def from_tableau(
@@ -67,9 +97,5 @@ class Pair(NamedTuple):
         rates = np.zeros((stages + 1, stages), np.longdouble)
         for row, given in zip(rates, [*matrix, weights], strict=True):
             row[: len(given)] = given
-        rate_error = np.array(error, np.longdouble)
-        square = rates[:stages]
-        return cls(
-            order, error_order, rates, rates @ square, rates.sum(axis=1), rate_error,
-            rate_error @ square,
-        )  # fmt: skip
+        squares, nodes = rates @ rates[:stages], rates.sum(axis=1)
+        return cls(order, error_order, rates, squares, nodes, np.array(error, np.longdouble))

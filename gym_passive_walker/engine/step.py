@@ -12,22 +12,20 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-import numpy as np
-
-from gym_passive_walker.engine.expressions import (
-    Expression,
-    Tangents,
-    choose,
-    larger,
-    square_root,
-)
-from gym_passive_walker.engine.layout import PAIR
+from gym_passive_walker.engine.equations import Equations, sum_of
+from gym_passive_walker.engine.expressions import Expression, choose, larger, near, square_root
 from gym_passive_walker.engine.native import Memory
-from gym_passive_walker.engine.runge_kutta import Pair
-from gym_passive_walker.physics.hybrid import Control, Ground, Phase, State, System, Watch
+from gym_passive_walker.physics.hybrid import State, Watch
+from gym_passive_walker.physics.numbers import sine_cosine
 
 PLAIN, ALERT, UP = 0.0, 1.0, 2.0
 """What `judge` makes of a lane's step: nothing of note; something may have happened; time is up."""
+
+NEAR = 0.05
+"""Share of a step before its end, or beyond it, in which a strike is near enough to land on."""
+
+STRETCH = 1.1
+"""How much longer a step may become to end on what it leads to."""
 
 LONGEST_STEP = 1.0
 """A leg swings to and fro within six of these: longer steps, however exact, could jump over both a
@@ -36,194 +34,26 @@ heelstrike and the foot's return."""
 MOST_STEPS = 20_000
 """Integration steps a walker may take in one phase; no gait needs a hundredth of them."""
 
-SAFETY, FASTEST, SLOWEST = 0.85, 6.0, 0.2
+SAFETY, FASTEST, SLOWEST = 0.8, 3.0, 0.2
 """The next step is this share of what the error allows, and changes by these factors at most."""
+
+SHORT = 0.75
+"""Share of what the tolerance allows below which a step says little of how long one may be."""
+
+MOST_TURN = 0.6
+"""Angle by which a link turns in a step, up to which sines and cosines are exact to the last bit
+or so; where one turns by more, they are as exact as the step's error allows."""
+
+OFF_CIRCLE, ROUNDING = 30.0, 2e-15
+"""What it counts, beside the estimate of a step's error, how far sines and cosines are off the unit
+circle; and how far rounding alone may take them."""
 
 ROOTS = 10
 """Square roots of which other roots are made: an exponent is right to a thousandth."""
 
 
-class Equations:
-    """A phase's functions over a tile.
-
-    Args:
-        system: The system.
-        phase: Its phase.
-        body: The constants that the phase uses: names, in the order of the tile's rows.
-        pair: The method that steps are made with.
-    """
-
-    def __init__(
-        self, system: System, phase: Phase, body: tuple[str, ...], pair: Pair = PAIR
-    ) -> None:
-        self.system, self.phase, self.names, self.pair = system, phase, body, pair
-
-    @property
-    def links(self) -> range:
-        """Indices of the angles that move by themselves."""
-        return range(self.phase.links)
-
-    def body(self, tile: Memory) -> Any:
-        """The walker's constants; those that the phase does not use are NaN."""
-        rows = {name: tile["body", i] for i, name in enumerate(self.names)}
-        unused = dict.fromkeys(self.system.Body._fields, float("nan"))  # type: ignore[attr-defined]
-        return without_absent(self.system, self.system.Body(**unused | rows))
-
-    @property
-    def controls(self) -> list[int]:
-        """Indices of the controls that there may be."""
-        names = enumerate(Control._fields)
-        return [i for i, name in names if name not in self.system.absent]
-
-    @property
-    def grounds(self) -> list[int]:
-        """Indices of the parts of the ground that there may be."""
-        names = enumerate(Ground._fields)
-        return [i for i, name in names if name not in self.system.absent]
-
-    def ground(self, tile: Memory) -> Ground:
-        """What the walker stands on."""
-        found = {Ground._fields[i]: tile["ground", i] for i in self.grounds}
-        return Ground(**dict.fromkeys(Ground._fields, 0.0) | found)
-
-    def guard(self, index: int, tile: Memory) -> Callable[[State], Expression]:
-        """The function of the state that ends the phase."""
-        falls, body, ground = self.phase.guards[index].falls, self.body(tile), self.ground(tile)
-        return lambda state: falls(body, state, ground)
-
-    @property
-    def dissipates(self) -> bool:
-        """Whether there is friction."""
-        return self.system.friction_power is not None
-
-    def friction(self, tile: Memory, state: State) -> Expression:
-        """What friction takes at a state."""
-        assert self.system.friction_power is not None
-        return self.system.friction_power(self.body(tile), state)
-
-    def state(self, tile: Memory, prefix: str = "") -> State:
-        """The state at a step's start, or with "new_" at its end."""
-        return self.as_state(tile.entries(prefix + "angle"), tile.entries(prefix + "rate"))
-
-    def as_state(self, angles: list, rates: list) -> State:
-        """A state from the angles that move by themselves and their rates."""
-        last = self.phase.links - 1
-        return State(*(v[min(i, last)] for v in (angles, rates) for i in range(3)))
-
-    def accelerations(self, tile: Memory, state: State) -> tuple[Expression, ...]:
-        """Accelerations of the links."""
-        held = {Control._fields[i]: tile["control", i] for i in self.controls}
-        control = Control(**dict.fromkeys(Control._fields, 0.0) | held)
-        return self.phase.accelerations(self.body(tile), state, control, self.ground(tile))
-
-    def along(
-        self, function: Callable[[State], Expression], state: State, bends: list[Any]
-    ) -> tuple[Expression, Expression, Expression]:
-        """A function of the state, its rate and its second derivative along the motion.
-
-        Args:
-            function: The function.
-            state: Angles and rates.
-            bends: Accelerations; None where the second derivative is of no interest.
-        """
-        flow = self.as_state(list(state[3:]), bends)
-        moves = {x: change for x, change in zip(state, flow, strict=True) if change is not None}
-
-        def derivative(of: Expression) -> Expression:
-            change = Tangents(moves)(of)
-            return of.number(0.0) if change is None else change
-
-        value = function(state)
-        rate = derivative(value)
-        return value, rate, derivative(rate)
-
-    # Codes of the native functions: of one lane, then of all.
-
-    def equip(self, tile: Memory, body: Memory) -> None:
-        """Give a lane its walker's constants."""
-        fields = self.system.Body._fields  # type: ignore[attr-defined]
-        for i, name in enumerate(self.names):
-            tile["body", i] = body["body", fields.index(name)]
-
-    def load(self, tile: Memory, record: Memory) -> None:
-        """Put a walker into a lane; the length of the very first step is the first argument."""
-        state = record.entries("state")
-        for i in range(3):
-            tile["angle", i], tile["rate", i] = state[i], state[3 + i]
-        for field, there in (("ground", self.grounds), ("control", self.controls)):
-            for i in there:
-                tile[field, i] = record[field, i]
-        for i in self.controls:
-            tile["moved", i] = tile["turned", i] = 0.0
-        tile["lost"] = 0.0
-        step, rest = record["step"], record["end"] - record["time"]
-        following = choose(step > 0.0, step, tile.argument(0))
-        tile["time"], tile["end"], tile["next"] = record["time"], record["end"], following
-        tile["h"] = choose(1.1 * following < rest, following, rest)
-        tile["event"], tile["steps"], tile["fresh"] = 0.0, 0.0, 1.0
-
-    def move(self, tile: Memory, source: Memory) -> None:
-        """Move a walker from one lane to another."""
-        for name in tile.layout.fields or ():
-            for index in np.ndindex(*tile.layout[name].shape[:-1]):
-                tile[(name, *index)] = source[(name, *index)]
-
-    def unload(self, tile: Memory, record: Memory) -> None:
-        """Take a walker out of its lane; the first argument says whether its time is up.
-
-        What depends on the time's end reaches it sooner or later than the value does.
-        """
-        up, state = tile.argument(0) > 0.0, self.state(tile)
-        late = tile["end"] - tile["time"]
-        bends = [tile["stage", 0, link] for link in self.links]
-        moved = self.as_state(list(state[3:]), bends)
-        for i, (value, change) in enumerate(zip(state, moved, strict=True)):
-            record["state", i] = choose(up, value + late * change, value)
-        for i in self.controls:
-            rate = self.along(partial(self._moved, i), state, [None] * 3)[1]
-            for name, change in (("moved", late * rate), ("turned", late * abs(rate))):
-                whole = record[name, i] + tile[name, i]
-                record[name, i] = choose(up, whole + change, whole)
-        if self.dissipates:
-            whole = record["friction_loss"] + tile["lost"]
-            more = late * self.friction(tile, state)
-            record["friction_loss"] = choose(up, whole + more, whole)
-        record["time"] = choose(up, tile["end"], tile["time"])
-        record["step"], record["steps"] = tile["next"], record["steps"] + tile["steps"]
-
-    def accept(self, tile: Memory, course: Memory) -> None:
-        """Take a step's end as the next start.
-
-        The first argument is the event that the step ends on, from 1 on, or 0: the end moves by a
-        Newton step onto it, and wherever it depends on something, it moves along with that.
-        """
-        event = tile.argument(0)
-        late = event.number(0.0)
-        for i in reversed(range(len(self.phase.guards))):
-            onto = -course["after", i] / course["rate_after", i]
-            late = choose(event < i + 1.5, onto, late)
-        late = choose(event < 0.5, 0.0, late)
-        for link in self.links:
-            rate, bend = tile["new_rate", link], tile["stage", self.pair.stages, link]
-            tile["angle", link] = tile["new_angle", link] + late * (rate + 0.5 * late * bend)
-            tile["rate", link] = rate + late * bend
-            tile["stage", 0, link] = bend
-
-        def further(i: int) -> Expression:
-            bend = course["bend_after", i]
-            return course["after", i] + late * (course["rate_after", i] + 0.5 * late * bend)
-
-        for k in self.controls:
-            i = len(self.phase.guards) + k
-            before, after = course["before", i], further(i)
-            fraction = course["turning", k]
-            middle = choose(fraction < 0.0, before, quintic(course, i, tile["h"], fraction))
-            tile["moved", k] = tile["moved", k] + (after - before)
-            tile["turned", k] = tile["turned", k] + (abs(middle - before) + abs(after - middle))
-        if self.dissipates:
-            tile["lost"] = tile["lost"] + further(len(self.phase.guards) + len(Control._fields))
-        tile["time"] = tile["time"] + (tile["h"] + late)
-        tile["event"] = 0.0
+class Step(Equations):
+    """A phase's native functions over all lanes."""
 
     def first(self, tile: Memory) -> None:
         """The first stage of lanes that have just been filled; others have it from before."""
@@ -232,26 +62,60 @@ class Equations:
             tile["stage", 0, i] = choose(fresh, value, tile["stage", 0, i])
         tile["fresh"] = 0.0
 
-    def stage(self, index: int) -> Callable[[Memory], None]:
-        """One stage of the step; after the last comes the step's end."""
+    def sweep(self) -> list[Callable[[Memory], None]]:
+        """A step in every lane, and what came of it: codes, one after the other."""
+        last = self.pair.stages
+        stages = [partial(self.stage, index) for index in range(1, last)]
+        rest: list[Callable[[Memory], None]] = [self.estimate, partial(self.stage, last)]
+        if any(self.pair.rate_error[last:]):  # else told while the last accelerations are computed
+            rest.reverse()
+        return [*stages, self.end, *rest, self.judge]
 
-        def code(tile: Memory) -> None:
-            h, angles, rates = tile["h"], [], []
-            for link in self.links:
-                angle, rate = tile["angle", link], tile["rate", link]
-                shift = self._weighted(tile, self.pair.angles[index], link)
-                node = float(self.pair.nodes[index])
-                angles.append(angle + h * (node * rate + h * shift))
-                rates.append(rate + h * self._weighted(tile, self.pair.rates[index], link))
-            state = self.as_state(angles, rates)
-            if self.dissipates:
-                self._dissipate(tile, state, index)
-            for link, value in enumerate(self.accelerations(tile, state)):
-                tile["stage", index, link] = value
-                if index == self.pair.stages:
-                    tile["new_angle", link], tile["new_rate", link] = angles[link], rates[link]
+    def stage(self, index: int, tile: Memory) -> None:
+        """Accelerations in one stage of the step, or after the last one at its end."""
+        state = self._at(index, tile)
+        if self.dissipates:
+            self._dissipate(tile, state, index)
+        for link, value in enumerate(self.accelerations(tile, state)):
+            tile["stage", index, link] = value
 
-        return code
+    def end(self, tile: Memory) -> None:
+        """The state at the step's end."""
+        for link in self.links:
+            turn, rate = self._moved_by(self.pair.stages, tile, link)
+            tile["new_angle", link], tile["new_rate", link] = tile["angle", link] + turn, rate
+
+    def _moved_by(self, index: int, tile: Memory, link: int) -> tuple[Expression, Expression]:
+        """How far a link has turned in a stage, and its rate there."""
+        h, rate, node = tile["h"], tile["rate", link], float(self.pair.nodes[index])
+        shift = self._weighted(tile, self.pair.angles[index], link)
+        turn = h * (node * rate + h * shift)
+        return turn, rate + h * self._weighted(tile, self.pair.rates[index], link)
+
+    def _at(self, index: int, tile: Memory) -> State:
+        """The state in a stage, its angles near those of an earlier one."""
+        nodes, beside = self.pair.nodes.astype(float), self.pair.neighbours()
+        other = beside[index - 1]
+        apart = abs(nodes[index] - nodes[other]) if index < self.pair.stages else 0.25
+        most, angles, rates = MOST_TURN * max(apart, 0.05), [], []
+        for link in self.links:
+            angle = tile["angle", link]
+            if index == self.pair.stages:
+                turn, rate = tile["new_angle", link] - angle, tile["new_rate", link]
+                moved = tile["new_angle", link]
+            else:
+                turn, rate = self._moved_by(index, tile, link)
+                moved = angle + turn
+            if index == 1:
+                tile["sine", 0, link], tile["cosine", 0, link] = sine_cosine(angle)
+            known = tile["sine", other, link], tile["cosine", other, link]
+            moved = near(moved, *known, turn - tile["turn", other, link] if other else turn, most)
+            tile["turn", index, link] = turn  # rounded, whoever uses it
+            if index in beside:
+                tile["sine", index, link], tile["cosine", index, link] = sine_cosine(moved)
+            angles.append(moved)
+            rates.append(rate)
+        return self.as_state(angles, rates)
 
     def _dissipate(self, tile: Memory, state: State, index: int) -> None:
         """Add a stage's part to what friction takes on average, by the weights of the rates."""
@@ -270,39 +134,44 @@ class Equations:
         )
 
     def estimate(self, tile: Memory) -> None:
-        """Error of each lane's step over the tolerance, relative to the largest angle or rate.
+        """How long each lane's step is, over what the tolerance allows.
 
-        Relative to the motion as a whole, so that small motions are resolved as well as large ones.
+        The estimate is of lower order than the step, whose own error follows from the powers of
+        its length that they are. Relative to the motion as a whole, so that small motions are
+        resolved as well as large ones.
         """
-        h, tolerance = tile["h"], tile.argument(0)
         scale = None
         for field in ("angle", "rate", "new_angle", "new_rate"):
             for link in self.links:
                 size = abs(tile[field, link])
                 scale = size if scale is None else larger(scale, size)
         assert scale is not None
-        # Scale before squaring: the squares of tiny errors must not vanish.
-        weight = h / (tolerance * scale + 1e-290)
-        squares = []
+        weight = tile["h"] / (scale + 1e-290)
+        errors = [abs(weight * self._weighted(tile, self.pair.rate_error, k)) for k in self.links]
+        # Series of sines and cosines that are cut off too soon leave the unit circle.
+        near_end = self.pair.neighbours()[-1]
         for link in self.links:
-            of_rate = weight * self._weighted(tile, self.pair.rate_error, link)
-            of_angle = weight * h * self._weighted(tile, self.pair.angle_error, link)
-            squares += [of_rate * of_rate + of_angle * of_angle]
-        tile["error"] = square_root(sum_of(squares))
+            sine, cosine = tile["sine", near_end, link], tile["cosine", near_end, link]
+            off = abs(sine * sine + (cosine * cosine - 1.0)) - ROUNDING
+            errors.append(OFF_CIRCLE * larger(weight.number(0.0), off))
+        ratio = tile.argument(0) * root(sum_of(errors) + 1e-40, self.pair.error_order + 1)
+        # Not a number if any rate is none, or infinite: the estimate does not see the last stage.
+        rates = [tile["new_rate", link] for link in self.links]
+        tile["ratio"] = ratio + sum_of([rate - rate for rate in rates])
 
     def judge(self, tile: Memory) -> None:
         """Settle the ordinary case in every lane; mark where to look closely, or time is up."""
-        h, error, event = tile["h"], tile["error"], tile["event"]
-        factor = growth(error, self.pair)
+        h, ratio, event = tile["h"], tile["ratio"], tile["event"]
+        factor = growth(ratio)
         rest = tile["end"] - tile["time"]
         alert = (
             self._fallen(tile)
             | (abs(event) > 0.0)
-            | ~(error <= 1e30)
+            | ~(ratio <= 1e3)
             | (h < 1e-12)
             | (tile["steps"] >= MOST_STEPS)
         )
-        plain = (error <= 1.0) & ~alert
+        plain = (ratio <= 1.0) & ~alert
         up = plain & (h >= rest)
         following, proposed = h * factor, tile["next"]
         following = choose(following < LONGEST_STEP, following, LONGEST_STEP)
@@ -310,9 +179,12 @@ class Equations:
         tile["verdict"] = choose(up, UP, choose(alert, ALERT, PLAIN))
         tile["steps"], tile["growth"] = tile["steps"] + 1.0, factor
         # A step that the time cut short says little of the next one.
-        kept = alert | (up & (following <= proposed) & (error <= 0.1))
+        kept = alert | (up & (following <= proposed) & (ratio <= SHORT))
         tile["next"] = choose(kept, proposed, following)
-        tile["h"] = choose(alert, h, choose(1.1 * following < rest, following, rest))
+        late = ratio.number(0.0) if self.phase.strike is None else self._strike_after(tile)
+        aims = plain & (late > 0.0) & (late <= STRETCH * following) & (late <= rest)
+        usual = choose(1.1 * following < rest, following, rest)
+        tile["h"], tile["ahead"] = choose(alert, h, choose(aims, late, usual)), late
         tile["time"] = tile["time"] + choose(plain, h, 0.0)
         before, after = self.state(tile), self.state(tile, "new_")
         for i in self.controls:
@@ -327,6 +199,55 @@ class Equations:
             end = tile["stage", self.pair.stages, link]
             tile["stage", 0, link] = choose(plain, end, tile["stage", 0, link])
 
+    def _strike_after(self, tile: Memory) -> Expression:
+        """When the strike is expected after a step's end; 0 if it is not near.
+
+        By the quintic through both ends of the step, which goes on. Newton's method begins on its
+        chord over another such step, and keeps to the first slope.
+        """
+        i, h = self.phase.strike, tile["h"]
+        assert i is not None
+        first, last = (
+            [tile["stage", stage, link] for link in range(3)] for stage in (0, self.pair.stages)
+        )
+        falls, end = self.guard(i, tile), self.state(tile, "new_")
+        g0, v0, b0 = self.along(falls, self.state(tile), first)
+        g1, v1, b1 = self.along(falls, end, last)
+        v0, v1, b0, b1 = h * v0, h * v1, h * h * b0, h * h * b1
+        rise, turn, bend = g1 - g0 - v1 + 0.5 * b1, v1 - v0 - b1, b1 - b0
+        powers = (
+            g1,
+            v1,
+            0.5 * b1,
+            10.0 * rise + 4.0 * turn + 0.5 * bend,
+            15.0 * rise + 7.0 * turn + bend,
+            6.0 * rise + 3.0 * turn + 0.5 * bend,
+        )
+        slopes = [k * power for k, power in enumerate(powers)][1:]
+
+        def at(x: Expression, powers: Any) -> Expression:
+            value = powers[-1]
+            for power in reversed(powers[:-1]):
+                value = power + x * value
+            return value
+
+        x = g1 / (g1 - at(g1.number(1.0), powers))
+        slope = at(x, slopes)
+        per_slope = 1.0 / slope
+        for _ in range(2):
+            change = at(x, powers) * per_slope
+            x = x - change
+        late = h * x
+        bends = [0.5 * late * tile["stage", self.pair.stages, link] for link in self.links]
+        rates = [tile["new_rate", link] for link in self.links]
+        angles = [tile["new_angle", k] + late * (rates[k] + bends[k]) for k in self.links]
+        there = self.as_state(angles, rates)
+        comes = (g1 > 0.0) & (slope < 0.0) & (abs(change) < 0.1 * x)
+        when = self.phase.guards[i].when
+        if when:
+            comes &= when(self.body(tile), there, self.ground(tile))
+        return choose(comes, late, 0.0)
+
     def _fallen(self, tile: Memory) -> Expression:
         """Whether a guard may have fallen, or a control turned what it moves back."""
         none: list[None] = [None] * 3
@@ -337,7 +258,11 @@ class Equations:
             g0, v0, _ = self.along(falls, before, none)
             g1, v1, _ = self.along(falls, after, none)
             if guard.watch == Watch.STRIKE:
-                found = (g0 > 0.0) & ((g1 <= 0.0) | ((v0 < 0.0) & (v1 > 0.0)))
+                drop = tile["h"] * v1
+                down = (g1 <= 0.0) | ((drop < 0.0) & (g1 + NEAR * drop <= 0.0))
+                if guard.when:  # who passes by, as feet do at midstance, need not be looked at
+                    down &= guard.when(self.body(tile), after, self.ground(tile)) | (v0 > 0.0)
+                found = (g0 > 0.0) & (down | ((v0 < 0.0) & (v1 > 0.0)))
                 found |= (g0 <= 0.0) & (g1 <= 0.0) & (v0 > 0.0) & (v1 < 0.0)
             elif guard.watch == Watch.BOUND:
                 reach = g1 - tile["h"] * larger(abs(v0), abs(v1))
@@ -358,71 +283,23 @@ class Equations:
             alert |= ((v0 * v1 < 0.0) | waver) & (abs(tile["control", i]) > 0.0)
         return alert
 
-    def _moved(self, control: int, state: State) -> Expression:
-        """The coordinate that a control moves."""
-        return self.system.travel(state)[control]
 
-    def look(self, tile: Memory, course: Memory) -> None:
-        """How guards, what controls move and what friction takes run over a lane's step."""
-        body, ground = self.body(tile), self.ground(tile)
-        guards = len(self.phase.guards)
-        functions: dict[int, Callable[[State], Expression]] = {
-            **{i: self.guard(i, tile) for i in range(guards)},
-            **{guards + i: partial(self._moved, i) for i in self.controls},
-        }
-        for when, prefix, stage in (("before", "", 0), ("after", "new_", self.pair.stages)):
-            state = self.state(tile, prefix)
-            bends = [tile["stage", stage, link] for link in range(3)]
-            for i, function in functions.items():
-                value, rate, bend = self.along(function, state, bends)
-                course[when, i], course[f"rate_{when}", i] = value, rate
-                course[f"bend_{when}", i] = bend
-            if self.dissipates:
-                power, change, _ = self.along(partial(self.friction, tile), state, bends)
-                last = guards + len(Control._fields)
-                course[when, last] = tile["h"] * tile["power"] if when == "after" else 0.0
-                course[f"rate_{when}", last], course[f"bend_{when}", last] = power, change
-        end = self.state(tile, "new_")
-        for i, guard in enumerate(self.phase.guards):
-            counts = guard.when(body, end, ground) if guard.when else None
-            course["counts", i] = 1.0 if counts is None else choose(counts, 1.0, 0.0)
-
-
-def without_absent(system: System, body: Any) -> Any:
-    """A walker's constants, zero where they are so for certain."""
-    return body._replace(**{name: 0.0 for name in system.absent if name in body._fields})
-
-
-def sum_of(terms: list[Expression]) -> Any:
-    """The sum of some terms, in order; 0 of none."""
-    if not terms:
-        return 0.0
-    total = terms[0]
-    for term in terms[1:]:
-        total = total + term
-    return total
-
-
-def growth(error: Expression, pair: Pair = PAIR) -> Expression:
-    """Factor to the next step length, from the error of this one over its tolerance.
-
-    The root of the error's order is a product of square roots: for 8, the third of them.
-    """
-    root, rest = error + 1e-30, 1.0 / pair.error_order
-    factor = root.number(SAFETY)
-    for _ in range(ROOTS):
-        root, rest = square_root(root), 2.0 * rest
-        if rest >= 1.0:
-            factor, rest = factor / root, rest - 1.0
+def growth(ratio: Expression) -> Expression:
+    """Factor to the next step length, from this one's over what the tolerance allows."""
+    factor = SAFETY / ratio
     factor = choose(factor < FASTEST, factor, FASTEST)
     return choose(factor > SLOWEST, factor, SLOWEST)
 
 
-def quintic(course: Memory, i: int, h: Expression, x: Expression) -> Expression:
-    """A guard at a fraction x of a step of length h, by its course at both ends."""
-    g0, v0, a0 = course["before", i], course["rate_before", i] * h, course["bend_before", i] * h * h
-    v1, a1 = course["rate_after", i] * h, course["bend_after", i] * h * h
-    rise, turn, bend = course["after", i] - g0 - v0 - 0.5 * a0, v1 - v0 - a0, a1 - a0
-    cubic = 10.0 * rise - 4.0 * turn + 0.5 * bend
-    high = -15.0 * rise + 7.0 * turn - bend + x * (6.0 * rise - 3.0 * turn + 0.5 * bend)
-    return g0 + x * (v0 + x * (0.5 * a0 + x * (cubic + x * high)))
+def root(x: Expression, order: int) -> Expression:
+    """A root of a number, as a product of square roots: of order 8, the third of them."""
+    rest, factors = 1.0 / order, []
+    for _ in range(ROOTS):
+        x, rest = square_root(x), 2.0 * rest
+        if rest >= 1.0:
+            factors.append(x)
+            rest -= 1.0
+    product = factors[0]
+    for factor in factors[1:]:
+        product = product * factor
+    return product

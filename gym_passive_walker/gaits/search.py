@@ -216,6 +216,8 @@ def seek(
     if not enough(gaits):  # starts that were left out or not waited for may lead to it
         gaits, ends = search(stride_map, slope, u, period, enough)
     chosen = wanted(gaits)
+    if period > 1 and guess is None:  # gaits of several strides are born in pairs, at folds
+        chosen = [gait for gait in chosen if enough([gait])] or chosen
     return Sought(chosen[0 if kind == "long" else -1] if chosen else None, gaits, ends)
 
 

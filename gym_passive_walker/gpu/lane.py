@@ -34,7 +34,7 @@ def carry(records, bodies, phase, number, tiles, courses, options):
     jit.call(phase.load, tile, jit.address(records[0]), 0, planes, options.first_step, 0.0)
     jit.call(phase.first, tile, tile, 0, planes, 0.0, 0.0)
     while event == 0:
-        jit.call(phase.sweep, tile, tile, 0, planes, options.tolerance, scuff)
+        jit.call(phase.sweep, tile, tile, 0, planes, options.fineness, scuff)
         event = came(tiles, courses, phase, 0, options)
     leave(records[0], bodies[0], tiles, phase, 0, event, options)
 

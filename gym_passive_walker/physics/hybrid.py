@@ -191,6 +191,12 @@ class Phase(NamedTuple):
     resets: dict[Outcome, Reset]
     push: Callable[[Any, State, Number, Number], tuple[Number, ...]] | None = None
 
+    @property
+    def strike(self) -> int | None:
+        """Which of the guards is the strike that the phase leads to; None if there is none."""
+        strikes = (i for i, guard in enumerate(self.guards) if guard.watch == Watch.STRIKE)
+        return next(strikes, None)
+
 
 def travel(state: State) -> Control:
     """For each control the coordinate that it moves."""

@@ -136,6 +136,8 @@ def evaluate(x: Expression, entries: Mapping[Expression, Any]) -> Any:
         if x not in done:
             if x.op == "constant":
                 done[x] = np.float64(x.args[0])
+            elif x.op == "near":
+                done[x] = value(x.args[0])
             elif x.op in ("sin", "cos"):
                 done[x] = getattr(np, x.op)(value(x.args[0]))
             else:

@@ -10,15 +10,16 @@ import sympy as sp
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gym_passive_walker.engine.equations import Equations
 from gym_passive_walker.engine.expressions import (
     Expression,
     Tangents,
     choose,
     larger,
+    near,
     read,
     square_root,
 )
-from gym_passive_walker.engine.step import Equations
 from gym_passive_walker.physics import kneed
 from gym_passive_walker.physics.hybrid import State
 from gym_passive_walker.physics.numbers import sine_cosine
@@ -270,6 +271,31 @@ def test_sine_is_odd_and_cosine_even():
     (sine, cosine), (other_sine, other_cosine) = sines_cosines(angles), sines_cosines(-angles)
     np.testing.assert_array_equal(other_sine, -sine)
     np.testing.assert_array_equal(other_cosine, cosine)
+
+
+@pytest.mark.parametrize("most", [0.03, 0.1, 0.3])
+def test_sine_and_cosine_near_a_known_angle_are_as_right_as_far_as_they_are_to_be(most):
+    for start in (-2.0, 0.1, 0.8, 3.1):
+
+        def added(turn, start=start):
+            known = sine_cosine(turn.number(start))
+            return sine_cosine(near(start + turn, *known, turn, most))
+
+        turns = np.linspace(-most, most, 4001)
+        found, exact = in_lanes(added, turns)[:2], both(start + turns)
+        assert np.abs(found - exact).max() <= 5e-16
+        doubled = in_lanes(added, 2.0 * turns)[:2] - both(start + 2.0 * turns)
+        assert np.abs(doubled).max() <= 1e-13 * (most / 0.03) ** 2
+
+
+def test_the_sine_of_an_angle_near_another_changes_as_any_sine_does():
+    x, y, sine, cosine = entries("x", "y", "sine", "cosine")
+    by_sum = sine_cosine(near(x + y, sine, cosine, y, 0.1))
+    seeds = {x: x.number(1.0), y: x.number(2.0)}
+    found = [Tangents(seeds)(value) for value in by_sum]
+    at = {x: 0.3, y: 0.05, sine: math.sin(0.3), cosine: math.cos(0.3)}
+    assert evaluate(found[0], at) == pytest.approx(3.0 * math.cos(0.35), rel=1e-15)
+    assert evaluate(found[1], at) == pytest.approx(-3.0 * math.sin(0.35), rel=1e-15)
 
 
 def test_sine_and_cosine_of_no_number_are_none():

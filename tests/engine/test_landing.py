@@ -6,11 +6,13 @@ import numba
 import numpy as np
 import pytest
 
-from gym_passive_walker import WALKERS
+from gym_passive_walker import WALKERS, Outcome, find_gait
 from gym_passive_walker.engine import landing
 from gym_passive_walker.engine.layout import COURSE
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.physics.systems import bodies, system_of
+from gym_passive_walker.units import units_of
+from tests.physics.examples import LONG_GAITS
 
 
 @numba.njit
@@ -137,3 +139,46 @@ def test_a_hip_that_turns_back_twice_has_gone_every_way(name):
     (way, moved, going), (ways, _, _) = walked([0.2]), walked(0.2 * np.arange(1, 33) / 32)
     assert going.mean() > 0.9 and (way > 1.001 * np.abs(moved)).any()
     np.testing.assert_allclose(way[going], ways[going], rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("name", "slope", "most"), [("lab", 0.036, 18), ("A", 0.03, 9), ("D", 0.009, 9)]
+)
+def test_steps_end_on_strikes_and_few_are_made_again(name, slope, most):
+    """Every strike is foreseen: steps are not many, and errors no larger than a tenth allowed."""
+    walker, count = WALKERS[name], 64
+    state = units_of(walker).to_dimensionless(find_gait(walker, slope).state)
+    states = state * (1.0 + 0.01 * np.random.default_rng(1).uniform(-1.0, 1.0, (count, 6)))
+    states[:, 1] = states[:, 2] = -states[:, 0]
+    if not walker.knees:
+        states[:, 5] = states[:, 4]
+    ends = {}
+    for tolerance in (1e-8, 1e-14):
+        records = new_records(states, slope)
+        advance(system_of(walker), bodies(walker), records, tolerance=tolerance)
+        assert np.all(records["outcome"] == Outcome.HEELSTRIKE)
+        ends[tolerance] = records
+    assert ends[1e-8]["steps"].mean() < most
+    rough, fine = (found["state"][:, 0] for found in ends.values())
+    np.testing.assert_allclose(rough, fine, rtol=0.0, atol=1e-9 * np.abs(fine).max())
+    np.testing.assert_array_equal(rough[:, 1], rough[:, 2])  # both feet are on the ground
+
+
+@pytest.mark.parametrize("name", ["lab", "A", "D"])
+def test_a_step_that_ends_near_a_strike_goes_on_to_it(name):
+    """A walk looked at in pieces, the last of which ends wherever beside the strike."""
+    walker = WALKERS[name]
+    gait = LONG_GAITS[name]
+    state = units_of(walker).to_dimensionless(gait.state)[None]
+    whole = new_records(state, gait.slope)
+    advance(system_of(walker), bodies(walker), whole, tolerance=1e-12)
+    struck = float(whole["time"][0, 0])
+    for before in np.geomspace(1e-9, 0.3, 25):
+        pieces = new_records(state, gait.slope, end=struck - before)
+        advance(system_of(walker), bodies(walker), pieces, tolerance=1e-12)
+        assert pieces["outcome"][0, 0] == Outcome.RUNNING
+        pieces["end"] = 100.0
+        advance(system_of(walker), bodies(walker), pieces, tolerance=1e-12, from_section=False)
+        assert pieces["outcome"][0, 0] == Outcome.HEELSTRIKE
+        assert pieces["time"][0, 0] == pytest.approx(struck, abs=1e-10)
+        np.testing.assert_allclose(pieces["state"], whole["state"], rtol=0.0, atol=1e-10)

@@ -11,9 +11,18 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, Outcome, stride
+from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.layout import COURSE, TILE, WIDTH, aligned
 from gym_passive_walker.engine.native import GROUP
-from gym_passive_walker.engine.run import Seeds, advance, in_parts, new_records
+from gym_passive_walker.engine.run import (
+    Seeds,
+    advance,
+    carry_on,
+    in_parts,
+    new_records,
+    options,
+    workspace,
+)
 from gym_passive_walker.physics.systems import bodies, system_of
 from gym_passive_walker.units import units_of
 from tests.engine.machine import PROCESSORS
@@ -175,6 +184,26 @@ def test_each_vector_of_a_tile_lies_in_one_line_of_the_cache():
     assert TILE.itemsize % 64 == 0
     assert WIDTH % GROUP == 0
     assert COURSE["before"].shape == COURSE["counts"].shape
+
+
+@pytest.mark.parametrize("name", ["lab", "A", "D"])
+def test_it_does_not_matter_what_a_lane_held_before(name):
+    """As on a device, where it may be anything."""
+    slopes, states, _ = crowd(name, 60)
+    walker, rng, found = WALKERS[name], np.random.default_rng(1), []
+    for garbage in (0.0, 1.0, 30.0):
+        records = new_records(units_of(walker).to_dimensionless(states), slopes)
+        desk = workspace()
+        for place in desk:
+            numbers = place.view(float)
+            numbers[:] = garbage * rng.normal(size=numbers.shape)
+        phases, told = (
+            compiled(system_of(walker).name),
+            options(1e-6, from_section=True, scuff=True),
+        )
+        carry_on(records, bodies(walker), phases, told, *desk)
+        found.append(records.tobytes())
+    assert found[0] == found[1] == found[2]
 
 
 DIGEST = """

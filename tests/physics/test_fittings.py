@@ -130,7 +130,7 @@ def test_a_family_begins_without_a_spring_and_folds_where_friction_takes_too_muc
     most = 0.2 * units.torque
     springs = parameter_family(walker, "hip_stiffness", 0.0, most, slope=0.03)
     assert springs.value[0] == 0.0 and springs.value[-1] == pytest.approx(most)
-    assert np.all(np.diff(springs.step_period) <= 0.0)  # a spring makes steps quicker
+    assert np.all(np.diff(springs.step_period) <= 1e-13)  # a spring makes steps quicker
     friction = parameter_family(
         walker, "hip_friction", 0.0, 0.01 * units.torque * units.time, slope=0.03
     )

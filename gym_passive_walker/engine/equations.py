@@ -1,0 +1,126 @@
+"""A phase's functions over a tile: with them is written what is done to all lanes, or to one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from gym_passive_walker.engine.expressions import Expression, Tangents
+from gym_passive_walker.engine.layout import PAIR
+from gym_passive_walker.engine.native import Memory
+from gym_passive_walker.engine.runge_kutta import Pair
+from gym_passive_walker.physics.hybrid import Control, Ground, Phase, State, System
+
+
+class Equations:
+    """A phase's functions over a tile.
+
+    Args:
+        system: The system.
+        phase: Its phase.
+        body: The constants that the phase uses: names, in the order of the tile's rows.
+        pair: The method that steps are made with.
+    """
+
+    def __init__(
+        self, system: System, phase: Phase, body: tuple[str, ...], pair: Pair = PAIR
+    ) -> None:
+        self.system, self.phase, self.names, self.pair = system, phase, body, pair
+
+    @property
+    def links(self) -> range:
+        """Indices of the angles that move by themselves."""
+        return range(self.phase.links)
+
+    def body(self, tile: Memory) -> Any:
+        """The walker's constants; those that the phase does not use are NaN."""
+        rows = {name: tile["body", i] for i, name in enumerate(self.names)}
+        unused = dict.fromkeys(self.system.Body._fields, float("nan"))  # type: ignore[attr-defined]
+        return without_absent(self.system, self.system.Body(**unused | rows))
+
+    @property
+    def controls(self) -> list[int]:
+        """Indices of the controls that there may be."""
+        names = enumerate(Control._fields)
+        return [i for i, name in names if name not in self.system.absent]
+
+    @property
+    def grounds(self) -> list[int]:
+        """Indices of the parts of the ground that there may be."""
+        names = enumerate(Ground._fields)
+        return [i for i, name in names if name not in self.system.absent]
+
+    def ground(self, tile: Memory) -> Ground:
+        """What the walker stands on."""
+        found = {Ground._fields[i]: tile["ground", i] for i in self.grounds}
+        return Ground(**dict.fromkeys(Ground._fields, 0.0) | found)
+
+    def guard(self, index: int, tile: Memory) -> Callable[[State], Expression]:
+        """The function of the state that ends the phase."""
+        falls, body, ground = self.phase.guards[index].falls, self.body(tile), self.ground(tile)
+        return lambda state: falls(body, state, ground)
+
+    @property
+    def dissipates(self) -> bool:
+        """Whether there is friction."""
+        return self.system.friction_power is not None
+
+    def friction(self, tile: Memory, state: State) -> Expression:
+        """What friction takes at a state."""
+        assert self.system.friction_power is not None
+        return self.system.friction_power(self.body(tile), state)
+
+    def state(self, tile: Memory, prefix: str = "") -> State:
+        """The state at a step's start, or with "new_" at its end."""
+        return self.as_state(tile.entries(prefix + "angle"), tile.entries(prefix + "rate"))
+
+    def as_state(self, angles: list, rates: list) -> State:
+        """A state from the angles that move by themselves and their rates."""
+        last = self.phase.links - 1
+        return State(*(v[min(i, last)] for v in (angles, rates) for i in range(3)))
+
+    def accelerations(self, tile: Memory, state: State) -> tuple[Expression, ...]:
+        """Accelerations of the links."""
+        held = {Control._fields[i]: tile["control", i] for i in self.controls}
+        control = Control(**dict.fromkeys(Control._fields, 0.0) | held)
+        return self.phase.accelerations(self.body(tile), state, control, self.ground(tile))
+
+    def along(
+        self, function: Callable[[State], Expression], state: State, bends: list[Any]
+    ) -> tuple[Expression, Expression, Expression]:
+        """A function of the state, its rate and its second derivative along the motion.
+
+        Args:
+            function: The function.
+            state: Angles and rates.
+            bends: Accelerations; None where the second derivative is of no interest.
+        """
+        flow = self.as_state(list(state[3:]), bends)
+        moves = {x: change for x, change in zip(state, flow, strict=True) if change is not None}
+
+        def derivative(of: Expression) -> Expression:
+            change = Tangents(moves)(of)
+            return of.number(0.0) if change is None else change
+
+        value = function(state)
+        rate = derivative(value)
+        return value, rate, derivative(rate)
+
+    def _moved(self, control: int, state: State) -> Expression:
+        """The coordinate that a control moves."""
+        return self.system.travel(state)[control]
+
+
+def without_absent(system: System, body: Any) -> Any:
+    """A walker's constants, zero where they are so for certain."""
+    return body._replace(**{name: 0.0 for name in system.absent if name in body._fields})
+
+
+def sum_of(terms: list[Expression]) -> Any:
+    """The sum of some terms, in order; 0 of none."""
+    if not terms:
+        return 0.0
+    total = terms[0]
+    for term in terms[1:]:
+        total = total + term
+    return total

@@ -1,0 +1,201 @@
+"""What is done to one lane of a tile: a walker put there and taken out, a step looked at closely.
+
+A step's end is known beyond itself for a while: along the polynomial through the accelerations of
+its last stages, which `beyond` follows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from gym_passive_walker.engine.equations import Equations, sum_of
+from gym_passive_walker.engine.expressions import Expression, choose, larger, square_root
+from gym_passive_walker.engine.native import Memory
+from gym_passive_walker.physics.hybrid import Control, State
+
+LAST_STAGES = 5
+"""Of a step, through which a polynomial goes on beyond its end."""
+
+
+class OneLane(Equations):
+    """A phase's native functions of one lane."""
+
+    @property
+    def _onward(self) -> dict[int, list[float]]:
+        return self.pair.onward(LAST_STAGES)
+
+    def equip(self, tile: Memory, body: Memory) -> None:
+        """Give a lane its walker's constants."""
+        fields = self.system.Body._fields  # type: ignore[attr-defined]
+        for i, name in enumerate(self.names):
+            tile["body", i] = body["body", fields.index(name)]
+
+    def load(self, tile: Memory, record: Memory) -> None:
+        """Put a walker into a lane; the length of the very first step is the first argument."""
+        state = record.entries("state")
+        for i in range(3):
+            tile["angle", i], tile["rate", i] = state[i], state[3 + i]
+        for field, there in (("ground", self.grounds), ("control", self.controls)):
+            for i in there:
+                tile[field, i] = record[field, i]
+        for i in range(len(Control._fields)):
+            if i not in self.controls:
+                tile["control", i] = 0.0  # looked at, whether there is one or not
+            tile["moved", i] = tile["turned", i] = 0.0
+        tile["lost"] = 0.0
+        step, rest = record["step"], record["end"] - record["time"]
+        following = choose(step > 0.0, step, tile.argument(0))
+        tile["time"], tile["end"], tile["next"] = record["time"], record["end"], following
+        tile["h"] = choose(1.1 * following < rest, following, rest)
+        tile["event"], tile["steps"], tile["fresh"] = 0.0, 0.0, 1.0
+
+    def move(self, tile: Memory, source: Memory) -> None:
+        """Move a walker from one lane to another."""
+        for name in tile.layout.fields or ():
+            for index in np.ndindex(*tile.layout[name].shape[:-1]):
+                tile[(name, *index)] = source[(name, *index)]
+
+    def unload(self, tile: Memory, record: Memory) -> None:
+        """Take a walker out of its lane; the first argument says whether its time is up.
+
+        What depends on the time's end reaches it sooner or later than the value does.
+        """
+        up, state = tile.argument(0) > 0.0, self.state(tile)
+        late = tile["end"] - tile["time"]
+        bends = [tile["stage", 0, link] for link in self.links]
+        moved = self.as_state(list(state[3:]), bends)
+        for i, (value, change) in enumerate(zip(state, moved, strict=True)):
+            record["state", i] = choose(up, value + late * change, value)
+        for i in self.controls:
+            rate = self.along(partial(self._moved, i), state, [None] * 3)[1]
+            for name, change in (("moved", late * rate), ("turned", late * abs(rate))):
+                whole = record[name, i] + tile[name, i]
+                record[name, i] = choose(up, whole + change, whole)
+        if self.dissipates:
+            whole = record["friction_loss"] + tile["lost"]
+            more = late * self.friction(tile, state)
+            record["friction_loss"] = choose(up, whole + more, whole)
+        record["time"] = choose(up, tile["end"], tile["time"])
+        record["step"], record["steps"] = tile["next"], record["steps"] + tile["steps"]
+
+    def accept(self, tile: Memory, course: Memory) -> None:
+        """Take a step's end as the next start.
+
+        The first argument is the event that the step ends on, from 1 on, or 0. The end moves onto
+        it, by the time that is the second argument and a Newton step from there; wherever it
+        depends on something, it moves along with that.
+        """
+        event, late = tile.argument(0), tile.argument(1)
+        start, (end, bends) = self.state(tile), self.beyond(tile, late)
+        value, rate = event.number(0.0), event.number(1.0)
+        for i in reversed(range(len(self.phase.guards))):
+            g, v, _ = self.along(self.guard(i, tile), end, [None] * 3)
+            value, rate = choose(event < i + 1.5, g, value), choose(event < i + 1.5, v, rate)
+        rest = choose(event < 0.5, 0.0, -value / rate)
+        late = late + rest
+        half = 0.5 * rest
+        end = self.as_state(
+            [end[k] + rest * (end[3 + k] + half * bends[k]) for k in self.links],
+            [end[3 + k] + rest * bends[k] for k in self.links],
+        )
+        for link in self.links:
+            tile["angle", link], tile["rate", link] = end[link], end[3 + link]
+            tile["stage", 0, link] = bends[link]
+        for k in self.controls:
+            i = len(self.phase.guards) + k
+            before, after = self._moved(k, start), self._moved(k, end)
+            fraction = course["turning", k]
+            middle = choose(fraction < 0.0, before, quintic(course, i, tile["h"], fraction))
+            tile["moved", k] = tile["moved", k] + (after - before)
+            tile["turned", k] = tile["turned", k] + (abs(middle - before) + abs(after - middle))
+        if self.dissipates:
+            middle, last = self.beyond(tile, 0.5 * late)[0], self.state(tile, "new_")
+            weighted = ((1.0, last), (4.0, middle), (1.0, end))
+            more = sum_of([weight * self.friction(tile, x) for weight, x in weighted])
+            tile["lost"] = tile["lost"] + (tile["h"] * tile["power"] + late / 6.0 * more)
+        tile["time"] = tile["time"] + (tile["h"] + late)
+        tile["event"] = 0.0
+
+    def beyond(self, tile: Memory, late: Expression) -> tuple[State, list[Expression]]:
+        """The state and the accelerations a time after a step's end, or before it.
+
+        They go on along the polynomial through the last stages' accelerations.
+        """
+        x, angles, rates, bends = late / larger(tile["h"], 1e-300), [], [], []
+        for link in self.links:
+            powers = [
+                sum_of([w[k] * tile["stage", j, link] for j, w in self._onward.items() if w[k]])
+                for k in range(LAST_STAGES)
+            ]
+            angle = rate = bend = late.number(0.0)
+            for k in reversed(range(LAST_STAGES)):
+                bend = powers[k] + x * bend
+                rate = (1.0 / (k + 1.0)) * powers[k] + x * rate
+                angle = (1.0 / ((k + 1.0) * (k + 2.0))) * powers[k] + x * angle
+            start = tile["new_rate", link]
+            angles.append(tile["new_angle", link] + late * (start + late * angle))
+            rates.append(start + late * rate)
+            bends.append(bend)
+        return self.as_state(angles, rates), bends
+
+    def onto(self, tile: Memory, course: Memory) -> None:
+        """When the phase's strike comes, counted from a step's end, or about then.
+
+        And by how much what is `beyond` the end may err until then. The first argument is the
+        tolerance.
+        """
+        if self.phase.strike is None:
+            return
+        guard = self.phase.guards[self.phase.strike]
+        falls, end = self.guard(self.phase.strike, tile), self.state(tile, "new_")
+        bends = [tile["stage", self.pair.stages, link] for link in range(3)]
+        value, rate, bend = self.along(falls, end, bends)
+        square = rate * rate - 2.0 * value * bend
+        late = 2.0 * value / (square_root(larger(square, 0.0)) - rate)  # as if on a parabola
+        # What the polynomial's last power has a part in: 1.5 allows for x beside the other nodes.
+        x, scale, apart = late / larger(tile["h"], 1e-300), late.number(0.0), late.number(0.0)
+        for link in self.links:
+            power = sum_of([w[-1] * tile["stage", j, link] for j, w in self._onward.items()])
+            apart = larger(abs(power), apart)
+            for size in (end[link], end[3 + link]):
+                scale = larger(abs(size), scale)
+        part = 0.75 * abs(np.prod([self.pair.nodes[j] - 1.0 for j in list(self._onward)[1:-1]]))
+        error = float(part) * tile["h"] * (x * x) * apart
+        counts = (rate < 0.0) & (square > 0.25 * (rate * rate))  # it does not merely touch
+        if guard.when:
+            counts &= guard.when(self.body(tile), end, self.ground(tile))
+        course["late"], course["comes"] = late, choose(counts, 1.0, 0.0)
+        course["doubt"] = error / (tile.argument(0) * scale + 1e-290)
+
+    def look(self, tile: Memory, course: Memory) -> None:
+        """How guards, and what controls move, run over a lane's step."""
+        body, ground = self.body(tile), self.ground(tile)
+        guards = len(self.phase.guards)
+        functions: dict[int, Callable[[State], Expression]] = {
+            **{i: self.guard(i, tile) for i in range(guards)},
+            **{guards + i: partial(self._moved, i) for i in self.controls},
+        }
+        for when, prefix, stage in (("before", "", 0), ("after", "new_", self.pair.stages)):
+            state = self.state(tile, prefix)
+            bends = [tile["stage", stage, link] for link in range(3)]
+            for i, function in functions.items():
+                value, rate, bend = self.along(function, state, bends)
+                course[when, i], course[f"rate_{when}", i] = value, rate
+                course[f"bend_{when}", i] = bend
+        end = self.state(tile, "new_")
+        for i, guard in enumerate(self.phase.guards):
+            counts = guard.when(body, end, ground) if guard.when else None
+            course["counts", i] = 1.0 if counts is None else choose(counts, 1.0, 0.0)
+
+
+def quintic(course: Memory, i: int, h: Expression, x: Expression) -> Expression:
+    """A guard at a fraction x of a step of length h, by its course at both ends."""
+    g0, v0, a0 = course["before", i], course["rate_before", i] * h, course["bend_before", i] * h * h
+    v1, a1 = course["rate_after", i] * h, course["bend_after", i] * h * h
+    rise, turn, bend = course["after", i] - g0 - v0 - 0.5 * a0, v1 - v0 - a0, a1 - a0
+    cubic = 10.0 * rise - 4.0 * turn + 0.5 * bend
+    high = -15.0 * rise + 7.0 * turn - bend + x * (6.0 * rise - 3.0 * turn + 0.5 * bend)
+    return g0 + x * (v0 + x * (0.5 * a0 + x * (cubic + x * high)))
