@@ -7,7 +7,7 @@ EQUIVALENT: dict[str, str] = {
     "engine/landing.go_on: 1.1 * following -> 1.1110000000000002 * following": (
         "the last steps before a time is up are shared out another way"
     ),
-    "engine/step.judge: error <= 0.1 -> error > 0.1": (
+    "engine/step.judge: ratio <= SHORT -> ratio > SHORT": (
         "proposes another length for the first step after a tick, which is tried like any other"
     ),
     "engine/run.module: _WORTH_A_THREAD = 1024 -> _WORTH_A_THREAD = 1025": (

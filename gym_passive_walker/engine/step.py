@@ -44,6 +44,10 @@ MOST_TURN = 0.6
 """Angle by which a link turns in a step, up to which sines and cosines are exact to the last bit
 or so; where one turns by more, they are as exact as the step's error allows."""
 
+CLOSEST, FARTHEST_END = 0.05, 0.25
+"""How far apart stages may be that are close in time, over the step's length; and a step's end from
+the stage at the same time."""
+
 OFF_CIRCLE, ROUNDING = 30.0, 2e-15
 """What it counts, beside the estimate of a step's error, how far sines and cosines are off the unit
 circle; and how far rounding alone may take them."""
@@ -96,8 +100,10 @@ class Step(Equations):
         """The state in a stage, its angles near those of an earlier one."""
         nodes, beside = self.pair.nodes.astype(float), self.pair.neighbours()
         other = beside[index - 1]
-        apart = abs(nodes[index] - nodes[other]) if index < self.pair.stages else 0.25
-        most, angles, rates = MOST_TURN * max(apart, 0.05), [], []
+        apart = max(abs(nodes[index] - nodes[other]), CLOSEST)
+        if index == self.pair.stages:  # no estimate sees it, and its neighbour is less exact
+            apart = FARTHEST_END
+        most, angles, rates = MOST_TURN * apart, [], []
         for link in self.links:
             angle = tile["angle", link]
             if index == self.pair.stages:
