@@ -71,9 +71,9 @@ def tile_for(pair: Pair, width: int = WIDTH) -> np.dtype:
             ("new_angle", "f8", (LINKS, *line)),
             ("new_rate", "f8", (LINKS, *line)),
             # Of stages near which others follow: how far angles have turned, their sine and cosine.
-            ("turn", "f8", (pair.stages + 1, LINKS, *line)),
-            ("sine", "f8", (pair.stages + 1, LINKS, *line)),
-            ("cosine", "f8", (pair.stages + 1, LINKS, *line)),
+            ("turn", "f8", (max(pair.places()) + 1, LINKS, *line)),
+            ("sine", "f8", (max(pair.places()) + 1, LINKS, *line)),
+            ("cosine", "f8", (max(pair.places()) + 1, LINKS, *line)),
             # Accelerations at the step's start, in its stages, and at its end.
             ("stage", "f8", (pair.stages + 1, LINKS, *line)),
             ("moved", "f8", (_CONTROLS, *line)),

@@ -50,6 +50,23 @@ class Pair(NamedTuple):
             for stage in range(1, self.stages + 1)
         ]
 
+    def places(self) -> list[int]:
+        """For each stage and the step's end, which of a few places is its own while others follow.
+
+        A place is taken again once nobody is left to follow who had it. The last one is for those
+        whom nobody follows.
+        """
+        followers: dict[int, int] = {}
+        for stage, other in enumerate(self.neighbours(), 1):
+            followers[other] = stage
+        until: list[int] = []
+        found: dict[int, int] = {}
+        for stage, last in sorted(followers.items()):
+            free = [place for place, end in enumerate(until) if end <= stage]
+            found[stage] = free[0] if free else len(until)
+            until[found[stage] : found[stage] + 1] = [last]
+        return [found.get(stage, len(until)) for stage in range(self.stages + 1)]
+
     def onward(self, count: int) -> dict[int, list[float]]:
         """Accelerations near a step's end, as the polynomial through its last stages.
 

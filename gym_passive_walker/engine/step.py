@@ -40,7 +40,7 @@ SAFETY, FASTEST, SLOWEST = 0.8, 3.0, 0.2
 SHORT = 0.75
 """Share of what the tolerance allows below which a step says little of how long one may be."""
 
-MOST_TURN = 0.6
+MOST_TURN = 0.45
 """Angle by which a link turns in a step, up to which sines and cosines are exact to the last bit
 or so; where one turns by more, they are as exact as the step's error allows."""
 
@@ -100,6 +100,7 @@ class Step(Equations):
         """The state in a stage, its angles near those of an earlier one."""
         nodes, beside = self.pair.nodes.astype(float), self.pair.neighbours()
         other = beside[index - 1]
+        mine, its, first = (self.pair.places()[stage] for stage in (index, other, 0))
         apart = max(abs(nodes[index] - nodes[other]), CLOSEST)
         if index == self.pair.stages:  # no estimate sees it, and its neighbour is less exact
             apart = FARTHEST_END
@@ -113,12 +114,14 @@ class Step(Equations):
                 turn, rate = self._moved_by(index, tile, link)
                 moved = angle + turn
             if index == 1:
-                tile["sine", 0, link], tile["cosine", 0, link] = sine_cosine(angle)
-            known = tile["sine", other, link], tile["cosine", other, link]
-            moved = near(moved, *known, turn - tile["turn", other, link] if other else turn, most)
-            tile["turn", index, link] = turn  # rounded, whoever uses it
+                known = sine_cosine(angle)
+                tile["sine", first, link], tile["cosine", first, link] = known
+            else:
+                known = tile["sine", its, link], tile["cosine", its, link]
+            moved = near(moved, *known, turn - tile["turn", its, link] if other else turn, most)
+            tile["turn", mine, link] = turn  # rounded, whoever uses it
             if index in beside:
-                tile["sine", index, link], tile["cosine", index, link] = sine_cosine(moved)
+                tile["sine", mine, link], tile["cosine", mine, link] = sine_cosine(moved)
             angles.append(moved)
             rates.append(rate)
         return self.as_state(angles, rates)
@@ -147,7 +150,7 @@ class Step(Equations):
         resolved as well as large ones.
         """
         scale = None
-        for field in ("angle", "rate", "new_angle", "new_rate"):
+        for field in ("new_angle", "new_rate"):
             for link in self.links:
                 size = abs(tile[field, link])
                 scale = size if scale is None else larger(scale, size)
@@ -155,7 +158,7 @@ class Step(Equations):
         weight = tile["h"] / (scale + 1e-290)
         errors = [abs(weight * self._weighted(tile, self.pair.rate_error, k)) for k in self.links]
         # Series of sines and cosines that are cut off too soon leave the unit circle.
-        near_end = self.pair.neighbours()[-1]
+        near_end = self.pair.places()[self.pair.neighbours()[-1]]
         for link in self.links:
             sine, cosine = tile["sine", near_end, link], tile["cosine", near_end, link]
             off = abs(sine * sine + (cosine * cosine - 1.0)) - ROUNDING
@@ -271,8 +274,8 @@ class Step(Equations):
                 found = (g0 > 0.0) & (down | ((v0 < 0.0) & (v1 > 0.0)))
                 found |= (g0 <= 0.0) & (g1 <= 0.0) & (v0 > 0.0) & (v1 < 0.0)
             elif guard.watch == Watch.BOUND:
-                reach = g1 - tile["h"] * larger(abs(v0), abs(v1))
-                found = (g1 <= 0.0) | ((v0 * v1 < 0.0) & (reach <= 0.0))
+                sway = tile["h"] * larger(abs(v0), abs(v1))
+                found = g1 <= choose(v0 * v1 < 0.0, sway, 0.0)
             else:
                 found = (g0 > 0.0) & (g1 <= 0.0) & (tile.argument(1) > 0.0)
             alert = found if alert is None else alert | found

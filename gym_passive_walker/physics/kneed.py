@@ -67,11 +67,12 @@ def forces(body, state, control, ground):
     """What accelerates stance leg, thigh and shank: rates, gravity and controls."""
     sine, cosine = sine_cosine(state.stance)
     stance_back, stance_up = turned(body.stance_along, body.stance_across, sine, cosine)
-    hip_back, hip_rise = body.leg * sine, body.leg * cosine
-    hip_up = body.foot_radius + hip_rise
+    hip_back, hip_up = body.leg * sine, body.foot_radius + body.leg * cosine
     thigh_back, thigh_up = turned(body.thigh_along, body.thigh_across, *sine_cosine(state.thigh))
     shank_back, shank_up = turned(body.shank_along, body.shank_across, *sine_cosine(state.shank))
     bend_sine, bend_cosine = bend(state)
+    thigh_cross = hip_up * thigh_back - hip_back * thigh_up
+    shank_cross = hip_up * shank_back - hip_back * shank_up
     hip_torque = legs.hip_torque(body, state, control)
     knee_torque = legs.knee_torque(body, state)
     bend_slope = body.knee_sine * bend_cosine - body.knee_cosine * bend_sine
@@ -80,17 +81,17 @@ def forces(body, state, control, ground):
     shank_square = state.shank_rate * state.shank_rate
     return (
         body.foot_radius * stance_back * stance_square
-        + (hip_up * thigh_back - hip_back * thigh_up) * thigh_square
-        + (hip_up * shank_back - hip_back * shank_up) * shank_square
+        + thigh_cross * thigh_square
+        + shank_cross * shank_square
         + weight_moment(stance_back, body.foot_radius + stance_up, ground)
         - hip_torque
         - control.ankle,
-        (hip_back * thigh_up - hip_rise * thigh_back) * stance_square
+        (body.foot_radius * thigh_back - thigh_cross) * stance_square
         - bend_slope * shank_square
         + weight_moment(thigh_back, thigh_up, ground)
         + hip_torque
         - knee_torque,
-        (hip_back * shank_up - hip_rise * shank_back) * stance_square
+        (body.foot_radius * shank_back - shank_cross) * stance_square
         + bend_slope * thigh_square
         + weight_moment(shank_back, shank_up, ground)
         + knee_torque,

@@ -40,17 +40,17 @@ def forces(body, state, control, ground):
     """What accelerates the stance and the swing leg: rates, gravity and controls."""
     sine, cosine = sine_cosine(state.stance)
     stance_back, stance_up = turned(body.stance_along, body.stance_across, sine, cosine)
-    hip_back, hip_rise = body.leg * sine, body.leg * cosine
-    hip_up = body.foot_radius + hip_rise
+    hip_back, hip_up = body.leg * sine, body.foot_radius + body.leg * cosine
     swing_back, swing_up = turned(body.swing_along, body.swing_across, *sine_cosine(state.thigh))
+    swing_cross = hip_up * swing_back - hip_back * swing_up
     hip_torque = legs.hip_torque(body, state, control)
     return (
         body.foot_radius * stance_back * state.stance_rate * state.stance_rate
-        + (hip_up * swing_back - hip_back * swing_up) * state.thigh_rate * state.thigh_rate
+        + swing_cross * state.thigh_rate * state.thigh_rate
         + weight_moment(stance_back, body.foot_radius + stance_up, ground)
         - hip_torque
         - control.ankle,
-        (hip_back * swing_up - hip_rise * swing_back) * state.stance_rate * state.stance_rate
+        (body.foot_radius * swing_back - swing_cross) * state.stance_rate * state.stance_rate
         + weight_moment(swing_back, swing_up, ground)
         + hip_torque,
     )

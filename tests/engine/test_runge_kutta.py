@@ -224,3 +224,12 @@ def test_angles_follow_those_of_the_stage_nearest_in_time():
     for stage, other in enumerate(VERNER.neighbours(), 1):
         assert other < stage
         assert abs(nodes[stage] - nodes[other]) <= np.abs(nodes[stage] - nodes[:stage]).min() + 1e-9
+
+
+@pytest.mark.parametrize("pair", [VERNER, DORMAND_PRINCE], ids=["verner", "dormand-prince"])
+def test_nobody_takes_a_place_that_others_still_follow(pair):
+    places, holds = pair.places(), {}
+    for stage, other in enumerate([None, *pair.neighbours()]):
+        assert other is None or holds[places[other]] == other
+        holds[places[stage]] = stage
+    assert max(places) < pair.stages // 2
