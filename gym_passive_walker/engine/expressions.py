@@ -146,6 +146,11 @@ def square_root(x: Expression) -> Expression:
     return x._with("sqrt", x)
 
 
+def rounding(x: Expression) -> Expression:
+    """By how much rounding may take a few operations on numbers about one from what they give."""
+    return x._with("rounding")
+
+
 _INVERSE_PI = 0.3183098861837907
 _PI = 3.141592653589793
 _PI_REST = 1.2246467991473532e-16  # pi = _PI + _PI_REST to 32 digits

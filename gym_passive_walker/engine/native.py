@@ -228,7 +228,13 @@ def uses(roots: Iterable[Expression]) -> Counter[Expression]:
 
 
 class Emitter:
-    """Instructions for expressions, each computed once."""
+    """Instructions for expressions, each computed once.
+
+    Attributes:
+        rounding: What rounding may do, to numbers about one.
+    """
+
+    rounding = 2e-15
 
     def __init__(
         self, owner: Function, uses: Counter[Expression], *, vector: bool, lane: bool
@@ -279,6 +285,8 @@ class Emitter:
             return self(args[1])
         if op == "near":
             return self(args[0])
+        if op == "rounding":
+            return self._constant(self.rounding)
         if op == "read":
             return self._load(args)
         if op == "argument":

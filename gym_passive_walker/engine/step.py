@@ -13,7 +13,14 @@ from functools import partial
 from typing import Any
 
 from gym_passive_walker.engine.equations import Equations, sum_of
-from gym_passive_walker.engine.expressions import Expression, choose, larger, near, square_root
+from gym_passive_walker.engine.expressions import (
+    Expression,
+    choose,
+    larger,
+    near,
+    rounding,
+    square_root,
+)
 from gym_passive_walker.engine.native import Memory
 from gym_passive_walker.physics.hybrid import State, Watch
 from gym_passive_walker.physics.numbers import sine_cosine
@@ -48,9 +55,9 @@ CLOSEST, FARTHEST_END = 0.05, 0.25
 """How far apart stages may be that are close in time, over the step's length; and a step's end from
 the stage at the same time."""
 
-OFF_CIRCLE, ROUNDING = 30.0, 2e-15
+OFF_CIRCLE = 30.0
 """What it counts, beside the estimate of a step's error, how far sines and cosines are off the unit
-circle; and how far rounding alone may take them."""
+circle, which rounding alone does not take them."""
 
 ROOTS = 10
 """Square roots of which other roots are made: an exponent is right to a thousandth."""
@@ -161,7 +168,7 @@ class Step(Equations):
         near_end = self.pair.places()[self.pair.neighbours()[-1]]
         for link in self.links:
             sine, cosine = tile["sine", near_end, link], tile["cosine", near_end, link]
-            off = abs(sine * sine + (cosine * cosine - 1.0)) - ROUNDING
+            off = abs(sine * sine + (cosine * cosine - 1.0)) - rounding(sine)
             errors.append(OFF_CIRCLE * larger(weight.number(0.0), off))
         ratio = tile.argument(0) * root(sum_of(errors) + 1e-40, self.pair.error_order + 1)
         # Not a number if any rate is none, or infinite: the estimate does not see the last stage.

@@ -155,6 +155,8 @@ class _Emitter(Emitter):
 class _Single(_Emitter):
     """The same in single precision, but for sines: what suits doubles says nothing of singles."""
 
+    rounding = 1e-6
+
     def _of(self, x: Expression) -> str:
         if x.op in ("sin", "cos"):
             return self.owner.new(f"{x.op}({self(x.args[0])})")
