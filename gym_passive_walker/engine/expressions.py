@@ -7,7 +7,8 @@ differentiated exactly (`tangent`), and `native` turns them into machine code.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from math import factorial
 from typing import Any
 
@@ -165,7 +166,9 @@ def _flipped(x: Expression, rounded: Expression) -> Expression:
     return x._with("flip", x, rounded)
 
 
-def near(angle: Expression, sine: Expression, cosine: Expression, turn: Expression, most: float):
+def near(
+    angle: Expression, sine: Expression, cosine: Expression, turn: Expression, most: float
+) -> Expression:
     """An angle near another one, whose sine and cosine are known.
 
     Args:
@@ -182,20 +185,17 @@ def _by_addition(x: Expression) -> tuple[Expression, Expression]:
     """Sine and cosine of an angle near another, by as many terms of their series as that needs."""
     _, sine, cosine, turn, most = x.args
     square = turn * turn
-    odd, even = ([1.0 / k for k in _factorials(first, most)] for first in (3, 2))
-    signs = [(-1.0) ** (k + 1) for k in range(max(len(odd), len(even)))]
-    s = turn + (turn * square) * _horner([a * b for a, b in zip(odd, signs, strict=False)], square)
-    less = square * _horner([a * b for a, b in zip(even, signs, strict=False)], square)
+    s = turn + (turn * square) * polynomial(_terms(3, most), square)
+    less = square * polynomial(_terms(2, most), square)
     by_sine = x._with("sin", x, (sine + cosine * s) + sine * less)
     return by_sine, x._with("cos", x, (cosine - sine * s) + cosine * less)
 
 
-def _factorials(first: int, most: float) -> list[float]:
-    """Factorials of every other number, as long as a turn's power over them counts."""
-    found = [float(factorial(first))]
-    k = first + 2
+def _terms(first: int, most: float) -> list[float]:
+    """Every other coefficient of a sine's or a cosine's series, as long as its term counts."""
+    found, k = [-1.0 / factorial(first)], first + 2
     while most**k / factorial(k) > _NOTHING:
-        found.append(float(factorial(k)))
+        found.append(-math.copysign(1.0, found[-1]) / factorial(k))
         k += 2
     return found
 
@@ -203,7 +203,8 @@ def _factorials(first: int, most: float) -> list[float]:
 _NOTHING = 2e-17  # beside one
 
 
-def _horner(powers: list[float], x: Expression) -> Any:
+def polynomial(powers: Sequence[Any], x: Expression) -> Any:
+    """A polynomial by its coefficients, in Horner's order."""
     value: Any = powers[-1]
     for power in reversed(powers[:-1]):
         value = power + x * value

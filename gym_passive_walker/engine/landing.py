@@ -46,7 +46,7 @@ def go_on(tile, lane):
     """Next step: the proposed length, or what is left of the time."""
     rest = tile.end[lane] - tile.time[lane]
     following = tile.next[lane]
-    tile.h[lane] = following if 1.1 * following < rest else rest
+    tile.h[lane] = following if STRETCH * following < rest else rest
 
 
 @inlined

@@ -63,7 +63,7 @@ RECORD = np.dtype(
 
 def tile_for(pair: Pair, width: int = WIDTH) -> np.dtype:
     """The layout of a tile for steps made with a method, of as many walkers as it is wide."""
-    line = (width,)
+    line, places = (width,), max(pair.places()) + 1
     return np.dtype(
         [
             ("angle", "f8", (LINKS, *line)),
@@ -71,9 +71,9 @@ def tile_for(pair: Pair, width: int = WIDTH) -> np.dtype:
             ("new_angle", "f8", (LINKS, *line)),
             ("new_rate", "f8", (LINKS, *line)),
             # Of stages near which others follow: how far angles have turned, their sine and cosine.
-            ("turn", "f8", (max(pair.places()) + 1, LINKS, *line)),
-            ("sine", "f8", (max(pair.places()) + 1, LINKS, *line)),
-            ("cosine", "f8", (max(pair.places()) + 1, LINKS, *line)),
+            ("turn", "f8", (places, LINKS, *line)),
+            ("sine", "f8", (places, LINKS, *line)),
+            ("cosine", "f8", (places, LINKS, *line)),
             # Accelerations at the step's start, in its stages, and at its end.
             ("stage", "f8", (pair.stages + 1, LINKS, *line)),
             ("moved", "f8", (_CONTROLS, *line)),

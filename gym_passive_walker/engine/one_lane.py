@@ -12,8 +12,15 @@ from functools import partial
 import numpy as np
 
 from gym_passive_walker.engine.equations import Equations, sum_of
-from gym_passive_walker.engine.expressions import Expression, choose, larger, square_root
+from gym_passive_walker.engine.expressions import (
+    Expression,
+    choose,
+    larger,
+    polynomial,
+    square_root,
+)
 from gym_passive_walker.engine.native import Memory
+from gym_passive_walker.engine.step import STRETCH
 from gym_passive_walker.physics.hybrid import Control, State
 
 LAST_STAGES = 5
@@ -49,7 +56,7 @@ class OneLane(Equations):
         step, rest = record["step"], record["end"] - record["time"]
         following = choose(step > 0.0, step, tile.argument(0))
         tile["time"], tile["end"], tile["next"] = record["time"], record["end"], following
-        tile["h"] = choose(1.1 * following < rest, following, rest)
+        tile["h"] = choose(STRETCH * following < rest, following, rest)
         tile["event"], tile["steps"], tile["fresh"] = 0.0, 0.0, 1.0
 
     def move(self, tile: Memory, source: Memory) -> None:
@@ -130,15 +137,12 @@ class OneLane(Equations):
                 sum_of([w[k] * tile["stage", j, link] for j, w in self._onward.items() if w[k]])
                 for k in range(LAST_STAGES)
             ]
-            angle = rate = bend = late.number(0.0)
-            for k in reversed(range(LAST_STAGES)):
-                bend = powers[k] + x * bend
-                rate = (1.0 / (k + 1.0)) * powers[k] + x * rate
-                angle = (1.0 / ((k + 1.0) * (k + 2.0))) * powers[k] + x * angle
+            rate = [1.0 / (k + 1.0) * power for k, power in enumerate(powers)]
+            angle = [1.0 / ((k + 1.0) * (k + 2.0)) * power for k, power in enumerate(powers)]
             start = tile["new_rate", link]
-            angles.append(tile["new_angle", link] + late * (start + late * angle))
-            rates.append(start + late * rate)
-            bends.append(bend)
+            angles.append(tile["new_angle", link] + late * (start + late * polynomial(angle, x)))
+            rates.append(start + late * polynomial(rate, x))
+            bends.append(polynomial(powers, x))
         return self.as_state(angles, rates), bends
 
     def onto(self, tile: Memory, course: Memory) -> None:

@@ -18,6 +18,7 @@ from gym_passive_walker.engine.expressions import (
     choose,
     larger,
     near,
+    polynomial,
     rounding,
     square_root,
 )
@@ -107,7 +108,8 @@ class Step(Equations):
         """The state in a stage, its angles near those of an earlier one."""
         nodes, beside = self.pair.nodes.astype(float), self.pair.neighbours()
         other = beside[index - 1]
-        mine, its, first = (self.pair.places()[stage] for stage in (index, other, 0))
+        places = self.pair.places()
+        mine, its, first = places[index], places[other], places[0]
         apart = max(abs(nodes[index] - nodes[other]), CLOSEST)
         if index == self.pair.stages:  # no estimate sees it, and its neighbour is less exact
             apart = FARTHEST_END
@@ -199,7 +201,7 @@ class Step(Equations):
         tile["next"] = choose(kept, proposed, following)
         late = ratio.number(0.0) if self.phase.strike is None else self._strike_after(tile)
         aims = plain & (late > 0.0) & (late <= STRETCH * following) & (late <= rest)
-        usual = choose(1.1 * following < rest, following, rest)
+        usual = choose(STRETCH * following < rest, following, rest)
         tile["h"], tile["ahead"] = choose(alert, h, choose(aims, late, usual)), late
         tile["time"] = tile["time"] + choose(plain, h, 0.0)
         before, after = self.state(tile), self.state(tile, "new_")
@@ -241,17 +243,11 @@ class Step(Equations):
         )
         slopes = [k * power for k, power in enumerate(powers)][1:]
 
-        def at(x: Expression, powers: Any) -> Expression:
-            value = powers[-1]
-            for power in reversed(powers[:-1]):
-                value = power + x * value
-            return value
-
-        x = g1 / (g1 - at(g1.number(1.0), powers))
-        slope = at(x, slopes)
+        x = g1 / (g1 - polynomial(powers, g1.number(1.0)))
+        slope = polynomial(slopes, x)
         per_slope = 1.0 / slope
         for _ in range(2):
-            change = at(x, powers) * per_slope
+            change = polynomial(powers, x) * per_slope
             x = x - change
         late = h * x
         bends = [0.5 * late * tile["stage", self.pair.stages, link] for link in self.links]

@@ -171,7 +171,7 @@ def test_a_step_without_stages_for_the_angles_is_the_method_itself(pair):
 
 
 @pytest.mark.parametrize(
-    ("pair", "coarse"), [(VERNER, 1.0), (DORMAND_PRINCE, 0.1)], ids=["verner", "dormand-prince"]
+    ("pair", "coarse"), [(VERNER, 0.5), (DORMAND_PRINCE, 0.1)], ids=["verner", "dormand-prince"]
 )
 def test_errors_shrink_with_the_steps_as_the_orders_say(pair, coarse):
     def walk(h):
@@ -185,7 +185,7 @@ def test_errors_shrink_with_the_steps_as_the_orders_say(pair, coarse):
     (rough, told), (fine, told_fine) = walk(coarse), walk(coarse / 2.0)
     order = np.log2(np.abs(rough - exact).max() / np.abs(fine - exact).max())
     assert order > pair.order - 0.2  # more where the first terms beyond it are small
-    assert np.log2(told / told_fine) == pytest.approx(pair.error_order + 1, abs=1.0)
+    assert np.log2(told / told_fine) == pytest.approx(pair.error_order + 1, abs=0.8)
 
 
 @pytest.mark.parametrize("order", [4, 5, 7, 8, 9])
