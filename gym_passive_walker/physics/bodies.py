@@ -34,6 +34,7 @@ class StraightBody(NamedTuple):
 
     Attributes:
         foot_radius: Of the foot.
+        foot_diameter: Twice that.
         leg: Foot centre to hip.
         stance_along: First moment of the stance leg from the foot centre, the rest at its hip.
         stance_across: Likewise.
@@ -41,6 +42,7 @@ class StraightBody(NamedTuple):
         swing_along: First moment of the straight swing leg from the hip.
         swing_across: Likewise.
         swing_inertia: Its second moment.
+        swing_mobility: 1 / swing_inertia.
         leg_mass: Mass of one leg.
         leg_com_along: Its centre of mass from the foot centre.
         leg_com_across: Likewise.
@@ -50,6 +52,7 @@ class StraightBody(NamedTuple):
     """
 
     foot_radius: Number
+    foot_diameter: Number
     leg: Number
     stance_along: Number
     stance_across: Number
@@ -57,6 +60,7 @@ class StraightBody(NamedTuple):
     swing_along: Number
     swing_across: Number
     swing_inertia: Number
+    swing_mobility: Number
     leg_mass: Number
     leg_com_along: Number
     leg_com_across: Number
@@ -84,6 +88,7 @@ class KneedBody(NamedTuple):
     """
 
     foot_radius: Number
+    foot_diameter: Number
     leg: Number
     stance_along: Number
     stance_across: Number
@@ -91,6 +96,7 @@ class KneedBody(NamedTuple):
     swing_along: Number
     swing_across: Number
     swing_inertia: Number
+    swing_mobility: Number
     leg_mass: Number
     leg_com_along: Number
     leg_com_across: Number
@@ -177,7 +183,9 @@ def body_from(p: Any, Body: type) -> Any:
         + p.thigh_mass * (from_com_thigh[0] ** 2 + from_com_thigh[1] ** 2)
         + p.shank_mass * (from_com_shank[0] ** 2 + from_com_shank[1] ** 2)
     )
+    swing_inertia = thigh_inertia + shank_inertia + 2.0 * knee_cosine
     values |= {
+        "foot_diameter": 2.0 * p.foot_radius / length,
         "stance_along": (leg_mass * com[0] + hip_load * leg) / ml,
         "stance_across": leg_mass * com[1] / ml,
         "stance_inertia": (
@@ -189,7 +197,8 @@ def body_from(p: Any, Body: type) -> Any:
         / ml2,
         "swing_along": swing_moment[0] / ml,
         "swing_across": swing_moment[1] / ml,
-        "swing_inertia": (thigh_inertia + shank_inertia + 2.0 * knee_cosine) / ml2,
+        "swing_inertia": swing_inertia / ml2,
+        "swing_mobility": ml2 / swing_inertia,
         "leg_mass": leg_mass / m,
         "leg_com_along": com[0] / length,
         "leg_com_across": com[1] / length,

@@ -54,7 +54,7 @@ def mass_matrix(body, state):
     shank_back, shank_up = turned(body.shank_along, body.shank_across, *sine_cosine(state.shank))
     bend_sine, bend_cosine = bend(state)
     return (
-        body.stance_inertia + 2.0 * body.foot_radius * stance_up,
+        body.stance_inertia + body.foot_diameter * stance_up,
         hip_up * thigh_up + hip_back * thigh_back,
         hip_up * shank_up + hip_back * shank_back,
         body.thigh_inertia,
@@ -79,21 +79,21 @@ def forces(body, state, control, ground):
     stance_square = state.stance_rate * state.stance_rate
     thigh_square = state.thigh_rate * state.thigh_rate
     shank_square = state.shank_rate * state.shank_rate
+    gravity = legs.gravity(body, state, ground)
     return (
-        body.foot_radius * stance_back * stance_square
+        weight_moment(stance_back, body.foot_radius + stance_up, gravity)
         + thigh_cross * thigh_square
         + shank_cross * shank_square
-        + weight_moment(stance_back, body.foot_radius + stance_up, ground)
         - hip_torque
         - control.ankle,
-        (body.foot_radius * thigh_back - thigh_cross) * stance_square
+        weight_moment(thigh_back, thigh_up, gravity)
+        - thigh_cross * stance_square
         - bend_slope * shank_square
-        + weight_moment(thigh_back, thigh_up, ground)
         + hip_torque
         - knee_torque,
-        (body.foot_radius * shank_back - shank_cross) * stance_square
+        weight_moment(shank_back, shank_up, gravity)
+        - shank_cross * stance_square
         + bend_slope * thigh_square
-        + weight_moment(shank_back, shank_up, ground)
         + knee_torque,
     )
 

@@ -27,9 +27,19 @@ def difference(along, across, start, end):
     return turned(-2.0 * half * across, 2.0 * half * along, sine, cosine)
 
 
-def weight_moment(back, up, ground):
-    """Torque of gravity on a first moment: it tips backwards what lies behind."""
-    return ground.cosine * back - ground.sine * up
+def gravity(body, state, ground):
+    """Gravity (down, forward) as it is felt on the point of the foot that touches the ground.
+
+    A foot that rolls throws that point up, with its radius times the square of its rate.
+    """
+    lift = body.foot_radius * (state.stance_rate * state.stance_rate)
+    return ground.cosine + lift, ground.sine
+
+
+def weight_moment(back, up, gravity):
+    """Torque of gravity (down, forward) on a first moment: it tips backwards what lies behind."""
+    down, forward = gravity
+    return down * back - forward * up
 
 
 def impulse(back, up, velocity_back, velocity_up):
@@ -44,7 +54,13 @@ def solve(m11, m12, m22, f1, f2):
 
 
 def solve_hanging(mass, mobility, force):
-    """Solve the symmetric 3x3 system m x = f, given m row by row and 1 / its last entry."""
+    """Solve the symmetric 2x2 or 3x3 system m x = f, given m row by row and 1 / its last entry."""
+    if len(force) == 2:
+        m11, m12, _ = mass
+        f1, f2 = force
+        a = m12 * mobility
+        x1 = (f1 - a * f2) / (m11 - a * m12)
+        return x1, f2 * mobility - a * x1
     m11, m12, m13, m22, m23, _ = mass
     f1, f2, f3 = force
     a, b = m13 * mobility, m23 * mobility

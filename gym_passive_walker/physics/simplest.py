@@ -28,17 +28,20 @@ from gym_passive_walker.physics.numbers import sine_cosine
 
 
 def accelerations(body, state, control, ground):
-    """Angular accelerations of the stance leg (an inverted pendulum) and the swing leg."""
+    """Angular accelerations of the stance leg (an inverted pendulum) and the swing leg.
+
+    The swing leg hangs from the hip and feels what moves that besides gravity: the stance leg's
+    force along itself, and across it that of a torque at the ankle.
+    """
     sine, cosine = sine_cosine(state.stance)
     swing_sine, swing_cosine = sine_cosine(state.thigh)
-    stance_acceleration = sine * ground.cosine - cosine * ground.sine - control.ankle
-    swing_acceleration = (
-        (cosine * swing_cosine + sine * swing_sine) * stance_acceleration
-        - (sine * swing_cosine - cosine * swing_sine) * state.stance_rate * state.stance_rate
-        - (swing_sine * ground.cosine - swing_cosine * ground.sine)
-        + legs.hip_torque(body, state, control)
+    along = cosine * ground.cosine + sine * ground.sine - state.stance_rate * state.stance_rate
+    torque = legs.hip_torque(body, state, control)
+    swing_torque = torque - (cosine * swing_cosine + sine * swing_sine) * control.ankle
+    return (
+        sine * ground.cosine - cosine * ground.sine - control.ankle,
+        (sine * swing_cosine - cosine * swing_sine) * along + swing_torque,
     )
-    return stance_acceleration, swing_acceleration
 
 
 def push(body, state, back, up):

@@ -19,7 +19,13 @@ from gym_passive_walker.physics.hybrid import (
     Strike,
     System,
 )
-from gym_passive_walker.physics.legs import difference, impulse, solve, turned, weight_moment
+from gym_passive_walker.physics.legs import (
+    difference,
+    impulse,
+    solve_hanging,
+    turned,
+    weight_moment,
+)
 from gym_passive_walker.physics.numbers import sine_cosine
 
 
@@ -30,7 +36,7 @@ def mass_matrix(body, state):
     hip_back, hip_up = legs.hip(body, state.stance)
     swing_back, swing_up = turned(body.swing_along, body.swing_across, *sine_cosine(state.thigh))
     return (
-        body.stance_inertia + 2.0 * body.foot_radius * stance_up,
+        body.stance_inertia + body.foot_diameter * stance_up,
         hip_up * swing_up + hip_back * swing_back,
         body.swing_inertia,
     )
@@ -43,28 +49,29 @@ def forces(body, state, control, ground):
     hip_back, hip_up = body.leg * sine, body.foot_radius + body.leg * cosine
     swing_back, swing_up = turned(body.swing_along, body.swing_across, *sine_cosine(state.thigh))
     swing_cross = hip_up * swing_back - hip_back * swing_up
+    gravity = legs.gravity(body, state, ground)
     hip_torque = legs.hip_torque(body, state, control)
     return (
-        body.foot_radius * stance_back * state.stance_rate * state.stance_rate
-        + swing_cross * state.thigh_rate * state.thigh_rate
-        + weight_moment(stance_back, body.foot_radius + stance_up, ground)
+        weight_moment(stance_back, body.foot_radius + stance_up, gravity)
+        + swing_cross * (state.thigh_rate * state.thigh_rate)
         - hip_torque
         - control.ankle,
-        (body.foot_radius * swing_back - swing_cross) * state.stance_rate * state.stance_rate
-        + weight_moment(swing_back, swing_up, ground)
+        weight_moment(swing_back, swing_up, gravity)
+        - swing_cross * (state.stance_rate * state.stance_rate)
         + hip_torque,
     )
 
 
 def accelerations(body, state, control, ground):
     """Angular accelerations of the stance and the swing leg (subsection 4.10.7)."""
-    return solve(*mass_matrix(body, state), *forces(body, state, control, ground))
+    mass, force = mass_matrix(body, state), forces(body, state, control, ground)
+    return solve_hanging(mass, body.swing_mobility, force)
 
 
 def push(body, state, back, up):
     """Changes of both rates by an impulse (back, up) on the hip: mass matrix times them is it."""
     moment = legs.moment_of_push(body, state.stance, back, up)
-    return solve(*mass_matrix(body, state), moment, 0.0)
+    return solve_hanging(mass_matrix(body, state), body.swing_mobility, (moment, 0.0))
 
 
 def kinetic_energy(body, state):
@@ -155,7 +162,9 @@ def heelstrike(body, before, push_off=0.0, ground=SMOOTH):
     swing_back, swing_up = turned(body.swing_along, body.swing_across, *old)
     swing_momentum = impulse(swing_back, swing_up, hip_back, hip_up)
     after = legs.straight(before.thigh, before.stance, rate, before.stance_rate)
-    new_stance, new_swing = solve(*mass_matrix(body, after), momentum, swing_momentum)
+    new_stance, new_swing = solve_hanging(
+        mass_matrix(body, after), body.swing_mobility, (momentum, swing_momentum)
+    )
     loss = 0.5 * (energy - momentum * new_stance - swing_momentum * new_swing)
     rates = rate + new_stance, before.stance_rate + new_swing
     after = legs.straight(before.thigh, before.stance, *rates)
