@@ -45,7 +45,7 @@ def pair_of(
     pair = Pair.from_tableau(
         matrix, weights, error[: len(weights)], order=order, error_order=error_order
     )
-    return pair._replace(rate_error=np.array(error, np.longdouble))
+    return pair._replace(error=np.array(error, np.longdouble))
 
 
 def pairs() -> dict[str, Pair]:
@@ -79,7 +79,7 @@ def compiled(p: Problem, pair: Pair) -> Callable[[NDArray, float], NDArray]:
         records["step"] = min(0.5, tolerance ** (1.0 / pair.order))
         told = options(tolerance, from_section=True).copy()
         if pair is not PAIR:
-            told["fineness"] = tolerance ** (-1.0 / (pair.error_order + 1))
+            told["fineness"] = 1.0 / tolerance
         carry_on(records, body, phases, told, *desk)
         return records["state"][:, 0]
 

@@ -57,6 +57,7 @@ _STATES = (
     "new_angle",
     "new_rate",
     "stage",
+    "stage_rate",
     "moved",
     "turned",
     "lost",

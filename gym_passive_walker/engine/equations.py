@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from gym_passive_walker.engine.expressions import Expression, Tangents
@@ -114,6 +114,11 @@ class Equations:
 def without_absent(system: System, body: Any) -> Any:
     """A walker's constants, zero where they are so for certain."""
     return body._replace(**{name: 0.0 for name in system.absent if name in body._fields})
+
+
+def weighted(weights: Iterable[Any], terms: Iterable[Expression]) -> Any:
+    """The sum of some terms, each with its weight; 0 if none has one."""
+    return sum_of([float(w) * x for w, x in zip(weights, terms, strict=True) if w != 0.0])
 
 
 def sum_of(terms: list[Expression]) -> Any:

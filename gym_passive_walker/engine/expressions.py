@@ -147,6 +147,32 @@ def square_root(x: Expression) -> Expression:
     return x._with("sqrt", x)
 
 
+_ONE, _PLACES = 0x3FF0000000000000, 10
+
+
+def inverse_root(x: Expression, order: int) -> Expression:
+    """One over a root of a positive number, or up to a twelfth more: exact for 1.
+
+    A number's bits are its logarithm, but for the fraction, which lies on a chord. Divided by the
+    order, for which shifts must do, they are the root's.
+
+    References:
+        J. F. Blinn, "Floating-point tricks", IEEE Computer Graphics and Applications 17 (1997)
+        80-84.
+    """
+    places, rest = [], 1.0
+    for place in range(1, _PLACES + 1):
+        if rest * 2.0**place >= order:
+            places.append(place)
+            rest -= order / 2.0**place
+    return x._with("inverse root", x, tuple(places))
+
+
+def bits_of_inverse(places: tuple[int, ...]) -> int:
+    """From what to take a number's bits, shifted by some places, for those of its inverse root."""
+    return _ONE + sum(_ONE >> place for place in places)
+
+
 def rounding(x: Expression) -> Expression:
     """By how much rounding may take a few operations on numbers about one from what they give."""
     return x._with("rounding")

@@ -16,8 +16,9 @@ from gym_passive_walker.engine.jit import address, call, fma, inlined, jitted
 from gym_passive_walker.engine.step import (
     LONGEST_STEP,
     MOST_STEPS,
+    MUCH,
     NEAR,
-    SHORT,
+    SAFETY,
     STRETCH,
 )
 from gym_passive_walker.physics.hybrid import Control, Watch
@@ -312,20 +313,21 @@ def attend(tiles, courses, phase, lane, options):
         The event that ends the phase; TIME_UP or LOST; 0 to go on.
     """
     tile, course, scuff = tiles[0], courses[0], options.scuff
-    h, ratio = tile.h[lane], tile.ratio[lane]
+    h, error = tile.h[lane], tile.error[lane]
     if not h * 0.0 == 0.0 or tile.steps[lane] > MOST_STEPS:
         return LOST
     look(tiles, courses, phase, lane)
     aimed = tile.event[lane] != 0.0
-    if aimed and ratio <= 1.0:
+    if aimed and error <= 1.0:
         return land(tiles, courses, phase, lane, options)
 
-    if not ratio <= 1.0:
+    if not error <= 1.0:
         tile.event[lane] = 0.0  # where a step is not to be trusted, neither is its event
-        shorter = tile.growth[lane] if ratio > 1.0 else 0.1
+        shorter = tile.growth[lane] if error > 1.0 else 0.1
         tile.next[lane] = h * shorter
         tile.h[lane] = h * shorter
-        if ratio < 2.0 and not aimed:  # near enough to tell where an event cuts the next step short
+        # Less than twice as long as it may be: it tells where an event cuts the next step short.
+        if shorter > 0.5 * SAFETY and not aimed:
             first, event = earliest(phase, course, h, scuff, 0)
             if event > 0 and first < 0.8 * shorter:
                 aim(tile, lane, event, first, h)
@@ -355,7 +357,7 @@ def attend(tiles, courses, phase, lane, options):
         aim(tile, lane, event, first, h)
         return 0
     following = min(h * tile.growth[lane], LONGEST_STEP)
-    if following > tile.next[lane] or ratio > SHORT:
+    if following > tile.next[lane] or tile.growth[lane] < MUCH:
         tile.next[lane] = following
     accept(tiles, courses, phase, lane, 0.0, 0.0)
     if tile.time[lane] >= tile.end[lane] * (1.0 - 1e-15):

@@ -76,6 +76,7 @@ def tile_for(pair: Pair, width: int = WIDTH) -> np.dtype:
             ("cosine", "f8", (places, LINKS, *line)),
             # Accelerations at the step's start, in its stages, and at its end.
             ("stage", "f8", (pair.stages + 1, LINKS, *line)),
+            ("stage_rate", "f8", (pair.stages - 1, LINKS, *line)),  # in the stages between
             ("moved", "f8", (_CONTROLS, *line)),
             ("turned", "f8", (_CONTROLS, *line)),
             ("lost", "f8", line),  # to friction
@@ -88,7 +89,7 @@ def tile_for(pair: Pair, width: int = WIDTH) -> np.dtype:
             ("next", "f8", line),  # proposed length of the next
             ("time", "f8", line),
             ("end", "f8", line),
-            ("ratio", "f8", line),  # of its length to what the tolerance allows
+            ("error", "f8", line),  # of the step, over what the tolerance allows
             ("growth", "f8", line),  # factor to the next step's length that this allows
             ("verdict", "f8", line),
             ("event", "f8", line),  # the guard that the step is aimed at, from 1 on

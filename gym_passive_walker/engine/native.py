@@ -14,7 +14,13 @@ from typing import Any
 
 import numpy as np
 
-from gym_passive_walker.engine.expressions import Expression, Tangents, operands, read
+from gym_passive_walker.engine.expressions import (
+    Expression,
+    Tangents,
+    bits_of_inverse,
+    operands,
+    read,
+)
 
 GROUP = 8
 """Lanes of a vector: one of 512 bits, or two of 256."""
@@ -36,7 +42,7 @@ class Module:
     def __init__(self) -> None:
         self.functions: list[str] = []
         self.declared: set[str] = set()
-        self.table: dict[tuple[float, int], int] = {}
+        self.table: dict[str, int] = {}
 
     def function(
         self, name: str, layouts: tuple[np.dtype, ...], *, active: Collection[str] = ()
@@ -45,7 +51,7 @@ class Module:
         return Function(self, name, layouts, active=active)
 
     def __str__(self) -> str:
-        entries = ", ".join(f"double {_written(value)}" for value, _ in self.table)
+        entries = ", ".join(f"double {value}" for value in self.table)
         table = f"[{len(self.table)} x double] [{entries}]"
         return "\n".join([f"@table = constant {table}", *self.functions, *sorted(self.declared)])
 
@@ -244,7 +250,6 @@ class Emitter:
             f"<{GROUP} x {kind}>" if vector else kind for kind in ("double", "i1", "i64")
         )
         self.done: dict[Expression, str] = {}
-        self.taken: Counter[float] = Counter()
         self.before_planes: list[str] | None = None
         self.plane = 0
         self.varying: dict[Expression, bool] = {}
@@ -287,6 +292,8 @@ class Emitter:
             return self(args[0])
         if op == "rounding":
             return self._constant(self.rounding)
+        if op == "inverse root":
+            return self._inverse_root(self(args[0]), args[1])
         if op == "read":
             return self._load(args)
         if op == "argument":
@@ -343,6 +350,16 @@ class Emitter:
         flipped = new(f"xor {word} {new(f'bitcast {self.number} {x} to {word}')}, {sign}")
         return new(f"bitcast {word} {flipped} to {self.number}")
 
+    def _inverse_root(self, x: str, places: tuple[int, ...]) -> str:
+        """One over a root, by a number's bits."""
+        new, word = self.owner.new, self.word
+        bits = new(f"bitcast {self.number} {x} to {word}")
+        value = self._alike("i64", str(bits_of_inverse(places)))
+        for k in places:
+            part = new(f"lshr {word} {bits}, {self._alike('i64', str(k))}")
+            value = new(f"sub {word} {value}, {part}")
+        return new(f"bitcast {word} {value} to {self.number}")
+
     def _call(self, name: str, *operands: str) -> str:
         full = f"@llvm.{name}.{f'v{GROUP}f64' if self.vector else 'f64'}"
         kinds = ", ".join([self.number] * len(operands))
@@ -354,8 +371,7 @@ class Emitter:
         if not self.vector:
             return _written(value)
         table = self.owner.module.table
-        self.taken[value] += 1  # a place for each use, or it would be kept in a register
-        offset = 8 * table.setdefault((value, self.taken[value]), len(table))
+        offset = 8 * table.setdefault(_written(value), len(table))
         address = self.owner.new(f"getelementptr i8, ptr %p1, i64 {offset}")
         return self._splat(self.owner.new(f"load double, ptr {address}, align 8"))
 

@@ -30,7 +30,7 @@ OPTIONS = np.dtype(
         ("landing", "f8"),  # by how much of its length a step's end may be moved onto an event,
         ("doubt", "f8"),  # or onto a strike with how large an error, over the tolerance
         ("first_step", "f8"),
-        ("fineness", "f8"),  # one over what the tolerance allows where all else is one
+        ("fineness", "f8"),  # one over the estimate of an error that the tolerance allows
         ("scuff", "i8"),  # whether a kneed walker's locked leg below the ground ends the stride
         ("from_section", "i8"),  # whether records stand just after heelstrike, or at their phase
     ]
@@ -166,8 +166,9 @@ def options(
     # need the move smaller, but where a foot comes down slowly 1e-13 drowns in rounding.
     landing, doubt = (1e-11, -1.0) if planes else (0.1 * math.sqrt(tolerance), 0.02)
     first_step = tolerance ** (1.0 / PAIR.order)
+    fineness = first_step ** -(PAIR.error_order + 1)
     return np.array(
-        [(tolerance, landing, doubt, first_step, 1.0 / first_step, scuff, from_section)], OPTIONS
+        [(tolerance, landing, doubt, first_step, fineness, scuff, from_section)], OPTIONS
     )
 
 

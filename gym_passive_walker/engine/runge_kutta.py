@@ -1,12 +1,4 @@
-"""Runge-Kutta pairs for second-order equations, as data.
-
-The equations of motion give accelerations, angle'' = f(angle, rate). A Runge-Kutta method with
-matrix A then needs no stages for the angles: with K the stage accelerations,
-
-    rate_i = rate + h sum_j A_ij K_j,    angle_i = angle + h c_i rate + h^2 sum_j (A A)_ij K_j,
-
-which is the same method, with half the numbers to keep and one reading of each for both sums.
-"""
+"""Runge-Kutta pairs, as data."""
 
 from __future__ import annotations
 
@@ -23,24 +15,22 @@ class Pair(NamedTuple):
     Attributes:
         order: Of the method.
         error_order: Of its estimate of the error.
-        rates: Weights of stage accelerations in the rates of each stage, and last of the step's
-            end: shape (stages + 1, stages).
-        angles: Likewise in the angles.
+        weights: What of each stage's slopes goes into the later ones, and last into the step's end:
+            shape (stages + 1, stages).
         nodes: Where in the step each of them lies, shape (stages + 1,).
-        rate_error: Weights in the error of the rates, (stages,).
+        error: What of them goes into the estimate of the error, (stages,).
     """
 
     order: int
     error_order: int
-    rates: NDArray[np.longdouble]
-    angles: NDArray[np.longdouble]
+    weights: NDArray[np.longdouble]
     nodes: NDArray[np.longdouble]
-    rate_error: NDArray[np.longdouble]
+    error: NDArray[np.longdouble]
 
     @property
     def stages(self) -> int:
-        """Evaluations of the accelerations in a step; one more at its end serves the next."""
-        return self.rates.shape[1]
+        """Evaluations of the equations in a step; one more at its end serves the next."""
+        return self.weights.shape[1]
 
     def neighbours(self) -> list[int]:
         """For each stage but the first, and for the step's end, the one before nearest in time."""
@@ -101,7 +91,7 @@ class Pair(NamedTuple):
         order: int,
         error_order: int,
     ) -> Pair:
-        """A pair from its tableau for first-order equations.
+        """A pair from its tableau.
 
         Args:
             matrix: Rows of A below its diagonal; zeros at a row's end may be left out.
@@ -111,8 +101,8 @@ class Pair(NamedTuple):
             error_order: Of the estimate of the error.
         """
         stages = len(weights)
-        rates = np.zeros((stages + 1, stages), np.longdouble)
-        for row, given in zip(rates, [*matrix, weights], strict=True):
+        rows = np.zeros((stages + 1, stages), np.longdouble)
+        for row, given in zip(rows, [*matrix, weights], strict=True):
             row[: len(given)] = given
-        squares, nodes = rates @ rates[:stages], rates.sum(axis=1)
-        return cls(order, error_order, rates, squares, nodes, np.array(error, np.longdouble))
+        nodes = rows.sum(axis=1)
+        return cls(order, error_order, rows, nodes, np.array(error, np.longdouble))

@@ -10,17 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
-from gym_passive_walker.engine.equations import Equations, sum_of
+from gym_passive_walker.engine.equations import Equations, sum_of, weighted
 from gym_passive_walker.engine.expressions import (
     Expression,
     choose,
+    inverse_root,
     larger,
     near,
     polynomial,
     rounding,
-    square_root,
 )
 from gym_passive_walker.engine.native import Memory
 from gym_passive_walker.physics.hybrid import State, Watch
@@ -42,11 +41,14 @@ heelstrike and the foot's return."""
 MOST_STEPS = 20_000
 """Integration steps a walker may take in one phase; no gait needs a hundredth of them."""
 
-SAFETY, FASTEST, SLOWEST = 0.8, 3.0, 0.2
+SAFETY, FASTEST, SLOWEST = 0.75, 3.0, 0.2
 """The next step is this share of what the error allows, and changes by these factors at most."""
 
-SHORT = 0.75
-"""Share of what the tolerance allows below which a step says little of how long one may be."""
+MUCH = 1.07
+"""Growth from which a step that was cut short says little of how long the next one may be."""
+
+WILD = 1e24
+"""Error over what is allowed from which nothing is known of the motion."""
 
 MOST_TURN = 0.45
 """Angle by which a link turns in a step, up to which sines and cosines are exact to the last bit
@@ -59,9 +61,6 @@ the stage at the same time."""
 OFF_CIRCLE = 30.0
 """What it counts, beside the estimate of a step's error, how far sines and cosines are off the unit
 circle, which rounding alone does not take them."""
-
-ROOTS = 10
-"""Square roots of which other roots are made: an exponent is right to a thousandth."""
 
 
 class Step(Equations):
@@ -79,7 +78,7 @@ class Step(Equations):
         last = self.pair.stages
         stages = [partial(self.stage, index) for index in range(1, last)]
         rest: list[Callable[[Memory], None]] = [self.estimate, partial(self.stage, last)]
-        if any(self.pair.rate_error[last:]):  # else told while the last accelerations are computed
+        if any(self.pair.error[last:]):  # else told while the last accelerations are computed
             rest.reverse()
         return [*stages, self.end, *rest, self.judge]
 
@@ -99,10 +98,14 @@ class Step(Equations):
 
     def _moved_by(self, index: int, tile: Memory, link: int) -> tuple[Expression, Expression]:
         """How far a link has turned in a stage, and its rate there."""
-        h, rate, node = tile["h"], tile["rate", link], float(self.pair.nodes[index])
-        shift = self._weighted(tile, self.pair.angles[index], link)
-        turn = h * (node * rate + h * shift)
-        return turn, rate + h * self._weighted(tile, self.pair.rates[index], link)
+        h, rate, stages = tile["h"], tile["rate", link], range(self.pair.stages)
+        rates = [rate, *(tile["stage_rate", j - 1, link] for j in stages[1:])]
+        turn = h * self._weighted(index, rates)
+        return turn, rate + h * self._weighted(index, [tile["stage", j, link] for j in stages])
+
+    def _weighted(self, index: int, slopes: list[Expression]) -> Expression | float:
+        """What earlier stages' slopes make of a stage's, or of the step's end."""
+        return weighted(self.pair.weights[index], slopes)
 
     def _at(self, index: int, tile: Memory) -> State:
         """The state in a stage, its angles near those of an earlier one."""
@@ -122,6 +125,7 @@ class Step(Equations):
             else:
                 turn, rate = self._moved_by(index, tile, link)
                 moved = angle + turn
+                tile["stage_rate", index - 1, link] = rate
             if index == 1:
                 known = sine_cosine(angle)
                 tile["sine", first, link], tile["cosine", first, link] = known
@@ -137,7 +141,7 @@ class Step(Equations):
 
     def _dissipate(self, tile: Memory, state: State, index: int) -> None:
         """Add a stage's part to what friction takes on average, by the weights of the rates."""
-        weights = self.pair.rates[-1]
+        weights = self.pair.weights[-1]
         taken = tile["power"]
         if index == 1:
             taken = float(weights[0]) * self.friction(tile, self.state(tile))
@@ -145,14 +149,8 @@ class Step(Equations):
             taken = taken + float(weights[index]) * self.friction(tile, state)
         tile["power"] = taken
 
-    def _weighted(self, tile: Memory, weights: Any, link: int) -> Expression | float:
-        """The weighted sum of the link's stage accelerations that have a part in it."""
-        return sum_of(
-            [float(w) * tile["stage", j, link] for j, w in enumerate(weights) if w != 0.0]
-        )
-
     def estimate(self, tile: Memory) -> None:
-        """How long each lane's step is, over what the tolerance allows.
+        """The error of each lane's step, over what the tolerance allows.
 
         The estimate is of lower order than the step, whose own error follows from the powers of
         its length that they are. Relative to the motion as a whole, so that small motions are
@@ -165,31 +163,35 @@ class Step(Equations):
                 scale = size if scale is None else larger(scale, size)
         assert scale is not None
         weight = tile["h"] / (scale + 1e-290)
-        errors = [abs(weight * self._weighted(tile, self.pair.rate_error, k)) for k in self.links]
+        part = self.pair.error
+        errors = [
+            abs(weight * weighted(part, [tile["stage", j, link] for j in range(len(part))]))
+            for link in self.links
+        ]
         # Series of sines and cosines that are cut off too soon leave the unit circle.
         near_end = self.pair.places()[self.pair.neighbours()[-1]]
         for link in self.links:
             sine, cosine = tile["sine", near_end, link], tile["cosine", near_end, link]
             off = abs(sine * sine + (cosine * cosine - 1.0)) - rounding(sine)
             errors.append(OFF_CIRCLE * larger(weight.number(0.0), off))
-        ratio = tile.argument(0) * root(sum_of(errors) + 1e-40, self.pair.error_order + 1)
         # Not a number if any rate is none, or infinite: the estimate does not see the last stage.
         rates = [tile["new_rate", link] for link in self.links]
-        tile["ratio"] = ratio + sum_of([rate - rate for rate in rates])
+        errors += [rate - rate for rate in rates]
+        tile["error"] = tile.argument(0) * sum_of(errors)
 
     def judge(self, tile: Memory) -> None:
         """Settle the ordinary case in every lane; mark where to look closely, or time is up."""
-        h, ratio, event = tile["h"], tile["ratio"], tile["event"]
-        factor = growth(ratio)
+        h, error, event = tile["h"], tile["error"], tile["event"]
+        factor = growth(error, self.pair.error_order + 1)
         rest = tile["end"] - tile["time"]
         alert = (
             self._fallen(tile)
             | (abs(event) > 0.0)
-            | ~(ratio <= 1e3)
+            | ~(error <= WILD)
             | (h < 1e-12)
             | (tile["steps"] >= MOST_STEPS)
         )
-        plain = (ratio <= 1.0) & ~alert
+        plain = (error <= 1.0) & ~alert
         up = plain & (h >= rest)
         following, proposed = h * factor, tile["next"]
         following = choose(following < LONGEST_STEP, following, LONGEST_STEP)
@@ -197,9 +199,9 @@ class Step(Equations):
         tile["verdict"] = choose(up, UP, choose(alert, ALERT, PLAIN))
         tile["steps"], tile["growth"] = tile["steps"] + 1.0, factor
         # A step that the time cut short says little of the next one.
-        kept = alert | (up & (following <= proposed) & (ratio <= SHORT))
+        kept = alert | (up & (following <= proposed) & (factor >= MUCH))
         tile["next"] = choose(kept, proposed, following)
-        late = ratio.number(0.0) if self.phase.strike is None else self._strike_after(tile)
+        late = error.number(0.0) if self.phase.strike is None else self._strike_after(tile)
         aims = plain & (late > 0.0) & (late <= STRETCH * following) & (late <= rest)
         usual = choose(STRETCH * following < rest, following, rest)
         tile["h"], tile["ahead"] = choose(alert, h, choose(aims, late, usual)), late
@@ -296,22 +298,8 @@ class Step(Equations):
         return alert
 
 
-def growth(ratio: Expression) -> Expression:
-    """Factor to the next step length, from this one's over what the tolerance allows."""
-    factor = SAFETY / ratio
+def growth(error: Expression, order: int) -> Expression:
+    """Factor to the next step length, from a step's error over what the tolerance allows."""
+    factor = SAFETY * inverse_root(error, order)
     factor = choose(factor < FASTEST, factor, FASTEST)
     return choose(factor > SLOWEST, factor, SLOWEST)
-
-
-def root(x: Expression, order: int) -> Expression:
-    """A root of a number, as a product of square roots: of order 8, the third of them."""
-    rest, factors = 1.0 / order, []
-    for _ in range(ROOTS):
-        x, rest = square_root(x), 2.0 * rest
-        if rest >= 1.0:
-            factors.append(x)
-            rest -= 1.0
-    product = factors[0]
-    for factor in factors[1:]:
-        product = product * factor
-    return product

@@ -101,6 +101,26 @@ def select(typing_context, condition, yes, no):
 
 
 @intrinsic
+def bits(typing_context, x):
+    """A number's bits, as a whole number."""
+
+    def code(context, builder, signature, arguments):
+        return builder.bitcast(arguments[0], _WORD)
+
+    return types.int64(types.float64), code
+
+
+@intrinsic
+def of_bits(typing_context, whole):
+    """The number that has some bits."""
+
+    def code(context, builder, signature, arguments):
+        return builder.bitcast(arguments[0], _NUMBER)
+
+    return types.float64(types.int64), code
+
+
+@intrinsic
 def flip(typing_context, x, last_bit):
     """A number, its sign changed if another's last bit is set."""
 

@@ -56,6 +56,16 @@ def select(condition, yes, no):
     return yes if condition else no
 
 
+def bits(x):
+    """A number's bits, as a whole number."""
+    return int(np.float64(x).view(np.int64))
+
+
+def of_bits(whole):
+    """The number that has some bits."""
+    return np.int64(whole).view(np.float64)
+
+
 def flip(x, last_bit):
     """A number, its sign changed if another's last bit is set."""
     return -x if np.float64(last_bit).view(np.int64) & 1 else x

@@ -28,7 +28,7 @@ from gym_passive_walker.physics.legs import (
     difference,
     impulse,
     solve,
-    solve_hanging,
+    solve_chain,
     turned,
     weight_moment,
 )
@@ -101,13 +101,13 @@ def forces(body, state, control, ground):
 def accelerations(body, state, control, ground):
     """Angular accelerations of the stance leg, the thigh and the shank (subsection 4.10.4)."""
     mass, force = mass_matrix(body, state), forces(body, state, control, ground)
-    return solve_hanging(mass, body.shank_mobility, force)
+    return solve_chain(mass, body.shank_mobility, force)
 
 
 def push(body, state, back, up):
     """Changes of the three rates by an impulse (back, up) on the hip, the knee free."""
     momenta = legs.moment_of_push(body, state.stance, back, up), 0.0, 0.0
-    return solve_hanging(mass_matrix(body, state), body.shank_mobility, momenta)
+    return solve_chain(mass_matrix(body, state), body.shank_mobility, momenta)
 
 
 def kinetic_energy(body, state):
@@ -174,7 +174,7 @@ def heelstrike(body, before, push_off=0.0, ground=SMOOTH):
     shank_momentum = impulse(shank_back, shank_up, hip_back, hip_up)
     after = legs.straight(before.thigh, before.stance, rate, before.stance_rate)
     momenta = momentum, thigh_momentum, shank_momentum
-    new_stance, new_thigh, new_shank = solve_hanging(
+    new_stance, new_thigh, new_shank = solve_chain(
         mass_matrix(body, after), body.shank_mobility, momenta
     )
     loss = 0.5 * (

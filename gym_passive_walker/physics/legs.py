@@ -54,13 +54,16 @@ def solve(m11, m12, m22, f1, f2):
 
 
 def solve_hanging(mass, mobility, force):
-    """Solve the symmetric 2x2 or 3x3 system m x = f, given m row by row and 1 / its last entry."""
-    if len(force) == 2:
-        m11, m12, _ = mass
-        f1, f2 = force
-        a = m12 * mobility
-        x1 = (f1 - a * f2) / (m11 - a * m12)
-        return x1, f2 * mobility - a * x1
+    """Solve the symmetric 2x2 system m x = f, given m row by row and 1 / its last entry."""
+    m11, m12, _ = mass
+    f1, f2 = force
+    a = m12 * mobility
+    x1 = (f1 - a * f2) / (m11 - a * m12)
+    return x1, f2 * mobility - a * x1
+
+
+def solve_chain(mass, mobility, force):
+    """Solve the symmetric 3x3 system m x = f, given m row by row and 1 / its last entry."""
     m11, m12, m13, m22, m23, _ = mass
     f1, f2, f3 = force
     a, b = m13 * mobility, m23 * mobility

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import operator
 import platform
+import struct
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -12,7 +13,7 @@ import numpy as np
 from llvmlite import binding as llvm
 
 from gym_passive_walker.engine.compiled import context
-from gym_passive_walker.engine.expressions import Expression
+from gym_passive_walker.engine.expressions import Expression, bits_of_inverse
 from gym_passive_walker.engine.layout import WIDTH, aligned
 from gym_passive_walker.engine.native import GROUP, Function, Module
 
@@ -109,6 +110,14 @@ def in_lanes(
     return np.concatenate(found, axis=1)
 
 
+def _bits(x: Any) -> int:
+    return int.from_bytes(struct.pack("<d", x), "little")
+
+
+def _of_bits(whole: int) -> float:
+    return struct.unpack("<d", whole.to_bytes(8, "little"))[0]
+
+
 _PLAIN: dict[str, Callable[..., Any]] = {
     "add": operator.add,
     "sub": operator.sub,
@@ -117,6 +126,9 @@ _PLAIN: dict[str, Callable[..., Any]] = {
     "neg": operator.neg,
     "abs": lambda a: -a if np.real(a) < 0.0 else a,
     "sqrt": np.sqrt,
+    "inverse root": lambda a, places: _of_bits(
+        bits_of_inverse(places) - sum(_bits(a) >> k for k in places)
+    ),
     "<": lambda a, b: np.real(a) < np.real(b),
     "<=": lambda a, b: np.real(a) <= np.real(b),
     ">": lambda a, b: np.real(a) > np.real(b),
@@ -141,7 +153,8 @@ def evaluate(x: Expression, entries: Mapping[Expression, Any]) -> Any:
             elif x.op in ("sin", "cos"):
                 done[x] = getattr(np, x.op)(value(x.args[0]))
             else:
-                done[x] = _PLAIN[x.op](*map(value, x.args))
+                given = [value(a) if isinstance(a, Expression) else a for a in x.args]
+                done[x] = _PLAIN[x.op](*given)
         return done[x]
 
     return value(x)

@@ -15,6 +15,7 @@ from gym_passive_walker.engine.expressions import (
     Expression,
     Tangents,
     choose,
+    inverse_root,
     larger,
     near,
     read,
@@ -132,6 +133,25 @@ def test_the_derivative_of_any_formula_is_that_of_a_complex_step(formula, at, mo
     stepped = {x: at[0] + 1e-200j * moves[0], y: at[1] + 1e-200j * moves[1]}
     expected = np.imag(evaluate(found, stepped)) / 1e-200
     assert value_of(tangent, values) == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("order", [4, 5, 7, 8, 9])
+def test_a_rough_inverse_root_is_at_most_a_twelfth_too_large(order):
+    (x,) = entries("x")
+    rough, numbers = inverse_root(x, order), np.geomspace(1e-3, 1e3, 500)
+    found = np.array([value_of(rough, {x: number}) for number in numbers])
+    share = found * numbers ** (1.0 / order)
+    assert share.min() > 0.99 and share.max() < 1.085
+    assert (np.diff(found) < 0.0).all()
+    assert value_of(rough, {x: 0.0}) > 1e30
+
+
+@pytest.mark.parametrize("order", [4, 8])
+def test_a_rough_inverse_root_is_exact_for_powers_of_it(order):
+    (x,) = entries("x")
+    for power in range(-5, 6):
+        found = value_of(inverse_root(x, order), {x: 2.0 ** (order * power)})
+        assert found == 2.0**-power
 
 
 def test_a_derivative_has_a_derivative():
