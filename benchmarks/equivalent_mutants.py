@@ -4,10 +4,10 @@ EQUIVALENT: dict[str, str] = {
     "engine/landing.root: low + high -> low - high": (
         "leaves the bracket where the slope is exactly 0; the next line then takes its middle"
     ),
-    "engine/landing.go_on: 1.1 * following -> 1.1110000000000002 * following": (
-        "the last steps before a time is up are shared out another way"
+    "engine/step.module: STRETCH = 1.1 -> STRETCH = 1.1110000000000002": (
+        "the last steps before a strike or a time's end are shared out another way"
     ),
-    "engine/step.judge: ratio <= SHORT -> ratio > SHORT": (
+    "engine/step.judge: factor >= MUCH -> factor < MUCH": (
         "proposes another length for the first step after a tick, which is tried like any other"
     ),
     "engine/run.module: _WORTH_A_THREAD = 1024 -> _WORTH_A_THREAD = 1025": (
