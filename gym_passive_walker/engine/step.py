@@ -50,7 +50,7 @@ MUCH = 1.07
 WILD = 1e24
 """Error over what is allowed from which nothing is known of the motion."""
 
-MOST_TURN = 0.45
+MOST_TURN = 0.1
 """Angle by which a link turns in a step, up to which sines and cosines are exact to the last bit
 or so; where one turns by more, they are as exact as the step's error allows."""
 
