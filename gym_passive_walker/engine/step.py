@@ -54,9 +54,8 @@ MOST_TURN = 0.1
 """Angle by which a link turns in a step, up to which sines and cosines are exact to the last bit
 or so; where one turns by more, they are as exact as the step's error allows."""
 
-CLOSEST, FARTHEST_END = 0.05, 0.25
-"""How far apart stages may be that are close in time, over the step's length; and a step's end from
-the stage at the same time."""
+CLOSEST = 0.05
+"""How far apart stages may be that are close in time, over the step's length."""
 
 OFF_CIRCLE = 30.0
 """What it counts, beside the estimate of a step's error, how far sines and cosines are off the unit
@@ -114,8 +113,6 @@ class Step(Equations):
         places = self.pair.places()
         mine, its, first = places[index], places[other], places[0]
         apart = max(abs(nodes[index] - nodes[other]), CLOSEST)
-        if index == self.pair.stages:  # no estimate sees it, and its neighbour is less exact
-            apart = FARTHEST_END
         most, angles, rates = MOST_TURN * apart, [], []
         for link in self.links:
             angle = tile["angle", link]
