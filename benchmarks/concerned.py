@@ -14,8 +14,8 @@ CHANGED = {
     },
     **{
         f"engine/{name}": _MACHINERY
-        for name in ("expressions", "native", "runge_kutta", "verner", "layout", "step", "compiled",
-                     "landing", "lanes", "run")
+        for name in ("expressions", "sines", "native", "runge_kutta", "verner", "layout",
+                     "equations", "step", "one_lane", "compiled", "landing", "lanes", "run")
     },
     **{
         f"walkers/{name}": ["tests/test_walkers.py", *_MECHANICS]

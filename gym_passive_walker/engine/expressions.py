@@ -7,9 +7,7 @@ differentiated exactly (`tangent`), and `native` turns them into machine code.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
-from math import factorial
 from typing import Any
 
 from gym_passive_walker.physics.numbers import larger, sine_cosine
@@ -178,110 +176,12 @@ def rounding(x: Expression) -> Expression:
     return x._with("rounding")
 
 
-_INVERSE_PI = 0.3183098861837907
-_PI = 3.141592653589793
-_PI_REST = 1.2246467991473532e-16  # pi = _PI + _PI_REST to 32 digits
-
-
-_ROUNDS = 1.5 * 2.0**52
-"""Numbers added to this are rounded to whole ones, and their last bit says if they are odd."""
-
-
-def _flipped(x: Expression, rounded: Expression) -> Expression:
-    """A number, its sign changed if another, plus _ROUNDS, is odd."""
-    return x._with("flip", x, rounded)
-
-
-def near(
-    angle: Expression, sine: Expression, cosine: Expression, turn: Expression, most: float
-) -> Expression:
-    """An angle near another one, whose sine and cosine are known.
-
-    Args:
-        angle: What it is.
-        sine: Of the other.
-        cosine: Likewise.
-        turn: From there to here.
-        most: Up to which turn sine and cosine shall be exact to the last bit or so.
-    """
-    return angle._with("near", angle, sine, cosine, turn, most)
-
-
-def _by_addition(x: Expression) -> tuple[Expression, Expression]:
-    """Sine and cosine of an angle near another, by as many terms of their series as that needs."""
-    _, sine, cosine, turn, most = x.args
-    square = turn * turn
-    s = turn + (turn * square) * polynomial(_terms(3, most), square)
-    less = square * polynomial(_terms(2, most), square)
-    by_sine = x._with("sin", x, (sine + cosine * s) + sine * less)
-    return by_sine, x._with("cos", x, (cosine - sine * s) + cosine * less)
-
-
-def _terms(first: int, most: float) -> list[float]:
-    """Every other coefficient of a sine's or a cosine's series, as long as its term counts."""
-    found, k = [-1.0 / factorial(first)], first + 2
-    while most**k / factorial(k) > _NOTHING:
-        found.append(-math.copysign(1.0, found[-1]) / factorial(k))
-        k += 2
-    return found
-
-
-_NOTHING = 2e-17  # beside one
-
-
 def polynomial(powers: Sequence[Any], x: Expression) -> Any:
     """A polynomial by its coefficients, in Horner's order."""
     value: Any = powers[-1]
     for power in reversed(powers[:-1]):
         value = power + x * value
     return value
-
-
-@sine_cosine.register
-def _(x: Expression) -> tuple[Expression, Expression]:
-    """Sine and cosine to the last bit or so, in plain arithmetic that suits vectors.
-
-    The angle is reduced to a quarter turn either side of a multiple of pi; the polynomials in its
-    square are Chebyshev fits there, in Estrin's order to keep the chains of dependent operations
-    short. Absolute error below 2e-16 for angles up to a thousand turns.
-    """
-    if x.op == "near":
-        return _by_addition(x)
-    rounded = x * _INVERSE_PI + _ROUNDS
-    half_turns = rounded - _ROUNDS
-    r = (x - half_turns * _PI) - half_turns * _PI_REST
-    z = r * r
-    z2 = z * z
-    z4 = z2 * z2
-    sine = r + r * z * (
-        (
-            (-1.6666666666666666e-1 + 8.333333333333316e-3 * z)
-            + z2 * (-1.9841269841254966e-4 + 2.7557319219160833e-6 * z)
-        )
-        + z4
-        * (
-            (-2.505210761669045e-8 + 1.6058977292642743e-10 * z)
-            + z2 * (-7.643969663988074e-13 + 2.7314368769379893e-15 * z)
-        )
-    )
-    cosine = (
-        1.0
-        - 0.5 * z
-        + z2
-        * (
-            (
-                (4.1666666666666664e-2 - 1.388888888888888e-3 * z)
-                + z2 * (2.4801587301579848e-5 - 2.755731922156836e-7 * z)
-            )
-            + z4
-            * (
-                (2.0876756602722215e-9 - 1.1470712262813793e-11 * z)
-                + z2 * (4.77787760803859e-14 - 1.5218598818596388e-16 * z)
-            )
-        )
-    )
-    # How they are computed, and what they are: for the derivative.
-    return x._with("sin", x, _flipped(sine, rounded)), x._with("cos", x, _flipped(cosine, rounded))
 
 
 def operands(x: Expression) -> tuple[Expression, ...]:

@@ -17,11 +17,11 @@ from gym_passive_walker.engine.expressions import (
     choose,
     inverse_root,
     larger,
-    near,
     polynomial,
     rounding,
 )
 from gym_passive_walker.engine.native import Memory
+from gym_passive_walker.engine.sines import near
 from gym_passive_walker.physics.hybrid import State, Watch
 from gym_passive_walker.physics.numbers import sine_cosine
 

@@ -13,7 +13,7 @@ import numpy as np
 from llvmlite import binding as llvm
 
 from gym_passive_walker.engine.compiled import context
-from gym_passive_walker.engine.expressions import Expression, bits_of_inverse
+from gym_passive_walker.engine.expressions import Expression, bits_of_inverse, read
 from gym_passive_walker.engine.layout import WIDTH, aligned
 from gym_passive_walker.engine.native import GROUP, Function, Module
 
@@ -138,6 +138,12 @@ _PLAIN: dict[str, Callable[..., Any]] = {
     "not": lambda a: not a,
     "choose": lambda condition, yes, no: yes if condition else no,
 }
+
+
+def entries(*names: str) -> tuple[Expression, ...]:
+    """Places that are read."""
+    known: dict = {}
+    return tuple(read(known, name) for name in names)
 
 
 def evaluate(x: Expression, entries: Mapping[Expression, Any]) -> Any:
