@@ -21,7 +21,7 @@ from benchmarks.measured import CROWD, Point
 from benchmarks.problem import WALKS, error, problem
 from benchmarks.report import command, keep, machine, plot, seconds, table
 
-TOLERANCES = 10.0 ** -np.arange(3.0, 15.0)
+TOLERANCES = 10.0 ** -np.arange(3.0, 14.1, 0.5)
 LEVELS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 
 Curve = list[Point]
@@ -58,7 +58,7 @@ def strides() -> None:
         for label, method in methods.items():
             try:
                 # JAX compiles each tolerance anew.
-                tolerances = TOLERANCES[::2] if "diffrax" in label else TOLERANCES
+                tolerances = TOLERANCES[::4] if "diffrax" in label else TOLERANCES
                 curves[label] = [method(float(tolerance)) for tolerance in tolerances]
             except ImportError:
                 print(f"{label} is not installed")
