@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 _ROUNDING = 1e-9
 """Violations below this may be as small as rounding lets them be."""
 
+_FLOOR = 1e-12
+"""Those below this are, if a step does not halve them."""
+
 
 class Solution(NamedTuple):
     """Where Newton's method has come to from n guesses.
@@ -93,7 +96,8 @@ def newton(
         if len(carried):
             carried[won] = new_carried[better]
         if damped:
-            damping[won] = np.minimum(1.0, 4.0 * damping[won])
+            still = (new_sizes < _FLOOR) & (new_sizes > 0.5 * old_sizes)
+            damping[won] = np.where(still[better], 0.0, np.minimum(1.0, 4.0 * damping[won]))
             damping[lost] *= np.where(sizes[lost] < _ROUNDING, 0.0, 0.25)
         else:
             still = (new_sizes < _ROUNDING) & (new_sizes > 0.1 * old_sizes)
