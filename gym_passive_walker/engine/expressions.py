@@ -163,12 +163,9 @@ def inverse_root(x: Expression, order: int) -> Expression:
         if rest * 2.0**place >= order:
             places.append(place)
             rest -= order / 2.0**place
-    return x._with("inverse root", x, tuple(places))
-
-
-def bits_of_inverse(places: tuple[int, ...]) -> int:
-    """From what to take a number's bits, shifted by some places, for those of its inverse root."""
-    return _ONE + sum(_ONE >> place for place in places)
+    # From what to take the bits, shifted by these places.
+    start = _ONE + sum(_ONE >> place for place in places)
+    return x._with("inverse root", x, start, tuple(places))
 
 
 def rounding(x: Expression) -> Expression:

@@ -14,13 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from gym_passive_walker.engine.expressions import (
-    Expression,
-    Tangents,
-    bits_of_inverse,
-    operands,
-    read,
-)
+from gym_passive_walker.engine.expressions import Expression, Tangents, operands, read
 
 GROUP = 8
 """Lanes of a vector: one of 512 bits, or two of 256."""
@@ -293,7 +287,7 @@ class Emitter:
         if op == "rounding":
             return self._constant(self.rounding)
         if op == "inverse root":
-            return self._inverse_root(self(args[0]), args[1])
+            return self._inverse_root(self(args[0]), *args[1:])
         if op == "read":
             return self._load(args)
         if op == "argument":
@@ -350,11 +344,11 @@ class Emitter:
         flipped = new(f"xor {word} {new(f'bitcast {self.number} {x} to {word}')}, {sign}")
         return new(f"bitcast {word} {flipped} to {self.number}")
 
-    def _inverse_root(self, x: str, places: tuple[int, ...]) -> str:
+    def _inverse_root(self, x: str, start: int, places: tuple[int, ...]) -> str:
         """One over a root, by a number's bits."""
         new, word = self.owner.new, self.word
         bits = new(f"bitcast {self.number} {x} to {word}")
-        value = self._alike("i64", str(bits_of_inverse(places)))
+        value = self._alike("i64", str(start))
         for k in places:
             part = new(f"lshr {word} {bits}, {self._alike('i64', str(k))}")
             value = new(f"sub {word} {value}, {part}")

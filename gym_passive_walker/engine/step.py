@@ -98,13 +98,10 @@ class Step(Equations):
     def _moved_by(self, index: int, tile: Memory, link: int) -> tuple[Expression, Expression]:
         """How far a link has turned in a stage, and its rate there."""
         h, rate, stages = tile["h"], tile["rate", link], range(self.pair.stages)
+        weights = self.pair.weights[index]
         rates = [rate, *(tile["stage_rate", j - 1, link] for j in stages[1:])]
-        turn = h * self._weighted(index, rates)
-        return turn, rate + h * self._weighted(index, [tile["stage", j, link] for j in stages])
-
-    def _weighted(self, index: int, slopes: list[Expression]) -> Expression | float:
-        """What earlier stages' slopes make of a stage's, or of the step's end."""
-        return weighted(self.pair.weights[index], slopes)
+        accelerations = [tile["stage", j, link] for j in stages]
+        return h * weighted(weights, rates), rate + h * weighted(weights, accelerations)
 
     def _at(self, index: int, tile: Memory) -> State:
         """The state in a stage, its angles near those of an earlier one."""

@@ -12,7 +12,7 @@ from collections.abc import Collection
 
 import numpy as np
 
-from gym_passive_walker.engine.expressions import Expression, bits_of_inverse
+from gym_passive_walker.engine.expressions import Expression
 from gym_passive_walker.engine.native import Code, Emitter, Function, Module
 
 _SIGNS = {"mul": "*", "div": "/", "add": "+", "sub": "-", "and": "&", "or": "|"}
@@ -126,10 +126,10 @@ class _Emitter(Emitter):
     def _flipped(self, x: str, last_bit: str) -> str:
         return self.owner.new(f"flip({x}, {last_bit})")
 
-    def _inverse_root(self, x: str, places: tuple[int, ...]) -> str:
+    def _inverse_root(self, x: str, start: int, places: tuple[int, ...]) -> str:
         bits = self.owner.new(f"bits({x})")
         shifted = "".join(f" - ({bits} >> {place})" for place in places)
-        return self.owner.new(f"of_bits({bits_of_inverse(places)}{shifted})")
+        return self.owner.new(f"of_bits({start}{shifted})")
 
     def _call(self, name: str, *operands: str) -> str:
         return self.owner.new(f"{name}({', '.join(operands)})")
@@ -167,8 +167,8 @@ class _Single(_Emitter):
             return self.owner.new(f"{x.op}({self(x.args[0])})")
         return super()._of(x)
 
-    def _inverse_root(self, x: str, places: tuple[int, ...]) -> str:
-        return self.owner.new(f"single({super()._inverse_root(x, places)})")
+    def _inverse_root(self, x: str, start: int, places: tuple[int, ...]) -> str:
+        return self.owner.new(f"single({super()._inverse_root(x, start, places)})")
 
     def _constant(self, value: float) -> str:
         return f"single({value!r})"

@@ -13,7 +13,7 @@ import numpy as np
 from llvmlite import binding as llvm
 
 from gym_passive_walker.engine.compiled import context
-from gym_passive_walker.engine.expressions import Expression, bits_of_inverse, read
+from gym_passive_walker.engine.expressions import Expression, read
 from gym_passive_walker.engine.layout import WIDTH, aligned
 from gym_passive_walker.engine.native import GROUP, Function, Module
 
@@ -126,9 +126,7 @@ _PLAIN: dict[str, Callable[..., Any]] = {
     "neg": operator.neg,
     "abs": lambda a: -a if np.real(a) < 0.0 else a,
     "sqrt": np.sqrt,
-    "inverse root": lambda a, places: _of_bits(
-        bits_of_inverse(places) - sum(_bits(a) >> k for k in places)
-    ),
+    "inverse root": lambda a, start, places: _of_bits(start - sum(_bits(a) >> k for k in places)),
     "<": lambda a, b: np.real(a) < np.real(b),
     "<=": lambda a, b: np.real(a) <= np.real(b),
     ">": lambda a, b: np.real(a) > np.real(b),

@@ -341,7 +341,7 @@ def test_a_sweep_makes_the_pairs_step_and_estimates_its_error(system, index):
         np.testing.assert_allclose(found, [at, speed], rtol=0.0, atol=1e-12 * scale)
         error = np.abs(h[lane] * weights @ stages).sum() / scale
         told = tile["error"][0, lane] / fineness
-        assert told == pytest.approx(error, rel=1e-4, abs=3e-15)  # rounding
+        assert told == pytest.approx(error, rel=1e-4, abs=1e-15)  # rounding
         assert error > 0.0
 
 

@@ -15,7 +15,7 @@ from tests.physics.examples import GAITS, LONG_GAITS, MASSIVE, random_state
 TORQUES = [0.0, 0.01, -0.01, 0.02]
 
 
-def assert_ledger_closes(walker, start, found, within: float = 2e-11) -> None:
+def assert_ledger_closes(walker, start, found, within: float = 1e-11) -> None:
     """What gravity and motor gave is in the motion or was lost in collisions."""
     entries = [
         found.gravity_work,
