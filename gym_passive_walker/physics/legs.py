@@ -90,7 +90,7 @@ def push_off(body, stance, swing):
     hip_back, hip_up = body.leg * stance_sine, body.foot_radius + body.leg * stance_cosine
     old = turned(body.swing_along, body.swing_across, stance_sine, stance_cosine)
     new = turned(body.swing_along, body.swing_across, *sine_cosine(swing))
-    mobility = 1.0 / body.swing_inertia
+    mobility = body.swing_mobility
     # A leg that hangs from a hip moving by v turns by (spin - back' v_up + up' v_back) mobility,
     # which leaves the hip with the mass of the whole less what the legs yield.
     spin = push_up * hip_back - push_back * hip_up
