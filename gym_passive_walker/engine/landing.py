@@ -114,10 +114,14 @@ def further(course, i, ahead):
 
 @inlined
 def fell(phase, course, i, scuff, ahead):
-    """Whether a guard fell through zero over the step and a little beyond it, so that it counts."""
+    """Whether a guard fell through zero over the step and a little beyond it, and it may count."""
     if phase.watch[i] == _SCUFF and not scuff:
         return False
-    return course.before[i] > 0.0 and further(course, i, ahead) <= 0.0 and course.counts[i] > 0.0
+    before, after = course.before[i], further(course, i, ahead)
+    if course.counts_before[i] == 0.0:
+        # What fell just where the step begins did not count there.
+        return course.counts_after[i] > 0.0 and before > _BRINK * (before - after) and after <= 0.0
+    return before > 0.0 and after <= 0.0
 
 
 @jitted
@@ -247,6 +251,15 @@ def correction_to(course, event, strike, h, options):
     return late, speed, close or abs(late) <= options.landing * max(h, 1e-3)
 
 
+@inlined
+def landed(tile, course, lane, event):
+    """The event that a step has ended on; 0, and the walker goes on, where it does not count."""
+    if course.counted > 0.0:
+        return event
+    go_on(tile, lane)
+    return 0
+
+
 @jitted
 def land(tiles, courses, phase, lane, options):
     """A Newton step on the length of the step that leads to the lane's event.
@@ -282,11 +295,8 @@ def land(tiles, courses, phase, lane, options):
     if other != 0 and further(course, other - 1, 0.0) < -_TOGETHER:
         aim(tile, lane, other, root(path(course, other - 1, h)), h)
         return 0
-    accept(tiles, courses, phase, lane, float(event) if close else 0.0, correction)
-    if course.counts[event - 1] == 0.0:
-        go_on(tile, lane)
-        return 0
-    return event
+    accept(tiles, courses, phase, lane, float(event if close else -event), correction)
+    return landed(tile, course, lane, event)
 
 
 @jitted
@@ -346,7 +356,7 @@ def attend(tiles, courses, phase, lane, options):
     near = near and phase.strike > 0
     if near and earliest(phase, course, h, scuff, phase.strike)[1] == 0:
         if strike(tiles, courses, phase, lane, options):
-            return phase.strike
+            return landed(tile, course, lane, phase.strike)
     first, event = earliest(phase, course, h, scuff, 0)
     if event < 0:  # stop where a pair of roots may hide, between them
         tile.next[lane] = h

@@ -112,7 +112,9 @@ COURSE = np.dtype(
         ("after", "f8", (MOST_GUARDS,)),
         ("rate_after", "f8", (MOST_GUARDS,)),
         ("bend_after", "f8", (MOST_GUARDS,)),
-        ("counts", "f8", (MOST_GUARDS,)),  # whether a fall at the step's end would count
+        # Whether a fall of each guard would count there.
+        ("counts_before", "f8", (MOST_GUARDS,)),
+        ("counts_after", "f8", (MOST_GUARDS,)),
         # Where in the step what each control moves turns back: a fraction, or -1.
         ("turning", "f8", (_CONTROLS,)),
         # Of the strike, along the motion beyond the step's end: when it comes, whether it counts
@@ -120,6 +122,7 @@ COURSE = np.dtype(
         ("late", "f8"),
         ("comes", "f8"),
         ("doubt", "f8"),
+        ("counted", "f8"),  # whether the event counts in the state that the step has ended in
     ]
 )
 """How guards run over a step."""

@@ -21,10 +21,13 @@ from gym_passive_walker.engine.expressions import (
 )
 from gym_passive_walker.engine.native import Memory
 from gym_passive_walker.engine.step import STRETCH
-from gym_passive_walker.physics.hybrid import Control, State
+from gym_passive_walker.physics.hybrid import Control, Guard, State
 
 LAST_STAGES = 5
 """Of a step, through which a polynomial goes on beyond its end."""
+
+LEAST = 1e-6
+"""Share of a step by which its end may always be moved: that errs by less than rounding."""
 
 
 class OneLane(Equations):
@@ -93,21 +96,30 @@ class OneLane(Equations):
 
         The first argument is the event that the step ends on, from 1 on, or 0. The end moves onto
         it, by the time that is the second argument and a Newton step from there; wherever it
-        depends on something, it moves along with that.
+        depends on something, it moves along with that. A negative event is taken where the step
+        ends. Whether the event counts is decided by the state that it ends in.
         """
         event, late = tile.argument(0), tile.argument(1)
+        number = abs(event)
         start, (end, bends) = self.state(tile), self.beyond(tile, late)
         value, rate = event.number(0.0), event.number(1.0)
         for i in reversed(range(len(self.phase.guards))):
             g, v, _ = self.along(self.guard(i, tile), end, [None] * 3)
-            value, rate = choose(event < i + 1.5, g, value), choose(event < i + 1.5, v, rate)
-        rest = choose(event < 0.5, 0.0, -value / rate)
+            value, rate = choose(number < i + 1.5, g, value), choose(number < i + 1.5, v, rate)
+        rest = -value / rate
+        # Where the guard hardly falls, its slope leads astray: no further than the end has moved.
+        rest = choose((event > 0.5) & (abs(rest) <= abs(late) + LEAST * tile["h"]), rest, 0.0)
         late = late + rest
         half = 0.5 * rest
         end = self.as_state(
             [end[k] + rest * (end[3 + k] + half * bends[k]) for k in self.links],
             [end[3 + k] + rest * bends[k] for k in self.links],
         )
+        counted: Expression = event.number(1.0)
+        for i, guard in reversed(list(enumerate(self.phase.guards))):
+            counts = self._counts(guard, tile, end)
+            counted = choose(number < i + 1.5, counts, counted)
+        course["counted"] = counted
         for link in self.links:
             tile["angle", link], tile["rate", link] = end[link], end[3 + link]
             tile["stage", 0, link] = bends[link]
@@ -168,15 +180,17 @@ class OneLane(Equations):
                 scale = larger(abs(size), scale)
         part = 0.75 * abs(np.prod([self.pair.nodes[j] - 1.0 for j in list(self._onward)[1:-1]]))
         error = float(part) * tile["h"] * (x * x) * apart
-        counts = (rate < 0.0) & (square > 0.25 * (rate * rate))  # it does not merely touch
-        if guard.when:
-            counts &= guard.when(self.body(tile), end, self.ground(tile))
-        course["late"], course["comes"] = late, choose(counts, 1.0, 0.0)
+        there = self.as_state(
+            [end[k] + late * (end[3 + k] + 0.5 * late * bends[k]) for k in self.links],
+            [end[3 + k] + late * bends[k] for k in self.links],
+        )
+        falls = (rate < 0.0) & (square > 0.25 * (rate * rate))  # it does not merely touch
+        course["late"] = late
+        course["comes"] = choose(falls, self._counts(guard, tile, there), 0.0)
         course["doubt"] = error / (tile.argument(0) * scale + 1e-290)
 
     def look(self, tile: Memory, course: Memory) -> None:
         """How guards, and what controls move, run over a lane's step."""
-        body, ground = self.body(tile), self.ground(tile)
         guards = len(self.phase.guards)
         functions: dict[int, Callable[[State], Expression]] = {
             **{i: self.guard(i, tile) for i in range(guards)},
@@ -189,10 +203,14 @@ class OneLane(Equations):
                 value, rate, bend = self.along(function, state, bends)
                 course[when, i], course[f"rate_{when}", i] = value, rate
                 course[f"bend_{when}", i] = bend
-        end = self.state(tile, "new_")
-        for i, guard in enumerate(self.phase.guards):
-            counts = guard.when(body, end, ground) if guard.when else None
-            course["counts", i] = 1.0 if counts is None else choose(counts, 1.0, 0.0)
+            for i, guard in enumerate(self.phase.guards):
+                course[f"counts_{when}", i] = self._counts(guard, tile, state)
+
+    def _counts(self, guard: Guard, tile: Memory, state: State) -> Expression | float:
+        """Whether the fall of a guard counts in a state: 1 or 0."""
+        if not guard.when:
+            return 1.0
+        return choose(guard.when(self.body(tile), state, self.ground(tile)), 1.0, 0.0)
 
 
 def quintic(course: Memory, i: int, h: Expression, x: Expression) -> Expression:

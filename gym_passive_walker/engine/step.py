@@ -269,7 +269,9 @@ class Step(Equations):
                 drop = tile["h"] * v1
                 down = (g1 <= 0.0) | ((drop < 0.0) & (g1 + NEAR * drop <= 0.0))
                 if guard.when:  # who passes by, as feet do at midstance, need not be looked at
-                    down &= guard.when(self.body(tile), after, self.ground(tile)) | (v0 > 0.0)
+                    known = self.body(tile), self.ground(tile)
+                    ends = [guard.when(known[0], state, known[1]) for state in (before, after)]
+                    down &= ends[0] | ends[1] | (v0 > 0.0)
                 found = (g0 > 0.0) & (down | ((v0 < 0.0) & (v1 > 0.0)))
                 found |= (g0 <= 0.0) & (g1 <= 0.0) & (v0 > 0.0) & (v1 < 0.0)
             elif guard.watch == Watch.BOUND:

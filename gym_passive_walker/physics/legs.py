@@ -215,24 +215,13 @@ def clearance(body, stance, swing):
     return 2.0 * body.leg * half_sum * half_difference
 
 
-NARROWEST = 0.01
-"""Sine of half the angle between legs that may stand on footholds of two heights."""
+NARROWEST = 0.0202
+"""Smallest angle in rad between legs that may stand on footholds of two heights."""
 
 
 def in_front(state):
     """Whether the swing leg is where a heelstrike may come."""
     return (state.stance < 0.0) & (state.thigh > state.stance)
-
-
-def above(body, state, ground):
-    """Positive where the swing foot is above the next foothold.
-
-    Half the `clearance` in excess of the rise, over the sine of half the angle between the legs: so
-    it falls through zero at the strike alone, and not where the legs pass each other.
-    """
-    half_sum, _ = sine_cosine(0.5 * (state.stance + state.thigh))
-    spread, _ = sine_cosine(0.5 * (state.thigh - state.stance))
-    return body.leg * half_sum - 0.5 * ground.rise / larger(spread, NARROWEST)
 
 
 def lower(ground):
@@ -279,12 +268,12 @@ def straight(stance, thigh, stance_rate, thigh_rate):
 
 # What ends a phase of any walker.
 
-HEELSTRIKE = Guard(
-    lambda body, state, ground: above(body, state, ground),
+HEELSTRIKE = Guard(  # the swing foot comes down on the next foothold
+    lambda body, state, ground: clearance(body, state.stance, state.thigh) - ground.rise,
     Outcome.HEELSTRIKE,
     Watch.STRIKE,
     when=lambda body, state, ground: (
-        in_front(state) & (state.thigh - state.stance > 2.02 * NARROWEST)
+        (state.stance < 0.0) & (state.thigh - state.stance > NARROWEST)
     ),
 )
 SCUFF = Guard(  # a straight leg that meets the ground anywhere but in front
