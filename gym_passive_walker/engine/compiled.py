@@ -24,7 +24,7 @@ from gym_passive_walker.engine.layout import (
     tile_for,
 )
 from gym_passive_walker.engine.native import Code, Function, Memory, Module, uses
-from gym_passive_walker.engine.one_lane import OneLane
+from gym_passive_walker.engine.one_lane import OneLane, first_where
 from gym_passive_walker.engine.runge_kutta import Pair
 from gym_passive_walker.engine.step import Step
 from gym_passive_walker.physics import legs
@@ -47,6 +47,9 @@ PHASE = np.dtype(
         ("strike", "i8"),  # which of them is the strike, counted from 1; 0 if none is
         ("outcomes", "i8", (MOST_GUARDS,)),
         ("watch", "i8", (MOST_GUARDS,)),
+        # Rows of a `COURSE` with what each guard counts by: the first, and how many.
+        ("first_where", "i8", (MOST_GUARDS,)),
+        ("wheres", "i8", (MOST_GUARDS,)),
     ]
 )
 """What the engine knows of a phase."""
@@ -89,8 +92,7 @@ def constants_used(system: System, phase: Phase) -> tuple[str, ...]:
         results.append(system.friction_power(body, state))
     for guard in phase.guards:
         results.append(guard.falls(body, state, ground))
-        if guard.when:
-            results.append(guard.when(body, state, ground))
+        results += [where(body, state, ground) for where in guard.where]
     reached = uses(results)
     return tuple(name for name, x in zip(names, body, strict=True) if x in reached)
 
@@ -128,6 +130,9 @@ def phases_of(system: System, code: Any) -> NDArray:
         entry["strike"] = 0 if phase.strike is None else phase.strike + 1
         entry["outcomes"][: len(phase.guards)] = [guard.outcome for guard in phase.guards]
         entry["watch"][: len(phase.guards)] = [guard.watch for guard in phase.guards]
+        for number, guard in enumerate(phase.guards):
+            entry["first_where"][number] = first_where(phase, number)
+            entry["wheres"][number] = len(guard.where)
     return phases
 
 

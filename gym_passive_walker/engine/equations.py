@@ -9,7 +9,7 @@ from gym_passive_walker.engine.expressions import Expression, Tangents
 from gym_passive_walker.engine.layout import PAIR
 from gym_passive_walker.engine.native import Memory
 from gym_passive_walker.engine.runge_kutta import Pair
-from gym_passive_walker.physics.hybrid import Control, Ground, Phase, State, System
+from gym_passive_walker.physics.hybrid import Control, Ground, Guard, Phase, State, System
 
 
 class Equations:
@@ -59,6 +59,11 @@ class Equations:
         """The function of the state that ends the phase."""
         falls, body, ground = self.phase.guards[index].falls, self.body(tile), self.ground(tile)
         return lambda state: falls(body, state, ground)
+
+    def wheres(self, guard: Guard, tile: Memory) -> list[Callable[[State], Expression]]:
+        """The functions of the state that are positive where a guard's fall counts."""
+        body, ground = self.body(tile), self.ground(tile)
+        return [lambda state, where=where: where(body, state, ground) for where in guard.where]
 
     @property
     def dissipates(self) -> bool:

@@ -15,6 +15,7 @@ from __future__ import annotations
 from gym_passive_walker.engine.jit import address, call, fma, inlined, jitted
 from gym_passive_walker.engine.step import (
     LONGEST_STEP,
+    LOOKED_AT,
     MOST_STEPS,
     MUCH,
     NEAR,
@@ -38,7 +39,7 @@ _TOGETHER = 1e-14
 """How near to zero a guard must be before it is told which of two falls first; where both are as
 near, either may."""
 
-_SCUFF = int(Watch.SCUFF)
+_SCUFF, _STRIKE = int(Watch.SCUFF), int(Watch.STRIKE)
 _CONTROLS = len(Control._fields)
 
 
@@ -112,16 +113,32 @@ def further(course, i, ahead):
     return course.after[i] + ahead * (course.rate_after[i] + 0.5 * ahead * course.bend_after[i])
 
 
-@inlined
-def fell(phase, course, i, scuff, ahead):
-    """Whether a guard fell through zero over the step and a little beyond it, and it may count."""
+@jitted
+def counts(phase, course, i, h, x):
+    """Whether the fall of a guard may count at a fraction x of the step.
+
+    Where what it counts by is near zero there, it may: that is decided where the walker lands. Not
+    so where the step begins, where it is known.
+    """
+    for k in range(phase.first_where[i], phase.first_where[i] + phase.wheres[i]):
+        before, after = course.before[k], course.after[k]
+        p = path(course, k, h)
+        sway = abs(p[1]) + abs(p[2]) + abs(after - before)
+        there = before if x < _BRINK else value(p, x) + _DOUBT * sway
+        if not there > 0.0:
+            return False
+    return True
+
+
+@jitted
+def fell(phase, course, i, h, scuff, ahead):
+    """Where in a step, or a little beyond, a guard fell through zero so that it may count; or -1."""
     if phase.watch[i] == _SCUFF and not scuff:
-        return False
-    before, after = course.before[i], further(course, i, ahead)
-    if course.counts_before[i] == 0.0:
-        # What fell just where the step begins did not count there.
-        return course.counts_after[i] > 0.0 and before > _BRINK * (before - after) and after <= 0.0
-    return before > 0.0 and after <= 0.0
+        return -1.0
+    if not (course.before[i] > 0.0 and further(course, i, ahead) <= 0.0):
+        return -1.0
+    x = root(path(course, i, h)) if course.after[i] <= 0.0 else 1.0
+    return x if counts(phase, course, i, h, x) else -1.0
 
 
 @jitted
@@ -134,22 +151,21 @@ def turning(tile, phase, course, lane, k):
 
 
 @jitted
-def wavering(tile, phase, course, lane, k):
-    """Where in the step what a control moves is slowest, if it turns back before and after; or -1.
+def between_turns(course, i, h):
+    """Where in the step something that turns back twice passes from one turn to the other; or -1.
 
     Cut there, each part has one turn. Not looked for where it speeds up at first or slows down at
     last: it would have to change its mind three times in a step.
     """
-    i = phase.guards + k
     before, after = course.rate_before[i], course.rate_after[i]
     if before * course.bend_before[i] >= 0.0 or after * course.bend_after[i] <= 0.0:
         return -1.0
-    if before * after < 0.0 or tile.control[k, lane] == 0.0:
+    if before * after < 0.0:
         return -1.0
-    rate = derivative(path(course, i, tile.h[lane]))
-    slowest = root(derivative(rate))
-    turns = before * value(rate, slowest) < 0.0
-    return slowest if turns and _BRINK < slowest < 1.0 - _BRINK else -1.0
+    rate = derivative(path(course, i, h))
+    between = root(derivative(rate))
+    turns = before * value(rate, between) < 0.0
+    return between if turns and _BRINK < between < 1.0 - _BRINK else -1.0
 
 
 @jitted
@@ -167,6 +183,19 @@ def hiding(course, i, h):
     span = max(abs(p[0] - extreme), abs(value(p, 1.0) - extreme))
     unsure = (extreme > 0.0) != (p[0] > 0.0) or abs(extreme) < _DOUBT * span
     return fraction if unsure and _BRINK < fraction < 1.0 - _BRINK else -1.0
+
+
+@jitted
+def again(course, i, h):
+    """Where in the step a guard has passed zero, to pass it again before the step ends; or -1."""
+    p = path(course, i, h)
+    positive, passed, first = p[0] > 0.0, 0, -1.0
+    for x in (*LOOKED_AT, 1.0):
+        if (value(p, x) > 0.0) != positive:
+            positive, passed = not positive, passed + 1
+            if first < 0.0:
+                first = x
+    return first if passed > 1 else -1.0
 
 
 @inlined
@@ -192,13 +221,14 @@ def earliest(phase, course, h, scuff, but):
     for i in range(phase.guards):
         if i + 1 == but or far(course, i, h):
             continue
-        if fell(phase, course, i, scuff, 0.0):
-            fraction, found = root(path(course, i, h)), i + 1
-        elif phase.watch[i] != _SCUFF:
+        fraction, found = -1.0, -1
+        if phase.watch[i] == _STRIKE:
+            fraction = again(course, i, h)
+        if fraction < 0.0:
+            fraction, found = fell(phase, course, i, h, scuff, 0.0), i + 1
+        if fraction < 0.0 and phase.watch[i] != _SCUFF:
             fraction, found = hiding(course, i, h), -1
-        else:
-            continue
-        if 0.0 < fraction < first or (found > 0 and fraction < first):
+        if 0.0 <= fraction < first:
             first, event = fraction, found
     return first, event
 
@@ -221,10 +251,10 @@ def aim(tile, lane, event, fraction, high):
 
 
 @jitted
-def rival(phase, course, event, scuff, ahead):
+def rival(phase, course, event, h, scuff, ahead):
     """Another event that has happened where a correction of the step's length leads; 0 if none."""
     for i in range(phase.guards):
-        if i + 1 != event and fell(phase, course, i, scuff, ahead):
+        if i + 1 != event and fell(phase, course, i, h, scuff, ahead) >= 0.0:
             return i + 1
     return 0
 
@@ -286,7 +316,7 @@ def land(tiles, courses, phase, lane, options):
     if close or narrow:
         if narrow and not close:
             correction = 0.0  # the slope here may be too small to divide by
-        other = rival(phase, course, event, scuff, correction)
+        other = rival(phase, course, event, h, scuff, correction)
     in_doubt = other != 0 and abs(g) > _TOGETHER and not narrow
     if not (close or narrow) or in_doubt:
         tile.low[lane], tile.high[lane] = low, high
@@ -309,7 +339,7 @@ def strike(tiles, courses, phase, lane, options):
         return False
     if tile.time[lane] + tile.h[lane] + late > tile.end[lane]:
         return False
-    if rival(phase, course, phase.strike, options.scuff, late):
+    if rival(phase, course, phase.strike, tile.h[lane], options.scuff, late):
         return False
     accept(tiles, courses, phase, lane, float(phase.strike), late)
     return True
@@ -345,8 +375,8 @@ def attend(tiles, courses, phase, lane, options):
 
     for k in range(_CONTROLS):  # end a step where a control turns back, so that its work is exact
         turned = turning(tile, phase, course, lane, k)
-        if not 0.02 < turned < 0.98:
-            turned = wavering(tile, phase, course, lane, k)
+        if not 0.02 < turned < 0.98 and tile.control[k, lane] != 0.0:
+            turned = between_turns(course, phase.guards + k, h)
         if turned > 0.0:
             tile.next[lane] = h
             tile.h[lane] = turned * h

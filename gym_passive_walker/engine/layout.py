@@ -25,8 +25,8 @@ tile stays in the first-level cache."""
 MOST_CONSTANTS = 24
 """Constants of a body that the equations of one phase may use."""
 
-MOST_GUARDS = 12
-"""Guards that a phase may have, with what controls move and friction takes."""
+MOST_GUARDS = 16
+"""Guards that a phase may have, with what controls move and what guards count by."""
 
 LINKS = 3
 _CONTROLS, _GROUND = len(Control._fields), len(Ground._fields)
@@ -105,16 +105,13 @@ TILE = tile_for(PAIR)
 
 COURSE = np.dtype(
     [
-        # Of each guard, of what each control moves, of what friction takes: at a step's ends.
+        # Of each guard, of what each control moves, of what guards count by: at a step's ends.
         ("before", "f8", (MOST_GUARDS,)),
         ("rate_before", "f8", (MOST_GUARDS,)),
         ("bend_before", "f8", (MOST_GUARDS,)),
         ("after", "f8", (MOST_GUARDS,)),
         ("rate_after", "f8", (MOST_GUARDS,)),
         ("bend_after", "f8", (MOST_GUARDS,)),
-        # Whether a fall of each guard would count there.
-        ("counts_before", "f8", (MOST_GUARDS,)),
-        ("counts_after", "f8", (MOST_GUARDS,)),
         # Where in the step what each control moves turns back: a fraction, or -1.
         ("turning", "f8", (_CONTROLS,)),
         # Of the strike, along the motion beyond the step's end: when it comes, whether it counts

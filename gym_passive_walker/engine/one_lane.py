@@ -21,7 +21,7 @@ from gym_passive_walker.engine.expressions import (
 )
 from gym_passive_walker.engine.native import Memory
 from gym_passive_walker.engine.step import STRETCH
-from gym_passive_walker.physics.hybrid import Control, Guard, State
+from gym_passive_walker.physics.hybrid import Control, Guard, Phase, State
 
 LAST_STAGES = 5
 """Of a step, through which a polynomial goes on beyond its end."""
@@ -196,6 +196,8 @@ class OneLane(Equations):
             **{i: self.guard(i, tile) for i in range(guards)},
             **{guards + i: partial(self._moved, i) for i in self.controls},
         }
+        for i, guard in enumerate(self.phase.guards):
+            functions |= dict(enumerate(self.wheres(guard, tile), first_where(self.phase, i)))
         for when, prefix, stage in (("before", "", 0), ("after", "new_", self.pair.stages)):
             state = self.state(tile, prefix)
             bends = [tile["stage", stage, link] for link in range(3)]
@@ -203,14 +205,19 @@ class OneLane(Equations):
                 value, rate, bend = self.along(function, state, bends)
                 course[when, i], course[f"rate_{when}", i] = value, rate
                 course[f"bend_{when}", i] = bend
-            for i, guard in enumerate(self.phase.guards):
-                course[f"counts_{when}", i] = self._counts(guard, tile, state)
 
-    def _counts(self, guard: Guard, tile: Memory, state: State) -> Expression | float:
+    def _counts(self, guard: Guard, tile: Memory, state: State) -> Expression:
         """Whether the fall of a guard counts in a state: 1 or 0."""
-        if not guard.when:
-            return 1.0
-        return choose(guard.when(self.body(tile), state, self.ground(tile)), 1.0, 0.0)
+        counts = tile["h"].number(1.0)
+        for where in self.wheres(guard, tile):
+            counts = choose(where(state) > 0.0, counts, 0.0)
+        return counts
+
+
+def first_where(phase: Phase, number: int) -> int:
+    """The row of a `COURSE` in which stands what a guard counts by, the first of it."""
+    sooner = sum(len(guard.where) for guard in phase.guards[:number])
+    return len(phase.guards) + len(Control._fields) + sooner
 
 
 def quintic(course: Memory, i: int, h: Expression, x: Expression) -> Expression:

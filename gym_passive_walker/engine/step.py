@@ -9,7 +9,9 @@ gives of the phase's guards.
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
+from functools import partial, reduce
+from itertools import pairwise
+from operator import and_
 
 from gym_passive_walker.engine.equations import Equations, sum_of, weighted
 from gym_passive_walker.engine.expressions import (
@@ -22,7 +24,7 @@ from gym_passive_walker.engine.expressions import (
 )
 from gym_passive_walker.engine.native import Memory
 from gym_passive_walker.engine.sines import near
-from gym_passive_walker.physics.hybrid import State, Watch
+from gym_passive_walker.physics.hybrid import Guard, State, Watch
 from gym_passive_walker.physics.numbers import sine_cosine
 
 PLAIN, ALERT, UP = 0.0, 1.0, 2.0
@@ -33,6 +35,10 @@ NEAR = 0.05
 
 STRETCH = 1.1
 """How much longer a step may become to end on what it leads to."""
+
+LOOKED_AT = (0.25, 0.5, 0.75)
+"""Shares of a step at which the strike's guard is looked at too, by its quintic: within a long step
+a foot may come down more than once."""
 
 LONGEST_STEP = 1.0
 """A leg swings to and fro within six of these: longer steps, however exact, could jump over both a
@@ -219,26 +225,9 @@ class Step(Equations):
         By the quintic through both ends of the step, which goes on. Newton's method begins on its
         chord over another such step, and keeps to the first slope.
         """
-        i, h = self.phase.strike, tile["h"]
+        i, h, powers = self.phase.strike, tile["h"], self._path_of_strike(tile)
         assert i is not None
-        first, last = (
-            [tile["stage", stage, link] for link in range(3)] for stage in (0, self.pair.stages)
-        )
-        falls, end = self.guard(i, tile), self.state(tile, "new_")
-        g0, v0, b0 = self.along(falls, self.state(tile), first)
-        g1, v1, b1 = self.along(falls, end, last)
-        v0, v1, b0, b1 = h * v0, h * v1, h * h * b0, h * h * b1
-        rise, turn, bend = g1 - g0 - v1 + 0.5 * b1, v1 - v0 - b1, b1 - b0
-        powers = (
-            g1,
-            v1,
-            0.5 * b1,
-            10.0 * rise + 4.0 * turn + 0.5 * bend,
-            15.0 * rise + 7.0 * turn + bend,
-            6.0 * rise + 3.0 * turn + 0.5 * bend,
-        )
-        slopes = [k * power for k, power in enumerate(powers)][1:]
-
+        g1, slopes = powers[0], [k * power for k, power in enumerate(powers)][1:]
         x = g1 / (g1 - polynomial(powers, g1.number(1.0)))
         slope = polynomial(slopes, x)
         per_slope = 1.0 / slope
@@ -251,15 +240,54 @@ class Step(Equations):
         angles = [tile["new_angle", k] + late * (rates[k] + bends[k]) for k in self.links]
         there = self.as_state(angles, rates)
         comes = (g1 > 0.0) & (slope < 0.0) & (abs(change) < 0.1 * x)
-        when = self.phase.guards[i].when
-        if when:
-            comes &= when(self.body(tile), there, self.ground(tile))
+        for where in self.wheres(self.phase.guards[i], tile):
+            comes &= where(there) > 0.0
         return choose(comes, late, 0.0)
+
+    def _path_of_strike(self, tile: Memory) -> list[Expression]:
+        """The strike's guard over a step, as the quintic through both ends.
+
+        By its coefficients in powers of the time since the step's end, over the step's length.
+        """
+        i, h = self.phase.strike, tile["h"]
+        assert i is not None
+        first, last = (
+            [tile["stage", stage, link] for link in range(3)] for stage in (0, self.pair.stages)
+        )
+        falls = self.guard(i, tile)
+        g0, v0, b0 = self.along(falls, self.state(tile), first)
+        g1, v1, b1 = self.along(falls, self.state(tile, "new_"), last)
+        v0, v1, b0, b1 = h * v0, h * v1, h * h * b0, h * h * b1
+        rise, turn, bend = g1 - g0 - v1 + 0.5 * b1, v1 - v0 - b1, b1 - b0
+        return [
+            g1,
+            v1,
+            0.5 * b1,
+            10.0 * rise + 4.0 * turn + 0.5 * bend,
+            15.0 * rise + 7.0 * turn + bend,
+            6.0 * rise + 3.0 * turn + 0.5 * bend,
+        ]
+
+    def _may_count(self, guard: Guard, tile: Memory) -> Expression:
+        """Whether the fall of a guard would count at the step's start, middle or end."""
+        before, after = self.state(tile), self.state(tile, "new_")
+        start, middle, end = [], [], []
+        for where in self.wheres(guard, tile):
+            g0, v0, _ = self.along(where, before, [None] * 3)
+            g1, v1, _ = self.along(where, after, [None] * 3)
+            start.append(g0 > 0.0)
+            middle.append(0.5 * (g0 + g1) + 0.125 * tile["h"] * (v0 - v1) > 0.0)
+            end.append(g1 > 0.0)
+        first, second, third = (reduce(and_, each) for each in (start, middle, end))
+        return first | second | third
 
     def _fallen(self, tile: Memory) -> Expression:
         """Whether a guard may have fallen, or a control turned what it moves back."""
         none: list[None] = [None] * 3
         before, after = self.state(tile), self.state(tile, "new_")
+        first, last = (
+            [tile["stage", stage, link] for link in range(3)] for stage in (0, self.pair.stages)
+        )
         alert = None
         for number, guard in enumerate(self.phase.guards):
             falls = self.guard(number, tile)
@@ -267,12 +295,14 @@ class Step(Equations):
             g1, v1, _ = self.along(falls, after, none)
             if guard.watch == Watch.STRIKE:
                 drop = tile["h"] * v1
-                down = (g1 <= 0.0) | ((drop < 0.0) & (g1 + NEAR * drop <= 0.0))
-                if guard.when:  # who passes by, as feet do at midstance, need not be looked at
-                    known = self.body(tile), self.ground(tile)
-                    ends = [guard.when(known[0], state, known[1]) for state in (before, after)]
-                    down &= ends[0] | ends[1] | (v0 > 0.0)
-                found = (g0 > 0.0) & (down | ((v0 < 0.0) & (v1 > 0.0)))
+                down = (g0 > 0.0) & (drop < 0.0) & (g1 + NEAR * drop <= 0.0)
+                powers = self._path_of_strike(tile)
+                inside = [polynomial(powers, g0.number(x - 1.0)) for x in LOOKED_AT]
+                for sooner, later in pairwise([g0, *inside, g1]):
+                    down |= (sooner > 0.0) & (later <= 0.0)
+                if guard.where:  # feet that pass each other at midstance need not be looked at
+                    down &= self._may_count(guard, tile) | (v0 > 0.0)
+                found = down | ((g0 > 0.0) & (v0 < 0.0) & (v1 > 0.0))
                 found |= (g0 <= 0.0) & (g1 <= 0.0) & (v0 > 0.0) & (v1 < 0.0)
             elif guard.watch == Watch.BOUND:
                 sway = tile["h"] * larger(abs(v0), abs(v1))
@@ -281,9 +311,6 @@ class Step(Equations):
                 found = (g0 > 0.0) & (g1 <= 0.0) & (tile.argument(1) > 0.0)
             alert = found if alert is None else alert | found
         assert alert is not None
-        first, last = (
-            [tile["stage", stage, link] for link in range(3)] for stage in (0, self.pair.stages)
-        )
         for i in self.controls:
             moved = partial(self._moved, i)
             _, v0, b0 = self.along(moved, before, first)

@@ -118,13 +118,13 @@ class Guard(NamedTuple):
         falls: Function of body, state and ground that ends the phase as it falls through zero.
         outcome: How the phase has ended then.
         watch: How closely to look.
-        when: Condition, of the same, under which falling through zero counts.
+        where: Functions of the same that are all positive where falling through zero counts.
     """
 
     falls: Callable[[Any, State, Ground], Number]
     outcome: Outcome
     watch: Watch = Watch.BOUND
-    when: Callable[[Any, State, Ground], Number] | None = None
+    where: tuple[Callable[[Any, State, Ground], Number], ...] = ()
 
 
 class Refusal(NamedTuple):

@@ -272,15 +272,16 @@ HEELSTRIKE = Guard(  # the swing foot comes down on the next foothold
     lambda body, state, ground: clearance(body, state.stance, state.thigh) - ground.rise,
     Outcome.HEELSTRIKE,
     Watch.STRIKE,
-    when=lambda body, state, ground: (
-        (state.stance < 0.0) & (state.thigh - state.stance > NARROWEST)
+    where=(
+        lambda body, state, ground: -state.stance,
+        lambda body, state, ground: state.thigh - state.stance - NARROWEST,
     ),
 )
 SCUFF = Guard(  # a straight leg that meets the ground anywhere but in front
     lambda body, state, ground: clearance(body, state.stance, state.thigh) - lower(ground),
     Outcome.STUBBED_TOE,
     Watch.SCUFF,
-    when=lambda body, state, ground: ~in_front(state),
+    where=(lambda body, state, ground: larger(state.stance, state.stance - state.thigh),),
 )
 STANCE_FALLS = (
     Guard(lambda body, state, ground: state.stance + 0.5 * pi, Outcome.FELL_FORWARD),
@@ -297,7 +298,7 @@ _ON_SMOOTH_GROUND = {
             lambda body, state, ground: state.stance + state.thigh,  # the legs mirror each other
             Outcome.HEELSTRIKE,
             Watch.STRIKE,
-            when=lambda body, state, ground: state.stance < 0.0,
+            where=(lambda body, state, ground: -state.stance,),
         ),
     ),
     SCUFF: tuple(
