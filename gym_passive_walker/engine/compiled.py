@@ -47,6 +47,7 @@ PHASE = np.dtype(
         ("strike", "i8"),  # which of them is the strike, counted from 1; 0 if none is
         ("outcomes", "i8", (MOST_GUARDS,)),
         ("watch", "i8", (MOST_GUARDS,)),
+        ("between", "i8", (MOST_GUARDS,)),  # where within a step it is looked at too
         # Rows of a `COURSE` with what each guard counts by: the first, and how many.
         ("first_where", "i8", (MOST_GUARDS,)),
         ("wheres", "i8", (MOST_GUARDS,)),
@@ -130,6 +131,7 @@ def phases_of(system: System, code: Any) -> NDArray:
         entry["strike"] = 0 if phase.strike is None else phase.strike + 1
         entry["outcomes"][: len(phase.guards)] = [guard.outcome for guard in phase.guards]
         entry["watch"][: len(phase.guards)] = [guard.watch for guard in phase.guards]
+        entry["between"][: len(phase.guards)] = [guard.between for guard in phase.guards]
         for number, guard in enumerate(phase.guards):
             entry["first_where"][number] = first_where(phase, number)
             entry["wheres"][number] = len(guard.where)

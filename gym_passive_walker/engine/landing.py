@@ -15,7 +15,6 @@ from __future__ import annotations
 from gym_passive_walker.engine.jit import address, call, fma, inlined, jitted
 from gym_passive_walker.engine.step import (
     LONGEST_STEP,
-    LOOKED_AT,
     MOST_STEPS,
     MUCH,
     NEAR,
@@ -39,7 +38,7 @@ _TOGETHER = 1e-14
 """How near to zero a guard must be before it is told which of two falls first; where both are as
 near, either may."""
 
-_SCUFF, _STRIKE = int(Watch.SCUFF), int(Watch.STRIKE)
+_SCUFF = int(Watch.SCUFF)
 _CONTROLS = len(Control._fields)
 
 
@@ -186,11 +185,12 @@ def hiding(course, i, h):
 
 
 @jitted
-def again(course, i, h):
+def again(course, i, h, between):
     """Where in the step a guard has passed zero, to pass it again before the step ends; or -1."""
     p = path(course, i, h)
     positive, passed, first = p[0] > 0.0, 0, -1.0
-    for x in (*LOOKED_AT, 1.0):
+    for k in range(1, between + 2):
+        x = k / (between + 1)
         if (value(p, x) > 0.0) != positive:
             positive, passed = not positive, passed + 1
             if first < 0.0:
@@ -222,8 +222,8 @@ def earliest(phase, course, h, scuff, but):
         if i + 1 == but or far(course, i, h):
             continue
         fraction, found = -1.0, -1
-        if phase.watch[i] == _STRIKE:
-            fraction = again(course, i, h)
+        if phase.between[i] > 0:
+            fraction = again(course, i, h, phase.between[i])
         if fraction < 0.0:
             fraction, found = fell(phase, course, i, h, scuff, 0.0), i + 1
         if fraction < 0.0 and phase.watch[i] != _SCUFF:

@@ -36,10 +36,6 @@ NEAR = 0.05
 STRETCH = 1.1
 """How much longer a step may become to end on what it leads to."""
 
-LOOKED_AT = (0.25, 0.5, 0.75)
-"""Shares of a step at which the strike's guard is looked at too, by its quintic: within a long step
-a foot may come down more than once."""
-
 LONGEST_STEP = 1.0
 """A leg swings to and fro within six of these: longer steps, however exact, could jump over both a
 heelstrike and the foot's return."""
@@ -268,6 +264,12 @@ class Step(Equations):
             6.0 * rise + 3.0 * turn + 0.5 * bend,
         ]
 
+    def _between(self, guard: Guard, tile: Memory) -> list[Expression]:
+        """The strike's guard where it is looked at within a step."""
+        powers, count = self._path_of_strike(tile), guard.between + 1
+        one = powers[0].number(1.0)
+        return [polynomial(powers, one * (k / count - 1.0)) for k in range(1, count)]
+
     def _may_count(self, guard: Guard, tile: Memory) -> Expression:
         """Whether the fall of a guard would count at the step's start, middle or end."""
         before, after = self.state(tile), self.state(tile, "new_")
@@ -296,9 +298,8 @@ class Step(Equations):
             if guard.watch == Watch.STRIKE:
                 drop = tile["h"] * v1
                 down = (g0 > 0.0) & (drop < 0.0) & (g1 + NEAR * drop <= 0.0)
-                powers = self._path_of_strike(tile)
-                inside = [polynomial(powers, g0.number(x - 1.0)) for x in LOOKED_AT]
-                for sooner, later in pairwise([g0, *inside, g1]):
+                path = [g0, *self._between(guard, tile), g1]
+                for sooner, later in pairwise(path):
                     down |= (sooner > 0.0) & (later <= 0.0)
                 if guard.where:  # feet that pass each other at midstance need not be looked at
                     down &= self._may_count(guard, tile) | (v0 > 0.0)

@@ -119,12 +119,15 @@ class Guard(NamedTuple):
         outcome: How the phase has ended then.
         watch: How closely to look.
         where: Functions of the same that are all positive where falling through zero counts.
+        between: At how many places within an integration step it is looked at too. One that is not
+            linear in the angles may fall and rise again within a step.
     """
 
     falls: Callable[[Any, State, Ground], Number]
     outcome: Outcome
     watch: Watch = Watch.BOUND
     where: tuple[Callable[[Any, State, Ground], Number], ...] = ()
+    between: int = 0
 
 
 class Refusal(NamedTuple):

@@ -276,6 +276,7 @@ HEELSTRIKE = Guard(  # the swing foot comes down on the next foothold
         lambda body, state, ground: -state.stance,
         lambda body, state, ground: state.thigh - state.stance - NARROWEST,
     ),
+    between=7,
 )
 SCUFF = Guard(  # a straight leg that meets the ground anywhere but in front
     lambda body, state, ground: clearance(body, state.stance, state.thigh) - lower(ground),
