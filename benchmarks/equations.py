@@ -7,7 +7,9 @@ move by themselves, and their rates. Numbers may be of any kind that knows `sine
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import reduce
 from itertools import count
+from operator import and_
 from typing import Any
 
 import numba
@@ -46,8 +48,8 @@ def falls(p: Problem, phase: Phase, y: Sequence[Number]) -> Number:
 
 def counts(p: Problem, phase: Phase, y: Sequence[Number]) -> Any:
     """Whether it would be the strike."""
-    when = strike(phase).when
-    return True if when is None else when(p.body, state_of(phase, y), p.ground)
+    positive = [where(p.body, state_of(phase, y), p.ground) > 0.0 for where in strike(phase).where]
+    return reduce(and_, positive) if positive else True
 
 
 def struck(p: Problem, phase: Phase, y: Sequence[Number]) -> list[Number]:

@@ -245,7 +245,7 @@ def _measure(system: System, body: Any, after: State, ground: Ground, record: Me
     start = after._replace(**dict(zip(State._fields[:3], record.entries("start"), strict=True)))
     old, new = after.thigh - ground.turn, after.stance - ground.turn
     end = after._replace(stance=old, thigh=new, shank=new)
-    record["step_length"] = legs.step_length(body, start.stance, new, old)
+    record["step_length"] = legs.step_length(body, start.stance, new, old, ground.turn)
     record["passed"] = legs.progress(body, old)
     record["gravity_work"] = -system.potential_gain(body, start, end, ground)
     if system.spring_gain:

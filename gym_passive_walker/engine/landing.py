@@ -23,8 +23,9 @@ from gym_passive_walker.engine.step import (
 )
 from gym_passive_walker.physics.hybrid import Control, Watch
 
-TIME_UP, LOST = -1, -2
-"""What ends a phase besides its guards: the time asked for, or a motion that cannot be followed."""
+TIME_UP, LOST, GIVEN_UP = -1, -2, -3
+"""What ends a phase besides its guards: the time asked for, numbers that are not finite, or a motion
+too fast to be followed in `MOST_STEPS`."""
 
 _DOUBT = 0.05
 """Share of what a guard changes by in a step within which its quintic cannot tell on which side of
@@ -350,12 +351,14 @@ def attend(tiles, courses, phase, lane, options):
     """Look at one lane after its step: reject it, shorten it, land on an event, or accept it.
 
     Returns:
-        The event that ends the phase; TIME_UP or LOST; 0 to go on.
+        The event that ends the phase; TIME_UP, LOST or GIVEN_UP; 0 to go on.
     """
     tile, course, scuff = tiles[0], courses[0], options.scuff
     h, error = tile.h[lane], tile.error[lane]
-    if not h * 0.0 == 0.0 or tile.steps[lane] > MOST_STEPS:
+    if not h * 0.0 == 0.0:
         return LOST
+    if tile.steps[lane] > MOST_STEPS:
+        return GIVEN_UP
     look(tiles, courses, phase, lane)
     aimed = tile.event[lane] != 0.0
     if aimed and error <= 1.0:
@@ -371,7 +374,9 @@ def attend(tiles, courses, phase, lane, options):
             first, event = earliest(phase, course, h, scuff, 0)
             if event > 0 and first < 0.8 * shorter:
                 aim(tile, lane, event, first, h)
-        return LOST if h < 1e-13 else 0
+        if h < 1e-13:
+            return GIVEN_UP if error * 0.0 == 0.0 else LOST
+        return 0
 
     for k in range(_CONTROLS):  # end a step where a control turns back, so that its work is exact
         turned = turning(tile, phase, course, lane, k)

@@ -10,13 +10,14 @@ from __future__ import annotations
 import numpy as np
 
 from gym_passive_walker.engine.jit import address, call, inlined, jitted
-from gym_passive_walker.engine.landing import TIME_UP, attend
+from gym_passive_walker.engine.landing import LOST, TIME_UP, attend
 from gym_passive_walker.engine.layout import WIDTH
 from gym_passive_walker.engine.native import GROUP
 from gym_passive_walker.engine.step import ALERT, PLAIN, UP
 from gym_passive_walker.physics.hybrid import Outcome
 
-_DIVERGED, _FALLS = int(Outcome.DIVERGED), int(Outcome.FELL_FORWARD)
+_DIVERGED, _STALLED = int(Outcome.DIVERGED), int(Outcome.STALLED)
+_FALLS = int(Outcome.FELL_FORWARD)
 _LINE = 8 * GROUP  # bytes from one group of a tile's lanes to the next
 
 WAITING, RESTING = int(Outcome.RUNNING), -1
@@ -40,7 +41,10 @@ def leave(record, body, tiles, phase, lane, event, options):
     call(phase.unload, address(tiles), address(record), lane, planes, up, 0.0)
     if event == TIME_UP:
         return
-    outcome = phase.outcomes[event - 1] if event > 0 else _DIVERGED
+    if event > 0:
+        outcome = phase.outcomes[event - 1]
+    else:
+        outcome = _DIVERGED if event == LOST else _STALLED
     record[0].outcome = outcome
     if outcome < _FALLS:
         scuff = float(options.scuff)

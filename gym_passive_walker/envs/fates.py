@@ -124,11 +124,11 @@ def step_over(record, row, fate, radius, table, spread):
     """Enter where the foot has come down that stands now, and lay its ground."""
     here, rise, turn = ground_at(table, spread, fate.key, row.strides - 1)
     rise, fate.ledge = rise + fate.ledge, 0.0
-    # It touches the new ground beside where it came down, as the two slope apart.
     for k in range(PASSED - 1, 0, -1):
         fate.passed[k, 0], fate.passed[k, 1] = fate.passed[k - 1, 0], fate.passed[k - 1, 1]
     fate.passed[0, 0], fate.passed[0, 1] = fate.x, fate.y
-    along = row.step_length - radius * math.sin(turn)
+    along = row.step_length
+    # It touches the new ground above where it came down, as the two slope apart.
     off = rise + radius * (1.0 - math.cos(turn))
     sine, cosine = math.sin(here), math.cos(here)
     fate.x += along * cosine + off * sine

@@ -76,7 +76,8 @@ class Stride(Table, _Fields):
         duration: Time taken; the step period on a gait.
         outcome: How it ended, an `Outcome`.
         kneestrike_time: When the knee locked; NaN if it did not.
-        step_length: From one contact point to the next along the slope; NaN without heelstrike.
+        step_length: From one contact point to the next, along the ground of the first; NaN without
+            heelstrike.
         hip_work: Net work of the hip torque.
         hip_work_absolute: Integral of the absolute hip power.
         kneestrike_loss: Energy lost at kneestrike.

@@ -135,20 +135,20 @@ def footholds(
 def contacts(walker: Walker, ground: NDArray, lengths: NDArray) -> NDArray[np.complex128]:
     """Where strides begin to touch their footholds, the first of them at 0, in the walker's units.
 
-    A foot that lands touches the new ground beside where it came down, as the two slope apart.
-
     Args:
         walker: Who walks.
         ground: From `Terrain.ground`, a row for each foothold in turn, (n, 3).
-        lengths: Of the steps from each, along its own slope, (n,); the last is not needed.
+        lengths: Of the steps from each, from contact to contact along its own slope, (n,); the last
+            is not needed.
 
     Returns:
         x along the slope that is walked and, as imaginary part, y off it, (n,).
     """
     tilts, rises, turns = ground.T
     along = np.exp(-1j * tilts)
-    beside = 1j * walker.foot_radius * along * (1.0 - np.exp(-1j * turns))
-    steps = (lengths + 1j * rises * walker.leg_length) * along + beside
+    # A foot that lands touches the new ground above where it came down, as the two slope apart.
+    heights = rises * walker.leg_length + walker.foot_radius * (1.0 - np.cos(turns))
+    steps = (lengths + 1j * heights) * along
     return np.concatenate([[0.0], np.cumsum(steps[:-1])])
 
 

@@ -180,18 +180,20 @@ def travelled(before, after, struck):
     return (1.0 - 2.0 * struck) * after - before
 
 
-def step_length(body, start, end, landing=None):
-    """From one contact point to the next, along the ground.
+def step_length(body, start, end, landing=None, turn=0.0):
+    """From one contact point to the next, along the ground of the first.
 
     Args:
         body: The walker.
         start: Stance angle where the stride began.
         end: Angle of the new stance leg where it ends.
         landing: That of the old one then; on smooth ground minus the new one's.
+        turn: By how much the next foothold slopes more steeply: a foot touches it where its normal
+            leads from the foot's centre.
     """
     landing = -end if landing is None else landing
-    (new, _), (old, _) = sine_cosine(end), sine_cosine(landing)
-    return body.leg * (new - old) + body.foot_radius * (start - landing)
+    (new, _), (old, _), (tilted, _) = sine_cosine(end), sine_cosine(landing), sine_cosine(turn)
+    return body.leg * (new - old) + body.foot_radius * (start - landing - tilted)
 
 
 def standing(body, state, ground):

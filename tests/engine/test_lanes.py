@@ -183,7 +183,7 @@ def test_each_vector_of_a_tile_lies_in_one_line_of_the_cache():
             assert tiles[name].ctypes.data % 64 == 0
     assert TILE.itemsize % 64 == 0
     assert WIDTH % GROUP == 0
-    assert COURSE["before"].shape == COURSE["counts"].shape
+    assert COURSE["before"].shape == COURSE["after"].shape
 
 
 @pytest.mark.parametrize("name", ["lab", "A", "D"])
