@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.physics import kneed, legs, simplest, straight
 from gym_passive_walker.physics.bodies import body_from
-from gym_passive_walker.physics.hybrid import System
+from gym_passive_walker.physics.hybrid import State, System
 from gym_passive_walker.walkers import Walker, varied
 
 FITTINGS = ("hip_stiffness", "hip_friction", "knee_stiffness")
@@ -34,8 +34,16 @@ def _on_smooth_ground(kind: System) -> System:
 
 def _bare(kind: System) -> System:
     """A system on ground of one slope, of walkers that have nothing more than legs and a hip."""
-    without = {"absent": (*EXTRAS, *UNEVEN), "spring_gain": None, "friction_power": None}
-    return _on_smooth_ground(kind)._replace(name=kind.name, **without)
+    bare = _on_smooth_ground(kind)._replace(name=kind.name, absent=(*EXTRAS, *UNEVEN))
+    rng, names = np.random.default_rng(0), bare.Body._fields  # type: ignore[attr-defined]
+    body = bare.Body(*(0.0 if name in bare.absent else rng.uniform(1.0, 2.0) for name in names))
+    start, end = (State(*rng.normal(size=len(State._fields))) for _ in range(2))
+    # Energies that are zero at any state need not be followed.
+    if bare.spring_gain and bare.spring_gain(body, start, end) == 0.0:
+        bare = bare._replace(spring_gain=None)
+    if bare.friction_power and bare.friction_power(body, start) == 0.0:
+        bare = bare._replace(friction_power=None)
+    return bare
 
 
 def _anywhere(kind: System) -> System:
