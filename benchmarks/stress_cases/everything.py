@@ -9,13 +9,14 @@ from benchmarks.stress_cases import (  # noqa: F401
     conservation,
     drift,
     extremes,
+    steps,
     strikes,
     vertical,
     wild,
 )
 from benchmarks.stress_cases.case import CASES, Case
 
-_ORDER = (strikes, coincidences, extremes, wild, conservation, drift, chaos, accuracy)
+_ORDER = (strikes, steps, coincidences, extremes, wild, conservation, drift, chaos, accuracy)
 TOPICS = [module.TOPIC for module in _ORDER]
 
 STATEMENTS: list[Case] = sorted(CASES, key=lambda case: TOPICS.index(case.topic))

@@ -72,6 +72,8 @@ class Flock(NamedTuple):
         *,
         slope: ArrayLike = 0.0,
         torque: ArrayLike = 0.0,
+        rise: ArrayLike = 0.0,
+        turn: ArrayLike = 0.0,
         phase: ArrayLike | None = None,
         tolerance: float = 1e-13,
         stub: bool = False,
@@ -83,11 +85,13 @@ class Flock(NamedTuple):
             time: Dimensionless, as slope in rad and dimensionless torque one or n of them.
             slope: See `time`.
             torque: See `time`.
+            rise: Height of the next foothold; see `time`.
+            turn: By how much it slopes more steeply, in rad; see `time`.
             phase: In which the walkers are; just after heelstrike where None.
             tolerance: Of the integration.
             stub: As for `stride`.
         """
-        records = new_records(states, slope, torque, end=time)
+        records = new_records(states, slope, torque, rise=rise, turn=turn, end=time)
         if phase is not None:
             records["phase"][:, 0] = phase
         return self.go_on(records[:, 0], tolerance=tolerance, stub=stub, from_section=phase is None)
@@ -120,9 +124,9 @@ class Flock(NamedTuple):
         return missing / moved
 
 
-def flock(walker: Walker) -> Flock:
-    """Any number of walkers that are alike."""
-    return flock_of([walker])
+def flock(walker: Walker, *, using: tuple[str, ...] = ()) -> Flock:
+    """Any number of walkers that are alike, with what else there is of `EXTRAS` and `UNEVEN`."""
+    return Flock(system_of(walker, using=using), bodies(walker))
 
 
 def random_shapes(rng: np.random.Generator, count: int, *, knees: bool) -> list[Walker]:

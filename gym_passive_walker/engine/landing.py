@@ -24,8 +24,8 @@ from gym_passive_walker.engine.step import (
 from gym_passive_walker.physics.hybrid import Control, Watch
 
 TIME_UP, LOST, GIVEN_UP = -1, -2, -3
-"""What ends a phase besides its guards: the time asked for, numbers that are not finite, or a motion
-too fast to be followed in `MOST_STEPS`."""
+"""What ends a phase besides its guards: the time asked for, numbers that are not finite, or a
+motion too fast to be followed in `MOST_STEPS`."""
 
 _DOUBT = 0.05
 """Share of what a guard changes by in a step within which its quintic cannot tell on which side of
@@ -132,7 +132,7 @@ def counts(phase, course, i, h, x):
 
 @jitted
 def fell(phase, course, i, h, scuff, ahead):
-    """Where in a step, or a little beyond, a guard fell through zero so that it may count; or -1."""
+    """Where in a step, or a little beyond, a guard falls through zero and may count; or -1."""
     if phase.watch[i] == _SCUFF and not scuff:
         return -1.0
     if not (course.before[i] > 0.0 and further(course, i, ahead) <= 0.0):

@@ -84,8 +84,8 @@ class Outcome(IntEnum):
     BENT_KNEE = 7
     """The foot came down in front before the knee had locked."""
     STALLED = 8
-    """No heelstrike within the time or the integration steps allowed: rocking, standing, hanging, or
-    whirling too fast to be followed."""
+    """No heelstrike within the time or the integration steps allowed: rocking, standing, hanging,
+    or whirling too fast to be followed."""
     DIVERGED = 9
     """The motion left the range of floating-point numbers."""
 

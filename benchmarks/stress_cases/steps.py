@@ -1,0 +1,129 @@
+"""Ground that steps up and down: strikes on the next foothold, and none anywhere else."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.stress_cases.case import Finding, case
+from benchmarks.stress_cases.flight import Flock, flock
+from gym_passive_walker import WALKERS, Outcome
+from gym_passive_walker.physics.legs import NARROWEST
+from gym_passive_walker.physics.systems import UNEVEN
+
+TOPIC = "Uneven ground"
+_TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12)
+_PORTION = 10_000
+_ROUNDING = 1e-14  # of energies in m g l
+_GRAZE = 0.01  # relative change of a start beside which a graze ends either way
+_ONE_IN = 20_000
+
+
+class Wild(NamedTuple):
+    """Strides of one walker from wild starts, each towards a foothold of its own.
+
+    Attributes:
+        flock: The walker, any number of times.
+        states: Dimensionless, just after heelstrike, (n, 6).
+        ground: Slope, and the next foothold's rise and turn, (n,) each.
+    """
+
+    flock: Flock
+    states: NDArray[np.float64]
+    ground: dict[str, NDArray[np.float64]]
+
+    def walk(self, tolerance: float) -> NDArray:
+        """Records of the strides at a tolerance, (n,)."""
+        return self.flock.follow(self.states, tolerance=tolerance, **self.ground)
+
+    def beside(self, i: int, count: int, rng: np.random.Generator) -> Wild:
+        """Strides from starts beside one of them, towards footholds beside its own."""
+        shake = 1.0 + _GRAZE * rng.uniform(-1.0, 1.0, (count, 6))
+        states = self.states[i] * shake
+        if not self.flock.kneed:
+            states[:, [2, 5]] = states[:, [1, 4]]
+        ground = {name: value[i] * shake[:, 0] for name, value in self.ground.items()}
+        return self._replace(states=states, ground=ground)
+
+
+def footholds(rng: np.random.Generator, count: int) -> dict[str, NDArray[np.float64]]:
+    """Slopes, and footholds of random steps, of stairs, or turned, a third of each."""
+    kind = rng.integers(3, size=count)
+    size = rng.choice([1e-5, 1e-3, 0.01, 0.05], count)
+    rises = [
+        size * rng.normal(size=count),
+        rng.choice([-1.0, 1.0], count) * rng.uniform(0.0, 0.15, count),
+        0.02 * rng.normal(size=count) * (rng.random(count) < 0.7),
+    ]
+    return {
+        "slope": rng.uniform(-0.1, 0.2, count),
+        "rise": np.choose(kind, rises),
+        "turn": np.where(kind == 2, rng.uniform(-0.3, 0.3, count), 0.0),
+    }
+
+
+def wild(rng: np.random.Generator, name: str, count: int) -> Wild:
+    """Strides of a preset from both feet on the ground, at rates from a walk's to a throw's."""
+    walker = WALKERS[name]
+    angle = rng.uniform(0.02, 0.7, count)
+    pace = rng.choice([0.3, 1.0, 2.0], count)[:, None] * rng.normal(size=(count, 3))
+    rates = pace - np.stack([3.5 * angle + 0.2, angle, angle], axis=1)
+    states = np.concatenate([np.outer(angle, [1.0, -1.0, -1.0]), rates], axis=1)
+    if not walker.knees:
+        states[:, 5] = states[:, 4]
+    return Wild(flock(walker, using=UNEVEN), states, footholds(rng, count))
+
+
+def portions(rng: np.random.Generator, count: int):
+    """Strides of every preset in turn, and the tolerance to follow them with."""
+    size = min(_PORTION, max(1, count // (len(WALKERS) * len(_TOLERANCES))))
+    for turn in range(max(1, count // (size * len(WALKERS) * len(_TOLERANCES)))):
+        for name in WALKERS:
+            for tolerance in _TOLERANCES:
+                yield wild(rng, name, size), tolerance, turn
+
+
+@case(
+    TOPIC,
+    "Wild strides on random steps, stairs and turned footholds: each strike comes with the legs "
+    "apart, its ledger closes as well as it is integrated, and no stride diverges",
+    quick=60_000, long=10_000_000, bound=10.0, unit="tolerance × energy of its angles and rates",
+)  # fmt: skip
+def strikes_on_steps(count: int, rng: np.random.Generator) -> Finding:
+    """A stride's ledger closes only where its strike happened where the walker was."""
+    tried, failed, worst = 0, 0, 0.0
+    for strides, tolerance, _ in portions(rng, count):
+        walks = strides.walk(tolerance)
+        struck = walks["outcome"] == Outcome.HEELSTRIKE
+        spread = walks["state"][:, 0] - walks["state"][:, 1]
+        missing, moved = strides.flock.books(strides.states, walks)
+        largest = np.maximum(np.abs(strides.states), np.abs(walks["state"])).max(axis=1)
+        share = missing / (tolerance * (moved + largest**2) + _ROUNDING)
+        tried += len(walks)
+        failed += int((walks["outcome"] == Outcome.DIVERGED).sum())
+        failed += int((struck & ~(spread > NARROWEST - 1e-12)).sum())
+        worst = max(worst, float(share[struck].max(initial=0.0)))
+    return Finding(tried, failed, worst)
+
+
+@case(
+    TOPIC,
+    "Wild strides on random steps, stairs and turned footholds end as they do at a tolerance of "
+    "10⁻¹³, but for grazes, at each tolerance from 10⁻⁶ on",
+    quick=60_000, long=10_000_000, bound=1.0, unit="1 in 20,000",
+)  # fmt: skip
+def ends_on_steps(count: int, rng: np.random.Generator) -> Finding:
+    """A graze is a stride beside which, within a hundredth of its start, others end that way."""
+    tried = dict.fromkeys(_TOLERANCES, 0)
+    others, failed = tried.copy(), 0
+    for strides, tolerance, _ in portions(rng, count):
+        outcomes, exact = (strides.walk(x)["outcome"] for x in (tolerance, 1e-13))
+        tried[tolerance] += len(exact)
+        for i in np.flatnonzero(outcomes != exact):
+            others[tolerance] += 1
+            beside = strides.beside(i, 1000, rng).walk(1e-13)
+            failed += int(outcomes[i] not in beside["outcome"])
+    worst = max(others[x] * _ONE_IN / max(_ONE_IN, tried[x]) for x in _TOLERANCES)
+    return Finding(sum(tried.values()), failed, worst)
