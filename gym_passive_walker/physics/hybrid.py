@@ -120,8 +120,8 @@ class Guard(NamedTuple):
         outcome: How the phase has ended then.
         watch: How closely to look.
         where: Functions of the same that are all positive where falling through zero counts.
-        between: At how many places within an integration step it is looked at too. One that is not
-            linear in the angles may fall and rise again within a step.
+        between: At how many places within an integration step a strike's guard is looked at too:
+            it may fall and rise again within a step, the sooner the less linear in the angles.
     """
 
     falls: Callable[[Any, State, Ground], Number]
