@@ -302,7 +302,7 @@ _ON_SMOOTH_GROUND = {
             Outcome.HEELSTRIKE,
             Watch.STRIKE,
             where=(lambda body, state, ground: -state.stance,),
-            between=3,
+            between=1,
         ),
     ),
     SCUFF: tuple(
