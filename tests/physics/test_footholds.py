@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from gym_passive_walker import WALKERS, Outcome, rough, simulate, stride
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import Ground, State
-from gym_passive_walker.physics.systems import SYSTEMS, body_of, kind_of
+from gym_passive_walker.physics.systems import SYSTEMS, UNEVEN, body_of, kind_of, system_of
 from gym_passive_walker.units import units_of
 from tests.physics import bodies
 from tests.physics.bodies import SHANK, STANCE_SHANK, STANCE_THIGH, THIGH
@@ -133,6 +133,76 @@ def test_the_books_of_a_walk_on_rough_ground_close(name):
         assert energies[1] - energies[0] == pytest.approx(gained, rel=0.0, abs=1e-11 * units.energy)
         state, strides = end.state, strides + 1
     assert strides >= 3
+
+
+@given(
+    name=st.sampled_from(list(WALKERS)),
+    angle=st.floats(0.02, 0.7),
+    rates=st.tuples(RATE, RATE, RATE),
+    ground=st.tuples(st.floats(-0.1, 0.2), st.floats(-0.15, 0.15), st.floats(-0.3, 0.3)),
+    tolerance=st.sampled_from([1e-6, 1e-8, 1e-10, 1e-12]),
+)
+def test_a_strike_comes_with_legs_apart_and_closes_its_ledger(
+    name, angle, rates, ground, tolerance
+):
+    """However a walker is thrown towards whatever foothold; and no motion is lost."""
+    walker, (slope, rise, turn) = WALKERS[name], ground
+    system, body, units = system_of(walker, using=UNEVEN), body_of(walker), units_of(walker)
+    start = State(angle, -angle, -angle, *rates)
+    if not walker.knees:
+        start = start._replace(shank_rate=start.thigh_rate)
+    found = stride(
+        walker, slope, units.to_own(np.array(start)), rise=rise * units.length, turn=turn,
+        tolerance=tolerance,
+    )  # fmt: skip
+    assert found.outcome != Outcome.DIVERGED
+    if found.outcome != Outcome.HEELSTRIKE:
+        return
+    end = State(*units.to_dimensionless(found.state))
+    assert end.stance - end.thigh > legs.NARROWEST - 1e-12
+    energies = [system.kinetic_energy(body, state) for state in (start, end)]
+    gravity, lost = found.gravity_work / units.energy, found.collision_loss / units.energy
+    moved = energies[0] + abs(energies[1] - energies[0]) + abs(gravity) + lost
+    largest = max(map(abs, (*start, *end)))
+    missing = gravity - lost - (energies[1] - energies[0])
+    assert abs(missing) < 10.0 * tolerance * (moved + largest**2) + 1e-14
+
+
+@pytest.mark.parametrize(
+    ("name", "slope", "state", "rise"),
+    [
+        (
+            "lab-straight", 0.03,
+            [0.348022, -0.348022, -0.348022, -1.182074, 0.434742, 0.434742], -0.007009,
+        ),
+        ("A", 0.03, [0.265874, -0.265874, -0.265874, -2.487278, -4.497271, -4.497271], -0.01114),
+        (
+            "lab", 0.036,
+            [
+                0.6673372287145243, -0.6673372287145243, -0.6673372287145243,
+                -2.291585976627713, -0.6647859737356817, -3.2364329102466307,
+            ], 0.0,
+        ),
+    ],
+)  # fmt: skip
+def test_legs_that_pass_each_other_near_the_ground_do_not_strike(name, slope, state, rise):
+    """At no tolerance, though the foot passes the height of the foothold just then."""
+    for tolerance in 10.0 ** np.arange(-6.0, -13.5, -1.0):
+        found = stride(name, slope, state, rise=rise, tolerance=tolerance)
+        assert found.outcome == Outcome.FELL_FORWARD
+
+
+@pytest.mark.parametrize("name", ["A", "lab", "lab-straight"])
+@pytest.mark.parametrize("turn", [-0.2, 0.1])
+def test_a_step_onto_tilted_ground_is_measured_to_where_the_foot_touches_it(name, turn):
+    """A round foot touches below its centre, along the normal of its own foothold."""
+    walker, gait = WALKERS[name], LONG_GAITS[name]
+    level, tilted = (
+        stride(walker, gait.slope, gait.state, turn=x, tolerance=1e-13) for x in (0.0, turn)
+    )
+    assert tilted.outcome == Outcome.HEELSTRIKE
+    beside = walker.foot_radius * np.sin(turn)
+    assert tilted.step_length == pytest.approx(level.step_length - beside, rel=1e-11)
 
 
 def test_a_step_too_high_is_never_reached_and_one_too_low_is_fallen_from():
