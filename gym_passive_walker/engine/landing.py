@@ -124,7 +124,7 @@ def counts(phase, course, i, h, x):
         before, after = course.before[k], course.after[k]
         p = path(course, k, h)
         sway = abs(p[1]) + abs(p[2]) + abs(after - before)
-        there = before if x < _BRINK else value(p, x) + _DOUBT * sway
+        there = before if x < _BRINK else max(value(p, x) + _DOUBT * sway, after)
         if not there > 0.0:
             return False
     return True

@@ -302,7 +302,6 @@ _ON_SMOOTH_GROUND = {
             Outcome.HEELSTRIKE,
             Watch.STRIKE,
             where=(lambda body, state, ground: -state.stance,),
-            between=1,
         ),
     ),
     SCUFF: tuple(
@@ -317,6 +316,10 @@ _ON_SMOOTH_GROUND = {
 
 
 def on_smooth_ground(phase: Phase) -> Phase:
-    """A phase on ground without steps: its guards fall where they do anywhere, and are linear."""
+    """A phase on ground without steps: its guards fall where they do anywhere, and are linear.
+
+    So they seldom fall and rise again within a step, and are looked at at its ends alone.
+    """
     each = (_ON_SMOOTH_GROUND.get(guard, (guard,)) for guard in phase.guards)
-    return phase._replace(guards=tuple(guard for guards in each for guard in guards))
+    guards = (guard._replace(between=0) for guards in each for guard in guards)
+    return phase._replace(guards=tuple(guards))
