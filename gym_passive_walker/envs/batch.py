@@ -18,6 +18,7 @@ from gym_passive_walker.engine.run import in_parts, options, workspace
 from gym_passive_walker.envs import fates, task, ticks
 from gym_passive_walker.envs.disturbances import Contact, Disturbances, disturbed
 from gym_passive_walker.envs.interface import refuse
+from gym_passive_walker.envs.one_thread import Token
 from gym_passive_walker.envs.reality import ROOM
 from gym_passive_walker.envs.scene import Scene, SceneError
 from gym_passive_walker.envs.starts import DRAWS, Starts, checked_state
@@ -62,6 +63,8 @@ def _radii(walkers: Sequence[Walker]) -> NDArray[np.float64]:
 class Batch:
     """Walkers side by side: their records and ledger, starts and steps.
 
+    One thread at a time may use a batch: environments hold its `token` around every call.
+
     Args:
         scene: What is simulated.
         count: How many walkers.
@@ -77,6 +80,7 @@ class Batch:
         randoms: Each walker's own source of random numbers.
         seen: Numbers in an observation.
         disturbances: What befalls walkers; None where nothing does.
+        token: Held by the thread that uses the batch; see `one_thread`.
 
     Raises:
         SceneError: if the walkers are of different kinds, or a count does not fit.
@@ -99,7 +103,7 @@ class Batch:
                 raise SceneError(
                     f"{name} must be in a row, one for each of {count} environments, not {found}"
                 )
-        self.scene, self.count = scene, count
+        self.scene, self.count, self.token = scene, count, Token()
         self.seen = task.SIZE + (scene.command is not None) + 2 * scene.preview
         self.threads = None if threads is None else whole(threads, "threads")
         self.walkers = [scene.walker] * count if walkers is None else list(walkers)
