@@ -14,7 +14,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import whole
-from gym_passive_walker.envs import interface, task, ticks
+from gym_passive_walker.envs import interface, saved, task, ticks
 from gym_passive_walker.envs.batch import OPTIONS, Batch
 from gym_passive_walker.envs.frames import frame
 from gym_passive_walker.envs.infos import Infos
@@ -318,12 +318,18 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         """Go back to a state that `get_state` gave, of this or an equal vector environment.
 
         Raises:
-            ValueError: if it is of another one.
+            StateError: if it is damaged, or of another one; nothing has changed then.
+            RuntimeError: if another thread is using this environment.
         """
+        begun = bool(saved.flags(state, "begun"))
+        found = self.batch.checked(state, "begun", "ended", begun=begun)
+        ended = saved.flags(state, "ended", (self.num_envs,))
+        if begun and not np.array_equal(ended, saved.over(found.ledger)):
+            raise saved.StateError("the state's 'ended' and its ledger differ in whose have ended")
         if not self.batch.randoms:
             seed_randoms(self.batch, None, range(self.num_envs))
-        self.batch.set_state(state)
-        self._ended, self._begun = np.array(state["ended"]), bool(state["begun"])
+        self.batch.put_back(found)
+        self._ended, self._begun = ended, begun
         self._any_ended = bool(self._ended.any())
 
     def __getstate__(self) -> dict[str, Any]:

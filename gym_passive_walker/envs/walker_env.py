@@ -10,7 +10,7 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from gym_passive_walker.envs import interface, task
+from gym_passive_walker.envs import interface, saved, task
 from gym_passive_walker.envs.batch import OPTIONS, Batch
 from gym_passive_walker.envs.frames import frame
 from gym_passive_walker.envs.one_thread import one_thread, refuse_second
@@ -302,6 +302,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return self._draw()
 
     def _draw(self) -> NDArray[np.uint8] | None:
+        assert self.render_mode is not None
         if self._screen is None or self._screen.walker != self.walker:
             from gym_passive_walker.render.screen import Screen
 
@@ -391,12 +392,17 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         The time limit is a wrapper's, and goes on counting.
 
         Raises:
-            ValueError: if it is of another environment.
+            StateError: if it is damaged, or of another environment; nothing has changed then.
+            RuntimeError: if another thread is using this environment.
         """
+        ready = bool(saved.flags(state, "ready"))
+        found = self.batch.checked(state, "ready", begun=ready)
+        if ready and saved.over(found.ledger).any():
+            raise saved.StateError("the state is 'ready', and its episode has ended")
         if not self.batch.randoms:
             self.batch.randoms = [self.np_random]
-        self.batch.set_state(state)
-        self._ready = state["ready"]
+        self.batch.put_back(found)
+        self._ready = ready
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_screen": None}

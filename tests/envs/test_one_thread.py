@@ -1,4 +1,4 @@
-"""One environment is used by one thread at a time; a second one gets an error, never a torn walk."""
+"""One environment is used by one thread at a time; a second one gets an error."""
 
 import copy
 import pickle
