@@ -177,7 +177,7 @@ def test_random_walkers_are_put_back_and_others_refused(assert_same):
     assert_same(env.get_state(), state)
     state["walkers"][2] = gpw.WALKERS["lab"]
     refused(other, state, "environment 2: its thigh_offset", assert_same)
-    own = PassiveWalkerVectorEnv(2, walkers=["C", "B"])
+    own = PassiveWalkerVectorEnv(2, walkers=["C", "lab"])
     own.reset(seed=0)
     state = own.get_state()
     state["walkers"] = state["walkers"][::-1]
