@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv
 
-from agents.files import read_arrays, read_json, replacing
+from agents.files import read_arrays, read_json, reading, replacing
 from agents.learner import MODEL, moments, restore_moments, restore_weights, save_model
+from gym_passive_walker.arguments import whole
 from gym_passive_walker.envs.scene import walker_from
 
 _ARRAYS, _REPLAY, _NOTES = "arrays.npz", "replay.npz", "notes.json"
@@ -70,36 +71,91 @@ def restore(path: Path, model: BaseAlgorithm) -> dict[str, Any]:
         The notes that were saved with it.
 
     Raises:
-        ConfigError: if a file of it is damaged.
+        ConfigError: if a file of it is damaged, or holds what no training comes to.
     """
     assert model.env is not None
     restore_weights(model, path / MODEL)
     state = read_json(path / _NOTES)
-    for name, value in state["counters"].items():
-        setattr(model, name, value)
-    model.ep_info_buffer = deque(state["episodes"], maxlen=model._stats_window_size)
+    with reading(path / _NOTES):
+        for name in _COUNTERS:
+            setattr(model, name, whole(state["counters"][name], name, 0))
+        episodes = [{k: float(v) for k, v in info.items()} for info in state["episodes"]]
+        notes: dict[str, Any] = {
+            name: state["notes"][name] for name in ("best", "seconds", "curve")
+        }
+    model.ep_info_buffer = deque(episodes, maxlen=model._stats_window_size)
     model.ep_success_buffer = deque(maxlen=model._stats_window_size)
     # The environments first: what follows is the learner's side of the same moment.
     _restore_walkers(model.env, path)
-    arrays = read_arrays(path / _ARRAYS)
-    for name in _LAST:
-        setattr(model, name, arrays.get(name))
+    with reading(path / _ARRAYS):
+        keys = _restore_arrays(model, read_arrays(path / _ARRAYS))
+    if getattr(model, "replay_buffer", None) is not None:
+        with reading(path / _REPLAY):
+            _restore_replay(model, read_arrays(path / _REPLAY))
+    with reading(path / _NOTES):
+        kind, place, *gauss = state["numpy"]
+        if not 0 <= whole(place, "numpy's place among its keys", 0) <= len(keys):
+            raise ValueError(f"numpy's place among its keys is {place}")  # which numpy believes
+        np.random.set_state((kind, keys, place, *gauss))  # noqa: NPY002
+        model.action_space.np_random.bit_generator.state = state["action_space"]
+    return notes
+
+
+def _restore_arrays(model: BaseAlgorithm, arrays: dict[str, NDArray]) -> NDArray:
+    """Put back what the learner saw last, and torch's random numbers; numpy's are returned.
+
+    Raises:
+        ValueError: if an array is not as the algorithm has it.
+        KeyError: if one is missing.
+    """
+    seen = np.empty((model.n_envs, *(model.observation_space.shape or ())), np.float32)
+    began = np.empty(model.n_envs, bool)
+    for name, like in zip(_LAST, (seen, seen, began), strict=True):
+        found = arrays.get(name)
+        setattr(model, name, None if found is None else _checked(found, name, like))
     normalizer = model.get_vec_normalize_env()
     if normalizer is not None:
+        for name, own in moments(normalizer).items():
+            found = _checked(arrays[name], name, own)
+            if not name.endswith("mean") and np.any(found < 0.0):
+                raise ValueError(f"{name} is below 0")
         restore_moments(normalizer, arrays)
-        normalizer.returns = arrays["returns"]
-    keys: NDArray = arrays["numpy"]
+        normalizer.returns = _checked(arrays["returns"], "returns", np.empty(model.n_envs))
     torch.set_rng_state(torch.from_numpy(arrays["torch"]))
-    replay = getattr(model, "replay_buffer", None)
-    if replay is not None:
-        stored = read_arrays(path / _REPLAY)
-        for name in _STORED:
-            getattr(replay, name)[: len(stored[name])] = stored[name]
-        replay.pos, replay.full = int(stored["position"]), bool(stored["full"])
-    kind, *place = state["numpy"]
-    np.random.set_state((kind, keys, *place))  # noqa: NPY002
-    model.action_space.np_random.bit_generator.state = state["action_space"]
-    return state["notes"]
+    return arrays["numpy"]
+
+
+def _restore_replay(model: Any, stored: dict[str, NDArray]) -> None:
+    """Put back the memory of steps.
+
+    Raises:
+        ValueError: if it is not as large as the algorithm's, or not filled as it says.
+        KeyError: if a part of it is missing.
+    """
+    replay = model.replay_buffer
+    position, full = whole(stored["position"], "position", 0), bool(stored["full"])
+    filled = replay.buffer_size if full else position
+    if position >= replay.buffer_size:
+        raise ValueError(f"position {position} is beyond {replay.buffer_size} steps")
+    for name in _STORED:
+        own = getattr(replay, name)[:filled]
+        own[:] = _checked(stored[name], name, own)
+    replay.pos, replay.full = position, full
+
+
+def _checked(found: NDArray, name: str, own: NDArray) -> NDArray:
+    """An array that was read, if it is of the shape and type that it has here, and finite.
+
+    Raises:
+        ValueError: if it is not.
+    """
+    if found.shape != own.shape or found.dtype.kind != own.dtype.kind:
+        raise ValueError(
+            f"{name} must be {own.dtype} of shape {own.shape}, not {found.dtype} of {found.shape}"
+        )
+    if not np.isfinite(found).all():
+        raise ValueError(f"{name} must be finite")
+    return found
 
 
 def _save_walkers(worlds: VecEnv, folder: Path) -> None:
@@ -117,8 +173,10 @@ def _restore_walkers(worlds: VecEnv, folder: Path) -> None:
     """Put back what `_save_walkers` wrote."""
     native: Any = worlds.unwrapped
     rest: dict[str, Any] = read_json(folder / _RANDOMS)
-    walkers = [walker_from(parameters) for parameters in rest["walkers"]]
-    if len(walkers) == 1:
-        walkers *= native.num_envs
-    state = read_arrays(folder / _RECORDS) | {"walkers": walkers, "random": rest["random"]}
-    native.set_state(state)
+    with reading(folder / _RANDOMS):
+        walkers = [walker_from(parameters) for parameters in rest["walkers"]]
+        if len(walkers) == 1:
+            walkers *= native.num_envs
+        found = {"walkers": walkers, "random": rest["random"]}
+    with reading(folder / _RECORDS):
+        native.set_state(read_arrays(folder / _RECORDS) | found)

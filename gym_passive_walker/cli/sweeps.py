@@ -23,12 +23,16 @@ def sweep(command: ArgumentParser) -> Callable[[Namespace], Report]:
     add = command.add_argument
     known = ", ".join(ANALYSES)
     add("description", type=Path, metavar="FILE", help="YAML or JSON: analysis "
-        f"({known}, or module:function), over, how, given, samples, seed, time_out")  # fmt: skip
+        f"({known}; module:function with --trust), over, how, given, samples, seed, "
+        "time_out")  # fmt: skip
     add("--out", type=Path, metavar="FOLDER", help="(the file's name without its ending)")
     add("--workers", type=int, metavar="N", help="processes (one to each processor)")
     add("--ray", nargs="?", const=HERE, metavar="ADDRESS", help="on a Ray cluster (here)")
     add("--branch", action="store_true", help="beside another sweep, if the folder holds one")
     add("--retry", action="store_true", help="tasks once more that failed or were given up")
+
+    add("--trust", action="store_true", help="call a function that is not the package's, which "
+        "the file names as module:function; it may do anything")  # fmt: skip
 
     def run(arguments: Namespace) -> Report:
         found = swept(
@@ -38,6 +42,7 @@ def sweep(command: ArgumentParser) -> Callable[[Namespace], Report]:
             ray=arguments.ray,
             branch=arguments.branch,
             retry=arguments.retry,
+            trust=arguments.trust,
         )
         data = {
             "tasks": found.tasks,

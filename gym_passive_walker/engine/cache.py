@@ -43,13 +43,22 @@ def cache_directory() -> Path | None:
     for base in _bases():
         directory = base / fingerprint()
         try:
-            directory.mkdir(parents=True, exist_ok=True)
+            base.parent.mkdir(parents=True, exist_ok=True)
+            for folder in (base, directory):
+                folder.mkdir(mode=0o700, exist_ok=True)
         except OSError as error:
             failures.append(str(error))
             continue
-        if os.access(directory, os.W_OK):
+        if strange := [folder for folder in (base, directory) if not _private(folder)]:
+            _warn(
+                f"compiled code in {strange[0]} is not used, because another user owns that folder "
+                "or may write to it: remove it, or set NUMBA_CACHE_DIR to a folder of your own"
+            )
+            failures.append(f"{strange[0]} is open to another user")
+        elif os.access(directory, os.W_OK):
             return directory
-        failures.append(f"{directory} is read-only")
+        else:
+            failures.append(f"{directory} is read-only")
     _warn(
         f"compiled code cannot be kept ({'; '.join(failures)}), so that every process compiles it "
         "anew: set NUMBA_CACHE_DIR to a folder that can be written to"
@@ -65,24 +74,29 @@ def _bases() -> Iterator[Path]:
     with suppress(RuntimeError):  # a user without a home
         home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
         yield home.absolute() / name
-    user = getattr(os, "getuid", lambda: None)()  # Windows has none, and a folder for each user
-    shared = Path(tempfile.gettempdir()) / (name if user is None else f"{name}-{user}")
-    if user is None or _private(shared, user):
-        yield shared
+    shared = name if _USER is None else f"{name}-{_USER}"
+    yield Path(tempfile.gettempdir()) / shared
 
 
-def _private(folder: Path, user: int) -> bool:
-    """Whether a folder where others write too is this user's alone; made so if it is not there.
+_USER: int | None = getattr(os, "getuid", lambda: None)()
+"""Who runs this; None on Windows, where each user has folders of their own."""
+
+
+def _ours(status: os.stat_result) -> bool:
+    """Whether a file or folder is this user's, and no other user may write to it.
 
     What is kept holds pickles and machine code: whoever can write them decides what is run.
     """
-    with suppress(OSError):
-        folder.mkdir(mode=0o700)
+    return _USER is None or (status.st_uid == _USER and not status.st_mode & 0o022)
+
+
+def _private(folder: Path) -> bool:
+    """Whether a folder is this user's alone, and no link to another one."""
     try:
         found = folder.lstat()  # of a link itself, not of where it leads
     except OSError:
         return False
-    return stat.S_ISDIR(found.st_mode) and found.st_uid == user and not found.st_mode & 0o077
+    return stat.S_ISDIR(found.st_mode) and _ours(found)
 
 
 def found(name: str) -> bytes | None:
@@ -91,7 +105,11 @@ def found(name: str) -> bytes | None:
     if directory is None:
         return None
     try:
-        kept = (directory / name).read_bytes()
+        with (directory / name).open("rb") as file:
+            if not _ours(os.fstat(file.fileno())):  # whatever has become of the folder since
+                _warn(f"compiled code in {directory} is another user's, and is not used")
+                return None
+            kept = file.read()
     except FileNotFoundError:
         return None
     except OSError as error:
@@ -111,7 +129,8 @@ def keep(name: str, data: bytes) -> None:
         return
     aside = directory / f"{name}.{os.getpid()}"
     try:
-        aside.write_bytes(hashlib.sha256(data).digest() + data)
+        with open(aside, "wb", opener=_open_private) as file:
+            file.write(hashlib.sha256(data).digest() + data)
         os.replace(aside, directory / name)
     except OSError as error:
         with suppress(OSError):
@@ -120,6 +139,10 @@ def keep(name: str, data: bytes) -> None:
             f"compiled code cannot be kept in {directory} ({error.strerror}), so that every "
             "process compiles it anew: free some space, or set NUMBA_CACHE_DIR to another folder"
         )
+
+
+def _open_private(path: str, flags: int) -> int:
+    return os.open(path, flags, 0o600)
 
 
 @cache

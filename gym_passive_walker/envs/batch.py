@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
-from typing import Any, NoReturn
+from functools import cached_property
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -15,9 +16,10 @@ from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import in_parts, options, workspace
-from gym_passive_walker.envs import fates, task, ticks
+from gym_passive_walker.envs import fates, saved, task, ticks
 from gym_passive_walker.envs.disturbances import Contact, Disturbances, disturbed
 from gym_passive_walker.envs.interface import refuse
+from gym_passive_walker.envs.one_thread import Token
 from gym_passive_walker.envs.reality import ROOM
 from gym_passive_walker.envs.scene import Scene, SceneError
 from gym_passive_walker.envs.starts import DRAWS, Starts, checked_state
@@ -59,8 +61,28 @@ def _radii(walkers: Sequence[Walker]) -> NDArray[np.float64]:
     return np.array([walker.foot_radius / walker.leg_length for walker in walkers])
 
 
+class Saved(NamedTuple):
+    """A state that `Batch.checked` has found whole.
+
+    Attributes:
+        records: As of a batch.
+        ledger: As of a batch.
+        walkers: As of a batch.
+        randoms: States of its generators; empty if there were none.
+        befell: As of `Disturbances.checked`; None where nothing befalls walkers.
+    """
+
+    records: NDArray
+    ledger: NDArray
+    walkers: list[Walker]
+    randoms: list[dict[str, Any]]
+    befell: tuple[NDArray, NDArray] | None
+
+
 class Batch:
     """Walkers side by side: their records and ledger, starts and steps.
+
+    One thread at a time may use a batch: environments hold its `token` around every call.
 
     Args:
         scene: What is simulated.
@@ -77,6 +99,7 @@ class Batch:
         randoms: Each walker's own source of random numbers.
         seen: Numbers in an observation.
         disturbances: What befalls walkers; None where nothing does.
+        token: Held by the thread that uses the batch; see `one_thread`.
 
     Raises:
         SceneError: if the walkers are of different kinds, or a count does not fit.
@@ -99,7 +122,7 @@ class Batch:
                 raise SceneError(
                     f"{name} must be in a row, one for each of {count} environments, not {found}"
                 )
-        self.scene, self.count = scene, count
+        self.scene, self.count, self.token = scene, count, Token()
         self.seen = task.SIZE + (scene.command is not None) + 2 * scene.preview
         self.threads = None if threads is None else whole(threads, "threads")
         self.walkers = [scene.walker] * count if walkers is None else list(walkers)
@@ -442,7 +465,7 @@ class Batch:
     @property
     def over(self) -> NDArray[np.bool_]:
         """Which walkers' episodes have ended."""
-        return (self.ledger["ending"] != 0) | (self.ledger["truncated"] != 0)
+        return saved.over(self.ledger)
 
     @property
     def states(self) -> NDArray[np.float64]:
@@ -463,8 +486,9 @@ class Batch:
 
     def get_state(self) -> dict[str, Any]:
         """All that decides what comes next; a copy."""
-        befell = {"disturbances": self.disturbances.get_state()} if self.disturbances else {}
+        befell = self.disturbances.get_state() if self.disturbances else {}
         return {
+            "scene": self._described,
             "records": self.records.copy(),
             "ledger": self.ledger.copy(),
             "walkers": list(self.walkers),
@@ -472,22 +496,59 @@ class Batch:
             **befell,
         }
 
+    @cached_property
+    def _limits(self) -> saved.RowLimits:
+        return saved.RowLimits(self.rules[0], len(self.machinery[0]))
+
+    @cached_property
+    def _described(self) -> str:
+        return saved.described(self.scene)
+
+    def checked(self, state: Any, *further: str, begun: bool = True) -> Saved:
+        """What a state holds, as copies, if it can be put back; nothing has changed here.
+
+        Args:
+            state: From `get_state`.
+            *further: Entries that an environment has added.
+            begun: Whether all walkers had begun an episode.
+
+        Raises:
+            StateError: if it is damaged, or of another batch.
+        """
+        if isinstance(state, Mapping) and "scene" in state:  # says most about what is wrong
+            saved.check_scene(state["scene"], self._described)
+        names = ["scene", "records", "ledger", "walkers", "random", *further]
+        if self.disturbances:
+            names += ["fates", "pending"]
+        given = saved.entries(state, names)
+        records = saved.like(given["records"], "records", self.records)
+        ledger = saved.like(given["ledger"], "ledger", self.ledger)
+        going = self._limits.check(records, ledger, begun=begun)
+        befell = None
+        if self.disturbances:
+            befell = self.disturbances.checked(given, records["time"][:, 0], going)
+        walkers = saved.check_walkers(
+            given["walkers"], self.walkers, [s.walker for s in self._starts], self.scene.randomise
+        )
+        kind = type(self.randoms[0].bit_generator) if self.randoms else np.random.PCG64
+        randoms = saved.check_randoms(given["random"], self.count, kind)
+        return Saved(records, ledger, walkers, randoms, befell)
+
+    def put_back(self, state: Saved) -> None:
+        """Go back to a state that was `checked`."""
+        self.records[:], self.ledger[:] = state.records, state.ledger
+        if not self._alike:
+            self.walkers = state.walkers
+            self._constants[:], self._radii[:] = bodies(*self.walkers), _radii(self.walkers)
+        if self.disturbances and state.befell:
+            self.disturbances.put_back(state.befell)
+        for random, saved_state in zip(self.randoms, state.randoms, strict=False):
+            random.bit_generator.state = saved_state
+
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Go back to a state that `get_state` gave.
 
         Raises:
-            ValueError: if it is of another batch.
+            StateError: if it is damaged, or of another batch; nothing has changed then.
         """
-        records, ledger = np.array(state["records"]), np.array(state["ledger"])
-        if records.shape != self.records.shape or ledger.shape != self.ledger.shape:
-            raise ValueError(f"this state is of {len(records)} walkers, and here are {self.count}")
-        if self._alike and list(state["walkers"]) != self.walkers:
-            raise ValueError("this state is of another walker")
-        self.records[:], self.ledger[:] = records, ledger
-        if not self._alike:
-            self.walkers = list(state["walkers"])
-            self._constants[:], self._radii[:] = bodies(*self.walkers), _radii(self.walkers)
-        if self.disturbances:
-            self.disturbances.set_state(state["disturbances"])
-        for random, saved in zip(self.randoms, state["random"], strict=True):
-            random.bit_generator.state = saved
+        self.put_back(self.checked(state))

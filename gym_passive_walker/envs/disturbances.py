@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from gym_passive_walker.envs import fates, reality, task
+from gym_passive_walker.envs import fates, reality, saved, task
 from gym_passive_walker.envs.checks import CHECKS
 from gym_passive_walker.envs.scene import CALM, Scene
 from gym_passive_walker.gaits.terrain import Terrain
@@ -56,6 +56,7 @@ class Disturbances:
         self.fates, self.odds = np.zeros(count, fates.FATE), _odds(scene)
         self.pending = np.zeros((count, scene.motor_delay, len(scene.actions)))
         self.terrain = (scene.terrain or Terrain()).arrays()
+        self._limits = saved.FateLimits(self.odds[0])
 
     @property
     def natives(self) -> tuple[NDArray, NDArray]:
@@ -127,9 +128,27 @@ class Disturbances:
         """All that decides what comes next; a copy."""
         return {"fates": self.fates.copy(), "pending": self.pending.copy()}
 
-    def set_state(self, state: Mapping[str, ArrayLike]) -> None:
-        """Go back to a state that `get_state` gave."""
-        self.fates[:], self.pending[:] = state["fates"], state["pending"]
+    def checked(
+        self, state: Mapping[str, Any], times: NDArray[np.float64], going: NDArray[np.bool_]
+    ) -> tuple[NDArray, NDArray]:
+        """Fates and late actions of a state, as copies, if they can be put back.
+
+        Args:
+            state: What `get_state` gave, and perhaps more.
+            times: Since the walkers' strides began, (count,).
+            going: Whose episodes go on, (count,).
+
+        Raises:
+            StateError: if they are damaged, or of another scene.
+        """
+        found = saved.like(state["fates"], "fates", self.fates)
+        pending = saved.like(state["pending"], "pending", self.pending)
+        self._limits.check(found, pending, times, going)
+        return found, pending
+
+    def put_back(self, found: tuple[NDArray, NDArray]) -> None:
+        """Go back to what was `checked`."""
+        self.fates[:], self.pending[:] = found
 
 
 def _odds(scene: Scene) -> NDArray:

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.envs import interface, task
+from gym_passive_walker.envs.one_thread import one_thread
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
@@ -59,7 +60,7 @@ class Lane:
     @property
     def state(self) -> NDArray[np.float64]:
         """Angles and rates in the walker's own units."""
-        return self._vec_env.batch.states[self._index]
+        return self._vec_env.worlds.states[self._index]
 
     @property
     def charged_for(self) -> str:
@@ -118,6 +119,7 @@ class PassiveWalkerVecEnv(VecEnv):
             **changes,
         )
         self.batch, self.scene = self.worlds.batch, self.worlds.scene
+        self.token = self.batch.token
         num_envs = self.worlds.num_envs
         self.lanes = [Lane(self, i) for i in range(num_envs)]
         super().__init__(
@@ -159,6 +161,7 @@ class PassiveWalkerVecEnv(VecEnv):
             raise ValueError(f"actions must have shape {shape}, not {actions.shape}")
         self._actions = actions.reshape(-1)
 
+    @one_thread
     def step_wait(
         self,
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:

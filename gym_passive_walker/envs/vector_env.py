@@ -14,10 +14,11 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import whole
-from gym_passive_walker.envs import interface, task, ticks
+from gym_passive_walker.envs import interface, saved, task, ticks
 from gym_passive_walker.envs.batch import OPTIONS, Batch
 from gym_passive_walker.envs.frames import frame
 from gym_passive_walker.envs.infos import Infos
+from gym_passive_walker.envs.one_thread import one_thread, refuse_second
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import Scene, make_scene, walker_from
 from gym_passive_walker.extras import need
@@ -92,12 +93,14 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             step_limit=interface.step_limit(max_episode_steps),
             threads=threads,
         )
+        self.token = self.batch.token
         self._shape = num_envs, len(self.scene.actions)
         self._everyone = np.ones(num_envs, bool)
         self._ended = self._everyone.copy()
         self._any_ended = True
         self._begun = False
 
+    @one_thread
     def reset(  # type: ignore[override]
         self,
         *,
@@ -113,6 +116,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
 
         Raises:
             ValueError: if an option or the number of seeds is wrong.
+            RuntimeError: if another thread is using this environment.
         """
         options = interface.reset_options(options, (*OPTIONS, "reset_mask"))
         lanes = np.arange(self.num_envs)
@@ -141,7 +145,22 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         Raises:
             ValueError: if an action is not one finite number; nothing has changed then.
             ResetNeeded: if an environment must be reset first.
+            RuntimeError: if another thread is using this environment.
         """
+        token, mine = self.token, True
+        try:  # `one_thread` by hand
+            try:
+                token.pop()
+            except IndexError:
+                mine = False
+                refuse_second(self)
+            return self._step(actions)
+        finally:
+            if mine:
+                token.append(None)
+
+    def _step(self, actions: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray, dict[str, Any]]:
+        """See `step`."""
         if type(actions) is not np.ndarray or actions.dtype.kind != "f":
             actions = interface.numbers(actions, self.scene.actions)
         if actions.shape != self._shape:
@@ -175,6 +194,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         self.batch.start(np.flatnonzero(ended), flat)
         return observations, rewards, terminated, truncated, infos
 
+    @one_thread
     def set_slopes(
         self, slopes: ArrayLike, mask: NDArray[np.bool_] | None = None
     ) -> NDArray[np.float32]:
@@ -209,6 +229,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         """What motors are charged for: "absolute", "positive" or "net" hip work."""
         return self.batch.charged_for
 
+    @one_thread
     def charge_for(self, energy: str | None) -> None:
         """Charge all motors for another kind of hip work, from the next step on.
 
@@ -246,6 +267,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             raise ValueError(f"{name} must have shape ({self.num_envs},), not {mask.shape}")
         return mask
 
+    @one_thread
     def render(self) -> tuple[NDArray[np.uint8], ...] | None:
         """A picture of each walker, smaller as they are more; `render.tiled` makes them one."""
         if self.render_mode is None:
@@ -276,6 +298,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         return self.batch.ledger["slope"].copy()
 
     @property
+    @one_thread
     def states(self) -> NDArray[np.float64]:
         """States in the walkers' own units, shape (num_envs, 6)."""
         return self.batch.states
@@ -285,20 +308,28 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         """Each environment's source of random numbers."""
         return tuple(self.batch.randoms)
 
+    @one_thread
     def get_state(self) -> dict[str, Any]:
         """All that decides what comes next, random numbers of later resets included; a copy."""
         return {**self.batch.get_state(), "ended": self._ended.copy(), "begun": self._begun}
 
+    @one_thread
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Go back to a state that `get_state` gave, of this or an equal vector environment.
 
         Raises:
-            ValueError: if it is of another one.
+            StateError: if it is damaged, or of another one; nothing has changed then.
+            RuntimeError: if another thread is using this environment.
         """
+        begun = bool(saved.flags(state, "begun"))
+        found = self.batch.checked(state, "begun", "ended", begun=begun)
+        ended = saved.flags(state, "ended", (self.num_envs,))
+        if begun and not np.array_equal(ended, saved.over(found.ledger)):
+            raise saved.StateError("the state's 'ended' and its ledger differ in whose have ended")
         if not self.batch.randoms:
             seed_randoms(self.batch, None, range(self.num_envs))
-        self.batch.set_state(state)
-        self._ended, self._begun = np.array(state["ended"]), bool(state["begun"])
+        self.batch.put_back(found)
+        self._ended, self._begun = ended, begun
         self._any_ended = bool(self._ended.any())
 
     def __getstate__(self) -> dict[str, Any]:

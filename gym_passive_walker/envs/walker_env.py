@@ -10,9 +10,10 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from gym_passive_walker.envs import interface, task
+from gym_passive_walker.envs import interface, saved, task
 from gym_passive_walker.envs.batch import OPTIONS, Batch
 from gym_passive_walker.envs.frames import frame
+from gym_passive_walker.envs.one_thread import one_thread, refuse_second
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.extras import need
 from gym_passive_walker.walkers import Walker
@@ -209,11 +210,13 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.observation_space = interface.observation_space(self.scene)
         self.action_space = interface.action_space(self.scene.actions)
         self.batch = Batch(self.scene)
+        self.token = self.batch.token
         self.metadata = {**self.metadata, "render_fps": self.scene.frames_per_second}
         self._shape = (len(self.scene.actions),)
         self._ready = False
         self._screen: Any = None
 
+    @one_thread
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
@@ -227,6 +230,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
         Raises:
             ValueError: if an option is unknown or out of its range.
+            RuntimeError: if another thread is using this environment.
         """
         super().reset(seed=seed)
         if self.np_random not in self.batch.randoms:
@@ -235,7 +239,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.batch.start((0,), observation, interface.reset_options(options, OPTIONS))
         self._ready = True
         if self.render_mode == "human":
-            self.render()
+            self._draw()
         return observation, {}
 
     def step(
@@ -246,43 +250,59 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         Raises:
             ValueError: if the action is not one finite number; nothing has changed then.
             ResetNeeded: if no episode is under way.
+            RuntimeError: if another thread is using this environment.
         """
-        act: NDArray[np.floating] = action
-        if type(action) is not np.ndarray or action.dtype.kind != "f":
-            act = interface.numbers(action, self.scene.actions)
-        if act.shape != self._shape:
-            raise ValueError(f"the action must have shape {self._shape}, not {act.shape}")
-        if not self._ready:
-            raise ResetNeeded("no episode is under way: call reset first")
-        batch = self.batch
-        observation = np.empty(batch.seen, _SINGLE)
-        struck, ended = batch.step_alone(act, observation)
-        door = batch.door
-        strides, outcome = door.counts.tolist()
-        distance, energy, whole_distance, whole_energy = door.of_step.tolist()
-        info: dict[str, Any] = {  # task.EVERY_STEP
-            "distance": distance,
-            "energy": energy,
-            "episode_distance": whole_distance,
-            "episode_energy": whole_energy,
-            "strides": strides,
-        }
-        if struck:
-            info |= zip(task.EVERY_STRIDE, door.of_stride.tolist(), strict=True)
-        if batch.disturbances:
-            info |= {name: column.item() for name, column in batch.told().items()}
-        if struck or ended:
-            info["outcome"] = interface.OUTCOMES[outcome]
-            self._ready = not ended
-        if self.render_mode == "human":
-            self.render()
-        return observation, door.results[0].item(), ended > 0, False, info
+        token, mine = self.token, True
+        try:  # `one_thread` by hand
+            try:
+                token.pop()
+            except IndexError:
+                mine = False
+                refuse_second(self)
+            act: NDArray[np.floating] = action
+            if type(action) is not np.ndarray or action.dtype.kind != "f":
+                act = interface.numbers(action, self.scene.actions)
+            if act.shape != self._shape:
+                raise ValueError(f"the action must have shape {self._shape}, not {act.shape}")
+            if not self._ready:
+                raise ResetNeeded("no episode is under way: call reset first")
+            batch = self.batch
+            observation = np.empty(batch.seen, _SINGLE)
+            struck, ended = batch.step_alone(act, observation)
+            door = batch.door
+            strides, outcome = door.counts.tolist()
+            distance, energy, whole_distance, whole_energy = door.of_step.tolist()
+            info: dict[str, Any] = {  # task.EVERY_STEP
+                "distance": distance,
+                "energy": energy,
+                "episode_distance": whole_distance,
+                "episode_energy": whole_energy,
+                "strides": strides,
+            }
+            if struck:
+                info |= zip(task.EVERY_STRIDE, door.of_stride.tolist(), strict=True)
+            if batch.disturbances:
+                info |= {name: column.item() for name, column in batch.told().items()}
+            if struck or ended:
+                info["outcome"] = interface.OUTCOMES[outcome]
+                self._ready = not ended
+            if self.render_mode == "human":
+                self._draw()
+            return observation, door.results[0].item(), ended > 0, False, info
+        finally:
+            if mine:
+                token.append(None)
 
+    @one_thread
     def render(self) -> NDArray[np.uint8] | None:  # type: ignore[override]
         """Draw the walker as it stands, in a window ("human") or as an array ("rgb_array")."""
         if self.render_mode is None:
             gymnasium.logger.warn("render() needs a render_mode: gym.make(..., render_mode=...)")
             return None
+        return self._draw()
+
+    def _draw(self) -> NDArray[np.uint8] | None:
+        assert self.render_mode is not None
         if self._screen is None or self._screen.walker != self.walker:
             from gym_passive_walker.render.screen import Screen
 
@@ -308,10 +328,12 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return float(self.batch.ledger["slope"][0])
 
     @property
+    @one_thread
     def state(self) -> NDArray[np.float64]:
         """[stance, thigh, shank] angles in rad and their rates, in the walker's own units."""
         return self.batch.states[0]
 
+    @one_thread
     def set_slope(self, slope: float) -> NDArray[np.float32]:
         """Put the stride that begins on another slope: rough ground, stride by stride.
 
@@ -340,6 +362,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         """What the motor is charged for: "absolute", "positive" or "net" hip work."""
         return self.batch.charged_for
 
+    @one_thread
     def charge_for(self, energy: str | None) -> None:
         """Charge the motor for another kind of hip work, from the next step on.
 
@@ -352,26 +375,34 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.batch.charge_for(energy)
 
     @property
+    @one_thread
     def contact(self) -> float:
         """Where its stance foot touches the ground, in the walker's own units of length."""
         return self.batch.contact(0).x
 
+    @one_thread
     def get_state(self) -> dict[str, Any]:
         """All that decides what comes next, random numbers of later resets included; a copy."""
         return {**self.batch.get_state(), "ready": self._ready}
 
+    @one_thread
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Go back to a state that `get_state` gave, of this or an equal environment.
 
         The time limit is a wrapper's, and goes on counting.
 
         Raises:
-            ValueError: if it is of another environment.
+            StateError: if it is damaged, or of another environment; nothing has changed then.
+            RuntimeError: if another thread is using this environment.
         """
+        ready = bool(saved.flags(state, "ready"))
+        found = self.batch.checked(state, "ready", begun=ready)
+        if ready and saved.over(found.ledger).any():
+            raise saved.StateError("the state is 'ready', and its episode has ended")
         if not self.batch.randoms:
             self.batch.randoms = [self.np_random]
-        self.batch.set_state(state)
-        self._ready = state["ready"]
+        self.batch.put_back(found)
+        self._ready = ready
 
     def __getstate__(self) -> dict[str, Any]:
         return {**self.__dict__, "_screen": None}

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from gym_passive_walker.envs import interface, task
+from gym_passive_walker.envs.one_thread import Token, one_thread
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.extras import extra
@@ -53,7 +54,7 @@ class PassiveWalkerGpuEnv:
         way: str = "sorted",
         **changes: Any,
     ) -> None:
-        limit = interface.step_limit(max_episode_steps)
+        limit, self.token = interface.step_limit(max_episode_steps), Token()
         self.crowd = Crowd(num_envs, scene, step_limit=limit, seed=seed, way=way, **changes)
         self.device = torch.device("cpu" if SIMULATED else "cuda")
         self.num_envs = num_envs
@@ -62,6 +63,7 @@ class PassiveWalkerGpuEnv:
         self._play = self.crowd.play._make(map(_tensor, self.crowd.play))
         self._told = _tensor(self.crowd.walkers.told.view(np.float64)).view(num_envs, -1)
 
+    @one_thread
     def reset(self, *, seed: int | None = None) -> tuple[Tensor, dict[str, Any]]:
         """Begin an episode of every walker.
 
@@ -76,6 +78,7 @@ class PassiveWalkerGpuEnv:
         self.crowd.reset(stream=_stream())
         return self._rows(self._play.observations), {}
 
+    @one_thread
     def step(self, actions: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor, dict[str, Any]]:
         """A step of every walker.
 
@@ -99,6 +102,7 @@ class PassiveWalkerGpuEnv:
         endings = play.terminated.clone(), play.truncated.clone()
         return self._rows(play.observations), play.rewards.clone(), *endings, infos
 
+    @one_thread
     def charge_for(self, energy: str | None) -> None:
         """Charge all motors for another kind of work, from the next step on; see `Crowd`."""
         self.crowd.charge_for(energy)

@@ -52,6 +52,8 @@ class Description:
 
     def __post_init__(self) -> None:
         """Refuse what is no sweep."""
+        if not isinstance(self.analysis, str):
+            raise ValueError(f"analysis must be a name, not {self.analysis!r}")
         if self.how not in HOW:
             raise ValueError(f"how must be one of {', '.join(HOW)}, not {self.how!r}")
         for name in ("over", "given"):
@@ -63,7 +65,8 @@ class Description:
             raise ValueError(f"{', '.join(both)} cannot both change and be given")
         if taken := {*self.over, *self.given} & {*RESERVED} - {"seed"}:
             raise ValueError(f"{', '.join(sorted(taken))} is a column of every sweep's: rename it")
-        whole(self.seed, "seed", 0)
+        if whole(self.seed, "seed", 0) >= 2**63:
+            raise ValueError(f"seed must be a whole number below 2^63, not {self.seed!r}")
         if self.time_out is not None:
             number(self.time_out, "time_out", above=0.0)
         if (self.how in _SAMPLERS) != (self.samples is not None):

@@ -13,6 +13,7 @@ from gym_passive_walker.shown import picture
 from gym_passive_walker.sweeps.quantities import label, sizes
 from gym_passive_walker.sweeps.run import Swept
 from gym_passive_walker.sweeps.store import DONE
+from gym_passive_walker.sweeps.tasks import check_trust
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,9 +37,10 @@ def _swept(swept: Swept, ax: Axes | None = None, *, x: str, y: str, by: str) -> 
         by: The column that tells points apart.
 
     Raises:
-        ValueError: if there is no such column.
+        ValueError: if there is no such column, or the analysis is not trusted.
     """
     columns, described = swept.columns(), swept.description()
+    check_trust(described.analysis, swept.trust)  # whose arguments tell what is a length
     if said := unknown((x, y, by), tuple(columns), "this sweep"):
         raise ValueError(said)
     ax = axes_for(ax)

@@ -17,8 +17,14 @@ from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
 from gym_passive_walker.sweeps.cluster import Cluster
 from gym_passive_walker.sweeps.description import Description
-from gym_passive_walker.sweeps.store import DONE, Store, holds_another, read_columns, read_manifest
-from gym_passive_walker.sweeps.tasks import ANALYSES, task
+from gym_passive_walker.sweeps.store import (
+    DONE,
+    Store,
+    holds_another,
+    read_columns,
+    read_description,
+)
+from gym_passive_walker.sweeps.tasks import ANALYSES, check_trust, task
 from gym_passive_walker.sweeps.version import version
 from gym_passive_walker.sweeps.workers import Task, Workers
 
@@ -31,11 +37,13 @@ class Swept(Table):
         folder: Where it is; ``folder / "rows"`` is its Parquet dataset.
         tasks: How many tasks it had.
         failures: How many of them failed or timed out.
+        trust: Whether its analysis may be a function that is not the package's.
     """
 
     folder: Path
     tasks: int
     failures: int
+    trust: bool = False
 
     def columns(self) -> dict[str, NDArray]:
         """Its rows in the order of the tasks."""
@@ -43,7 +51,7 @@ class Swept(Table):
 
     def description(self) -> Description:
         """What was swept."""
-        return Description.of(read_manifest(self.folder)["description"])
+        return read_description(self.folder)
 
     def facts(self) -> dict[str, str]:
         """How it went."""
@@ -62,6 +70,7 @@ def sweep(
     ray: str | None = None,
     branch: bool = False,
     retry: bool = False,
+    trust: bool = False,
     **described: Any,
 ) -> Swept:
     """Do an analysis many times over, on all processors, and keep what is found in a folder.
@@ -72,8 +81,9 @@ def sweep(
 
     Args:
         analysis: Its name: gait, family, bifurcation, basin, robustness, reality, optimal or
-            evaluation; a function of a module of your own, or "module:function", which returns
-            numbers, words and truths by name; or a whole `Description`, or a mapping of one.
+            evaluation; a function of a module of your own, or "module:function" (with `trust`),
+            which returns numbers, words and truths by name; or a whole `Description`, or a mapping
+            of one.
         out: The folder; made if it is not there.
         workers: How many processes; one to each processor if None.
         ray: "here" for Ray on this machine, or the address of a cluster, whose machines see the
@@ -81,17 +91,21 @@ def sweep(
         branch: If the folder holds a sweep by another description, take one of its own beside it,
             instead of refusing.
         retry: Do tasks once more that failed or were given up; their rows are replaced.
+        trust: Allow "module:function", which imports that module and calls that function, whatever
+            they do. Not needed where the function itself is given.
         **described: The rest of the `Description`: over, how, given, samples, seed, time_out.
 
     Returns:
         The sweep: a table with a row for each task.
 
     Raises:
-        ValueError: if this is no sweep, or the folder holds another one.
+        ValueError: if this is no sweep, its analysis is not trusted, or the folder holds another
+            sweep or damaged files.
         OSError: if something cannot be written; what was is kept.
         ImportError: if pyarrow, or ray, is not installed.
     """
     description, folder = _described(analysis, described), Path(out)
+    trust = check_trust(description.analysis, trust or _is_function(analysis))
     if branch and holds_another(folder, description):
         folder = folder.with_name(f"{folder.name}-{description.digest[:8]}")
     if workers is not None:
@@ -113,7 +127,12 @@ def sweep(
     finally:
         store.close()
     failures = sum(status != DONE for status in store.done.values())
-    return Swept(folder, len(description.tasks), failures)
+    return Swept(folder, len(description.tasks), failures, trust)
+
+
+def _is_function(analysis: Any) -> bool:
+    """Whether a caller has given the function itself, not its name."""
+    return callable(analysis) and not isinstance(analysis, Mapping | Description)
 
 
 def _described(analysis: Any, rest: dict[str, Any]) -> Description:

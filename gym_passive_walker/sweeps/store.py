@@ -7,9 +7,11 @@ the sweep reads both.
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import time
+import uuid
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
@@ -27,6 +29,7 @@ DONE, FAILED, TIMED_OUT = "done", "failed", "timed out"
 _MANIFEST, _JOURNAL = "sweep.json", "journal.jsonl"
 _SECONDS, _ROWS = 20.0, 50_000  # between two files
 _TYPES = {bool: "bool", int: "int64", float: "double", str: "string"}
+_FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _BEFORE = {"task": "int64", "sweep": "string", "version": "string", "seed": "int64"}
 _AFTER = {"status": "string", "error": "string", "seconds": "double"}
 
@@ -41,8 +44,9 @@ class Store:
         retry: Whether tasks that failed are to be done again: their rows are taken out.
 
     Raises:
-        ValueError: if the folder holds another sweep, one of another version, or anything else; or
-            if another process is at it.
+        ValueError: if the folder holds another sweep, one of another version, or anything else; if
+            a file of it is damaged, which is left as it is; or if another process is at it.
+        OSError: if it cannot be written.
         ImportError: if pyarrow is not installed.
     """
 
@@ -62,50 +66,141 @@ class Store:
         self._written = time.monotonic()
         self._held = ExitStack()
         _check(folder, description, version)
-        self._rows_folder.mkdir(parents=True, exist_ok=True)
+        self._count = len(description.tasks)
         try:
-            self._held.enter_context(locked(folder / "lock", wait=False))
-        except BlockingIOError:
-            raise ValueError(f"another process is at the sweep in {folder}: wait for it") from None
+            self._open(description, retry)
+        except BaseException:
+            self._held.close()  # who mends the folder may go on in this process
+            raise
+
+    def _open(self, description: Description, retry: bool) -> None:
+        """Take the folder, and up what stands in it."""
+        with self._writing():
+            self._rows_folder.mkdir(parents=True, exist_ok=True)
+            try:
+                self._held.enter_context(locked(self.folder / "lock", wait=False))
+            except BlockingIOError:
+                raise ValueError(
+                    f"another process is at the sweep in {self.folder}: wait for it"
+                ) from None
         self._manifest = {"description": description.content, "columns": None, **self._same}
-        if (folder / _MANIFEST).exists():
-            self._manifest = read_manifest(folder)
+        if (self.folder / _MANIFEST).exists():
+            self._manifest = read_manifest(self.folder)
         else:
-            self._save_manifest()
+            with self._writing():
+                self._save_manifest()
         self._read(retry)
         with self._writing():
             self._journal = self._new_journal()
         self.flush()
 
     def _read(self, retry: bool) -> None:
-        """Take up what stands in the folder; a torn line at the journal's end is forgotten."""
-        for left in self.folder.glob("*.aside"):
-            left.unlink()
-        for path in sorted(self._rows_folder.glob("*.parquet")):
-            if retry:
-                self._take_failed_out(path)
-        for path in sorted(self._rows_folder.glob("*.parquet")):
-            table = self._parquet.read_table(path, columns=["task", "status"])
-            self.done |= dict(zip(*(column.to_pylist() for column in table.columns), strict=True))
-        journal = self.folder / _JOURNAL
-        for line in journal.read_text(encoding="utf-8").splitlines() if journal.exists() else ():
-            try:
-                row = json.loads(line)
-            except ValueError:
-                continue
+        """Take up what stands in the folder; nothing has changed there if a file is damaged."""
+        parts = sorted(self._rows_folder.glob("*.parquet"))
+        for path in parts:
+            with _reading(path, "part"):
+                self._check_part(path)
+        rows = self._journal_rows()
+        with self._writing():
+            for left in self.folder.glob("*.aside"):
+                if not left.is_dir():
+                    left.unlink()
+        for path in parts:
+            if not retry or self._take_failed_out(path):
+                table = self._parquet.read_table(path, columns=["task", "status"])
+                columns = (column.to_pylist() for column in table.columns)
+                self.done |= dict(zip(*columns, strict=True))
+        for row in rows:
             if row["task"] not in self.done and not (retry and row["status"] != DONE):
                 self.done[row["task"]] = row["status"]
                 self._pending.append(row)
 
-    def _take_failed_out(self, path: Path) -> None:
-        """Leave in a file of the dataset what was done."""
+    def _check_part(self, path: Path) -> None:
+        """Refuse a file that is no part of this sweep's dataset.
+
+        Raises:
+            ValueError: if it is none.
+        """
+        if not self._parquet.read_schema(path).equals(self._schema):
+            raise ValueError("it has other columns than the sweep")
+        table = self._parquet.read_table(path, columns=["task", "sweep", "version", "status"])
+        tasks, sweeps, versions, statuses = (column.to_pylist() for column in table.columns)
+        if {*sweeps, *versions} - {*self._same.values()}:
+            raise ValueError("it has rows of another sweep, or of another version")
+        known = {*statuses} <= {DONE, FAILED, TIMED_OUT}
+        if not known or not all(0 <= task < self._count for task in tasks):
+            raise ValueError("it has rows of tasks that there are not")
+
+    def _journal_rows(self) -> list[dict[str, Any]]:
+        """The rows of the journal; its last line may be torn, and is forgotten then.
+
+        Raises:
+            ValueError: if another line is no row of this sweep.
+        """
+        journal, rows = self.folder / _JOURNAL, []
+        if not journal.exists():
+            return rows
+        with _reading(journal, "journal"):
+            lines = [*enumerate(journal.read_bytes().split(b"\n"), 1)]
+        written = [(number, line) for number, line in lines if line.strip()]
+        for number, line in written:
+            try:
+                row = json.loads(line.decode("utf-8"))
+            except (ValueError, RecursionError):
+                if (number, line) == written[-1]:
+                    continue
+                wrong = "it is no JSON"
+            else:
+                wrong = self._wrong(row)
+            if wrong:
+                raise ValueError(
+                    f"line {number} of {journal} is no row of this sweep ({wrong}): mend that line,"
+                    " or remove it, and its task is done once more; nothing was changed"
+                )
+            rows.append(row)
+        return rows
+
+    def _wrong(self, row: Any) -> str | None:
+        """What is wrong with a row of the journal; None if nothing is."""
+        if not isinstance(row, dict):
+            return "it is no mapping"
+        lacking = [name for name in ("task", "sweep", "version", "status") if name not in row]
+        if lacking:
+            return f"it lacks {', '.join(lacking)}"
+        if any(row[name] != value for name, value in self._same.items()):
+            return "it is of another sweep, or of another version"
+        if type(row["task"]) is not int or not 0 <= row["task"] < self._count:
+            return f"there is no task {row['task']!r}"
+        if row["status"] not in (DONE, FAILED, TIMED_OUT):
+            return f"its status is {row['status']!r}"
+        results = self._manifest["columns"]
+        if row["status"] == DONE and (results is None or not row.keys() >= results.keys()):
+            return f"its results are not those that {_MANIFEST} names"
+        odd = [n for n, kind in self._kinds.items() if not _holds(row.get(n), kind)]
+        return f"{', '.join(odd)} of another type" if odd else None
+
+    @property
+    def _kinds(self) -> dict[str, str]:
+        """The dataset's columns, and their types."""
+        results = self._manifest["columns"] or {}
+        return {**_BEFORE, **self._parameters, **_AFTER, **results}
+
+    @property
+    def _schema(self) -> Any:
+        return self._arrow.schema(
+            [(name, self._arrow.type_for_alias(kind)) for name, kind in self._kinds.items()]
+        )
+
+    def _take_failed_out(self, path: Path) -> bool:
+        """Leave in a file of the dataset what was done; whether there is anything."""
         table = self._parquet.read_table(path)
         done = table.filter(self._arrow.compute.equal(table["status"], DONE))
-        if not len(done):
-            path.unlink()
-        elif len(done) < len(table):
-            with self._writing():
+        with self._writing():
+            if not len(done):
+                path.unlink()
+            elif len(done) < len(table):
                 self._put(done, path.name)
+        return len(done) > 0
 
     def _put(self, table: Any, name: str) -> None:
         """Write a file of the dataset, in place of one of that name."""
@@ -126,9 +221,11 @@ class Store:
         try:
             yield
         except OSError as error:
+            named = f": {error.filename}" if error.filename else ""
+            remedy = "make room" if error.errno in _FULL else "see to that"
             raise OSError(
-                f"the sweep in {self.folder} cannot be written ({error.strerror or error}): what "
-                "was computed is kept; make room, and the same call goes on"
+                f"the sweep in {self.folder} cannot be written ({error.strerror or error}{named}): "
+                f"what was computed is kept; {remedy}, and the same call goes on"
             ) from error
 
     def add(self, row: dict[str, Any], results: Mapping[str, Any]) -> None:
@@ -172,16 +269,12 @@ class Store:
         self._written = time.monotonic()
         columns = self._manifest["columns"]
         if self._pending and (columns is not None or last):
-            kinds = {**_BEFORE, **self._parameters, **_AFTER, **(columns or {})}
-            schema = self._arrow.schema(
-                [(name, self._arrow.type_for_alias(kind)) for name, kind in kinds.items()]
-            )
             rows = sorted(self._pending, key=lambda row: row["task"])
-            parts = {n: [_as(row.get(n), kind) for row in rows] for n, kind in kinds.items()}
-            table = self._arrow.Table.from_pydict(parts, schema=schema)
-            last_one = max((path.stem for path in self._rows_folder.glob("*.parquet")), default="0")
+            parts = {n: [_as(row.get(n), kind) for row in rows] for n, kind in self._kinds.items()}
+            table = self._arrow.Table.from_pydict(parts, schema=self._schema)
             with self._writing():
-                self._put(table, f"{int(last_one) + 1:06d}.parquet")
+                # By the first task and at random: no file is ever written over another.
+                self._put(table, f"{rows[0]['task']:08d}-{uuid.uuid4().hex[:16]}.parquet")
                 self._pending = []
                 self._journal.truncate(0)
 
@@ -196,23 +289,68 @@ class Store:
         os.replace(aside, self.folder / _MANIFEST)
 
 
+_REMEDIES = {
+    "manifest": "put back a whole copy, or give another folder; its rows can still be read",
+    "journal": "put back a whole copy, or move it elsewhere, and its tasks are done once more",
+    "part": "move it elsewhere, and the same call does its tasks once more",
+}
+"""What to do about a file that cannot be read."""
+
+
+@contextmanager
+def _reading(path: Path, what: str) -> Iterator[None]:
+    """Turn whatever a damaged file does to its reader into a sentence.
+
+    Raises:
+        ValueError: if it cannot be read, or does not hold what belongs there.
+    """
+    try:
+        yield
+    except Exception as error:  # a damaged file may raise anything
+        said = error.strerror if isinstance(error, OSError) else None
+        said = " ".join((said or str(error) or type(error).__name__).split())
+        raise ValueError(f"{path} cannot be read ({said}): {_REMEDIES[what]}") from None
+
+
 def read_manifest(folder: Path) -> dict[str, Any]:
     """What a folder says it holds: the description, its digest, the version, the columns.
 
     Raises:
-        ValueError: if it holds no sweep.
+        ValueError: if it holds no sweep, or says so in a way that cannot be read.
     """
-    try:
-        return json.loads((folder / _MANIFEST).read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ValueError(f"{folder} holds no sweep: {error}") from None
+    path = folder / _MANIFEST
+    if not path.exists():
+        raise ValueError(f"{folder} holds no sweep, since it has no {_MANIFEST}: give another one")
+    with _reading(path, "manifest"):
+        found = json.loads(path.read_text(encoding="utf-8"))
+        if not isinstance(found, dict):
+            raise ValueError("it is no mapping")
+        for name, kind in (("description", dict), ("sweep", str), ("version", str)):
+            if not isinstance(found.get(name), kind):
+                raise ValueError(f"it has no {name}")
+        columns = found.get("columns", ...)
+        names = columns.items() if isinstance(columns, dict) else [("columns", columns)]
+        if columns is not None and not all(kind in [*_TYPES.values()] for _, kind in names):
+            raise ValueError("it has no columns")
+    return found
+
+
+def read_description(folder: Path) -> Description:
+    """What is swept in a folder.
+
+    Raises:
+        ValueError: if it holds no sweep, or its description cannot be read.
+    """
+    content = read_manifest(folder)["description"]
+    with _reading(folder / _MANIFEST, "manifest"):
+        return Description.of(content)
 
 
 def read_columns(folder: Path) -> dict[str, NDArray]:
     """The dataset in the order of its tasks, each column of shape (tasks,).
 
     Raises:
-        ValueError: if there is nothing yet.
+        ValueError: if there is nothing yet, or a file cannot be read.
         ImportError: if pyarrow is not installed.
     """
     with extra("sweep"):
@@ -220,7 +358,12 @@ def read_columns(folder: Path) -> dict[str, NDArray]:
     paths = sorted((folder / "rows").glob("*.parquet"))
     if not paths:
         raise ValueError(f"the sweep in {folder} has found nothing yet")
-    tables = [pyarrow.parquet.read_table(path) for path in paths]
+    tables: list[Any] = []
+    for path in paths:
+        with _reading(path, "part"):
+            tables.append(pyarrow.parquet.read_table(path))
+            if not tables[-1].schema.equals(tables[0].schema):
+                raise ValueError(f"it has other columns than {paths[0].name}")
     table = pyarrow.concat_tables(tables).sort_by("task")
     return {
         name: np.asarray(table[name].to_numpy(zero_copy_only=False)) for name in table.column_names
@@ -234,12 +377,23 @@ def holds_another(folder: Path, description: Description) -> bool:
 
 def _check(folder: Path, description: Description, version: str) -> None:
     """Refuse a folder of something else."""
-    if not folder.exists() or not any(folder.iterdir()):
+    if not folder.exists():
+        return
+    if not folder.is_dir():
+        raise ValueError(f"{folder} is a file: give a folder")
+    try:
+        empty = not any(folder.iterdir())
+    except OSError as error:
+        raise ValueError(f"{folder} cannot be read ({error.strerror}): give another one") from None
+    if empty:
         return
     there = read_manifest(folder)
     if there["sweep"] != description.digest:
         ours, theirs = description.content, there["description"]
         changed = [name for name, value in ours.items() if theirs.get(name) != value]
+        if not changed:
+            with _reading(folder / _MANIFEST, "manifest"):
+                raise ValueError("its description has another digest")
         raise ValueError(
             f"{folder} holds a sweep with another {' and '.join(changed)}: give another folder, or "
             "let it branch into one of its own (branch=True, --branch)"
@@ -275,8 +429,18 @@ def _as(value: Any, kind: str) -> Any:
     if value is None:
         return None
     if kind == "string":
-        return value if isinstance(value, str) else json.dumps(value)
+        text = value if isinstance(value, str) else json.dumps(value)
+        return text.encode("utf-8", "backslashreplace").decode("utf-8")
     return float(value) if kind == "double" else value
+
+
+def _holds(value: Any, kind: str) -> bool:
+    """Whether a column may hold a value."""
+    if value is None or kind == "string":
+        return True
+    if kind == "double" and type(value) is float:
+        return True
+    return type(value) is (bool if kind == "bool" else int)
 
 
 def _said(kinds: dict[str, str]) -> str:

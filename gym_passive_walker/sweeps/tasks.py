@@ -185,8 +185,30 @@ ANALYSES: dict[str, Callable[..., Row]] = {
 """What can be swept by name."""
 
 
+def check_trust(analysis: str, trust: bool) -> bool:
+    """Refuse an analysis that is not the package's, unless the user trusts it.
+
+    A description may come from someone else's file, and to import a module runs it.
+
+    Returns:
+        Whether it is trusted.
+
+    Raises:
+        ValueError: if it is not, and would have to be.
+    """
+    if not isinstance(trust, bool):
+        raise ValueError(f"trust must be True or False, not {trust!r}")
+    if not trust and analysis not in ANALYSES and ":" in analysis:
+        raise ValueError(
+            f"the analysis {analysis!r} is a function that is not the package's, and could do "
+            "anything: if you trust it, say so by --trust (trust=True in Python); the package has "
+            f"{', '.join(ANALYSES)}"
+        )
+    return trust
+
+
 def function(analysis: str) -> Callable[..., Any]:
-    """What an analysis calls, by its name or as "module:function".
+    """What an analysis calls, by its name or as "module:function", which is trusted here.
 
     Raises:
         ValueError: if there is none.
@@ -200,9 +222,12 @@ def function(analysis: str) -> Callable[..., Any]:
             'your own as "module:function"'
         )
     try:
-        return getattr(importlib.import_module(module), name)
-    except (ImportError, AttributeError) as error:
+        found = getattr(importlib.import_module(module), name)
+    except (ImportError, AttributeError, ValueError) as error:
         raise ValueError(f"the analysis {analysis!r} cannot be found: {error}") from None
+    if not callable(found):
+        raise ValueError(f"the analysis {analysis!r} is no function")
+    return found
 
 
 def task(analysis: str, given: Mapping[str, Any]) -> Callable[[], Any]:
@@ -255,5 +280,7 @@ def flat(found: Any) -> Row:
         value = value.item() if isinstance(value, np.generic | np.ndarray) else value
         if not isinstance(value, bool | int | float | str):
             raise TypeError(f"{name} must be a number, a word or a truth, not {value!r}")
+        if isinstance(value, int) and not -(2**63) <= value < 2**63:
+            raise TypeError(f"{name} must fit into 64 bits, and {value} does not")
         row[str(name)] = value
     return row

@@ -1,5 +1,6 @@
 """What cannot be read or written ends with a sentence, and costs nothing that was there."""
 
+import json
 import os
 import shutil
 from contextlib import contextmanager
@@ -79,6 +80,69 @@ def test_a_damaged_file_is_named_and_everything_left_as_it_is(run, name, damage,
     command = ["--resume", run, *MORE] if name.startswith(CHECKPOINT) else ["evaluate", run]
     said, printed = refused(capsys, *command)
     assert str(run / name) in said and not printed
+    assert contents(run) == before
+
+
+def rewritten(path, change):
+    """Change what a file of arrays or of JSON says, so that it is as whole as before."""
+    if path.suffix == ".json":
+        content = json.loads(path.read_text())
+        change(content)
+        path.write_text(json.dumps(content))
+    else:
+        with np.load(path) as arrays:
+            content = dict(arrays)
+        change(content)
+        np.savez(path, **content)
+
+
+def field(array, name, value):
+    def change(content):
+        content[array][name] = value
+
+    return change
+
+
+def entry(name, value):
+    def change(content):
+        content[name] = value(content[name]) if callable(value) else value
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "words"),
+    [
+        ("worlds.npz", field("records", "phase", 1 << 40), "records['phase'] of environment 0"),
+        ("worlds.npz", field("ledger", "outcome", -1), "ledger['outcome'] of environment 0"),
+        ("worlds.npz", field("records", "state", np.nan), "records['state'] of environment 0"),
+        ("worlds.npz", entry("records", lambda a: a[:3]), "of 3 walkers, and here are 8"),
+        ("worlds.npz", entry("scene", "{}"), "of another"),
+        ("worlds.json", entry("walkers", []), "a row of 8 walkers"),
+        ("worlds.json", entry("random", [{}] * 8), "no state of a PCG64"),
+        ("arrays.npz", entry("_last_obs", np.zeros((2, 8), np.float32)), "_last_obs must be"),
+        ("arrays.npz", entry("_last_obs", lambda a: a * np.nan), "_last_obs must be finite"),
+        ("arrays.npz", entry("obs_rms.var", lambda a: -a), "obs_rms.var is below 0"),
+        ("arrays.npz", entry("obs_rms.mean", np.zeros(3)), "obs_rms.mean must be float64"),
+        ("arrays.npz", entry("torch", lambda a: a[:9]), "arrays.npz"),
+        ("arrays.npz", entry("numpy", np.zeros(3, np.uint32)), "notes.json"),
+        ("replay.npz", entry("position", 10**9), "beyond"),
+        ("replay.npz", entry("position", 3), "must be float32 of shape (3, "),
+        ("replay.npz", entry("rewards", lambda a: a * np.inf), "rewards must be finite"),
+        ("notes.json", entry("numpy", ["MT19937", 10**6, 0, 0.0]), "numpy's place"),
+        ("notes.json", entry("counters", {"num_timesteps": -1}), "num_timesteps must be a whole"),
+        ("notes.json", entry("counters", {}), "'num_timesteps' is missing"),
+        ("notes.json", entry("notes", {}), "'best' is missing"),
+        ("notes.json", entry("action_space", {}), "notes.json"),
+    ],
+)  # fmt: skip
+def test_a_checkpoint_that_was_tampered_with_is_refused_by_its_file(
+    run, name, change, words, capsys
+):
+    rewritten(run / CHECKPOINT / name, change)
+    before = contents(run)
+    said, printed = refused(capsys, "--resume", run, *MORE)
+    assert words in said and str(run / CHECKPOINT) in said and not printed
     assert contents(run) == before
 
 

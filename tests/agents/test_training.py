@@ -81,8 +81,17 @@ def varied(steps):
         varied,
         lambda steps: small("shac", steps, "level"),
         lambda steps: small("ppo-fast", steps, "rolling"),
+        lambda steps: small("ppo", steps, "pushed"),
     ],
-    ids=["ppo-rolling", "sac-level", "ppo-steep", "sac-varied", "shac-level", "ppo-fast-rolling"],
+    ids=[
+        "ppo-rolling",
+        "sac-level",
+        "ppo-steep",
+        "sac-varied",
+        "shac-level",
+        "ppo-fast-rolling",
+        "ppo-pushed",
+    ],
 )
 def test_a_resumed_run_goes_on_as_if_uninterrupted(tmp_path, config):
     whole = Run(config(384), tmp_path / "whole")

@@ -147,30 +147,76 @@ def test_a_user_without_a_home_has_a_cache(tmp_path, monkeypatch):
     assert folder(monkeypatch).is_relative_to(tmp_path)
 
 
-def _open_to_all(shared, tmp_path):
-    shared.mkdir()
-    shared.chmod(0o777)
+def _open_to_all(folder):
+    folder.chmod(0o777)
 
 
-def _a_link(shared, tmp_path):
-    (tmp_path / "elsewhere").mkdir(mode=0o700)
-    shared.symlink_to(tmp_path / "elsewhere", target_is_directory=True)
+def _open_to_a_group(folder):
+    folder.chmod(0o770)
 
 
-def _someone_elses(shared, tmp_path):
-    shared.mkdir(mode=0o700)
-    os.chown(shared, os.getuid() + 1, -1)
+def _a_link(folder):
+    folder.rename(folder.with_name("elsewhere"))
+    folder.symlink_to(folder.with_name("elsewhere"), target_is_directory=True)
 
 
-@pytest.mark.skipif(not hasattr(os, "getuid"), reason="temporary folders are private here")
-@pytest.mark.parametrize("trap", [_open_to_all, _a_link, _someone_elses])
-def test_no_code_is_run_from_a_shared_folder_that_others_can_write_to(trap, tmp_path):
-    shared = tmp_path / "shared"
+def _another_users(folder):
+    os.chown(folder, os.getuid() + 1, -1)
+
+
+PLACES = {
+    "chosen": lambda root: {"NUMBA_CACHE_DIR": root / "chosen", "XDG_CACHE_HOME": root / "own"},
+    "at home": lambda root: {"XDG_CACHE_HOME": root / "home"},
+}
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="each user has folders of their own here")
+@pytest.mark.parametrize("trap", [_open_to_all, _open_to_a_group, _a_link, _another_users])
+@pytest.mark.parametrize("place", PLACES)
+@pytest.mark.parametrize("which", ["the package's", "the version's"])
+def test_no_code_is_kept_in_or_run_from_a_folder_that_another_user_can_write_to(
+    trap, place, which, tmp_path, monkeypatch
+):
+    monkeypatch.setattr(cache.tempfile, "gettempdir", lambda: str(tmp_path))
+    cache._warn.cache_clear()
+    usual = folder(monkeypatch, **PLACES[place](tmp_path))
+    assert usual.stat().st_mode & 0o777 == usual.parent.stat().st_mode & 0o777 == 0o700
+    strange = usual.parent if which == "the package's" else usual
     try:
-        trap(shared, tmp_path)
+        trap(strange)
     except PermissionError:
         pytest.skip("only root can make a folder someone else's")
-    assert not cache._private(shared, os.getuid())
+    with pytest.warns(RuntimeWarning, match=rf"{strange} is not used.*remove it.*of your own") as s:
+        other = folder(monkeypatch, **PLACES[place](tmp_path))
+        assert folder(monkeypatch, **PLACES[place](tmp_path)) == other
+    assert len(s) == 1 and not other.is_relative_to(usual.parent) and cache._private(other)
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="each user has folders of their own here")
+@pytest.mark.parametrize("trap", [_open_to_all, _open_to_a_group, _another_users])
+def test_a_file_that_another_user_could_have_written_is_not_read(trap, kept_in):
+    cache.keep("code", b"ours")
+    assert cache.found("code") == b"ours"
+    try:
+        trap(kept_in / "code")
+    except PermissionError:
+        pytest.skip("only root can make a file someone else's")
+    with pytest.warns(RuntimeWarning, match="is another user's, and is not used"):
+        assert cache.found("code") is None
+    cache.keep("code", b"ours")  # in its place
+    assert cache.found("code") == b"ours"
+
+
+@pytest.mark.skipif(not hasattr(os, "umask"), reason="modes are POSIX")
+def test_code_is_kept_where_a_group_may_usually_write(tmp_path, monkeypatch):
+    before = os.umask(0o002)
+    try:
+        kept = folder(monkeypatch, NUMBA_CACHE_DIR=tmp_path / "chosen")
+        monkeypatch.setattr(cache, "cache_directory", lambda: kept)
+        cache.keep("code", b"ours")
+    finally:
+        os.umask(before)
+    assert cache.found("code") == b"ours"
 
 
 def _sum_of_digits(number):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from hashlib import sha256
 
 import numpy as np
@@ -81,6 +82,21 @@ def test_threads_change_nothing(name):
     for threads in (2, 3, None):
         more = stride(name, slopes, states, hip_torque=torques, threads=threads)
         assert_bitwise_same(more, one)
+
+
+def test_strides_that_many_threads_ask_for_are_those_that_one_asks_for():
+    """Each thread has its own tile and guard history."""
+    crowds = {name: crowd(name, 300) for name in ("lab", "A", "D")}
+
+    def walked(name):
+        slopes, states, torques = crowds[name]
+        return stride(name, slopes, states, hip_torque=torques)
+
+    alone = {name: walked(name) for name in crowds}
+    with ThreadPoolExecutor(6) as threads:
+        found = [(name, threads.submit(walked, name)) for _ in range(20) for name in crowds]
+    for name, each in found:
+        assert_bitwise_same(each.result(), alone[name])
 
 
 def with_derivatives(name: str, count: int):

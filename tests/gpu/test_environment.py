@@ -85,3 +85,14 @@ def test_motors_charged_for_other_work_are_those_of_a_scene_that_says_so():
     actions = torch.full((2, 1), 0.5)
     for _ in range(4):
         assert torch.equal(usual.step(actions)[1], told.step(actions)[1])
+
+
+def test_a_second_thread_is_refused_while_the_first_is_at_work():
+    env = PassiveWalkerGpuEnv(2, SCENE)
+    env.reset()
+    env.token.pop()  # as a thread at work has done
+    for call in (env.reset, lambda: env.step(torch.zeros(2, 1)), lambda: env.charge_for("net")):
+        with pytest.raises(RuntimeError, match="another thread is using this PassiveWalkerGpuEnv"):
+            call()
+    env.token.append(None)
+    env.step(torch.zeros(2, 1))

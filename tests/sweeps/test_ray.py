@@ -35,23 +35,26 @@ def line(odd, count, address):
     script.write_text(
         "import gym_passive_walker as gpw\n"
         "if __name__ == '__main__':\n"
-        f"    gpw.sweep('odd_tasks:noted', {str(odd / 'out')!r}, **{options!r})\n"
+        f"    gpw.sweep('odd_tasks:noted', {str(odd / 'out')!r}, trust=True, **{options!r})\n"
     )
     return [sys.executable, "-W", "ignore", str(script)]
 
 
 def test_it_finds_the_same_as_processes_do(odd, cluster):
     over = {"x": list(range(200))}
-    here = gpw.sweep("odd_tasks:square", odd / "here", over=over, workers=2)
-    same(here, gpw.sweep("odd_tasks:square", odd / "there", over=over, ray=cluster.address))
+    here = gpw.sweep("odd_tasks:square", odd / "here", trust=True, over=over, workers=2)
+    same(
+        here,
+        gpw.sweep("odd_tasks:square", odd / "there", trust=True, over=over, ray=cluster.address),
+    )
 
 
 def test_a_worker_that_is_killed_leaves_its_tasks_to_the_others(odd, cluster):
     over, given = {"x": list(range(40))}, {"folder": str(odd)}
     options = {"over": over, "given": given}
-    killed = gpw.sweep("odd_tasks:orphans", odd / "out", ray=cluster.address, **options)
+    killed = gpw.sweep("odd_tasks:orphans", odd / "out", trust=True, ray=cluster.address, **options)
     assert (odd / "told").exists() and killed.failures == 0
-    same(killed, gpw.sweep("odd_tasks:orphans", odd / "whole", workers=1, **options))
+    same(killed, gpw.sweep("odd_tasks:orphans", odd / "whole", trust=True, workers=1, **options))
 
 
 def test_a_machine_that_is_lost_leaves_its_tasks_to_the_others(odd, cluster):
@@ -64,7 +67,9 @@ def test_a_machine_that_is_lost_leaves_its_tasks_to_the_others(odd, cluster):
 
     losing = threading.Thread(target=lose)
     losing.start()
-    found = gpw.sweep("odd_tasks:noted", odd / "out", over=over, given=given, ray=cluster.address)
+    found = gpw.sweep(
+        "odd_tasks:noted", odd / "out", trust=True, over=over, given=given, ray=cluster.address
+    )
     losing.join()
     assert found.failures == 0
     assert found.columns()["square"].tolist() == [x * x for x in range(300)]
@@ -92,7 +97,7 @@ def test_a_machine_of_another_version_is_refused(odd, cluster, monkeypatch):
     cluster.add_node(num_cpus=1)
     over = {"x": list(range(500))}
     with pytest.raises(ValueError, match=r"of the cluster has version .* install that one there"):
-        gpw.sweep("odd_tasks:noted", odd / "out", over=over, given={"folder": str(odd)},
+        gpw.sweep("odd_tasks:noted", odd / "out", trust=True, over=over, given={"folder": str(odd)},
                   ray=cluster.address)  # fmt: skip
 
 
@@ -117,6 +122,6 @@ def test_a_sweep_whose_head_is_lost_goes_on_with_the_next(odd):
     again = (odd / "noted").read_text().count("\n") - done
     assert 30 <= kept < 400 and again == 400 - kept  # nothing that was kept is done again
     same(Swept(odd / "out", 400, 0), gpw.sweep(
-        "odd_tasks:noted", odd / "whole", over={"x": list(range(400))},
+        "odd_tasks:noted", odd / "whole", trust=True, over={"x": list(range(400))},
         given={"folder": str(odd)}, workers=1,
     ))  # fmt: skip

@@ -23,7 +23,9 @@ parquet = pytest.importorskip("pyarrow.parquet")
 
 
 def squares(folder, count=12, **options):
-    return gpw.sweep("odd_tasks:square", folder, over={"x": list(range(count))}, **options)
+    return gpw.sweep(
+        "odd_tasks:square", folder, trust=True, over={"x": list(range(count))}, **options
+    )
 
 
 def test_ten_thousand_tiny_tasks_are_ten_thousand_rows(odd):
@@ -37,16 +39,23 @@ def test_ten_thousand_tiny_tasks_are_ten_thousand_rows(odd):
 
 def test_a_worker_that_is_killed_is_replaced_and_its_task_done_again(odd):
     over, given = {"x": list(range(12))}, {"times": 1, "folder": str(odd)}
-    killed = gpw.sweep("odd_tasks:dies", odd / "out", over=over, given=given, workers=2)
+    killed = gpw.sweep("odd_tasks:dies", odd / "out", trust=True, over=over, given=given, workers=2)
     assert (odd / "lives").read_text() == "x" and killed.failures == 0
-    again = gpw.sweep("odd_tasks:dies", odd / "whole", over=over, given=given, workers=2)
+    again = gpw.sweep(
+        "odd_tasks:dies", odd / "whole", trust=True, over=over, given=given, workers=2
+    )
     same(killed, again)
 
 
 def test_a_task_that_always_takes_its_process_with_it_is_a_row(odd):
     given = {"times": 9, "folder": str(odd)}
     found = gpw.sweep(
-        "odd_tasks:dies", odd / "out", over={"x": list(range(8))}, given=given, workers=2
+        "odd_tasks:dies",
+        odd / "out",
+        trust=True,
+        over={"x": list(range(8))},
+        given=given,
+        workers=2,
     )
     columns = found.columns()
     assert [*columns["status"]] == [FAILED if x == 5 else DONE for x in range(8)]
@@ -55,7 +64,12 @@ def test_a_task_that_always_takes_its_process_with_it_is_a_row(odd):
 
 def test_a_task_that_hangs_or_fails_is_a_row_and_stops_no_other(odd):
     found = gpw.sweep(
-        "odd_tasks:hangs", odd / "out", over={"x": list(range(6))}, time_out=0.5, workers=1
+        "odd_tasks:hangs",
+        odd / "out",
+        trust=True,
+        over={"x": list(range(6))},
+        time_out=0.5,
+        workers=1,
     )
     columns = found.columns()
     assert [*columns["status"]] == [DONE, DONE, TIMED_OUT, FAILED, DONE, DONE]
@@ -65,7 +79,9 @@ def test_a_task_that_hangs_or_fails_is_a_row_and_stops_no_other(odd):
 
 
 def test_results_of_another_kind_are_an_error_in_their_row(odd):
-    found = gpw.sweep("odd_tasks:changeable", odd / "out", over={"x": [1, 2, 0]}, workers=1)
+    found = gpw.sweep(
+        "odd_tasks:changeable", odd / "out", trust=True, over={"x": [1, 2, 0]}, workers=1
+    )
     assert found.failures == 1
     assert found.columns()["error"][2] == (
         "it found cube (int64), where others found square (int64)"
@@ -83,7 +99,14 @@ def test_a_sweep_that_was_stopped_does_the_rest_alone_and_ends_as_if_it_had_not(
         }
     )
     (odd / "kept.json").write_text(text)
-    command = [sys.executable, "-m", "gym_passive_walker", "sweep", str(odd / "kept.json")]
+    command = [
+        sys.executable,
+        "-m",
+        "gym_passive_walker",
+        "sweep",
+        str(odd / "kept.json"),
+        "--trust",
+    ]
     # Who runs behind a shell's back ignores Ctrl-C, and so would whom it starts.
     usual = signal.signal(signal.SIGINT, signal.default_int_handler)
     process = subprocess.Popen([*command, "--workers", "2"], stderr=subprocess.PIPE, text=True)
@@ -103,18 +126,18 @@ def test_a_sweep_that_was_stopped_does_the_rest_alone_and_ends_as_if_it_had_not(
     # Done twice is at most what the two workers were at, and what was on its way back.
     assert (odd / "noted").read_text().count("\n") <= 120 + 4
     stopped = run.Swept(odd / "kept", 120, 0)
-    whole = gpw.sweep(json.loads(text), odd / "whole", workers=1)
+    whole = gpw.sweep(json.loads(text), odd / "whole", trust=True, workers=1)
     same(stopped, whole)
 
 
 def test_what_failed_is_done_once_more_if_that_is_asked_for_and_nothing_else(odd):
     over, given = {"x": list(range(8))}, {"times": 2, "folder": str(odd)}
     options = {"over": over, "given": given, "workers": 1}
-    first = gpw.sweep("odd_tasks:dies", odd / "out", **options)
+    first = gpw.sweep("odd_tasks:dies", odd / "out", trust=True, **options)
     assert first.failures == 1 and first.columns()["status"][5] == FAILED
-    kept = gpw.sweep("odd_tasks:dies", odd / "out", **options)
+    kept = gpw.sweep("odd_tasks:dies", odd / "out", trust=True, **options)
     assert kept.failures == 1 and (odd / "lives").read_text() == "xx"
-    again = gpw.sweep("odd_tasks:dies", odd / "out", retry=True, **options)
+    again = gpw.sweep("odd_tasks:dies", odd / "out", trust=True, retry=True, **options)
     before, after = first.columns(), again.columns()
     assert again.failures == 0 and [*after["square"]] == [x * x for x in range(8)]
     others = np.arange(8) != 5
@@ -134,10 +157,10 @@ def test_a_full_disk_loses_nothing_finished(odd, monkeypatch):
     monkeypatch.setattr(parquet, "write_table", fails)
     over, given = {"x": list(range(9))}, {"folder": str(odd)}
     with pytest.raises(OSError, match=r"No space left on device.*make room.*goes on"):
-        gpw.sweep("odd_tasks:noted", odd / "out", over=over, given=given, workers=1)
+        gpw.sweep("odd_tasks:noted", odd / "out", trust=True, over=over, given=given, workers=1)
     assert not list((odd / "out" / "rows").iterdir())
     full["write"] = False
-    found = gpw.sweep("odd_tasks:noted", odd / "out", over=over, given=given, workers=1)
+    found = gpw.sweep("odd_tasks:noted", odd / "out", trust=True, over=over, given=given, workers=1)
     assert (odd / "noted").read_text().count("\n") == 9  # nothing was done again
     assert found.columns()["square"].tolist() == [x * x for x in range(9)]
     assert not list((odd / "out").glob("*.aside"))
@@ -213,7 +236,7 @@ def test_on_a_disk_that_fills_up_nothing_finished_is_lost(odd):
     (odd / "much.json").write_text(
         json.dumps({"analysis": "odd_tasks:square", "over": {"x": list(range(5000))}})
     )
-    sweep = f"{sys.executable} -m gym_passive_walker sweep {odd}/much.json --out {disk}/out"
+    sweep = f"{sys.executable} -m gym_passive_walker sweep {odd}/much.json --trust --out {disk}/out"
     script = (
         f"mount -t tmpfs -o size=300k none {disk} || exit 77\n"
         f"{sweep} --workers 1; echo first $?\n"

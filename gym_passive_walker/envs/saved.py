@@ -1,0 +1,351 @@
+"""Saved states of a batch: all that is checked before `set_state` writes anything.
+
+Compiled code follows what a record says: a phase that does not exist is an address outside the
+process. A saved state may come from a file, so nothing in it is believed.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker.engine.lanes import RESTING
+from gym_passive_walker.engine.layout import RECORD
+from gym_passive_walker.envs import fates, task
+from gym_passive_walker.envs.checks import CHECKS
+from gym_passive_walker.envs.scene import Scene
+from gym_passive_walker.physics.hybrid import Control, Outcome
+from gym_passive_walker.walkers import PARAMETERS, Walker
+
+_MANY = 2**53  # more steps than anyone makes
+_FINITE = float(np.finfo(float).max)
+_LATE = 1e-6  # by how much a push that is due may lie behind the walker's time
+_ROUNDING = 1e-9
+
+
+class StateError(ValueError):
+    """The saved state is damaged, or belongs to another environment."""
+
+
+def entries(state: Any, names: Sequence[str], *, others: bool = False) -> Mapping[str, Any]:
+    """The entries of a saved state.
+
+    Args:
+        state: What was given.
+        names: Entries that it must have.
+        others: Whether it may have more.
+
+    Raises:
+        StateError: if it lacks some, or has others that it may not have.
+    """
+    if not isinstance(state, Mapping):
+        raise StateError(f"a state is what get_state returned, a mapping, not {state!r}")
+    lacking = [name for name in names if name not in state]
+    strange = [str(name) for name in state if name not in names and not others]
+    if lacking or strange:
+        said = [f"{what} {', '.join(n)}" for what, n in (("lacks", lacking), ("has", strange)) if n]
+        raise StateError(f"this state is of another kind of environment: it {' and '.join(said)}")
+    return state
+
+
+def flags(state: Any, name: str, shape: tuple[int, ...] = ()) -> NDArray[np.bool_]:
+    """Booleans that an environment adds to its batch's state, as a copy.
+
+    Args:
+        state: What was given.
+        name: Of the entry.
+        shape: Its shape; () is a single one.
+
+    Raises:
+        StateError: if they are missing, or of another shape or type.
+    """
+    array = np.array(entries(state, (name,), others=True)[name])
+    if array.dtype != np.bool_ or array.shape != shape:
+        wanted = f"booleans of shape {shape}" if shape else "True or False"
+        raise StateError(f"the state's {name!r} must be {wanted}, not {state[name]!r}")
+    return array
+
+
+def like(given: Any, name: str, own: NDArray) -> NDArray:
+    """An entry of the same shape and type as the batch's own array, as a copy.
+
+    Raises:
+        StateError: if it is none.
+    """
+    array = np.array(given)
+    if array.dtype != own.dtype:
+        raise StateError(
+            f"the state's {name!r} has other fields or types than here: it was damaged, or saved "
+            "by another version"
+        )
+    if array.shape != own.shape:
+        raise StateError(
+            f"this state is of {len(array) if array.ndim else 1} walkers, and here are {len(own)}: "
+            f"its {name!r} has shape {array.shape}, not {own.shape}"
+        )
+    return array
+
+
+def over(ledger: NDArray) -> NDArray[np.bool_]:
+    """Which walkers' episodes have ended, by their ledger, (count,)."""
+    return (ledger["ending"] != 0) | (ledger["truncated"] != 0)
+
+
+def described(scene: Scene) -> str:
+    """A scene as a text that says all of it."""
+    return json.dumps(asdict(scene), default=lambda value: value.item())
+
+
+def check_scene(given: Any, own: str) -> None:
+    """Refuse a state of another scene.
+
+    Raises:
+        StateError: if it is; the message names the arguments that differ.
+    """
+    if str(given) == own:
+        return
+    try:
+        theirs = json.loads(str(given))
+    except (ValueError, RecursionError):
+        theirs = None
+    if not isinstance(theirs, dict):
+        raise StateError("the state's 'scene' describes no scene: it was damaged")
+    ours = json.loads(own)
+    names = [name for name in {**ours, **theirs} if ours.get(name) != theirs.get(name)]
+    if names:
+        raise StateError(
+            f"this state is of another scene (of another {', '.join(names)}): put it back into an "
+            "environment of that scene"
+        )
+
+
+def check_walkers(
+    given: Any, own: Sequence[Walker], bases: Sequence[Walker], shares: Mapping[str, float]
+) -> list[Walker]:
+    """The walkers of a state, if they can walk in this batch.
+
+    Args:
+        given: What the state says.
+        own: The batch's.
+        bases: What random walkers vary around, one for each.
+        shares: By how much parameters may vary.
+
+    Raises:
+        StateError: if one of them cannot be there.
+    """
+    row = list(given) if isinstance(given, Sequence) else []
+    if len(row) != len(own) or not all(isinstance(walker, Walker) for walker in row):
+        raise StateError(
+            f"the state's 'walkers' must be a row of {len(own)} walkers, not {type(given).__name__}"
+            f" of {len(row)}"
+        )
+    for i, (walker, here, base) in enumerate(zip(row, own, bases, strict=True)):
+        if walker == here:
+            continue
+        off = [
+            name
+            for name in (*PARAMETERS, "knees")
+            if not _near(walker, base, name, shares.get(name, 0.0))
+        ]
+        if not shares or off:
+            raise StateError(
+                f"this state is of another walker than that of environment {i}: its "
+                f"{', '.join(off) or 'parameters'} cannot be here"
+            )
+    return row
+
+
+def _near(walker: Walker, base: Walker, name: str, share: float) -> bool:
+    """Whether a parameter is within its share of that of a base."""
+    ours, theirs = getattr(base, name), getattr(walker, name)
+    return ours == theirs or abs(theirs - ours) <= (share + _ROUNDING) * abs(ours)
+
+
+def check_randoms(given: Any, count: int, kind: type) -> list[dict[str, Any]]:
+    """The states of random generators, if generators of a kind take them.
+
+    Raises:
+        StateError: if there is not one for each of `count` walkers, or none at all.
+    """
+    row = list(given) if isinstance(given, Sequence) else None
+    if row is None or len(row) not in (0, count):
+        found = type(given).__name__ if row is None else len(row)
+        raise StateError(f"the state's 'random' must be {count} states of generators, not {found}")
+    for i, state in enumerate(row):
+        try:
+            _trial(kind).state = state
+        except (TypeError, ValueError, KeyError, OverflowError, AttributeError):
+            raise StateError(
+                f"the state's 'random' of environment {i} is no state of a {kind.__name__} "
+                "generator"
+            ) from None
+    return row
+
+
+@cache
+def _trial(kind: type) -> Any:
+    """A generator that nobody draws from: it tries states."""
+    return kind(0)
+
+
+def require(name: str, holds: NDArray[np.bool_], allowed: str) -> None:
+    """Refuse a state unless something holds for every environment.
+
+    Args:
+        name: Of what is wrong where it does not.
+        holds: For each environment, (count,) or (count, ...).
+        allowed: What would be right.
+
+    Raises:
+        StateError: if it does not; the message names the first environment.
+    """
+    if not holds.all():
+        place = int(np.argmin(holds.reshape(len(holds), -1).all(axis=1)))
+        raise StateError(f"the state's {name} of environment {place} must be {allowed}")
+
+
+class Limits:
+    """Between which limits each field of structured rows has to be.
+
+    Whole numbers are checked for every walker, since compiled code goes by them. Other numbers are
+    checked where an episode goes on: where one has ended they are not read again, and may be
+    infinite if the motion diverged.
+
+    Args:
+        name: What the rows are called in a state.
+        layout: Theirs; all fields are of 8 bytes, or several times that.
+        skip: Fields that may be anything.
+        **ranges: Least and greatest value of fields, each one number or as the field has them.
+            Other fields have to be finite.
+    """
+
+    def __init__(
+        self, name: str, layout: np.dtype, skip: Sequence[str] = (), **ranges: tuple[Any, Any]
+    ) -> None:
+        self._name, self._parts = name, []
+        low, high = np.zeros(1, layout), np.zeros(1, layout)
+        fields: list[str] = []
+        for field in layout.names or ():
+            fields += [field] * (layout[field].itemsize // 8)
+            if field not in skip and layout[field].base.kind in "fi":
+                low[field], high[field] = ranges.get(field, (-_FINITE, _FINITE))
+        for kind, letter in ((np.float64, "f"), (np.int64, "i")):
+            words = [
+                i for i, f in enumerate(fields) if layout[f].base.kind == letter and f not in skip
+            ]
+            names = [fields[i] for i in words]
+            self._parts.append((kind, words, names, low.view(kind)[words], high.view(kind)[words]))
+
+    def check(self, rows: NDArray, going: NDArray[np.bool_]) -> None:
+        """Refuse rows that are not within the limits.
+
+        Args:
+            rows: Contiguous, (count,).
+            going: Whose episodes go on, (count,).
+
+        Raises:
+            StateError: if a number is not; the message says which, and what is allowed.
+        """
+        for kind, words, names, low, high in self._parts:
+            found = rows.view(kind).reshape(len(rows), -1)[:, words]
+            holds = (low <= found) & (found <= high)  # not so of what is not a number
+            if holds.all():
+                continue
+            if kind is np.float64:
+                holds |= ~going[:, None]
+            for k in np.flatnonzero(~holds.all(axis=0)):
+                allowed = "a finite number"
+                if (low[k], high[k]) != (-_FINITE, _FINITE):
+                    allowed = f"from {low[k]:g} to {high[k]:g}"
+                require(f"{self._name}[{names[k]!r}]", holds[:, k], allowed)
+
+
+class RowLimits:
+    """What records and ledger of a scene's walkers may hold.
+
+    Args:
+        rules: The scene's, one row of `task.RULES`.
+        phases: How many the walkers' system has.
+    """
+
+    def __init__(self, rules: NDArray, phases: int) -> None:
+        longest, limit = float(rules["longest_stride"]), min(float(rules["step_limit"]), _MANY)
+        time, largest = (0.0, longest), rules["largest"]
+        torque, reason = largest[: len(Control._fields)], (0, len(Outcome) + len(CHECKS) - 1)
+        self._records = Limits(
+            "records", RECORD, phase=(0, phases - 1), outcome=(RESTING, len(Outcome) - 1),
+            steps=(0, _MANY), time=time, knee_time=time, end=time, step=(0.0, _FINITE),
+            control=(-torque, torque), push_off=(0.0, largest[-1]),
+        )  # fmt: skip
+        self._ledger = Limits(
+            "ledger", task.LEDGER, skip=task.EVERY_STRIDE, outcome=reason, ending=reason,
+            broken=reason, truncated=(0, 1), steps=(0, limit), strides=(0, limit),
+        )  # fmt: skip
+
+    def check(self, records: NDArray, ledger: NDArray, *, begun: bool) -> NDArray[np.bool_]:
+        """Refuse what is not within the limits, or contradicts itself.
+
+        Args:
+            records: Shape (count, 1).
+            ledger: Shape (count,).
+            begun: Whether all walkers have begun an episode.
+
+        Returns:
+            Whose episodes go on, (count,).
+
+        Raises:
+            StateError: if something is wrong.
+        """
+        here, going = records[:, 0], ~over(ledger) & begun
+        self._records.check(here, going)
+        self._ledger.check(ledger, going)
+        moves = (here["outcome"] == 0) | (here["outcome"] == int(Outcome.HEELSTRIKE))
+        require("records['outcome']", moves | ~going, "0 or 1 while the episode goes on")
+        fits = ledger["strides"] <= ledger["steps"]
+        require("ledger['strides']", fits, "no more than the number of steps")
+        slope = ledger["slope"][:, None]
+        off = np.abs(here["ground"][:, :2] - np.concatenate([np.sin(slope), np.cos(slope)], axis=1))
+        fits = (off <= _ROUNDING) | ~going[:, None]
+        require("records['ground']", fits, "sine and cosine of the slope in the ledger")
+        return going
+
+
+class FateLimits:
+    """What disturbances of a scene's walkers may be.
+
+    Args:
+        odds: The scene's, one row of `fates.ODDS`.
+    """
+
+    def __init__(self, odds: NDArray) -> None:
+        low, high = odds["command"]
+        self._fates = Limits(
+            "fates", fates.FATE, pushes=(0, _MANY), idle=(0, 1), command=(low, high),
+            due=(-np.inf, np.inf),
+        )  # fmt: skip
+
+    def check(
+        self, found: NDArray, pending: NDArray, times: NDArray, going: NDArray[np.bool_]
+    ) -> None:
+        """Refuse what is not within the limits.
+
+        Args:
+            found: Shape (count,) of `fates.FATE`.
+            pending: Actions that come late, (count, steps, actions).
+            times: Since the walkers' strides began, (count,).
+            going: Whose episodes go on, (count,).
+
+        Raises:
+            StateError: if something is wrong.
+        """
+        self._fates.check(found, going)
+        # Pushes that were due long ago would be caught up with, one by one.
+        fits = (found["due"] >= times - _LATE) | ~going
+        require("fates['due']", fits, "no earlier than the walker's time")
+        require("pending", np.abs(pending) <= 1.0, "shares from -1 to 1")
