@@ -32,7 +32,9 @@ LONGEST = 20.0
 
 _MOVED = ("state", "slope", *Drive._fields)  # to differentiate by, besides parameters
 _FEW = 16
-_DROWNED = 1e8  # push-off over the step length squared, of about 1 on gaits: beyond, only rounding
+_DROWNED = 1e6
+"""Push-off over the step length squared, of about 1 on most gaits; beyond, rounding is no less than
+the accuracy of gaits."""
 _OF_ONE_STRIDE = ("time", "step", "knee_time", "knee_loss", "friction_loss", "moved", "turned")
 _FIELDS = [field.name for field in fields(Change)]
 _STRUCK, _STALLED = int(Outcome.HEELSTRIKE), int(Outcome.STALLED)
