@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -38,7 +39,9 @@ def optimal_gait(
 ) -> OptimalGait:
     """The periodic gait of least cost of transport at a speed.
 
-    The optimum is a local one: that which lies nearest to where the search starts.
+    The optimum is a local one: that which lies nearest to where the search starts. Where the scene
+    ends an episode on a stubbed toe (`stub`), the toe clears the ground on it. Where it does not,
+    the toe may stub: `stubs` of the gait says so.
 
     Args:
         scene: A `Scene`, its name, or a mapping of its arguments, of one slope: says which torques
@@ -48,28 +51,58 @@ def optimal_gait(
             there is one at hand, else one with a constant torque.
 
     Raises:
-        GaitNotFound: if none is found at that speed.
+        GaitNotFound: if none is found at that speed, or none that the scene's rule `stub` allows.
         ValueError: if the scene has a range of slopes, or the speed is not positive.
     """
     scene = make_scene(scene)
     slope_of(scene)  # refuses a range before there is work done
     if not 0.0 < number(speed, "speed", above=0.0) < 2.0:
         raise ValueError(f"speed must lie between 0 and 2, over sqrt(g l), not {speed!r}")
-    start = start or _at_hand(scene, speed) or constant_gait(scene)
-    ticks = 1 if scene.control == "stride" else math.ceil(_SPARE * start.step_period / scene.tick)
-    problem = Problem(scene, speed, ticks, len(start.point))
-    torques = start.torques, start.ankle_torques
-    z = problem.solve(problem.begun(start.point, torques, start.push_off))
+    begun = start or _own_start(scene, speed)
+    ticks = 1 if scene.control == "stride" else math.ceil(_SPARE * begun.step_period / scene.tick)
+    problem = Problem(scene, speed, ticks, len(begun.point))
+    z = problem.solve(problem.begun_at(begun))
     best = problem.measured(z)
+    if scene.stub and best.stubs:
+        own = begun if start is None else _own_start(scene, speed)
+        z = _clearing(problem, [z, problem.begun_at(begun), problem.begun_at(own)])
+        best = problem.measured(z)
     for edge in _edges(best, problem.tick):
         problem.edge = edge
         try:
             found = problem.measured(problem.solve(z, known=best.motor_cost))
         except GaitNotFound:
             continue
+        if scene.stub and found.stubs:
+            continue
         if found.motor_cost <= best.motor_cost * (1.0 + _ALIKE):
             best = found
     return best
+
+
+def _own_start(scene: Scene, speed: float) -> OptimalGait:
+    """The gait from which the search starts if none is given.
+
+    Raises:
+        GaitNotFound: if there is none.
+    """
+    return _at_hand(scene, speed) or constant_gait(scene)
+
+
+def _clearing(problem: Problem, starts: list[NDArray]) -> NDArray:
+    """The first solution, from some starts, on which the toe clears the ground.
+
+    It is a condition only once a search without it has ended in a gait that the scene forbids: to
+    know the swing leg at kneestrike takes about as long as the rest of a stride.
+
+    Raises:
+        GaitNotFound: if there is none.
+    """
+    problem.clears = True
+    for z in starts[:-1]:
+        with suppress(GaitNotFound):
+            return problem.solve(z)
+    return problem.solve(starts[-1])
 
 
 def _at_hand(scene: Scene, speed: float) -> OptimalGait | None:
