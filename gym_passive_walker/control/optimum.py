@@ -301,13 +301,17 @@ class Problem:
                 f"no gait at speed {self.speed:g} by motors of {self._motors()} was found: {said}, "
                 f"{violation:.1e} from closing; try a speed nearer to one that has a gait"
             )
-        if self.clears and self._stubs(z):
+        if self.clears and not self.allowed(z):
             raise GaitNotFound(
                 f"no gait at speed {self.speed:g} by motors of {self._motors()} was found on which "
                 "the toe clears the ground, as the scene's rule `stub` asks for; try another "
                 "`start`, a speed nearer to one that has a gait, or a scene with stub=False"
             )
         return z
+
+    def allowed(self, z: NDArray) -> bool:
+        """Whether the scene allows a gait: no toe stubs where that ends an episode."""
+        return not (self.scene.stub and self._stubs(z))
 
     def _stubs(self, z: NDArray) -> bool:
         """Whether the toe would stub."""
