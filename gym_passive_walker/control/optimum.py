@@ -39,7 +39,9 @@ _NEAR = 1e-7  # a bound, at which an unknown counts as at it
 _AHEAD = np.array([[-1.0, 1.0], [1.0, 1.0]])
 """By stance and swing angle: how far the swing leg is ahead, and how far further from vertical."""
 
-_CLEAR = 1e-3  # rad of either as the knee locks, at the least, where the toe has to clear the ground
+_CLEAR = (
+    1e-3  # rad of either as the knee locks, at the least, where the toe has to clear the ground
+)
 _SHARES = {"absolute": (1.0, 0.0), "positive": (0.5, 0.5), "net": (0.0, 1.0)}
 """Of absolute and of net work, in what the motor is charged for."""
 

@@ -367,22 +367,23 @@ def course(
         walker: The walker.
         slope: Slope in rad.
         point: Where the stride starts on the section, (m,).
-        torques: Torques, (N,).
+        torques: Torques of hip and ankle, (2, N).
         tick: How long a torque is held.
         duration: When the stride ends.
 
     Returns:
         Times (k,), from the start to just before heelstrike; states with dimensionless rates
-        (k, 6); and the torque under which the walker came to each, (k,).
+        (k, 6); and the torques under which the walker came to each, (2, k).
     """
-    section, system = Section(walker=walker), system_of(walker)
-    edges = tick * np.arange(1, len(torques))
+    using = ("ankle",) * bool(np.any(torques[1]))
+    section, system = Section(walker=walker), system_of(walker, using=using)
+    edges = tick * np.arange(1, torques.shape[1])
     times = np.union1d(np.linspace(0.0, duration * (1.0 - _VERGE), _SAMPLES), edges)
     records = new_records(section.state(point[None]), slope)
-    states, held = [records["state"][0, 0].copy()], [torques[0]]
+    states, held = [records["state"][0, 0].copy()], [torques[:, 0]]
     for before, time in pairwise(times):
-        held.append(torques[np.searchsorted(edges, before, side="right")])
-        hold(records, held[-1], time)
+        held.append(torques[:, np.searchsorted(edges, before, side="right")])
+        hold(records, held[-1][None], time)
         advance(system, bodies(walker), records, tolerance=1e-10, from_section=before == 0.0)
         states.append(records["state"][0, 0].copy())
-    return times, np.array(states), np.array(held)
+    return times, np.array(states), np.transpose(held)

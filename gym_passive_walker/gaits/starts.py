@@ -85,10 +85,7 @@ def _grid(walker: Walker, push_off: float) -> tuple[NDArray, NDArray, NDArray]:
     swing_rate = np.repeat(stance + excess, len(angles)) * angle
     points, *energies = heelstrike(stride_map, angle, stance_rate, swing_rate, push_off)
     shape = len(stance), len(angles)
-    lost, pushed = (
-        (energy / step_lengths(walker, angle)).reshape(shape)
-        for energy in energies
-    )
+    lost, pushed = ((energy / step_lengths(walker, angle)).reshape(shape) for energy in energies)
     return logarithms(points).reshape(*shape, -1), lost, pushed
 
 

@@ -96,7 +96,11 @@ def test_gradients_of_ticks_are_those_of_differences(name):
 @pytest.mark.parametrize("ticked", [False, True], ids=["stride", "tick"])
 @pytest.mark.parametrize(
     ("name", "parameter"),
-    [(name, x) for name in ("lab", "lab-straight") for x in ("thigh_length", "gravity", "shank_mass")]
+    [
+        (name, x)
+        for name in ("lab", "lab-straight")
+        for x in ("thigh_length", "gravity", "shank_mass")
+    ]
     + [("D", x) for x in ("thigh_length", "gravity", "hip_mass")],
 )
 def test_parameters_change_what_a_plain_torque_and_duration_come_to(name, parameter, ticked):
