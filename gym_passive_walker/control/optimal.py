@@ -70,8 +70,9 @@ def optimal_gait(
         own = begun if start is None else _at_hand(scene, speed) or constant_gait(scene)
         z = _clearing(problem, [z, problem.begun_at(begun), problem.begun_at(own)])
     best = first = _with_corners(problem, z)
-    if near is None and ticks > 1:  # on the long way from the start, torques may have come to lie
-        for shifted in _shifted(first):  # in ticks too late or too early
+    if near is None and ticks > 1:
+        # From a start so far away, torques may have come to lie in ticks too late or too early.
+        for shifted in _shifted(first):
             with suppress(GaitNotFound):
                 z = problem.solve(problem.begun_at(shifted), known=best.motor_cost)
                 if problem.allowed(z):

@@ -83,6 +83,7 @@ def test_a_gait_whose_stiff_leg_sweeps_through_the_ground_is_allowed_only_withou
         problem = Problem(make_scene("level", stub=stub), 0.1, 48, 4)
         problem.clears = True
         z = problem.begun_at(stiff(STIFF[0]))
+        assert problem.measured(z).stubs
         assert problem.allowed(z) is not stub
         assert problem.room(z)[0].min() < 0.0
         assert problem.allowed(problem.begun_at(optimal.load("level")[5]))
