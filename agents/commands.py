@@ -132,6 +132,8 @@ def _described(gait: ClosedLoopGait, least: float) -> str:
         "  positive hip work": f"{gait.positive_hip_cost:.5f}",
         "  absolute hip work": f"{gait.hip_cost:.5f}",
         "  net hip work": f"{gait.net_hip_cost:.5f}",
+        "  absolute ankle work": f"{gait.ankle_cost:.5f}",
+        "  push-off": f"{gait.push_off_cost:.5f}",
         "multipliers' moduli": ", ".join(f"{size:.3f}" for size in np.abs(gait.multipliers)),
         "stable": "yes" if gait.stable else "no",
     }

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.arguments import one_slope, whole
 from gym_passive_walker.control.policy import Policy, steps
 from gym_passive_walker.control.ticks import course
-from gym_passive_walker.envs.scene import CALM, Scene, make_scene
+from gym_passive_walker.envs.scene import CALM, CHANNELS, Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.newton import fixed_point
@@ -26,7 +26,10 @@ from gym_passive_walker.walkers import name_of
 _SETTLING = 100  # strides before the search begins
 _CLOSED = 1e-5  # observations are single numbers in single precision: no stride closes to rounding
 _SHIFT = 5e-4  # of a coordinate, for central differences through single precision
-_WORK = ("gravity_cost", "hip_cost", "net_hip_cost")
+_WORK = (
+    "gravity_cost", "hip_cost", "net_hip_cost", "ankle_cost", "net_ankle_cost", "push_off_cost",
+)  # fmt: skip
+_TORQUES = CHANNELS[:2]  # held through a step, so that a stride's course needs them
 
 
 class Strides(NamedTuple):
@@ -36,9 +39,10 @@ class Strides(NamedTuple):
         ends: Where they end on the section, (n, m); NaN for walkers that fell before.
         length: Distance walked, (n,).
         duration: Time taken, (n,).
-        work: Of gravity, absolute and net work of the motor, over m g l, (3, n).
-        torques: The torques of the first stride's steps, in units of m g l, (steps, n); NaN once
-            it is over.
+        work: Over m g l, (6, n): of gravity, absolute and net of the hip, absolute and net of the
+            ankle, and of the push-off.
+        torques: The torques of hip and ankle in the first stride's steps, in units of m g l,
+            (2, steps, n); 0 where there is no such motor, NaN once the stride is over.
     """
 
     ends: NDArray[np.float64]
@@ -70,7 +74,7 @@ def policy_strides(
 
     Args:
         policy: Who acts.
-        scene: A scene whose motor is charged for absolute work.
+        scene: A scene whose motors are charged for absolute work.
         slope: Slope in rad.
         points: Starts on the section, dimensionless, (n, m).
         count: Strides.
@@ -84,13 +88,12 @@ def policy_strides(
     states = Section(walker=walker).states_at(np.where(sound[:, None], points, 0.0))
     seen, _ = worlds.reset(seed=0, options={"state": states, "slope": slope})
     ends, torques = np.full_like(points, np.nan), []
-    length, duration, work = np.zeros(n), np.zeros(n), np.zeros((3, n))
+    length, duration, work = np.zeros(n), np.zeros(n), np.zeros((len(_WORK), n))
     left = np.where(sound, count, 0)
     with progress("steps under a policy") as taken:
         for step in steps(policy, worlds, seen):
             if (left == count).any():
-                shares = np.clip(step.actions[:, 0], -1.0, 1.0)
-                torques.append(np.where(left == count, shares * scene.max_hip_torque, np.nan))
+                torques.append(np.where(left == count, _torques(scene, step.actions), np.nan))
             struck = (left > 0) & step.struck
             if struck.any():
                 far = step.infos["step_length"][struck]
@@ -104,7 +107,17 @@ def policy_strides(
             if not left.any():
                 break
             taken()
-    return Strides(ends, length, duration, work, np.reshape(torques, (-1, n)))
+    held = np.reshape(torques, (-1, len(_TORQUES), n)).swapaxes(0, 1)
+    return Strides(ends, length, duration, work, held)
+
+
+def _torques(scene: Scene, actions: NDArray) -> NDArray[np.float64]:
+    """Torques of hip and ankle that actions (n, actions) are, in units of m g l, (2, n)."""
+    torques = np.zeros((len(_TORQUES), len(actions)))
+    for share, name in zip(np.clip(actions, -1.0, 1.0).T, scene.actions, strict=True):
+        if name in _TORQUES:
+            torques[_TORQUES.index(name)] = share * scene.largest(name)
+    return torques
 
 
 @dataclass(frozen=True, repr=False)
@@ -113,7 +126,7 @@ class ClosedLoopGait(Table):
 
     Attributes:
         policy: Who acts.
-        scene: The scene, with the motor charged for absolute work.
+        scene: The scene, with the motors charged for absolute work.
         slope: Slope in rad.
         period: Strides until it repeats.
         point: Where it starts on the section, (m,).
@@ -124,11 +137,15 @@ class ClosedLoopGait(Table):
         step_length: Mean step length over l.
         step_period: Mean time of a stride over sqrt(l/g).
         gravity_cost: What gravity pays.
-        hip_cost: Absolute work of the motor.
+        hip_cost: Absolute work of the hip's motor.
         net_hip_cost: Its net work.
+        ankle_cost: Absolute work of the ankle's motor, 0 if there is none.
+        net_ankle_cost: Its net work.
+        push_off_cost: Work of the push-off, 0 if there is none.
         times: Instants of the first stride, from heelstrike to just before the next, (k,).
         states: Angles in rad and dimensionless rates at these, (k, 6).
-        torques: The torque under which the walker came to each, in units of m g l, (k,).
+        torques: The hip's torque under which the walker came to each, in units of m g l, (k,).
+        ankle_torques: The ankle's, (k,); 0 if there is none.
     """
 
     policy: Policy
@@ -144,9 +161,13 @@ class ClosedLoopGait(Table):
     gravity_cost: float
     hip_cost: float
     net_hip_cost: float
+    ankle_cost: float
+    net_ankle_cost: float
+    push_off_cost: float
     times: NDArray[np.float64]
     states: NDArray[np.float64]
     torques: NDArray[np.float64]
+    ankle_torques: NDArray[np.float64]
 
     @property
     def agent(self) -> str:
@@ -160,13 +181,18 @@ class ClosedLoopGait(Table):
 
     @property
     def positive_hip_cost(self) -> float:
-        """Work of the motor where it drives."""
+        """Work of the hip's motor where it drives."""
         return 0.5 * (self.hip_cost + self.net_hip_cost)
 
     @property
+    def motor_cost(self) -> float:
+        """Absolute work of all motors."""
+        return self.hip_cost + self.ankle_cost + self.push_off_cost
+
+    @property
     def cost_of_transport(self) -> float:
-        """Gravity's work and the motor's absolute work."""
-        return self.gravity_cost + self.hip_cost
+        """Gravity's work and the motors' absolute work."""
+        return self.gravity_cost + self.motor_cost
 
     def facts(self) -> dict[str, str]:
         """Who walks under whom, and its measures."""
@@ -184,7 +210,8 @@ class ClosedLoopGait(Table):
     def columns(self) -> dict[str, NDArray]:
         """A row for each instant of the first stride, dimensionless."""
         states = dict(zip(STATE_NAMES, self.states.T, strict=True))
-        return {"time": self.times, **states, "torque": self.torques}
+        torques = {"torque": self.torques, "ankle_torque": self.ankle_torques}
+        return {"time": self.times, **states, **torques}
 
     def basin(self, *, resolution: int = 31, reach: float = 2.0, strides: int = 20) -> PolicyBasin:
         """From where the policy keeps the walker walking, on a slice through the gait.
@@ -286,6 +313,12 @@ def closed_loop_gait(
             "where it began; try another period or start"
         )
     by_point = found.derivatives[0] + np.eye(len(point))
+    if not np.isfinite(by_point).all():  # with legs together, every stride closes
+        raise GaitNotFound(
+            f"no gait of period {period} under {name}: a stride from the stance angle "
+            f"{found.points[0, 0]:.1e} rad closes, but not all from points {_SHIFT} beside it end "
+            "with a heelstrike; give a start with longer steps"
+        )
     multipliers = multipliers_of(by_point)
     return _measured(policy, scene, slope, period, found.points[0], multipliers, violation)
 
@@ -302,15 +335,14 @@ def _measured(
     """The gait at a fixed point."""
     taken = policy_strides(policy, scene, slope, point[None], period)
     length, duration = float(taken.length[0]), float(taken.duration[0])
-    gravity, hip, net = (taken.work[:, 0] / length).tolist()
+    costs = dict(zip(_WORK, (taken.work[:, 0] / length).tolist(), strict=True))
     one = policy_strides(policy, scene, slope, point[None])
     tick = scene.tick if scene.control == "tick" else math.inf
     times, states, torques = course(
-        scene.walker, slope, point, one.torques[:, 0], tick=tick, duration=float(one.duration[0])
+        scene.walker, slope, point, one.torques[..., 0], tick=tick, duration=float(one.duration[0])
     )
     return ClosedLoopGait(
         policy, scene, slope, period, point, multipliers, violation,
         speed=length / duration, step_length=length / period, step_period=duration / period,
-        gravity_cost=gravity, hip_cost=hip, net_hip_cost=net,
-        times=times, states=states, torques=torques,
+        **costs, times=times, states=states, torques=torques[0], ankle_torques=torques[1],
     )  # fmt: skip

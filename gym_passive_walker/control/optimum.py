@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize
 
 from gym_passive_walker.control.motion import Motion
-from gym_passive_walker.control.ticks import TickedStride, ticked_stride
+from gym_passive_walker.control.ticks import TickedStride, before_kneestrike, ticked_stride
 from gym_passive_walker.envs.scene import CHANNELS, Scene
 from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.stability import NoStride
@@ -36,6 +36,12 @@ _AT_BOUND, _PULL = 1e-9, 1e-6  # distance from a bound; share of the gradient th
 _NEWTON = 3  # iterations that close a stride, from where the optimisation left it
 _CLOSED = 1e-9  # from its end to its start, at most, for a stride to be a gait
 _NEAR = 1e-7  # a bound, at which an unknown counts as at it
+_AHEAD = np.array([[-1.0, 1.0], [1.0, 1.0]])
+"""By stance and swing angle: how far the swing leg is ahead, and how far further from vertical."""
+
+_CLEAR = (
+    1e-3  # rad of either as the knee locks, at the least, where the toe has to clear the ground
+)
 _SHARES = {"absolute": (1.0, 0.0), "positive": (0.5, 0.5), "net": (0.0, 1.0)}
 """Of absolute and of net work, in what the motor is charged for."""
 
@@ -155,6 +161,7 @@ class Problem:
         self.tick = scene.tick if scene.control == "tick" else math.inf
         self.absolute, self.net = _SHARES[scene.energy]
         self.edge: float | None = None  # when the knee has to lock, if that is fixed
+        self.clears = False  # whether the swing leg has to be clear of the ground as the knee locks
         self.motors = 2 if "ankle" in scene.actions else 1
         self.pushes = "push_off" in scene.actions and scene.max_push_off > 0.0
         largest = [scene.largest(name) * (name in scene.actions) for name in CHANNELS]
@@ -164,7 +171,7 @@ class Problem:
             Motion(walker=scene.walker).system().works
         )  # a hip's work is none on feet of vanishing mass
         self.works = np.repeat(np.array(works)[: self.motors], ticks)
-        self._last: tuple[bytes, Any] = b"", None
+        self._last: tuple[Any, Any] = None, None
 
     def parts(self, z: NDArray) -> tuple[NDArray, NDArray]:
         """Driving and braking parts of z, views of it."""
@@ -190,18 +197,30 @@ class Problem:
 
     def at(self, z: NDArray) -> tuple[float, NDArray, NDArray, NDArray]:
         """The motors' cost with its gradient, and what has to vanish with its derivative."""
-        key = z.tobytes()
+        cost, gradient, gap, by_gap, _, _ = self._known(z)
+        if self.edge is None:  # the last one is when the knee locks
+            return cost, gradient, gap[:-1], by_gap[:-1]
+        return cost, gradient, gap - np.append(np.zeros(self.m + 1), self.edge), by_gap
+
+    def room(self, z: NDArray) -> tuple[NDArray, NDArray]:
+        """What must not be negative for the toe to clear the ground, and its derivative.
+
+        As the knee locks, a straight leg is above the ground if it is ahead of the stance leg and
+        further from the vertical. Empty where that is no condition.
+        """
+        return self._known(z)[4:]
+
+    def _known(self, z: NDArray) -> tuple[float, NDArray, NDArray, NDArray, NDArray, NDArray]:
+        """What there is to know of z; of the last one it is kept."""
+        key = z.tobytes(), self.clears
         if key != self._last[0]:
             try:
                 self._last = key, self._evaluate(z)
             except NoStride:  # no step of a line search ends here
-                size, gaps = len(z), self.m + 2
+                size, gaps, sides = len(z), self.m + 2, len(_AHEAD) * self.clears
                 nowhere = math.inf, np.zeros(size), np.ones(gaps), np.zeros((gaps, size))
-                self._last = key, nowhere
-        cost, gradient, gap, by_gap = self._last[1]
-        if self.edge is None:  # the last one is when the knee locks
-            return cost, gradient, gap[:-1], by_gap[:-1]
-        return cost, gradient, gap - np.append(np.zeros(self.m + 1), self.edge), by_gap
+                self._last = key, (*nowhere, -np.ones(sides), np.zeros((sides, size)))
+        return self._last[1]
 
     def charges(self, z: NDArray, walked: TickedStride) -> tuple[NDArray, float]:
         """What the motors are charged for each torque and for the push-off."""
@@ -210,12 +229,26 @@ class Problem:
         of_torques += self.net * torques * walked.swing.ravel()
         return self.works * of_torques, float(walked.push_work)
 
-    def _evaluate(self, z: NDArray) -> tuple[float, NDArray, NDArray, NDArray]:
+    def _by_unknowns(self, by: NDArray) -> NDArray:
+        """Derivatives by z, of those by point, torques and push-off."""
+        m, n = self.m, len(self.largest)
+        by_torque, by_push = self.largest * by[:, m : m + n], self.largest_push * by[:, m + n :]
+        return np.hstack([by[:, :m], by_torque, -by_torque, by_push])
+
+    def _room(self, z: NDArray, walked: TickedStride) -> tuple[NDArray, NDArray]:
+        """What `room` returns."""
+        if not self.clears:
+            return np.empty(0), np.empty((0, len(z)))
+        motion = Motion(walker=self.scene.walker, motors=("ankle",) * (self.motors == 2))
+        state, by = before_kneestrike(
+            motion, self.slope, z[: self.m], self.torques(z), tick=self.tick, walked=walked
+        )
+        return _AHEAD @ state[:2] - _CLEAR, _AHEAD @ self._by_unknowns(by[:2])
+
+    def _evaluate(self, z: NDArray) -> tuple[float, NDArray, NDArray, NDArray, NDArray, NDArray]:
         m, n = self.m, len(self.largest)
         walked = self.walk(z)
-        by_torque = self.largest * walked.by[:, m : m + n]
-        by_push = self.largest_push * walked.by[:, m + n :]
-        by = np.hstack([walked.by[:, :m], by_torque, -by_torque, by_push])
+        by = self._by_unknowns(walked.by)
         length, by_length = walked.length, by[m + 1]
         absolute, net = self.absolute * self.works, self.net * self.works
         held, torques = self.largest * sum(self.parts(z)), self.torques(z).ravel()
@@ -230,7 +263,7 @@ class Problem:
         gap = np.concatenate([walked.end - z[:m], [late, walked.kneestrike]])
         by_gap = np.vstack([by[:m], by_length - self.speed * by[m], by[-1]])
         by_gap[:m, :m] -= np.eye(m)
-        return cost, (by_work - cost * by_length) / length, gap, by_gap
+        return cost, (by_work - cost * by_length) / length, gap, by_gap, *self._room(z, walked)
 
     def solve(self, start: NDArray, *, known: float | None = None) -> NDArray:
         """The solution nearest to a start.
@@ -270,7 +303,27 @@ class Problem:
                 f"no gait at speed {self.speed:g} by motors of {self._motors()} was found: {said}, "
                 f"{violation:.1e} from closing; try a speed nearer to one that has a gait"
             )
+        if self.clears and not self.allowed(z):
+            raise GaitNotFound(
+                f"no gait at speed {self.speed:g} by motors of {self._motors()} was found on which "
+                "the toe clears the ground, as the scene's rule `stub` asks for; try another "
+                "`start`, a speed nearer to one that has a gait, or a scene with stub=False"
+            )
         return z
+
+    def allowed(self, z: NDArray) -> bool:
+        """Whether the scene allows a gait: no toe stubs where that ends an episode."""
+        return not (self.scene.stub and self._stubs(z))
+
+    def _stubs(self, z: NDArray) -> bool:
+        """Whether the toe would stub."""
+        if not self.scene.walker.knees:
+            return False
+        try:
+            self.walk(z, stub=True)
+        except NoStride:
+            return True
+        return False
 
     def _hopeless(self, z: NDArray, known: float) -> bool:
         """Whether z neither closes its stride nor is as cheap as a gait that is known."""
@@ -293,14 +346,30 @@ class Problem:
         scale = 100.0  # of the cost, to the size of the constraints
         z, seen = start.copy(), _Seen(start[free], patience)
 
-        def at(unknown: NDArray) -> tuple[float, NDArray, NDArray, NDArray]:
+        def at(unknown: NDArray) -> tuple[Any, ...]:
             z[free] = unknown
-            return self.at(z)
+            return *self.at(z), *self.room(z)
 
         def look(unknown: NDArray) -> None:
-            cost, _, gap, _ = at(unknown)
-            seen.take(unknown, cost + 10.0 * float(np.abs(gap).sum()))
+            cost, _, gap, _, room, _ = at(unknown)
+            missed = np.abs(gap).sum() + np.maximum(-room, 0.0).sum()
+            seen.take(unknown, cost + 10.0 * float(missed))
 
+        constraints: list[dict[str, Any]] = [
+            {
+                "type": "eq",
+                "fun": lambda unknown: at(unknown)[2],
+                "jac": lambda unknown: at(unknown)[3][:, free],
+            }
+        ]
+        if self.clears:
+            constraints.append(
+                {
+                    "type": "ineq",
+                    "fun": lambda unknown: at(unknown)[4],
+                    "jac": lambda unknown: at(unknown)[5][:, free],
+                }
+            )
         look(start[free])
         with warnings.catch_warnings(), suppress(_StandsStill):
             # Before SciPy 1.15 a step out of the box by rounding is said to be clipped to it.
@@ -311,11 +380,7 @@ class Problem:
                 jac=lambda unknown: scale * at(unknown)[1][free],
                 method="SLSQP",
                 bounds=[*self.box[free]],
-                constraints={
-                    "type": "eq",
-                    "fun": lambda unknown: at(unknown)[2],
-                    "jac": lambda unknown: at(unknown)[3][:, free],
-                },
+                constraints=constraints,
                 options={"maxiter": iterations, "ftol": 1e-11},
                 callback=look,
             )
@@ -355,6 +420,8 @@ class Problem:
     def _lagrangian(self, z: NDArray) -> NDArray:
         """The Lagrangian's gradient."""
         _, gradient, _, by_gap = self.at(z)
+        room, by_room = self.room(z)
+        by_gap = np.vstack([by_gap, by_room[room < _NEAR]])
         low, high = self.box.T
         free = (z >= low + _NEAR) & (z <= high - _NEAR)
         multipliers = np.linalg.lstsq(by_gap[:, free].T, gradient[free], rcond=None)[0]
@@ -381,16 +448,14 @@ class Problem:
         parts = np.clip(np.concatenate([shares.ravel(), -shares.ravel(), push]), 0.0, 1.0)
         return np.concatenate([np.asarray(point), parts])
 
+    def begun_at(self, gait: OptimalGait) -> NDArray:
+        """The z of another gait."""
+        return self.begun(gait.point, (gait.torques, gait.ankle_torques), gait.push_off)
+
     def measured(self, z: NDArray) -> OptimalGait:
         """What there is to say of a solution."""
         cost, _, gap, _ = self.at(z)
         walked, scene = self.walk(z), self.scene
-        stubs = False
-        if scene.walker.knees:
-            try:
-                self.walk(z, stub=True)
-            except NoStride:
-                stubs = True
         taken = 1 if scene.control == "stride" else math.ceil(walked.duration / scene.tick)
         of_torques, of_push = self.charges(z, walked)
         of_hip, of_ankle, *_ = *np.split(of_torques, self.motors), np.zeros(1)
@@ -409,7 +474,7 @@ class Problem:
             on_edge=self.edge is not None,
             violation=float(np.max(np.abs(gap))),
             optimality=self.optimality(z),
-            stubs=stubs,
+            stubs=self._stubs(z),
             ankle_torques=ankle[:taken].tolist(),
             ankle_cost=float(of_ankle.sum() / walked.length),
             push_off=self.push_off(z) or 0.0,

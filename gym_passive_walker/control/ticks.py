@@ -121,6 +121,50 @@ def ticked_stride(
     return walked
 
 
+def before_kneestrike(
+    motion: Motion,
+    slope: float,
+    point: NDArray,
+    torques: NDArray,
+    *,
+    tick: float,
+    walked: TickedStride,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The state of one walker on the verge of kneestrike, with its derivatives.
+
+    Args:
+        motion: How the walker moves, as of `ticked_strides`.
+        slope: Slope in rad.
+        point: Start on the section, (m,).
+        torques: Torques of the hip (N,), or of hip and ankle (2, N).
+        tick: How long a torque is held.
+        walked: The stride, from `ticked_stride`, in which the knee locks.
+
+    Returns:
+        The dimensionless state (6,), and its derivatives by the columns of `walked.by`,
+        (6, m + T + others).
+    """
+    held = np.reshape(torques, (1, -1, np.shape(torques)[-1]))
+    _, motors, count = held.shape
+    m, end = len(point), (1.0 - _VERGE) * float(walked.kneestrike)
+    records = new_records(motion.section.state(point[None]), slope)
+    change = np.zeros((_STATE, walked.by.shape[-1]))
+    change[:, :m] = motion.section.state(np.eye(m)).T
+    for k in range(count):
+        until = end if k == count - 1 else min((k + 1) * tick, end)
+        hold(records, held[:, :, k], until)
+        followed = motion.follow(records, ("state", *_MOTORS[:motors], "end"), from_section=k == 0)
+        value, by_state, by_motors, by_end = np.split(
+            followed.told[0, :_STATE], np.cumsum([1, _STATE, motors]), axis=1
+        )
+        change = by_state @ change
+        change[:, m + k : m + motors * count : count] += by_motors
+        records = followed.records
+        if until == end:
+            break
+    return value[:, 0], change + (1.0 - _VERGE) * by_end @ walked.by[-1:]
+
+
 def ticked_strides(
     motion: Motion,
     slopes: ArrayLike,
@@ -323,22 +367,23 @@ def course(
         walker: The walker.
         slope: Slope in rad.
         point: Where the stride starts on the section, (m,).
-        torques: Torques, (N,).
+        torques: Torques of hip and ankle, (2, N).
         tick: How long a torque is held.
         duration: When the stride ends.
 
     Returns:
         Times (k,), from the start to just before heelstrike; states with dimensionless rates
-        (k, 6); and the torque under which the walker came to each, (k,).
+        (k, 6); and the torques under which the walker came to each, (2, k).
     """
-    section, system = Section(walker=walker), system_of(walker)
-    edges = tick * np.arange(1, len(torques))
+    using = ("ankle",) * bool(np.any(torques[1]))
+    section, system = Section(walker=walker), system_of(walker, using=using)
+    edges = tick * np.arange(1, torques.shape[1])
     times = np.union1d(np.linspace(0.0, duration * (1.0 - _VERGE), _SAMPLES), edges)
     records = new_records(section.state(point[None]), slope)
-    states, held = [records["state"][0, 0].copy()], [torques[0]]
+    states, held = [records["state"][0, 0].copy()], [torques[:, 0]]
     for before, time in pairwise(times):
-        held.append(torques[np.searchsorted(edges, before, side="right")])
-        hold(records, held[-1], time)
+        held.append(torques[:, np.searchsorted(edges, before, side="right")])
+        hold(records, held[-1][None], time)
         advance(system, bodies(walker), records, tolerance=1e-10, from_section=before == 0.0)
         states.append(records["state"][0, 0].copy())
-    return times, np.array(states), np.array(held)
+    return times, np.array(states), np.transpose(held)

@@ -119,7 +119,7 @@ def _slice(
     duration = float(gait.stride.duration) / stride_map.units.time
     before = exact.before_strike(exact.points_at(gait.state)[0], gait.slope, duration)
     stance, swing = (np.full(len(angles), rate) for rate in before[3:5])
-    points, _ = heelstrike(stride_map, angles, stance, swing)
+    points, *_ = heelstrike(stride_map, angles, stance, swing)
     # The collision is linear in the rates, so any stance rate belongs to one strength of it.
     swing = points[:, 2:] * (rates / points[:, 1])[:, None]
     return np.column_stack([angles, rates, swing])

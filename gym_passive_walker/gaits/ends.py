@@ -25,6 +25,7 @@ LOST = "the family could not be followed further"
 _VERGE = 1e-9  # of a stride, before its heelstrike
 _LOOKS, _ROUGHLY = 96, 1e-9  # at the stance leg during a stride, and their tolerance
 _NEAR = 0.3  # a margin below this is about to be lost
+_TINY = 1e-3  # stance angle of steps that are about to vanish
 _ENDLESS = 12.0  # time in sqrt(l/g) of a stride that hardly gets over the vertical
 
 
@@ -99,8 +100,12 @@ def reason_of(
     left = margins(stride_map, points, slopes, period)
     near = {
         reason: (_vanishing(margin, values), margin[-1])
-        for reason, margin in ((KNEE_MEETS_HEEL, left.knee), (TANGENTIAL, left.landing))
-        if margin[-1] <= _NEAR
+        for reason, margin, least in (
+            (KNEE_MEETS_HEEL, left.knee, _NEAR),
+            (TANGENTIAL, left.landing, _NEAR),
+            (VANISHED, points[:, 0], _TINY),
+        )
+        if margin[-1] <= least
     }
     if not near:
         stopped = left.time[-1] > _ENDLESS

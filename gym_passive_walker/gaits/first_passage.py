@@ -52,19 +52,21 @@ class FirstPassage(NamedTuple):
 
     @property
     def mean(self) -> float:
-        """Strides to a fall on average; infinite if none was seen."""
+        """Strides to a fall on average; infinite if none was seen, NaN if no stride was counted."""
+        if not self.strides:
+            return math.nan
         return self.strides / self.falls if self.falls else math.inf
 
     @property
     def error(self) -> float:
-        """Standard error of the mean."""
+        """Standard error of the mean; NaN if no stride was counted."""
         if not self.falls:
-            return math.inf
+            return math.inf if self.strides else math.nan
         return self.mean * math.sqrt((1.0 - self.falls / self.strides) / self.falls)
 
     @property
     def interval(self) -> tuple[float, float]:
-        """Between what the mean lies 95 times of 100."""
+        """Between what the mean lies 95 times of 100; from 0 on if no stride was counted."""
         if not self.falls:
             return self.strides / _NONE_SEEN, math.inf
         # The chance of a fall is what varies evenly: its logarithm is that of the mean.
@@ -72,6 +74,8 @@ class FirstPassage(NamedTuple):
         return self.mean / share, self.mean * share
 
     def __str__(self) -> str:
+        if not self.strides:
+            return "all fell before any stride was counted"
         low, high = self.interval
         if not self.falls:
             return f"none of {self.strides} strides ended in a fall: more than {low:.3g} strides"

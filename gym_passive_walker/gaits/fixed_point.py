@@ -31,13 +31,16 @@ def find_gaits(
         drive: What motors do in each stride.
 
     Returns:
-        Zero, one or two gaits for walkers like the published ones.
+        Zero, one or two gaits for walkers like the published ones; up to four under a push-off
+        uphill.
     """
     walker = as_walker(walker)
     stride_map = StrideMap.of(walker, tolerance=ACCURACY, drive=one_drive(walker, drive))
     slope, period = one_slope(slope), whole(period, "period")
     starts = begin(stride_map, slope, period, guess)
-    return search(stride_map, slope, starts, period, lambda gaits: len(gaits) >= 2)[0]
+    # Uphill, a push-off makes up for the losses of steps of two sizes, each long and short.
+    most = 4 if stride_map.drive.push_off else 2
+    return search(stride_map, slope, starts, period, lambda gaits: len(gaits) >= most)[0]
 
 
 def find_gait(

@@ -27,7 +27,8 @@ class Change:
             it began, (n,).
         knee_times: When the knee locks in the last stride, (n,); NaN without knees.
         imbalance: Energy lost less energy supplied, over their mean, (n,). Zero on a gait, and
-            precise where the small difference of two states would not be.
+            precise where the small difference of two states would not be. With a push-off P, times
+            1 + P over the square of the length; NaN where that exceeds 1e6.
     """
 
     ends: NDArray[np.float64]

@@ -63,7 +63,7 @@ def heelstrike(
     stance_rates: NDArray,
     swing_rates: NDArray,
     push_off: float = 0.0,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """What a heelstrike makes of straight legs with given rates just before it; dimensionless.
 
     Args:
@@ -74,12 +74,13 @@ def heelstrike(
         push_off: Impulse just before it.
 
     Returns:
-        Points after it, (n, m), and the energy lost less the push-off's work, (n,).
+        Points after it, (n, m); the energy lost and the push-off's work, (n,) each.
     """
     reset = system_of(section.walker).phases[-1].resets[Outcome.HEELSTRIKE]
     before = legs.straight(-angles, angles, stance_rates, swing_rates)
     struck = reset.strike(body_of(section.walker), before, push_off, SMOOTH)
-    return section.point(np.stack(struck.after, axis=-1)), struck.lost - struck.work
+    work = np.broadcast_to(struck.work, struck.lost.shape)
+    return section.point(np.stack(struck.after, axis=-1)), struck.lost, work
 
 
 def step_lengths(walker: Walker, angles: NDArray) -> NDArray[np.float64]:

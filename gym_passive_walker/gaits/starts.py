@@ -34,7 +34,8 @@ _RATIOS_OF = {
 }
 _LOSS_SHARES = {"kneed": (1.0, 0.6, 0.3), "straight": (1.0,), "simplest": (1.0,)}
 _ANGLES = np.geomspace(1e-10, 0.7, 80)
-_PUSHED_ANGLES = np.geomspace(1e-3, 0.7, 80)  # a push-off makes no tiny steps
+_PUSHED_ANGLES = np.geomspace(1e-4, 0.7, 120)  # a push-off makes no tiny steps
+_LEAST = 1e-300  # energy: its logarithm is finite
 
 _WALKERS, _SETTLING, _KEPT = 48, 100, 12  # walks looked at for returns
 _ROUGHLY = 1e-7  # tolerance of these
@@ -51,33 +52,30 @@ def starts(stride_map: StrideMap, slope: float) -> NDArray:
         Logarithmic coordinates (n, m).
     """
     drive = stride_map.drive
-    u, loss = _grid(stride_map.walker, drive.push_off)
+    u, lost, pushed = _grid(stride_map.walker, drive.push_off)
     # Over a step, the hip opens by four stance angles and the stance leg turns by two: by about two
     # and one for each unit of length.
     works = stride_map.system.works
     given = 2.0 * works.hip * drive.hip_torque + works.ankle * drive.ankle_torque
-    supply = math.sin(slope) + given
+    supply = math.sin(slope) + given + pushed
     found = []
     for share in _LOSS_SHARES[kind_of(stride_map.walker)]:
-        if drive.push_off == 0.0 and supply <= 0.0:
-            break
-        goal = share * supply if drive.push_off else math.log(share * supply)
-        rows = np.flatnonzero((loss[:, 0] < goal) & (goal < loss[:, -1]))
-        above = np.argmax(loss[rows] > goal, axis=1)
-        low, high = loss[rows, above - 1], loss[rows, above]
-        part = ((goal - low) / (high - low))[:, None]
-        found.append((1.0 - part) * u[rows, above - 1] + part * u[rows, above])
-    return np.concatenate(found) if found else np.empty((0, stride_map.dimension))
+        excess = np.log(np.maximum(lost, _LEAST)) - np.log(np.maximum(share * supply, _LEAST))
+        # Under a push-off uphill, steps of two sizes are in balance: it hardly helps tiny ones.
+        rows, above = np.nonzero((excess[:, :-1] < 0.0) != (excess[:, 1:] < 0.0))
+        low, high = excess[rows, above], excess[rows, above + 1]
+        part = (low / (low - high))[:, None]
+        found.append((1.0 - part) * u[rows, above] + part * u[rows, above + 1])
+    return np.concatenate(found)
 
 
 @lru_cache(maxsize=64)
-def _grid(walker: Walker, push_off: float) -> tuple[NDArray, NDArray]:
+def _grid(walker: Walker, push_off: float) -> tuple[NDArray, NDArray, NDArray]:
     """Points just after heelstrike, by ratios of rates and step angle, and what each step loses.
 
     Returns:
-        Logarithmic coordinates (ratios, angles, m); logarithms of the losses over the weight and
-        the step's length, (ratios, angles), or where a push-off makes good for some of them, what
-        is left.
+        Logarithmic coordinates (ratios, angles, m); over the weight and the step's length, what
+        the heelstrike loses and what the push-off before it gives, (ratios, angles).
     """
     stride_map = StrideMap.of(walker)
     stance, excess = (x.ravel() for x in np.meshgrid(*_RATIOS_OF[kind_of(walker)]))
@@ -85,11 +83,10 @@ def _grid(walker: Walker, push_off: float) -> tuple[NDArray, NDArray]:
     angle = np.tile(angles, len(stance))
     stance_rate = np.repeat(stance, len(angles)) * angle
     swing_rate = np.repeat(stance + excess, len(angles)) * angle
-    points, lost = heelstrike(stride_map, angle, stance_rate, swing_rate, push_off)
-    loss = (lost / step_lengths(walker, angle)).reshape(len(stance), -1)
-    if push_off == 0.0:
-        loss = np.log(np.maximum(loss, 1e-300))
-    return logarithms(points).reshape(*loss.shape, -1), loss
+    points, *energies = heelstrike(stride_map, angle, stance_rate, swing_rate, push_off)
+    shape = len(stance), len(angles)
+    lost, pushed = ((energy / step_lengths(walker, angle)).reshape(shape) for energy in energies)
+    return logarithms(points).reshape(*shape, -1), lost, pushed
 
 
 def returns(stride_map: StrideMap, slope: float, gaits: NDArray) -> NDArray:

@@ -32,6 +32,9 @@ LONGEST = 20.0
 
 _MOVED = ("state", "slope", *Drive._fields)  # to differentiate by, besides parameters
 _FEW = 16
+_DROWNED = 1e6
+"""Push-off over the step length squared, of about 1 on most gaits; beyond, rounding is no less than
+the accuracy of gaits."""
 _OF_ONE_STRIDE = ("time", "step", "knee_time", "knee_loss", "friction_loss", "moved", "turned")
 _FIELDS = [field.name for field in fields(Change)]
 _STRUCK, _STALLED = int(Outcome.HEELSTRIKE), int(Outcome.STALLED)
@@ -230,7 +233,7 @@ class StrideMap(Section):
                 if not on.all():
                     walking, records, totals = walking[on], records[on], totals[:, on]
                     own = own[on] if len(own) > 1 else own
-            imbalance = _relative_difference(totals[2], totals[3])
+            imbalance = _imbalance(totals[2], totals[3], records["push_off"], totals[1])
         totals[4][totals[4][:, 0] == 0.0] = np.nan
         told = np.full((planes + 1, self.dimension + 6, len(points)), np.nan)
         ends = self.point(records["state"]).transpose(2, 0, 1)
@@ -303,12 +306,25 @@ def _product(a: NDArray, b: NDArray) -> NDArray:
     return product
 
 
-def _relative_difference(a: NDArray, b: NDArray) -> NDArray:
-    """The difference of two quantities (n, 1 + k) over their mean, likewise."""
-    a0, b0 = a[:, :1], b[:, :1]
-    whole = 4.0 * (b0 * a - a0 * b) / (a0 + b0) ** 2
-    whole[:, 0] = 2.0 * (a[:, 0] - b[:, 0]) / (a[:, 0] + b[:, 0])
-    return whole
+def _imbalance(lost: NDArray, supplied: NDArray, push_off: NDArray, lengths: NDArray) -> NDArray:
+    """The difference of energy lost and supplied over their mean, (n, 1 + k).
+
+    With legs nearly together, a strike takes back all that the push-off has just given. Compared
+    with that alone, every walker that hardly steps would be in balance. So the difference is
+    enlarged where steps are short for their push-off, which leaves those of gaits much as they are.
+    """
+    l0, s0 = lost[:, :1], supplied[:, :1]
+    relative = 4.0 * (s0 * lost - l0 * supplied) / (l0 + s0) ** 2
+    relative[:, 0] = 2.0 * (lost[:, 0] - supplied[:, 0]) / (lost[:, 0] + supplied[:, 0])
+    if not np.any(push_off):
+        return relative
+    square = _product(lengths, lengths)
+    enlarged = (push_off - push_off[:, :1] * square / square[:, :1]) / square[:, :1]
+    enlarged[:, 0] = push_off[:, 0] / square[:, 0]
+    drowned = enlarged[:, 0] > _DROWNED
+    enlarged[:, 0] += 1.0
+    enlarged[drowned] = np.nan
+    return _product(relative, enlarged)
 
 
 def _outcomes(records: NDArray) -> NDArray[np.int8]:

@@ -12,6 +12,7 @@ from gym_passive_walker.control.baselines import (
     Passive,
 )
 from gym_passive_walker.control.closed_loop import closed_loop_gait, policy_strides
+from gym_passive_walker.gaits.drive import to_own
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.units import units_of
 
@@ -114,6 +115,66 @@ def test_the_portrait_tells_the_torque_of_each_tick():
     assert len(np.unique(closed.torques)) > 10
     first, last = closed.states[0], closed.states[-1]
     assert last[[1, 0]] == pytest.approx(first[:2], abs=1e-5)
+
+
+class Held:
+    """What does the same all along, as shares of the largest torques and push-off."""
+
+    name = "held"
+
+    def __init__(self, *shares: float) -> None:
+        self.shares = np.array(shares, np.float32)
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        """The same for each."""
+        return np.tile(self.shares, (len(observation), 1)), state
+
+
+@pytest.mark.parametrize(
+    ("name", "drive"),
+    [
+        ("F", gpw.Drive(push_off=0.05)),
+        ("D", gpw.Drive(ankle_torque=0.01)),
+        ("E", gpw.Drive(hip_torque=0.004, ankle_torque=0.002, push_off=0.02)),
+    ],
+)
+def test_every_motor_pays_its_part(name, drive):
+    """Held all along, they are a driven gait's, whose books are known."""
+    units = units_of(gpw.WALKERS[name])
+    own = to_own(units, drive)
+    gait = gpw.find_gait(name, 0.0, drive=own)
+    scene = {
+        "walker": name, "slope": 0.0, "control": "stride", "energy": "net",
+        "actions": ("ankle", "push_off", "hip"), "max_hip_torque": 0.02,
+        "max_ankle_torque": 0.02, "max_push_off": 0.1,
+    }  # fmt: skip
+    policy = Held(drive.ankle_torque / 0.02, drive.push_off / 0.1, drive.hip_torque / 0.02)
+    start = Section(walker=gait.walker).points_at(gait.state)[0]
+    closed = closed_loop_gait(policy, scene, start=start)
+    walk, work = gait.stride, units.energy * gait.step_length / units.length
+    paid = {
+        "hip_cost": walk.hip_work_absolute, "net_hip_cost": walk.hip_work,
+        "ankle_cost": walk.ankle_work_absolute, "net_ankle_cost": walk.ankle_work,
+        "push_off_cost": walk.push_off_work,
+    }  # fmt: skip
+    for cost, of_stride in paid.items():
+        assert getattr(closed, cost) == pytest.approx(float(of_stride) / work, rel=1e-4, abs=1e-9)
+    motors = closed.hip_cost + closed.ankle_cost + closed.push_off_cost
+    assert closed.cost_of_transport == pytest.approx(motors + closed.gravity_cost)
+    assert closed.cost_of_transport > 1e-3
+    np.testing.assert_allclose(closed.torques, drive.hip_torque, atol=1e-8)
+    np.testing.assert_allclose(closed.ankle_torques, drive.ankle_torque, atol=1e-8)
+    first, last = closed.states[0], closed.states[-1]
+    assert last[[1, 0]] == pytest.approx(first[:2], abs=1e-5)
+
+
+def test_legs_together_are_no_gait():
+    """A stride as small as rounding closes whatever the policy does."""
+    scene = {"walker": "B", "slope": 0.0, "control": "stride", "actions": ("push_off",)}
+    gait = gpw.find_gait("B", 0.01)
+    point = Section(walker=gait.walker).points_at(gait.state)[0]
+    with pytest.raises(gpw.GaitNotFound, match="longer steps"):
+        closed_loop_gait(Held(0.5), scene, start=1e-6 * point)
 
 
 def test_a_walker_that_only_falls_has_no_gait():

@@ -53,6 +53,67 @@ def test_a_motor_that_pushes_both_ways_at_once_is_not_paid_for_it(monkeypatch):
     assert problem.at(both)[0] > 1.5 * problem.at(alone)[0]
 
 
+STIFF = [[0.13, -0.16, -0.08, -0.10], [0.25, -0.30, -0.21, -0.41]]
+"""Starts from which the knee locks at once."""
+
+
+def stiff(point: list[float]) -> optimal.OptimalGait:
+    """A start whose leg, held back at first, sweeps through the ground."""
+    torques = [-0.05, -0.05, 0.0]
+    return replace(optimal.load("level")[5], point=point, torques=torques, step_period=3.15)
+
+
+@pytest.mark.parametrize("actions", [("hip",), ("hip", "push_off")])
+def test_how_far_the_toe_clears_the_ground_is_known_with_its_derivatives(actions):
+    gait = optimal.load("level")[5]
+    problem = Problem(make_scene("level", actions=actions), gait.speed, len(gait.torques) + 3, 4)
+    problem.clears = True
+    z = problem.begun_at(gait)
+    z[6:20] += 0.01
+    room, by = problem.room(z)
+    shifts = 1e-6 * np.eye(len(z))
+    ahead, behind = (np.array([problem.room(z + s * x)[0] for x in shifts]) for s in (1.0, -1.0))
+    np.testing.assert_allclose(by, (ahead - behind).T / 2e-6, atol=1e-7)
+    assert np.all(room > 0.0)
+    assert np.all(np.abs(by).max(axis=1) > 1.0)
+
+
+def test_a_gait_whose_stiff_leg_sweeps_through_the_ground_is_allowed_only_without_the_rule():
+    for stub in (True, False):
+        problem = Problem(make_scene("level", stub=stub), 0.1, 48, 4)
+        problem.clears = True
+        z = problem.begun_at(stiff(STIFF[0]))
+        assert problem.measured(z).stubs
+        assert problem.allowed(z) is not stub
+        assert problem.room(z)[0].min() < 0.0
+        assert problem.allowed(problem.begun_at(optimal.load("level")[5]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("point", STIFF)
+def test_the_toe_clears_the_ground_where_the_scene_asks_for_it(point):
+    found = optimal.optimal_gait("level", 0.10, start=stiff(point))
+    assert not found.stubs
+    assert found.motor_cost > 0.00318
+    closed = closed_loop_gait(Optimal("level", found), "level", start=found.point)
+    assert closed.hip_cost == pytest.approx(found.hip_cost, rel=1e-3)
+
+
+@pytest.mark.slow
+def test_without_the_rule_a_stiff_leg_walks_for_less():
+    problem = Problem(make_scene("level", stub=False), 0.1, 48, 4)
+    found = problem.measured(problem.solve(problem.begun_at(stiff(STIFF[0]))))
+    assert found.stubs and found.motor_cost < 0.003
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("speed", "known"), [(0.08, 0.048026), (0.1, 0.055212)])
+def test_uphill_the_search_finds_the_ticks_in_which_torques_are_cheapest(speed, known):
+    """The cost that starts nearby come to; from a constant torque alone it is up to 1 % more."""
+    found = optimal.optimal_gait(make_scene("level", slope=-0.02), speed)
+    assert found.motor_cost < known
+
+
 def test_level_walking_at_a_tenth_costs_a_third_of_a_percent():
     gaits = optimal.load("level")
     assert optimal.least_cost(gaits, 0.10) <= 0.00325

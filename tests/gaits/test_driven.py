@@ -107,3 +107,54 @@ def test_who_cannot_climb_is_told_so():
         gait_family("C", -0.01, 0.01)
     with pytest.raises(ValueError, match="one drive, of single numbers"):
         find_gait("C", 0.01, drive=Drive(hip_torque=[0.1, 0.2]))
+
+
+@pytest.mark.parametrize("period", [1, 2])
+@pytest.mark.parametrize("name", ["B", "D", "E", "F"])
+def test_what_is_found_under_a_push_off_steps_and_repeats(name, period):
+    """Legs that hardly open lose at each strike what the push-off gives, and walk nowhere."""
+    units = units_of(WALKERS[name])
+    for push in (0.001, 0.01, 0.05, 0.2):
+        for gait in find_gaits(name, 0.0, period=period, drive=Drive(push_off=push)):
+            assert gait.stance_angle > 0.1 * np.sqrt(push / units.impulse)
+            assert gait.cost_of_transport < 0.01
+            end = gait.stride.state
+            if period == 2:
+                end = stride(name, 0.0, end, push_off=push, tolerance=1e-13).state
+            scale = np.abs(gait.state).max()
+            np.testing.assert_allclose(end / scale, gait.state / scale, atol=1e-11)
+
+
+def test_a_guess_with_legs_together_leads_to_no_gait():
+    drive = Drive(push_off=0.05)
+    gait = find_gaits("B", 0.0, drive=drive)[0]
+    for shrunk in (1e-3, 1e-5, 1e-7):
+        state = gait.state * shrunk
+        assert all(g.stance_angle > 0.01 for g in find_gaits("B", 0.0, guess=state, drive=drive))
+    with pytest.raises(GaitNotFound, match="only a long-step gait"):
+        find_gait("B", 0.0, "short", drive=drive)
+
+
+@pytest.mark.parametrize(
+    ("name", "slope", "push", "count"),
+    [("F", -0.0005, 0.5, 2), ("A", -8e-5, 0.1, 2), ("C", -0.001, 0.5, 2), ("E", -4.8e-5, 0.1, 4)],
+)
+def test_push_offs_carry_uphill_as_far_as_the_family_goes(name, slope, push, count):
+    drive = Drive(push_off=push)
+    gaits = find_gaits(name, slope, drive=drive)
+    assert len(gaits) == count
+    family = gait_family(name, -0.05, 0.02, drive=drive)
+    assert family.slope.min() < slope
+    same = gait_family(name, -0.05, 0.02, start=gaits[0])
+    assert same.folds[0] == pytest.approx(family.folds[0], rel=1e-6)
+    for gait in gaits:
+        assert gait.stride.push_off_work > gait.collision_loss
+
+
+def test_a_family_ends_on_the_level_where_its_steps_vanish():
+    """Uphill, the shortest steps are as long as the slope is steep."""
+    family = gait_family("B", -0.05, 0.02, drive=Drive(push_off=0.1))
+    assert family.ends[0].reason == "the step length goes to zero"
+    assert family.ends[0].value == pytest.approx(0.0, abs=1e-12)
+    ratio = family.stance_angle[:3] / family.slope[:3]
+    np.testing.assert_allclose(ratio, ratio[0], rtol=1e-2)

@@ -129,6 +129,14 @@ def test_who_never_fell_lasts_longer_than_was_seen():
     assert "none of 3000" in str(none)
 
 
+def test_of_walkers_that_fall_before_any_stride_counts_nothing_is_known_but_that():
+    none = FirstPassage.of(np.array([64, 3, 0, 0, 0]), settling=2)
+    assert (none.falls, none.strides) == (0, 0)
+    assert str(none) == "all fell before any stride was counted"
+    assert math.isnan(none.mean) and math.isnan(none.error)
+    assert none.interval == (0.0, math.inf)
+
+
 def test_a_kneed_walker_lasts_the_longer_the_smoother_the_ground():
     walker, gait = WALKERS["C"], find_gait("C", 0.05)
     state = units_of(walker).to_dimensionless(gait.state)

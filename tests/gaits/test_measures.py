@@ -45,7 +45,7 @@ def loss_at_heelstrike(walker, before):
     """Energy that a heelstrike loses."""
     units = units_of(walker)
     angle, rates = before[1:2], before[3:5, None] * units.time
-    _, lost = heelstrike(Section(walker=walker), angle, *rates)
+    _, lost, _ = heelstrike(Section(walker=walker), angle, *rates)
     return lost[0] * units.energy
 
 

@@ -1,5 +1,7 @@
 """Strides and ticks as operations of torch: values, gradients, and what falls."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -89,6 +91,37 @@ def test_gradients_of_ticks_are_those_of_differences(name):
         outcomes.append(int(told.outcome[0]))
     assert outcomes[-1] == Outcome.HEELSTRIKE and len(outcomes) > 3
     assert knees == gpw.WALKERS[name].knees
+
+
+@pytest.mark.parametrize("ticked", [False, True], ids=["stride", "tick"])
+@pytest.mark.parametrize(
+    ("name", "parameter"),
+    [
+        (name, x)
+        for name in ("lab", "lab-straight")
+        for x in ("thigh_length", "gravity", "shank_mass")
+    ]
+    + [("D", x) for x in ("thigh_length", "gravity", "hip_mass")],
+)
+def test_parameters_change_what_a_plain_torque_and_duration_come_to(name, parameter, ticked):
+    """Both are held in the own units of the walker that there is with these parameters."""
+    slope, states = gait(name)
+    start, walker = states[0].detach(), gpw.WALKERS[name]
+    value = getattr(walker, parameter)
+
+    def walk(walker, **parameters):
+        options = {"parameters": parameters, "tolerance": 1e-13}
+        if ticked:
+            told = tick(walker, slope, start, 0.02, duration=0.3, **options)
+            return torch.cat([told.state, torch.stack([told.duration, *told[3:6]])])
+        told = stride(walker, slope, start, hip_torque=0.02, **options)
+        return torch.cat([told.state, torch.stack(told[1:7])])
+
+    found = torch.func.jacrev(lambda value: walk(name, **{parameter: value}))(number(value))
+    more, less = value * (1.0 + 1e-6), value * (1.0 - 1e-6)
+    beside = (walk(replace(walker, **{parameter: x})) for x in (more, less))
+    expected = torch.sub(*beside) / (more - less)
+    torch.testing.assert_close(found, expected, rtol=1e-6, atol=1e-7)
 
 
 @pytest.mark.parametrize(
