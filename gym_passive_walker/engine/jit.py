@@ -24,6 +24,12 @@ from numba.np.arrayobj import populate_array
 from gym_passive_walker.engine import cache
 from gym_passive_walker.engine.announced import announce
 
+if numba.config.DISABLE_JIT:
+    raise ImportError(
+        "gym_passive_walker walks by compiled code alone, and NUMBA_DISABLE_JIT forbids numba to "
+        "compile: unset it, or set it to 0"
+    )
+
 # "numpy": a division never raises.
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
 # What kernels alone call needs no door for Python, which is a quarter of its compilation.
