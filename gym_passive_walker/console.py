@@ -13,7 +13,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Mapping
-from typing import NoReturn
+from typing import Any, NoReturn
 
 INTERRUPTED = 130
 """The exit status after Ctrl-C, as shells have it."""
@@ -22,6 +22,7 @@ _PROGRAMS = ("passive-walker", "passive-walker.exe", "train.py", "-m")
 # While Python imports the parent package of what `python -m` runs, that is the program's name.
 
 _FILES = {OSError: 2}
+_SHOWN = 200  # characters of a text
 _ERRORS = "gym_passive_walker.plain"
 _PLAIN = {
     "√": "sqrt", "γ": "slope", "θ": "angle", "—": "-", "–": "-", "−": "-", "×": "x", "·": "*",
@@ -53,20 +54,26 @@ def forget_output() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
+def cut(text: str) -> str:
+    """A text as a message shows it: what is long loses its middle."""
+    half = _SHOWN // 2
+    return text if len(text) <= _SHOWN else f"{text[:half]} ... {text[-half:]}"
+
+
 def sentence(error: BaseException) -> str:
     """What an error says; of a file, its name and the system's own words."""
     if not isinstance(error, OSError) or not error.strerror:
         return str(error)
     if error.filename is None:
         return error.strerror
-    return f"{os.fsdecode(error.filename)}: {error.strerror}"
+    return f"{cut(os.fsdecode(error.filename))}: {error.strerror}"
 
 
 def run(
     work: Callable[[], int | None],
     *,
     name: str = "",
-    refusals: Mapping[type[Exception], int] = _FILES,
+    refusals: Mapping[Any, int] = _FILES,
     stopped: str = "stopped",
 ) -> int:
     """Run a program.

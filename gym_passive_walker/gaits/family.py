@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.arguments import gait_kind, number, one_slope
-from gym_passive_walker.gaits.continuation import follow
+from gym_passive_walker.arguments import gait_kind, instance, number, one_slope, shown
+from gym_passive_walker.gaits.continuation import FINEST, follow
 from gym_passive_walker.gaits.curve import Axis, Curve, Point, locate
 from gym_passive_walker.gaits.drive import PASSIVE, Drive, drive_units, one_drive
 from gym_passive_walker.gaits.ends import BOUND, STANCE_STOPS, End, margins
@@ -235,8 +235,10 @@ def gait_family(
     walker = as_walker(walker)
     low, high = one_slope(slope_min, "slope_min"), one_slope(slope_max, "slope_max")
     kind = gait_kind(kind)
-    resolution = number(resolution, "resolution", above=0.0)
-    drive = one_drive(walker, drive) if start is None else start.drive
+    resolution = number(resolution, "resolution", least=FINEST, most=1.0)
+    if start is not None:
+        drive = instance(start, Gait, "start", "gpw.find_gait returns").drive
+    drive = one_drive(walker, drive)
     if not low < high or (low <= 0.0 and drive.passive):
         raise ValueError(
             f"slopes must be 0 < slope_min < slope_max, not {slope_min}, {slope_max}; only motors "
@@ -280,11 +282,12 @@ def parameter_family(
         ValueError: if there is no such parameter, or the range is empty or leaves it out.
     """
     walker = as_walker(walker)
-    slope, resolution = one_slope(slope), number(resolution, "resolution", above=0.0)
+    slope, resolution = one_slope(slope), number(resolution, "resolution", least=FINEST, most=1.0)
     low, high = number(low, "low"), number(high, "high")
+    kind = gait_kind(kind)
     known = (*PARAMETERS, *Drive._fields)
-    if parameter not in known:
-        raise ValueError(f"no parameter {parameter!r} to vary: choose from {', '.join(known)}")
+    if not isinstance(parameter, str) or parameter not in known:
+        raise ValueError(f"no parameter {shown(parameter)} to vary: choose from {', '.join(known)}")
     drive, driven = one_drive(walker, drive), parameter in Drive._fields
     here = getattr(drive if driven else walker, parameter)
     if not low < high or not low <= here <= high:

@@ -78,7 +78,10 @@ def test_an_unknown_walker_is_refused_with_the_known_names(what, walker):
         (lambda: gpw.load_policy(None), "no policy 'None': choose from .*lab-ppo"),
         (lambda: gpw.gait_family("E", 0.01, 0.02, "medium"), 'kind must be "long" or "short"'),
         (lambda: gpw.gait_family("E", 0.01, 0.02, resolution=0.0), "resolution must be a number"),
-        (lambda: gpw.largest_push("E", 0.01, accuracy=-1.0), "accuracy must be a number above 0"),
+        (
+            lambda: gpw.largest_push("E", 0.01, accuracy=-1.0),
+            "accuracy must be a number from 1e-15 to 1",
+        ),
         (lambda: gpw.largest_push("E", 0.01, strides=0), "strides must be a whole number"),
         (lambda: gpw.basin_of_attraction("E", 0.01, resolution=1.5), "resolution must be a whole"),
         (lambda: gpw.basin_of_attraction("E", 0.01, ratios=2.0), "ratios must be two numbers"),
