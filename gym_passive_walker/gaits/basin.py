@@ -23,6 +23,7 @@ from gym_passive_walker.arguments import (
     number,
     one_slope,
     real_array,
+    shown,
     whole,
 )
 from gym_passive_walker.gaits.attractors import (
@@ -175,7 +176,7 @@ def basin_of_attraction(
     if ratios is not None:
         allowed = "two numbers, thigh and shank rate over the stance rate"
         if real_array(ratios, "ratios", allowed).shape != (2,):
-            raise ValueError(f"ratios must be {allowed}, not {ratios!r}")
+            raise ValueError(f"ratios must be {allowed}, not {shown(ratios)}")
     stride_map = StrideMap.of(walker, tolerance=tolerance)
     known = find_gaits(walker, slope)
     gait = known[0] if known else None

@@ -13,15 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from gym_passive_walker.gaits.curve import Curve, Point, doubling_test, locate
-from gym_passive_walker.gaits.ends import BOUND, CUT_SHORT, VANISHED, End, margins, reason_of
+from gym_passive_walker.gaits.ends import BOUND, VANISHED, End, margins, reason_of
 from gym_passive_walker.progress import progress
 
 _FIRST_STEP, _SHORTEST_STEP = 0.02, 1e-7
 _VANISHING = 10.0  # rate over angle of a walker that rocks rather than steps
 _MOST_POINTS = 4000
-FINEST = 1e-4
-"""The least resolution of a curve that may be asked for: so many gaits are as good as any."""
-
 _LAST = 40  # points that tell of an end
 _CROWDED = 1e-3
 _GLIDING = 0.01
@@ -47,8 +44,7 @@ def points_along(
         shortest: Step below which the curve counts as lost.
     """
     here, step, curvature = start, min(first, longest), np.zeros(len(start.y))
-    made = 0
-    while made < _MOST_POINTS:
+    for _ in range(_MOST_POINTS):
         ahead = here.y + step * here.tangent
         there = curve.correct(ahead, here.tangent, bend=0.5 * step**2 * curvature)
         # A turn too sharp for this step, or a leap to another branch: try a shorter one.
@@ -58,7 +54,6 @@ def points_along(
                 return
         else:
             yield there
-            made += 1
             curvature = (there.tangent - here.tangent) / np.linalg.norm(there.y - here.y)
             here, step = there, min(1.5 * step, longest)
 
@@ -103,12 +98,7 @@ def follow(curve: Curve, start: Point, low: float, high: float, resolution: floa
             doublings += crossings(there, doubling_test)
             points.append(there)
         else:
-            cut_short = len(points) > _MOST_POINTS
-            end = (
-                End(curve.value_at(points[-1]), CUT_SHORT)
-                if cut_short
-                else reason_of(*curve.gaits_at(points[-_LAST:]), curve.period)
-            )
+            end = reason_of(*curve.gaits_at(points[-_LAST:]), curve.period)
     return Branch(_thinned(points), folds, doublings, end)
 
 

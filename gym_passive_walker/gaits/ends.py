@@ -20,7 +20,6 @@ STANCE_STOPS = "the stance leg barely passes the vertical"
 TANGENTIAL = "heelstrike becomes tangential"
 BOUND = "end of the range asked for"
 VANISHED = "the step length goes to zero"
-CUT_SHORT = "so many gaits are followed and no more: ask for a coarser resolution"
 LOST = "the family could not be followed further"
 
 _VERGE = 1e-9  # of a stride, before its heelstrike

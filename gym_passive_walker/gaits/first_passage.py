@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import number, whole
+from gym_passive_walker.arguments import number, shown, whole
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.physics.hybrid import Outcome, System
@@ -183,7 +183,9 @@ def leading_eigenvalue(
     """
     low, high, nodes = number(low, "low"), number(high, "high"), whole(nodes, "nodes", 1, _NODES)
     if not callable(strides):
-        raise ValueError(f"strides must be a function of the numbers begun with, not {strides!r}")
+        raise ValueError(
+            f"strides must be a function of the numbers begun with, not {shown(strides)}"
+        )
     if not low < high:
         raise ValueError(f"low must be below high, not {low}, {high}")
     points = np.cos(math.pi * (np.arange(nodes) + 0.5) / nodes)

@@ -71,7 +71,9 @@ def stride_jacobian(
     stride_map = StrideMap.of(walker, tolerance=tolerance, longest=LONGEST_STRIDE, drive=drive)
     names = [wrt] if isinstance(wrt, str) else list(wrt) if np.iterable(wrt) else []
     if not names:
-        raise ValueError(f"wrt must be the name of what to differentiate by, or some, not {wrt!r}")
+        raise ValueError(
+            f"wrt must be the name of what to differentiate by, or some, not {shown(wrt)}"
+        )
     for name in names:
         if name not in _COLUMNS and name not in PARAMETERS:
             raise ValueError(

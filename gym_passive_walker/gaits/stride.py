@@ -15,6 +15,7 @@ from gym_passive_walker.arguments import (
     check_tolerance,
     number,
     real_array,
+    shown,
     truth,
     whole,
 )
@@ -147,7 +148,7 @@ def check_foothold(rise: ArrayLike, turn: ArrayLike) -> tuple[NDArray, NDArray] 
     allowed = "a number or an array of them"
     ground = real_array(rise, "rise", allowed), real_array(turn, "turn", allowed)
     if not np.all(np.abs(ground[1]) < np.pi):
-        raise ValueError(f"turn must be an angle in rad between -pi and pi, not {turn!r}")
+        raise ValueError(f"turn must be an angle in rad between -pi and pi, not {shown(turn)}")
     return ground if any(part.any() for part in ground) else None
 
 
@@ -203,7 +204,7 @@ def stride(
     longest, stub = number(longest, "longest", above=0.0), truth(stub, "stub")
     threads = None if threads is None else whole(threads, "threads")
     if not callable(carry):
-        raise ValueError(f"carry must be a function, such as gpu.advance, not {carry!r}")
+        raise ValueError(f"carry must be a function, such as gpu.advance, not {shown(carry)}")
     ground = check_foothold(rise, turn)
     try:
         around = (*drive_shapes(drive), *(part.shape for part in ground or ()))
