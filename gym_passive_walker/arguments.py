@@ -122,7 +122,7 @@ def number(
     value: Any,
     name: str,
     *,
-    least: float = -math.inf,
+    least: float = -sys.float_info.max,
     above: float = -math.inf,
     most: float = sys.float_info.max,
 ) -> float:
@@ -136,7 +136,7 @@ def number(
         limit = f" above {above:g}" if above > -math.inf else ""
         if most < sys.float_info.max:
             limit = f"{limit} up to {most:g}"
-        if least > -math.inf:
+        if least > -sys.float_info.max:
             limit = (
                 f" from {least:g} to {most:g}"
                 if most < sys.float_info.max

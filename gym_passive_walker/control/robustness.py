@@ -177,7 +177,7 @@ def robustness(
     tried = _scene_of(who, scene, slope) if passive else _acting(who, scene, slope)
     policy: Policy = Passive() if passive else who  # type: ignore[assignment]
     name = "nobody acts" if passive else getattr(who, "name", type(who).__name__)
-    roughness = rough(roughness).height_std
+    roughness = number(roughness, "roughness", least=0.0, most=1e3)
     strides, starts = whole(strides, "strides", 1, KEPT), whole(starts, "starts", 2, KEPT)
     seed = seed_number(seed)
     if not 0.0 < number(spread, "spread") < 0.9:
