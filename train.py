@@ -17,13 +17,16 @@ learning curve (CSV and PNG), the evaluation (CSV and table) and a strobe pictur
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import gym_passive_walker.console as console
+
+# isort: split
+# The package comes first: from here on Ctrl-C ends the program in a line, also while it loads.
 import numba
 import torch
 
@@ -37,31 +40,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
     arguments = list(sys.argv[1:] if arguments is None else arguments)
     keep_to_one_thread()
-    try:
+
+    def work() -> int:
         if arguments and arguments[0] in commands.COMMANDS:
-            status = commands.COMMANDS[arguments[0]](arguments[1:])
-        else:
-            status = train(train_parser().parse_args(arguments))
-        sys.stdout.flush()
-        return status
-    except BrokenPipeError:  # who reads has read enough
-        forget_output()
-        return 0
-    except (ValueError, OSError) as error:
-        try:
-            sys.stdout.flush()  # first what was computed
-        except OSError:
-            forget_output()
-        print(f"train.py: error: {error}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("\ntrain.py: stopped; --resume goes on from the last checkpoint", file=sys.stderr)
-        return 130
+            return commands.COMMANDS[arguments[0]](arguments[1:])
+        return train(train_parser().parse_args(arguments))
 
-
-def forget_output() -> None:
-    """Leave what cannot be printed, so that Python does not try to at its end."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return console.run(
+        work,
+        name="train.py: ",
+        refusals={ValueError: 2, OSError: 2},
+        stopped="stopped; --resume goes on from the last checkpoint",
+    )
 
 
 def keep_to_one_thread() -> None:

@@ -20,7 +20,7 @@ from tqdm import tqdm
 
 from agents import worlds
 from agents.config import ALGORITHMS, ConfigError, configure, presets
-from agents.files import read_json, replacing
+from agents.files import read_json
 from agents.learner import load_policy
 from agents.training import Run
 from gym_passive_walker import GaitNotFound
@@ -31,6 +31,7 @@ from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.control.trials import kicks, rough_strides
 from gym_passive_walker.control.walks import HUNDRED, WALKED_ON, Walks, evaluate
 from gym_passive_walker.envs.scene import SCENES, make_scene
+from gym_passive_walker.files import replacing
 
 AGENTS = (*BASELINES, *ALGORITHMS)
 EPISODES = 100

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv
 
-from agents.files import read_arrays, read_json, reading, replacing
+from agents.files import read_arrays, read_json, reading
 from agents.learner import MODEL, moments, restore_moments, restore_weights, save_model
 from gym_passive_walker.arguments import whole
 from gym_passive_walker.envs.scene import walker_from
+from gym_passive_walker.files import replacing
 
 _ARRAYS, _REPLAY, _NOTES = "arrays.npz", "replay.npz", "notes.json"
 _RECORDS, _RANDOMS = "worlds.npz", "worlds.json"

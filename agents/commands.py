@@ -10,7 +10,6 @@ import numpy as np
 
 from agents import benchmark, evaluation
 from agents.config import ConfigError
-from agents.files import replacing
 from agents.learner import LearnedPolicy, export, learned
 from gym_passive_walker import GaitNotFound
 from gym_passive_walker.control import optimal
@@ -18,6 +17,7 @@ from gym_passive_walker.control.baselines import BASELINES
 from gym_passive_walker.control.closed_loop import ClosedLoopGait, closed_loop_gait
 from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs.scene import SCENES, Scene, make_scene
+from gym_passive_walker.files import replacing
 from gym_passive_walker.policies import shipped_policies
 
 GRIDS = {"level": (0.05, 0.20, 0.01), "lab": (0.15, 0.23, 0.01), "steep": (0.31, 0.34, 0.005)}

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from agents import worlds
-from agents.files import replacing
 from agents.learner import learned
 from gym_passive_walker.arguments import whole
 from gym_passive_walker.control.baselines import Passive
 from gym_passive_walker.control.walks import evaluate, table
+from gym_passive_walker.files import replacing
 
 EPISODES, SEED = 20, 1000
 """Episodes that judge a run, and the seed of the first."""

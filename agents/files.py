@@ -1,4 +1,4 @@
-"""Files of a run: written aside and renamed, so that a kill never leaves half of one.
+"""Files of a run, each written whole or not at all by `gym_passive_walker.files.replacing`.
 
 What was damaged all the same is read to a sentence that names the file.
 
@@ -15,10 +15,7 @@ A run's folder holds:
 
 from __future__ import annotations
 
-import glob
 import json
-import os
-import shutil
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -30,60 +27,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.config import ConfigError, reason
+from gym_passive_walker.files import remove
 
 CONFIG = "config.yml"
 RUNS = Path("runs")
-
-
-@contextmanager
-def replacing(path: Path) -> Iterator[Path]:
-    """A path to write a file or a folder at, which then takes the place of `path` at once.
-
-    A folder takes the place of none: its name has to be new. What writers of the same path left
-    aside when they were killed is removed.
-
-    Raises:
-        OSError: if it cannot be written; it names `path`, which is as it was.
-    """
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        # The ending stays last: writers tell formats by it.
-        aside = path.with_name(f".{path.stem}.{os.getpid()}{path.suffix}")
-        for left in path.parent.glob(f".{glob.escape(path.stem)}.*{glob.escape(path.suffix)}"):
-            if _abandoned(left.name.removeprefix(f".{path.stem}.").removesuffix(path.suffix)):
-                remove(left)
-        try:
-            yield aside
-            os.replace(aside, path)
-        finally:
-            remove(aside)
-    except OSError as error:
-        raise OSError(error.errno, error.strerror or str(error), str(path)) from None
-
-
-def _abandoned(writer: str) -> bool:
-    """Whether a writer, by the number of its process, writes no more."""
-    if not writer.isdecimal():
-        return False  # a file of someone else's
-    if int(writer) == os.getpid():
-        return True
-    if os.name == "nt":
-        return False  # to ask would end it
-    try:
-        os.kill(int(writer), 0)
-    except ProcessLookupError:
-        return True
-    except OSError:  # someone else's
-        return False
-    return False
-
-
-def remove(path: Path) -> None:
-    """Remove a file or a folder, if it is there."""
-    if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path)
-    else:
-        path.unlink(missing_ok=True)
 
 
 @contextmanager

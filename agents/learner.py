@@ -24,13 +24,14 @@ from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from agents.config import Config, ConfigError, reason
-from agents.files import CONFIG, read_arrays, reading, replacing
+from agents.files import CONFIG, read_arrays, reading
 from agents.first_order import SHAC
 from agents.networks import POLICIES
 from agents.ppo_fast import FastPPO
 from agents.worlds import training_worlds
 from gym_passive_walker.arguments import unknown
 from gym_passive_walker.control.policy import Policy
+from gym_passive_walker.files import replacing
 from gym_passive_walker.policies import DESCRIPTION, TENSORS, shipped_policies
 from gym_passive_walker.policies import load_policy as load_exported
 from gym_passive_walker.policies.network import ACTIVATIONS, Network

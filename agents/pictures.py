@@ -11,11 +11,11 @@ import numpy as np
 
 from agents import worlds
 from agents.evaluation import EPISODES, SEED
-from agents.files import replacing
 from agents.learner import learned
 from gym_passive_walker.control.baselines import Passive
 from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.control.walks import evaluate
+from gym_passive_walker.files import replacing
 from gym_passive_walker.render import strobe, strobe_of
 from gym_passive_walker.render.axes import GREY, legend, panels, save, series
 from gym_passive_walker.units import units_of

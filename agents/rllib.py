@@ -21,7 +21,8 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from agents.config import DEFAULT_SCENE, Config, ConfigError, configure
+from agents.config import DEFAULT_SCENE, Config, configure
+from gym_passive_walker import console
 from gym_passive_walker.arguments import whole
 from gym_passive_walker.control.baselines import Passive
 from gym_passive_walker.control.walks import Walks, evaluate, table
@@ -182,17 +183,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     add("--seed", type=int, default=0, help="of everything (%(default)s)")
     add("--out", type=Path, metavar="DIR", help="keep RLlib's checkpoint there")
     args = parser.parse_args(arguments)
-    try:
-        config = configure("ppo", args.scene, steps=args.steps, seed=args.seed)
-        walks = train(config, runners=args.runners, out=args.out)
-    except (ConfigError, ValueError) as error:
-        print(f"agents.rllib: error: {error}", file=sys.stderr)
-        return 2
+    return console.run(
+        lambda: _compare(args), name="agents.rllib: ", refusals={ValueError: 2, OSError: 2}
+    )
+
+
+def _compare(args: argparse.Namespace) -> None:
+    """Train, and print the walks beside passive ones."""
+    config = configure("ppo", args.scene, steps=args.steps, seed=args.seed)
+    walks = train(config, runners=args.runners, out=args.out)
     passive = evaluate(Passive(), arena(config), seed=SEED)
     print(
         table(f"{config.scene}; {EPISODES} episodes", {"RLlib PPO": walks, Passive.name: passive})
     )
-    return 0
 
 
 if __name__ == "__main__":

@@ -18,6 +18,7 @@ import yaml
 from agents import files
 from agents.config import Config, ConfigError
 from agents.training import Run
+from gym_passive_walker.files import replacing
 from gym_passive_walker.sweeps.cluster import HERE
 
 STUDY, BEST = "study.log", "best.yml"
@@ -112,7 +113,7 @@ def search(
         _tune(kept, partial(_drawn, config), folder, left, str(ray), progress=progress)
     best = study.best_trial.user_attrs["hyperparams"]
     preset = replace(config, hyperparams=best).preset()
-    with files.replacing(folder / BEST) as path:
+    with replacing(folder / BEST) as path:
         path.write_text(yaml.safe_dump({config.scene: preset}, sort_keys=False), encoding="utf-8")
     return best
 

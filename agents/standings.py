@@ -16,11 +16,11 @@ from scipy.stats import bootstrap, trim_mean
 from agents.benchmark import AGENTS, SCORES, Unit
 from agents.config import ALGORITHMS
 from agents.evaluation import write_rows
-from agents.files import replacing
 from gym_passive_walker import GaitFamily, gait_family
 from gym_passive_walker.control import optimal
 from gym_passive_walker.control.walks import WALKED_ON
 from gym_passive_walker.envs.scene import SCENES
+from gym_passive_walker.files import replacing
 from gym_passive_walker.render.axes import BLACK, GREY, SPEED, legend, panels, save, series
 
 BEGIN, END = "<!-- benchmark: begin -->", "<!-- benchmark: end -->"

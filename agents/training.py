@@ -16,6 +16,7 @@ from agents.evaluation import write_rows
 from agents.exploration import explorers
 from agents.learner import LearnedPolicy, build
 from gym_passive_walker.control.walks import HUNDRED, evaluate
+from gym_passive_walker.files import replacing
 
 EPISODES = 20
 """Episodes of each evaluation."""
@@ -50,7 +51,7 @@ class Run:
         if newest is not None:
             with files.reading(newest):
                 self.notes = checkpoint.restore(newest, self.model)
-        with files.replacing(folder / files.CONFIG) as path:
+        with replacing(folder / files.CONFIG) as path:
             config.save(path)
 
     @property
@@ -118,7 +119,7 @@ class Run:
         if best is None or row["reward"] >= best:
             self.notes["best"] = row["reward"]
             policy.save(self.folder)
-        with files.replacing(self.folder / "learning_curve.csv") as path:
+        with replacing(self.folder / "learning_curve.csv") as path:
             write_rows(path, self.notes["curve"])
         return row
 

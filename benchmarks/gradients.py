@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from benchmarks import penalty, reference, rivals
 from benchmarks.problem import Problem, problem
 from benchmarks.report import command, keep, machine, plot, seconds, table
-from gym_passive_walker import WALKERS
+from gym_passive_walker import WALKERS, console
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics import legs
 
@@ -261,4 +261,4 @@ def main() -> None:
 
 if __name__ == "__main__":
     command(__doc__)
-    main()
+    raise SystemExit(console.run(main))

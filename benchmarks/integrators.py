@@ -22,6 +22,7 @@ from benchmarks import reference
 from benchmarks.problem import Problem, error, problem
 from benchmarks.report import command, keep, machine, seconds, table
 from benchmarks.rivals import heyoka_swings
+from gym_passive_walker import console
 from gym_passive_walker.engine.compiled import loaded, object_code, phases_of, written
 from gym_passive_walker.engine.layout import COURSE, PAIR, aligned, tile_for
 from gym_passive_walker.engine.run import carry_on, new_records, options
@@ -125,4 +126,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(console.run(main))

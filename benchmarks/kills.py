@@ -26,6 +26,7 @@ from stable_baselines3.common.save_util import load_from_zip_file
 import train
 from agents import files
 from benchmarks.report import DOCS, keep, machine, table
+from gym_passive_walker import console
 
 PAGE = DOCS / "stability.md"
 STEPS, EVERY, ENVS = 8192, 512, 8  # half of them learn
@@ -90,8 +91,8 @@ def remembered(folder: Path) -> Iterator[np.ndarray]:
     for path in sorted(newest.glob("*.npz")):
         with np.load(path) as arrays:
             yield from (arrays[name] for name in sorted(arrays.files))
-    yield from leaves(json.loads((newest / "worlds.json").read_text()))
-    notes = json.loads((newest / "notes.json").read_text())
+    yield from leaves(json.loads((newest / "worlds.json").read_text("utf-8")))
+    notes = json.loads((newest / "notes.json").read_text("utf-8"))
     yield from leaves([notes[name] for name in ("counters", "numpy", "action_space")])
 
 
@@ -144,4 +145,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(console.run(main))

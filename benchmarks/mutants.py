@@ -143,7 +143,7 @@ def path_of(file: str) -> Path:
 
 def mutants(file: str) -> list[Mutant]:
     """All mutants of a module."""
-    finder = Finder(file, ast.parse((ROOT / path_of(file)).read_text()))
+    finder = Finder(file, ast.parse((ROOT / path_of(file)).read_text("utf-8")))
     finder.visit(finder.tree)
     seen: Counter[str] = Counter()
     unique = []
@@ -171,7 +171,7 @@ def faults() -> tuple[list[Mutant], list[str]]:
     for path in sorted(FAULTS.glob("*.toml")):
         for fault in tomllib.loads(path.read_text(encoding="utf-8"))["fault"]:
             file, old, new = fault["file"], fault["old"], fault["new"]
-            name, source = f"{file}: {fault['wrong']}", (ROOT / path_of(file)).read_text()
+            name, source = f"{file}: {fault['wrong']}", (ROOT / path_of(file)).read_text("utf-8")
             if source.count(old) != 1:
                 gone.append(name)
                 continue

@@ -33,6 +33,7 @@ from benchmarks.concerned import CHANGED, tests_of
 from benchmarks.equivalent_mutants import EQUIVALENT
 from benchmarks.mutants import PACKAGE, ROOT, Mutant, faults, path_of, sample
 from benchmarks.report import DOCS, keep, machine, table
+from gym_passive_walker import console
 
 PAGE = DOCS / "stability.md"
 PATIENCE = 300.0  # seconds after which a mutant that still runs counts as noticed
@@ -64,10 +65,12 @@ class Copy:
             shutil.copy(ROOT / name, tree)
         # The cache's place hangs on all sources; here is decided what a change makes stale.
         folder = tree / PACKAGE / "engine" / "cache.py"
-        text = folder.read_text()
+        text = folder.read_text("utf-8")
         start = text.index("    digest = ")
         end = text.index("    return digest")
-        folder.write_text(text[:start] + '    return "copy"\n' + text[text.index("\n", end) + 1 :])
+        folder.write_text(
+            text[:start] + '    return "copy"\n' + text[text.index("\n", end) + 1 :], "utf-8"
+        )
 
     def fill(self, every: Sequence[str]) -> None:
         """Let an unchanged package pass tests, and keep what it has compiled."""
@@ -78,7 +81,7 @@ class Copy:
     def notice(self, mutant: Mutant) -> str:
         """Which test notices a mutant."""
         path = self.tree / path_of(mutant.file)
-        path.write_text(mutant.source)
+        path.write_text(mutant.source, "utf-8")
         shutil.rmtree(self.cache, ignore_errors=True)
         if mutant.room not in ("physics", "engine"):
             # Kernels know a change of their own file, but not of others that they are made of.
@@ -114,13 +117,15 @@ class Copy:
                 os.waitpid(child, 0)
         if os.waitstatus_to_exitcode(status) == 0:
             return ""
-        lines = [x for x in said.read_text().splitlines() if x.startswith(("FAILED", "ERROR"))]
+        lines = [
+            x for x in said.read_text("utf-8").splitlines() if x.startswith(("FAILED", "ERROR"))
+        ]
         return lines[0].split(" - ")[0] if lines else "does not run"
 
     def _be_tested(self, tests: list[str], said: Path) -> NoReturn:
         """Become a process that runs tests of the copy, and writes down what they say."""
         os.setsid()
-        with said.open("w") as out:
+        with said.open("w", encoding="utf-8") as out:
             for stream in (1, 2):
                 os.dup2(out.fileno(), stream)
         os.chdir(self.tree)
@@ -156,7 +161,9 @@ def run(
         tried: Whether to try none, and return the results that there are.
     """
     results.parent.mkdir(parents=True, exist_ok=True)
-    lines = [json.loads(line) for line in results.open()] if results.exists() else []
+    lines = (
+        [json.loads(line) for line in results.open(encoding="utf-8")] if results.exists() else []
+    )
     known = {record["name"]: record for record in lines}
     if tried:
         chosen = [mutant for mutant in chosen if mutant.name in known]
@@ -178,7 +185,7 @@ def run(
             failure = copy.notice(mutant)
             record = {"name": mutant.name, "line": mutant.line, "noticed_by": failure}
             known[mutant.name] = record
-            with results.open("a") as log:
+            with results.open("a", encoding="utf-8") as log:
                 log.write(json.dumps(record) + "\n")
             print("noticed " if failure else "SURVIVED", mutant.line, mutant.name, flush=True)
     return [{"room": mutant.room, **known[mutant.name]} for mutant in chosen]
@@ -242,4 +249,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(console.run(main))

@@ -26,6 +26,7 @@ import numpy as np
 from tqdm import tqdm
 
 from benchmarks.report import machine, table
+from gym_passive_walker import console
 
 ROOT = Path(__file__).parent.parent
 WORK = Path(__file__).parent / "regress_work.py"
@@ -149,4 +150,4 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    raise SystemExit(console.run(main))

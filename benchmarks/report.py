@@ -12,6 +12,8 @@ from datetime import date
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from gym_passive_walker import console
+
 DOCS = Path(__file__).parent.parent / "docs"
 PAGE = DOCS / "benchmarks.md"
 
@@ -80,6 +82,7 @@ def command(
         description: What `--help` says.
         parts: The script's parts by name; all run if none is named.
     """
+    console.print_in_any_encoding()
     shape = argparse.RawTextHelpFormatter
     parser = argparse.ArgumentParser(description=description, formatter_class=shape)
     if parts is None:

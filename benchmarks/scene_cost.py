@@ -17,6 +17,7 @@ import gym_passive_walker as gpw
 from benchmarks.engine import again, crowd
 from benchmarks.problem import problem
 from benchmarks.report import command, keep, machine, seconds, table
+from gym_passive_walker import console
 from gym_passive_walker.gaits.trajectory import simulate
 
 BEFALLS = {
@@ -142,4 +143,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(console.run(main))

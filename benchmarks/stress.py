@@ -16,6 +16,7 @@ import numpy as np
 from benchmarks.report import DOCS, keep, machine, table
 from benchmarks.stress_cases.case import Case, Finding
 from benchmarks.stress_cases.everything import STATEMENTS
+from gym_passive_walker import console
 
 PAGE = DOCS / "stability.md"
 
@@ -59,4 +60,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    raise SystemExit(console.run(main))

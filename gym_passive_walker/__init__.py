@@ -2,6 +2,11 @@
 
 __version__ = "0.1.0"
 
+# First, so that Ctrl-C ends the command line in a line also while the rest is loading.
+import gym_passive_walker.console
+
+# isort: split
+
 # These enter what objects plot, and load nothing that draws.
 import gym_passive_walker.control.pictures
 import gym_passive_walker.render

@@ -3,14 +3,31 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Iterable, Sequence
 from difflib import get_close_matches
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker.console import cut
+
 FINEST_TOLERANCE, COARSEST_TOLERANCE = 1e-15, 0.1
+KEPT = 10_000_000
+"""How many of anything may be asked for that is kept in memory, one beside the other."""
+
+_MOST = 1_000_000_000  # of what is only counted
+_T = TypeVar("_T")
+
+
+def shown(value: Any) -> str:
+    """A value as a message shows it: what is long is cut short."""
+    try:
+        text = repr(value)
+    except Exception:  # a value of somebody else's making may do anything
+        text = f"a {type(value).__name__}"
+    return cut(text)
 
 
 def real_array(value: ArrayLike, name: str, allowed: str) -> NDArray[np.float64]:
@@ -24,10 +41,10 @@ def real_array(value: ArrayLike, name: str, allowed: str) -> NDArray[np.float64]
         if given.dtype.kind in "bcSUmM":  # some of these numpy would take for numbers
             raise TypeError
         numbers = np.asarray(given, dtype=float)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} must be {allowed}, not {value!r}") from None
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(f"{name} must be {allowed}, not {shown(value)}") from None
     if not np.all(np.isfinite(numbers)):
-        raise ValueError(f"{name} must be {allowed}, all finite, not {value!r}")
+        raise ValueError(f"{name} must be {allowed}, all finite, not {shown(value)}")
     return numbers
 
 
@@ -36,35 +53,46 @@ def check_tolerance(tolerance: Any) -> float:
     allowed = f"a number between {FINEST_TOLERANCE} and {COARSEST_TOLERANCE}"
     number = real_array(tolerance, "tolerance", allowed)
     if number.ndim or not FINEST_TOLERANCE <= number <= COARSEST_TOLERANCE:
-        raise ValueError(f"tolerance must be {allowed}, not {tolerance!r}")
+        raise ValueError(f"tolerance must be {allowed}, not {shown(tolerance)}")
     return float(number)
 
 
-def check_slope(slope: ArrayLike) -> NDArray[np.float64]:
-    """Slopes, if they are finite and less than upright."""
-    allowed = "an angle in rad between -pi/2 and pi/2, or an array of them"
-    slopes = real_array(slope, "slope", allowed)
+def check_slope(
+    slope: ArrayLike, name: str = "slope", also: str = ", or an array of them"
+) -> NDArray[np.float64]:
+    """Angles in rad, if they are finite and less than upright.
+
+    Args:
+        slope: The angles.
+        name: The argument's name.
+        also: What is allowed besides one angle, in words.
+
+    Raises:
+        ValueError: if they are not.
+    """
+    allowed = f"an angle in rad between -pi/2 and pi/2{also}"
+    slopes = real_array(slope, name, allowed)
     if not np.all(np.abs(slopes) < 0.5 * np.pi):
-        raise ValueError(f"slope must be {allowed}, not {slope!r}")
+        raise ValueError(f"{name} must be {allowed}, not {shown(slope)}")
     return slopes
 
 
-def check_state(state: ArrayLike) -> NDArray[np.float64]:
+def check_state(state: ArrayLike, name: str = "state") -> NDArray[np.float64]:
     """States as an array of shape (..., 6), if finite."""
     allowed = "[stance, thigh, shank angle, then their rates]: shape (6,) or (n, 6)"
-    states = real_array(state, "state", allowed)
+    states = real_array(state, name, allowed)
     if states.ndim == 0 or states.shape[-1] != 6:
-        raise ValueError(f"state must be {allowed}, not {states.shape}")
+        raise ValueError(f"{name} must be {allowed}, not {states.shape}")
     return states
 
 
 def _single(value: Any, name: str) -> float:
     try:
-        if isinstance(value, str | bytes | bool | np.bool_):
+        if isinstance(value, str | bytes | bool | np.bool_) or np.ndim(value):
             raise TypeError
         return float(value)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} must be one number, not {value!r}") from None
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(f"{name} must be one number, not {shown(value)}") from None
 
 
 def one_slope(slope: Any, name: str = "slope") -> float:
@@ -73,7 +101,7 @@ def one_slope(slope: Any, name: str = "slope") -> float:
     Raises:
         ValueError: if it is not one finite angle between upright slopes.
     """
-    return float(check_slope(_single(slope, name)))
+    return float(check_slope(_single(slope, name), name, ""))
 
 
 def several_slopes(slopes: ArrayLike) -> NDArray[np.float64]:
@@ -82,45 +110,96 @@ def several_slopes(slopes: ArrayLike) -> NDArray[np.float64]:
     Raises:
         ValueError: if they are not one or more angles above 0.
     """
-    try:
-        values = np.atleast_1d(np.asarray(slopes, dtype=float))
-    except (TypeError, ValueError):
-        raise ValueError(f"slopes must be angles in rad, not {slopes!r}") from None
-    check_slope(values)
+    values = np.atleast_1d(check_slope(slopes, "slopes"))
     if values.ndim != 1 or len(values) == 0 or np.any(values <= 0.0):
-        raise ValueError("slopes must be one or more angles in rad above 0, in one row")
+        raise ValueError(
+            f"slopes must be one or more angles in rad above 0, in one row, not {shown(slopes)}"
+        )
     return values
 
 
-def number(value: Any, name: str, *, least: float = -math.inf, above: float = -math.inf) -> float:
-    """A single number from `least` on that is greater than `above`.
+def number(
+    value: Any,
+    name: str,
+    *,
+    least: float = -sys.float_info.max,
+    above: float = -math.inf,
+    most: float = sys.float_info.max,
+) -> float:
+    """A single number from `least` to `most` that is greater than `above`; finite unless `most` is.
 
     Raises:
         ValueError: if it is not.
     """
     found = _single(value, name)
-    if math.isnan(found) or found < least or (found <= above and above > -math.inf):
+    if not least <= found <= most or (found <= above and above > -math.inf):
         limit = f" above {above:g}" if above > -math.inf else ""
-        limit = f" from {least:g} on" if least > -math.inf else limit
-        raise ValueError(f"{name} must be a number{limit}, not {value!r}")
+        if most < sys.float_info.max:
+            limit = f"{limit} up to {most:g}"
+        if least > -sys.float_info.max:
+            limit = (
+                f" from {least:g} to {most:g}"
+                if most < sys.float_info.max
+                else f" from {least:g} on"
+            )
+        finite = "" if math.isfinite(found) or most == math.inf else "finite "
+        raise ValueError(f"{name} must be a {finite}number{limit}, not {shown(value)}")
     return found
 
 
-def whole(value: Any, name: str, least: int = 1) -> int:
-    """A whole number from `least` on.
+def whole(value: Any, name: str, least: int = 1, most: int = _MOST) -> int:
+    """A whole number from `least` to `most`.
 
     Raises:
         ValueError: if it is not.
     """
     try:
         found = int(value)
-        truth = isinstance(value, bool | np.bool_)
-        whole_number = found == value and found >= least and not truth
+        said = isinstance(value, bool | np.bool_)
+        whole_number = bool(found == value) and found >= least and not said
     except (TypeError, ValueError, OverflowError):
-        whole_number = False
-    if not whole_number:
-        raise ValueError(f"{name} must be a whole number from {least} on, not {value!r}")
+        found, whole_number = least, False
+    if not whole_number or found > most:
+        limit = f"from {least} to {most}" if found > most else f"from {least} on"
+        raise ValueError(f"{name} must be a whole number {limit}, not {shown(value)}")
     return found
+
+
+def seed_number(value: Any, name: str = "seed") -> int:
+    """A whole number from 0 to 2^128 - 1, from which random numbers follow.
+
+    Raises:
+        ValueError: if it is not.
+    """
+    return whole(value, name, 0, 2**128 - 1)
+
+
+def truth(value: Any, name: str) -> bool:
+    """True or False.
+
+    Raises:
+        ValueError: if it is neither.
+    """
+    if not isinstance(value, bool | np.bool_):
+        raise ValueError(f"{name} must be True or False, not {shown(value)}")
+    return bool(value)
+
+
+def instance(value: Any, kind: type[_T], name: str, source: str) -> _T:
+    """An object of a class.
+
+    Args:
+        value: The object.
+        kind: The class.
+        name: The argument's name.
+        source: What makes such objects, in words.
+
+    Raises:
+        ValueError: if it is none.
+    """
+    if not isinstance(value, kind):
+        raise ValueError(f"{name} must be a {kind.__name__}, such as {source}, not {shown(value)}")
+    return value
 
 
 def unknown(names: Iterable[Any], known: Sequence[str], who: str) -> str | None:
@@ -131,11 +210,11 @@ def unknown(names: Iterable[Any], known: Sequence[str], who: str) -> str | None:
         known: All that there is.
         who: Whose names they are: "a walker".
     """
-    strange = [name for name in names if name not in known]
+    strange = [str(name) for name in names if name not in known]
     if not strange:
         return None
-    near = {name: get_close_matches(str(name), known, 1) for name in strange}
-    said = [f"{name} ({close[0]}?)" if close else str(name) for name, close in near.items()]
+    near = {name: get_close_matches(name[:100], known, 1) for name in strange}
+    said = [f"{name} ({close[0]}?)" if close else cut(name) for name, close in near.items()]
     return f"{who} has no {', '.join(said)}; it has {', '.join(known)}"
 
 
@@ -145,6 +224,6 @@ def gait_kind(kind: Any) -> Any:
     Raises:
         ValueError: if it is neither.
     """
-    if kind not in ("long", "short"):
-        raise ValueError(f'kind must be "long" or "short", not {kind!r}')
+    if not isinstance(kind, str) or kind not in ("long", "short"):
+        raise ValueError(f'kind must be "long" or "short", not {shown(kind)}')
     return kind

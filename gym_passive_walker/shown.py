@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.extras import extra
+from gym_passive_walker.files import replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -96,10 +97,13 @@ class Table(Shown):
 
         Args:
             path: The file.
+
+        Raises:
+            OSError: if it cannot be written; what was there before stays.
         """
         columns = self.columns()
         rows = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)
-        with open(path, "w", newline="", encoding="utf-8") as file:
+        with replacing(path) as aside, aside.open("w", newline="", encoding="utf-8") as file:
             writer = csv.writer(file)
             writer.writerow(columns)
             writer.writerows(rows)

@@ -6,11 +6,16 @@ import argparse
 import sys
 from collections.abc import Sequence
 
+from gym_passive_walker import console
 from validation import page
 
 
 def main(words: Sequence[str] | None = None) -> int:
     """Write the page; the exit status says whether every row is as it is known to be."""
+    return console.run(lambda: _write(words))
+
+
+def _write(words: Sequence[str] | None) -> int:
     parser = argparse.ArgumentParser(prog="python -m validation", description=__doc__)
     parser.add_argument("--out", default="validation.md", help="Markdown file to write")
     path = parser.parse_args(words).out
@@ -19,11 +24,7 @@ def main(words: Sequence[str] | None = None) -> int:
     def progress(title: str) -> None:
         print(f"{next(count):>3} of {len(page.SECTIONS)}  {title}", flush=True)
 
-    try:
-        unsound = page.write(path, progress)
-    except OSError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
+    unsound = page.write(path, progress)
     for row in unsound:
         print(f"not as known: {row.where}, {row.what}: {row.computed}", file=sys.stderr)
     print(path)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple
 
+from gym_passive_walker.files import replacing
 from validation import (
     chaos,
     controllers,
@@ -167,5 +168,6 @@ def write(path: str | Path, progress: Callable[[str], None] = lambda title: None
         The rows that are not as they are known to be; none if all is well.
     """
     page = compute(progress)
-    Path(path).write_text(render(page), encoding="utf-8")
+    with replacing(path) as aside:
+        aside.write_text(render(page), encoding="utf-8")
     return [row for rows in page.values() for row in rows if not row.sound]

@@ -9,12 +9,11 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
 import gym_passive_walker
+from gym_passive_walker import console
 from gym_passive_walker.cli.gaits import basin, bifurcation, check, family, gait, walkers
 from gym_passive_walker.cli.pictures import figures, play, strobe, video
 from gym_passive_walker.cli.report import plain
@@ -31,7 +30,6 @@ COMMANDS = (
 """What the command line can do, by the functions' names."""
 
 _PROGRAM = "passive-walker"
-_INTERRUPTED = 130  # as shells have it
 
 
 class _Parser(argparse.ArgumentParser):
@@ -68,21 +66,23 @@ def main(words: Sequence[str] | None = None) -> int:
         words: What stands behind the program's name; `sys.argv` if None.
 
     Returns:
-        The exit status: 0; 1 where there is no such gait; 2 where the input is at fault.
+        The exit status: 0; 1 where there is no such gait; 2 where the input is at fault or a file
+        cannot be written; 130 after Ctrl-C.
     """
+    refusals = {GaitNotFound: 1, ValueError: 2, ImportError: 2, OSError: 2}
+    return console.run(lambda: _command(words), refusals=refusals)
+
+
+def _command(words: Sequence[str] | None) -> None:
+    """Print what a command found, and write its files."""
     top = parser()
     arguments = top.parse_args(words)
     if "run" not in arguments:
         top.print_help()
-        return 0
-    try:
-        report = arguments.run(arguments)
-        print(json.dumps(plain(report.data)) if arguments.json else report.text, flush=True)
-    except BrokenPipeError:  # who reads has read enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    except (GaitNotFound, ValueError, ImportError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 1 if isinstance(error, GaitNotFound) else 2
-    except KeyboardInterrupt:
-        return _INTERRUPTED
-    return 0
+        return
+    report = arguments.run(arguments)
+    print(json.dumps(plain(report.data)) if arguments.json else report.text, flush=True)
+    for path, write in report.files.items():
+        write(path)
+        if not arguments.json:
+            print(f"\nsaved {path}")

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gym_passive_walker.console import cut
 from gym_passive_walker.envs.scene import walker_from
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait
@@ -24,6 +25,7 @@ _TERRAIN = "rough:height_std=0.002, stairs:rise=-0.01 or waves:height=0.01,strid
 _ARGUMENT = re.compile(r"(\w+)=(\[[^\]]*\]|[^,\[\]]+)(?:,|$)")  # a name and a number, or a list
 
 _YAML = (".yaml", ".yml")
+_FLOAT = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)[eE][-+]?\d+$")
 
 
 def read_walker(text: str) -> Walker:
@@ -41,8 +43,8 @@ def read_walker(text: str) -> Walker:
         if text in WALKERS:
             return WALKERS[text]
         raise WalkerError(
-            f"no walker {text!r}: choose from {', '.join(WALKERS)}, or give a JSON or YAML file "
-            "of your own walker's parameters"
+            f"no walker {cut(text)!r}: choose from {', '.join(WALKERS)}, or give a JSON or YAML "
+            "file of your own walker's parameters"
         )
     try:
         parameters = read_content(path)
@@ -67,9 +69,9 @@ def read_content(path: Path) -> Any:
         content = path.read_text(encoding="utf-8")
         return _yaml(str(path), content) if path.suffix in _YAML else json.loads(content)
     except OSError as error:
-        raise ValueError(f"{path} cannot be read: {error.strerror}") from None
-    except ValueError as error:
-        raise ValueError(f"{path} cannot be read: {error}") from None
+        raise ValueError(f"{cut(str(path))} cannot be read: {error.strerror}") from None
+    except (RecursionError, ValueError) as error:
+        raise ValueError(f"{cut(str(path))} cannot be read: {error}") from None
 
 
 def _yaml(name: str, content: str) -> Any:
@@ -80,7 +82,12 @@ def _yaml(name: str, content: str) -> Any:
             f"{name} needs pyyaml, which is not installed: pip install pyyaml, or write it as JSON"
         ) from None
     try:
-        return yaml.safe_load(content)
+
+        class Loader(yaml.SafeLoader):
+            """YAML 1.1, and its numbers as YAML 1.2 and people write them: 2e-1, 1e6."""
+
+        Loader.add_implicit_resolver("tag:yaml.org,2002:float", _FLOAT, list("-+0123456789."))
+        return yaml.load(content, Loader)
     except yaml.YAMLError as error:
         raise ValueError(" ".join(str(error).split())) from None
 

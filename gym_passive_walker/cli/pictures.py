@@ -25,14 +25,16 @@ def strobe(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
     def run(arguments: Namespace) -> Report:
         need("matplotlib", "figures")
+        from gym_passive_walker.render.axes import picture_path
         from gym_passive_walker.render.strobe import strobe as drawn
 
+        out = picture_path(arguments.out)
         drawn(
             walker_of(arguments), arguments.slope, start_of(arguments), strides=arguments.strides,
             hip_torque=arguments.torque, terrain=arguments.terrain, key=arguments.key,
-            path=arguments.out,
+            path=out,
         )  # fmt: skip
-        return _saved([arguments.out])
+        return _saved([out])
 
     return run
 

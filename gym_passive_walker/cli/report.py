@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import fields, is_dataclass
 from enum import Enum
+from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -42,10 +44,13 @@ class Report(NamedTuple):
     Attributes:
         text: For people.
         data: For programs: anything that `plain` makes plain.
+        files: What writes further files, by their paths. They are written after the rest is
+            printed, so that a full disk loses nothing that was computed.
     """
 
     text: str
     data: Any
+    files: Mapping[Path, Callable[[Path], object]] = MappingProxyType({})
 
 
 def record(source: Any, names: Iterable[str]) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from gym_passive_walker.control.baselines import BASELINES
 from gym_passive_walker.control.robustness import robustness as tried
 from gym_passive_walker.envs.scene import SCENES, make_scene
 from gym_passive_walker.policies import load_policy, shipped_policies
-from gym_passive_walker.render.axes import save
+from gym_passive_walker.render.axes import picture_path, save
 from gym_passive_walker.walkers import WALKERS
 
 _MEASURES = ("step_length", "period", "roughness", "sensitivity", "step_up", "step_down")
@@ -39,6 +39,7 @@ def robustness(command: ArgumentParser) -> Callable[[Namespace], Report]:
     add("--out", type=Path, metavar="FILE", help="a picture: .png, .pdf or .svg")
 
     def run(arguments: Namespace) -> Report:
+        out = None if arguments.out is None else picture_path(arguments.out)
         who: Any = arguments.who
         scene: Any = arguments.scene
         if who in BASELINES:
@@ -72,9 +73,7 @@ def robustness(command: ArgumentParser) -> Callable[[Namespace], Report]:
             ]
         )
         said = [listing(facts.pop("who"), facts), pushes]
-        if arguments.out is not None:
-            save(found.plot(), arguments.out)
-            said.append(f"saved {arguments.out}")
-        return Report("\n\n".join(said), data)
+        files = {} if out is None else {out: lambda path: save(found.plot(), path)}
+        return Report("\n\n".join(said), data, files)
 
     return run

@@ -25,6 +25,7 @@ from gym_passive_walker.control.walks import evaluate as evaluated
 from gym_passive_walker.control.walks import table as compared
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.scene import SCENES, make_scene
+from gym_passive_walker.files import replacing
 from gym_passive_walker.gaits.stride import stride
 from gym_passive_walker.gaits.trajectory import Trajectory, ground_of
 from gym_passive_walker.gaits.trajectory import simulate as simulated
@@ -53,12 +54,13 @@ def simulate(command: ArgumentParser) -> Callable[[Namespace], Report]:
         if out is not None and out.suffix not in _WRITERS:
             raise ValueError(f"--out takes a name that ends in .csv or .npz, not {out}")
         walker, slope, state = walker_of(arguments), arguments.slope, start_of(arguments)
+        files = {}
         if out is not None:
-            walk = simulated(
+            sampled = simulated(
                 walker, slope, state, arguments.strides, samples=arguments.samples,
                 hip_torque=arguments.torque, terrain=arguments.terrain, key=arguments.key,
             )  # fmt: skip
-            _WRITERS[out.suffix](walk, out)
+            files[out] = lambda path: _WRITERS[path.suffix](sampled, path)
         rows: list[dict[str, Any]] = []
         strides = whole(arguments.strides, "--strides")
         ground = ground_of(arguments.terrain, arguments.key, strides)
@@ -72,14 +74,14 @@ def simulate(command: ArgumentParser) -> Callable[[Namespace], Report]:
             if walk.outcome != Outcome.HEELSTRIKE:
                 break
             state = walk.state
-        said = [table(rows)] + [f"\nsaved {out}"] * (out is not None)
-        return Report("\n".join(said), rows)
+        return Report(table(rows), rows, files)
 
     return run
 
 
 def _write_npz(walk: Trajectory, path: Path) -> None:
-    np.savez_compressed(path, **walk.columns())  # type: ignore[arg-type]
+    with replacing(path) as aside:
+        np.savez_compressed(aside, **walk.columns())  # type: ignore[arg-type]
 
 
 _WRITERS = {".csv": Trajectory.to_csv, ".npz": _write_npz}

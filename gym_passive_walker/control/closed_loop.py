@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import one_slope, whole
+from gym_passive_walker.arguments import one_slope, real_array, shown, whole
 from gym_passive_walker.control.policy import Policy, steps
 from gym_passive_walker.control.ticks import course
 from gym_passive_walker.envs.scene import CALM, CHANNELS, Scene, make_scene
@@ -265,12 +265,14 @@ def closed_loop_gait(
 
     Raises:
         GaitNotFound: if the walker falls at once, or no gait is found.
-        ValueError: if the policy cannot act, the slope is none, or the period not positive.
+        ValueError: if the policy cannot act, the slope is none, the period not positive, or the
+            start no point on the section.
     """
     period = whole(period, "period")
     if not hasattr(policy, "predict"):
         raise ValueError(
-            f"policy must be what acts, by `predict`, as `load_policy` gives it, not {policy!r}"
+            "policy must be what acts, by `predict`, as `load_policy` gives it, "
+            f"not {shown(policy)}"
         )
     scene = make_scene(scene, energy="absolute", perturbation=0.0, randomise={})
     slope = float(np.mean(scene.slope)) if slope is None else one_slope(slope)
@@ -286,7 +288,11 @@ def closed_loop_gait(
         world.reset(seed=0)
         point = Section(walker=scene.walker).points_at(world.states)[0]
     else:
-        point = np.array(start, dtype=float)
+        dimension = Section(walker=scene.walker).dimension
+        allowed = f"a point on the section, {dimension} numbers: stance angle and rates"
+        point = real_array(start, "start", allowed).copy()
+        if point.shape != (dimension,):
+            raise ValueError(f"start must be {allowed}, not of shape {point.shape}")
     settled = ends(point[None], _SETTLING)[0]
     if np.isfinite(settled).all():  # else it falls: the gait may be unstable, and near the start
         point = settled

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.arguments import number
+from gym_passive_walker.arguments import instance, number, shown
 from gym_passive_walker.control.feedback import powered_gait
 from gym_passive_walker.control.optimum import OptimalGait, Problem, slope_of
 from gym_passive_walker.control.ticks import ticked_stride
@@ -61,6 +61,8 @@ def optimal_gait(
     slope_of(scene)  # refuses a range before there is work done
     if not 0.0 < number(speed, "speed", above=0.0) < 2.0:
         raise ValueError(f"speed must lie between 0 and 2, over sqrt(g l), not {speed!r}")
+    if start is not None:
+        instance(start, OptimalGait, "start", "gpw.optimal_gait returns")
     near = start or _at_hand(scene, speed)
     begun = near or constant_gait(scene)
     ticks = 1 if scene.control == "stride" else math.ceil(_SPARE * begun.step_period / scene.tick)
@@ -208,6 +210,9 @@ def optimal_gaits(
         speeds: Speeds over sqrt(g l).
     """
     scene = make_scene(scene)
+    if isinstance(speeds, str | bytes | Mapping) or not np.iterable(speeds):
+        raise ValueError(f"speeds must be speeds over sqrt(g l) in a row, not {shown(speeds)}")
+    speeds = [number(speed, f"speeds[{i}]", above=0.0) for i, speed in enumerate(speeds)]
     natural = constant_gait(scene)
     speeds = sorted(speeds, key=lambda speed: abs(speed - natural.speed))
     best = {natural.speed: natural} if natural.motor_cost == 0.0 else {}

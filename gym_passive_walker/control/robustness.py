@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.arguments import number, whole
+from gym_passive_walker.arguments import KEPT, number, seed_number, shown, whole
 from gym_passive_walker.control.baselines import Passive
 from gym_passive_walker.control.policy import Policy, steps
 from gym_passive_walker.envs.scene import Scene, make_scene
@@ -177,11 +177,12 @@ def robustness(
     tried = _scene_of(who, scene, slope) if passive else _acting(who, scene, slope)
     policy: Policy = Passive() if passive else who  # type: ignore[assignment]
     name = "nobody acts" if passive else getattr(who, "name", type(who).__name__)
-    roughness = number(roughness, "roughness", least=0.0)
-    strides, starts = whole(strides, "strides"), whole(starts, "starts", 2)
+    roughness = number(roughness, "roughness", least=0.0, most=1e3)
+    strides, starts = whole(strides, "strides", 1, KEPT), whole(starts, "starts", 2, KEPT)
+    seed = seed_number(seed)
     if not 0.0 < number(spread, "spread") < 0.9:
         raise ValueError(f"spread must be a share between 0 and 0.9, not {spread!r}")
-    crowd = whole(walkers, "walkers") if walkers is not None else (4096 if passive else 512)
+    crowd = (4096 if passive else 512) if walkers is None else whole(walkers, "walkers", 1, KEPT)
     tries = _Tries(policy, tried)
     with progress("measures of robustness", 6) as done:
         gait = tries.settled(seed)
@@ -242,7 +243,7 @@ def _acting(who: Any, scene: Any, slope: float | None) -> Scene:
     if not callable(getattr(who, "predict", None)):
         raise ValueError(
             "who is a walker, a preset's name, or acts by predict(observation, ...), as "
-            f"gpw.load_policy gives; not {who!r}"
+            f"gpw.load_policy gives; not {shown(who)}"
         )
     scene = getattr(who, "scene", None) if scene is None else scene
     if scene is None:

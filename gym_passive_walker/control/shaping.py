@@ -24,7 +24,7 @@ import numpy as np
 from numpy.polynomial import Chebyshev
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import check_state, one_slope
+from gym_passive_walker.arguments import check_state, instance, number, one_slope
 from gym_passive_walker.envs.scene import Scene, SceneError, make_scene
 from gym_passive_walker.gaits.drive import drive_units
 from gym_passive_walker.gaits.gait import Gait
@@ -79,6 +79,7 @@ class PotentialShaping:
 
     Raises:
         WalkerError: if the walker has knees or round feet.
+        ValueError: if the slope or the strength is no number, or the walker none.
     """
 
     walker: Walker
@@ -87,6 +88,9 @@ class PotentialShaping:
 
     def __post_init__(self) -> None:
         """Refuse walkers that two torques cannot rule."""
+        instance(self.walker, Walker, "walker", "gpw.WALKERS holds")
+        one_slope(self.felt_slope, "felt_slope")
+        number(self.strength, "strength")
         if self.walker.knees:
             raise WalkerError(
                 "potential shaping needs a motor for every link, and a free knee has none: "

@@ -14,7 +14,7 @@ from typing import Any
 import numba
 from llvmlite import ir
 from numba import types
-from numba.core import cgutils
+from numba.core import cgutils, config
 from numba.core.caching import NullCache
 from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
@@ -23,6 +23,12 @@ from numba.np.arrayobj import populate_array
 
 from gym_passive_walker.engine import cache
 from gym_passive_walker.engine.announced import announce
+
+if config.DISABLE_JIT:  # type: ignore[attr-defined]
+    raise ImportError(
+        "gym_passive_walker walks by compiled code alone, and NUMBA_DISABLE_JIT forbids numba to "
+        "compile: unset it, or set it to 0"
+    )
 
 # "numpy": a division never raises.
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from gym_passive_walker.arguments import number, unknown
+from gym_passive_walker.arguments import number, shown, unknown
 
 
 class SceneError(ValueError):
@@ -34,7 +34,7 @@ def bounded(name: str, value: Any, low: float, high: float) -> float:
     except ValueError:
         found = math.nan
     if not low <= found <= high:
-        raise SceneError(f"{name} must be a number from {low:g} to {high:g}, not {value!r}")
+        raise SceneError(f"{name} must be a number from {low:g} to {high:g}, not {shown(value)}")
     return found
 
 
@@ -47,7 +47,7 @@ def spread(name: str, value: Any, low: float, high: float) -> tuple[float, float
     if len(found) not in (1, 2) or not low <= found[0] <= found[-1] <= high:
         raise SceneError(
             f"{name} must be a number from {low:g} to {high:g}, or a range of them as (low, high), "
-            f"not {value!r}"
+            f"not {shown(value)}"
         )
     return found[0], found[-1]
 
@@ -59,7 +59,7 @@ def checked_pushes(pushes: Any) -> dict[str, Any]:
     if not isinstance(pushes, Mapping) or set(pushes) != {"rate", "impulse"}:
         raise SceneError(
             "pushes must have a rate, how many there are in sqrt(l/g), and an impulse as a range "
-            f'in m sqrt(g l): {{"rate": 0.05, "impulse": (-0.05, 0.05)}}, not {pushes!r}'
+            f'in m sqrt(g l): {{"rate": 0.05, "impulse": (-0.05, 0.05)}}, not {shown(pushes)}'
         )
     return {
         "rate": bounded("pushes['rate']", pushes["rate"], 0.0, 100.0),
@@ -74,7 +74,7 @@ def checked_noise(noise: Any, size: int) -> float | tuple[float, ...]:
     if len(noise) != size:
         raise SceneError(
             f"sensor_noise must be a number, of angles and rates, or {size} of them, one for each "
-            f"entry of the observation, not {noise!r}"
+            f"entry of the observation, not {shown(noise)}"
         )
     return tuple(bounded(f"sensor_noise[{i}]", each, 0.0, 10.0) for i, each in enumerate(noise))
 
@@ -82,13 +82,13 @@ def checked_noise(noise: Any, size: int) -> float | tuple[float, ...]:
 def checked_reality(reality: Any, *, knees: bool) -> dict[str, str]:
     """What comes of each check; those that are ignored are left out."""
     if not isinstance(reality, Mapping):
-        raise SceneError(f"reality must map checks to what comes of them, not {reality!r}")
+        raise SceneError(f"reality must map checks to what comes of them, not {shown(reality)}")
     if said := unknown(reality, CHECKS, "reality"):
         raise SceneError(said)
     for name, answer in reality.items():
         if answer not in ANSWERS:
             allowed = ", ".join(map(repr, ANSWERS))
-            raise SceneError(f"reality[{name!r}] must be one of {allowed}, not {answer!r}")
+            raise SceneError(f"reality[{name!r}] must be one of {allowed}, not {shown(answer)}")
     found = {name: reality[name] for name in CHECKS if reality.get(name, "ignore") != "ignore"}
     if "knee lock" in found and not knees:
         raise SceneError("'knee lock' is a check of walkers with knees: straight legs have none")

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
 
-from gym_passive_walker.arguments import check_slope, check_tolerance, unknown, whole
+from gym_passive_walker.arguments import (
+    check_slope,
+    check_tolerance,
+    real_array,
+    shown,
+    unknown,
+    whole,
+)
 from gym_passive_walker.envs.checks import (
     SceneError,
     bounded,
@@ -27,6 +33,8 @@ CONTROLS = ("tick", "stride")
 FASTEST = 1.0
 """Speed over sqrt(g l) beyond which a stiff leg cannot hold the ground, whatever pushes it."""
 
+_FARTHEST = 1000  # footholds that agents see ahead
+_LATEST = 10_000  # steps by which actions come late
 _LARGEST = {"hip": "max_hip_torque", "ankle": "max_ankle_torque", "push_off": "max_push_off"}
 _MAX_HIP_TORQUE = {"tick": 0.05, "stride": 0.03}
 _PERTURBATION = {"tick": 0.10, "stride": 0.05}
@@ -151,7 +159,7 @@ class Scene:
         for name, names in (("control", CONTROLS), ("energy", ENERGIES)):
             if getattr(self, name) not in names:
                 allowed = " or ".join(map(repr, names))
-                raise SceneError(f"{name} must be {allowed}, not {getattr(self, name)!r}")
+                raise SceneError(f"{name} must be {allowed}, not {shown(getattr(self, name))}")
         if self.max_hip_torque is None:
             put("max_hip_torque", _MAX_HIP_TORQUE[self.control])
         if self.perturbation is None:
@@ -159,7 +167,7 @@ class Scene:
         if self.stub is None:
             put("stub", self.walker.knees)
         if not isinstance(self.stub, bool):
-            raise SceneError(f"stub must be True, False or None, not {self.stub!r}")
+            raise SceneError(f"stub must be True, False or None, not {shown(self.stub)}")
         if self.stub and not self.walker.knees:
             raise SceneError("stub is a rule for walkers with knees: straight legs always scuff")
         bound("tick", 1e-3, 1e3)
@@ -200,7 +208,7 @@ class Scene:
         if len(bounds) not in (1, 2) or bounds[0] > bounds[-1]:
             raise SceneError(
                 "slope must be an angle in rad between -pi/2 and pi/2, or a range of them as "
-                f"(low, high), not {self.slope!r}"
+                f"(low, high), not {shown(self.slope)}"
             )
         return bounds[0] if len(bounds) == 1 else (bounds[0], bounds[1])
 
@@ -211,10 +219,11 @@ class Scene:
             actions = tuple(given)
         except TypeError:
             actions = ()
-        if not actions or len(set(actions)) < len(actions) or not set(actions) <= set(CHANNELS):
+        strange = [action for action in actions if action not in CHANNELS]
+        if not actions or strange or len(set(actions)) < len(actions):
             raise SceneError(
                 f"actions must be some of {', '.join(map(repr, CHANNELS))}, each once, "
-                f"not {self.actions!r}"
+                f"not {shown(self.actions)}"
             )
         if "ankle" in actions and self.walker.foot_radius != 0.0:
             raise SceneError(
@@ -230,7 +239,9 @@ class Scene:
     def _checked_shares(self) -> dict[str, float]:
         """Shares by which parameters of the walker may vary."""
         if not isinstance(self.randomise, Mapping):
-            raise SceneError(f"randomise must map parameters to shares, not {self.randomise!r}")
+            raise SceneError(
+                f"randomise must map parameters to shares, not {shown(self.randomise)}"
+            )
         if said := unknown(self.randomise, PARAMETERS, "randomise: a walker"):
             raise SceneError(said)
         return {
@@ -242,7 +253,7 @@ class Scene:
         """A number of footholds, and the terrain that they are of."""
         try:
             object.__setattr__(self, "terrain", terrain_from(self.terrain))
-            preview = whole(self.preview, "preview", least=0)
+            preview = whole(self.preview, "preview", least=0, most=_FARTHEST)
         except ValueError as error:
             raise SceneError(str(error)) from None
         if preview and self.terrain is None:
@@ -252,19 +263,21 @@ class Scene:
     def _checked_delay(self) -> int:
         """A number of steps."""
         try:
-            return whole(self.motor_delay, "motor_delay", least=0)
+            return whole(self.motor_delay, "motor_delay", least=0, most=_LATEST)
         except ValueError as error:
             raise SceneError(f"{error} (of steps)") from None
 
     def _checked_start(self) -> tuple[float, ...]:
         """A state to start from."""
         try:
-            start = tuple(float(x) for x in self.start)  # type: ignore[union-attr]
-        except (TypeError, ValueError):
-            start = ()
-        if len(start) != 6 or not all(map(math.isfinite, start)):
-            raise SceneError(f"start must be 6 finite numbers, angles and rates: {self.start!r}")
-        return start
+            start = real_array(self.start, "start", "numbers")  # type: ignore[arg-type]
+        except ValueError:
+            start = np.empty(0)
+        if start.shape != (6,):
+            raise SceneError(
+                f"start must be 6 finite numbers, angles and rates, not {shown(self.start)}"
+            )
+        return tuple(start.tolist())
 
     @property
     def frames_per_second(self) -> int:
@@ -369,7 +382,7 @@ def make_scene(scene: Scene | str | Mapping[str, Any] = "level", **changes: Any)
     elif isinstance(scene, str) and scene in SCENES:
         arguments = dict(SCENES[scene])
     else:
-        raise SceneError(f"no scene {scene!r}: give a Scene, or one of {', '.join(SCENES)}")
+        raise SceneError(f"no scene {shown(scene)}: give a Scene, or one of {', '.join(SCENES)}")
     arguments.update(changes)
     if said := unknown(arguments, known, "a scene"):
         raise SceneError(said)

@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import whole
+from gym_passive_walker.arguments import KEPT, seed_number, shown, whole
 from gym_passive_walker.envs import interface, saved, task, ticks
 from gym_passive_walker.envs.batch import OPTIONS, Batch
 from gym_passive_walker.envs.frames import frame
@@ -65,9 +65,9 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         **changes: Any,
     ) -> None:
         self._screens: dict[int, Any] = {}  # first: what was refused is closed as well
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise ValueError(f"render_mode must be 'rgb_array' or None, not {render_mode!r}")
-        self.num_envs = num_envs = whole(num_envs, "num_envs")
+        if render_mode is not None and render_mode != "rgb_array":
+            raise ValueError(f"render_mode must be 'rgb_array' or None, not {shown(render_mode)}")
+        self.num_envs = num_envs = whole(num_envs, "num_envs", 1, KEPT)
         if isinstance(walkers, Sequence | np.ndarray) and len(walkers):
             walkers = [walker_from(walker) for walker in walkers]
             changes.setdefault("walker", walkers[0])
@@ -344,16 +344,23 @@ def seed_randoms(
     Raises:
         ValueError: if there is not one seed for each walker of the batch.
     """
-    if seed is None:
-        seeds: Sequence[int | None] = [None] * batch.count
-    elif isinstance(seed, (int, np.integer)):
-        seeds = [int(seed) + i for i in range(batch.count)]
-    elif isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str):
-        seeds = seed
+    seeds: Sequence[int | None]
+    if isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str | bytes):
+        if len(seed) != batch.count:
+            raise ValueError(f"{len(seed)} seeds for {batch.count} environments")
+        seeds = [
+            None if one is None else seed_number(one, f"seed[{i}]") for i, one in enumerate(seed)
+        ]
+    elif seed is None:
+        seeds = [None] * batch.count
     else:
-        raise ValueError(f"seed must be a whole number, a row of them, or None, not {seed!r}")
-    if len(seeds) != batch.count:
-        raise ValueError(f"{len(seeds)} seeds for {batch.count} environments")
+        try:
+            first = seed_number(seed)
+        except ValueError:
+            raise ValueError(
+                f"seed must be a whole number from 0 on, a row of them, or None, not {shown(seed)}"
+            ) from None
+        seeds = [first + i for i in range(batch.count)]
     randoms: list[Any] = list(batch.randoms) or [None] * batch.count
     for i in lanes:
         if seeds[i] is not None or randoms[i] is None:

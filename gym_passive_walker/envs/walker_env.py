@@ -10,6 +10,7 @@ import numpy as np
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
+from gym_passive_walker.arguments import seed_number
 from gym_passive_walker.envs import interface, saved, task
 from gym_passive_walker.envs.batch import OPTIONS, Batch
 from gym_passive_walker.envs.frames import frame
@@ -232,7 +233,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             ValueError: if an option is unknown or out of its range.
             RuntimeError: if another thread is using this environment.
         """
-        super().reset(seed=seed)
+        super().reset(seed=None if seed is None else seed_number(seed))
         if self.np_random not in self.batch.randoms:
             self.batch.randoms = [self.np_random]
         observation = np.empty(self.batch.seen, np.float32)

@@ -17,7 +17,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import check_tolerance, number, one_slope, whole
+from gym_passive_walker.arguments import (
+    check_tolerance,
+    instance,
+    number,
+    one_slope,
+    real_array,
+    shown,
+    whole,
+)
 from gym_passive_walker.gaits.attractors import (
     FELL,
     UNSETTLED,
@@ -35,6 +43,8 @@ from gym_passive_walker.walkers import Walker, as_walker, describe, name_of
 
 _CHUNK = 1 << 16  # cells walked together
 _PUSHES = 512  # tried at a time
+_FINEST_PUSH = 1e-15  # of the gait's stance rate
+_FINEST = 10_000  # angles, by as many rates
 _EXACT, _ROUGHLY = 1e-13, 1e-8  # tolerances, on a gait and where walks are only looked over
 _SPAN = 2.2  # a default slice reaches from 0 to so many times the gait's angle and rate
 
@@ -161,9 +171,12 @@ def basin_of_attraction(
     """
     walker, slope = as_walker(walker), one_slope(slope)
     tolerance, near = check_tolerance(tolerance), number(near, "near", above=0.0)
-    resolution, strides = whole(resolution, "resolution"), whole(strides, "strides")
-    if ratios is not None and np.shape(ratios) != (2,):
-        raise ValueError(f"ratios must be two numbers, thigh and shank over stance, not {ratios!r}")
+    resolution = whole(resolution, "resolution", 1, _FINEST)
+    strides = whole(strides, "strides")
+    if ratios is not None:
+        allowed = "two numbers, thigh and shank rate over the stance rate"
+        if real_array(ratios, "ratios", allowed).shape != (2,):
+            raise ValueError(f"ratios must be {allowed}, not {shown(ratios)}")
     stride_map = StrideMap.of(walker, tolerance=tolerance)
     known = find_gaits(walker, slope)
     gait = known[0] if known else None
@@ -195,9 +208,10 @@ def basin_of_attraction(
 
 
 def _axis(given: ArrayLike | None, otherwise: NDArray, name: str) -> NDArray[np.float64]:
-    values = otherwise if given is None else np.atleast_1d(np.asarray(given, dtype=float))
-    if values.ndim != 1 or len(values) == 0 or not np.all(np.isfinite(values)):
-        raise ValueError(f"{name} must be one or more finite numbers in one row")
+    allowed = "one or more numbers in one row"
+    values = np.atleast_1d(otherwise if given is None else real_array(given, name, allowed))
+    if values.ndim != 1 or len(values) == 0:
+        raise ValueError(f"{name} must be {allowed}, not of shape {values.shape}")
     return values
 
 
@@ -230,15 +244,19 @@ def largest_push(
         gait: The gait that is pushed; the long-step gait if None.
         strides: A push is survived if the walker makes so many strides after it, or is back on
             the gait before.
-        accuracy: Relative to the gait's stance rate.
+        accuracy: Relative to the gait's stance rate, at least 1e-15: finer than that numbers are
+            not.
         tolerance: Of the integration.
 
     Returns:
         The largest changes, in the walker's own units; 0 for a gait that is not walked on at all.
     """
     walker, slope = as_walker(walker), one_slope(slope)
-    strides, accuracy = whole(strides, "strides"), number(accuracy, "accuracy", above=0.0)
-    gait = find_gait(walker, slope) if gait is None else gait
+    strides, tolerance = whole(strides, "strides"), check_tolerance(tolerance)
+    accuracy = number(accuracy, "accuracy", least=_FINEST_PUSH, most=1.0)
+    if gait is None:
+        gait = find_gait(walker, slope)
+    instance(gait, Gait, "gait", "gpw.find_gait returns")
     stride_map = StrideMap.of(walker, tolerance=tolerance)
     attractors = Attractors(stride_map, [gait] if gait.stable else [], 1e-5)
     start = stride_map.points_at(gait.state)

@@ -16,11 +16,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import (
+    KEPT,
     check_state,
     check_tolerance,
+    gait_kind,
     number,
     one_slope,
     several_slopes,
+    truth,
     whole,
 )
 from gym_passive_walker.gaits.attractors import period_of
@@ -31,6 +34,7 @@ from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
 from gym_passive_walker.walkers import Walker, as_walker, name_of
 
+_FINEST_SLOPE = 1e-15  # rad
 _NUDGE = 1e-4  # off the gait, which a walker would otherwise stay on though it be unstable
 
 
@@ -122,8 +126,15 @@ def beginnings(
     Returns:
         Points, one for each slope; NaN where there is no gait.
     """
+    kind = gait_kind(kind)
     if start is not None:
-        return stride_map.points_at(np.broadcast_to(check_state(start), (len(slopes), 6)))
+        states = check_state(start, "start")
+        if states.shape not in ((6,), (1, 6), (len(slopes), 6)):
+            raise ValueError(
+                f"start must be one state, or one for each of {len(slopes)} slopes, not of shape "
+                f"{states.shape}"
+            )
+        return stride_map.points_at(np.broadcast_to(states, (len(slopes), 6)))
     low, high = float(slopes.min()), float(slopes.max())
     family = gait_family(stride_map.walker, low * (1.0 - 1e-9), high * (1.0 + 1e-9), kind)
     points = stride_map.points_at(nearest_on(family, slopes))
@@ -181,10 +192,11 @@ def bifurcation_diagram(
     """
     walker, values = as_walker(walker), several_slopes(slopes)
     tolerance = check_tolerance(tolerance)
-    settle, keep = whole(settle, "settle", 0), whole(keep, "keep")
+    settle, keep = whole(settle, "settle", 0), whole(keep, "keep", 1, KEPT)
+    sweep = truth(sweep, "sweep")
     longest_period = whole(longest_period, "longest_period")
     if not longest_period < keep:
-        raise ValueError(f"keep more strides than the longest period {longest_period}")
+        raise ValueError(f"keep more strides than the longest period {longest_period}, not {keep}")
     stride_map = StrideMap.of(walker, tolerance=tolerance)
     points = beginnings(stride_map, values, kind, start)
     if sweep:
@@ -229,18 +241,18 @@ def crisis_slope(
         strides: How long all of them have to walk.
         walkers: How many walk at each slope.
         kind: Which gait to begin beside.
-        accuracy: In rad.
+        accuracy: In rad, at least 1e-15.
         tolerance: Of the integration.
 
     Raises:
         ValueError: if the walker falls at `low`, or walks on at `high`.
     """
-    stride_map = StrideMap.of(walker, tolerance=tolerance)
-    low, high = (float(x) for x in several_slopes([one_slope(low, "low"), one_slope(high, "high")]))
-    strides, walkers = whole(strides, "strides"), whole(walkers, "walkers")
-    accuracy = number(accuracy, "accuracy", above=0.0)
-    if not low < high:
-        raise ValueError(f"low must be below high, not {low}, {high}")
+    stride_map = StrideMap.of(as_walker(walker), tolerance=check_tolerance(tolerance))
+    low, high = one_slope(low, "low"), one_slope(high, "high")
+    strides, walkers = whole(strides, "strides"), whole(walkers, "walkers", 1, KEPT)
+    accuracy = number(accuracy, "accuracy", least=_FINEST_SLOPE, most=1.0)
+    if not 0.0 < low < high:
+        raise ValueError(f"slopes must be 0 < low < high, not {low}, {high}")
     points = beginnings(stride_map, np.array([low]), kind, start)
     points = stride_map.apply(points, low, strides=strides).ends
     if not np.all(np.isfinite(points)):

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.arguments import gait_kind, number, one_slope, whole
+from gym_passive_walker.arguments import gait_kind, number, one_slope, shown, truth, whole
 from gym_passive_walker.gaits.candidates import Candidates, Judged
 from gym_passive_walker.gaits.circle import spectral_radius
 from gym_passive_walker.gaits.fixed_point import find_gait
@@ -100,16 +101,17 @@ def optimise_walker(
         ValueError: if an argument is none of those above.
     """
     walker, slope = as_walker(walker), one_slope(slope)
-    ranges = _ranges(constraints or {})
-    box = _box(walker, slope, parameters, bounds)
     _known(objective)
+    maximise, iterations = truth(maximise, "maximise"), whole(iterations, "iterations")
+    kind = gait_kind(kind)
+    ranges = _ranges({} if constraints is None else constraints)
+    box = _box(walker, slope, parameters, bounds)
     if objective == SPECTRAL_RADIUS and (maximise or SPECTRAL_RADIUS in ranges):
         raise ValueError("a spectral radius is made least without a bound: maximise something else")
     names = {objective, *ranges}
     if "knee_margin" in names and not walker.knees:
         raise ValueError("knee_margin is of walkers with knees, and this one has none")
-    iterations = whole(iterations, "iterations")
-    before = find_gait(walker, slope, gait_kind(kind))
+    before = find_gait(walker, slope, kind)
     candidates = Candidates(
         before,
         parameters,
@@ -151,19 +153,27 @@ def _value(judged: Judged | None, name: str) -> float:
 
 def _known(name: str) -> None:
     """Refuse what is no quantity."""
-    if name != SPECTRAL_RADIUS and name not in QUANTITIES:
+    if not isinstance(name, str) or (name != SPECTRAL_RADIUS and name not in QUANTITIES):
         raise ValueError(
-            f"no quantity {name!r} to design by: choose from {SPECTRAL_RADIUS}, "
-            f"{', '.join(QUANTITIES)}"
+            f"objective and constraints: no quantity {shown(name)} to design by: choose from "
+            f"{SPECTRAL_RADIUS}, {', '.join(QUANTITIES)}"
         )
 
 
 def _ranges(constraints: Mapping[str, Range]) -> dict[str, tuple[float | None, float | None]]:
     """Lowest and highest values, checked."""
+    if not isinstance(constraints, Mapping):
+        raise ValueError(
+            "constraints must map quantities to values or to (lowest, highest), not "
+            f"{shown(constraints)}"
+        )
     ranges = {}
     for name, allowed in constraints.items():
         _known(name)
-        low, high = allowed if isinstance(allowed, tuple | list) else (allowed, allowed)
+        pair = isinstance(allowed, tuple | list)
+        if pair and len(allowed) != 2:
+            raise ValueError(f"constraints[{name!r}] must be a value or two, not {shown(allowed)}")
+        low, high = allowed if pair else (allowed, allowed)
         low, high = (x if x is None else number(x, name) for x in (low, high))
         if name == SPECTRAL_RADIUS and (high is None or low is not None):
             raise ValueError("spectral_radius has a highest value only: give it as (None, 0.9)")
@@ -175,20 +185,33 @@ def _ranges(constraints: Mapping[str, Range]) -> dict[str, tuple[float | None, f
     return ranges
 
 
+def _strings(value: Any) -> bool:
+    """Whether something is a row of strings, at least one."""
+    if isinstance(value, str | bytes) or not isinstance(value, Sequence) or not value:
+        return False
+    return all(isinstance(name, str) for name in value)
+
+
 def _box(
     walker: Walker, slope: float, parameters: Sequence[str], bounds: Sequence[tuple[float, float]]
 ) -> NDArray[np.float64]:
     """Bounds of the parameters, checked, (k, 2)."""
     allowed = _OF_THE_SIMPLEST if walker.massless_legs else (SLOPE, *PARAMETERS)
-    if isinstance(parameters, str) or not parameters or len(set(parameters)) < len(parameters):
-        raise ValueError(f"parameters must be different names, a list of them, not {parameters!r}")
+    if not _strings(parameters) or len(set(parameters)) < len(parameters):
+        raise ValueError(
+            f"parameters must be different names, a list of them, not {shown(parameters)}"
+        )
     for name in parameters:
         if name not in allowed:
             raise ValueError(
-                f"cannot vary {name!r} of this walker: choose from {', '.join(allowed)}"
+                f"parameters: cannot vary {shown(name)} of this walker: choose from "
+                f"{', '.join(allowed)}"
             )
-    if len(bounds) != len(parameters):
-        raise ValueError(f"give a pair of bounds for each of the {len(parameters)} parameters")
+    given = np.iterable(bounds) and not isinstance(bounds, str | bytes | Mapping)
+    if not given or [np.shape(pair) for pair in bounds] != [(2,)] * len(parameters):
+        raise ValueError(
+            f"bounds must be a pair (lowest, highest) for each of the {len(parameters)} parameters"
+        )
     box = []
     for name, (low, high) in zip(parameters, bounds, strict=True):
         here = slope if name == SLOPE else getattr(walker, name)

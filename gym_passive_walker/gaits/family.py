@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.arguments import gait_kind, number, one_slope
+from gym_passive_walker.arguments import gait_kind, instance, number, one_slope, shown
 from gym_passive_walker.gaits.continuation import follow
 from gym_passive_walker.gaits.curve import Axis, Curve, Point, locate
 from gym_passive_walker.gaits.drive import PASSIVE, Drive, drive_units, one_drive
@@ -28,6 +28,8 @@ from gym_passive_walker.walkers import (
 )
 
 _TOLERANCE = 1e-12
+_FINEST = 1e-3  # resolution
+_WIDEST = 1e6  # of a range, over what the walker has there
 
 
 @dataclass(frozen=True, repr=False)
@@ -235,8 +237,10 @@ def gait_family(
     walker = as_walker(walker)
     low, high = one_slope(slope_min, "slope_min"), one_slope(slope_max, "slope_max")
     kind = gait_kind(kind)
-    resolution = number(resolution, "resolution", above=0.0)
-    drive = one_drive(walker, drive) if start is None else start.drive
+    resolution = number(resolution, "resolution", least=_FINEST, most=1.0)
+    if start is not None:
+        drive = instance(start, Gait, "start", "gpw.find_gait returns").drive
+    drive = one_drive(walker, drive)
     if not low < high or (low <= 0.0 and drive.passive):
         raise ValueError(
             f"slopes must be 0 < slope_min < slope_max, not {slope_min}, {slope_max}; only motors "
@@ -248,6 +252,16 @@ def gait_family(
     elif not low <= start.slope <= high:
         raise ValueError(f"the gait to start with stands at slope {start.slope}, out of the range")
     return _family(walker, Axis("slope", low, high), start, start.slope, (low, high), resolution)
+
+
+def _size(walker: Walker, parameter: str) -> float:
+    """What a parameter of a walker or of its drive is measured by, in the walker's own units."""
+    units = units_of(walker)
+    if parameter in Drive._fields:
+        return float(getattr(drive_units(units), parameter))
+    mass, springs = walker.total_mass, ("hip_stiffness", "knee_stiffness", "hip_friction")
+    sizes = dict.fromkeys(springs, units.torque) | {"foot_angle": 1.0, "gravity": walker.gravity}
+    return sizes.get(parameter, mass if parameter.endswith("mass") else units.length)
 
 
 def parameter_family(
@@ -280,15 +294,22 @@ def parameter_family(
         ValueError: if there is no such parameter, or the range is empty or leaves it out.
     """
     walker = as_walker(walker)
-    slope, resolution = one_slope(slope), number(resolution, "resolution", above=0.0)
+    slope, resolution = one_slope(slope), number(resolution, "resolution", least=_FINEST, most=1.0)
     low, high = number(low, "low"), number(high, "high")
+    kind = gait_kind(kind)
     known = (*PARAMETERS, *Drive._fields)
-    if parameter not in known:
-        raise ValueError(f"no parameter {parameter!r} to vary: choose from {', '.join(known)}")
+    if not isinstance(parameter, str) or parameter not in known:
+        raise ValueError(f"no parameter {shown(parameter)} to vary: choose from {', '.join(known)}")
     drive, driven = one_drive(walker, drive), parameter in Drive._fields
     here = getattr(drive if driven else walker, parameter)
     if not low < high or not low <= here <= high:
         raise ValueError(f"{parameter} of this walker is {here}: give low <= {here} <= high")
+    size = max(abs(here), _size(walker, parameter))
+    if not high - low <= _WIDEST * size:
+        raise ValueError(
+            f"high is too far from low: of {parameter} of this walker, a range may be "
+            f"{_WIDEST * size:g} wide, not {high - low:g}"
+        )
     for value in (low, high):
         try:
             if driven:

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker.arguments import number, shown, whole
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.physics.hybrid import Outcome, System
@@ -24,6 +25,7 @@ from gym_passive_walker.progress import progress
 SETTLING = 10
 """Strides after which walkers have forgotten how they began."""
 
+_NODES = 10_000  # of a polynomial through a return map
 _CONFIDENT = 1.959963984540054  # standard errors on both sides of 95 of 100
 _NONE_SEEN = 2.995732273553991  # falls expected at most, 95 times of 100, where none was seen
 
@@ -179,7 +181,17 @@ def leading_eigenvalue(
         low: Least number with which strides begin.
         high: Greatest.
         nodes: How many points.
+
+    Raises:
+        ValueError: if an argument is out of its range.
     """
+    low, high, nodes = number(low, "low"), number(high, "high"), whole(nodes, "nodes", 1, _NODES)
+    if not callable(strides):
+        raise ValueError(
+            f"strides must be a function of the numbers begun with, not {shown(strides)}"
+        )
+    if not low < high:
+        raise ValueError(f"low must be below high, not {low}, {high}")
     points = np.cos(math.pi * (np.arange(nodes) + 0.5) / nodes)
     following, chances = strides(low + 0.5 * (high - low) * (points + 1.0))
     where = 2.0 * (following - low) / (high - low) - 1.0

@@ -51,8 +51,7 @@ def lyapunov_exponents(
     values = several_slopes(slopes)
     strides, settle = whole(strides, "strides"), whole(settle, "settle", 0)
     m = stride_map.dimension
-    if not 1 <= whole(count, "count") <= m:
-        raise ValueError(f"count must be from 1 to {m}, not {count}")
+    count = whole(count, "count", 1, m)
     points = beginnings(stride_map, values, kind, start)
     points = stride_map.apply(points, values, strides=settle).ends
     exponents = np.full((len(values), count), np.nan)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import check_state, one_slope
+from gym_passive_walker.arguments import check_state, instance, one_slope
 from gym_passive_walker.gaits.forces import impulses
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.posture import landing_velocity, mass_matrix
@@ -104,6 +104,7 @@ def collision_matrix(walker: Walker | str, stance_angle: float) -> NDArray[np.fl
 
 def measures(gait: Gait) -> Measures:
     """Every measure of a gait."""
+    instance(gait, Gait, "gait", "gpw.find_gait returns")
     stride_map = StrideMap.of(gait.walker, drive=gait.drive)
     duration = float(gait.stride.duration) / stride_map.units.time
     verge = stride_map.before_strike(stride_map.points_at(gait.state)[0], gait.slope, duration)

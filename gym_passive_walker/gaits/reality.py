@@ -7,6 +7,7 @@ strides are looked at again, and each of these liberties is measured.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -260,8 +261,12 @@ def reality_check(
         ValueError: if a number is not finite or out of its range.
     """
     walker, slope = as_walker(walker), one_slope(slope)
-    strides, friction = whole(strides, "strides"), number(friction, "friction", least=0.0)
+    strides, friction = (
+        whole(strides, "strides"),
+        number(friction, "friction", least=0.0, most=math.inf),
+    )
     tolerance, state = check_tolerance(tolerance), check_state(state)
+    hip_torque = number(hip_torque, "hip_torque")
     if state.shape != (6,):
         raise ValueError(f"reality_check takes one walker: state must be (6,), not {state.shape}")
     time = 0.0

@@ -29,6 +29,7 @@ from gym_passive_walker.walkers import (
 _GENTLEST, _STEEPEST = 1e-4, 0.6  # slopes in rad looked at
 _RATIO, _MOST_RATIO = 1.2, 30.0  # of slopes looked at, and how far from the one asked for
 _FIRST, _LAST = 0.125, 1e-5  # share of the way in which a gait is followed at first, and at last
+_TRIES = 60  # on the way, so that it ends
 _TUNED = 1e-12  # tuning error of a tuned walker
 
 
@@ -75,6 +76,8 @@ def _looked_for(walker: Walker, slope: float, kind: GaitKind) -> Remedies:
     near = _nearest_slope(walker, slope, kind)
     if near is None:
         found.append("it has none at slopes near this one either")
+    elif near == slope:
+        found.append("a gait of slopes nearby can be followed to this one by `gait_family`")
     else:
         found.append(f"the nearest slope found that has one is {near:.5g} rad")
     alike = None
@@ -116,7 +119,7 @@ def _nearest_slope(walker: Walker, slope: float, kind: GaitKind) -> float | None
             if slope <= 0.0:
                 return candidate
             share, _ = _followed(gait, lambda s, c=candidate: (walker, c * (slope / c) ** s))
-            return candidate * (slope / candidate) ** share
+            return slope if share == 1.0 else candidate * (slope / candidate) ** share
     return None
 
 
@@ -166,7 +169,9 @@ def _followed(gait: Gait, place: Callable[[float], tuple[Walker, float]]) -> tup
         The share of the way, and the gait there.
     """
     share, step = 0.0, _FIRST
-    while step > _LAST:
+    for _ in range(_TRIES):
+        if share == 1.0 or step <= _LAST:
+            break
         there = _beside(gait, *place(min(share + step, 1.0)))
         if there is None:
             step *= 0.5

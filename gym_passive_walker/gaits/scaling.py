@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.arguments import number
+from gym_passive_walker.arguments import instance, number
 from gym_passive_walker.gaits.equations import gait_equations
 from gym_passive_walker.gaits.family import GaitFamily
 from gym_passive_walker.gaits.fixed_point import find_gait
@@ -25,6 +25,7 @@ CUBE_ROOT = 0.943976
 """Stance angle over slope^(1/3) of the simplest walker's short-step gait as the slope vanishes."""
 
 _SMALL_SLOPE = 1e-8
+_LARGEST_ANGLE = 1e3  # over slope^(1/3), of a law that may be compared with
 
 
 class Exponents(NamedTuple):
@@ -53,6 +54,7 @@ def local_exponents(family: GaitFamily) -> Exponents:
         ValueError: if the family varies something else than the slope, or its gaits take several
             strides to repeat.
     """
+    instance(family, GaitFamily, "family", "gpw.gait_family returns")
     if family.parameter != "slope":
         raise ValueError(f"exponents are by the slope, and this family varies {family.parameter}")
     if family.period != 1:
@@ -82,7 +84,7 @@ def exponent_crossings(family: GaitFamily, exponent: float = 2.0 / 3.0) -> NDArr
         Slopes in rad in order along the family, by interpolation between its gaits.
     """
     local = local_exponents(family)
-    excess, log_slope = local.stance_angle - exponent, np.log(local.slope)
+    excess, log_slope = local.stance_angle - number(exponent, "exponent"), np.log(local.slope)
     crossed = np.flatnonzero(excess[:-1] * excess[1:] < 0.0)
     share = excess[crossed] / (excess[crossed] - excess[crossed + 1])
     return np.exp(log_slope[crossed] + share * (log_slope[crossed + 1] - log_slope[crossed]))
@@ -106,6 +108,6 @@ def transition_slope(walker: Walker | str, *, cube_root: float = CUBE_ROOT) -> f
     Raises:
         GaitNotFound: if the walker has no short-step gait at vanishing slopes.
     """
-    cube_root = number(cube_root, "cube_root", above=0.0)
+    cube_root = number(cube_root, "cube_root", above=0.0, most=_LARGEST_ANGLE)
     gait = find_gait(as_walker(walker), _SMALL_SLOPE, "short")
     return float((cube_root * _SMALL_SLOPE / gait.stance_angle) ** 1.5)

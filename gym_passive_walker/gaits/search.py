@@ -160,7 +160,7 @@ def begin(
 ) -> NDArray:
     """Where a search begins: at a guess, or where gaits of this period may be."""
     if guess is not None:
-        states = np.atleast_2d(check_state(guess))
+        states = np.atleast_2d(check_state(guess, "guess"))
         if np.any(states[:, 0] <= 0.0):
             raise ValueError("a guess must be a section state: its stance angle is positive")
         return logarithms(stride_map.points_at(states))

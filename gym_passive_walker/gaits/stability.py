@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import check_state, check_tolerance, number, one_slope
+from gym_passive_walker.arguments import check_state, check_tolerance, number, one_slope, shown
 from gym_passive_walker.engine.run import LONGEST_STRIDE
 from gym_passive_walker.gaits.drive import Drive, drive_units, one_drive
 from gym_passive_walker.gaits.passage import NoStride, Passage
@@ -69,11 +69,15 @@ def stride_jacobian(
     walker, slope = as_walker(walker), one_slope(slope)
     drive = one_drive(walker, Drive(hip_torque, ankle_torque, push_off))
     stride_map = StrideMap.of(walker, tolerance=tolerance, longest=LONGEST_STRIDE, drive=drive)
-    names = [wrt] if isinstance(wrt, str) else list(wrt)
+    names = [wrt] if isinstance(wrt, str) else list(wrt) if np.iterable(wrt) else []
+    if not names:
+        raise ValueError(
+            f"wrt must be the name of what to differentiate by, or some, not {shown(wrt)}"
+        )
     for name in names:
         if name not in _COLUMNS and name not in PARAMETERS:
             raise ValueError(
-                f"cannot differentiate by {name!r}: choose from {', '.join(_COLUMNS)}, "
+                f"wrt: cannot differentiate by {shown(name)}: choose from {', '.join(_COLUMNS)}, "
                 f"{', '.join(PARAMETERS)}"
             )
     states, units = check_state(state), stride_map.units

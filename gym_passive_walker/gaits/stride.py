@@ -13,7 +13,11 @@ from gym_passive_walker.arguments import (
     check_slope,
     check_state,
     check_tolerance,
+    number,
     real_array,
+    shown,
+    truth,
+    whole,
 )
 from gym_passive_walker.engine.run import LONGEST_STRIDE, advance, new_records
 from gym_passive_walker.gaits.drive import (
@@ -138,12 +142,14 @@ def check_foothold(rise: ArrayLike, turn: ArrayLike) -> tuple[NDArray, NDArray] 
     """How the next foothold lies, as arrays; None where it is as this one.
 
     Raises:
-        ValueError: if a number is not finite.
+        ValueError: if a number is not finite, or a turn is no angle between upright footholds.
     """
     if type(rise) is type(turn) is float and rise == turn == 0.0:
         return None
     allowed = "a number or an array of them"
     ground = real_array(rise, "rise", allowed), real_array(turn, "turn", allowed)
+    if not np.all(np.abs(ground[1]) < np.pi):
+        raise ValueError(f"turn must be an angle in rad between -pi and pi, not {shown(turn)}")
     return ground if any(part.any() for part in ground) else None
 
 
@@ -196,8 +202,10 @@ def stride(
     tolerance = check_tolerance(tolerance)
     states, slopes = check_state(state), check_slope(slope)
     drive = check_drive(walker, Drive(hip_torque, ankle_torque, push_off))
-    if not (isinstance(longest, (int, float, np.number)) and 0.0 < longest < math.inf):
-        raise ValueError(f"longest must be a positive time, not {longest!r}")
+    longest, stub = number(longest, "longest", above=0.0), truth(stub, "stub")
+    threads = None if threads is None else whole(threads, "threads")
+    if not callable(carry):
+        raise ValueError(f"carry must be a function, such as gpu.advance, not {shown(carry)}")
     ground = check_foothold(rise, turn)
     try:
         around = (*drive_shapes(drive), *(part.shape for part in ground or ()))

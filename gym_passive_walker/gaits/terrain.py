@@ -15,13 +15,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import number, unknown, whole
+from gym_passive_walker.arguments import number, shown, truth, unknown, whole
 from gym_passive_walker.engine.chance import normal
 from gym_passive_walker.engine.jit import Kernel
 from gym_passive_walker.walkers import Walker
 
 _HEIGHTS, _SLOPES = 100, 101  # streams of random numbers
 _HIGHEST = 1e3  # leg lengths
+_LONGEST = 1_000_000  # footholds of a list or a wave
 
 
 @dataclass(frozen=True)
@@ -47,8 +48,10 @@ class Terrain:
         """Check every argument."""
         for name, limit in (("rises", _HIGHEST), ("slopes", 0.5 * math.pi)):
             object.__setattr__(self, name, _row(getattr(self, name), name, limit))
-        for name in ("height_std", "slope_std"):
-            object.__setattr__(self, name, number(getattr(self, name), name, least=0.0))
+        for name, limit in (("height_std", _HIGHEST), ("slope_std", 0.5 * math.pi)):
+            given = number(getattr(self, name), name, least=0.0, most=limit)
+            object.__setattr__(self, name, given)
+        object.__setattr__(self, "repeats", truth(self.repeats, "repeats"))
         if len(self.rises) != len(self.slopes):
             raise ValueError(f"{len(self.rises)} rises for {len(self.slopes)} slopes of footholds")
 
@@ -108,8 +111,10 @@ def stairs(rise: float) -> Terrain:
 
 def waves(height: float, strides: int) -> Terrain:
     """Footholds that go up and down by a height, in leg lengths, once in some strides."""
-    count = whole(strides, "strides", 2)
-    heights = number(height, "height") * np.sin(2.0 * math.pi / count * np.arange(count + 1))
+    count = whole(strides, "strides", 2, _LONGEST)
+    heights = number(height, "height", least=-_HIGHEST, most=_HIGHEST) * np.sin(
+        2.0 * math.pi / count * np.arange(count + 1)
+    )
     return Terrain(rises=tuple(np.diff(heights)), slopes=(0.0,) * count)
 
 
@@ -168,13 +173,14 @@ def terrain_from(value: Terrain | Mapping[str, Any] | None) -> Terrain | None:
     if not isinstance(value, Mapping) or len(value) != 1:
         raise ValueError(
             "a terrain is a Terrain, None, or a mapping of one of rough, stairs, waves and "
-            f'footholds to its arguments, as {{"rough": {{"height_std": 0.01}}}}, not {value!r}'
+            'footholds to its arguments, as {"rough": {"height_std": 0.01}}, '
+            f"not {shown(value)}"
         )
     ((name, arguments),) = value.items()
     if said := unknown([name], tuple(_MADE), "terrain"):
         raise ValueError(said)
     if not isinstance(arguments, Mapping):
-        raise ValueError(f"terrain {name} takes its arguments by name, not {arguments!r}")
+        raise ValueError(f"terrain {name} takes its arguments by name, not {shown(arguments)}")
     try:
         return _MADE[name](**arguments)
     except TypeError as error:
@@ -184,10 +190,12 @@ def terrain_from(value: Terrain | Mapping[str, Any] | None) -> Terrain | None:
 def _row(values: Any, name: str, limit: float) -> tuple[float, ...]:
     """Numbers in a row, at least one."""
     if isinstance(values, str | Mapping) or np.ndim(values) != 1 or np.size(values) == 0:
-        raise ValueError(f"{name} must be numbers in a row, at least one, not {values!r}")
+        raise ValueError(f"{name} must be numbers in a row, at least one, not {shown(values)}")
+    if np.size(values) > _LONGEST:
+        raise ValueError(f"{name} must be at most {_LONGEST} numbers, not {np.size(values)}")
     row = tuple(number(value, f"{name}[{i}]") for i, value in enumerate(values))
     if not max(map(abs, row)) <= limit:
-        raise ValueError(f"{name} must lie between -{limit:g} and {limit:g}, not {values!r}")
+        raise ValueError(f"{name} must lie between -{limit:g} and {limit:g}, not {shown(values)}")
     return row
 
 

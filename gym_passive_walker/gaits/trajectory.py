@@ -7,7 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import check_state, check_tolerance, one_slope, whole
+from gym_passive_walker.arguments import (
+    KEPT,
+    check_state,
+    check_tolerance,
+    instance,
+    one_slope,
+    real_array,
+    whole,
+)
 from gym_passive_walker.gaits.drive import Drive
 from gym_passive_walker.gaits.samples import states_inside
 from gym_passive_walker.gaits.stride import STATE_NAMES, stride
@@ -141,11 +149,17 @@ def simulate(
     walker, slope, state = as_walker(walker), one_slope(slope), check_state(state)
     if state.shape != (6,):
         raise ValueError(f"simulate follows one walker: state must be (6,), not {state.shape}")
-    strides, samples = whole(strides, "strides"), whole(samples, "samples", 2)
+    strides, samples = whole(strides, "strides", 1, KEPT), whole(samples, "samples", 2, KEPT)
     if check_tolerance(tolerance) > COARSEST_SAMPLES:
         raise ValueError(f"tolerance must be at most {COARSEST_SAMPLES}, not {tolerance}")
-    parts = (np.asarray(part, dtype=float) for part in (hip_torque, ankle_torque, push_off))
-    drives = np.stack([np.broadcast_to(part, (strides,)) for part in parts], axis=1)
+    allowed = f"a number, or one for each of the {strides} strides"
+    parts = []
+    for name, part in zip(Drive._fields, (hip_torque, ankle_torque, push_off), strict=True):
+        values = real_array(part, name, allowed)
+        if values.shape not in ((), (1,), (strides,)):
+            raise ValueError(f"{name} must be {allowed}, not of shape {values.shape}")
+        parts.append(np.broadcast_to(values, (strides,)))
+    drives = np.stack(parts, axis=1)
     ground = ground_of(terrain, key, strides)
     rises = ground[:, 1] * walker.leg_length
     starts, walks = [state], []
@@ -198,8 +212,8 @@ def simulate(
 
 def ground_of(terrain: Terrain | None, key: int, strides: int) -> NDArray[np.float64]:
     """Of each stride: its slope beyond the walk's, the next foothold's rise and turn."""
+    key = whole(key, "key", 0, 2**64 - 1)
     if terrain is None:
         return np.zeros((strides, 3))
-    if not isinstance(terrain, Terrain):
-        raise ValueError(f"terrain must be a Terrain, such as gpw.rough makes, not {terrain!r}")
-    return terrain.ground(whole(key, "key", 0), np.arange(strides))
+    made = instance(terrain, Terrain, "terrain", "gpw.rough makes")
+    return made.ground(key, np.arange(strides))

@@ -9,9 +9,12 @@ A policy is a folder of two files:
 from __future__ import annotations
 
 import json
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+from gym_passive_walker.arguments import shown
+from gym_passive_walker.console import cut
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.policies.network import Network
 from gym_passive_walker.policies.tensors import PolicyError, read_tensors
@@ -34,8 +37,10 @@ class TrainedPolicy(Network):
         try:
             acting = {name: description[name] for name in ("algo", "activation", "normalizer")}
             self.name = str(acting["algo"]).upper()
-            self.scene: Scene = make_scene(description["scene"], **description["env"])
-            self.trained: dict[str, Any] = description.get("trained", {})
+            self.scene: Scene = make_scene(
+                description["scene"], **_names(description["env"], "env")
+            )
+            self.trained: dict[str, Any] = _names(description.get("trained", {}), "trained")
             super().__init__(read_tensors(folder / TENSORS), **acting)
         except KeyError as error:
             raise PolicyError(f"{folder} is no policy: it says nothing of {error}") from None
@@ -56,11 +61,12 @@ def policy_folder(name: str | Path) -> Path:
     """
     if isinstance(name, str | Path):
         for folder in (_SHIPPED / name, Path(name)):
-            if (folder / DESCRIPTION).is_file():
-                return folder
+            with suppress(OSError, ValueError):  # of a name that no file can have
+                if (folder / DESCRIPTION).is_file():
+                    return folder
     raise PolicyError(
-        f"no policy {str(name)!r}: choose from {', '.join(shipped_policies())}, or give a folder "
-        f"with {TENSORS} and {DESCRIPTION}, as `python train.py export RUN FOLDER` writes it"
+        f"no policy {cut(str(name))!r}: choose from {', '.join(shipped_policies())}, or give a "
+        f"folder with {TENSORS} and {DESCRIPTION}, as `python train.py export RUN FOLDER` writes it"
     )
 
 
@@ -93,8 +99,19 @@ def _description(path: Path) -> dict[str, Any]:
     """What a policy's JSON says."""
     try:
         description = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise PolicyError(f"{path} is damaged: {error}") from None
     if not isinstance(description, dict):
         raise PolicyError(f"{path} is damaged: it describes no policy")
     return description
+
+
+def _names(value: Any, name: str) -> dict[str, Any]:
+    """Values by their names, from a policy's JSON.
+
+    Raises:
+        ValueError: if they are something else.
+    """
+    if not isinstance(value, dict):
+        raise ValueError(f"{name} must map names to values, not {shown(value)}")
+    return value

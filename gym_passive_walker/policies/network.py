@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from gym_passive_walker.arguments import number, shown
 
 Layer = tuple[NDArray[np.float32], NDArray[np.float32]]
 
@@ -44,7 +47,8 @@ class Network:
 
     Raises:
         KeyError: if a tensor is missing.
-        ValueError: if an algorithm or activation has another name, or tensors do not fit together.
+        ValueError: if an algorithm or activation has another name, a number is not finite, or
+            tensors do not fit together.
     """
 
     def __init__(
@@ -55,10 +59,15 @@ class Network:
         activation: str,
         normalizer: Mapping[str, float] | None,
     ) -> None:
-        if algo not in _PLACES:
-            raise ValueError(f"no algorithm {algo!r}: choose from {', '.join(_PLACES)}")
-        if activation not in ACTIVATIONS:
-            raise ValueError(f"no activation {activation!r}: choose from {', '.join(ACTIVATIONS)}")
+        for what, name, known in (
+            ("algorithm", algo, _PLACES),
+            ("activation", activation, ACTIVATIONS),
+        ):
+            if not isinstance(name, str) or name not in known:
+                raise ValueError(f"no {what} {shown(name)}: choose from {', '.join(known)}")
+        for name, tensor in tensors.items():
+            if not np.all(np.isfinite(tensor)):
+                raise ValueError(f"tensor {name} has numbers that are not finite")
         self._activation, self._squashed = activation, algo == "sac"
         hidden, mean = _PLACES[algo]
         places = {name.rsplit(".", 1)[0] for name in tensors if name.startswith(f"{hidden}.")}
@@ -87,8 +96,13 @@ class Network:
             )
             if mean_seen.shape != (self._size,) or variance.shape != (self._size,):
                 raise ValueError("its normaliser is of other observations")
-            spread = np.sqrt(variance + normalizer["epsilon"])
-            self._moments = mean_seen, spread, normalizer["clip"]
+            if not isinstance(normalizer, Mapping):
+                raise ValueError(f"normalizer must have epsilon and clip, not {shown(normalizer)}")
+            epsilon = number(normalizer["epsilon"], "epsilon", least=0.0)
+            clip = number(normalizer["clip"], "clip", above=0.0, most=math.inf)
+            if not np.all(variance + epsilon > 0.0):
+                raise ValueError("its normaliser's variances must be above 0")
+            self._moments = mean_seen, np.sqrt(variance + epsilon), clip
         self.random = np.random.default_rng()
 
     def predict(

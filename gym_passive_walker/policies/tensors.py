@@ -34,7 +34,14 @@ def read_tensors(path: Path) -> dict[str, NDArray]:
         return {name: _tensor(data[8 + size :], **entry) for name, entry in header.items()}
     except OSError as error:
         raise PolicyError(f"{path} cannot be read: {error.strerror}") from None
-    except (ValueError, TypeError, KeyError, AttributeError, OverflowError) as error:
+    except (
+        ValueError,
+        TypeError,
+        KeyError,
+        AttributeError,
+        OverflowError,
+        RecursionError,
+    ) as error:
         raise PolicyError(f"{path} is damaged: {error}") from None
 
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.extras import extra
+from gym_passive_walker.files import replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -106,6 +107,26 @@ def legend(ax: Axes, *, columns: int = 3, gap: float = 40.0) -> None:
     )  # fmt: skip
 
 
+def picture_path(path: str | PathLike[str]) -> Path:
+    """A path that a figure may be written to; ".png" is added to a name without an ending.
+
+    Raises:
+        ValueError: if its ending is that of no picture.
+        ImportError: if matplotlib is not installed.
+    """
+    with extra("figures"):
+        from matplotlib.backend_bases import FigureCanvasBase
+    path = Path(path)
+    path = path if path.suffix else path.with_name(f"{path.name}.png")
+    kinds = sorted(FigureCanvasBase.get_supported_filetypes())
+    if path.suffix[1:].lower() not in kinds:
+        raise ValueError(
+            f"a picture's name must end in one of {', '.join(f'.{kind}' for kind in kinds)}, "
+            f"not {str(path)!r}"
+        )
+    return path
+
+
 def save(figure: Figure, path: str | PathLike[str] | None, caption: str = "") -> Figure:
     """Write a figure to a file, if one is named, of the kind that its ending says.
 
@@ -113,12 +134,18 @@ def save(figure: Figure, path: str | PathLike[str] | None, caption: str = "") ->
         figure: The figure.
         path: The file; None writes nothing.
         caption: What it shows, kept inside of PNG, SVG and PDF files.
+
+    Raises:
+        ValueError: if the ending is that of no picture.
+        OSError: if the file cannot be written; what was there before stays.
     """
     if path is not None:
-        kind = Path(path).suffix.lower()
+        path = picture_path(path)
+        kind = path.suffix.lower()
         place = {".png": "Description", ".svg": "Description", ".pdf": "Subject"}.get(kind)
         metadata = {place: caption} if place and caption else None
-        figure.savefig(path, dpi=_DPI, metadata=metadata)
+        with replacing(path) as aside:
+            figure.savefig(aside, format=kind[1:], dpi=_DPI, metadata=metadata)
     return figure
 
 

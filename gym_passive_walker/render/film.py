@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from pathlib import Path
+from types import TracebackType
 from typing import Self
 
 import numpy as np
@@ -10,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import number
 from gym_passive_walker.extras import extra, need
+from gym_passive_walker.files import replacing
 from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.gaits.trajectory import simulate
 from gym_passive_walker.progress import progress
@@ -49,6 +52,7 @@ class Film:
     Raises:
         ValueError: if a film of no such kind can be written.
         ImportError: if moviepy is not installed.
+        OSError: if the file cannot be written.
     """
 
     def __init__(
@@ -60,28 +64,49 @@ class Film:
         gif = self.path.suffix == ".gif"
         palette = "split[a][b];[a]palettegen[p];[b][p]paletteuse"
         shrunk = f"fps={min(fps, _GIF_FPS)},scale=iw/{shrink}:-1:flags=lanczos,{palette}"
-        self._writer = FFMPEG_VideoWriter(
-            str(self.path),
-            size,
-            fps,
-            codec="gif" if gif else "libx264",
-            preset="veryfast",
-            ffmpeg_params=["-vf", shrunk] if gif else None,
-        )
+        with ExitStack() as files:
+            aside = files.enter_context(replacing(self.path))
+            self._writer = FFMPEG_VideoWriter(
+                str(aside),
+                size,
+                fps,
+                codec="gif" if gif else "libx264",
+                preset="veryfast",
+                ffmpeg_params=["-vf", shrunk] if gif else None,
+            )
+            self._files = files.pop_all()
 
     def write(self, frame: NDArray[np.uint8]) -> None:
         """Add a frame, shape (height, width, 3)."""
         self._writer.write_frame(frame)
 
     def close(self) -> None:
-        """Finish the file."""
-        self._writer.close()
+        """Finish the file, which then takes its name.
+
+        Raises:
+            OSError: if it could not be written; what was there before stays.
+        """
+        with self._files:
+            process = self._writer.proc
+            self._writer.close()
+            if process is not None and process.returncode:
+                raise OSError(None, "the film could not be written; is the disk full?")
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if kind is None:
+            self.close()
+            return
+        with self._files:  # half a film is none
+            self._writer.close()
+            raise error or kind
 
 
 def film(

@@ -25,7 +25,7 @@ def locked(path: Path, *, wait: bool = True) -> Iterator[None]:
     Raises:
         BlockingIOError: if another process holds it, and it is not to be waited for.
     """
-    with path.open("a") as file:
+    with path.open("a", encoding="utf-8") as file:
         try:
             import fcntl
         except ImportError:  # Windows, where nothing is lost but time

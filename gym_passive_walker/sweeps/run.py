@@ -12,7 +12,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from gym_passive_walker.arguments import whole
+from gym_passive_walker.arguments import truth, whole
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
 from gym_passive_walker.sweeps.cluster import Cluster
@@ -104,6 +104,7 @@ def sweep(
         OSError: if something cannot be written; what was is kept.
         ImportError: if pyarrow, or ray, is not installed.
     """
+    branch, retry = truth(branch, "branch"), truth(retry, "retry")
     description, folder = _described(analysis, described), Path(out)
     trust = check_trust(description.analysis, trust or _is_function(analysis))
     if branch and holds_another(folder, description):

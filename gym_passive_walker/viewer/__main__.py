@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Callable, Sequence
 
+from gym_passive_walker import console
 from gym_passive_walker.policies import shipped_policies
 from gym_passive_walker.viewer.play import play
 from gym_passive_walker.walkers import WALKERS, Walker
@@ -41,12 +42,8 @@ def main(words: Sequence[str] | None = None) -> int:
         epilog="example: python -m gym_passive_walker.viewer C 0.03",
     )
     add_arguments(parser)
-    try:
-        play(**vars(parser.parse_args(words)))
-    except (ValueError, ImportError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
-    return 0
+    refusals = {ValueError: 2, ImportError: 2, OSError: 2}
+    return console.run(lambda: play(**vars(parser.parse_args(words))), refusals=refusals)
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gym_passive_walker.extras import extra
+from gym_passive_walker.files import replacing
 from gym_passive_walker.policies import TrainedPolicy, load_policy
 from gym_passive_walker.render.film import film_path
 from gym_passive_walker.viewer.walk import LiveWalk
@@ -86,7 +87,11 @@ def play(
             window.blit(surface, (0, 0))
             pygame.display.flip()
         if picture is not None:
-            pygame.image.save(view.draw(player), str(picture))
+            with replacing(picture) as aside:
+                try:
+                    pygame.image.save(view.draw(player), str(aside))
+                except pygame.error as error:
+                    raise OSError(None, f"the picture cannot be written ({error})") from None
     finally:
         player.close()
         pygame.display.quit()

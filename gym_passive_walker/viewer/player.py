@@ -174,8 +174,9 @@ class Player:
     def stop_film(self) -> None:
         """Finish the film, if there is one."""
         if self.film is not None:
-            self.film.close()
-            self.message, self.film = f"recorded {self.film.path}", None
+            film, self.film = self.film, None
+            film.close()
+            self.message = f"recorded {film.path}"
 
     @property
     def state_of_walk(self) -> str:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from gym_passive_walker.arguments import number
+from gym_passive_walker.arguments import number, one_slope
 from gym_passive_walker.walkers.walker import Walker, WalkerError
 
 
@@ -78,6 +78,14 @@ def assemble(
         knees: Whether the knees bend.
         gravity: g.
     """
+    thigh_length, shank_length = (
+        number(thigh_length, "thigh_length"),
+        number(shank_length, "shank_length"),
+    )
+    foot_radius, knee_angle = (
+        number(foot_radius, "foot_radius"),
+        one_slope(knee_angle, "knee_angle"),
+    )
     upper, lower = combine(thigh), combine(shank)
     reach = shank_length - foot_radius
     sine, cosine = math.sin(knee_angle), math.cos(knee_angle)

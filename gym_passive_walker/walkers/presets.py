@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from gym_passive_walker.arguments import shown
 from gym_passive_walker.walkers.walker import Walker, WalkerError
 
 
@@ -88,5 +89,5 @@ def as_walker(walker: Walker | str) -> Walker:
     if isinstance(walker, str) and walker in WALKERS:
         return WALKERS[walker]
     raise WalkerError(
-        f"no walker {walker!r}: give a Walker, or one of the names {', '.join(WALKERS)}"
+        f"no walker {shown(walker)}: give a Walker, or one of the names {', '.join(WALKERS)}"
     )

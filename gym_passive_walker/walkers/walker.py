@@ -8,7 +8,9 @@ from dataclasses import dataclass, fields
 from types import SimpleNamespace
 from typing import Any
 
-from gym_passive_walker.arguments import unknown
+import numpy as np
+
+from gym_passive_walker.arguments import shown, unknown
 from gym_passive_walker.shown import Shown
 
 _PLACES = ("thigh_com", "thigh_offset", "thigh_gyration")
@@ -87,14 +89,14 @@ class Walker(Shown):
             value = getattr(self, field.name)
             if field.name == "knees":
                 if not isinstance(value, bool):
-                    raise WalkerError(f"knees must be True or False, not {value!r}")
+                    raise WalkerError(f"knees must be True or False, not {shown(value)}")
                 continue
             try:
-                if isinstance(value, str | bytes | bool):
+                if isinstance(value, str | bytes | bool | np.bool_):
                     raise TypeError
                 value = float(value)
-            except (TypeError, ValueError):
-                raise WalkerError(f"{field.name} must be a number, not {value!r}") from None
+            except (TypeError, ValueError, OverflowError):
+                raise WalkerError(f"{field.name} must be a number, not {shown(value)}") from None
             if not math.isfinite(value):
                 raise WalkerError(f"{field.name} must be finite, not {value}")
             object.__setattr__(self, field.name, value)

@@ -25,6 +25,7 @@ from agents.evaluation import evaluate
 from agents.learner import LearnedPolicy, export, learned, load_policy
 from agents.training import Run
 from benchmarks.kills import kill
+from gym_passive_walker.files import replacing
 
 SMALL = {"n_envs": 8, "every": 128}
 # What follows the steps asked for would go on otherwise when more are asked for.
@@ -215,7 +216,7 @@ def test_only_the_newest_checkpoint_stays(tmp_path):
 def test_a_kill_while_saving_costs_one_interval_at_most(tmp_path, monkeypatch):
     def killed(path, model, notes):
         if model.num_timesteps > 128:
-            with files.replacing(path) as folder:
+            with replacing(path) as folder:
                 folder.mkdir()
                 (folder / "model.zip").write_bytes(b"half")
                 raise KeyboardInterrupt

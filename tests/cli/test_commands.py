@@ -136,6 +136,16 @@ def test_a_file_may_change_a_preset(mine, told):
     assert gait["stance_angle"] == gpw.find_gaits(heavy, 0.03)[0].stance_angle
 
 
+@pytest.mark.parametrize("written", ["2e-1", "2E-1", ".2e0", "20.e-2", "+2e-01"])
+def test_yaml_numbers_may_be_written_as_people_write_them(written, mine, told):
+    pytest.importorskip("yaml")
+    file = mine.with_suffix(".yaml")
+    file.write_text(f"preset: C\nfoot_radius: {written}\n", encoding="utf-8")
+    gait, *_ = told("gait", file, 0.03)
+    round_foot = replace(gpw.WALKERS["C"], foot_radius=0.2)
+    assert gait["stance_angle"] == gpw.find_gaits(round_foot, 0.03)[0].stance_angle
+
+
 WRONG = {
     "gait nobody 0.03": "choose from A, B, C",
     "gait lab": "required: SLOPE",

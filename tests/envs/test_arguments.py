@@ -99,7 +99,9 @@ def test_a_reset_says_what_it_can_be_asked_for(door, options, message):
 
 @pytest.mark.parametrize("seed", ["a", 1.5])
 def test_a_crowd_is_seeded_by_whole_numbers(seed):
-    with pytest.raises(ValueError, match="seed must be a whole number, a row of them, or None"):
+    with pytest.raises(
+        ValueError, match="seed must be a whole number from 0 on, a row of them, or None"
+    ):
         CROWDS["make_vec"]().reset(seed=seed)
 
 

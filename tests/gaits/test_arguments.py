@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.control.baselines import Passive
 from tests.physics.examples import LONG_GAITS
 
 STATE = LONG_GAITS["lab"].state
@@ -66,35 +65,17 @@ def test_an_unknown_walker_is_refused_with_the_known_names(what, walker):
         OF_A_WALKER[what](walker)
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda: gpw.find_gait("E", 0.01, period=None), "period must be a whole number"),
-        (lambda: gpw.find_gait("E", 0.01, period=True), "period must be a whole number"),
-        (lambda: gpw.blend("C", "lab", "half"), "fraction must be one number"),
-        (lambda: gpw.optimal_gait("level", "slow"), "speed must be one number"),
-        (lambda: gpw.closed_loop_gait(None), "policy must be what acts"),
-        (lambda: gpw.closed_loop_gait(Passive(), "lab", slope="0.03"), "slope must be one"),
-        (lambda: gpw.load_policy(None), "no policy 'None': choose from .*lab-ppo"),
-        (lambda: gpw.gait_family("E", 0.01, 0.02, "medium"), 'kind must be "long" or "short"'),
-        (lambda: gpw.gait_family("E", 0.01, 0.02, resolution=0.0), "resolution must be a number"),
-        (lambda: gpw.largest_push("E", 0.01, accuracy=-1.0), "accuracy must be a number above 0"),
-        (lambda: gpw.largest_push("E", 0.01, strides=0), "strides must be a whole number"),
-        (lambda: gpw.basin_of_attraction("E", 0.01, resolution=1.5), "resolution must be a whole"),
-        (lambda: gpw.basin_of_attraction("E", 0.01, ratios=2.0), "ratios must be two numbers"),
-        (lambda: gpw.bifurcation_diagram("E", 0.01, settle=-1), "settle must be a whole number"),
-        (lambda: gpw.lyapunov_exponents("E", 0.01, strides=0), "strides must be a whole number"),
-        (lambda: gpw.crisis_slope("D", 0.018, 0.02, accuracy=0.0), "accuracy must be a number"),
-        (lambda: gpw.doubling_cascade("D", 0.01, 0.02, doublings=np.inf), "doublings must be"),
-        (lambda: gpw.reality_check("lab", 0.036, STATE, friction=-0.1), "friction must be"),
-        (lambda: gpw.stride_jacobian("lab", 0.036, STATE, hip_torque=np.nan), "hip_torque must be"),
-        (lambda: gpw.transition_slope("E", cube_root=-1.0), "cube_root must be"),
-        (lambda: gpw.parameter_family("E", "hip_mass", np.nan, 1, slope=0.01), "low must be"),
-    ],
-)
-def test_a_senseless_option_is_refused(call, message):
-    with pytest.raises(ValueError, match=message):
-        call()
+@pytest.mark.parametrize("walker", ["E", "F"])
+def test_a_search_that_finds_nothing_ends_and_names_a_slope_that_has_a_gait(walker):
+    with pytest.raises(gpw.GaitNotFound) as refused:
+        gpw.parameter_family(walker, "foot_radius", 0.0, 0.1, slope=1.0)
+    assert 0.4 < refused.value.slope < 0.9
+    assert gpw.find_gaits(walker, 0.99 * refused.value.slope)
+
+
+def test_the_edge_of_a_push_is_found_to_the_last_digits():
+    finest, fine = (gpw.largest_push("E", 0.008, strides=3, accuracy=a) for a in (1e-15, 1e-9))
+    np.testing.assert_allclose(finest, fine, rtol=1e-8)
 
 
 def test_walkers_may_be_named_wherever_they_are_taken():

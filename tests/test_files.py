@@ -1,0 +1,157 @@
+"""Files appear whole or not at all."""
+
+import os
+import subprocess
+import sys
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.cli import main
+from gym_passive_walker.files import replacing
+
+STATE = np.array([0.2, -0.2, -0.2, -0.2, -0.1, -0.1])
+FULL = Path("/dev/full")
+
+
+@pytest.fixture(scope="module")
+def walk():
+    return gpw.simulate("A", 0.03, STATE, samples=100)
+
+
+@contextmanager
+def files_of_at_most(size):
+    """A process whose files may not grow, as on a disk that is full."""
+    resource = pytest.importorskip("resource", reason="limits of files are POSIX")
+    usual = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, usual[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, usual)
+
+
+def as_table(walk, path):
+    walk.to_csv(path)
+
+
+def as_picture(walk, path):
+    pytest.importorskip("matplotlib")
+    from gym_passive_walker.render.axes import panels, save
+
+    save(panels()[0], path)
+
+
+def as_film(walk, path):
+    pytest.importorskip("moviepy")
+    from gym_passive_walker.render.film import Film
+
+    noise = np.random.default_rng(0).integers(0, 256, (64, 64, 3), np.uint8)
+    with Film(path, (64, 64), 30) as film:
+        for _ in range(10):
+            film.write(noise)
+
+
+WRITERS = {
+    "walk.csv": as_table, "walk.png": as_picture, "walk.pdf": as_picture, "walk.svg": as_picture,
+    "walk.mp4": as_film, "walk.gif": as_film,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_a_full_disk_leaves_what_was_there_and_no_half_file(name, walk, tmp_path):
+    path = tmp_path / name
+    path.write_text("old", encoding="utf-8")
+    with files_of_at_most(100), pytest.raises(OSError) as refused:
+        WRITERS[name](walk, path)
+    assert refused.value.filename == str(path)
+    assert path.read_text(encoding="utf-8") == "old" and list(tmp_path.iterdir()) == [path]
+    WRITERS[name](walk, path)
+    assert path.stat().st_size > 100 and list(tmp_path.iterdir()) == [path]
+
+
+def test_a_film_that_is_given_up_leaves_no_file(tmp_path):
+    pytest.importorskip("moviepy")
+    from gym_passive_walker.render.film import Film
+
+    with pytest.raises(RuntimeError), Film(tmp_path / "walk.mp4", (64, 64), 30) as film:
+        film.write(np.zeros((64, 64, 3), np.uint8))
+        raise RuntimeError
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_link_stays_a_link(walk, tmp_path):
+    target, link = tmp_path / "there.txt", tmp_path / "walk.csv"
+    link.symlink_to(target)
+    walk.to_csv(link)
+    assert link.is_symlink() and target.read_text(encoding="utf-8").startswith("time,")
+
+
+@pytest.mark.skipif(not FULL.exists(), reason="there is no device that is always full")
+@pytest.mark.parametrize("ending", [".csv", ".npz"])
+def test_what_was_computed_is_printed_although_the_disk_is_full(ending, tmp_path, capsys):
+    path = tmp_path / f"walk{ending}"
+    path.symlink_to(FULL)
+    state = " ".join(map(str, STATE))
+    assert main(f"simulate A 0.03 --state {state} --out {path}".split()) == 2
+    said = capsys.readouterr()
+    assert "duration (s)" in said.out and "saved" not in said.out
+    assert said.err == f"error: {path}: No space left on device\n"
+    assert FULL.is_char_device()
+
+
+def test_a_file_is_replaced_at_once(tmp_path):
+    target = tmp_path / "model.zip"
+    target.write_text("old")
+    with replacing(target) as aside:
+        aside.write_text("new")
+        assert target.read_text() == "old" and aside.suffix == ".zip"
+    assert target.read_text() == "new"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_a_failure_leaves_the_old_file_and_no_other(tmp_path):
+    target = tmp_path / "model.zip"
+    target.write_text("old")
+    with pytest.raises(RuntimeError), replacing(target) as aside:
+        aside.write_text("half")
+        raise RuntimeError
+    assert target.read_text() == "old"
+    assert list(tmp_path.iterdir()) == [target]
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from gym_passive_walker.files import replacing
+with replacing(Path(sys.argv[1])) as aside:
+    aside.write_text("half")
+    os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no process is asked whether it lives")
+def test_what_killed_writers_left_goes_when_the_file_is_written_again(tmp_path):
+    target = tmp_path / "model.zip"
+    subprocess.run([sys.executable, "-c", KILLED, str(target)], check=False)
+    (left,) = tmp_path.iterdir()
+    mine = tmp_path / f".model.{os.getpid()}.zip"  # of an earlier process of the same number
+    mine.mkdir()
+    others = [tmp_path / name for name in (f".model.{os.getppid()}.zip", ".model.old.zip")]
+    for path in others:
+        path.touch()
+    with replacing(target) as aside:
+        aside.write_text("whole")
+    assert not left.exists() and target.read_text() == "whole"
+    assert sorted(tmp_path.iterdir()) == sorted([target, *others])
+
+
+def test_what_cannot_be_written_is_told_by_its_own_name(tmp_path):
+    (tmp_path / "file").touch()
+    target = tmp_path / "file" / "new"
+    with pytest.raises(OSError, match=r"Not a directory|File exists") as told, replacing(target):
+        pass
+    assert told.value.filename == str(target)

@@ -1,0 +1,244 @@
+"""Nonsense is refused by a message that names the argument, whichever function it is given to."""
+
+import json
+import re
+import shutil
+from math import inf, nan
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.control.baselines import Passive
+from gym_passive_walker.envs.scene import make_scene
+from tests.physics.examples import LONG_GAITS
+
+STATE = LONG_GAITS["lab"].state
+LONG = "x" * 5000
+NO_NUMBERS = ("no", None, [], {}, object(), True, b"x", 1j, [[0.1, 0.2]])
+NO_TRUTHS = ("no", None, 0, 1.0, nan, [], object())
+NO_COUNTS = (*NO_NUMBERS, nan, inf, -1, 0.5, 10**30, LONG)
+NO_TOLERANCES = (*NO_NUMBERS, nan, inf, -1.0, 0.0, 1e-300, 0.5)
+NO_ANGLES = (*NO_NUMBERS, nan, inf, -inf, 2.0, -2.0, 1e300)
+NO_OBJECTS = ("no", None, 3, nan, [], {}, object(), LONG)
+NO_STATES = ("no", 3.0, [], {}, [nan] * 6, [0.1] * 7, object(), LONG)
+ON_A_WALK = {"walker": "lab", "slope": 0.036, "state": STATE}
+ON_A_GAIT = {"walker": "E", "slope": 0.01}
+OVER_SLOPES = {"walker": "E", "slope_min": 0.01, "slope_max": 0.02}
+OVER_MASSES = ON_A_GAIT | {"parameter": "hip_mass", "low": 0.0, "high": 1.0}
+TO_THE_CRISIS = {"walker": "D", "low": 0.018, "high": 0.02}
+OF_A_DESIGN = {
+    "walker": "C", "objective": "speed", "parameters": ["hip_mass"], "bounds": [(0.0, 1.0)],
+    "slope": 0.03,
+}  # fmt: skip
+LEGS = {"thigh": [gpw.Part(1.0, 0.1, 0.0, 0.01)], "shank": [gpw.Part(1.0, 0.1, 0.0, 0.01)]}
+LEGS |= {"thigh_length": 0.4, "shank_length": 0.4, "foot_radius": 0.1, "knee_angle": 0.0}
+A_LAW = {"walker": gpw.WALKERS["E"], "felt_slope": 0.05}
+A_MAP = {"strides": lambda x: (x[:, None], np.full((len(x), 1), 0.5)), "low": 0.0, "high": 1.0}
+PASSIVE = {"policy": Passive(), "scene": "lab"}
+
+
+def scene(**arguments):
+    return make_scene("level", **arguments)
+
+
+def crowd(**arguments):
+    return gym.make_vec("PassiveWalker-v0", **({"num_envs": 2} | arguments))
+
+
+REFUSALS = [
+    (gpw.stride, ON_A_WALK, "stub", NO_TRUTHS),
+    (gpw.stride, ON_A_WALK, "threads", [x for x in (*NO_COUNTS, 0) if x is not None]),
+    (gpw.stride, ON_A_WALK, "longest", (*NO_NUMBERS, nan, inf, 0.0, -1.0)),
+    (gpw.stride, ON_A_WALK, "turn", ("no", nan, inf, 4.0, -1e300)),
+    (gpw.stride, ON_A_WALK, "carry", ("no", None, 3)),
+    (gpw.stride, ON_A_WALK, "tolerance", NO_TOLERANCES),
+    (gpw.simulate, ON_A_WALK, "strides", (*NO_COUNTS, 0, 10**9)),
+    (gpw.simulate, ON_A_WALK, "samples", (*NO_COUNTS, 1, 10**9)),
+    (gpw.simulate, ON_A_WALK, "key", (*NO_COUNTS, 2**64)),
+    (gpw.simulate, ON_A_WALK, "terrain", ("no", 3, {}, object())),
+    *((gpw.simulate, ON_A_WALK, name, ("no", {}, nan, inf, [1.0, 2.0], object()))
+      for name in ("hip_torque", "ankle_torque", "push_off")),
+    (gpw.stride_jacobian, ON_A_WALK, "wrt", (*NO_OBJECTS, nan)),
+    (gpw.reality_check, ON_A_WALK, "hip_torque", (*NO_NUMBERS, nan, [0.1])),
+    (gpw.reality_check, ON_A_WALK, "strides", (*NO_COUNTS, 0)),
+    (gpw.reality_check, ON_A_WALK, "friction", (*NO_NUMBERS, nan, -0.1)),
+    (gpw.find_gait, ON_A_GAIT, "guess", NO_STATES),
+    (gpw.find_gait, ON_A_GAIT, "period", (*NO_COUNTS, 0)),
+    (gpw.find_gait, ON_A_GAIT, "kind", NO_OBJECTS),
+    (gpw.gait_family, OVER_SLOPES, "slope_min", NO_ANGLES),
+    (gpw.gait_family, OVER_SLOPES, "slope_max", NO_ANGLES),
+    (gpw.gait_family, OVER_SLOPES, "start",
+     [x for x in NO_OBJECTS if x is not None]),
+    (gpw.gait_family, OVER_SLOPES, "resolution",
+     (*NO_NUMBERS, nan, inf, 0.0, 1e-300, -1.0)),
+    (gpw.parameter_family, OVER_MASSES,
+     "parameter", NO_OBJECTS),
+    (gpw.parameter_family, OVER_MASSES,
+     "low", (*NO_NUMBERS, nan, inf, -inf)),
+    (gpw.parameter_family, OVER_MASSES,
+     "high", (*NO_NUMBERS, nan, inf, 1e30)),
+    (gpw.parameter_family, OVER_MASSES,
+     "resolution", (*NO_NUMBERS, nan, inf, 0.0, 1e-300)),
+    (gpw.basin_of_attraction, ON_A_GAIT, "resolution", (*NO_COUNTS, 0, 10**9)),
+    (gpw.basin_of_attraction, ON_A_GAIT, "stance_angles", ("no", {}, [], nan, [inf], object())),
+    (gpw.basin_of_attraction, ON_A_GAIT, "stance_rates", ("no", {}, [], nan, [inf], object())),
+    (gpw.basin_of_attraction, ON_A_GAIT, "ratios", ("no", {}, [], nan, ["a", "b"], [nan, 1.0])),
+    (gpw.basin_of_attraction, ON_A_GAIT, "near", (*NO_NUMBERS, nan, inf, 0.0)),
+    (gpw.largest_push, ON_A_GAIT, "gait", [x for x in NO_OBJECTS if x is not None]),
+    (gpw.largest_push, ON_A_GAIT, "accuracy", (*NO_NUMBERS, nan, inf, 0.0, 1e-17, -1.0)),
+    (gpw.largest_push, ON_A_GAIT, "tolerance", NO_TOLERANCES),
+    (gpw.largest_push, ON_A_GAIT, "strides", (*NO_COUNTS, 0)),
+    (gpw.bifurcation_diagram, {"walker": "E", "slopes": 0.01}, "slopes", (*NO_ANGLES, -0.1)),
+    (gpw.bifurcation_diagram, {"walker": "E", "slopes": 0.01}, "sweep", NO_TRUTHS),
+    (gpw.bifurcation_diagram, {"walker": "E", "slopes": 0.01}, "keep", (*NO_COUNTS, 0, 10**9)),
+    (gpw.bifurcation_diagram, {"walker": "E", "slopes": 0.01}, "start", (*NO_STATES, [STATE] * 3)),
+    (gpw.bifurcation_diagram, {"walker": "E", "slopes": 0.01, "start": STATE}, "kind", NO_OBJECTS),
+    (gpw.lyapunov_exponents, {"walker": "E", "slopes": 0.01}, "count", (*NO_COUNTS, 0, 9)),
+    (gpw.lyapunov_exponents, {"walker": "E", "slopes": 0.01}, "strides", (*NO_COUNTS, 0)),
+    (gpw.crisis_slope, TO_THE_CRISIS, "low", NO_ANGLES),
+    (gpw.crisis_slope, TO_THE_CRISIS, "high", NO_ANGLES),
+    (gpw.crisis_slope, TO_THE_CRISIS, "tolerance", NO_TOLERANCES),
+    (gpw.crisis_slope, TO_THE_CRISIS, "accuracy",
+     (*NO_NUMBERS, nan, inf, 0.0, 1e-300)),
+    (gpw.crisis_slope, TO_THE_CRISIS, "walkers", (*NO_COUNTS, 10**9)),
+    (gpw.crisis_slope, TO_THE_CRISIS, "strides", NO_COUNTS),
+    (gpw.doubling_cascade, {"walker": "D", "slope_min": 0.01, "slope_max": 0.02}, "doublings",
+     (*NO_COUNTS, 0)),
+    (gpw.collision_matrix, {"walker": "lab"}, "stance_angle", (*NO_ANGLES, 5.0)),
+    (gpw.foot_velocity, {"walker": "lab"}, "state", (*NO_STATES, None)),
+    (gpw.measures, {}, "gait", NO_OBJECTS),
+    (gpw.local_exponents, {}, "family", NO_OBJECTS),
+    (gpw.exponent_crossings, {}, "family", NO_OBJECTS),
+    (gpw.transition_slope, {"walker": "E"}, "cube_root", (*NO_NUMBERS, nan, inf, 0.0, 1e300)),
+    (gpw.tune_to_walk, {"walker": "C", "slope": 0.03}, "radius", (*NO_NUMBERS, nan, inf, 0.0)),
+    (gpw.blend, {"a": "C", "b": "lab"}, "fraction", (*NO_NUMBERS, nan, inf, -inf)),
+    *((gpw.assemble, LEGS, name, (*NO_NUMBERS, nan, inf))
+      for name in ("thigh_length", "shank_length", "foot_radius", "knee_angle", "gravity")),
+    (gpw.assemble, LEGS, "knees", NO_TRUTHS),
+    (gpw.virtual_gravity, {"walker": "E"}, "angle", NO_ANGLES),
+    (gpw.controlled_symmetry, {"walker": "E"}, "slope", NO_ANGLES),
+    (gpw.PotentialShaping, A_LAW, "walker", NO_OBJECTS),
+    (gpw.PotentialShaping, A_LAW, "felt_slope", NO_ANGLES),
+    (gpw.PotentialShaping, A_LAW, "strength", (*NO_NUMBERS, nan, inf)),
+    (gpw.Terrain, {}, "repeats", NO_TRUTHS),
+    (gpw.Terrain, {}, "height_std", (*NO_NUMBERS, nan, inf, -1.0, 1e9)),
+    (gpw.Terrain, {}, "slope_std", (*NO_NUMBERS, nan, inf, -1.0, 2.0)),
+    (gpw.waves, {"height": 0.01, "strides": 5}, "height", (*NO_NUMBERS, nan, inf, 1e9)),
+    (gpw.waves, {"height": 0.01, "strides": 5}, "strides", (*NO_COUNTS, 1, 10**9)),
+    (gpw.leading_eigenvalue, A_MAP, "strides", NO_OBJECTS),
+    (gpw.leading_eigenvalue, A_MAP, "low", (*NO_NUMBERS, nan, inf, -inf, 1.0)),
+    (gpw.leading_eigenvalue, A_MAP, "high", (*NO_NUMBERS, nan, inf, 0.0)),
+    (gpw.leading_eigenvalue, A_MAP, "nodes", (*NO_COUNTS, 0, 10**9)),
+    (gpw.closed_loop_gait, PASSIVE, "policy", NO_OBJECTS),
+    (gpw.closed_loop_gait, PASSIVE, "start", (nan, "no", STATE, [nan] * 4, {}, object())),
+    (gpw.closed_loop_gait, PASSIVE, "period", (*NO_COUNTS, 0)),
+    (gpw.robustness, {"who": "lab", "slope": 0.036}, "roughness",
+     (*NO_NUMBERS, nan, inf, -1.0, 1e9)),
+    (gpw.sweep, {"analysis": "gait", "out": "."}, "branch", NO_TRUTHS),
+    (gpw.sweep, {"analysis": "gait", "out": "."}, "retry", NO_TRUTHS),
+    (gpw.robustness, {"who": "lab", "slope": 0.036}, "seed",
+     (*NO_NUMBERS, nan, inf, -1, 0.5, 2**128)),
+    (gpw.robustness, {"who": "lab", "slope": 0.036}, "strides", (*NO_COUNTS, 10**9)),
+    (gpw.robustness, {"who": "lab", "slope": 0.036}, "starts", (*NO_COUNTS, 1, 10**9)),
+    (gpw.robustness, {"who": "lab", "slope": 0.036}, "spread", (*NO_NUMBERS, nan, 0.0, 1.0)),
+    (gpw.optimal_gait, {"scene": "level"}, "speed", (*NO_NUMBERS, nan, inf, 0.0, 3.0)),
+    (gpw.optimal_gait, {"scene": "level", "speed": 0.1}, "start", ("no", 3, [0.1], object())),
+    (gpw.optimal_gaits, {"scene": "level"}, "speeds", ("no", 3, {}, [nan], ["a"], None, LONG)),
+    (gpw.optimise_walker, OF_A_DESIGN, "objective", NO_OBJECTS),
+    (gpw.optimise_walker, OF_A_DESIGN, "parameters", (*NO_OBJECTS, [3], ["no"], "hip_mass")),
+    (gpw.optimise_walker, OF_A_DESIGN, "bounds", (*NO_OBJECTS, [3], [(1, 2, 3)])),
+    (gpw.optimise_walker, OF_A_DESIGN, "constraints", ("no", 3, [1], {"speed": (1, 2, 3)})),
+    (gpw.optimise_walker, OF_A_DESIGN, "maximise", NO_TRUTHS),
+    (gpw.optimise_walker, OF_A_DESIGN, "iterations", (*NO_COUNTS, 0)),
+    (scene, {}, "motor_delay", (*NO_COUNTS, 10**9)),
+    (scene, {"terrain": {"rough": {}}}, "preview", (*NO_COUNTS, 10**9)),
+    (scene, {}, "actions", ([], {}, 3, ["no"], [["hip"]], ["hip", "hip"])),
+    (scene, {}, "start", ("no", 3, [nan] * 6, STATE[:5], {}, LONG)),
+    (scene, {}, "stub", ("no", 0, 1.0, nan, [])),
+    (crowd, {}, "num_envs", (*NO_COUNTS, 0, 10**9)),
+    (crowd, {}, "render_mode", ("no", 3, nan, [], {}, object(), LONG)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("function", "valid", "name", "values"),
+    REFUSALS,
+    ids=[f"{function.__name__}-{name}-{i}" for i, (function, _, name, _) in enumerate(REFUSALS)],
+)
+def test_nonsense_is_refused_by_the_name_of_its_argument(function, valid, name, values):
+    for value in values:
+        with pytest.raises(ValueError, match=rf"\b{name}\b") as refused:
+            function(**{**valid, name: value})
+        assert len(str(refused.value)) < 1000, value
+
+
+@pytest.mark.parametrize("seed", [-1, 0.5, "no", nan, [], b"x"], ids=repr)
+@pytest.mark.parametrize("make", [lambda: gym.make("PassiveWalker-v0"), crowd], ids=["one", "two"])
+def test_a_seed_is_a_whole_number(make, seed):
+    with pytest.raises(ValueError, match="seed"):
+        make().reset(seed=seed)
+
+
+@pytest.mark.parametrize(
+    "look",
+    [
+        lambda name: gpw.tune(name),
+        lambda name: gpw.load_policy(name),
+        lambda name: make_scene(name),
+        lambda name: gpw.Walker(**{name: 1.0}),
+        lambda name: make_scene("level", terrain={name: {}}),
+    ],
+)
+def test_a_name_of_5000_characters_is_no_name(look):
+    with pytest.raises(ValueError, match=r"^no |has no ") as refused:
+        look(LONG)
+    assert len(str(refused.value)) < 1000
+
+
+@pytest.fixture
+def copy(tmp_path):
+    folder = tmp_path / "policy"
+    shutil.copytree(gpw.policies.policy_folder("level-ppo"), folder)
+    return folder
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"algo": ["ppo"]},
+        {"activation": {}},
+        {"normalizer": [1]},
+        {"normalizer": {"epsilon": "no", "clip": 10.0}},
+        {"normalizer": {"epsilon": 1e-8, "clip": nan}},
+        {"scene": [["level"]]},
+        {"env": ["walker"]},
+        {"env": {"walker": {"preset": {"preset": "lab"}}}},
+        {"env": {"slope": {"slope": 0.1}}},
+        {"trained": "yes"},
+    ],
+    ids=json.dumps,
+)
+def test_a_policys_description_of_another_shape_is_refused(changes, copy):
+    path = copy / "policy.json"
+    content = json.loads(path.read_text(encoding="utf-8"))
+    path.write_text(json.dumps(content | changes), encoding="utf-8")
+    with pytest.raises(gpw.PolicyError, match=re.escape(str(copy))):
+        gpw.load_policy(copy)
+
+
+def test_a_policys_description_that_nests_without_end_is_refused(copy):
+    (copy / "policy.json").write_text("[" * 100_000, encoding="utf-8")
+    with pytest.raises(gpw.PolicyError, match="damaged"):
+        gpw.load_policy(copy)
+
+
+@pytest.mark.parametrize("number", [nan, inf])
+def test_a_policy_with_weights_that_are_no_numbers_is_refused(number, copy):
+    path = copy / "policy.safetensors"
+    written = bytearray(path.read_bytes())
+    written[-4:] = np.float32(number).tobytes()
+    path.write_bytes(written)
+    with pytest.raises(gpw.PolicyError, match="not finite"):
+        gpw.load_policy(copy)
