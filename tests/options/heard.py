@@ -141,7 +141,7 @@ def plain(value: Any) -> Any:
         return {str(name): plain(part) for name, part in value.items()}
     if hasattr(value, "savefig"):
         return picture(value)
-    if hasattr(value, "detach"):
+    if hasattr(value, "detach") and hasattr(value, "cpu"):
         return plain(value.detach().cpu().numpy())
     if isinstance(value, Iterable):
         return [plain(part) for part in value]

@@ -46,7 +46,7 @@ OTHER = {
     "randomise": {"foot_radius": 0.1},
     "start": START,
     "longest_stride": 1.0,
-    "tolerance": 1e-4,
+    "tolerance": To(1e-4, dict(control="stride")),
     "pushes": PUSHED,
     "sensor_noise": 0.01,
     "motor_noise": 0.5,
@@ -58,7 +58,7 @@ OTHER = {
     "preview": To(2, dict(terrain=ROUGH)),
     "friction": To(0.01, ends("friction")),
     "knee_latch": To(1.0, ends("knee lock")),
-    "scuff_depth": To(1.0, ends("scuffing")),
+    "scuff_depth": To(1.0, dict(scuff_depth=1e-6, max_hip_torque=0.0, **ends("scuffing"))),
 }  # fmt: skip
 """Another value of each argument of a scene."""
 
