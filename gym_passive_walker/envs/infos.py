@@ -13,16 +13,17 @@ class Infos(dict[str, Any]):
     Most loops read infos seldom, and to make them takes a fifth of a tick of 64 walkers.
 
     Args:
-        make: Makes the content, of numbers that nobody changes.
+        make: Makes the content, of numbers that nobody changes; None if the entries are all of it,
+            as where a wrapper makes a dictionary of the same class from converted values.
         **first: Its first entries, which are there from the beginning: what is written in C, as
             `json` is, may ask a dictionary for its size before it asks for its items.
     """
 
     __slots__ = ("__weakref__", "_make")
 
-    def __init__(self, make: Callable[[], dict[str, Any]], **first: Any) -> None:
+    def __init__(self, make: Callable[[], dict[str, Any]] | None = None, /, **first: Any) -> None:
         super().__init__(first)
-        self._make: Callable[[], dict[str, Any]] | None = make
+        self._make = make
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Copies and pickles are plain dictionaries."""
