@@ -45,6 +45,7 @@ def play(
         ValueError: if an argument is out of its range; subclasses say which (`WalkerError`,
             `SceneError`, `PolicyError`).
         ImportError: if pygame is not installed, or moviepy for a film.
+        OSError: if the film or the picture cannot be written.
     """
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "hide")
     with extra("render"):
@@ -86,7 +87,10 @@ def play(
             window.blit(surface, (0, 0))
             pygame.display.flip()
         if picture is not None:
-            pygame.image.save(view.draw(player), str(picture))
+            try:
+                pygame.image.save(view.draw(player), str(picture))
+            except pygame.error as error:
+                raise OSError(f"{picture} cannot be written: {error}") from None
     finally:
         player.close()
         pygame.display.quit()

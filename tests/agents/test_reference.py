@@ -1,4 +1,4 @@
-"""Both learners beside a plain reference: what a time limit is worth, and how gradients are clipped.
+"""Both learners beside a plain reference: the worth of a time limit, and clipping of gradients.
 
 Here everything is a loop over steps and walkers. A fall is worth nothing afterwards; a walker whose
 time is up would have walked on, so the critic says what the rest is worth.
@@ -193,6 +193,4 @@ def test_shac_s_gradients_are_only_ever_made_smaller(share, monkeypatch):
     model.max_grad_norm = share * float(np.linalg.norm(before))
     monkeypatch.setattr(model.policy.optimizer, "step", lambda: kept.append(flat(parameters)))
     model._fit(seen, actions, values, by_state)
-    np.testing.assert_allclose(
-        kept[0], clipped(before, model.max_grad_norm), rtol=1e-4, atol=1e-7
-    )
+    np.testing.assert_allclose(kept[0], clipped(before, model.max_grad_norm), rtol=1e-4, atol=1e-7)

@@ -187,11 +187,11 @@ def test_what_is_put_in_the_way_needs_a_scene_that_has_it():
 def test_the_largest_size_is_just_below_the_first_that_is_not_survived(threshold):
     """To a hundredth, never above it; and an island beyond it does not count."""
     for island in (0.0, 0.3 * threshold):
-        found = _largest(
-            lambda sizes, beyond=2.2 * threshold: (sizes < threshold)
-            | ((sizes > beyond) & (sizes < beyond + island)),
-            np.ones(2), 1.0,
-        )  # fmt: skip
+
+        def survived(sizes, beyond=2.2 * threshold, island=island):
+            return (sizes < threshold) | ((sizes > beyond) & (sizes < beyond + island))
+
+        found = _largest(survived, np.ones(2), 1.0)
         assert np.all(found <= threshold)
         np.testing.assert_allclose(found, threshold, rtol=0.01)
 

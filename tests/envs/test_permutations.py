@@ -22,10 +22,15 @@ OTHER = {"preset": "C", "hip_mass": 0.3}
 WALKERS = ["C", "lab", "C", OTHER, "lab", "C", OTHER]
 SLOPES = [0.0, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06]
 EVERYTHING = {
-    "terrain": {"rough": {"height_std": 0.002, "slope_std": 0.004}}, "preview": 1,
-    "pushes": {"rate": 0.5, "impulse": (-0.03, 0.03)}, "sensor_noise": 0.01, "motor_noise": 0.2,
-    "motor_delay": 2, "command": (0.1, 0.2), "reality": {"friction": "end", "contact": "report"},
-}  # fmt: skip
+    "terrain": {"rough": {"height_std": 0.002, "slope_std": 0.004}},
+    "preview": 1,
+    "pushes": {"rate": 0.5, "impulse": (-0.03, 0.03)},
+    "sensor_noise": 0.01,
+    "motor_noise": 0.2,
+    "motor_delay": 2,
+    "command": (0.1, 0.2),
+    "reality": {"friction": "end", "contact": "report"},
+}
 KINDS = {
     "plain": {},
     "range of slopes": {"slope": (0.0, 0.06)},
@@ -76,7 +81,9 @@ def test_walkers_of_a_vector_environment_may_stand_in_any_order(kind, mode):
         *others, others_infos = mixed.step(actions[ORDER])
         for found, expected in zip(others, told, strict=True):
             np.testing.assert_array_equal(found, expected[ORDER])
-        same(dict(others_infos), table(dict(infos), dict(infos)), ORDER) if mode == "NextStep" else 0
+        same(
+            dict(others_infos), table(dict(infos), dict(infos)), ORDER
+        ) if mode == "NextStep" else 0
     np.testing.assert_array_equal(mixed.states, usual.states[ORDER])
     assert mixed.walkers == [usual.walkers[i] for i in ORDER]
     np.testing.assert_array_equal(mixed.slopes, usual.slopes[ORDER])
@@ -177,9 +184,13 @@ def test_motors_may_be_named_in_any_order(actions, disturbed):
     usual = tuple(name for name in ("hip", "ankle", "push_off") if name in actions)
     place = [usual.index(name) for name in actions]
     scene = {
-        "walker": "E", "slope": 0.02, "max_hip_torque": 0.02, "max_ankle_torque": 0.003,
-        "max_push_off": 0.01, "tick": 0.5,
-    } | ({"motor_delay": 2, "command": 0.1} if disturbed else {})  # fmt: skip
+        "walker": "E",
+        "slope": 0.02,
+        "max_hip_torque": 0.02,
+        "max_ankle_torque": 0.003,
+        "max_push_off": 0.01,
+        "tick": 0.5,
+    } | ({"motor_delay": 2, "command": 0.1} if disturbed else {})
     walks = []
     for names, order in ((usual, np.arange(len(usual))), (actions, place)):
         env = PassiveWalkerVectorEnv(3, actions=names, **scene)
@@ -199,9 +210,16 @@ def test_each_motor_works_by_its_own_number():
     names = ("push_off", "ankle", "hip")
     for place, name in enumerate(names):
         env = PassiveWalkerVectorEnv(
-            1, walker="E", slope=0.02, control="stride", actions=names, perturbation=0.0,
-            max_hip_torque=0.003, max_ankle_torque=0.003, max_push_off=0.01,
-        )  # fmt: skip
+            1,
+            walker="E",
+            slope=0.02,
+            control="stride",
+            actions=names,
+            perturbation=0.0,
+            max_hip_torque=0.003,
+            max_ankle_torque=0.003,
+            max_push_off=0.01,
+        )
         env.reset(seed=0)
         action = np.zeros((1, 3), np.float32)
         action[0, place] = 1.0
@@ -248,15 +266,21 @@ def test_torch_strides_are_each_walker_s_own_in_any_order():
     torch = pytest.importorskip("torch")
     from gym_passive_walker.torch import stride, tick
 
-    told = {x: torch.from_numpy(y) for x, y in tables("lab").items()
-            if x in ("state", "slope", "hip_torque")}  # fmt: skip
+    told = {
+        x: torch.from_numpy(y)
+        for x, y in tables("lab").items()
+        if x in ("state", "slope", "hip_torque")
+    }
     order = torch.randperm(9, generator=torch.Generator().manual_seed(0))
     masses = torch.linspace(0.1, 0.5, 9, dtype=torch.float64)
     spans = torch.linspace(0.1, 1.2, 9, dtype=torch.float64)
     for door, each in ((stride, {}), (tick, {"duration": spans})):
         whole = door("lab", **told, parameters={"hip_mass": masses}, **each)
-        mixed = door("lab", **{x: y[order] for x, y in (told | each).items()},
-                     parameters={"hip_mass": masses[order]})  # fmt: skip
+        mixed = door(
+            "lab",
+            **{x: y[order] for x, y in (told | each).items()},
+            parameters={"hip_mass": masses[order]},
+        )
         for name in whole._fields:
             expected, found = getattr(whole, name)[order], getattr(mixed, name)
             assert torch.equal(torch.nan_to_num(found), torch.nan_to_num(expected)), name

@@ -27,8 +27,11 @@ FEATURES = {
     "motor_noise": 0.1,
 }
 OFF = {
-    "command": None, "pushes": {}, "sensor_noise": 0.0, "motor_noise": 0.0,
-}  # fmt: skip
+    "command": None,
+    "pushes": {},
+    "sensor_noise": 0.0,
+    "motor_noise": 0.0,
+}
 """What is switched off without another draw from a walker's own generator."""
 WALKER = {"preset": "C", "hip_mass": 0.5}
 
@@ -36,8 +39,12 @@ WALKER = {"preset": "C", "hip_mass": 0.5}
 def draws(count=MANY, seed=0, steps=STEPS, **changes):
     """All that is drawn for some walkers in their first steps, a column for each number."""
     arguments = {
-        "walker": WALKER, "actions": ("hip", "push_off"), "tick": 0.2, **FEATURES, **changes
-    }  # fmt: skip
+        "walker": WALKER,
+        "actions": ("hip", "push_off"),
+        "tick": 0.2,
+        **FEATURES,
+        **changes,
+    }
     env = PassiveWalkerVectorEnv(count, **arguments)
     observations, _ = env.reset(seed=seed)
     found, batch = {}, env.batch
@@ -106,15 +113,14 @@ def thing(name):
 
 
 def test_numbers_of_different_things_and_steps_are_uncorrelated(drawn):
-    """But for what follows of itself: the ground's heights differ from foothold to foothold, and a
-    gait hangs on its slope and on its walker."""
+    """Except those of one thing that hang together by themselves, as heights of footholds do."""
     names = list(drawn)
     tied = {"start", "walker", "terrain"}
     # Rates and angles of starts hang on the slope; take what is drawn for them apart from it.
     for i, one in enumerate(names):
         for other in names[:i]:
             things = {thing(one), thing(other)}
-            if not (len(things) == 1 and things <= tied or things <= {"start", "walker"}):
+            if not ((len(things) == 1 and things <= tied) or things <= {"start", "walker"}):
                 uncorrelated(drawn[one], drawn[other], (one, other))
 
 
@@ -145,7 +151,9 @@ def test_heights_and_slopes_of_footholds_are_uncorrelated():
 def test_to_switch_one_thing_off_changes_no_number_of_the_others(feature):
     few = {"count": 40, "steps": 4}
     usual, without = draws(**few), draws(**few, **{feature: OFF[feature]})
-    gone = {"sensor_noise": "sensor", "motor_noise": "motor", "pushes": "push"}.get(feature, feature)
+    gone = {"sensor_noise": "sensor", "motor_noise": "motor", "pushes": "push"}.get(
+        feature, feature
+    )
     assert {name for name in usual if name not in without} == {
         name for name in usual if name.startswith(gone)
     }
@@ -179,13 +187,19 @@ def test_to_change_one_thing_changes_no_number_of_the_others(feature, value, nam
 
 def test_a_start_s_own_numbers_are_uncorrelated():
     """Slope, angle, stance rate and swing rates, without what a gait has to do with its slope."""
-    env = PassiveWalkerVectorEnv(MANY, start=(0.3, -0.3, -0.3, -0.4, -0.3, -0.2), slope=(0.0, 0.03),
-                                 randomise={"hip_mass": 0.1, "thigh_mass": 0.1}, walker=WALKER)  # fmt: skip
+    env = PassiveWalkerVectorEnv(
+        MANY,
+        start=(0.3, -0.3, -0.3, -0.4, -0.3, -0.2),
+        slope=(0.0, 0.03),
+        randomise={"hip_mass": 0.1, "thigh_mass": 0.1},
+        walker=WALKER,
+    )
     env.reset(seed=0)
     states = env.batch.records["state"][:, 0]
     columns = [env.slopes, states[:, 0], states[:, 3], states[:, 4]]
-    columns += [[getattr(walker, name) for walker in env.walkers] for name in
-                ("hip_mass", "thigh_mass")]  # fmt: skip
+    columns += [
+        [getattr(walker, name) for walker in env.walkers] for name in ("hip_mass", "thigh_mass")
+    ]
     columns = np.array(columns)
     for i, one in enumerate(columns):
         for other in columns[:i]:

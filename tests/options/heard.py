@@ -1,8 +1,9 @@
 """What it takes to test that options are heard: calls with one option changed, and comparison.
 
 A table holds, for each function, arguments to call it with and another value for each of its
-parameters; one that is called in several ways stands there as "name, way". A parameter that the table lacks fails `missing`, so a new option needs an entry. Values
-that are slow to compute, or that need compiled code, stand in the table as `Later`.
+parameters; one that is called in several ways stands there as "name, way". A parameter that the
+table lacks fails `missing`, so a new option needs an entry. Values that are slow to compute, or
+that need compiled code, stand in the table as `Later`.
 """
 
 from __future__ import annotations
@@ -28,6 +29,14 @@ class Later:
         self.value = cache(make)
 
 
+def _all(result: Any) -> Any:
+    return result
+
+
+def _anything(before: Any, after: Any) -> bool:
+    return True
+
+
 @dataclass(frozen=True)
 class To:
     """Another value of an option.
@@ -44,8 +53,8 @@ class To:
     value: Any
     among: Mapping[str, Any] = field(default_factory=dict)
     same: bool = False
-    look: Callable[[Any], Any] = staticmethod(lambda result: result)
-    expect: Callable[[Any, Any], Any] = staticmethod(lambda before, after: True)
+    look: Callable[[Any], Any] = _all
+    expect: Callable[[Any, Any], Any] = _anything
     refused: str | None = None
 
 

@@ -15,7 +15,6 @@ import pytest
 pytest.importorskip("stable_baselines3")
 
 import torch
-
 from stable_baselines3.common.logger import Logger
 
 import train
@@ -67,10 +66,18 @@ def what(model):
 
 TWO = dict(n_steps=16, batch_size=32, n_epochs=2, learning_rate=1e-2, seed=1)
 SAME_OF_BOTH = dict(
-    learning_rate=1e-3, n_steps=32, batch_size=64, n_epochs=3, gamma=0.9, gae_lambda=0.5,
-    max_grad_norm=1e-3, stats_window_size=7, policy_kwargs={"net_arch": [8]},
-    seed=2, verbose=1,
-)  # fmt: skip
+    learning_rate=1e-3,
+    n_steps=32,
+    batch_size=64,
+    n_epochs=3,
+    gamma=0.9,
+    gae_lambda=0.5,
+    max_grad_norm=1e-3,
+    stats_window_size=7,
+    policy_kwargs={"net_arch": [8]},
+    seed=2,
+    verbose=1,
+)
 ELSEWHERE = {
     "policy": "names the networks",
     "env": "walkers",
@@ -80,14 +87,20 @@ ELSEWHERE = {
 }
 LEARNERS = {
     "FastPPO": Call(
-        lambda **options: what(learned(FastPPO, **options)), TWO,
-        {**SAME_OF_BOTH, "clip_range": 0.01, "vf_coef": 0.01}, ELSEWHERE, FastPPO,
+        lambda **options: what(learned(FastPPO, **options)),
+        TWO,
+        {**SAME_OF_BOTH, "clip_range": 0.01, "vf_coef": 0.01},
+        ELSEWHERE,
+        FastPPO,
     ),
     "SHAC": Call(
-        lambda **options: what(learned(SHAC, **options)), TWO,
-        {**SAME_OF_BOTH, "reach": 0.5}, ELSEWHERE, SHAC,
+        lambda **options: what(learned(SHAC, **options)),
+        TWO,
+        {**SAME_OF_BOTH, "reach": 0.5},
+        ELSEWHERE,
+        SHAC,
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name, option", cases(LEARNERS))
@@ -113,6 +126,7 @@ class Lines:
         self.most, self.steps = most, 0
 
     def __call__(self, *_):
+        """Count a step."""
         self.steps += 1
         return self.steps < self.most
 
@@ -130,11 +144,19 @@ def taught(**options):
 def test_every_option_of_learning_is_heard(tmp_path):
     table = {
         "FastPPO.learn": Call(
-            taught, dict(total_timesteps=64),
-            dict(total_timesteps=128, callback=Lines(3), log_interval=None,
-                 reset_num_timesteps=False, progress_bar=To(True, same=True)),
-            {"tb_log_name": "names the folder of logs"}, FastPPO.learn),
-    }  # fmt: skip
+            taught,
+            dict(total_timesteps=64),
+            dict(
+                total_timesteps=128,
+                callback=Lines(3),
+                log_interval=None,
+                reset_num_timesteps=False,
+                progress_bar=To(True, same=True),
+            ),
+            {"tb_log_name": "names the folder of logs"},
+            FastPPO.learn,
+        ),
+    }
     assert not missing(table, {"FastPPO.learn"})
     for name, option in cases(table):
         check(table[name], option)
@@ -234,12 +256,20 @@ def configured(**fields):
 
 def test_every_field_of_a_configuration_is_heard():
     other = {
-        "algo": "shac", "scene": "lab", "env": {"slope": 0.01}, "seed": 1, "episode_steps": 7,
-        "normalize": None, "hyperparams": {**configure("ppo", "level").hyperparams, "gamma": 0.5},
-        "exploration": None, "training": {"perturbation": 0.3},
-    }  # fmt: skip
-    shac = {"normalize": {"norm_reward": False}, "hyperparams": {
-        "policy": "MlpPolicy", "learning_rate": 1e-3, "reach": 0.1}}  # fmt: skip
+        "algo": "shac",
+        "scene": "lab",
+        "env": {"slope": 0.01},
+        "seed": 1,
+        "episode_steps": 7,
+        "normalize": None,
+        "hyperparams": {**configure("ppo", "level").hyperparams, "gamma": 0.5},
+        "exploration": None,
+        "training": {"perturbation": 0.3},
+    }
+    shac = {
+        "normalize": {"norm_reward": False},
+        "hyperparams": {"policy": "MlpPolicy", "learning_rate": 1e-3, "reach": 0.1},
+    }
     for name, value in other.items():
         changed = configured(**({name: value} | (shac if name == "algo" else {})))
         assert plain(changed) != plain(configured()), f"{name} is not heard"
@@ -249,24 +279,35 @@ def test_every_field_of_a_configuration_is_heard():
 
 CONFIGURE = {
     "configure": Call(
-        configure, dict(algo="ppo", scene="level"),
-        dict(algo="sac", scene="steep", env={"slope": 0.02}, steps=1000, n_envs=8,
-             seed=To(3, expect=lambda a, b: b.seed == 3),
-             every=To(7, expect=lambda a, b: b.every == 7)),
+        configure,
+        dict(algo="ppo", scene="level"),
+        dict(
+            algo="sac",
+            scene="steep",
+            env={"slope": 0.02},
+            steps=1000,
+            n_envs=8,
+            seed=To(3, expect=lambda a, b: b.seed == 3),
+            every=To(7, expect=lambda a, b: b.every == 7),
+        ),
     ),
     "judge": Call(
-        evaluation.judge, dict(which="steep-ppo", episodes=1),
+        evaluation.judge,
+        dict(which="steep-ppo", episodes=1),
         dict(which="steep-sac", episodes=2, seed=3),
     ),
     "Schedule": Call(
-        Schedule, dict(log_std={0.0: -1.0}), dict(log_std={0.0: -2.0}, energy="net", until=0.5),
+        Schedule,
+        dict(log_std={0.0: -1.0}),
+        dict(log_std={0.0: -2.0}, energy="net", until=0.5),
     ),
     "Ladder": Call(Ladder, dict(lowest=0.1, highest=1.0), dict(lowest=0.2, highest=2.0)),
     "units": Call(
-        benchmark.units, dict(scenes=["level"], agents=["ppo"], seeds=1),
+        benchmark.units,
+        dict(scenes=["level"], agents=["ppo"], seeds=1),
         dict(scenes=["lab"], agents=["sac"], seeds=2),
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("name, option", cases(CONFIGURE))
@@ -281,9 +322,11 @@ def test_the_schedule_s_noise_and_charge_are_those_of_the_share_of_the_steps():
         explorer = Schedule({0.0: -1.0, 0.4: -2.0, 1.0: -4.0}, energy="net", until=0.5)
         policy = SimpleNamespace(log_std=torch.zeros(1))
         explorer.model = SimpleNamespace(
-            num_timesteps=100 * share, _total_timesteps=100, policy=policy,
+            num_timesteps=100 * share,
+            _total_timesteps=100,
+            policy=policy,
             get_env=lambda: SimpleNamespace(env_method=lambda *told: charged.append(told)),
-        )  # fmt: skip
+        )
         explorer._on_rollout_start()
         assert policy.log_std.item() == pytest.approx(log_std)
         assert charged[-1] == ("charge_for", energy)
@@ -305,8 +348,12 @@ def short_exams(monkeypatch):
 def test_a_run_evaluates_and_stops_when_its_configuration_says(tmp_path):
     config = dataclasses.replace(configure("ppo", "level", n_envs=4, steps=128, every=64))
     config.hyperparams.update(n_steps=16, batch_size=64)
-    for name, steps, every, count in (("a", 128, 64, 4), ("b", 256, 64, 4), ("c", 128, 128, 4),
-                                      ("d", 128, 64, 8)):  # fmt: skip
+    for name, steps, every, count in (
+        ("a", 128, 64, 4),
+        ("b", 256, 64, 4),
+        ("c", 128, 128, 4),
+        ("d", 128, 64, 8),
+    ):
         here = dataclasses.replace(config, steps=steps, every=every, n_envs=count)
         here.hyperparams.update(n_steps=64 // count)
         run = Run(here, tmp_path / name)
@@ -326,8 +373,10 @@ def test_a_bar_and_logs_change_nothing_that_is_learned(tmp_path, capsys):
         return weights(run.model), bool(list((tmp_path / name).rglob("events.out.*")))
 
     (quiet, none), (shown, _), (logged, there) = (
-        run("a", False, False), run("b", True, False), run("c", False, True)
-    )  # fmt: skip
+        run("a", False, False),
+        run("b", True, False),
+        run("c", False, True),
+    )
     assert plain(quiet) == plain(shown) == plain(logged) and there and not none
 
 
@@ -355,14 +404,27 @@ def asked(words, monkeypatch):
 
 
 WORDS = {
-    "algo": "--algo sac", "scene": "--scene steep", "walker": "--walker lab",
-    "slope": "--slope 0.01 0.02", "control": "--control stride", "steps": "--steps 1000",
-    "envs": "--envs 8", "seed": "--seed 5", "every": "--every 9", "out": "--out there",
-    "tensorboard": "--tensorboard", "quiet": "--quiet",
-}  # fmt: skip
+    "algo": "--algo sac",
+    "scene": "--scene steep",
+    "walker": "--walker lab",
+    "slope": "--slope 0.01 0.02",
+    "control": "--control stride",
+    "steps": "--steps 1000",
+    "envs": "--envs 8",
+    "seed": "--seed 5",
+    "every": "--every 9",
+    "out": "--out there",
+    "tensorboard": "--tensorboard",
+    "quiet": "--quiet",
+}
 FIELDS = {
-    "algo": "sac", "scene": "steep", "steps": 1000, "n_envs": 8, "seed": 5, "every": 9,
-}  # fmt: skip
+    "algo": "sac",
+    "scene": "steep",
+    "steps": 1000,
+    "n_envs": 8,
+    "seed": 5,
+    "every": 9,
+}
 ENV = {"walker": "lab", "slope": [0.01, 0.02], "control": "stride"}
 
 
@@ -380,7 +442,9 @@ def test_an_option_of_a_training_is_heard(option, tmp_path, monkeypatch):
         assert after["folder"] == Path("there")
     else:
         assert (after["tensorboard"], after["progress"]) == (
-            option == "tensorboard", option != "quiet")  # fmt: skip
+            option == "tensorboard",
+            option != "quiet",
+        )
 
 
 def test_a_search_is_asked_for_by_words(tmp_path, monkeypatch, capsys):
@@ -396,7 +460,11 @@ def test_a_search_is_asked_for_by_words(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(search, "search", noted)
     assert train.main("--search 3 --out there --ray far --quiet --seed 4".split()) == 0
     assert (found["trials"], found["folder"], found["ray"], found["progress"]) == (
-        3, Path("there"), "far", False)  # fmt: skip
+        3,
+        Path("there"),
+        "far",
+        False,
+    )
     assert found["config"].seed == 4
     assert train.main("--search 2 --ray".split()) == 0
     assert (found["trials"], found["ray"], found["progress"]) == (2, "here", True)
@@ -440,8 +508,11 @@ def printed(words, capsys):
 
 def test_every_option_of_evaluate_is_heard(capsys):
     base = printed("evaluate --policy steep-ppo --episodes 1", capsys)
-    for words in ("--policy steep-sac --episodes 1", "--policy steep-ppo --episodes 2",
-                  "--policy steep-ppo --episodes 1 --seed 5"):  # fmt: skip
+    for words in (
+        "--policy steep-sac --episodes 1",
+        "--policy steep-ppo --episodes 2",
+        "--policy steep-ppo --episodes 1 --seed 5",
+    ):
         assert printed(f"evaluate {words}", capsys) != base
 
 
@@ -477,20 +548,29 @@ class aside:
 
 def test_every_option_of_gait_is_heard(capsys, tmp_path, monkeypatch):
     base = printed("gait lqr --scene steep", capsys)
-    for words in ("deadbeat --scene lab", "lqr --scene lab", "lqr --scene steep --slope 0.1101",
-                  "lqr --scene steep --period 2"):  # fmt: skip
+    for words in (
+        "deadbeat --scene lab",
+        "lqr --scene lab",
+        "lqr --scene steep --slope 0.1101",
+        "lqr --scene steep --period 2",
+    ):
         assert printed(f"gait {words}", capsys) != base
     drawn = []
-    monkeypatch.setattr("gym_passive_walker.render.axes.save", lambda figure, path: (
-        drawn.append(path.suffix), path.touch()))  # fmt: skip
+    monkeypatch.setattr(
+        "gym_passive_walker.render.axes.save",
+        lambda figure, path: (drawn.append(path.suffix), path.touch()),
+    )
     printed(f"gait lqr --scene steep --out {tmp_path / 'g.svg'}", capsys)
     assert drawn == [".svg"] and (tmp_path / "g.svg").exists()
 
 
 def test_every_option_of_a_benchmark_is_heard(capsys, tmp_path, monkeypatch):
     found, written = [], []
-    monkeypatch.setattr(benchmark, "run", lambda folder, todo, *, budget, progress: found.append(
-        (folder, todo, budget, progress)))  # fmt: skip
+    monkeypatch.setattr(
+        benchmark,
+        "run",
+        lambda folder, todo, *, budget, progress: found.append((folder, todo, budget, progress)),
+    )
     monkeypatch.setattr(benchmark, "load_scores", lambda folder: [folder])
     monkeypatch.setattr(standings, "tables", str)
     monkeypatch.setattr(standings, "write_csv", lambda path, scores: written.append(path))
@@ -498,7 +578,9 @@ def test_every_option_of_a_benchmark_is_heard(capsys, tmp_path, monkeypatch):
     for name in ("draw", "draw_learning"):
         monkeypatch.setattr(standings, name, lambda path, *_: written.append(path))
     here = f"--out {tmp_path}"
-    printed(f"benchmark --scenes lab --agents passive ppo --seeds 2 --budget 0.5 --quiet {here}", capsys)
+    printed(
+        f"benchmark --scenes lab --agents passive ppo --seeds 2 --budget 0.5 --quiet {here}", capsys
+    )
     folder, todo, budget, progress = found.pop()
     assert (folder, budget, progress) == (tmp_path, 0.5, False)
     assert [str(unit) for unit in todo] == ["lab-passive-0", "lab-ppo-0", "lab-ppo-1"]
@@ -537,15 +619,25 @@ def test_what_a_sweep_trains_with_is_heard(tmp_path, monkeypatch):
         return config, folder.parent == tmp_path, folder.name if folder.parent == tmp_path else ""
 
     call = Call(
-        trained, dict(folder=str(tmp_path)),
-        dict(algo="sac", scene="steep", steps=100, n_envs=8, seed=5,
-             folder=To(None, expect=lambda a, b: a[1] and not b[1])), of=swept.train,
-    )  # fmt: skip
+        trained,
+        dict(folder=str(tmp_path)),
+        dict(
+            algo="sac",
+            scene="steep",
+            steps=100,
+            n_envs=8,
+            seed=5,
+            folder=To(None, expect=lambda a, b: a[1] and not b[1]),
+        ),
+        of=swept.train,
+    )
     assert not missing({"train": call}, {"train"})
     for option in call.other:
         check(call, option)
-    names = {trained(folder=str(tmp_path), **other)[2] for other in (
-        {}, {"steps": 100}, {"n_envs": 8}, {"seed": 5}, {"slope": 0.01})}  # fmt: skip
+    names = {
+        trained(folder=str(tmp_path), **other)[2]
+        for other in ({}, {"steps": 100}, {"n_envs": 8}, {"seed": 5}, {"slope": 0.01})
+    }
     assert len(names) == 5  # each kept apart
     assert trained(slope=0.01)[0].env == {"slope": 0.01}
 

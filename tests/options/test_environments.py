@@ -1,4 +1,4 @@
-"""Every argument of every environment makes a difference in each of them, or none where it must not.
+"""Every argument of every environment makes a difference in each, or none where it must not.
 
 The arguments of a scene reach single and vector environments, that of stable-baselines3, that on
 tensors, and trainers, each by a way of its own.
@@ -59,7 +59,7 @@ OTHER = {
     "friction": To(0.01, ends("friction")),
     "knee_latch": To(1.0, ends("knee lock")),
     "scuff_depth": To(1.0, dict(scuff_depth=1e-6, max_hip_torque=0.0, **ends("scuffing"))),
-}  # fmt: skip
+}
 """Another value of each argument of a scene."""
 
 STEPS = 90
@@ -73,8 +73,14 @@ def pushing(count, of):
 
 def alone(*, scene="level", render_mode=None, seed=3, steps=STEPS, limit=None, **changes):
     """What one walker is told on its way."""
-    env = gym.make("PassiveWalker-v0", max_episode_steps=limit, scene=scene, disable_env_checker=True,
-                   render_mode=render_mode, **changes)  # fmt: skip
+    env = gym.make(
+        "PassiveWalker-v0",
+        max_episode_steps=limit,
+        scene=scene,
+        disable_env_checker=True,
+        render_mode=render_mode,
+        **changes,
+    )
     told = [env.reset(seed=seed)[0]]
     for actions in pushing(1, env.action_space.shape[0])[:steps]:
         told.append(env.step(actions[0]))
@@ -156,7 +162,9 @@ def test_a_scene_by_name_is_its_arguments(name):
 
 def rest(table, of):
     """What an environment takes besides its scene."""
-    return {name: value for name, value in table.items() if name in inspect.signature(of).parameters}
+    return {
+        name: value for name, value in table.items() if name in inspect.signature(of).parameters
+    }
 
 
 LATE = dict(max_episode_steps=20)
@@ -169,7 +177,7 @@ BESIDES = {
     "threads": To(1, same=True),
     "render_mode": "rgb_array",
     "seed": 4,
-}  # fmt: skip
+}
 TWO = {"walkers": ["C", "lab"], "slopes": [0.0, 0.02]}
 ENVIRONMENTS = {
     "PassiveWalkerEnv": (alone, {"render_mode": "rgb_array"}, PassiveWalkerEnv),
@@ -201,8 +209,12 @@ def test_everything_that_environments_take_is_tested():
     from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
     from gym_passive_walker.torch import PassiveWalkerTorchEnv
 
-    for of, also in ((PassiveWalkerEnv, set()), (PassiveWalkerVectorEnv, set()),
-                     (PassiveWalkerVecEnv, set()), (PassiveWalkerTorchEnv, {"device"})):  # fmt: skip
+    for of, also in (
+        (PassiveWalkerEnv, set()),
+        (PassiveWalkerVectorEnv, set()),
+        (PassiveWalkerVecEnv, set()),
+        (PassiveWalkerTorchEnv, {"device"}),
+    ):
         found = inspect.signature(of).parameters.values()
         names = {each.name for each in found if each.kind is not each.VAR_KEYWORD}
         assert names - {"scene"} <= {*BESIDES, *also}, of
@@ -292,32 +304,58 @@ def a_later_state(make):
 
 
 METHODS = {
-    "PassiveWalkerEnv.reset": Call(resets_alone, dict(seed=0), dict(seed=1, options=FROM),
-                                   of=PassiveWalkerEnv.reset),
-    "PassiveWalkerEnv.step": Call(lambda action: steps(single, action), dict(action=0.0),
-                                  dict(action=1.0), of=PassiveWalkerEnv.step),
-    "PassiveWalkerEnv.set_slope": Call(slopes_alone, dict(slope=0.01), dict(slope=0.02),
-                                       of=PassiveWalkerEnv.set_slope),
+    "PassiveWalkerEnv.reset": Call(
+        resets_alone, dict(seed=0), dict(seed=1, options=FROM), of=PassiveWalkerEnv.reset
+    ),
+    "PassiveWalkerEnv.step": Call(
+        lambda action: steps(single, action),
+        dict(action=0.0),
+        dict(action=1.0),
+        of=PassiveWalkerEnv.step,
+    ),
+    "PassiveWalkerEnv.set_slope": Call(
+        slopes_alone, dict(slope=0.01), dict(slope=0.02), of=PassiveWalkerEnv.set_slope
+    ),
     "PassiveWalkerEnv.charge_for": Call(
-        lambda energy: charges(single("level", energy="net"), energy), dict(energy=None),
-        dict(energy="absolute"), of=PassiveWalkerEnv.charge_for),
+        lambda energy: charges(single("level", energy="net"), energy),
+        dict(energy=None),
+        dict(energy="absolute"),
+        of=PassiveWalkerEnv.charge_for,
+    ),
     "PassiveWalkerEnv.set_state": Call(
-        lambda state: goes_on(single, state), dict(state=single().get_state()),
-        dict(state=a_later_state(single)), of=PassiveWalkerEnv.set_state),
-    "PassiveWalkerVectorEnv.reset": Call(resets, dict(seed=0), dict(seed=1, options=FROM),
-                                         of=PassiveWalkerVectorEnv.reset),
-    "PassiveWalkerVectorEnv.step": Call(lambda actions: steps(vector, actions), dict(actions=0.0),
-                                        dict(actions=1.0), of=PassiveWalkerVectorEnv.step),
+        lambda state: goes_on(single, state),
+        dict(state=single().get_state()),
+        dict(state=a_later_state(single)),
+        of=PassiveWalkerEnv.set_state,
+    ),
+    "PassiveWalkerVectorEnv.reset": Call(
+        resets, dict(seed=0), dict(seed=1, options=FROM), of=PassiveWalkerVectorEnv.reset
+    ),
+    "PassiveWalkerVectorEnv.step": Call(
+        lambda actions: steps(vector, actions),
+        dict(actions=0.0),
+        dict(actions=1.0),
+        of=PassiveWalkerVectorEnv.step,
+    ),
     "PassiveWalkerVectorEnv.set_slopes": Call(
-        slopes_together, dict(slopes=[0.01, 0.02, 0.03]), dict(slopes=0.02, mask=MASK),
-        of=PassiveWalkerVectorEnv.set_slopes),
+        slopes_together,
+        dict(slopes=[0.01, 0.02, 0.03]),
+        dict(slopes=0.02, mask=MASK),
+        of=PassiveWalkerVectorEnv.set_slopes,
+    ),
     "PassiveWalkerVectorEnv.charge_for": Call(
-        lambda energy: charges(vector(energy="net"), energy), dict(energy=None),
-        dict(energy="absolute"), of=PassiveWalkerVectorEnv.charge_for),
+        lambda energy: charges(vector(energy="net"), energy),
+        dict(energy=None),
+        dict(energy="absolute"),
+        of=PassiveWalkerVectorEnv.charge_for,
+    ),
     "PassiveWalkerVectorEnv.set_state": Call(
-        lambda state: goes_on(vector, state), dict(state=vector().get_state()),
-        dict(state=a_later_state(vector)), of=PassiveWalkerVectorEnv.set_state),
-}  # fmt: skip
+        lambda state: goes_on(vector, state),
+        dict(state=vector().get_state()),
+        dict(state=a_later_state(vector)),
+        of=PassiveWalkerVectorEnv.set_state,
+    ),
+}
 
 
 @pytest.mark.parametrize("name, option", cases(METHODS))
@@ -330,8 +368,11 @@ def test_every_argument_of_every_method_is_tested():
     for of in (PassiveWalkerEnv, PassiveWalkerVectorEnv):
         for name, function in vars(of).items():
             if not name.startswith("_") and inspect.isfunction(function):
-                kinds = [p for p in inspect.signature(function).parameters.values()
-                         if p.kind is not p.VAR_KEYWORD]  # fmt: skip
+                kinds = [
+                    p
+                    for p in inspect.signature(function).parameters.values()
+                    if p.kind is not p.VAR_KEYWORD
+                ]
                 found |= {f"{of.__name__}.{name}"} if len(kinds) > 1 else set()
     assert not missing(METHODS, found)
 
@@ -341,8 +382,10 @@ def test_every_argument_of_every_method_is_tested():
 def test_what_a_reset_is_asked_for_is_heard(make, option):
     if make is resets_on_tensors:
         pytest.importorskip("torch")
-    one, other = (make(seed=0, options={**FROM, "slope": 0.01, option: value})
-                  for value in (FROM.get(option, 0.01), OTHER_STATE[option]))  # fmt: skip
+    one, other = (
+        make(seed=0, options={**FROM, "slope": 0.01, option: value})
+        for value in (FROM.get(option, 0.01), OTHER_STATE[option])
+    )
     assert plain(one) != plain(other)
 
 
@@ -350,7 +393,9 @@ def test_slopes_and_charges_reach_walkers_of_stable_baselines3():
     pytest.importorskip("stable_baselines3")
     from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 
-    check(Call(slopes_in_sb3, dict(slopes=[0.01, 0.02, 0.03]), dict(slopes=0.02, mask=MASK)), "mask")
+    check(
+        Call(slopes_in_sb3, dict(slopes=[0.01, 0.02, 0.03]), dict(slopes=0.02, mask=MASK)), "mask"
+    )
     check(Call(slopes_in_sb3, dict(slopes=[0.01, 0.02, 0.03]), dict(slopes=0.02)), "slopes")
     check(Call(seeds, dict(seed=0, of=lambda: PassiveWalkerVecEnv(2)), dict(seed=1)), "seed")
 
@@ -374,25 +419,57 @@ def test_every_option_of_torch_is_heard():
     per_tick = dict(**of_lab, hip_torque=0.1, duration=0.1)
     later = doors.tick(**{**per_tick, "duration": 0.05})
     table = {
-        "stride": Call(doors.stride, of_lab, dict(
-            walker="lab-straight", slope=0.04, state=near, hip_torque=0.1,
-            parameters={"hip_mass": 0.5}, tolerance=1e-5,
-            longest=To(0.5, look=lambda told: told.outcome),
-            stub=To(True, dict(hip_torque=-0.04 * 7.0 * 9.81), look=lambda told: told.outcome))),
-        "tick": Call(doors.tick, per_tick, dict(
-            walker="lab-straight", slope=0.04, state=near, hip_torque=0.2, duration=0.2,
-            phase=To(1, dict(walker="lab", state=later.state)), parameters={"hip_mass": 0.5},
-            tolerance=1e-5,
-            stub=To(True, dict(hip_torque=-0.04 * 7.0 * 9.81, duration=5.0),
-                    look=lambda told: told.outcome))),
-        "standing": Call(doors.standing, dict(scene="level", seed=0), dict(
-            scene="steep", count=3, seed=1, parameters={"hip_mass": 0.5})),
+        "stride": Call(
+            doors.stride,
+            of_lab,
+            dict(
+                walker="lab-straight",
+                slope=0.04,
+                state=near,
+                hip_torque=0.1,
+                parameters={"hip_mass": 0.5},
+                tolerance=1e-5,
+                longest=To(0.5, look=lambda told: told.outcome),
+                stub=To(True, dict(hip_torque=-0.04 * 7.0 * 9.81), look=lambda told: told.outcome),
+            ),
+        ),
+        "tick": Call(
+            doors.tick,
+            per_tick,
+            dict(
+                walker="lab-straight",
+                slope=0.04,
+                state=near,
+                hip_torque=0.2,
+                duration=0.2,
+                phase=To(1, dict(walker="lab", state=later.state)),
+                parameters={"hip_mass": 0.5},
+                tolerance=1e-5,
+                stub=To(
+                    True,
+                    dict(hip_torque=-0.04 * 7.0 * 9.81, duration=5.0),
+                    look=lambda told: told.outcome,
+                ),
+            ),
+        ),
+        "standing": Call(
+            doors.standing,
+            dict(scene="level", seed=0),
+            dict(scene="steep", count=3, seed=1, parameters={"hip_mass": 0.5}),
+        ),
         "rollout": Call(
             doors.rollout,
             dict(policy=lambda seen: seen[:, 0], scene="level", horizon=3, count=2, seed=0),
-            dict(policy=lambda seen: seen[:, 1], scene=make_scene("level", tick=0.2), horizon=4,
-                 count=3, seed=1, start=doors.standing("level", 2, seed=5))),
-    }  # fmt: skip
+            dict(
+                policy=lambda seen: seen[:, 1],
+                scene=make_scene("level", tick=0.2),
+                horizon=4,
+                count=3,
+                seed=1,
+                start=doors.standing("level", 2, seed=5),
+            ),
+        ),
+    }
     functions = {x for x in doors.__all__ if inspect.isfunction(getattr(doors, x))}
     assert not missing(table, functions)
     for name, option in cases(table):
