@@ -17,6 +17,7 @@ from gym_passive_walker.viewer.__main__ import add_arguments
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*:ResourceWarning")
 
+BUMPY = "--terrain rough:height_std=0.02"
 NEAR = "--state 0.3 -0.3 -0.3 -1.2 -0.8 -1.0"
 TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
     "walkers": ("", {}),
@@ -131,8 +132,8 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
             "torque": "lab 0.036 --strides 1 --out w.png --torque 0.5",
             "terrain": "lab 0.036 --strides 1 --out w.png --terrain stairs:rise=-0.02",
             "key": (
-                "lab 0.036 --strides 1 --out w.png --terrain rough:height_std=.02",
-                "lab 0.036 --strides 1 --out w.png --terrain rough:height_std=.02 --key 1",
+                f"lab 0.036 --strides 1 --out w.png {BUMPY}",
+                f"lab 0.036 --strides 1 --out w.png {BUMPY} --key 1",
             ),
             "out": "lab 0.036 --strides 1 --out other.png",
         },
@@ -155,8 +156,8 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
             "torque": "D 0.009 --strides 1 --slower 0.1 --out w.gif --torque 0.5",
             "terrain": "D 0.009 --strides 1 --slower 0.1 --out w.gif --terrain stairs:rise=-0.02",
             "key": (
-                "D 0.009 --strides 1 --slower .1 --out w.gif --terrain rough:height_std=.02",
-                "D 0.009 --strides 1 --slower .1 --out w.gif --terrain rough:height_std=.02 --key 1",
+                f"D 0.009 --strides 1 --slower 0.1 --out w.gif {BUMPY}",
+                f"D 0.009 --strides 1 --slower 0.1 --out w.gif {BUMPY} --key 1",
             ),
             "out": "D 0.009 --strides 1 --slower 0.1 --out other.gif",
             "slower": "D 0.009 --strides 1 --slower 0.2 --out w.gif",
