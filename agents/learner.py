@@ -10,6 +10,7 @@ import inspect
 import io
 import json
 from collections.abc import Callable, Mapping
+from copy import deepcopy
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, get_args
@@ -106,13 +107,16 @@ def _schedule(rate: float | str) -> float | Callable[[float], float]:
 
 
 def _with_activation(policy: dict[str, Any] | None) -> dict[str, Any] | None:
-    """A policy's arguments with the activation that their text names: "nn.ReLU"."""
+    """A policy's arguments with the activation that their text names: "nn.ReLU".
+
+    They are a copy: algorithms write into theirs, and a preset's serve others too.
+    """
     if policy is None or "activation_fn" not in policy:
-        return policy
+        return deepcopy(policy)
     name = str(policy["activation_fn"]).removeprefix("nn.")
     if name not in ACTIVATIONS:
         raise ConfigError(f"no activation {name!r}: choose from {', '.join(ACTIVATIONS)}")
-    return policy | {"activation_fn": getattr(torch.nn, name)}
+    return deepcopy(policy) | {"activation_fn": getattr(torch.nn, name)}
 
 
 def restore_weights(model: BaseAlgorithm, path: Path) -> None:

@@ -95,10 +95,40 @@ _CONCERNING = {
 """Tests of its own room that concern a module, the likeliest to notice first."""
 
 
+_OPTIONS = {
+    "agents": "tests/options/test_agents.py",
+    "cli": "tests/options/test_commands.py",
+    "envs": "tests/options/test_environments.py",
+    "torch": "tests/options/test_environments.py",
+}
+"""Tests of the options of a room; functions and objects of the others are in `_PUBLIC`."""
+
+_PUBLIC = ["tests/options/test_functions.py", "tests/options/test_objects.py"]
+_BESIDES = {
+    "agents/first_order": "reference first_order",
+    "agents/ppo_fast": "reference ppo_fast",
+    "envs/fates": "streams",
+    "gaits/terrain": "envs/streams",
+}
+_EVERYWHERE = "permutations streams"
+"""Tests of environments that concern each module of theirs, after its own."""
+
+
 def tests_of(file: str) -> list[str]:
-    """The tests that concern a module, in the order in which they are likely to notice."""
+    """The tests that concern a module, in the order in which they are likely to notice.
+
+    Those of a module that is not listed are all of its room; tests of options come last.
+    """
     if file in CHANGED:
         return CHANGED[file]
     room = file.split("/")[0]
-    names = (name if "/" in name else f"{room}/{name}" for name in _CONCERNING[file].split())
-    return [f"tests/{Path(name).parent}/test_{Path(name).name}.py" for name in names]
+    named = f"{_CONCERNING.get(file, '')} {_BESIDES.get(file, '')}".split()
+    named += _EVERYWHERE.split() * (room == "envs")
+    names = (name if "/" in name else f"{room}/{name}" for name in dict.fromkeys(named))
+    tests = [f"tests/{Path(name).parent}/test_{Path(name).name}.py" for name in names]
+    if file not in _CONCERNING:
+        tests += [f"tests/{room}"]
+    options = [_OPTIONS[room]] if room in _OPTIONS else _PUBLIC
+    if file == "train":
+        tests, options = ["tests/agents/test_command_line.py"], [_OPTIONS["agents"]]
+    return list(dict.fromkeys([*tests, *options]))

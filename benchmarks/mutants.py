@@ -138,7 +138,8 @@ class Finder(ast.NodeVisitor):
 
 def path_of(file: str) -> Path:
     """A module's path within the tree."""
-    return Path("" if file.startswith("agents/") else PACKAGE) / f"{file}.py"
+    beside = file == "train" or file.startswith("agents/")
+    return Path("" if beside else PACKAGE) / f"{file}.py"
 
 
 def mutants(file: str) -> list[Mutant]:

@@ -397,7 +397,8 @@ class _Tries:
         began = np.abs(units.to_dimensionless(starts) - gait)[:, [0, 3, 4, 5]].max(axis=1)
         near = np.all(away <= 0.1 * began.max(), axis=0)  # walkers that fell are not
         far = np.flatnonzero(~near)
-        return math.inf if len(far) and far[-1] == _ANSWERS - 1 else float(len(far) and far[-1] + 2)
+        last = far[-1] if len(far) else -1  # index of the last stride after which they are not
+        return math.inf if last == _ANSWERS - 1 else float(last + 2)
 
 
 def _largest(survived: Any, ones: NDArray, most: float) -> NDArray[np.float64]:

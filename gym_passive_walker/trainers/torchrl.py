@@ -28,10 +28,11 @@ class TorchRlWalkers(EnvBase):
         super().__init__(device=self.walkers.device, batch_size=torch.Size([num_envs]))
         size, space = (num_envs,), self.walkers.observation_space
         low, high = (torch.tensor(x).expand(num_envs, -1) for x in (space.low, space.high))
-        flag = Binary(n=1, shape=(*size, 1), dtype=torch.bool)
+        one = torch.Size((num_envs, 1))
+        flag = Binary(n=1, shape=one, dtype=torch.bool)
         self.observation_spec = Composite(observation=Bounded(low=low, high=high), shape=size)
-        self.action_spec = Bounded(low=-1.0, high=1.0, shape=(*size, 1), dtype=torch.float32)
-        self.reward_spec = Unbounded(shape=(*size, 1), dtype=torch.float32)
+        self.action_spec = Bounded(low=-1.0, high=1.0, shape=one, dtype=torch.float32)
+        self.reward_spec = Unbounded(shape=one, dtype=torch.float32)
         self.done_spec = Composite(done=flag, terminated=flag, truncated=flag, shape=size)
         self._next_seed = seed
 

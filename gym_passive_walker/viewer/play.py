@@ -46,6 +46,7 @@ def play(
         ValueError: if an argument is out of its range; subclasses say which (`WalkerError`,
             `SceneError`, `PolicyError`).
         ImportError: if pygame is not installed, or moviepy for a film.
+        OSError: if the film or the picture cannot be written.
     """
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "hide")
     with extra("render"):

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.control.robustness import AFTER, _largest, robustness
+from gym_passive_walker.control.baselines import Passive
+from gym_passive_walker.control.robustness import AFTER, _largest, _Tries, robustness
 from gym_passive_walker.engine.run import LONGEST_STRIDE, advance, new_records
+from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.physics.hybrid import State
 from gym_passive_walker.physics.systems import bodies, body_of
@@ -178,3 +181,47 @@ def test_what_is_put_in_the_way_needs_a_scene_that_has_it():
         worlds.batch.put_in_the_way(ledges=0.01)
     with pytest.raises(ValueError, match="pushes"):
         worlds.batch.put_in_the_way(impulses=[0.0, 0.01])
+
+
+@pytest.mark.parametrize("threshold", [3e-4, 0.0123, 0.31, 0.987])
+def test_the_largest_size_is_just_below_the_first_that_is_not_survived(threshold):
+    """To a hundredth, never above it; and an island beyond it does not count."""
+    for island in (0.0, 0.3 * threshold):
+
+        def survived(sizes, beyond=2.2 * threshold, island=island):
+            return (sizes < threshold) | ((sizes > beyond) & (sizes < beyond + island))
+
+        found = _largest(survived, np.ones(2), 1.0)
+        assert np.all(found <= threshold)
+        np.testing.assert_allclose(found, threshold, rtol=0.01)
+
+
+def test_the_largest_size_is_all_that_was_tried_or_nothing():
+    np.testing.assert_array_equal(_largest(lambda x: x >= 0.0, np.ones(3), 0.5), 0.5)
+    np.testing.assert_array_equal(_largest(lambda x: x < 0.0, np.ones(3), 0.5), 0.0)
+
+
+@pytest.mark.parametrize(
+    ("share", "strides"), [(0.05, 1), (0.2, 2), (0.4, 3), (0.5, 4), (0.9, 22), (1.0, np.inf)]
+)
+def test_recovery_is_the_number_of_strides_after_which_an_error_is_a_tenth(share, strides):
+    """Of errors that shrink by the same share in each stride."""
+    tries = _Tries(Passive(), make_scene("lab"))
+    tries.gait = gpw.find_gait("lab", 0.036).state
+
+    def walk(starts, count):
+        errors = (starts - tries.gait)[:, None] * share ** np.arange(1, count + 1)[:, None]
+        return SimpleNamespace(states=tries.gait + errors)
+
+    tries.walk = walk
+    assert tries.recovery(0) == strides
+
+
+@pytest.mark.parametrize("short", [0, 1, 2])
+def test_a_start_is_recovered_from_that_is_walked_on_for_all_strides(short):
+    tries = _Tries(Passive(), make_scene("lab"))
+    tries.gait = gpw.find_gait("lab", 0.036).state
+    made = np.full(16, AFTER)
+    made[:4] -= short
+    tries.walk = lambda starts, strides: SimpleNamespace(made=made)
+    assert tries.recovered(0.3, 16, 0)[0] == (1.0 if short == 0 else 0.75)

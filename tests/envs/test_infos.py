@@ -38,6 +38,12 @@ LOOKS = {
 }
 
 
+def test_a_wrapper_may_make_another_of_converted_values():
+    infos = Infos(lambda: CONTENT, distance=0.25)
+    converted = type(infos)(**{name: str(value) for name, value in infos.items()})
+    assert converted == {"distance": "0.25", "strides": "3"}
+
+
 @pytest.mark.parametrize("look", LOOKS)
 def test_whoever_looks_first_finds_all(look):
     made = []

@@ -1,0 +1,304 @@
+"""Who walks where in a batch changes nothing: a permuted batch gives the permuted results.
+
+Walkers, places in the batch, seeds, slopes and motors are exchanged, and each walk stays what it
+was to the last bit.
+"""
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.control.baselines import LinearFeedback
+from gym_passive_walker.control.closed_loop import policy_strides
+from gym_passive_walker.control.motion import Motion
+from gym_passive_walker.control.ticks import ticked_strides
+from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+
+COUNT, STEPS = 7, 60
+ORDER = np.array([3, 0, 6, 1, 5, 2, 4])
+SEEDS = [5, 17, 3, 99, 12, 40, 8]
+OTHER = {"preset": "C", "hip_mass": 0.3}
+WALKERS = ["C", "lab", "C", OTHER, "lab", "C", OTHER]
+SLOPES = [0.0, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06]
+EVERYTHING = {
+    "terrain": {"rough": {"height_std": 0.002, "slope_std": 0.004}},
+    "preview": 1,
+    "pushes": {"rate": 0.5, "impulse": (-0.03, 0.03)},
+    "sensor_noise": 0.01,
+    "motor_noise": 0.2,
+    "motor_delay": 2,
+    "command": (0.1, 0.2),
+    "reality": {"friction": "end", "contact": "report"},
+}
+KINDS = {
+    "plain": {},
+    "range of slopes": {"slope": (0.0, 0.06)},
+    "one action a stride": {"scene": "steep"},
+    "varied walkers": {"randomise": {"foot_radius": 0.1, "hip_mass": 0.1}},
+    "everything": EVERYTHING,
+    "everything varied": {**EVERYTHING, "randomise": {"foot_radius": 0.1}, "slope": (0.0, 0.04)},
+    "two motors": {"actions": ("push_off", "hip"), "walker": "E", "slope": 0.02},
+    "walkers and slopes": {"walkers": WALKERS, "slopes": SLOPES},
+}
+ACTIONS = np.random.default_rng(2).uniform(-1.0, 1.0, (STEPS, COUNT, 2)).astype(np.float32)
+
+
+def permuted(arguments, order):
+    """The arguments of a batch whose walkers stand in another order."""
+    mixed = dict(arguments)
+    for name in ("walkers", "slopes"):
+        if name in mixed:
+            mixed[name] = [mixed[name][i] for i in order]
+    return mixed
+
+
+def table(values, names):
+    """What is told of each walker, a column for each name."""
+    return {name: values[name] for name in names if name in values and not name.startswith("_")}
+
+
+def same(found, expected, order):
+    for name in expected:
+        np.testing.assert_array_equal(found[name], expected[name][order], err_msg=name)
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_walkers_of_a_vector_environment_may_stand_in_any_order(kind, mode):
+    usual, mixed = (
+        PassiveWalkerVectorEnv(
+            COUNT, max_episode_steps=25, autoreset_mode=mode, **permuted(KINDS[kind], order)
+        )
+        for order in (np.arange(COUNT), ORDER)
+    )
+    first, _ = usual.reset(seed=SEEDS)
+    other, _ = mixed.reset(seed=[SEEDS[i] for i in ORDER])
+    np.testing.assert_array_equal(other, first[ORDER])
+    width = usual.single_action_space.shape[0]
+    for actions in ACTIONS[:, :, :width]:
+        *told, infos = usual.step(actions)
+        *others, others_infos = mixed.step(actions[ORDER])
+        for found, expected in zip(others, told, strict=True):
+            np.testing.assert_array_equal(found, expected[ORDER])
+        same(
+            dict(others_infos), table(dict(infos), dict(infos)), ORDER
+        ) if mode == "NextStep" else 0
+    np.testing.assert_array_equal(mixed.states, usual.states[ORDER])
+    assert mixed.walkers == [usual.walkers[i] for i in ORDER]
+    np.testing.assert_array_equal(mixed.slopes, usual.slopes[ORDER])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_walkers_on_tensors_may_stand_in_any_order(kind):
+    torch = pytest.importorskip("torch")
+    from gym_passive_walker.torch import PassiveWalkerTorchEnv
+
+    usual, mixed = (
+        PassiveWalkerTorchEnv(COUNT, max_episode_steps=25, **permuted(KINDS[kind], order))
+        for order in (np.arange(COUNT), ORDER)
+    )
+    first, _ = usual.reset(seed=SEEDS)
+    other, _ = mixed.reset(seed=[SEEDS[i] for i in ORDER])
+    assert torch.equal(other, first[ORDER])
+    for actions in torch.from_numpy(ACTIONS[:, :, : usual.action_space.shape[0]]):
+        *told, infos = usual.step(actions)
+        *others, others_infos = mixed.step(actions[ORDER])
+        for found, expected in zip(others, told, strict=True):
+            assert torch.equal(found, expected[ORDER])
+        assert infos.keys() == others_infos.keys()
+        for name, values in infos.items():
+            assert torch.equal(others_infos[name], values[ORDER]), name
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_walkers_of_stable_baselines3_may_stand_in_any_order(kind):
+    pytest.importorskip("stable_baselines3")
+    from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
+
+    told = []
+    for order in (np.arange(COUNT), ORDER):
+        env = PassiveWalkerVecEnv(COUNT, max_episode_steps=25, **permuted(KINDS[kind], order))
+        env._seeds = [SEEDS[i] for i in order]
+        steps = [env.reset()]
+        for actions in ACTIONS[:, :, : env.action_space.shape[0]]:
+            observations, rewards, dones, infos = env.step(actions[order])
+            ends = [info.get("terminal_observation", np.zeros(1)).tolist() for info in infos]
+            late = [info.get("TimeLimit.truncated") for info in infos]
+            outcomes = [info.get("outcome") for info in infos]
+            steps.append((observations, rewards, dones, ends, late, outcomes))
+        told.append(steps)
+    usual, mixed = told
+    np.testing.assert_array_equal(mixed[0], usual[0][ORDER])
+    for found, expected in zip(mixed[1:], usual[1:], strict=True):
+        for x, y in zip(found, expected, strict=True):
+            assert list(map(str, x)) == [str(y[i]) for i in ORDER]
+
+
+SOME = np.array([False, True, False, True, True, False, True])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_reset_of_some_takes_each_one_s_own_seed_state_and_slope(kind):
+    """The seed belongs to the environment, not to its place among those that are reset."""
+    arguments = KINDS[kind]
+    env = PassiveWalkerVectorEnv(COUNT, autoreset_mode="Disabled", **arguments)
+    whole = PassiveWalkerVectorEnv(COUNT, autoreset_mode="Disabled", **arguments)
+    first, _ = env.reset(seed=1000)
+    later = [None if i % 3 == 0 else 50 + 7 * i for i in range(COUNT)]
+    later = [seed if SOME[i] else 12345 for i, seed in enumerate(later)]
+    found, _ = env.reset(seed=later, options={"reset_mask": SOME})
+    np.testing.assert_array_equal(found[~SOME], first[~SOME])
+    whole.reset(seed=1000)  # those without a seed go on with the numbers that they have
+    expected, _ = whole.reset(seed=later)
+    np.testing.assert_array_equal(found[SOME], expected[SOME])
+    assert not np.array_equal(found[SOME], first[SOME])
+    slopes = np.linspace(0.01, 0.03, COUNT)
+    states = np.tile([0.3, -0.3, -0.3, -1.2, -0.8, -0.8], (COUNT, 1))
+    states[:, 0] += 0.01 * np.arange(COUNT)
+    asked = {"state": states, "slope": slopes}
+    before = env.states
+    env.reset(options={"reset_mask": SOME, **asked})
+    np.testing.assert_array_equal(env.states[~SOME], before[~SOME])
+    np.testing.assert_allclose(env.states[SOME, 0], states[SOME, 0], rtol=1e-12)
+    tilted = env.batch.disturbances.fates["tilt"] if env.batch.disturbances else 0.0
+    np.testing.assert_allclose(env.slopes[SOME], (slopes + tilted)[SOME], rtol=1e-12)
+
+
+def test_new_slopes_for_some_are_each_one_s_own():
+    env = PassiveWalkerVectorEnv(COUNT, slope=0.01)
+    env.reset(seed=0)
+    slopes = np.linspace(0.02, 0.05, COUNT)
+    seen = env.set_slopes(slopes, SOME)
+    np.testing.assert_array_equal(env.slopes, np.where(SOME, slopes, 0.01))
+    np.testing.assert_array_equal(seen[:, 7], np.where(SOME, slopes, 0.01).astype(np.float32))
+
+
+@pytest.mark.parametrize(
+    "actions",
+    [("push_off", "hip"), ("push_off", "ankle", "hip"), ("ankle", "hip"), ("hip", "push_off")],
+)
+@pytest.mark.parametrize("disturbed", [False, True])
+def test_motors_may_be_named_in_any_order(actions, disturbed):
+    """Each number of an action goes to the motor that stands at its place."""
+    usual = tuple(name for name in ("hip", "ankle", "push_off") if name in actions)
+    place = [usual.index(name) for name in actions]
+    scene = {
+        "walker": "E",
+        "slope": 0.02,
+        "max_hip_torque": 0.02,
+        "max_ankle_torque": 0.003,
+        "max_push_off": 0.01,
+        "tick": 0.5,
+    } | ({"motor_delay": 2, "command": 0.1} if disturbed else {})
+    walks = []
+    for names, order in ((usual, np.arange(len(usual))), (actions, place)):
+        env = PassiveWalkerVectorEnv(3, actions=names, **scene)
+        steps = [env.reset(seed=4)[0]]
+        draws = np.random.default_rng(0).uniform(-1.0, 1.0, (40, 3, len(usual)))
+        for draw in draws.astype(np.float32):
+            *told, infos = env.step(draw[:, order])
+            steps.append([*told, *(infos[name] for name in sorted(infos))])
+        walks.append(steps)
+    for one, other in zip(*walks, strict=True):
+        for x, y in zip(one, other, strict=True):
+            np.testing.assert_array_equal(x, y)
+
+
+def test_each_motor_works_by_its_own_number():
+    """One number alone drives, and its own work and nobody else's is told."""
+    names = ("push_off", "ankle", "hip")
+    for place, name in enumerate(names):
+        env = PassiveWalkerVectorEnv(
+            1,
+            walker="E",
+            slope=0.02,
+            control="stride",
+            actions=names,
+            perturbation=0.0,
+            max_hip_torque=0.003,
+            max_ankle_torque=0.003,
+            max_push_off=0.01,
+        )
+        env.reset(seed=0)
+        action = np.zeros((1, 3), np.float32)
+        action[0, place] = 1.0
+        infos = env.step(action)[-1]
+        assert infos["outcome"][0] == "heelstrike"
+        told = {each for each in ("hip", "ankle", "push_off") if infos[f"{each}_cost"][0] != 0.0}
+        assert told == {name}
+
+
+# Strides.
+
+
+def tables(walker, count=9):
+    """States and everything else that a stride may take, each walker's own."""
+    rng = np.random.default_rng(5)
+    gait = gpw.find_gait(walker, 0.02)
+    point = gpw.WALKERS[walker].foot_radius == 0.0
+    return {
+        "state": gait.state * (1.0 + 0.02 * rng.uniform(-1.0, 1.0, (count, 6))),
+        "slope": rng.uniform(0.015, 0.025, count),
+        "hip_torque": 0.01 * rng.uniform(-1.0, 1.0, count),
+        "push_off": 0.01 * rng.uniform(0.0, 1.0, count),
+        "rise": 0.001 * rng.uniform(-1.0, 1.0, count),
+        "turn": 0.002 * rng.uniform(-1.0, 1.0, count),
+    } | ({"ankle_torque": 0.003 * rng.uniform(-1.0, 1.0, count)} if point else {})
+
+
+@pytest.mark.parametrize("walker", ["C", "lab-straight", "E", "lab"])
+def test_strides_of_arrays_are_each_walker_s_own_in_any_order(walker):
+    told = tables(walker)
+    count = len(told["slope"])
+    order = np.random.default_rng(1).permutation(count)
+    whole = gpw.stride(walker, **told)
+    mixed = gpw.stride(walker, **{name: values[order] for name, values in told.items()})
+    alone = [gpw.stride(walker, **{name: x[i] for name, x in told.items()}) for i in range(count)]
+    for name in whole._fields:
+        values = np.asarray(getattr(whole, name))
+        if values.ndim:
+            np.testing.assert_array_equal(getattr(mixed, name), values[order], err_msg=name)
+            np.testing.assert_array_equal([getattr(x, name) for x in alone], values, err_msg=name)
+
+
+def test_torch_strides_are_each_walker_s_own_in_any_order():
+    torch = pytest.importorskip("torch")
+    from gym_passive_walker.torch import stride, tick
+
+    told = {
+        x: torch.from_numpy(y)
+        for x, y in tables("lab").items()
+        if x in ("state", "slope", "hip_torque")
+    }
+    order = torch.randperm(9, generator=torch.Generator().manual_seed(0))
+    masses = torch.linspace(0.1, 0.5, 9, dtype=torch.float64)
+    spans = torch.linspace(0.1, 1.2, 9, dtype=torch.float64)
+    for door, each in ((stride, {}), (tick, {"duration": spans})):
+        whole = door("lab", **told, parameters={"hip_mass": masses}, **each)
+        mixed = door(
+            "lab",
+            **{x: y[order] for x, y in (told | each).items()},
+            parameters={"hip_mass": masses[order]},
+        )
+        for name in whole._fields:
+            expected, found = getattr(whole, name)[order], getattr(mixed, name)
+            assert torch.equal(torch.nan_to_num(found), torch.nan_to_num(expected)), name
+
+
+def test_strides_under_a_policy_and_of_ticks_are_each_walker_s_own_in_any_order():
+    policy, scene = LinearFeedback("steep"), make_scene("steep")
+    starts = policy.gait.state[[0, 3, 4, 5]] * [1.0, *[scene.walker.time_unit] * 3]
+    points = starts * (1.0 + 0.01 * np.random.default_rng(0).uniform(-1.0, 1.0, (6, 4)))
+    order = np.array([2, 5, 0, 1, 4, 3])
+    whole, mixed = (policy_strides(policy, scene, 0.11, x, 3) for x in (points, points[order]))
+    for name in ("ends", "length", "duration"):
+        np.testing.assert_array_equal(getattr(mixed, name), getattr(whole, name)[order])
+    torques = 0.003 * np.random.default_rng(1).uniform(-1.0, 1.0, (6, 8))
+    motion, slopes = Motion(walker=scene.walker), np.linspace(0.1, 0.11, 6)
+    whole = ticked_strides(motion, slopes, points, torques, tick=0.5)
+    mixed = ticked_strides(motion, slopes[order], points[order], torques[order], tick=0.5)
+    for name in whole._fields:
+        np.testing.assert_array_equal(
+            getattr(mixed, name), np.asarray(getattr(whole, name))[order], err_msg=name
+        )

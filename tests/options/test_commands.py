@@ -1,0 +1,284 @@
+"""Every option of every command makes a difference: of `passive-walker`, `train.py`, the viewer."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.cli import COMMANDS, main, parser
+from gym_passive_walker.cli.report import plain
+from gym_passive_walker.viewer.__main__ import add_arguments
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*:ResourceWarning")
+
+BUMPY = "--terrain rough:height_std=0.02"
+NEAR = "--state 0.3 -0.3 -0.3 -1.2 -0.8 -1.0"
+TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
+    "walkers": ("", {}),
+    "gait": (
+        "C 0.03",
+        {
+            "walker": "lab 0.03",
+            "slope": "C 0.04",
+            "tune": "C 0.03 --tune",
+            "period": ("D 0.016", "D 0.016 --period 2"),
+        },
+    ),
+    "family": (
+        "D 0.008 0.01",
+        {
+            "walker": "E 0.008 0.01",
+            "low": "D 0.009 0.01",
+            "high": "D 0.008 0.012",
+            "tune": ("C 0.02 0.03", "C 0.02 0.03 --tune"),
+            "kind": "D 0.008 0.01 --kind short",
+        },
+    ),
+    "bifurcation": (
+        "D 0.012 0.0155 --slopes 2 --settle 9 --keep 33",
+        {
+            "walker": "E 0.012 0.0155 --slopes 2 --settle 9 --keep 33",
+            "low": "D 0.013 0.0155 --slopes 2 --settle 9 --keep 33",
+            "high": "D 0.012 0.016 --slopes 2 --settle 9 --keep 33",
+            "tune": (
+                "C 0.02 0.03 --slopes 2 --settle 9 --keep 33",
+                "C 0.02 0.03 --slopes 2 --settle 9 --keep 33 --tune",
+            ),
+            "slopes": "D 0.012 0.0155 --slopes 3 --settle 9 --keep 33",
+            "settle": "D 0.012 0.0155 --slopes 2 --settle 10 --keep 33",
+            "keep": "D 0.012 0.0155 --slopes 2 --settle 9 --keep 34",
+            "kind": "D 0.012 0.0155 --slopes 2 --settle 9 --keep 33 --kind short",
+        },
+    ),
+    "basin": (
+        "D 0.009 --resolution 5 --strides 30",
+        {
+            "walker": "E 0.009 --resolution 5 --strides 30",
+            "slope": "D 0.01 --resolution 5 --strides 30",
+            "tune": (
+                "C 0.018 --resolution 5 --strides 30",
+                "C 0.018 --resolution 5 --strides 30 --tune",
+            ),
+            "resolution": "D 0.009 --resolution 6 --strides 30",
+            "strides": "D 0.009 --resolution 5 --strides 3",
+        },
+    ),
+    "check": (
+        "C 0.03",
+        {
+            "walker": "lab 0.03",
+            "slope": "C 0.04",
+            "tune": "C 0.03 --tune",
+            "kind": "C 0.03 --kind short",
+            "friction": "C 0.03 --friction 0.01",
+        },
+    ),
+    "robustness": (
+        "D --slope 0.009 --walkers 4 --strides 9 --roughness 2e-4",
+        {
+            "who": "lab --slope 0.036 --walkers 4 --strides 9 --roughness 2e-4",
+            "scene": (
+                "lab --slope 0.036 --walkers 4 --strides 9",
+                "lab --scene lab --slope 0.036 --walkers 4 --strides 9",
+            ),
+            "slope": "D --slope 0.01 --walkers 4 --strides 9 --roughness 2e-4",
+            "roughness": "D --slope 0.009 --walkers 4 --strides 9 --roughness 1e-3",
+            "strides": "D --slope 0.009 --walkers 4 --strides 19 --roughness 2e-4",
+            "walkers": "D --slope 0.009 --walkers 9 --strides 9 --roughness 2e-4",
+            "seed": "D --slope 0.009 --walkers 4 --strides 9 --roughness 2e-4 --seed 1",
+            "out": "D --slope 0.009 --walkers 4 --strides 9 --roughness 2e-4 --out r.png",
+        },
+    ),
+    "simulate": (
+        "lab 0.036 --strides 2 --out w.csv",
+        {
+            "walker": "C 0.036 --strides 2 --out w.csv",
+            "slope": "lab 0.037 --strides 2 --out w.csv",
+            "tune": ("C 0.03 --strides 2 --out w.csv", "C 0.03 --strides 2 --out w.csv --tune"),
+            "kind": (
+                "C 0.03 --strides 2 --out w.csv",
+                "C 0.03 --strides 2 --out w.csv --kind short",
+            ),
+            "strides": "lab 0.036 --strides 3 --out w.csv",
+            "state": f"lab 0.036 --strides 2 --out w.csv {NEAR}",
+            "torque": "lab 0.036 --strides 2 --out w.csv --torque 0.1",
+            "terrain": "lab 0.036 --strides 2 --out w.csv --terrain stairs:rise=-0.001",
+            "key": (
+                "lab 0.036 --strides 2 --out w.csv --terrain rough:height_std=1e-3",
+                "lab 0.036 --strides 2 --out w.csv --terrain rough:height_std=1e-3 --key 1",
+            ),
+            "samples": "lab 0.036 --strides 2 --out w.csv --samples 9",
+            "out": "lab 0.036 --strides 2 --out other.csv",
+        },
+    ),
+    "strobe": (
+        "lab 0.036 --strides 1 --out w.png",
+        {
+            "walker": "C 0.036 --strides 1 --out w.png",
+            "slope": "lab 0.05 --strides 1 --out w.png",
+            "tune": ("C 0.03 --strides 1 --out w.png", "C 0.03 --strides 1 --out w.png --tune"),
+            "kind": (
+                "C 0.03 --strides 1 --out w.png",
+                "C 0.03 --strides 1 --out w.png --kind short",
+            ),
+            "strides": "lab 0.036 --strides 2 --out w.png",
+            "state": f"lab 0.036 --strides 1 --out w.png {NEAR}",
+            "torque": "lab 0.036 --strides 1 --out w.png --torque 0.5",
+            "terrain": "lab 0.036 --strides 1 --out w.png --terrain stairs:rise=-0.02",
+            "key": (
+                f"lab 0.036 --strides 1 --out w.png {BUMPY}",
+                f"lab 0.036 --strides 1 --out w.png {BUMPY} --key 1",
+            ),
+            "out": "lab 0.036 --strides 1 --out other.png",
+        },
+    ),
+    "video": (
+        "D 0.009 --strides 1 --slower 0.1 --out w.gif",
+        {
+            "walker": "E 0.009 --strides 1 --slower 0.1 --out w.gif",
+            "slope": "D 0.018 --strides 1 --slower 0.1 --out w.gif",
+            "tune": (
+                "C 0.03 --strides 1 --slower 0.1 --out w.gif",
+                "C 0.03 --strides 1 --slower 0.1 --out w.gif --tune",
+            ),
+            "kind": (
+                "C 0.03 --strides 1 --slower 0.1 --out w.gif",
+                "C 0.03 --strides 1 --slower 0.1 --out w.gif --kind short",
+            ),
+            "strides": "D 0.009 --strides 2 --slower 0.1 --out w.gif",
+            "state": f"D 0.009 --strides 1 --slower 0.1 --out w.gif {NEAR}",
+            "torque": "D 0.009 --strides 1 --slower 0.1 --out w.gif --torque 0.5",
+            "terrain": "D 0.009 --strides 1 --slower 0.1 --out w.gif --terrain stairs:rise=-0.02",
+            "key": (
+                f"D 0.009 --strides 1 --slower 0.1 --out w.gif {BUMPY}",
+                f"D 0.009 --strides 1 --slower 0.1 --out w.gif {BUMPY} --key 1",
+            ),
+            "out": "D 0.009 --strides 1 --slower 0.1 --out other.gif",
+            "slower": "D 0.009 --strides 1 --slower 0.2 --out w.gif",
+        },
+    ),
+    "figures": ("4.6", {"names": "4.10", "out": "4.6 --out there"}),
+    "evaluate": (
+        "steep-ppo --episodes 1",
+        {
+            "policy": "steep-sac --episodes 1",
+            "scene": "steep-ppo --scene level --episodes 1",
+            "walker": "steep-ppo --episodes 1 --walker B",
+            "slope": "steep-ppo --episodes 1 --slope 0.1",
+            "terrain": "steep-ppo --episodes 1 --terrain rough:height_std=0.002",
+            "episodes": "steep-ppo --episodes 2",
+            "seed": "steep-ppo --episodes 1 --seed 7",
+        },
+    ),
+    "play": (
+        "lab 0.036 --seconds 0.1 --film f.gif",
+        {
+            "walker": "C 0.036 --seconds 0.1 --film f.gif",
+            "slope": "lab 0.02 --seconds 0.1 --film f.gif",
+            "policy": "lab 0.036 --seconds 0.1 --film f.gif --policy lab-ppo",
+            "seconds": "lab 0.036 --seconds 0.2 --film f.gif",
+            "film": "lab 0.036 --seconds 0.1 --film g.gif",
+            "picture": "lab 0.036 --seconds 0.1 --film f.gif --picture q.png",
+        },
+    ),
+    "warmup": ("", {}),
+}
+"""For each command: words, and for each of its options other words; or a pair of both."""
+
+
+def options(command: argparse.ArgumentParser) -> set[str]:
+    return {action.dest for action in command._actions} - {"help", "json"}
+
+
+def subparsers() -> dict[str, argparse.ArgumentParser]:
+    (found,) = (each for each in parser()._actions if isinstance(each, argparse._SubParsersAction))
+    return dict(found.choices)
+
+
+def test_every_option_of_every_command_is_tested():
+    commands = subparsers()
+    assert set(commands) == {each.__name__ for each in COMMANDS} == {*TABLE, "sweep"}
+    for name, (_, other) in TABLE.items():
+        assert options(commands[name]) == set(other), name
+
+
+KNOWN: dict[tuple[str, str], tuple] = {}
+"""Answers of commands that were given already."""
+
+
+def answer(name: str, words: str, folder: Path, monkeypatch) -> tuple:
+    """What a command has to say, to people and to programs, and the files that it writes."""
+    if (name, words) not in KNOWN:
+        folder.mkdir()
+        monkeypatch.chdir(folder)
+        arguments = parser().parse_args([name, *shlex.split(words)])
+        said = arguments.run(arguments)
+        there = (path for path in sorted(folder.rglob("*")) if path.is_file())
+        files = {str(path.relative_to(folder)): path.read_bytes() for path in there}
+        KNOWN[name, words] = said.text, json.dumps(plain(said.data)), files
+    return KNOWN[name, words]
+
+
+CASES = [(name, option) for name, (_, other) in TABLE.items() for option in other]
+
+
+def noted(name: str, folder: Path) -> Path:
+    """Instead of a figure, its name."""
+    folder.mkdir(exist_ok=True)
+    path = folder / f"{name}.png"
+    path.write_text(name)
+    return path
+
+
+@pytest.mark.parametrize("name, option", CASES)
+def test_an_option_of_a_command_is_heard(name, option, tmp_path, monkeypatch):
+    needed = {
+        "strobe": "matplotlib",
+        "figures": "matplotlib",
+        "video": "moviepy",
+        "play": "moviepy",
+    }
+    if name in needed:
+        pytest.importorskip(needed[name])
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    if name == "figures":  # which are drawn in `tests/render`
+        from gym_passive_walker.render import figures
+
+        monkeypatch.setattr(figures, "draw", noted)
+    base, other = TABLE[name]
+    base, changed = other[option] if isinstance(other[option], tuple) else (base, other[option])
+    before, after = (
+        answer(name, words, tmp_path / place, monkeypatch)
+        for place, words in (("before", base), ("after", changed))
+    )
+    if option in ("out", "film", "picture"):  # which is the same elsewhere, or is there besides
+        assert set(before[2]) != set(after[2])
+    elif name in ("strobe", "video", "play", "figures"):
+        assert list(before[2].values()) != list(after[2].values())
+    else:  # in all that the command has to say
+        assert (before[0] != after[0] and before[1] != after[1]) or option == "samples"
+        assert list(before[2].values()) != list(after[2].values()) or not before[2]
+
+
+def test_a_walk_is_simulated_as_the_words_say(capsys):
+    """By each option, what Python computes of the same."""
+    words = f"lab 0.03 --strides 3 {NEAR} --torque 0.1 --terrain rough:height_std=1e-3 --key 5"
+    assert main(["simulate", *shlex.split(words), "--json"]) == 0
+    rows = json.loads(capsys.readouterr().out)
+    state = np.array([float(x) for x in NEAR.split()[1:]])
+    walk = gpw.simulate(
+        "lab", 0.03, state, 3, samples=2, hip_torque=0.1, terrain=gpw.rough(1e-3), key=5
+    )
+    assert [row["stance_angle"] for row in rows] == walk.states[::2, 0].tolist()
+
+
+def test_the_viewer_s_own_command_takes_what_the_command_line_s_does():
+    own = argparse.ArgumentParser()
+    add_arguments(own)
+    assert options(own) == set(TABLE["play"][1])

@@ -1,0 +1,461 @@
+"""Every option of every public function makes a difference, or none where it must not."""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.control.baselines import LinearFeedback
+from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.units import units_of
+from tests.options.heard import Call, Later, To, cases, check, missing
+
+LAB, C, D, F = (gpw.WALKERS[name] for name in ("lab", "C", "D", "F"))
+POINTED = replace(gpw.WALKERS["B"], knees=False, foot_radius=0.0)
+
+
+@cache
+def gait(walker="lab", slope=0.036, kind="long", **options):
+    return gpw.find_gait(walker, slope, kind, **options)
+
+
+@cache
+def family(walker="D", low=0.003, high=0.012, kind="long"):
+    return gpw.gait_family(walker, low, high, kind)
+
+
+STATE = Later(lambda: 1.01 * gait().state)
+OF_D = Later(lambda: gait("D", 0.009).state)
+PART = gpw.Part(mass=1.0, com=0.1, inertia=0.01)
+STEEP = Later(lambda: LinearFeedback("steep"))
+
+
+def of_a_square(x):
+    """A return map of one number, with chances."""
+    return (0.5 * x**2)[:, None], np.full((len(x), 1), 0.9)
+
+
+def shorter(before, after):
+    return after < before
+
+
+OPTIONS = {
+    "assemble": Call(
+        gpw.assemble,
+        dict(
+            thigh=[PART],
+            shank=[PART],
+            thigh_length=0.4,
+            shank_length=0.4,
+            foot_radius=0.1,
+            knee_angle=0.1,
+        ),
+        dict(
+            thigh=[PART, PART._replace(com=0.2)],
+            shank=[PART, PART._replace(com=0.2)],
+            thigh_length=0.5,
+            shank_length=0.5,
+            foot_radius=0.2,
+            knee_angle=0.2,
+            hip_mass=To(2.0, expect=lambda a, b: (a.hip_mass, b.hip_mass) == (0.0, 2.0)),
+            knees=To(False, expect=lambda a, b: a.knees and not b.knees),
+            gravity=To(1.0, expect=lambda a, b: b.gravity == 1.0),
+        ),
+    ),
+    "basin_of_attraction": Call(
+        gpw.basin_of_attraction,
+        dict(walker="D", slope=0.009, resolution=5, strides=30),
+        dict(
+            walker="E",
+            slope=0.012,
+            stance_angles=[0.1, 0.2, 0.3],
+            stance_rates=[-0.2, -0.3],
+            resolution=To(6, expect=lambda a, b: b.settled.shape == (6, 6)),
+            ratios=(0.5, 0.5),
+            strides=To(3, expect=lambda a, b: b.strides.max() <= 3 < a.strides.max()),
+            near=To(0.01, expect=lambda a, b: b.strides.sum() < a.strides.sum()),
+            tolerance=To(0.1, dict(walker="lab", slope=0.036, near=1e-7)),
+        ),
+    ),
+    "bifurcation_diagram": Call(
+        gpw.bifurcation_diagram,
+        dict(walker="D", slopes=[0.012, 0.0165], settle=10, keep=9, longest_period=4),
+        dict(
+            walker="E",
+            slopes=[0.012, 0.016],
+            settle=20,
+            keep=To(10, expect=lambda a, b: b.stance_angle.shape == (2, 10)),
+            start=Later(lambda: 1.01 * gait("D", 0.009).state),
+            kind=To("short", dict(settle=0)),
+            sweep=True,
+            longest_period=To(1, dict(settle=300), look=lambda found: found.period),
+            tolerance=1e-5,
+        ),
+    ),
+    "blend": Call(
+        gpw.blend,
+        dict(a="lab", b="C", fraction=0.5),
+        dict(a=gpw.tune("lab"), b=gpw.tune("lab"), fraction=0.25),
+    ),
+    "closed_loop_gait": Call(
+        gpw.closed_loop_gait,
+        dict(policy=STEEP, scene="steep"),
+        dict(
+            policy=Later(lambda: LinearFeedback("steep", torque_weight=1.0)),
+            scene=Later(lambda: make_scene("steep", max_hip_torque=0.02)),
+            slope=0.1101,
+            period=To(2, expect=lambda a, b: (a.period, b.period) == (1, 2)),
+            start=To(
+                Later(lambda: gpw.closed_loop_gait(STEEP.value(), "steep").point * 1.001),
+                look=lambda found: found.point,
+            ),
+        ),
+    ),
+    "collision_matrix": Call(
+        gpw.collision_matrix,
+        dict(walker="lab", stance_angle=0.3),
+        dict(walker="C", stance_angle=0.2),
+    ),
+    "controlled_symmetry": Call(
+        gpw.controlled_symmetry, dict(walker=POINTED, slope=0.03), dict(walker="D", slope=0.02)
+    ),
+    "crisis_slope": Call(
+        gpw.crisis_slope,
+        dict(walker="D", low=0.0185, high=0.0195, strides=200, walkers=4, accuracy=1e-5),
+        dict(
+            walker=To("F", dict(low=0.005, high=0.03)),
+            low=0.0184,
+            high=0.0196,
+            start=To(
+                Later(lambda: gait("D", 0.0185).state), dict(strides=1, walkers=1, accuracy=1e-6)
+            ),
+            strides=50,
+            walkers=To(64, dict(strides=50, accuracy=1e-6)),
+            kind=To("short", refused="falls at slope"),
+            accuracy=2e-4,
+            tolerance=1e-4,
+        ),
+    ),
+    "doubling_cascade": Call(
+        gpw.doubling_cascade,
+        dict(walker="D", slope_min=0.01, slope_max=0.0195, doublings=1),
+        dict(
+            walker=To("F", dict(slope_min=0.005, slope_max=0.05)),
+            slope_min=0.0149,
+            slope_max=0.0152,
+            kind=To("short", refused="short-step"),
+            doublings=To(2, expect=lambda a, b: len(b.periods) == len(a.periods) + 1),
+        ),
+    ),
+    "exponent_crossings": Call(
+        gpw.exponent_crossings,
+        dict(family=Later(lambda: family("E", 0.0005, 0.05, "short"))),
+        dict(family=Later(lambda: family("F", 0.0005, 0.05, "short")), exponent=0.5),
+    ),
+    "find_gait": Call(
+        gpw.find_gait,
+        dict(walker="D", slope=0.009),
+        dict(
+            walker="E",
+            slope=0.01,
+            kind=To("short", expect=lambda a, b: b.kind == "short"),
+            period=To(2, dict(slope=0.016), expect=lambda a, b: b.period == 2),
+            guess=Later(lambda: 1.001 * gait("D", 0.009).state),
+            drive=gpw.Drive(push_off=0.01),
+        ),
+    ),
+    "find_gaits": Call(
+        gpw.find_gaits,
+        dict(walker="D", slope=0.009),
+        dict(
+            walker="E",
+            slope=0.01,
+            period=To(2, dict(slope=0.016)),
+            guess=Later(lambda: 1.001 * gait("D", 0.009).state),
+            drive=gpw.Drive(push_off=0.01),
+        ),
+    ),
+    "foot_velocity": Call(
+        gpw.foot_velocity, dict(walker="lab", state=STATE), dict(walker="D", state=OF_D)
+    ),
+    "footholds": Call(
+        gpw.footholds,
+        dict(heights=[0.0, 0.1], slopes=[0.0, 0.01]),
+        dict(heights=[0.0, 0.2], slopes=[0.0, 0.02]),
+    ),
+    "gait_family": Call(
+        gpw.gait_family,
+        dict(walker="D", slope_min=0.008, slope_max=0.01),
+        dict(
+            walker="E",
+            slope_min=0.0085,
+            slope_max=0.0095,
+            kind="short",
+            start=Later(lambda: gait("D", 0.0085)),
+            resolution=To(0.02, expect=lambda a, b: len(b) > len(a)),
+            drive=gpw.Drive(push_off=0.001),
+        ),
+    ),
+    "lab_walker_from_parts": Call(gpw.lab_walker_from_parts, {}, {}),
+    "largest_push": Call(
+        gpw.largest_push,
+        dict(walker="D", slope=0.009, strides=40, accuracy=1e-3),
+        dict(
+            walker="E",
+            slope=0.01,
+            gait=Later(lambda: gait("D", 0.009, "short")),
+            strides=To(1, expect=lambda a, b: b.forward > a.forward),
+            accuracy=0.03,
+            tolerance=To(0.1, dict(accuracy=1e-7)),
+        ),
+    ),
+    "leading_eigenvalue": Call(
+        gpw.leading_eigenvalue,
+        dict(strides=of_a_square, low=0.0, high=1.0, nodes=8),
+        dict(
+            strides=lambda x: (of_a_square(x)[0], 0.5 * of_a_square(x)[1]),
+            low=-0.5,
+            high=1.2,
+            nodes=9,
+        ),
+    ),
+    "load_policy": Call(
+        gpw.load_policy, dict(name_or_folder="level-ppo"), dict(name_or_folder="lab-ppo")
+    ),
+    "local_exponents": Call(
+        gpw.local_exponents,
+        dict(family=Later(family)),
+        dict(family=Later(lambda: family("D", 0.003, 0.01))),
+    ),
+    "lyapunov_exponents": Call(
+        gpw.lyapunov_exponents,
+        dict(walker="D", slopes=[0.012, 0.018], strides=20, settle=5),
+        dict(
+            walker="E",
+            slopes=[0.012, 0.017],
+            count=To(2, expect=lambda a, b: np.shape(b)[-1] == 2),
+            strides=30,
+            settle=6,
+            start=OF_D,
+            kind="short",
+            tolerance=1e-5,
+        ),
+    ),
+    "measures": Call(
+        gpw.measures, dict(gait=Later(gait)), dict(gait=Later(lambda: gait("C", 0.03)))
+    ),
+    "optimal_gait": Call(
+        gpw.optimal_gait,
+        dict(scene=Later(lambda: make_scene("level", tick=2.0)), speed=0.15),
+        dict(
+            scene=Later(lambda: make_scene("level", tick=1.5)),
+            speed=0.16,
+            start=Later(lambda: gpw.optimal_gait(make_scene("level", tick=2.0), 0.14)),
+        ),
+    ),
+    "optimal_gaits": Call(
+        gpw.optimal_gaits,
+        dict(scene=Later(lambda: make_scene("level", tick=2.0)), speeds=[0.15]),
+        dict(scene=Later(lambda: make_scene("level", tick=1.5)), speeds=[0.16]),
+    ),
+    "optimise_walker": Call(
+        gpw.optimise_walker,
+        dict(
+            walker="C",
+            objective="cost_of_transport",
+            parameters=["slope"],
+            bounds=[(0.02, 0.04)],
+            slope=0.03,
+        ),
+        dict(
+            walker="lab",
+            objective="step_period",
+            parameters=To(["foot_radius"], dict(bounds=[(0.01, 0.3)])),
+            bounds=To([(0.025, 0.04)], look=lambda found: found.after.slope),
+            slope=To(0.031, look=lambda found: found.before.slope),
+            kind=To("short", look=lambda found: found.before.kind),
+            constraints=To({"froude_speed": (0.2, None)}, look=lambda found: found.after.speed),
+            maximise=To(True, expect=lambda a, b: a.after.slope < 0.021 < 0.039 < b.after.slope),
+            iterations=To(
+                1,
+                look=lambda found: found.tried,
+                expect=lambda before, after: after < before,
+                among=dict(
+                    walker="lab",
+                    slope=0.036,
+                    objective="step_period",
+                    parameters=["foot_radius", "hip_mass"],
+                    bounds=[(0.1, 0.3), (0.0, 0.5)],
+                ),
+            ),
+        ),
+    ),
+    "parameter_family": Call(
+        gpw.parameter_family,
+        dict(walker="E", parameter="thigh_length", low=0.49, high=0.51, slope=0.02),
+        dict(
+            walker="B",
+            parameter="shank_length",
+            low=0.495,
+            high=0.505,
+            slope=0.021,
+            kind="short",
+            resolution=To(0.01, expect=lambda a, b: len(b) > len(a)),
+            drive=gpw.Drive(hip_torque=0.001),
+        ),
+    ),
+    "reality_check": Call(
+        gpw.reality_check,
+        dict(walker="lab", slope=0.036, state=Later(lambda: gait().state)),
+        dict(
+            walker="lab-straight",
+            slope=0.037,
+            state=STATE,
+            strides=2,
+            friction=To(
+                0.01, look=lambda found: found.passed, expect=lambda before, after: after != before
+            ),
+            hip_torque=0.01,
+            tolerance=1e-6,
+        ),
+    ),
+    "robustness": Call(
+        gpw.robustness,
+        dict(who="D", slope=0.009, walkers=8, strides=20, starts=8, spread=0.1, roughness=1e-4),
+        dict(
+            who=replace(D, hip_friction=0.001),
+            scene=Later(lambda: make_scene("level", walker="D", tolerance=1e-5)),
+            slope=0.01,
+            roughness=To(0.004, expect=lambda a, b: b.survivors.sum() < a.survivors.sum()),
+            walkers=9,
+            strides=To(30, expect=lambda a, b: len(b.survivors) == len(a.survivors) + 10),
+            spread=0.3,
+            starts=9,
+            seed=To(
+                1,
+                dict(starts=200, roughness=4e-4, walkers=50),
+                expect=lambda a, b: (
+                    a.recovered != b.recovered and np.any(a.survivors != b.survivors)
+                ),
+            ),
+        ),
+    ),
+    "robustness, with a policy": Call(
+        gpw.robustness,
+        dict(
+            who=Later(lambda: LinearFeedback("steep")),
+            scene="steep",
+            roughness=1e-3,
+            walkers=8,
+            strides=20,
+            starts=16,
+        ),
+        dict(
+            who=Later(lambda: LinearFeedback("steep", torque_weight=10.0)),
+            scene=Later(lambda: make_scene("steep", max_hip_torque=0.02)),
+            slope=0.1101,
+            roughness=0.004,
+            walkers=9,
+            strides=30,
+            spread=0.3,
+            starts=40,
+            seed=To(
+                1,
+                dict(starts=200, walkers=50, roughness=4e-3),
+                expect=lambda a, b: (
+                    a.recovered != b.recovered and np.any(a.survivors != b.survivors)
+                ),
+            ),
+        ),
+    ),
+    "rough": Call(gpw.rough, {}, dict(height_std=0.01, slope_std=0.01)),
+    "simulate": Call(
+        gpw.simulate,
+        dict(walker="D", slope=0.009, state=OF_D, strides=2, samples=5),
+        dict(
+            walker="E",
+            slope=0.01,
+            state=Later(lambda: 1.01 * gait("D", 0.009).state),
+            strides=3,
+            samples=6,
+            hip_torque=0.001,
+            ankle_torque=0.001,
+            push_off=0.001,
+            terrain=gpw.rough(0.001),
+            key=To(1, dict(terrain=gpw.rough(0.001))),
+            tolerance=1e-6,
+        ),
+    ),
+    "stairs": Call(gpw.stairs, dict(rise=0.1), dict(rise=0.2)),
+    "stride": Call(
+        gpw.stride,
+        dict(walker="lab", slope=0.036, state=STATE),
+        dict(
+            walker="lab-straight",
+            slope=0.04,
+            state=Later(lambda: gait().state),
+            hip_torque=0.1,
+            ankle_torque=To(0.001, dict(walker="D", slope=0.009, state=OF_D)),
+            push_off=0.01,
+            rise=-0.001,
+            turn=0.001,
+            tolerance=1e-5,
+            longest=To(
+                0.5,
+                expect=lambda a, b: (
+                    (a.outcome, b.outcome) == (gpw.Outcome.HEELSTRIKE, gpw.Outcome.STALLED)
+                ),
+            ),
+            stub=To(
+                True,
+                dict(state=Later(lambda: gait().state), hip_torque=-0.04 * units_of(LAB).torque),
+                look=lambda found: found.outcome,
+            ),
+            threads=To(2, same=True),
+            carry=lambda *_, **__: None,
+        ),
+    ),
+    "stride_jacobian": Call(
+        gpw.stride_jacobian,
+        dict(walker="D", slope=0.009, state=OF_D),
+        dict(
+            walker=replace(D, hip_friction=0.01),
+            slope=0.01,
+            state=Later(lambda: 1.01 * gait("D", 0.009).state),
+            hip_torque=0.001,
+            ankle_torque=0.001,
+            push_off=0.001,
+            wrt="slope",
+            tolerance=1e-6,
+        ),
+    ),
+    "transition_slope": Call(
+        gpw.transition_slope, dict(walker="E"), dict(walker="D", cube_root=0.9)
+    ),
+    "tune": Call(gpw.tune, dict(walker="lab"), dict(walker="C")),
+    "tune_to_walk": Call(
+        gpw.tune_to_walk,
+        dict(walker="lab", slope=0.036),
+        dict(walker="lab-straight", slope=0.03, radius=0.7),
+    ),
+    "tuning_errors": Call(gpw.tuning_errors, dict(walker="lab"), dict(walker="lab-straight")),
+    "virtual_gravity": Call(
+        gpw.virtual_gravity, dict(walker=POINTED, angle=0.03), dict(walker="D", angle=0.02)
+    ),
+    "waves": Call(gpw.waves, dict(height=0.1, strides=4), dict(height=0.2, strides=5)),
+}
+
+
+@pytest.mark.parametrize("name, option", cases(OPTIONS))
+def test_an_option_of_a_function_is_heard(name, option):
+    check(OPTIONS[name], option)
+
+
+def test_every_option_of_every_public_function_is_tested():
+    public = {x for x in gpw.__all__ if inspect.isfunction(getattr(gpw, x))}
+    assert not missing(OPTIONS, public - {"sweep"})  # of `tests/sweeps`

@@ -1,0 +1,510 @@
+"""What objects are made of and asked for makes a difference: walkers, ground, laws, policies."""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.control import baselines, once_a_stride
+from gym_passive_walker.control.feedback import gains
+from gym_passive_walker.control.shaping import Shaped
+from gym_passive_walker.control.ticks import ticked_stride
+from gym_passive_walker.control.trials import rough_strides
+from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.gaits.section import Section
+from gym_passive_walker.render.portrait import phase_portrait
+from gym_passive_walker.render.strobe import strobe
+from gym_passive_walker.shown import picture as pictures
+from gym_passive_walker.sweeps.tasks import ANALYSES
+from tests.options.heard import Call, Later, To, cases, check, missing
+
+RESULTS = set(
+    "Basin BifurcationDiagram Cascade ClosedLoopGait Design Extreme FootVelocity Gait GaitFamily "
+    "GaitNotFound Impulse Measures OptimalGait Outcome PolicyError Push RealityCheck Robustness "
+    "Stride Swept TrainedPolicy Trajectory TuningErrors WalkerError".split()
+)
+"""Classes that functions make, not users: what stands in them is for the functions' tests."""
+
+D = gpw.WALKERS["D"]
+
+
+@cache
+def gait(walker="D", slope=0.009, **options):
+    return gpw.find_gait(walker, slope, **options)
+
+
+@cache
+def law():
+    return gpw.PotentialShaping(walker=D, felt_slope=0.009, strength=1.0)
+
+
+@cache
+def closed():
+    return gpw.closed_loop_gait(baselines.LinearFeedback("steep"), "steep")
+
+
+def walks(**parameters):
+    """The stride of a walker of these parameters."""
+    return gpw.stride(gpw.Walker(**parameters), 0.03, [0.3, -0.3, -0.4, -1.3, -0.6, -0.3])
+
+
+def shaped(**parameters):
+    return gpw.PotentialShaping(**parameters).torques([0.2, -0.2, -0.2, -0.3, -0.2, -0.2], 0.0)
+
+
+def drives(**parameters):
+    drive = gpw.Drive(**parameters)
+    return gpw.stride("D", 0.009, gait().state, **drive._asdict())
+
+
+def stands(**parameters):
+    """The ground that some walks meet."""
+    return gpw.Terrain(**parameters).ground(7, np.arange(6))
+
+
+def weighs(**parameters):
+    one, other = gpw.Part(**parameters), gpw.Part(mass=1.0, com=0.3)
+    sizes = dict(thigh_length=0.5, shank_length=0.5, foot_radius=0.1, knee_angle=0.0)
+    return gpw.assemble([one, other], [one], **sizes)
+
+
+def acts(policy):
+    """What a policy does after two strikes and in between."""
+    seen = np.array(
+        [
+            [0.1946, -0.1946, -0.1946, -0.203, -0.1878, -0.1878, 1.0, 0.0],
+            [0.0, 0.1, 0.1, -0.2, -0.3, -0.3, 1.0, 0.02],
+        ]
+    )
+    first, memory = policy.predict(seen[0])
+    return first, policy.predict(seen[1], memory)[0]
+
+
+def made(of):
+    return lambda **arguments: acts(of(**arguments))
+
+
+def in_two(resolution, **rest):
+    return closed().basin(resolution=resolution, **rest).survived
+
+
+LAB = dict(
+    thigh_length=0.35,
+    thigh_offset=0.0,
+    thigh_mass=2.3,
+    thigh_gyration=0.1,
+    thigh_com=0.1,
+    shank_length=0.46,
+    shank_offset=0.02,
+    shank_mass=1.0,
+    shank_gyration=0.15,
+    shank_com=0.24,
+    foot_radius=0.2,
+    foot_angle=0.2,
+)
+SEEN = dict(state=[0.2, -0.2, -0.2, -0.3, -0.2, -0.2], slope=0.01)
+OTHERWISE = dict(state=[0.1, -0.2, -0.2, -0.3, -0.2, -0.2], slope=0.02)
+TICKS = dict(
+    walker=D,
+    slope=0.009,
+    point=Later(lambda: Section(walker=D).points_at(gait().state)[0]),
+    torques=np.zeros(3),
+    tick=1.0,
+)
+PUSHING = Later(lambda: make_scene("push-off", slope=0.009))
+
+OPTIONS = {
+    "Walker": Call(
+        walks,
+        LAB,
+        dict(
+            thigh_length=0.4,
+            thigh_offset=0.01,
+            thigh_mass=2.4,
+            thigh_gyration=0.12,
+            thigh_com=0.12,
+            shank_length=0.5,
+            shank_offset=0.03,
+            shank_mass=1.1,
+            shank_gyration=0.16,
+            shank_com=0.25,
+            foot_radius=0.1,
+            foot_angle=0.1,
+            hip_mass=0.5,
+            hip_stiffness=0.5,
+            hip_friction=0.01,
+            knee_stiffness=0.1,
+            knees=False,
+            gravity=1.6,
+        ),
+        of=gpw.Walker.__init__,
+    ),
+    "Terrain": Call(
+        stands,
+        dict(rises=(0.0, 0.1), slopes=(0.0, 0.02)),
+        dict(rises=(0.0, 0.2), slopes=(0.0, 0.03), repeats=False, height_std=0.01, slope_std=0.01),
+        of=gpw.Terrain,
+    ),
+    "Terrain.ground": Call(
+        gpw.rough(0.01, 0.01).ground, dict(keys=3, places=[1, 2]), dict(keys=4, places=[2, 3])
+    ),
+    "Drive": Call(
+        drives, {}, dict(hip_torque=0.001, ankle_torque=0.001, push_off=0.001), of=gpw.Drive
+    ),
+    "Part": Call(
+        weighs,
+        dict(mass=1.0, com=0.1),
+        dict(mass=2.0, com=0.2, offset=0.1, inertia=0.1),
+        of=gpw.Part,
+    ),
+    "PotentialShaping": Call(
+        shaped,
+        dict(walker=D, felt_slope=0.01),
+        dict(walker=replace(D, gravity=1.6), felt_slope=0.02, strength=0.9),
+        of=gpw.PotentialShaping,
+    ),
+    "PotentialShaping.torques": Call(
+        lambda **asked: law().torques(**asked), SEEN, OTHERWISE, of=gpw.PotentialShaping.torques
+    ),
+    "PotentialShaping.shares": Call(
+        lambda states, slope: law().shares(np.array([states]), slope),
+        dict(states=SEEN["state"], slope=0.01),
+        dict(states=OTHERWISE["state"], slope=0.02),
+        of=gpw.PotentialShaping.shares,
+    ),
+    "PotentialShaping.power": Call(
+        lambda **asked: law().power(**asked), SEEN, OTHERWISE, of=gpw.PotentialShaping.power
+    ),
+    "PotentialShaping.work": Call(
+        lambda gait, slope: law().work(gait, slope),
+        dict(gait=Later(gait), slope=0.0),
+        dict(gait=Later(lambda: gait(kind="short")), slope=0.01),
+        of=gpw.PotentialShaping.work,
+    ),
+    "TrainedPolicy.predict": Call(
+        lambda observation, **asked: gpw.load_policy("level-ppo").predict(observation, **asked),
+        dict(observation=np.zeros(8)),
+        dict(
+            observation=np.full(8, 0.1),
+            state=To((1,), look=lambda found: found[1]),
+            episode_start=To([True], same=True),
+            deterministic=False,
+        ),
+        of=gpw.TrainedPolicy.predict,
+    ),
+    "ClosedLoopGait.basin": Call(
+        in_two,
+        dict(resolution=6, strides=3),
+        dict(
+            resolution=7,
+            reach=1.1,
+            strides=To(20, dict(resolution=12), expect=lambda a, b: b.sum() < a.sum()),
+        ),
+        of=gpw.ClosedLoopGait.basin,
+    ),
+    "ConstantTorque": Call(
+        made(baselines.ConstantTorque),
+        dict(torque=0.01, scene="level"),
+        dict(torque=0.02, scene="steep"),
+        of=baselines.ConstantTorque,
+    ),
+    "Passive": Call(made(baselines.Passive), {}, {}, of=baselines.Passive),
+    "LinearFeedback": Call(
+        made(baselines.LinearFeedback),
+        dict(scene="lab"),
+        dict(scene="steep", method="deadbeat", pieces=2, torque_weight=1.0),
+        of=baselines.LinearFeedback,
+    ),
+    "Optimal": Call(
+        made(baselines.Optimal),
+        dict(scene="level"),
+        dict(
+            scene="lab", gait=Later(lambda: baselines.optimal.load("level")[0]), torque_weight=1.0
+        ),
+        of=baselines.Optimal,
+    ),
+    "DriveFeedback": Call(
+        made(once_a_stride.DriveFeedback),
+        dict(scene=PUSHING, gait=Later(gait)),
+        dict(
+            scene=Later(lambda: make_scene("push-off", slope=0.009, max_push_off=0.05)),
+            gait=Later(lambda: gait(kind="short")),
+            method="lqr",
+            torque_weight=To(1.0, dict(method="lqr")),
+        ),
+        of=once_a_stride.DriveFeedback,
+    ),
+    "SpeedControl": Call(
+        made(once_a_stride.SpeedControl),
+        dict(scene=PUSHING, speed=0.1),
+        dict(scene=Later(lambda: make_scene("push-off", max_push_off=0.3)), speed=0.11, decay=0.5),
+        of=once_a_stride.SpeedControl,
+    ),
+    "Shaped": Call(
+        made(Shaped),
+        dict(
+            shaping=Later(law),
+            scene=Later(
+                lambda: make_scene(
+                    walker="D",
+                    actions=("hip", "ankle"),
+                    slope=0.01,
+                    start=[0.2, -0.2, -0.2, -0.2, 0, 0],
+                )
+            ),
+        ),
+        dict(
+            shaping=Later(lambda: gpw.PotentialShaping(walker=D, felt_slope=0.012)),
+            scene=Later(
+                lambda: make_scene(
+                    walker="D",
+                    actions=("ankle", "hip"),
+                    slope=0.01,
+                    start=[0.2, -0.2, -0.2, -0.2, 0, 0],
+                )
+            ),
+        ),
+        of=Shaped,
+    ),
+    "gains": Call(
+        gains,
+        dict(by_point=np.diag([1.5, 0.5]), by_torque=np.array([[1.0], [2.0]])),
+        dict(
+            by_point=np.diag([1.4, 0.5]),
+            by_torque=np.array([[1.0], [3.0]]),
+            method="deadbeat",
+            torque_weight=1.0,
+        ),
+    ),
+    "ticked_stride": Call(
+        ticked_stride,
+        TICKS,
+        dict(
+            walker=replace(D, hip_friction=0.01),
+            slope=0.01,
+            point=Later(lambda: 1.01 * TICKS["point"].value()),
+            torques=np.full(3, 1e-3),
+            tick=To(0.5, dict(torques=np.array([1e-3, 0.0, 0.0]))),
+            push_off=0.01,
+            stub=To(True, same=True),  # see `test_ticks`
+            tolerance=1e-5,
+        ),
+    ),
+    "rough_strides": Call(
+        rough_strides,
+        dict(
+            policy=Later(lambda: baselines.LinearFeedback("lab")),
+            scene=Later(lambda: make_scene("lab")),
+            walkers=3,
+        ),
+        dict(
+            policy=Later(lambda: baselines.LinearFeedback("lab", torque_weight=0.1)),
+            scene=Later(lambda: make_scene("lab", slope=0.02)),
+            walkers=4,
+            seed=1,
+        ),
+    ),
+    "strobe": Call(
+        strobe,
+        dict(walker="lab", slope=0.036, state=Later(lambda: gait("lab", 0.036).state), strides=1),
+        dict(
+            walker="C",
+            slope=0.05,
+            state=Later(lambda: 1.05 * gait("lab", 0.036).state),
+            strides=2,
+            flashes=3,
+            hip_torque=0.5,
+            terrain=gpw.stairs(-0.01),
+            key=To(1, dict(terrain=gpw.rough(0.01), strides=2)),
+        ),
+        dict(ax="of `test_strobe`", path="of `test_strobe`"),
+    ),
+    "phase_portrait": Call(
+        phase_portrait,
+        dict(walker="lab", slope=0.036, strides=1, state=Later(lambda: gait("lab", 0.036).state)),
+        dict(
+            walker="C",
+            slope=0.05,
+            state=Later(lambda: 1.05 * gait("lab", 0.036).state),
+            strides=2,
+            samples=3,
+            hip_torque=0.5,
+        ),
+        dict(path="of `test_plots`"),
+    ),
+}
+
+SHOWN = {  # for each class with a picture: an example, and what its picture can be asked for
+    "Basin": (lambda: gpw.basin_of_attraction("D", 0.009, resolution=4, strides=20), {}),
+    "BifurcationDiagram": (
+        lambda: gpw.bifurcation_diagram("D", [0.012, 0.016], settle=50, keep=40),
+        {"markersize": 9.0},
+    ),
+    "Cascade": (lambda: gpw.doubling_cascade("D", 0.01, 0.0195, doublings=3), {"linewidth": 9.0}),
+    "ClosedLoopGait": (closed, {"optimum": Later(lambda: baselines.optimal.load("level")[0])}),
+    "Gait": (gait, {}),
+    "GaitFamily": (
+        lambda: gpw.gait_family("D", 0.008, 0.01),
+        {"by": "froude_speed", "linewidth": 9.0},
+    ),
+    "RealityCheck": (lambda: gpw.reality_check("lab", 0.036, gait("lab", 0.036).state), {}),
+    "Robustness": (lambda: gpw.robustness("D", slope=0.009, walkers=8, strides=20, starts=8), {}),
+    "Stride": (lambda: gait().stride, {}),
+    "Walker": (lambda: gpw.WALKERS["lab"], {}),
+    "Trajectory": (lambda: gpw.simulate("D", 0.009, gait().state, 2), {}),
+}
+
+
+@pytest.mark.parametrize("name, option", cases(OPTIONS))
+def test_an_option_of_an_object_is_heard(name, option):
+    check(OPTIONS[name], option)
+
+
+def public():
+    """Classes that users make, and methods with arguments of all classes of the package."""
+    found = set()
+    for name in gpw.__all__:
+        of = getattr(gpw, name)
+        if not inspect.isclass(of):
+            continue
+        found |= set() if name in RESULTS else {name}
+        for method, function in inspect.getmembers(of, inspect.isfunction):
+            ours = function.__module__.startswith("gym_passive_walker")
+            if (
+                ours
+                and not method.startswith("_")
+                and len(inspect.signature(function).parameters) > 1
+            ):
+                found.add(f"{name}.{method}")
+    return {name for name in found if name.partition(".")[2] not in ("plot", "to_csv")}
+
+
+def test_every_argument_of_every_public_object_is_tested():
+    of_policies = [*vars(baselines).values(), *vars(once_a_stride).values()]
+    found = {
+        each.__name__
+        for each in of_policies
+        if inspect.isclass(each)
+        and hasattr(each, "predict")
+        and each.__module__ in (baselines.__name__, once_a_stride.__name__)
+    } - {"OnceAStride", "StrideFeedback"}
+    of_functions = {"gains", "ticked_stride", "rough_strides", "strobe", "phase_portrait", "Shaped"}
+    assert not missing(OPTIONS, public() | found | of_functions)
+
+
+@pytest.mark.parametrize("name", SHOWN)
+def test_what_a_picture_is_asked_for_is_drawn(name):
+    from matplotlib.figure import Figure
+
+    make, options = SHOWN[name]
+    shown = make()
+    into = Call(lambda **asked: shown.plot(**asked), {}, options)
+    for option in options:
+        check(into, option)
+    axes = Figure().subplots()
+    assert shown.plot(ax=axes) is axes.figure and axes.has_data()
+
+
+def test_every_picture_is_tested():
+    known = {of.__name__ for of in pictures.registry if of is not object}
+    assert known == {*SHOWN, "Swept"}  # of `tests/sweeps`
+    for name, (_, options) in SHOWN.items():
+        asked = inspect.signature(pictures.dispatch(getattr(gpw, name))).parameters
+        plain = {x for x, p in asked.items() if p.kind is not p.VAR_KEYWORD}
+        assert plain - {next(iter(asked)), "ax"} <= set(options)
+        assert any(p.kind is p.VAR_KEYWORD for p in asked.values()) == bool(set(options) - plain)
+
+
+LEVEL = {"walker": D, "slope": 0.009}
+WALKED = dict(walkers=4, strides=10, starts=8, spread=0.1)
+SWEPT = {
+    "gait": Call(
+        ANALYSES["gait"],
+        LEVEL,
+        dict(
+            walker=gpw.WALKERS["E"],
+            slope=0.01,
+            kind="short",
+            period=To(2, dict(slope=0.016)),
+            hip_torque=0.001,
+            ankle_torque=0.001,
+            push_off=0.001,
+        ),
+    ),
+    "family": Call(
+        ANALYSES["family"],
+        dict(walker=D, slope_min=0.01, slope_max=0.016),
+        dict(walker=gpw.WALKERS["E"], slope_min=0.011, slope_max=0.015, kind="short"),
+    ),
+    "bifurcation": Call(
+        ANALYSES["bifurcation"],
+        dict(walker=D, slope=0.0153, settle=5, keep=40),
+        dict(
+            walker=gpw.WALKERS["E"],
+            slope=0.0165,
+            settle=6,
+            keep=50,
+            kind=To("short", dict(settle=0)),
+        ),
+    ),
+    "basin": Call(
+        ANALYSES["basin"],
+        dict(walker=D, slope=0.009, resolution=6, strides=10),
+        dict(walker=gpw.WALKERS["C"], slope=0.018, resolution=9, strides=100),
+    ),
+    "reality": Call(
+        ANALYSES["reality"],
+        dict(walker=gpw.WALKERS["lab"], slope=0.036),
+        dict(
+            walker=gpw.WALKERS["lab-straight"],
+            slope=0.02,
+            kind=To("short", dict(walker=gpw.WALKERS["C"], slope=0.001)),
+            friction=0.01,
+        ),
+    ),
+    "robustness": Call(
+        ANALYSES["robustness"],
+        dict(changes=LEVEL, roughness=1e-4, **WALKED),
+        dict(
+            changes={"walker": D, "slope": 0.01},
+            policy=To("constant", dict(changes={"slope": 0.036, "walker": gpw.WALKERS["lab"]})),
+            scene=To("push-off", dict(policy="passive", changes={**LEVEL, "perturbation": 0.0})),
+            roughness=4e-4,
+            walkers=To(9, dict(roughness=4e-4)),
+            strides=To(40, dict(roughness=2e-4, walkers=40)),
+            spread=0.2,
+            starts=16,
+            seed=1,
+        ),
+    ),
+    "optimal": Call(
+        ANALYSES["optimal"],
+        dict(changes={"tick": 2.0}, speed=0.18),
+        dict(changes={"tick": 1.5}, speed=0.19, scene="lab"),
+    ),
+    "evaluation": Call(
+        ANALYSES["evaluation"],
+        dict(changes={}, policy="steep-ppo", episodes=2),
+        dict(
+            changes={"slope": 0.112},
+            policy="passive",
+            scene=To("rough", dict(policy="passive")),
+            episodes=3,
+            seed=1,
+        ),
+    ),
+}
+
+
+@pytest.mark.parametrize("name, option", cases(SWEPT))
+def test_an_argument_of_an_analysis_that_can_be_swept_is_heard(name, option):
+    check(SWEPT[name], option)
+
+
+def test_every_argument_of_every_analysis_that_can_be_swept_is_tested():
+    assert not missing(SWEPT, set(ANALYSES))
