@@ -335,7 +335,7 @@ def test_no_passive_gait_walks_on_the_level_or_uphill(slope):
         ({"kind": "medium"}, 'kind must be "long" or "short"'),
         ({"period": 0}, "period must be a whole number"),
         ({"period": 1.5}, "period must be a whole number"),
-        ({"guess": [0.1, 0.2]}, "state must be"),
+        ({"guess": [0.1, 0.2]}, "guess must be"),
         ({"guess": [-0.1, 0.1, 0.1, -0.1, 0.0, 0.0]}, "stance angle is positive"),
     ],
 )
