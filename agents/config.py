@@ -123,6 +123,8 @@ class Config:
                 raise ConfigError("it maps no names to values")
             if said := unknown(values, [f.name for f in fields(cls)], "a run"):
                 raise ConfigError(said)
+            if lacking := [f.name for f in fields(cls) if f.name not in values]:
+                raise ConfigError(f"it lacks {', '.join(lacking)}: was it cut off?")
             return cls(**values)
         except (OSError, yaml.YAMLError, TypeError, ValueError) as error:
             raise ConfigError(f"{path} is not a run's configuration: {reason(error)}") from None

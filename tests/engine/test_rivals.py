@@ -58,7 +58,7 @@ def test_no_walker_goes_on_beyond_a_bound(walker):
         for row, phase in zip(units.to_dimensionless(inside), phases, strict=True):
             (there,) = (each for each in system.phases if int(each.stage) == int(phase))
             for guard in there.guards:
-                if guard.watch == Watch.BOUND and guard.when is None:
+                if guard.watch == Watch.BOUND and not guard.where:
                     height = guard.falls(body, State(*row), SMOOTH)
                     assert height > -1e-6, (outcome, guard.outcome, state)
     assert len(seen) >= 3

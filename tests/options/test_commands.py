@@ -219,6 +219,8 @@ def answer(name: str, words: str, folder: Path, monkeypatch) -> tuple:
         monkeypatch.chdir(folder)
         arguments = parser().parse_args([name, *shlex.split(words)])
         said = arguments.run(arguments)
+        for path, write in said.files.items():
+            write(path)
         there = (path for path in sorted(folder.rglob("*")) if path.is_file())
         files = {str(path.relative_to(folder)): path.read_bytes() for path in there}
         KNOWN[name, words] = said.text, json.dumps(plain(said.data)), files
