@@ -33,7 +33,6 @@ from benchmarks.concerned import CHANGED, tests_of
 from benchmarks.equivalent_mutants import EQUIVALENT
 from benchmarks.mutants import PACKAGE, ROOT, Mutant, faults, path_of, sample
 from benchmarks.report import DOCS, keep, machine, table
-from gym_passive_walker import console
 
 PAGE = DOCS / "stability.md"
 PATIENCE = 300.0  # seconds after which a mutant that still runs counts as noticed
@@ -234,6 +233,9 @@ def main() -> None:
     if options.rooms:
         chosen = [mutant for mutant in chosen if mutant.room in options.rooms]
     records = run(chosen, options.results, again=options.again, tried=options.tried)
+    from gym_passive_walker import console  # not before mutants are tried: see `run`
+
+    console.print_in_any_encoding()
     found = report(records)
     command = " ".join(["python -m benchmarks.mutation", *sys.argv[1:]])
     share = f"{len(records)} of {len(pool)} single changes."
@@ -249,4 +251,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    raise SystemExit(console.run(main))
+    main()

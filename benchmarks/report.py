@@ -12,8 +12,6 @@ from datetime import date
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from gym_passive_walker import console
-
 DOCS = Path(__file__).parent.parent / "docs"
 PAGE = DOCS / "benchmarks.md"
 
@@ -82,6 +80,8 @@ def command(
         description: What `--help` says.
         parts: The script's parts by name; all run if none is named.
     """
+    from gym_passive_walker import console  # here, for scripts that load the package later or never
+
     console.print_in_any_encoding()
     shape = argparse.RawTextHelpFormatter
     parser = argparse.ArgumentParser(description=description, formatter_class=shape)

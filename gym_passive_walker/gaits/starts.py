@@ -52,17 +52,20 @@ def starts(stride_map: StrideMap, slope: float) -> NDArray:
         Logarithmic coordinates (n, m).
     """
     drive = stride_map.drive
-    u, lost, pushed = _grid(stride_map.walker, drive.push_off)
+    u, loss, pushed = _grid(stride_map.walker, drive.push_off)
     # Over a step, the hip opens by four stance angles and the stance leg turns by two: by about two
     # and one for each unit of length.
     works = stride_map.system.works
     given = 2.0 * works.hip * drive.hip_torque + works.ankle * drive.ankle_torque
     supply = math.sin(slope) + given + pushed
+    if not np.any(supply > 0.0):
+        return np.empty((0, stride_map.dimension))
     found = []
     for share in _LOSS_SHARES[kind_of(stride_map.walker)]:
-        excess = np.log(np.maximum(lost, _LEAST)) - np.log(np.maximum(share * supply, _LEAST))
+        excess = loss - np.log(np.maximum(share * supply, _LEAST))
+        short = excess < 0.0
         # Under a push-off uphill, steps of two sizes are in balance: it hardly helps tiny ones.
-        rows, above = np.nonzero((excess[:, :-1] < 0.0) != (excess[:, 1:] < 0.0))
+        rows, above = np.nonzero(short[:, :-1] != short[:, 1:])
         low, high = excess[rows, above], excess[rows, above + 1]
         part = (low / (low - high))[:, None]
         found.append((1.0 - part) * u[rows, above] + part * u[rows, above + 1])
@@ -70,12 +73,13 @@ def starts(stride_map: StrideMap, slope: float) -> NDArray:
 
 
 @lru_cache(maxsize=64)
-def _grid(walker: Walker, push_off: float) -> tuple[NDArray, NDArray, NDArray]:
+def _grid(walker: Walker, push_off: float) -> tuple[NDArray, NDArray, NDArray | float]:
     """Points just after heelstrike, by ratios of rates and step angle, and what each step loses.
 
     Returns:
-        Logarithmic coordinates (ratios, angles, m); over the weight and the step's length, what
-        the heelstrike loses and what the push-off before it gives, (ratios, angles).
+        Logarithmic coordinates (ratios, angles, m); over the weight and the step's length, the
+        logarithm of what the heelstrike loses, (ratios, angles), and what the push-off before it
+        gives, of the same shape or 0.
     """
     stride_map = StrideMap.of(walker)
     stance, excess = (x.ravel() for x in np.meshgrid(*_RATIOS_OF[kind_of(walker)]))
@@ -86,7 +90,8 @@ def _grid(walker: Walker, push_off: float) -> tuple[NDArray, NDArray, NDArray]:
     points, *energies = heelstrike(stride_map, angle, stance_rate, swing_rate, push_off)
     shape = len(stance), len(angles)
     lost, pushed = ((energy / step_lengths(walker, angle)).reshape(shape) for energy in energies)
-    return logarithms(points).reshape(*shape, -1), lost, pushed
+    u, loss = logarithms(points).reshape(*shape, -1), np.log(np.maximum(lost, _LEAST))
+    return u, loss, pushed if push_off else 0.0
 
 
 def returns(stride_map: StrideMap, slope: float, gaits: NDArray) -> NDArray:
