@@ -58,9 +58,10 @@ class Copy:
 
     def __init__(self, tree: Path) -> None:
         self.tree, self.cache, self.filled = tree, tree / "cache", tree / "filled"
-        for name in (PACKAGE, "agents", "tests", "benchmarks"):
-            shutil.copytree(ROOT / name, tree / name, ignore=shutil.ignore_patterns("__pycache__"))
-        for name in ("pyproject.toml", "train.py"):
+        left = shutil.ignore_patterns("__pycache__", "_build", "jupyter_execute")
+        for name in (PACKAGE, "agents", "tests", "benchmarks", "docs"):
+            shutil.copytree(ROOT / name, tree / name, ignore=left)
+        for name in ("pyproject.toml", "train.py", "README.md"):
             shutil.copy(ROOT / name, tree)
         # The cache's place hangs on all sources; here is decided what a change makes stale.
         folder = tree / PACKAGE / "engine" / "cache.py"
