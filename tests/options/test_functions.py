@@ -458,4 +458,4 @@ def test_an_option_of_a_function_is_heard(name, option):
 
 def test_every_option_of_every_public_function_is_tested():
     public = {x for x in gpw.__all__ if inspect.isfunction(getattr(gpw, x))}
-    assert not missing(OPTIONS, public - {"sweep"})  # of `tests/sweeps`
+    assert not missing(OPTIONS, public - {"sweep"})  # see `tests/sweeps/test_options.py`

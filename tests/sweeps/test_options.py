@@ -1,0 +1,131 @@
+"""Every option of a sweep makes a difference, in Python and on the command line."""
+
+from __future__ import annotations
+
+import argparse
+import inspect
+import json
+from dataclasses import fields
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pyarrow")
+
+import gym_passive_walker as gpw
+from gym_passive_walker.cli import main, parser
+from gym_passive_walker.sweeps.description import Description
+
+SQUARES = {"analysis": "odd_tasks:square", "over": {"x": [1, 2, 3]}}
+SAMPLE = {**SQUARES, "over": {"x": [0.0, 1.0]}, "how": "sobol", "samples": 4}
+DESCRIBED = {
+    "analysis": ({**SQUARES, "analysis": "odd_tasks:changeable"}, SQUARES),
+    "over": (SQUARES, {**SQUARES, "over": {"x": [1, 2, 4]}}),
+    "how": (SAMPLE, {**SAMPLE, "how": "latin-hypercube"}),
+    "given": (SQUARES, {**SQUARES, "given": {"seed": 3}}),
+    "samples": (SAMPLE, {**SAMPLE, "samples": 8}),
+    "seed": (SQUARES, {**SQUARES, "seed": 5}),
+    "time_out": (
+        {"analysis": "odd_tasks:hangs", "over": {"x": [0, 2]}, "time_out": 0.3},
+        {"analysis": "odd_tasks:hangs", "over": {"x": [0, 2]}, "time_out": 0.6},
+    ),
+}
+"""Of each entry of a description, two sweeps that differ in it alone."""
+
+HEARD_IN_PYTHON = {"analysis", "out", "workers", "branch", "retry", "trust", "described"}
+HEARD_AS_WORDS = {"description", "out", "workers", "branch", "retry", "trust"}
+ON_RAY = {"ray"}  # `test_ray`
+
+
+def rows(found) -> dict[str, list[str]]:
+    """What a sweep has found, but for how long each task took."""
+    columns = found.columns()
+    return {name: [*map(str, values)] for name, values in columns.items() if name != "seconds"}
+
+
+def test_every_option_stands_in_a_test():
+    assert set(inspect.signature(gpw.sweep).parameters) == HEARD_IN_PYTHON | ON_RAY
+    assert {entry.name for entry in fields(Description)} == set(DESCRIBED)
+    (commands,) = (
+        action for action in parser()._actions if isinstance(action, argparse._SubParsersAction)
+    )
+    words = {action.dest for action in commands.choices["sweep"]._actions}
+    assert words - {"help", "json"} == HEARD_AS_WORDS | ON_RAY
+
+
+@pytest.mark.parametrize("entry", DESCRIBED)
+def test_an_entry_of_a_description_is_heard(entry, odd):
+    found = [
+        gpw.sweep(each, odd / str(i), trust=True, workers=1)
+        for i, each in enumerate(DESCRIBED[entry])
+    ]
+    assert rows(found[0]) != rows(found[1])
+
+
+def test_rows_are_the_same_whoever_does_the_tasks_and_lie_where_they_are_asked_for(odd):
+    alone, together = (
+        gpw.sweep(SQUARES, odd / f"by {count}", trust=True, workers=count) for count in (1, 2)
+    )
+    assert rows(alone) == rows(together)
+    assert (odd / "by 1").is_dir() and (odd / "by 2").is_dir()
+
+
+def test_as_many_processes_work_as_are_asked_for(odd):
+    for count in (1, 2):
+        (odd / str(count)).mkdir()
+        given = {"folder": str(odd / str(count))}
+        over = {"x": list(range(40))}
+        gpw.sweep("odd_tasks:noted", odd / f"out {count}", trust=True, over=over, given=given,
+                  workers=count)  # fmt: skip
+        lines = (odd / str(count) / "noted").read_text().splitlines()
+        assert len({line.split()[1] for line in lines}) == count
+
+
+def test_another_sweep_in_a_folder_is_refused_or_stands_beside_it(odd):
+    gpw.sweep(SQUARES, odd / "out", trust=True, workers=1)
+    other = {**SQUARES, "seed": 9}
+    with pytest.raises(ValueError, match="another"):
+        gpw.sweep(other, odd / "out", trust=True, workers=1)
+    beside = gpw.sweep(other, odd / "out", trust=True, workers=1, branch=True)
+    assert beside.folder != odd / "out" and beside.tasks == 3
+
+
+def test_only_trusted_functions_are_called_and_failed_tasks_done_again_on_request(odd):
+    fails = {"analysis": "odd_tasks:dies", "over": {"x": [5, 6]}}
+    fails |= {"given": {"times": 9, "folder": str(odd)}}
+    with pytest.raises(ValueError, match="trust"):
+        gpw.sweep(fails, odd / "out", workers=1)
+    assert not (odd / "lives").exists()
+    tried = []
+    for retry in (False, False, True):
+        gpw.sweep(fails, odd / "out", trust=True, workers=1, retry=retry)
+        tried.append(len((odd / "lives").read_text()))
+    assert tried[0] == tried[1] < tried[2]
+
+
+def test_words_of_the_command_are_the_options_of_python(odd, capsys, monkeypatch):
+    """Each is passed on: by what the command calls."""
+    asked = {}
+
+    def noted(content, out, **options):
+        asked.update(options, content=content, out=out)
+        return gpw.sweep(SQUARES, odd / "done", trust=True, workers=1)
+
+    monkeypatch.setattr("gym_passive_walker.cli.sweeps.swept", noted)
+    file = odd / "squares.json"
+    file.write_text(json.dumps(SQUARES))
+    usual = {"workers": None, "ray": None, "branch": False, "retry": False, "trust": False}
+    changes = {
+        "": {},
+        "--workers 2": {"workers": 2},
+        "--ray": {"ray": "here"},
+        "--branch": {"branch": True},
+        "--retry": {"retry": True},
+        "--trust": {"trust": True},
+        f"--out {odd / 'elsewhere'}": {"out": odd / "elsewhere"},
+    }
+    for words, change in changes.items():
+        assert main(["sweep", str(file), *words.split(), "--json"]) == 0
+        assert asked == {**usual, "content": SQUARES, "out": odd / "squares"} | change
+        said = json.loads(capsys.readouterr().out)
+        assert said["tasks"] == 3 and np.isfinite(said["failures"])
