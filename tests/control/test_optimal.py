@@ -289,6 +289,7 @@ def test_each_torque_is_charged_to_its_motor():
     hip, ankle = np.abs(torques[:, 0]) * walked.turn[:, 0] / walked.length
     assert (found.hip_cost, found.ankle_cost) == pytest.approx((hip, ankle), rel=1e-9)
     assert found.ankle_cost > 5.0 * found.hip_cost > 0.0
+    assert found.motor_cost == pytest.approx(hip + ankle, rel=1e-9)
 
 
 @pytest.mark.parametrize(("scene", "speed"), [("level", 0.08), ("lab", 0.17)])
