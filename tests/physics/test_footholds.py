@@ -205,6 +205,13 @@ def test_a_step_onto_tilted_ground_is_measured_to_where_the_foot_touches_it(name
     assert tilted.step_length == pytest.approx(level.step_length - beside, rel=1e-11)
 
 
+def test_ground_whose_slopes_alone_are_random_is_walked_on():
+    terrain, gait = rough(0.0, 0.01), LONG_GAITS["lab"]
+    assert terrain.random and not terrain.smooth
+    walk = simulate("lab", gait.slope, gait.state, 3, terrain=terrain, key=1)
+    assert np.unique(walk.tilts).size == 3
+
+
 def test_a_step_too_high_is_never_reached_and_one_too_low_is_fallen_from():
     gait = LONG_GAITS["C"]
     ends = [

@@ -178,6 +178,7 @@ def test_a_push_off_costs_a_quarter_of_what_a_hip_would_at_small_steps():
     [
         ({"ankle_torque": 0.1}, "ankle_torque needs point feet"),
         ({"push_off": -0.1}, "push_off must not be negative"),
+        ({"push_off": [0.1, -0.1]}, "push_off must not be negative"),
         ({"push_off": "much"}, "push_off must be a number"),
         ({"hip_torque": np.nan}, "hip_torque must be a number"),
     ],

@@ -101,6 +101,17 @@ def test_the_verge_of_heelstrike_has_the_angles_of_the_next_section(name):
     np.testing.assert_allclose(verge[:3], -end.state[:3], rtol=1e-12)
 
 
+@pytest.mark.parametrize("torques", [{"hip_torque": 0.05}, {"ankle_torque": 0.002}])
+def test_the_verge_of_a_strike_is_reached_under_the_torques_that_are_held(torques):
+    state = np.array([0.2, -0.2, -0.2, -0.95, -0.8, -0.8]) * [1, 1, 1, 0.67, 0.72, 0.72]
+    end = stride("D", 0.01, state, tolerance=1e-13, **torques)
+    verge = just_before("D", 0.01, state, end.duration, **torques)
+    np.testing.assert_allclose(verge[:3], -end.state[:3], rtol=1e-11)
+    near = end.duration - np.array([1e-4, 2e-4, 3e-4])
+    near, _ = states_at("D", 0.01, state, near, tolerance=1e-13, **torques)
+    np.testing.assert_allclose(verge, 3.0 * near[0] - 3.0 * near[1] + near[2], atol=1e-9)
+
+
 def test_rates_on_the_verge_of_a_strike_lie_on_the_line_that_leads_there():
     strike = float(stride("lab", SLOPE, GAIT, tolerance=1e-13).kneestrike_time)
     verge = just_before("lab", SLOPE, GAIT, strike)
