@@ -159,7 +159,8 @@ def test_a_strike_comes_with_legs_apart_and_closes_its_ledger(
     if found.outcome != Outcome.HEELSTRIKE:
         return
     end = State(*units.to_dimensionless(found.state))
-    assert end.stance - end.thigh > legs.NARROWEST - 1e-12
+    apart = legs.NARROWEST - 1e-12 if rise or turn else 0.0  # as near as they like on smooth ground
+    assert end.stance - end.thigh > apart
     energies = [system.kinetic_energy(body, state) for state in (start, end)]
     gravity, lost = found.gravity_work / units.energy, found.collision_loss / units.energy
     moved = energies[0] + abs(energies[1] - energies[0]) + abs(gravity) + lost
