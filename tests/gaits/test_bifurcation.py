@@ -68,6 +68,15 @@ def test_a_diagram_shows_the_gait_where_the_gait_is_stable():
         assert angles == pytest.approx(find_gait("D", slope).stance_angle, rel=1e-8)
 
 
+def test_rows_of_a_diagram_s_table_number_the_strides_of_each_slope():
+    diagram = bifurcation_diagram("D", [0.005, 0.017, 0.01], settle=200, keep=4, longest_period=2)
+    rows = diagram.columns()
+    for place in range(12):
+        angles = diagram.stance_angle[diagram.slope == rows["slope"][place]][0]
+        assert rows["stance_angle"][place] == angles[rows["stride"][place]]
+    assert np.ptp(diagram.stance_angle[1]) > 0.01  # each stride of a walk on 0.017 rad is another
+
+
 def test_beyond_the_crisis_walkers_fall():
     diagram = bifurcation_diagram("D", [0.0185, 0.0195])
     np.testing.assert_array_equal(diagram.walks, [True, False])

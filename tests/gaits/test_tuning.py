@@ -86,6 +86,14 @@ def test_a_tuned_walker_that_walks_needs_no_more():
         assert tune_to_walk(name, slope).walker == tune(WALKERS[name])
 
 
+def test_a_tuned_walker_that_is_less_stable_than_asked_is_tuned_further():
+    tuned = find_gait(tune(WALKERS["A"]), 0.02)
+    radius = 0.95 * np.abs(tuned.multipliers[0])
+    gait = tune_to_walk("A", 0.02, radius=radius)
+    assert np.abs(gait.multipliers[0]) <= radius * (1.0 + 1e-6)
+    assert np.abs(tuning_errors(gait.walker)).max() < 1e-15
+
+
 def test_where_no_tuned_walker_walks_it_is_said():
     with pytest.raises(GaitNotFound, match="no tuned walker near walker 'lab'"):
         tune_to_walk("lab", -0.01)
