@@ -1,5 +1,6 @@
 """Trained policies that come with the package."""
 
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -45,6 +46,14 @@ def test_a_shipped_policy_walks_in_its_scene(name):
 def test_names_are_told_when_one_is_unknown():
     with pytest.raises(gpw.PolicyError, match=r"level-ppo.*export"):
         gpw.load_policy("moon-ppo")
+
+
+def test_a_folder_of_the_user_s_does_not_hide_the_policy_of_that_name(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(policy_folder("rough-ppo"), "level-ppo")
+    assert policy_folder("level-ppo") not in (Path("level-ppo"), Path("level-ppo").resolve())
+    assert gpw.load_policy("level-ppo").scene != gpw.load_policy("rough-ppo").scene
+    assert gpw.load_policy(Path("level-ppo").resolve()).scene == gpw.load_policy("rough-ppo").scene
 
 
 def test_a_policy_has_a_gait_of_its_own():

@@ -177,6 +177,16 @@ def test_ticks_one_after_another_make_the_stride():
             torch.testing.assert_close(a, b, rtol=1e-8, atol=1e-8)
 
 
+def test_ticks_of_a_gait_go_as_far_as_its_step_is_long():
+    found = gpw.find_gait("lab", 0.036)
+    here, phase, far, outcome = number(found.state), 0, 0.0, Outcome.RUNNING
+    while outcome == Outcome.RUNNING:
+        moved = tick("lab", 0.036, here, 0.0, duration=0.07, phase=phase)
+        here, phase, far = moved.state, moved.phase, far + moved.distance.item()
+        outcome = int(moved.outcome)
+    assert far == pytest.approx(found.step_length, rel=1e-8)
+
+
 def test_who_falls_has_no_gradient_and_says_so():
     slope, states = gait("lab")
     with torch.no_grad():
