@@ -133,7 +133,7 @@ def before_kneestrike(
     """The state of one walker on the verge of kneestrike, with its derivatives.
 
     Args:
-        motion: How the walker moves, as of `ticked_strides`.
+        motion: How the walker moves, as in `ticked_strides`.
         slope: Slope in rad.
         point: Start on the section, (m,).
         torques: Torques of the hip (N,), or of hip and ankle (2, N).

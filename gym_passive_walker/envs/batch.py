@@ -65,11 +65,11 @@ class Saved(NamedTuple):
     """A state that `Batch.checked` has found whole.
 
     Attributes:
-        records: As of a batch.
-        ledger: As of a batch.
-        walkers: As of a batch.
+        records: As in `Batch`.
+        ledger: As in `Batch`.
+        walkers: As in `Batch`.
         randoms: States of its generators; empty if there were none.
-        befell: As of `Disturbances.checked`; None where nothing befalls walkers.
+        befell: As returned by `Disturbances.checked`; None in a scene without disturbances.
     """
 
     records: NDArray

@@ -54,7 +54,7 @@ def permuted(arguments, order):
 
 
 def table(values, names):
-    """What is told of each walker, a column for each name."""
+    """What is reported of each walker, a column for each name."""
     return {name: values[name] for name in names if name in values and not name.startswith("_")}
 
 
@@ -206,7 +206,7 @@ def test_motors_may_be_named_in_any_order(actions, disturbed):
 
 
 def test_each_motor_works_by_its_own_number():
-    """One number alone drives, and its own work and nobody else's is told."""
+    """Each action drives one motor, and only the work of that motor is reported."""
     names = ("push_off", "ankle", "hip")
     for place, name in enumerate(names):
         env = PassiveWalkerVectorEnv(

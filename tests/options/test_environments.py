@@ -72,7 +72,7 @@ def pushing(count, of):
 
 
 def alone(*, scene="level", render_mode=None, seed=3, steps=STEPS, limit=None, **changes):
-    """What one walker is told on its way."""
+    """What a single environment reports on its way."""
     env = gym.make(
         "PassiveWalker-v0",
         max_episode_steps=limit,
@@ -93,7 +93,7 @@ def alone(*, scene="level", render_mode=None, seed=3, steps=STEPS, limit=None, *
 
 
 def crowded(env, seed=3, steps=STEPS):
-    """What the walkers of a vector environment are told."""
+    """What a vector environment reports."""
     told = [env.reset(seed=seed)[0]]
     for actions in pushing(env.num_envs, env.single_action_space.shape[0])[:steps]:
         *rest, infos = env.step(actions)
