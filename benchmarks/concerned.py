@@ -62,9 +62,9 @@ _CONCERNING = {
     "envs/infos": "infos",
     "envs/reality": "reality_rules disturbances",
     "envs/sb3": "sb3 crowds",
-    "envs/scene": "scene task",
+    "envs/scene": "scene task walker_env",
     "envs/starts": "starts",
-    "envs/task": "task starts vector_env crowds walker_env",
+    "envs/task": "task actions starts vector_env crowds walker_env",
     "envs/ticks": "infos crowds vector_env walker_env task starts",
     "envs/vector_env": "crowds changes vector_env",
     "envs/walker_env": "crowds walker_env",
@@ -107,6 +107,7 @@ _PUBLIC = ["tests/options/test_functions.py", "tests/options/test_objects.py"]
 _BESIDES = {
     "agents/first_order": "reference first_order",
     "agents/ppo_fast": "reference ppo_fast",
+    "cli/sweeps": "sweeps/options",
     "envs/fates": "streams",
     "gaits/terrain": "envs/streams",
 }
@@ -127,7 +128,7 @@ def tests_of(file: str) -> list[str]:
     names = (name if "/" in name else f"{room}/{name}" for name in dict.fromkeys(named))
     tests = [f"tests/{Path(name).parent}/test_{Path(name).name}.py" for name in names]
     if file not in _CONCERNING:
-        tests += [f"tests/{room}"]
+        tests += [f"tests/test_{file}.py" if file == room else f"tests/{room}"]
     options = [_OPTIONS[room]] if room in _OPTIONS else _PUBLIC
     if file == "train":
         tests, options = ["tests/agents/test_command_line.py"], [_OPTIONS["agents"]]

@@ -83,6 +83,7 @@ def test_long_work_shows_how_far_it_is(terminal):
 
 def test_without_a_terminal_there_are_no_bars(monkeypatch, capfd):
     monkeypatch.setattr(module, "_UNSEEN", 0.0)
+    monkeypatch.setattr(module, "_PACE", 0.0)
     gpw.gait_family("D", 0.005, 0.01)
     assert capfd.readouterr() == ("", "")
 

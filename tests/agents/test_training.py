@@ -23,6 +23,7 @@ from agents.callbacks import Milestones
 from agents.config import Config, ConfigError, configure
 from agents.evaluation import evaluate
 from agents.learner import LearnedPolicy, export, learned, load_policy
+from agents.search import search
 from agents.training import Run
 from benchmarks.kills import kill
 from gym_passive_walker.files import replacing
@@ -336,6 +337,24 @@ def test_a_search_keeps_the_best_and_can_go_on(ways, tmp_path, capsys):
     best = yaml.safe_load((tmp_path / "best.yml").read_text())["steep"]
     assert best["n_envs"] == 8 and "learning_rate" in best
     assert "best.yml" in capsys.readouterr().out
+
+
+def test_a_search_that_goes_on_makes_only_the_trials_that_are_left(tmp_path, monkeypatch):
+    pytest.importorskip("optuna")
+    made = []
+
+    def trained(folder, config, number):
+        made.append(number)
+        return [1.0, 3.0, 2.0][number]
+
+    monkeypatch.setattr("agents.search._trained", trained)
+    config = small()
+    search(config, tmp_path, 1, progress=False)
+    assert made == [0]
+    best = search(config, tmp_path, 3, progress=False)
+    assert made == [0, 1, 2]
+    assert best != config.hyperparams  # the second trial's are
+    assert search(config, tmp_path, 3, progress=False) == best and made == [0, 1, 2]
 
 
 def test_tensorboard_gets_its_logs_where_asked(tmp_path):

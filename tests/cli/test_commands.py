@@ -15,6 +15,7 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.cli import COMMANDS, main, parser
+from gym_passive_walker.cli.report import plain
 from gym_passive_walker.control.walks import WALKED_ON
 from gym_passive_walker.walkers import ABOUT
 
@@ -416,3 +417,9 @@ def test_whoever_has_read_enough_may_stop_reading():
         ["bash", "-c", f"set -o pipefail; {line}"], capture_output=True, text=True
     )
     assert done.stdout == "n" and "Traceback" not in done.stderr
+
+
+def test_json_has_no_infinities():
+    found = plain({"above": np.inf, "below": -np.inf, "all": np.array([0.5, np.nan, np.inf])})
+    assert found == {"above": None, "below": None, "all": [0.5, None, None]}
+    json.dumps(found, allow_nan=False)
