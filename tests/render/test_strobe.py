@@ -6,6 +6,7 @@ import sys
 import numpy as np
 import pytest
 
+from gym_passive_walker.gaits.terrain import footholds
 from gym_passive_walker.gaits.trajectory import simulate
 from gym_passive_walker.physics.hybrid import Stage
 from gym_passive_walker.render import phase_portrait, pose, strobe, strobe_of
@@ -34,6 +35,20 @@ def test_a_strobe_picture_stands_on_its_slope():
     walk = simulate("lab", SLOPE, GAIT, samples=3)
     expected = level(pose("lab", walk.states, walk.contact_x).hip, SLOPE)
     np.testing.assert_allclose(hips(figure), expected)
+
+
+def test_a_strobe_picture_stands_on_footholds_that_are_tilted():
+    from matplotlib.figure import Figure
+
+    ax = Figure().subplots()
+    ground = {"terrain": footholds([0.0] * 3, [0.0, 0.01, -0.01])}
+    strobe("lab", SLOPE, GAIT, strides=3, flashes=3, ax=ax, **ground)
+    walk = simulate("lab", SLOPE, GAIT, strides=3, samples=3, **ground)
+    assert np.ptp(walk.tilts) > 0.01
+    once = np.append(np.diff(walk.strides) == 0, True)
+    posture = pose("lab", walk.states, walk.contact_x, walk.contact_y, walk.tilts)
+    hip = next(line.get_xydata() for line in ax.lines if line.get_marker() == "o")
+    np.testing.assert_allclose(hip, level(posture.hip[once], SLOPE))
 
 
 def test_a_recorded_walk_gives_the_same_picture_but_for_its_kneestrikes():

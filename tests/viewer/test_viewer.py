@@ -124,6 +124,12 @@ def test_slow_motion_passes_the_same_postures_more_slowly(session):
     np.testing.assert_allclose(session.walk.state, other.state, rtol=0.0, atol=1e-9)
     session.key(pygame.K_PLUS)
     assert session.player.pace == 0.5
+    for key in (pygame.K_MINUS, pygame.K_PLUS):  # beyond the last pace there is none
+        paces = []
+        for _ in range(10):
+            session.key(key)
+            paces.append(session.player.pace)
+        assert paces[-1] == paces[-2] == (min(paces) if key == pygame.K_MINUS else max(paces))
 
 
 def test_a_slider_sets_what_it_says_while_the_walker_walks(session):
@@ -167,6 +173,11 @@ def test_dragging_the_scene_pushes_the_hip_where_it_is_dragged(session):
     session.move((0, 0), (60, 0))
     assert session.player.impulse[0] == pytest.approx(60 * PUSH * np.cos(SLOPE))
     assert session.player.impulse[1] == pytest.approx(60 * PUSH * np.sin(SLOPE))
+    session.move((0, 0), (-60, -40))  # up, on the screen
+    assert session.player.impulse == pytest.approx(
+        40 * PUSH * np.array([-np.sin(SLOPE), np.cos(SLOPE)])
+    )
+    session.move((0, 0), (60, 40))
     session.drag(SCENE.center, (SCENE.centerx + 60, SCENE.centery))
     assert session.walk.state[3] < before[3]
     np.testing.assert_array_equal(session.walk.state[:3], before[:3])
