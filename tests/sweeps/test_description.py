@@ -28,6 +28,20 @@ def test_each_of_n_slices_of_a_parameter_holds_one_of_n_latin_samples():
         assert sorted(slices) == list(range(50))
 
 
+@pytest.mark.parametrize("how", ["sobol", "latin-hypercube"])
+def test_another_seed_draws_another_sample(how):
+    drawn = [
+        [
+            given["slope"]
+            for given in Description(
+                analysis="gait", over={"slope": [0.01, 0.05]}, how=how, samples=8, seed=seed
+            ).tasks
+        ]
+        for seed in (0, 1, 1)
+    ]
+    assert drawn[1] == drawn[2] and not set(drawn[0]) & set(drawn[1])
+
+
 def test_the_first_half_of_a_sobol_sample_is_the_smaller_sample():
     few, many = (
         Description(analysis="gait", over={"slope": [0.01, 0.05]}, how="sobol", samples=n).tasks
