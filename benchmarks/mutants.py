@@ -19,6 +19,7 @@ from typing import NamedTuple
 ROOT = Path(__file__).parents[1]
 PACKAGE = "gym_passive_walker"
 FAULTS = Path(__file__).parent / "faults"
+BLIND = FAULTS / "blind"
 
 NOT_MOTION = {
     "fingerprint", "cache_directory", "_bases", "_private", "found", "keep", "_warn", "_name",
@@ -166,10 +167,10 @@ def sample(files: Sequence[str], seed: int) -> list[Mutant]:
     return [mutant for turn in turns for mutant in turn if mutant is not None]
 
 
-def faults() -> tuple[list[Mutant], list[str]]:
-    """Every fault that was thought up; and the names of those whose text the code has no more."""
+def faults(folder: Path = FAULTS) -> tuple[list[Mutant], list[str]]:
+    """Every fault of a folder; and the names of those whose text the code has no more."""
     found, gone = [], []
-    for path in sorted(FAULTS.glob("*.toml")):
+    for path in sorted(folder.glob("*.toml")):
         for fault in tomllib.loads(path.read_text(encoding="utf-8"))["fault"]:
             file, old, new = fault["file"], fault["old"], fault["new"]
             name, source = f"{file}: {fault['wrong']}", (ROOT / path_of(file)).read_text("utf-8")

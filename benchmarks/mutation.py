@@ -1,6 +1,7 @@
 """Would the tests notice? Put one thing wrong at a time into the package, and see.
 
     python -m benchmarks.mutation                      every fault that was thought up
+    python -m benchmarks.mutation --blind              those of someone who had not read the tests
     python -m benchmarks.mutation --changes 100        single signs of physics and engine instead
 
 Each mutant is a copy of the package with one thing wrong: a fault such as a programmer makes
@@ -31,7 +32,7 @@ import pytest
 
 from benchmarks.concerned import CHANGED, tests_of
 from benchmarks.equivalent_mutants import EQUIVALENT
-from benchmarks.mutants import PACKAGE, ROOT, Mutant, faults, path_of, sample
+from benchmarks.mutants import BLIND, FAULTS, PACKAGE, ROOT, Mutant, faults, path_of, sample
 from benchmarks.report import DOCS, keep, machine, table
 
 PAGE = DOCS / "stability.md"
@@ -222,6 +223,7 @@ def main() -> None:
     add = parser.add_argument
     add("--changes", type=int, default=0, help="change so many single signs instead")
     add("--seed", type=int, default=1, help="of their order")
+    add("--blind", action="store_true", help="faults by someone who had not read the tests")
     add("--rooms", nargs="+", metavar="ROOM", help="these rooms only")
     add("--again", action="store_true", help="try once more what was not noticed")
     add("--tried", action="store_true", help="try nothing: tell of what has been tried so far")
@@ -229,7 +231,7 @@ def main() -> None:
     add("--write", action="store_true", help=f"put the tables into {PAGE.name}")
     options = parser.parse_args()
     pool = sample(list(CHANGED), options.seed)
-    thought_up, gone = faults()
+    thought_up, gone = faults(BLIND if options.blind else FAULTS)
     chosen = pool[: options.changes] or thought_up
     if options.rooms:
         chosen = [mutant for mutant in chosen if mutant.room in options.rooms]
@@ -246,7 +248,8 @@ def main() -> None:
         share += f"\nThe code that this fault was written for has changed: {name}."
     text = "\n\n".join(filter(None, [f"`{command}`\n{machine('scipy')}", share, found]))
     if options.write:
-        keep("mutation" if options.changes else "faults", text, PAGE)
+        faulty = "blind faults" if options.blind else "faults"
+        keep("mutation" if options.changes else faulty, text, PAGE)
     else:
         print(f"\n{text}")
 
