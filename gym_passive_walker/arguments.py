@@ -48,15 +48,6 @@ def real_array(value: ArrayLike, name: str, allowed: str) -> NDArray[np.float64]
     return numbers
 
 
-def check_tolerance(tolerance: Any) -> float:
-    """The tolerance, if it can be met."""
-    allowed = f"a number between {FINEST_TOLERANCE} and {COARSEST_TOLERANCE}"
-    number = real_array(tolerance, "tolerance", allowed)
-    if number.ndim or not FINEST_TOLERANCE <= number <= COARSEST_TOLERANCE:
-        raise ValueError(f"tolerance must be {allowed}, not {shown(tolerance)}")
-    return float(number)
-
-
 def check_slope(
     slope: ArrayLike, name: str = "slope", also: str = ", or an array of them"
 ) -> NDArray[np.float64]:
@@ -87,6 +78,8 @@ def check_state(state: ArrayLike, name: str = "state") -> NDArray[np.float64]:
 
 
 def _single(value: Any, name: str) -> float:
+    if type(value) is float:  # as nearly always
+        return value
     try:
         if isinstance(value, str | bytes | bool | np.bool_) or np.ndim(value):
             raise TypeError
@@ -145,6 +138,11 @@ def number(
         finite = "" if math.isfinite(found) or most == math.inf else "finite "
         raise ValueError(f"{name} must be a {finite}number{limit}, not {shown(value)}")
     return found
+
+
+def check_tolerance(tolerance: Any) -> float:
+    """The tolerance, if it can be met."""
+    return number(tolerance, "tolerance", least=FINEST_TOLERANCE, most=COARSEST_TOLERANCE)
 
 
 def whole(value: Any, name: str, least: int = 1, most: int = _MOST) -> int:

@@ -1,10 +1,13 @@
 """A description says which tasks there are, or why it is none."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.sweeps.description import Description
+from gym_passive_walker.sweeps.quantities import sizes
 from gym_passive_walker.sweeps.tasks import ANALYSES, flat, task
 
 
@@ -133,3 +136,29 @@ def test_a_swept_gait_is_the_gait():
     gait = gpw.find_gait(gpw.Walker(**{**vars(walker), "foot_radius": 0.22}), 0.036)
     assert row["stance_angle"] == gait.stance_angle and row["stable"] == gait.stable
     assert row["multiplier"] == np.abs(gait.multipliers[0])
+
+
+@pytest.mark.parametrize(
+    ("column", "unit"),
+    [
+        ("thigh_com", lambda mass, leg, gravity: leg),
+        ("shank_mass", lambda mass, leg, gravity: mass),
+        ("hip_stiffness", lambda mass, leg, gravity: mass * gravity * leg),
+        ("hip_friction", lambda mass, leg, gravity: mass * gravity * leg * np.sqrt(leg / gravity)),
+        ("push_off", lambda mass, leg, gravity: mass * np.sqrt(gravity * leg)),
+        ("step_period", lambda mass, leg, gravity: np.sqrt(leg / gravity)),
+        ("stance_angle", lambda mass, leg, gravity: 1.0),
+    ],
+)
+def test_a_column_is_measured_by_the_walker_s_mass_length_and_gravity(column, unit):
+    walkers = [dataclasses.replace(gpw.WALKERS["lab"], gravity=gravity) for gravity in (1.0, 4.0)]
+    found = sizes(column, "gait", [{"walker": walker, "slope": 0.03} for walker in walkers])
+    expected = [unit(each.total_mass, each.leg_length, each.gravity) for each in walkers]
+    np.testing.assert_allclose(found, expected, rtol=1e-12)
+
+
+def test_the_fastest_gait_of_a_family_has_the_family_s_largest_speed():
+    lab = gpw.WALKERS["lab"]
+    row = ANALYSES["family"](walker=lab, slope_min=0.02, slope_max=0.04)
+    largest = gpw.gait_family(lab, 0.02, 0.04).speed.max() / np.sqrt(lab.gravity * lab.leg_length)
+    assert row["fastest"] == pytest.approx(largest, rel=1e-12)
