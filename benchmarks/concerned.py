@@ -118,7 +118,7 @@ _EVERYWHERE = "permutations streams"
 def tests_of(file: str) -> list[str]:
     """The tests that concern a module, in the order in which they are likely to notice.
 
-    Those of a module that is not listed are all of its room; tests of options come last.
+    What is listed for it comes first, then tests of options, then all others of its room.
     """
     if file in CHANGED:
         return CHANGED[file]
@@ -127,9 +127,15 @@ def tests_of(file: str) -> list[str]:
     named += _EVERYWHERE.split() * (room == "envs")
     names = (name if "/" in name else f"{room}/{name}" for name in dict.fromkeys(named))
     tests = [f"tests/{Path(name).parent}/test_{Path(name).name}.py" for name in names]
-    if file not in _CONCERNING:
-        tests += [f"tests/test_{file}.py" if file == room else f"tests/{room}"]
     options = [_OPTIONS[room]] if room in _OPTIONS else _PUBLIC
     if file == "train":
         tests, options = ["tests/agents/test_command_line.py"], [_OPTIONS["agents"]]
-    return list(dict.fromkeys([*tests, *options]))
+    # File by file: a folder would bring its files into another order.
+    rest = [f"tests/test_{file}.py"] if file == room else _tests_in(f"tests/{room}")
+    return list(dict.fromkeys([*tests, *options, *rest]))
+
+
+def _tests_in(folder: str) -> list[str]:
+    """The test files of a folder."""
+    root = Path(__file__).parents[1]
+    return [str(path.relative_to(root)) for path in sorted((root / folder).glob("test_*.py"))]
