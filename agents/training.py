@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import Logger
 from tqdm import tqdm
@@ -75,7 +77,10 @@ class Run:
 
         def reach(seconds: float) -> None:
             row = self._evaluate(seconds)
-            said = f"walks {row['distance']:.1f} l, {row['strides']:.0f} strides"
+            said = (
+                f"walks {row['distance']:.1f} l, {row['strides']:.0f} strides, return "
+                f"{row['reward']:.1f} (exploring {row['exploring_reward']:.1f})"
+            )
             bar.set_postfix_str(said, refresh=False)
             self._save()
 
@@ -105,16 +110,30 @@ class Run:
             return f"Never half of the evaluation walks came to {HUNDRED} strides"
         return (
             f"Half of the evaluation walks came to {HUNDRED} strides after "
-            f"{row['seconds']:.1f} s of training, {row['steps']:,} steps"
+            f"{row['seconds']:.1f} s of training, {row['steps']:,} steps; their median distance: "
+            f"{row['distance']:.1f} leg lengths"
         )
+
+    @property
+    def exploring_reward(self) -> float:
+        """Mean return of the last training episodes: noisy actions, short episodes; NaN if none."""
+        returns = [float(episode["r"]) for episode in self.model.ep_info_buffer or ()]
+        return float(np.mean(returns)) if returns else math.nan
 
     def _evaluate(self, seconds: float) -> dict[str, Any]:
         """Add a row to the learning curve, and keep the policy if it is the best so far."""
         policy = LearnedPolicy(self.model, self.config.algo.upper())
         walks = evaluate(policy, self.exam, seed=EXAM_SEED)
         self.notes["seconds"] += seconds
-        row = {"steps": self.steps, "seconds": round(self.notes["seconds"], 2), **walks.summary()}
+        row = {
+            "steps": self.steps,
+            "seconds": round(self.notes["seconds"], 2),
+            **walks.summary(),
+            "exploring_reward": self.exploring_reward,
+        }
         self.notes["curve"].append(row)
+        for name in ("reward", "distance", "strides"):  # beside the library's rollout/ep_rew_mean
+            self.model.logger.record(f"eval/{name}", row[name])
         best = self.notes["best"]
         if best is None or row["reward"] >= best:
             self.notes["best"] = row["reward"]

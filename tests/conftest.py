@@ -2,8 +2,11 @@
 
 import os
 import re
+import shutil
+import tempfile
 from collections.abc import Iterator
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -55,6 +58,32 @@ def _failed_if_skipped(report: Any) -> Any:
 def pytest_runtest_makereport() -> Iterator[None]:
     """Fail a test that lacks a library."""
     return _failed_if_skipped((yield))
+
+
+OF_LIBRARIES = ("pymp-", "torchinductor_")
+"""Beginnings of names of folders of multiprocessing, which removes them at the end, and torch."""
+
+
+@pytest.fixture(scope="session")
+def temporary_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """The temporary directory of all tests and of the processes that they start: a private one."""
+    folder = tmp_path_factory.mktemp("temporary")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TMPDIR", str(folder))
+        # Where stable-baselines3 makes a folder of logs for each model that has no logger.
+        patch.setenv("SB3_LOGDIR", str(tmp_path_factory.mktemp("logs")))
+        patch.setattr(tempfile, "tempdir", str(folder))
+        yield folder
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_left_behind(temporary_folder: Path) -> Iterator[None]:
+    """Fail a test that leaves files or folders in the temporary directory."""
+    yield
+    left = [path for path in temporary_folder.iterdir() if not path.name.startswith(OF_LIBRARIES)]
+    for path in left:
+        shutil.rmtree(path) if path.is_dir() else path.unlink()
+    assert not left, f"left in the temporary directory: {[path.name for path in left]}"
 
 
 @pytest.hookimpl(wrapper=True)

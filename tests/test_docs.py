@@ -1,9 +1,14 @@
 """What the documentation says can be done, can be done."""
 
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+
+import gym_passive_walker as gpw
 
 DOCS = Path(__file__).parent.parent
 
@@ -26,4 +31,24 @@ def test_the_code_on_a_page_runs_from_top_to_bottom(page, monkeypatch, capsys):
     for learner in ("torch", "stable_baselines3"):  # a large extra; pages without it run anywhere
         if re.search(rf"(import|from) {learner}\b", "".join(blocks)):
             pytest.importorskip(learner)
-    exec(compile("\n".join(blocks), page, "exec"), {})
+    exec(compile("\n".join(blocks), page, "exec"), {"__name__": "__main__"})
+
+
+@pytest.mark.slow
+def test_the_code_of_a_sweep_is_a_plain_script(tmp_path):
+    pytest.importorskip("pyarrow")
+    page = (DOCS / "docs" / "scaling.md").read_text()
+    script = tmp_path / "feet.py"
+    script.write_text("\n".join(re.findall(r"```python\n(.*?)```", page, re.S)))
+    done = subprocess.run(
+        [sys.executable, script], cwd=tmp_path, capture_output=True, text=True,
+        env={**os.environ, "PYTHONPATH": str(DOCS)},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_how_to_shows_a_walker_that_has_no_gait(capsys):
+    page = (DOCS / "docs" / "howto.md").read_text()
+    (code,) = re.findall(r"```python\n(try:.*?)```", page, re.S)
+    exec(compile(code, "howto.md", "exec"), {"gpw": gpw})
+    assert "no long-step gait" in capsys.readouterr().out

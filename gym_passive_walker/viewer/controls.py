@@ -21,7 +21,7 @@ KEYS = (
     ("Left / Right", "move it (Shift: more)"),
     ("Home", "put it back"),
     ("W", "another walker"),
-    ("P", "policy on, off"),
+    ("P", "another policy"),
     ("F", "film on, off"),
     ("Q", "quit"),
     ("drag scene", "push the hip"),
@@ -42,6 +42,7 @@ class Controls:
     def __init__(self, player: Player, view: View) -> None:
         self.player, self.view = player, view
         self._held: int | None = None  # the slider that the mouse holds
+        self._pointer = (-1, -1)  # where the mouse was last seen
         self._keys: dict[int, Callable[[bool], Any]] = {
             pygame.K_SPACE: lambda shift: player.pause(),
             pygame.K_n: lambda shift: player.step(),
@@ -57,7 +58,7 @@ class Controls:
             pygame.K_RIGHT: lambda shift: player.nudge(_COARSE if shift else 1.0),
             pygame.K_HOME: lambda shift: player.restore(),
             pygame.K_w: lambda shift: player.next_walker(-1 if shift else 1),
-            pygame.K_p: lambda shift: player.hand_over(),
+            pygame.K_p: lambda shift: player.hand_over(-1 if shift else 1),
             pygame.K_f: lambda shift: self._film(),
             pygame.K_q: lambda shift: self._quit(),
             pygame.K_ESCAPE: lambda shift: self._quit(),
@@ -72,11 +73,12 @@ class Controls:
         elif event.type == pygame.MOUSEBUTTONDOWN and event.button == pygame.BUTTON_LEFT:
             self._press(event.pos)
         elif event.type == pygame.MOUSEMOTION:
+            self._pointer = event.pos
             self._move(event.pos, event.rel)
         elif event.type == pygame.MOUSEBUTTONUP and event.button == pygame.BUTTON_LEFT:
             self._release()
         elif event.type == pygame.MOUSEWHEEL:
-            self.player.nudge(float(event.y))
+            self._turn(float(event.y))
 
     def _press(self, place: tuple[int, int]) -> None:
         self._held = self.view.slider_at(place)
@@ -89,6 +91,13 @@ class Controls:
         if self._held is not None:
             self.player.set(self._held, self.view.value_at(self.player, self._held, place[0]))
         self.player.drag_by(*moved)
+
+    def _turn(self, shares: float) -> None:
+        """Move the slider whose row is below the pointer; elsewhere the wheel does nothing."""
+        row = self.view.row_at(self._pointer)
+        if row is not None:
+            self.player.selected = row
+            self.player.nudge(shares)
 
     def _release(self) -> None:
         self._held = None

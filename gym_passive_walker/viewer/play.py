@@ -18,6 +18,28 @@ from gym_passive_walker.walkers import Walker, as_walker
 _LONGEST_FRAME = 0.1  # seconds: after a longer pause of the machine time stands still
 
 
+def _open_display() -> None:
+    """Connect to the machine's display.
+
+    Raises:
+        OSError: if it has none.
+    """
+    import pygame
+
+    try:
+        pygame.display.init()
+        if pygame.display.get_driver() == "offscreen" and "SDL_VIDEODRIVER" not in os.environ:
+            raise pygame.error("SDL would draw off the screen")
+    except pygame.error as error:
+        pygame.display.quit()
+        raise OSError(
+            None,
+            f"this machine has no display for a window ({error}): `passive-walker video` "
+            "films a walk without one; SDL_VIDEODRIVER=dummy lets this command write a film or a "
+            "picture",
+        ) from None
+
+
 def play(
     walker: Walker | str | None = None,
     slope: float | None = None,
@@ -46,7 +68,7 @@ def play(
         ValueError: if an argument is out of its range; subclasses say which (`WalkerError`,
             `SceneError`, `PolicyError`).
         ImportError: if pygame is not installed, or moviepy for a film.
-        OSError: if the film or the picture cannot be written.
+        OSError: if the machine has no display, or the film or picture cannot be written.
     """
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "hide")
     with extra("render"):
@@ -66,9 +88,9 @@ def play(
     player = Player(LiveWalk(walker, slope, policy=policy, start=start))
     view = View(KEYS)
     controls = Controls(player, view)
+    _open_display()
     if film is not None:
         player.film_to(film, SIZE)
-    pygame.display.init()
     try:
         window = pygame.display.set_mode(SIZE)
         pygame.display.set_caption("passive walker")

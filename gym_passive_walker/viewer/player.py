@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from gym_passive_walker.envs.starts import REFERENCE_SLOPES
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.policies import TrainedPolicy, load_policy, shipped_policies
 from gym_passive_walker.render.film import Film
 from gym_passive_walker.render.pose import level
 from gym_passive_walker.viewer.seeker import Answer, Question, Seeker
@@ -29,15 +31,27 @@ _PACES = tuple(2.0**power for power in range(-6, 3))
 _FINE = 1e-3  # of a setting's range: what a key moves
 
 
-def gentle_slope(walker: Walker) -> float:
-    """A gentle slope in rad on which a walker walks stably, if one is found."""
-    for slope in REFERENCE_SLOPES:
+def gentle_slope(walker: Walker, *wanted: float) -> float:
+    """A slope in rad on which a walker walks stably, if one is found.
+
+    Args:
+        walker: The walker.
+        *wanted: Slopes in rad that are tried first; then come gentle ones.
+    """
+    for slope in (*wanted, *REFERENCE_SLOPES):
         try:
             if find_gait(walker, slope).stable:
                 return slope
         except GaitNotFound:
             continue
     return REFERENCE_SLOPES[0]
+
+
+@cache
+def offered_policies() -> dict[str, TrainedPolicy]:
+    """Shipped policies that need nothing but a hip torque and what the viewer shows them."""
+    loaded = {name: load_policy(name) for name in shipped_policies()}
+    return {name: policy for name, policy in loaded.items() if LiveWalk.takes(policy)}
 
 
 class Player:
@@ -48,7 +62,7 @@ class Player:
 
     Attributes:
         walk: The walk.
-        policy: The policy that P gives the hip to, if there is one.
+        policy: The policy that the viewer began with, if there was one.
         settings: What may be changed.
         selected: Which of the settings keys change.
         paused: Whether time stands still.
@@ -123,10 +137,15 @@ class Player:
         self.set(self.selected, self.settings[self.selected].home)
 
     def next_walker(self, further: int) -> None:
-        """Go on as another preset."""
+        """Go on as another preset; after a fall, begin again on a slope where it walks."""
         names = list(WALKERS)
         place = names.index(self.name) if self.name in names else -1
-        self._try(lambda: self.walk.change_walker(WALKERS[names[(place + further) % len(names)]]))
+        walker = WALKERS[names[(place + further) % len(names)]]
+        if self.walk.outcome == Outcome.RUNNING:
+            self._try(lambda: self.walk.change_walker(walker))
+        else:
+            slope = gentle_slope(walker, self.walk.slope)
+            self._try(lambda: self.walk.begin_as(walker, slope))
         self.settings = settings_of(self.walk)
 
     @property
@@ -135,12 +154,18 @@ class Player:
         known = (name for name, walker in WALKERS.items() if walker == self.walk.walker)
         return next(known, "changed")
 
-    def hand_over(self) -> None:
-        """Give the hip to the policy, or take it back."""
-        if self.policy is None:
-            self.message = "no policy is loaded: start with --policy NAME"
-            return
-        self.walk.hand_over(None if self.walk.policy else self.policy)
+    def hand_over(self, further: int = 1) -> None:
+        """Give the hip to another policy: the loaded one, the shipped ones, and then none.
+
+        Args:
+            further: 1 for the next policy, -1 for the one before.
+        """
+        loaded = {} if self.policy is None else {"the loaded policy": self.policy}
+        offers = {"no policy": None, **loaded, **offered_policies()}
+        names, policies = list(offers), list(offers.values())
+        place = (policies.index(self.walk.policy) + further) % len(policies)
+        self.walk.hand_over(policies[place])
+        self.message = f"{names[place]} at the hip"
 
     def begin_drag(self) -> None:
         """Begin to draw a push."""

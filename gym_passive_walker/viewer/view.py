@@ -62,6 +62,10 @@ class View:
         """Which slider's track or knob is at a place, if there is one."""
         if not _TRACK_LEFT - _KNOB <= place[0] <= _TRACK_LEFT + _TRACK_WIDTH + _KNOB:
             return None
+        return self.row_at(place)
+
+    def row_at(self, place: tuple[int, int]) -> int | None:
+        """Which slider's row, with its label and value, is at a place, if there is one."""
         return next((i for i in range(self._sliders) if self._row(i).collidepoint(place)), None)
 
     def value_at(self, player: Player, index: int, x: float) -> float:

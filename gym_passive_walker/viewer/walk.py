@@ -192,6 +192,26 @@ class LiveWalk:
         self._look_now()
         self._disturb()
 
+    @staticmethod
+    def takes(policy: TrainedPolicy) -> bool:
+        """Whether a policy acts by the hip alone, and sees no ground ahead."""
+        return policy.scene.actions == ("hip",) and not policy.scene.preview
+
+    def begin_as(self, walker: Walker, slope: float) -> None:
+        """Begin again as another walker, at its gait on a slope in rad.
+
+        Raises:
+            ValueError: if it is no slope; nothing has changed then.
+            SceneError: if the walker has no gait to start with; nothing has changed then.
+        """
+        before = self.walker, self.slope
+        self.walker, self.slope = walker, one_slope(slope)
+        try:
+            self.begin()
+        except ValueError:
+            self.walker, self.slope = before
+            raise
+
     def change_walker(self, walker: Walker) -> None:
         """Walk on as another walker with the same angles and rates.
 
@@ -202,12 +222,7 @@ class LiveWalk:
         """
         before = self.walker
         if walker.knees != before.knees:
-            self.walker = walker
-            try:
-                self.begin()
-            except ValueError:
-                self.walker = before
-                raise
+            self.begin_as(walker, self.slope)
             return
         own, contact, old = self.state, self.contact, self._units
         self.walker = walker

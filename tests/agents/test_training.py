@@ -429,10 +429,25 @@ def test_an_exported_policy_with_other_layers_is_refused(tmp_path):
 def test_a_training_says_when_it_first_walked(tmp_path):
     run = Run(small(), tmp_path)
     run.notes["curve"] = [
-        {"steps": 64, "seconds": 0.5, "hundred_strides": 0.4},
-        {"steps": 1024, "seconds": 1.5, "hundred_strides": 0.5},
-        {"steps": 2048, "seconds": 2.5, "hundred_strides": 0.9},
+        {"steps": 64, "seconds": 0.5, "hundred_strides": 0.4, "distance": 2.0},
+        {"steps": 1024, "seconds": 1.5, "hundred_strides": 0.5, "distance": 12.34},
+        {"steps": 2048, "seconds": 2.5, "hundred_strides": 0.9, "distance": 60.0},
     ]
     assert "1.5 s of training, 1,024 steps" in run.first_hundred()
+    assert "12.3 leg lengths" in run.first_hundred()
     del run.notes["curve"][1:]
     assert run.first_hundred().startswith("Never")
+
+
+def test_each_evaluation_is_kept_beside_what_exploring_walks_earned(tmp_path):
+    run = Run(small(), tmp_path, tensorboard=True)
+    run.train(progress=False)
+    first, last = run.notes["curve"][0], run.notes["curve"][-1]
+    assert np.isnan(first["exploring_reward"])  # no episode has ended yet
+    episodes = [episode["r"] for episode in run.model.ep_info_buffer]
+    assert episodes and last["exploring_reward"] == pytest.approx(np.mean(episodes))
+    assert last["exploring_reward"] != last["reward"]
+    header = (tmp_path / "learning_curve.csv").read_text().splitlines()[0].split(",")
+    assert {"reward", "distance", "exploring_reward"} <= set(header)
+    written = b"".join(path.read_bytes() for path in tmp_path.rglob("*tfevents*"))
+    assert b"eval/reward" in written and b"rollout/ep_rew_mean" in written

@@ -20,7 +20,13 @@ from gym_passive_walker.viewer.walk import LiveWalk
 pygame = pytest.importorskip("pygame")
 
 from gym_passive_walker.viewer.controls import KEYS, Controls  # noqa: E402
-from gym_passive_walker.viewer.player import FPS, PUSH, Player, gentle_slope  # noqa: E402
+from gym_passive_walker.viewer.player import (  # noqa: E402
+    FPS,
+    PUSH,
+    Player,
+    gentle_slope,
+    offered_policies,
+)
 from gym_passive_walker.viewer.view import MULTIPLIERS, PORTRAIT, SCENE, SIZE, View  # noqa: E402
 
 SLOPE = 0.036
@@ -156,8 +162,20 @@ def test_keys_choose_a_setting_and_move_it(session):
     session.key(pygame.K_DOWN)
     session.key(pygame.K_RIGHT)
     assert session.walk.walker.gravity > 9.81
-    session.controls.handle(pygame.event.Event(pygame.MOUSEWHEEL, x=0, y=-1))
-    assert session.walk.walker.gravity == pytest.approx(9.81)
+
+
+def test_the_wheel_moves_the_slider_below_the_pointer_and_no_other(session):
+    turn = pygame.event.Event(pygame.MOUSEWHEEL, x=0, y=-1)
+    before = session.walk.slope, session.walk.walker.gravity
+    session.controls.handle(turn)  # the pointer has not been seen yet
+    session.move((0, 0), (SCENE.centerx, SCENE.centery))
+    session.controls.handle(turn)
+    assert (session.walk.slope, session.walk.walker.gravity) == before
+    session.move((0, 0), session.view.knob(session.player, 2))
+    session.controls.handle(turn)
+    assert session.walk.slope == SLOPE
+    assert session.walk.walker.gravity < before[1]
+    assert session.player.selected == 2
 
 
 def test_a_walker_that_cannot_be_is_refused_in_words(session):
@@ -253,6 +271,35 @@ def test_w_goes_through_all_walkers_and_back(session):
     assert session.player.name == names[-2]
 
 
+@pytest.mark.parametrize("turns", [1, 2, 3, 4, 5, 6, 7, 8])
+def test_another_walker_after_a_fall_begins_again_where_it_walks(session, turns):
+    session.player.set(0, -0.05)
+    session.frames(3 * FPS)
+    assert session.walk.outcome != Outcome.RUNNING
+    session.player.walk.walker = list(WALKERS.values())[turns - 1]
+    session.key(pygame.K_w)
+    session.frames(2 * FPS)
+    assert session.walk.outcome == Outcome.RUNNING, session.player.name
+    assert session.walk.strides >= 1
+    assert session.player.settings[0].home == session.walk.slope > 0.0
+
+
+def test_p_gives_the_hip_to_each_shipped_policy_in_turn_and_then_to_none(session):
+    seen = []
+    for _ in offered_policies():
+        session.key(pygame.K_p)
+        assert session.walk.policy is not None
+        session.frames(1)
+        assert session.gait().question.policy is session.walk.policy
+        seen.append(session.player.message.removesuffix(" at the hip"))
+    assert seen == list(offered_policies())
+    assert {"level-ppo", "steep-sac", "lab-ppo"} <= set(seen)
+    session.key(pygame.K_p)
+    assert session.walk.policy is None
+    session.key(pygame.K_p, shift=True)
+    assert session.walk.policy is offered_policies()[seen[-1]]
+
+
 def test_q_and_a_closed_window_end_it(session):
     session.key(pygame.K_q)
     assert not session.player.running
@@ -312,6 +359,21 @@ def test_a_gentle_slope_lets_its_walker_walk():
 def test_bad_arguments_are_refused_in_a_sentence(arguments, told):
     with pytest.raises(ValueError, match=told):
         play(**{"walker": "lab", "slope": SLOPE, "seconds": 0.1, **arguments})
+
+
+def test_a_machine_without_a_display_is_named(monkeypatch, capsys):
+    def refuse():
+        raise pygame.error("no available video device")
+
+    monkeypatch.setattr(pygame.display, "init", refuse)
+    assert main(["lab", "0.036", "--seconds", "0.05"]) == 2
+    assert "no display" in capsys.readouterr().err
+    monkeypatch.undo()
+    monkeypatch.setattr(pygame.display, "init", lambda: None)
+    monkeypatch.setattr(pygame.display, "get_driver", lambda: "offscreen")
+    monkeypatch.delenv("SDL_VIDEODRIVER", raising=False)
+    with pytest.raises(OSError, match="no display"):
+        play("lab", SLOPE, seconds=0.05)
 
 
 def test_the_command_shows_a_walker_and_refuses_others_in_a_sentence(tmp_path, capsys):

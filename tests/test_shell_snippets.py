@@ -1,0 +1,164 @@
+"""Every shell command of the documentation is understood, and the cheap ones are run."""
+
+import argparse
+import json
+import re
+import runpy
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from gym_passive_walker.cli import main
+
+ROOT = Path(__file__).parent.parent
+
+PAGES = [
+    ROOT / "README.md",
+    ROOT / "CONTRIBUTING.md",
+    ROOT / "benchmarks" / "README.md",
+    *sorted((ROOT / "docs").glob("*.md")),
+]
+
+
+def _lines(page):
+    blocks = re.findall(r"```(?:sh|bash|console)\n(.*?)```", page.read_text(), re.S)
+    return [line for block in blocks for line in block.splitlines() if line.strip()]
+
+
+COMMANDS = list(dict.fromkeys(line for page in PAGES for line in _lines(page)))
+
+FILES = {
+    name: content
+    for page in PAGES
+    for name, content in re.findall(r"`(\w+\.json)`:\n\n```json\n(.*?)```", page.read_text(), re.S)
+}
+"""Files that a page prints, by their names."""
+
+USERS_OWN = ("own.yaml",)
+"""Files that a page leaves to the user."""
+
+ONLY_PARSED = {
+    r"passive-walker video": "films take a minute",
+    r"passive-walker sweep": "ten thousand tasks",
+    r"passive-walker warmup": "compiles everything, which takes minutes",
+    r"SDL_VIDEODRIVER=dummy passive-walker play": "redraws a picture of the documentation",
+    r"python train\.py(?! optimal --scene level +#| evaluate --p| gait )": "trains",
+    r".*python3? -m (pytest|venv|pip|benchmarks|agents)": "installs, tests or measures for long",
+    r".*pip install": "installs",
+    r".*/python train\.py$": "trains for minutes",
+    r"make": "installs, tests or trains",
+}
+"""Which commands are not run but only read by their own parser, and why."""
+
+
+class Parsed(BaseException):
+    """A command's own parser understood its arguments."""
+
+
+def _words(line):
+    words = shlex.split(line, comments=True)
+    while "=" in words[0]:  # a variable of the environment
+        words = words[1:]
+    return words
+
+
+@pytest.fixture
+def parse_only(monkeypatch):
+    parse = argparse.ArgumentParser.parse_args
+
+    def stop(self, *args, **options):
+        parse(self, *args, **options)
+        raise Parsed
+
+    monkeypatch.setattr(argparse.ArgumentParser, "parse_args", stop)
+
+
+def _parse(words, config):
+    """Let a command read its arguments, and do nothing."""
+    program = Path(words[0]).name
+    if program == "make":
+        subprocess.run(["make", "-n", *words[1:]], cwd=ROOT, check=True, capture_output=True)
+        return
+    if program == "passive-walker":
+        with pytest.raises(Parsed):
+            main(words[1:])
+        return
+    if program == "pip":
+        words = ["python", "-m", "pip", *words[1:]]
+    if words[1:3] == ["-m", "pip"]:
+        from pip._internal.commands import create_command
+
+        create_command(words[3]).parse_args(words[4:])
+        return
+    if words[1:3] == ["-m", "pytest"]:
+        config._parser.parse(words[3:])
+        return
+    if words[1:3] == ["-m", "agents.rllib"]:
+        pytest.importorskip("ray")
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(Parsed):
+        module = words[1] == "-m"
+        patch.setattr(sys, "argv", words[2:] if module else words[1:])
+        if module:
+            runpy.run_module(words[2], run_name="__main__", alter_sys=True)
+        else:
+            runpy.run_path(str(ROOT / words[1]), run_name="__main__")
+
+
+def _reason(line):
+    return next((why for how, why in ONLY_PARSED.items() if re.match(how, line)), None)
+
+
+@pytest.mark.parametrize("line", [line for line in COMMANDS if _reason(line)])
+def test_a_long_command_is_understood_by_its_own_parser(line, parse_only, pytestconfig):
+    for part in line.partition("#")[0].split("&&"):
+        _parse(_words(part), pytestconfig)
+
+
+@pytest.mark.parametrize("line", [line for line in COMMANDS if not _reason(line)])
+def test_a_short_command_does_what_it_says(line, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    for name, content in FILES.items():
+        Path(name).write_text(content)
+    words = _words(line)
+    if words[1:2] == ["play"]:
+        pytest.importorskip("pygame")
+        words += ["--seconds", "0.1"]
+    if words[0] == "python":
+        assert words[1] == "train.py"
+        train = pytest.importorskip("train")
+        status = train.main(words[2:])
+    else:
+        assert words[0] == "passive-walker"
+        status = main(words[1:])
+    assert status == 0, capsys.readouterr().err
+
+
+def test_each_reason_not_to_run_a_command_is_needed():
+    for how in ONLY_PARSED:
+        assert any(re.match(how, line) for line in COMMANDS), how
+
+
+@pytest.mark.parametrize("line", COMMANDS)
+def test_each_file_that_a_command_reads_is_there_or_printed(line):
+    for word in _words(line):
+        if word.endswith((".json", ".yaml", ".txt")) and word not in USERS_OWN:
+            assert word in FILES or (ROOT / word).exists(), f"nobody has {word}"
+
+
+@pytest.mark.parametrize("line", COMMANDS)
+def test_each_extra_that_a_command_installs_is_known(line):
+    declared = (ROOT / "pyproject.toml").read_text()
+    for group in re.findall(r"install .*\[([\w,-]+)\]", line):
+        assert "gym-passive-walker[" not in line, "no index has the package"
+        for name in group.split(","):
+            assert re.search(rf"^{name} = \[", declared, re.M), name
+
+
+def test_printed_files_are_valid():
+    assert "mine.json" in FILES
+    for content in FILES.values():
+        json.loads(content)
