@@ -33,6 +33,7 @@ import torch
 from agents import commands, evaluation, files, pictures, worlds
 from agents.config import ALGORITHMS, DEFAULT_SCENE, Config, ConfigError, configure
 from agents.training import Run
+from gym_passive_walker.cli.arguments import A_WALKER
 from gym_passive_walker.envs.scene import SCENES
 
 
@@ -72,7 +73,7 @@ def train_parser() -> argparse.ArgumentParser:
     add = parser.add_argument
     add("--algo", choices=ALGORITHMS, help="the algorithm (ppo)")
     add("--scene", help=f"the scene: {', '.join(SCENES)} ({DEFAULT_SCENE})")
-    add("--walker", metavar="NAME", help="another walker: A to F, lab, lab-straight")
+    add("--walker", metavar="WALKER", help=f"another walker: {A_WALKER}")
     add("--slope", type=float, nargs="+", metavar="RAD", help="another slope, or a range's ends")
     add("--control", choices=("tick", "stride"), help="how long a torque is held")
     add("--steps", type=whole, metavar="N", help="environment steps in all (the preset's)")

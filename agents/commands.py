@@ -15,6 +15,7 @@ from gym_passive_walker import GaitNotFound
 from gym_passive_walker.control import optimal
 from gym_passive_walker.control.baselines import BASELINES
 from gym_passive_walker.control.closed_loop import ClosedLoopGait, closed_loop_gait
+from gym_passive_walker.control.controllers import acting
 from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs.scene import SCENES, Scene, make_scene
 from gym_passive_walker.files import replacing
@@ -115,8 +116,7 @@ def show_gait(arguments: Sequence[str]) -> int:
 def _policy_and_scene(name: str, scene: str | None) -> tuple[Policy, Scene]:
     """A policy by its name, and the scene in which it is looked at."""
     if name in BASELINES:
-        chosen = make_scene(scene or "level")
-        return BASELINES[name](chosen), chosen
+        return acting(name, scene)
     config, policy = learned(name)
     return policy, make_scene(scene) if scene else make_scene(config.scene, **config.env)
 

@@ -6,7 +6,6 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 from pathlib import Path
 
-from gym_passive_walker.cli.arguments import read_content
 from gym_passive_walker.cli.report import Report, listing
 from gym_passive_walker.sweeps.cluster import HERE
 from gym_passive_walker.sweeps.run import sweep as swept
@@ -22,7 +21,7 @@ def sweep(command: ArgumentParser) -> Callable[[Namespace], Report]:
     """
     add = command.add_argument
     known = ", ".join(ANALYSES)
-    add("description", type=Path, metavar="FILE", help="YAML or JSON: analysis "
+    add("description", type=Path, metavar="FILE", help="YAML, JSON or TOML: analysis "
         f"({known}; module:function with --trust), over, how, given, samples, seed, "
         "time_out")  # fmt: skip
     add("--out", type=Path, metavar="FOLDER", help="(the file's name without its ending)")
@@ -36,8 +35,8 @@ def sweep(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
     def run(arguments: Namespace) -> Report:
         found = swept(
-            read_content(arguments.description),
-            arguments.out or arguments.description.with_suffix(""),
+            arguments.description,
+            arguments.out,
             workers=arguments.workers,
             ray=arguments.ray,
             branch=arguments.branch,

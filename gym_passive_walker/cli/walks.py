@@ -21,16 +21,17 @@ from gym_passive_walker.cli.arguments import (
 )
 from gym_passive_walker.cli.report import Report, record, table
 from gym_passive_walker.control.baselines import BASELINES, Passive
+from gym_passive_walker.control.controllers import acting
 from gym_passive_walker.control.walks import evaluate as evaluated
 from gym_passive_walker.control.walks import table as compared
 from gym_passive_walker.envs.registration import ID
-from gym_passive_walker.envs.scene import SCENES, make_scene
+from gym_passive_walker.envs.scene import SCENES
 from gym_passive_walker.files import replacing
 from gym_passive_walker.gaits.stride import stride
 from gym_passive_walker.gaits.trajectory import Trajectory, ground_of
 from gym_passive_walker.gaits.trajectory import simulate as simulated
 from gym_passive_walker.physics.hybrid import Outcome
-from gym_passive_walker.policies import load_policy, shipped_policies
+from gym_passive_walker.policies import shipped_policies
 from gym_passive_walker.walkers import describe
 
 _STRIDE = ("duration", "step_length", "kneestrike_time", "kneestrike_loss", "heelstrike_loss")
@@ -106,14 +107,9 @@ def evaluate(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
     def run(arguments: Namespace) -> Report:
         name, episodes = arguments.policy, whole(arguments.episodes, "--episodes")
-        trained = None if name in BASELINES else load_policy(name)
-        changes: dict[str, Any] = {} if arguments.slope is None else {"slope": arguments.slope}
-        if arguments.walker is not None:  # whether stubbing a toe ends a walk is for its legs
-            changes |= {"walker": arguments.walker, "stub": None}
-        if arguments.terrain is not None:
-            changes["terrain"] = arguments.terrain
-        scene = make_scene(arguments.scene or (trained.scene if trained else "level"), **changes)
-        policy = trained or BASELINES[name](scene)
+        asked = {name: getattr(arguments, name) for name in ("slope", "walker", "terrain")}
+        changes = {name: value for name, value in asked.items() if value is not None}
+        policy, scene = acting(name, arguments.scene, **changes)
         arena = gym.make_vec(ID, num_envs=episodes, scene=scene)
         agents = {name: policy, "without a motor": Passive()}
         walks = {who: evaluated(agent, arena, seed=arguments.seed) for who, agent in agents.items()}
