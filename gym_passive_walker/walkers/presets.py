@@ -137,7 +137,7 @@ def _of_parameters(given: Mapping[str, Any]) -> Walker:
         made = Walker(**parameters) if preset is None else replace(WALKERS[preset], **parameters)
     except TypeError as error:
         raise WalkerError(
-            f"these parameters are no walker: {error}; change a preset, one of "
+            f"no walker {shown(dict(given))}: {error}; change a preset, one of "
             f'{", ".join(WALKERS)}, as in {{"preset": "lab", "foot_radius": 0.25}}'
         ) from None
     return made.titled(title) if title else made

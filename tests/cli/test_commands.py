@@ -147,7 +147,7 @@ def test_yaml_numbers_may_be_written_as_people_write_them(written, mine, told):
 
 
 WRONG = {
-    "gait nobody 0.03": "choose from A, B, C",
+    "gait nobody 0.03": "one of the names A, B, C",
     "gait lab": "required: SLOPE",
     "gait lab steep": "SLOPE: invalid float value: 'steep'",
     "gait lab 2": "between -pi/2 and pi/2",
@@ -166,7 +166,7 @@ WRONG = {
     "simulate lab 0.036 --terrain rough:depth=1": "unexpected keyword argument 'depth'",
     "simulate lab 0.036 --terrain rough:height_std=x": "takes numbers, not 'height_std=x'",
     "strobe lab 0.036 --terrain stairs:-0.01": "a terrain is written as rough:height_std",
-    "video lab 0.036 --terrain {rough": "{rough is no JSON: Expecting",
+    "video lab 0.036 --terrain {rough": "'{rough' is no JSON: Expecting",
     "evaluate level-ppo --terrain waves:height=1,strides=1": "strides must be a whole number from",
     "evaluate level-ppo --terrain list.json": "a terrain is a Terrain, None, or a mapping",
     "simulate lab 0.036 --terrain rough:height_std=1e-3 --key -1": "key must be a whole number",
