@@ -87,6 +87,17 @@ def test_without_a_terminal_there_are_no_bars(monkeypatch, capfd):
     assert capfd.readouterr() == ("", "")
 
 
+def test_without_a_terminal_long_work_writes_a_line_every_minute(monkeypatch):
+    log, clock = io.StringIO(), iter([0.0, *(x for s in range(1, 200) for x in [float(s)])])
+    monkeypatch.setattr(module, "sys", SimpleNamespace(stderr=log))
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: next(clock)))
+    with progress("tasks", 150) as done:
+        for _ in range(150):
+            done(note="1/s")
+    lines = log.getvalue().splitlines()
+    assert [line.split("] ")[1] for line in lines] == ["60/150, 1/s, 60 s", "120/150, 1/s, 120 s"]
+
+
 def test_long_compiling_is_told_once_with_its_seconds(monkeypatch, capsys):
     monkeypatch.setattr(module, "_UNSAID", 0.05)
     with compiling("the kernel advance"):

@@ -51,7 +51,8 @@ def parser() -> argparse.ArgumentParser:
             command.__name__,
             help=summary[0].lower() + summary[1:].rstrip("."),
             description=summary,
-            epilog="examples:\n" + examples.rstrip().replace("    passive", "  passive"),
+            epilog="examples:\n"
+            + examples.rstrip().replace("\n    ", "\n  ").replace("    ", "  ", 1),
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         below.set_defaults(run=command(below))

@@ -8,12 +8,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from gym_passive_walker.gaits.drive import Drive
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.terrain import EXAMPLES, Terrain, terrain_from
 from gym_passive_walker.walkers import WALKERS, Walker, as_walker, tune
 
-A_WALKER = f"{', '.join(WALKERS)}, or a JSON, YAML or TOML file of your own walker's parameters"
+A_WALKER = (
+    f"{', '.join(WALKERS)}, or a JSON, YAML or TOML file of your own walker's parameters, such as "
+    '{"preset": "C", "hip_mass": 1.0}'
+)
 """What a walker is, to a command."""
 
 
@@ -68,6 +72,22 @@ def add_kind(command: ArgumentParser) -> None:
     command.add_argument(
         "--kind", choices=("long", "short"), default="long", help="which gait (%(default)s step)"
     )
+
+
+def add_drive(command: ArgumentParser) -> None:
+    """Ask for the walker's motors; `drive_of` returns them."""
+    add = command.add_argument
+    about = "{}, in every stride, in {} (%(default)s)"
+    add("--torque", type=float, default=0.0, metavar="T", help=about.format("hip torque", "N m"))
+    add("--ankle-torque", type=float, default=0.0, metavar="T",
+        help=about.format("ankle torque, on point feet", "N m"))  # fmt: skip
+    add("--push-off", type=float, default=0.0, metavar="P",
+        help=about.format("impulse along the stance leg before heelstrike", "N s"))  # fmt: skip
+
+
+def drive_of(arguments: Namespace) -> Drive:
+    """The motors that were asked for."""
+    return Drive(arguments.torque, arguments.ankle_torque, arguments.push_off)
 
 
 def gait_of(arguments: Namespace) -> Gait:

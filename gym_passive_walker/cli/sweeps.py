@@ -18,6 +18,12 @@ def sweep(command: ArgumentParser) -> Callable[[Namespace], Report]:
     passive-walker sweep lab.yaml
     passive-walker sweep lab.yaml --out found --workers 2
     passive-walker sweep lab.yaml --ray
+
+    where lab.yaml holds:
+
+      analysis: gait
+      given: {walker: lab}
+      over: {slope: [0.02, 0.03, 0.036], foot_radius: [0.18, 0.2, 0.22]}
     """
     add = command.add_argument
     known = ", ".join(ANALYSES)
@@ -46,6 +52,7 @@ def sweep(command: ArgumentParser) -> Callable[[Namespace], Report]:
         data = {
             "tasks": found.tasks,
             "failures": found.failures,
+            "folder": str(found.folder),
             "rows": str(found.folder / "rows"),
         }
         return Report(listing(f"swept {arguments.description}", data), data)

@@ -26,7 +26,7 @@ from gym_passive_walker.control.walks import evaluate as evaluated
 from gym_passive_walker.control.walks import table as compared
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.scene import SCENES
-from gym_passive_walker.files import replacing
+from gym_passive_walker.files import prepare, replacing
 from gym_passive_walker.gaits.stride import stride
 from gym_passive_walker.gaits.trajectory import Trajectory, ground_of
 from gym_passive_walker.gaits.trajectory import simulate as simulated
@@ -54,6 +54,8 @@ def simulate(command: ArgumentParser) -> Callable[[Namespace], Report]:
         out: Path | None = arguments.out
         if out is not None and out.suffix not in _WRITERS:
             raise ValueError(f"--out takes a name that ends in .csv or .npz, not {out}")
+        if out is not None:
+            prepare(out)
         walker, slope, state = walker_of(arguments), arguments.slope, start_of(arguments)
         files = {}
         if out is not None:
@@ -71,7 +73,7 @@ def simulate(command: ArgumentParser) -> Callable[[Namespace], Report]:
                 rise=rise * walker.leg_length, turn=turn,
             )  # fmt: skip
             rows.append({"stride": len(rows) + 1, "stance_angle": state[0],
-                         **record(walk, _STRIDE), "ends with": walk.outcome})  # fmt: skip
+                         **record(walk, _STRIDE), "outcome": walk.outcome})  # fmt: skip
             if walk.outcome != Outcome.HEELSTRIKE:
                 break
             state = walk.state
@@ -116,7 +118,8 @@ def evaluate(command: ArgumentParser) -> Callable[[Namespace], Report]:
         slope = " to ".join(f"{bound:g}" for bound in np.atleast_1d(scene.slope))
         title = f"{name}, {describe(scene.walker)}, slope {slope} rad; {episodes} episodes"
         return Report(
-            compared(title, walks), [row for who, done in walks.items() for row in done.rows(who)]
+            compared(title, walks),
+            [row for who, done in walks.items() for row in done.rows(who, digits=None)],
         )
 
     return run
