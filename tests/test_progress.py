@@ -4,6 +4,7 @@ import io
 import time
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
@@ -88,7 +89,8 @@ def test_without_a_terminal_there_are_no_bars(monkeypatch, capfd):
 
 
 def test_without_a_terminal_long_work_writes_a_line_every_minute(monkeypatch):
-    log, clock = io.StringIO(), iter([0.0, *(x for s in range(1, 200) for x in [float(s)])])
+    log, clock = io.StringIO(), iter(np.arange(200.0))
+    monkeypatch.setattr(module, "_LINE", module._Line())
     monkeypatch.setattr(module, "sys", SimpleNamespace(stderr=log))
     monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: next(clock)))
     with progress("tasks", 150) as done:
