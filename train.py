@@ -33,7 +33,9 @@ import torch
 from agents import commands, evaluation, files, pictures, worlds
 from agents.config import ALGORITHMS, DEFAULT_SCENE, Config, ConfigError, configure
 from agents.training import Run
+from gym_passive_walker.cli.arguments import A_WALKER
 from gym_passive_walker.envs.scene import SCENES
+from gym_passive_walker.extras import need
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -49,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return console.run(
         work,
         name="train.py: ",
-        refusals={ValueError: 2, OSError: 2},
+        refusals={ValueError: 2, ImportError: 2, OSError: 2},
         stopped="stopped; --resume goes on from the last checkpoint",
     )
 
@@ -72,7 +74,7 @@ def train_parser() -> argparse.ArgumentParser:
     add = parser.add_argument
     add("--algo", choices=ALGORITHMS, help="the algorithm (ppo)")
     add("--scene", help=f"the scene: {', '.join(SCENES)} ({DEFAULT_SCENE})")
-    add("--walker", metavar="NAME", help="another walker: A to F, lab, lab-straight")
+    add("--walker", metavar="WALKER", help=f"another walker: {A_WALKER}")
     add("--slope", type=float, nargs="+", metavar="RAD", help="another slope, or a range's ends")
     add("--control", choices=("tick", "stride"), help="how long a torque is held")
     add("--steps", type=whole, metavar="N", help="environment steps in all (the preset's)")
@@ -142,6 +144,10 @@ def train(args: argparse.Namespace) -> int:
         folder, config = run_to_resume(args)
     else:
         config = asked_for(args)
+        if args.search is None:  # which is better known before than after hours of training
+            need("matplotlib", "train")
+        if args.tensorboard:
+            need("tensorboard", "train")
         worlds.check(config)  # refuses nonsense before there is a folder
         if args.search is None and args.ray is not None:
             raise ConfigError("--ray goes with --search: a training is done by this process")

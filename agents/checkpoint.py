@@ -17,8 +17,8 @@ from stable_baselines3.common.vec_env import VecEnv
 from agents.files import read_arrays, read_json, reading
 from agents.learner import MODEL, moments, restore_moments, restore_weights, save_model
 from gym_passive_walker.arguments import whole
-from gym_passive_walker.envs.scene import walker_from
 from gym_passive_walker.files import replacing
+from gym_passive_walker.walkers import as_walker
 
 _ARRAYS, _REPLAY, _NOTES = "arrays.npz", "replay.npz", "notes.json"
 _RECORDS, _RANDOMS = "worlds.npz", "worlds.json"
@@ -175,7 +175,7 @@ def _restore_walkers(worlds: VecEnv, folder: Path) -> None:
     native: Any = worlds.unwrapped
     rest: dict[str, Any] = read_json(folder / _RANDOMS)
     with reading(folder / _RANDOMS):
-        walkers = [walker_from(parameters) for parameters in rest["walkers"]]
+        walkers = [as_walker(parameters) for parameters in rest["walkers"]]
         if len(walkers) == 1:
             walkers *= native.num_envs
         found = {"walkers": walkers, "random": rest["random"]}

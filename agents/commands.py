@@ -15,9 +15,10 @@ from gym_passive_walker import GaitNotFound
 from gym_passive_walker.control import optimal
 from gym_passive_walker.control.baselines import BASELINES
 from gym_passive_walker.control.closed_loop import ClosedLoopGait, closed_loop_gait
+from gym_passive_walker.control.controllers import acting
 from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs.scene import SCENES, Scene, make_scene
-from gym_passive_walker.files import replacing
+from gym_passive_walker.files import prepare, replacing
 from gym_passive_walker.policies import shipped_policies
 
 GRIDS = {"level": (0.05, 0.20, 0.01), "lab": (0.15, 0.23, 0.01), "steep": (0.31, 0.34, 0.005)}
@@ -93,6 +94,11 @@ def show_gait(arguments: Sequence[str]) -> int:
     add("--period", type=int, default=1, help="strides until it repeats (%(default)s)")
     add("--out", type=Path, metavar="PNG", help="draw it into this file")
     args = parser.parse_args(arguments)
+    out = None
+    if args.out is not None:
+        from gym_passive_walker.render.axes import picture_path, save
+
+        out = prepare(picture_path(args.out))
     policy, scene = _policy_and_scene(args.policy, args.scene)
     try:
         gait = closed_loop_gait(policy, scene, slope=args.slope, period=args.period)
@@ -103,20 +109,16 @@ def show_gait(arguments: Sequence[str]) -> int:
     except ValueError:
         known = []
     print(_described(gait, optimal.least_cost(known, gait.speed) if known else float("nan")))
-    if args.out is not None:
-        from gym_passive_walker.render.axes import save
-
+    if out is not None:
         near = min(known, key=lambda other: abs(other.speed - gait.speed), default=None)
-        with replacing(args.out) as path:
-            save(gait.plot(optimum=near), path)
+        save(gait.plot(optimum=near), out)
     return 0
 
 
 def _policy_and_scene(name: str, scene: str | None) -> tuple[Policy, Scene]:
     """A policy by its name, and the scene in which it is looked at."""
     if name in BASELINES:
-        chosen = make_scene(scene or "level")
-        return BASELINES[name](chosen), chosen
+        return acting(name, scene)
     config, policy = learned(name)
     return policy, make_scene(scene) if scene else make_scene(config.scene, **config.env)
 

@@ -11,6 +11,7 @@ from typing import Any
 import yaml
 
 from gym_passive_walker.arguments import unknown, whole
+from gym_passive_walker.envs.scene import kept_argument
 
 ALGORITHMS = ("ppo", "ppo-fast", "sac", "shac")
 DEFAULT_SCENE = "level"
@@ -171,7 +172,8 @@ def configure(
         algo: One of `ALGORITHMS`.
         scene: Name of the scene.
         env: Arguments of the environment that differ from the scene's own. A control of its own
-            brings that control's preset with it.
+            brings that control's preset with it. A walker or a terrain may be a file; the run keeps
+            what the file holds.
         steps: Environment steps; the preset's when None.
         n_envs: Environments side by side; the preset's when None. PPO keeps the size of its update.
         seed: Seed of everything.
@@ -180,7 +182,7 @@ def configure(
     Raises:
         ConfigError: if a name or a number is out of range.
     """
-    env = {name: value for name, value in (env or {}).items() if value is not None}
+    env = {name: _kept(name, value) for name, value in (env or {}).items() if value is not None}
     preset = preset_of(algo, scene, env)
     count: int = preset.pop("n_envs")
     total: int = preset.pop("n_timesteps")
@@ -207,6 +209,14 @@ def configure(
         exploration=_exploration(algo, callback),
         training=training or {},
     )
+
+
+def _kept(name: str, value: Any) -> Any:
+    """An argument of the environment as a run keeps it."""
+    try:
+        return kept_argument(name, value)
+    except (ImportError, ValueError) as error:
+        raise ConfigError(str(error)) from None
 
 
 def _exploration(algo: str, callbacks: dict[str, Any] | None) -> dict[str, Any] | None:

@@ -6,11 +6,11 @@ from typing import Any
 
 import gymnasium
 
-import gym_passive_walker
 from agents.config import Config, ConfigError
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.envs.scene import Scene, make_scene
+from gym_passive_walker.walkers import name_of
 
 ID = "PassiveWalker-v0"
 
@@ -64,9 +64,7 @@ _UNITS = {"hip": "m g l", "ankle": "m g l", "push_off": "m √(g l)"}
 def describe(config: Config) -> str:
     """A scene in a few words."""
     scene = scene_of(config)
-    walker = config.env.get("walker") or next(
-        (name for name, w in gym_passive_walker.WALKERS.items() if w == scene.walker), "of its own"
-    )
+    walker = name_of(scene.walker)
     slope = (
         f"slopes {scene.slope[0]:g} to {scene.slope[1]:g} rad"
         if isinstance(scene.slope, tuple)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import glob
 import os
 import shutil
@@ -45,6 +46,30 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
             remove(aside)
     except OSError as error:
         raise OSError(error.errno, error.strerror or str(error), str(path)) from None
+
+
+def prepare(path: str | os.PathLike[str]) -> Path:
+    """Make the folders above a file that long work will write, and refuse what cannot be one.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Its path.
+
+    Raises:
+        OSError: if it is a folder, or it or the folder that it is in cannot be written.
+    """
+    found = Path(path)
+    try:
+        found.parent.mkdir(parents=True, exist_ok=True)
+        if found.is_dir():
+            raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
+        if not os.access(found if found.exists() else found.parent, os.W_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    except OSError as error:
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from None
+    return found
 
 
 def _abandoned(writer: str) -> bool:

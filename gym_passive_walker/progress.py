@@ -2,6 +2,7 @@
 
 That something compiles is said wherever standard error goes, since a silent minute looks like a
 fault. A bar is for eyes: it is drawn on a terminal alone, and only of work that takes a while.
+Elsewhere, in a log or a notebook, long work writes a line every minute.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from contextlib import AbstractContextManager, contextmanager
 _UNSAID = 1.0  # seconds that pass without a word
 _UNSEEN = 2.0  # seconds of work that pass without a bar
 _PACE = 0.1  # seconds between two looks of a bar
+_REPORT = 60.0  # seconds between two lines where there is no terminal
 _CELLS = 20
 
 
@@ -46,18 +48,24 @@ class _Line:
         self.bars: list[_Bar] = []
         self.hushed = False
         self._drawn = False
-        self._shown = -_PACE
+        self._shown = self._reported = -_REPORT
 
     def show(self) -> None:
-        """Draw it, if it is time to."""
+        """Draw it, or write it where there is no terminal, if it is time to."""
         bars, now = tuple(self.bars), time.monotonic()
         if not bars or now - bars[0].began < _UNSEEN or now - self._shown < _PACE:
             return
         self._shown = now
         parts = [str(bar) for bar in bars if bar.total != 1]  # else it has no parts to show
-        if parts and not self.hushed and sys.stderr is not None and sys.stderr.isatty():
-            self._write(f"{', '.join(parts)}, {now - bars[0].began:.0f} s")
+        if not parts or self.hushed or sys.stderr is None:
+            return
+        text = f"{', '.join(parts)}, {now - bars[0].began:.0f} s"
+        if sys.stderr.isatty():
+            self._write(text)
             self._drawn = True
+        elif now - max(bars[0].began, self._reported) >= _REPORT:
+            self._reported = now
+            _tell(f"{text}\n")
 
     def wipe(self) -> None:
         """Leave nothing of it."""
@@ -75,6 +83,11 @@ class _Line:
 _LINE = _Line()
 
 
+def show() -> None:
+    """Show how far the work is, while it waits for others to do more of it."""
+    _LINE.show()
+
+
 def hush() -> None:
     """Draw no bar in this process, whose terminal is another's."""
     _LINE.hushed = True
@@ -82,7 +95,7 @@ def hush() -> None:
 
 @contextmanager
 def progress(what: str, total: float | None = None) -> Iterator[Callable[..., None]]:
-    """Show a bar while something long is done; nothing where there is no terminal to draw it on.
+    """Show a bar while something long is done; a line a minute where there is no terminal.
 
     Work within the work is shown behind it, on the same line.
 

@@ -4,6 +4,7 @@ import io
 import time
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
@@ -86,6 +87,18 @@ def test_without_a_terminal_there_are_no_bars(monkeypatch, capfd):
     monkeypatch.setattr(module, "_PACE", 0.0)
     gpw.gait_family("D", 0.005, 0.01)
     assert capfd.readouterr() == ("", "")
+
+
+def test_without_a_terminal_long_work_writes_a_line_every_minute(monkeypatch):
+    log, clock = io.StringIO(), iter(np.arange(200.0))
+    monkeypatch.setattr(module, "_LINE", module._Line())
+    monkeypatch.setattr(module, "sys", SimpleNamespace(stderr=log))
+    monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: next(clock)))
+    with progress("tasks", 150) as done:
+        for _ in range(150):
+            done(note="1/s")
+    lines = log.getvalue().splitlines()
+    assert [line.split("] ")[1] for line in lines] == ["60/150, 1/s, 60 s", "120/150, 1/s, 120 s"]
 
 
 def test_long_compiling_is_told_once_with_its_seconds(monkeypatch, capsys):

@@ -61,8 +61,9 @@ REFUSALS = [
     *((gpw.simulate, ON_A_WALK, name, ("no", {}, nan, inf, [1.0, 2.0], object()))
       for name in ("hip_torque", "ankle_torque", "push_off")),
     (gpw.stride_jacobian, ON_A_WALK, "wrt", (*NO_OBJECTS, nan)),
-    (gpw.reality_check, ON_A_WALK, "hip_torque", (*NO_NUMBERS, nan, [0.1])),
-    (gpw.reality_check, ON_A_WALK, "strides", (*NO_COUNTS, 0)),
+    (gpw.reality_check, ON_A_WALK, "hip_torque",
+     [x for x in (*NO_NUMBERS, nan, [0.1]) if x is not None]),
+    (gpw.reality_check, ON_A_WALK, "strides", [x for x in (*NO_COUNTS, 0) if x is not None]),
     (gpw.reality_check, ON_A_WALK, "friction", (*NO_NUMBERS, nan, -0.1)),
     (gpw.find_gait, ON_A_GAIT, "guess", NO_STATES),
     (gpw.find_gait, ON_A_GAIT, "period", (*NO_COUNTS, 0)),

@@ -10,6 +10,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Sequence
+from textwrap import dedent, indent
 from typing import NoReturn
 
 import gym_passive_walker
@@ -51,7 +52,7 @@ def parser() -> argparse.ArgumentParser:
             command.__name__,
             help=summary[0].lower() + summary[1:].rstrip("."),
             description=summary,
-            epilog="examples:\n" + examples.rstrip().replace("    passive", "  passive"),
+            epilog="examples:\n" + indent(dedent(examples), "  ").rstrip(),
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         below.set_defaults(run=command(below))

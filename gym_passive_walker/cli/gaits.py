@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 
 from gym_passive_walker.cli.arguments import (
+    add_drive,
     add_kind,
     add_slope,
     add_slopes,
     add_walker,
+    drive_of,
     gait_of,
     walker_of,
 )
@@ -38,15 +40,15 @@ def walkers(command: ArgumentParser) -> Callable[[Namespace], Report]:
     """
 
     def run(_: Namespace) -> Report:
-        rows = []
+        rows, data = [], []
         for name, walker in WALKERS.items():
             sizes = record(walker, ("leg_length", "total_mass", "foot_radius"))
             errors = tuning_errors(walker)
             off = max(abs(errors.collinearity), abs(errors.shank_under_knee))
-            rows.append(
-                {"name": name, **sizes, "off tuning (legs)": off, "what it is": ABOUT[name]}
-            )
-        return Report(table(rows), rows)
+            about = {"about": ABOUT[name]}
+            rows.append({"name": name, **sizes, "off tuning (legs)": off, **about})
+            data.append({"name": name, **sizes, "tuning_errors": errors, **about})
+        return Report(table(rows), data)
 
     return run
 
@@ -56,17 +58,20 @@ def gait(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
     passive-walker gait lab 0.036
     passive-walker gait C 0.09 --period 2
+    passive-walker gait D 0.0 --push-off 0.05
     passive-walker gait mine.json 0.02 --tune
     """
     add_walker(command)
     add_slope(command)
+    add_drive(command)
     command.add_argument("--period", type=int, default=1, help="strides until it repeats (1)")
 
     def run(arguments: Namespace) -> Report:
         walker, slope, period = walker_of(arguments), arguments.slope, arguments.period
-        found = find_gaits(walker, slope, period=period)
+        drive = drive_of(arguments)
+        found = find_gaits(walker, slope, period=period, drive=drive)
         # Where there is none, the search for one says why.
-        gaits = found or [find_gait(walker, slope, period=period)]
+        gaits = found or [find_gait(walker, slope, period=period, drive=drive)]
         records = [record(gait, _GAIT) for gait in gaits]
         texts = [
             listing(
@@ -86,22 +91,27 @@ def family(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
     passive-walker family lab 0.005 0.1
     passive-walker family C 0.01 0.1 --kind short --json
+    passive-walker family D -0.005 0.005 --push-off 0.05
     """
     add_walker(command)
     add_slopes(command)
     add_kind(command)
+    add_drive(command)
 
     def run(arguments: Namespace) -> Report:
         walker = walker_of(arguments)
-        found = gait_family(walker, arguments.low, arguments.high, arguments.kind)
+        found = gait_family(
+            walker, arguments.low, arguments.high, arguments.kind, drive=drive_of(arguments)
+        )
         columns: dict[str, Any] = record(found, _FAMILY)
-        columns |= {"multiplier": np.abs(found.multipliers[:, 0]), "stable": found.stable}
+        shown = columns | {"multiplier": np.abs(found.multipliers[:, 0]), "stable": found.stable}
+        columns |= record(found, ("multipliers", "stable"))
         marks = record(found, ("folds", "period_doublings", "halts"))
         facts: dict[str, Any] = {f"{name} (rad)": values for name, values in marks.items()}
         for side, end in zip(("first", "last"), found.ends, strict=True):
             facts[f"{side} end"] = f"{end.value:.8g} rad: {end.reason}"
         title = f"{len(found)} {arguments.kind}-step gaits of {describe(walker)}"
-        text = f"{table(_rows(columns))}\n\n{listing(title, facts)}"
+        text = f"{table(_rows(shown))}\n\n{listing(title, facts)}"
         return Report(text, {"gaits": columns, **marks, "ends": found.ends})
 
     return run

@@ -9,6 +9,7 @@ from pathlib import Path
 from gym_passive_walker.cli.arguments import A_WALKER, a_walker, add_walk, start_of, walker_of
 from gym_passive_walker.cli.report import Report
 from gym_passive_walker.extras import need
+from gym_passive_walker.files import prepare
 from gym_passive_walker.progress import progress
 from gym_passive_walker.viewer.__main__ import add_arguments
 from gym_passive_walker.viewer.play import play as shown
@@ -28,7 +29,7 @@ def strobe(command: ArgumentParser) -> Callable[[Namespace], Report]:
         from gym_passive_walker.render.axes import picture_path
         from gym_passive_walker.render.strobe import strobe as drawn
 
-        out = picture_path(arguments.out)
+        out = prepare(picture_path(arguments.out))
         drawn(
             walker_of(arguments), arguments.slope, start_of(arguments), strides=arguments.strides,
             hip_torque=arguments.torque, terrain=arguments.terrain, key=arguments.key,
@@ -54,8 +55,10 @@ def video(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
     def run(arguments: Namespace) -> Report:
         need("pygame", "render")
-        from gym_passive_walker.render.film import film
+        need("moviepy", "render")
+        from gym_passive_walker.render.film import film, film_path
 
+        prepare(film_path(arguments.out))
         film(
             walker_of(arguments), arguments.slope, start_of(arguments), arguments.out,
             strides=arguments.strides, hip_torque=arguments.torque, terrain=arguments.terrain,
@@ -95,7 +98,12 @@ def figures(command: ArgumentParser) -> Callable[[Namespace], Report]:
     def run(arguments: Namespace) -> Report:
         from gym_passive_walker.render.figures import FIGURES, draw
 
+        need("matplotlib", "figures")
         paths, names = [], arguments.names or list(FIGURES)
+        for name in names:
+            if name not in FIGURES:
+                raise ValueError(f"no figure {name!r}: choose from {', '.join(FIGURES)}")
+        arguments.out.mkdir(parents=True, exist_ok=True)
         with progress("figures", len(names)) as drawn:
             for name in names:
                 paths.append(draw(name, arguments.out))

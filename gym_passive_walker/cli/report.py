@@ -31,6 +31,8 @@ _LABELS = {
     "total_mass": "mass (kg)",
     "foot_radius": "foot radius (m)",
     "seconds": "seconds (s)",
+    "outcome": "ends with",
+    "about": "what it is",
 }
 """Names of quantities with their units: the presets', and what a walker's file is taken to be in.
 

@@ -6,7 +6,6 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 from pathlib import Path
 
-from gym_passive_walker.cli.arguments import read_content
 from gym_passive_walker.cli.report import Report, listing
 from gym_passive_walker.sweeps.cluster import HERE
 from gym_passive_walker.sweeps.run import sweep as swept
@@ -19,10 +18,16 @@ def sweep(command: ArgumentParser) -> Callable[[Namespace], Report]:
     passive-walker sweep lab.yaml
     passive-walker sweep lab.yaml --out found --workers 2
     passive-walker sweep lab.yaml --ray
+
+    where lab.yaml holds:
+
+      analysis: gait
+      given: {walker: lab}
+      over: {slope: [0.02, 0.03, 0.036], foot_radius: [0.18, 0.2, 0.22]}
     """
     add = command.add_argument
     known = ", ".join(ANALYSES)
-    add("description", type=Path, metavar="FILE", help="YAML or JSON: analysis "
+    add("description", type=Path, metavar="FILE", help="YAML, JSON or TOML: analysis "
         f"({known}; module:function with --trust), over, how, given, samples, seed, "
         "time_out")  # fmt: skip
     add("--out", type=Path, metavar="FOLDER", help="(the file's name without its ending)")
@@ -36,8 +41,8 @@ def sweep(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
     def run(arguments: Namespace) -> Report:
         found = swept(
-            read_content(arguments.description),
-            arguments.out or arguments.description.with_suffix(""),
+            arguments.description,
+            arguments.out,
             workers=arguments.workers,
             ray=arguments.ray,
             branch=arguments.branch,
@@ -47,6 +52,7 @@ def sweep(command: ArgumentParser) -> Callable[[Namespace], Report]:
         data = {
             "tasks": found.tasks,
             "failures": found.failures,
+            "folder": str(found.folder),
             "rows": str(found.folder / "rows"),
         }
         return Report(listing(f"swept {arguments.description}", data), data)

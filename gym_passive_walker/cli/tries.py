@@ -5,16 +5,16 @@ from __future__ import annotations
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
-from gym_passive_walker.cli.arguments import A_WALKER, read_walker
+from gym_passive_walker.cli.arguments import A_WALKER
 from gym_passive_walker.cli.report import Report, listing, table
 from gym_passive_walker.control.baselines import BASELINES
 from gym_passive_walker.control.robustness import robustness as tried
-from gym_passive_walker.envs.scene import SCENES, make_scene
-from gym_passive_walker.policies import load_policy, shipped_policies
+from gym_passive_walker.envs.scene import SCENES
+from gym_passive_walker.files import prepare
+from gym_passive_walker.policies import shipped_policies
 from gym_passive_walker.render.axes import picture_path, save
-from gym_passive_walker.walkers import WALKERS
+from gym_passive_walker.walkers import is_walker
 
 _MEASURES = ("step_length", "period", "roughness", "sensitivity", "step_up", "step_down")
 _MEASURES += ("spread", "recovered", "recovered_error", "recovery")
@@ -39,18 +39,11 @@ def robustness(command: ArgumentParser) -> Callable[[Namespace], Report]:
     add("--out", type=Path, metavar="FILE", help="a picture: .png, .pdf or .svg")
 
     def run(arguments: Namespace) -> Report:
-        out = None if arguments.out is None else picture_path(arguments.out)
-        who: Any = arguments.who
-        scene: Any = arguments.scene
-        if who in BASELINES:
-            scene = make_scene(scene or "level")
-            who = BASELINES[who](scene)
-        elif who in WALKERS or Path(who).suffix in (".json", ".yaml", ".yml"):
-            who = read_walker(who)
-        else:
-            who = load_policy(who)
+        out = None if arguments.out is None else prepare(picture_path(arguments.out))
+        if is_walker(arguments.who) and arguments.scene is None and arguments.slope is None:
+            raise ValueError("a passive walker needs --slope or --scene, as in --slope 0.036")
         found = tried(
-            who, scene, slope=arguments.slope, roughness=arguments.roughness,
+            arguments.who, arguments.scene, slope=arguments.slope, roughness=arguments.roughness,
             walkers=arguments.walkers, strides=arguments.strides, seed=arguments.seed,
         )  # fmt: skip
         lasting = found.first_passage

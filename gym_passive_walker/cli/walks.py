@@ -21,16 +21,17 @@ from gym_passive_walker.cli.arguments import (
 )
 from gym_passive_walker.cli.report import Report, record, table
 from gym_passive_walker.control.baselines import BASELINES, Passive
+from gym_passive_walker.control.controllers import acting
 from gym_passive_walker.control.walks import evaluate as evaluated
 from gym_passive_walker.control.walks import table as compared
 from gym_passive_walker.envs.registration import ID
-from gym_passive_walker.envs.scene import SCENES, make_scene
-from gym_passive_walker.files import replacing
+from gym_passive_walker.envs.scene import SCENES
+from gym_passive_walker.files import prepare, replacing
 from gym_passive_walker.gaits.stride import stride
 from gym_passive_walker.gaits.trajectory import Trajectory, ground_of
 from gym_passive_walker.gaits.trajectory import simulate as simulated
 from gym_passive_walker.physics.hybrid import Outcome
-from gym_passive_walker.policies import load_policy, shipped_policies
+from gym_passive_walker.policies import shipped_policies
 from gym_passive_walker.walkers import describe
 
 _STRIDE = ("duration", "step_length", "kneestrike_time", "kneestrike_loss", "heelstrike_loss")
@@ -53,6 +54,8 @@ def simulate(command: ArgumentParser) -> Callable[[Namespace], Report]:
         out: Path | None = arguments.out
         if out is not None and out.suffix not in _WRITERS:
             raise ValueError(f"--out takes a name that ends in .csv or .npz, not {out}")
+        if out is not None:
+            prepare(out)
         walker, slope, state = walker_of(arguments), arguments.slope, start_of(arguments)
         files = {}
         if out is not None:
@@ -70,7 +73,7 @@ def simulate(command: ArgumentParser) -> Callable[[Namespace], Report]:
                 rise=rise * walker.leg_length, turn=turn,
             )  # fmt: skip
             rows.append({"stride": len(rows) + 1, "stance_angle": state[0],
-                         **record(walk, _STRIDE), "ends with": walk.outcome})  # fmt: skip
+                         **record(walk, _STRIDE), "outcome": walk.outcome})  # fmt: skip
             if walk.outcome != Outcome.HEELSTRIKE:
                 break
             state = walk.state
@@ -106,21 +109,17 @@ def evaluate(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
     def run(arguments: Namespace) -> Report:
         name, episodes = arguments.policy, whole(arguments.episodes, "--episodes")
-        trained = None if name in BASELINES else load_policy(name)
-        changes: dict[str, Any] = {} if arguments.slope is None else {"slope": arguments.slope}
-        if arguments.walker is not None:  # whether stubbing a toe ends a walk is for its legs
-            changes |= {"walker": arguments.walker, "stub": None}
-        if arguments.terrain is not None:
-            changes["terrain"] = arguments.terrain
-        scene = make_scene(arguments.scene or (trained.scene if trained else "level"), **changes)
-        policy = trained or BASELINES[name](scene)
+        asked = {name: getattr(arguments, name) for name in ("slope", "walker", "terrain")}
+        changes = {name: value for name, value in asked.items() if value is not None}
+        policy, scene = acting(name, arguments.scene, **changes)
         arena = gym.make_vec(ID, num_envs=episodes, scene=scene)
         agents = {name: policy, "without a motor": Passive()}
         walks = {who: evaluated(agent, arena, seed=arguments.seed) for who, agent in agents.items()}
         slope = " to ".join(f"{bound:g}" for bound in np.atleast_1d(scene.slope))
         title = f"{name}, {describe(scene.walker)}, slope {slope} rad; {episodes} episodes"
         return Report(
-            compared(title, walks), [row for who, done in walks.items() for row in done.rows(who)]
+            compared(title, walks),
+            [row for who, done in walks.items() for row in done.rows(who, digits=None)],
         )
 
     return run

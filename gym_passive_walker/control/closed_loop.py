@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from os import PathLike
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import one_slope, real_array, shown, whole
+from gym_passive_walker.arguments import one_slope, real_array, whole
+from gym_passive_walker.control.controllers import ControllerLike, SceneLike, acting
 from gym_passive_walker.control.policy import Policy, steps
 from gym_passive_walker.control.ticks import course
 from gym_passive_walker.envs.scene import CALM, CHANNELS, Scene, make_scene
@@ -234,8 +236,8 @@ class ClosedLoopGait(Table):
 
 
 def closed_loop_gait(
-    policy: Policy,
-    scene: Scene | str | dict[str, Any] = "level",
+    policy: ControllerLike,
+    scene: SceneLike | None = None,
     *,
     slope: float | None = None,
     period: int = 1,
@@ -256,9 +258,10 @@ def closed_loop_gait(
     about three digits.
 
     Args:
-        policy: Who acts: a baseline, a learned policy, or a model of stable-baselines3. What it
+        policy: A baseline, a trained policy or its name, or a model of stable-baselines3. What it
             remembers must start anew with each stride.
-        scene: A `Scene`, its name, or a mapping of its arguments.
+        scene: A `Scene`, its name, or a mapping of its arguments. None is the policy's own, or
+            "level" for one without a scene.
         slope: Slope in rad; the scene's, or the middle of its range, if None.
         period: Strides until the gait repeats.
         start: Where to start on the section, dimensionless, (m,); None is the scene's own start.
@@ -269,11 +272,9 @@ def closed_loop_gait(
             start no point on the section.
     """
     period = whole(period, "period")
-    if not hasattr(policy, "predict"):
-        raise ValueError(
-            "policy must be what acts, by `predict`, as `load_policy` gives it, "
-            f"not {shown(policy)}"
-        )
+    if scene is None and not isinstance(policy, str | PathLike):
+        scene = getattr(policy, "scene", "level")
+    policy, scene = acting(policy, scene)
     scene = make_scene(scene, energy="absolute", perturbation=0.0, randomise={})
     slope = float(np.mean(scene.slope)) if slope is None else one_slope(slope)
     command = None if scene.command is None else float(np.mean(scene.command))

@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.arguments import KEPT, number, seed_number, shown, whole
+from gym_passive_walker.arguments import KEPT, number, seed_number, whole
 from gym_passive_walker.control.baselines import Passive
+from gym_passive_walker.control.controllers import ControllerLike, SceneLike, acting
 from gym_passive_walker.control.policy import Policy, steps
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
@@ -26,7 +27,7 @@ from gym_passive_walker.physics.systems import UNEVEN, body_of, system_of
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import Walker, as_walker, name_of
+from gym_passive_walker.walkers import Walker, WalkerLike, as_walker, is_walker, name_of
 
 SETTLING = 200
 """Strides that a walker makes to come to its gait, before it is tried."""
@@ -133,8 +134,8 @@ class Robustness(Table):
 
 
 def robustness(
-    who: Walker | str | Policy,
-    scene: Scene | str | dict[str, Any] | None = None,
+    who: WalkerLike | ControllerLike,
+    scene: SceneLike | None = None,
     *,
     slope: float | None = None,
     roughness: float = 0.002,
@@ -153,8 +154,8 @@ def robustness(
         True
 
     Args:
-        who: A passive walker, or a preset's name; or whatever acts: a learned policy, a feedback,
-            anything with `predict`.
+        who: A passive walker, in a form that `as_walker` takes; or a controller: a feedback or a
+            trained policy, the name of one, or anything with `predict`.
         scene: Where it walks: a `Scene`, its name or a mapping of its arguments. A learned policy's
             own when None. A passive walker needs none, but its slope; without one it may scuff.
         slope: Slope in rad instead of the scene's; the middle of a range when None.
@@ -173,10 +174,14 @@ def robustness(
         ValueError: if an argument is out of its range, or the walker does not come to walk the
             same stride again and again.
     """
-    passive = isinstance(who, Walker | str)
-    tried = _scene_of(who, scene, slope) if passive else _acting(who, scene, slope)
-    policy: Policy = Passive() if passive else who  # type: ignore[assignment]
-    name = "nobody acts" if passive else getattr(who, "name", type(who).__name__)
+    passive = is_walker(who)
+    if passive:
+        policy, tried, name = Passive(), _scene_of(who, scene, slope), "nobody acts"
+    else:
+        changes = {} if slope is None else {"slope": slope}
+        policy, tried = acting(who, scene, **changes)  # type: ignore[arg-type]
+        tried = make_scene(tried, **_alone(tried))
+        name = getattr(policy, "name", type(policy).__name__)
     roughness = number(roughness, "roughness", least=0.0, most=1e3)
     strides, starts = whole(strides, "strides", 1, KEPT), whole(starts, "starts", 2, KEPT)
     seed = seed_number(seed)
@@ -226,30 +231,17 @@ def robustness(
     )
 
 
-def _scene_of(who: Walker | str, scene: Any, slope: float | None) -> Scene:
+def _scene_of(who: WalkerLike, scene: Any, slope: float | None) -> Scene:
     """The scene of a passive walker."""
     if scene is None and slope is None:
         raise ValueError("a passive walker needs a slope: robustness('C', slope=0.05)")
     changes: dict[str, Any] = {} if slope is None else {"slope": slope}
-    walker = {"walker": as_walker(who), "stub": False} if scene is None else {}
+    passive = as_walker(who)
+    walker = {"walker": passive, "stub": False} if scene is None else {}
     found = make_scene({} if scene is None else scene, **walker, **changes)
-    if scene is not None and found.walker != as_walker(who):
-        found = make_scene(found, walker=as_walker(who), stub=None)
+    if scene is not None and found.walker != passive:
+        found = make_scene(found, walker=passive, stub=None)
     return make_scene(found, control="stride", **_alone(found))
-
-
-def _acting(who: Any, scene: Any, slope: float | None) -> Scene:
-    """The scene in which someone acts."""
-    if not callable(getattr(who, "predict", None)):
-        raise ValueError(
-            "who is a walker, a preset's name, or acts by predict(observation, ...), as "
-            f"gpw.load_policy gives; not {shown(who)}"
-        )
-    scene = getattr(who, "scene", None) if scene is None else scene
-    if scene is None:
-        raise ValueError("say in which scene this policy acts: robustness(policy, scene)")
-    found = make_scene(scene, **({} if slope is None else {"slope": slope}))
-    return make_scene(found, **_alone(found))
 
 
 def _alone(scene: Scene) -> dict[str, Any]:

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.polynomial import Chebyshev
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import check_state, instance, number, one_slope
+from gym_passive_walker.arguments import check_state, number, one_slope
 from gym_passive_walker.envs.scene import Scene, SceneError, make_scene
 from gym_passive_walker.gaits.drive import drive_units
 from gym_passive_walker.gaits.gait import Gait
@@ -32,7 +32,7 @@ from gym_passive_walker.gaits.samples import states_at
 from gym_passive_walker.physics.hybrid import Control, Ground, State
 from gym_passive_walker.physics.systems import body_of, system_of
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import Walker, WalkerError, as_walker
+from gym_passive_walker.walkers import Walker, WalkerError, WalkerLike, as_walker
 
 _DEGREE = 60  # of the polynomial through a stride's power, which is smooth: error at rounding
 _REAL = 1e-7  # imaginary part up to which a root is real; a spurious one does no harm
@@ -88,7 +88,7 @@ class PotentialShaping:
 
     def __post_init__(self) -> None:
         """Refuse walkers that two torques cannot rule."""
-        instance(self.walker, Walker, "walker", "gpw.WALKERS holds")
+        object.__setattr__(self, "walker", as_walker(self.walker))
         one_slope(self.felt_slope, "felt_slope")
         number(self.strength, "strength")
         if self.walker.knees:
@@ -186,24 +186,24 @@ def _integrals(power: Chebyshev) -> tuple[float, float]:
     return float(pieces.sum()), float(np.abs(pieces).sum())
 
 
-def controlled_symmetry(walker: Walker | str, slope: float) -> PotentialShaping:
+def controlled_symmetry(walker: WalkerLike, slope: float) -> PotentialShaping:
     """Spong and Bullo's law: on any ground the walker walks as on this slope.
 
     Args:
-        walker: The walker, or a preset's name; straight legs and point feet.
+        walker: The walker, in a form that `as_walker` takes; straight legs and point feet.
         slope: The slope in rad as on which it walks.
     """
     return PotentialShaping(as_walker(walker), one_slope(slope))
 
 
-def virtual_gravity(walker: Walker | str, angle: float) -> PotentialShaping:
+def virtual_gravity(walker: WalkerLike, angle: float) -> PotentialShaping:
     """Asano's law: on level ground a horizontal gravity of g tan(angle) is added.
 
     It walks as a passive walker does on a slope of that angle with gravity g / cos(angle), and its
     motors' net work over weight and distance is tan(angle).
 
     Args:
-        walker: The walker, or a preset's name; straight legs and point feet.
+        walker: The walker, in a form that `as_walker` takes; straight legs and point feet.
         angle: The virtual slope in rad.
     """
     angle = one_slope(angle, "angle")

@@ -88,9 +88,18 @@ class Walks:
         """The motors' net work over weight and distance."""
         return _ratio(self.net_work, self.length)
 
-    def rows(self, agent: str) -> list[dict[str, Any]]:
-        """One row an episode, for a table."""
-        columns = {name: np.round(getattr(self, name), 6).tolist() for name in _PER_EPISODE}
+    def rows(self, agent: str, digits: int | None = 6) -> list[dict[str, Any]]:
+        """Return a row for each episode, for a table.
+
+        Args:
+            agent: The name of what acted.
+            digits: Decimal places that numbers are rounded to; None leaves them as they are.
+        """
+        exact = {name: getattr(self, name) for name in _PER_EPISODE}
+        columns: dict[str, list] = {
+            name: (values if digits is None else np.round(values, digits)).tolist()
+            for name, values in exact.items()
+        }
         columns["ending"] = self.endings
         return [
             {"agent": agent, **dict(zip(columns, row, strict=True))}

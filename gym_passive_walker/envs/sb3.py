@@ -25,7 +25,7 @@ from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.extras import extra
-from gym_passive_walker.walkers import Walker
+from gym_passive_walker.walkers import Walker, WalkerLike
 
 with extra("train"):
     from stable_baselines3.common.vec_env import VecEnv
@@ -101,7 +101,7 @@ class PassiveWalkerVecEnv(VecEnv):
         *,
         max_episode_steps: int | None = MAX_EPISODE_STEPS,
         seed: int | None = None,
-        walkers: Sequence[Walker | str | Mapping[str, Any]] | None = None,
+        walkers: Sequence[WalkerLike] | None = None,
         slopes: Sequence[float] | None = None,
         threads: int | None = None,
         render_mode: str | None = None,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,8 @@ from gym_passive_walker.envs.checks import (
 )
 from gym_passive_walker.envs.task import CHANNELS, ENERGIES, SIZE
 from gym_passive_walker.gaits.terrain import Terrain, terrain_from
-from gym_passive_walker.walkers import PARAMETERS, Walker, WalkerError, as_walker
+from gym_passive_walker.loading import is_file
+from gym_passive_walker.walkers import PARAMETERS, Walker, as_walker
 
 CONTROLS = ("tick", "stride")
 
@@ -40,26 +41,6 @@ _MAX_HIP_TORQUE = {"tick": 0.05, "stride": 0.03}
 _PERTURBATION = {"tick": 0.10, "stride": 0.05}
 
 
-def walker_from(value: Walker | str | Mapping[str, Any]) -> Walker:
-    """A walker as given, by a preset's name, or from a mapping of its parameters.
-
-    A mapping may name a preset to start from as ``{"preset": "C", "foot_radius": 0.25}``.
-
-    Raises:
-        WalkerError: if it describes no walker.
-    """
-    if not isinstance(value, Mapping):
-        return as_walker(value)
-    parameters = dict(value)
-    preset = parameters.pop("preset", None)
-    try:
-        if preset is not None:
-            return replace(as_walker(preset), **parameters)
-        return Walker(**parameters)
-    except TypeError as error:
-        raise WalkerError(f"these parameters are no walker: {error}") from None
-
-
 @dataclass(frozen=True, kw_only=True)
 class Scene:
     """What is simulated: a walker, its ground, its motor, and the rules of an episode.
@@ -69,7 +50,7 @@ class Scene:
     attribute afterwards is the value that was chosen for it.
 
     Attributes:
-        walker: A `Walker`, a preset's name, or a mapping of parameters (see `walker_from`).
+        walker: A walker in a form that `as_walker` takes: a `Walker`, a name, a mapping or a file.
         slope: Slope in rad, positive downhill; or (low, high), drawn anew at each reset.
         control: "tick" for a new torque every `tick`, and at each heelstrike; "stride" for one
             torque from heelstrike to heelstrike.
@@ -107,8 +88,8 @@ class Scene:
             was commanded to go in its time.
         reality: What comes of the checks of `reality_check`, "scuffing", "knee lock", "contact"
             and "friction": "ignore", "report" or "end".
-        terrain: How footholds lie, a `Terrain` or a mapping such as
-            ``{"rough": {"height_std": 0.01}}``; smooth when None.
+        terrain: How footholds lie, in a form that `terrain_from` takes: a `Terrain`, a mapping
+            such as ``{"rough": {"height_std": 0.01}}``, text or a file; smooth when None.
         preview: Of how many footholds ahead agents see the rise to them and their turn.
         friction: Coefficient of friction of foot and ground.
         knee_latch: What a latch of the stance knee holds against flexion, as a torque in m g l, and
@@ -154,7 +135,7 @@ class Scene:
         def bound(name: str, low: float, high: float) -> None:
             put(name, bounded(name, getattr(self, name), low, high))
 
-        put("walker", walker_from(self.walker))
+        put("walker", as_walker(self.walker))
         put("slope", self._checked_slope())
         for name, names in (("control", CONTROLS), ("energy", ENERGIES)):
             if getattr(self, name) not in names:
@@ -285,6 +266,27 @@ class Scene:
         if self.control == "stride":
             return 2
         return max(1, round(1.0 / (self.tick * self.walker.time_unit)))
+
+
+def kept_argument(name: str, value: Any) -> Any:
+    """An argument of a scene as files keep it: what a walker's or a terrain's own file holds.
+
+    That file may change or move before a sweep or a training goes on.
+
+    Args:
+        name: The argument's name.
+        value: Its value; other arguments than walkers and terrains are returned unchanged.
+
+    Raises:
+        ValueError: if this is no walker or no terrain.
+        ImportError: if the file is YAML and pyyaml is not installed.
+    """
+    if name == "walker" and (isinstance(value, Walker) or is_file(value)):
+        walker = as_walker(value)
+        return asdict(walker) | ({"title": walker.title} if walker.title else {})
+    if name == "terrain" and (isinstance(value, Terrain) or is_file(value)):
+        return asdict(terrain_from(value))  # type: ignore[arg-type]
+    return value
 
 
 CALM: dict[str, Any] = {

@@ -20,10 +20,10 @@ from gym_passive_walker.envs.frames import frame
 from gym_passive_walker.envs.infos import Infos
 from gym_passive_walker.envs.one_thread import one_thread, refuse_second
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
-from gym_passive_walker.envs.scene import Scene, make_scene, walker_from
+from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.extras import need
 from gym_passive_walker.physics.hybrid import Outcome
-from gym_passive_walker.walkers import Walker
+from gym_passive_walker.walkers import Walker, WalkerLike, as_walker
 
 _OUTCOMES = np.array(interface.OUTCOMES, object)
 
@@ -58,7 +58,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         *,
         max_episode_steps: int | None = MAX_EPISODE_STEPS,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
-        walkers: Sequence[Walker | str | Mapping[str, Any]] | None = None,
+        walkers: Sequence[WalkerLike] | None = None,
         slopes: Sequence[float] | None = None,
         threads: int | None = None,
         render_mode: str | None = None,
@@ -69,7 +69,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             raise ValueError(f"render_mode must be 'rgb_array' or None, not {shown(render_mode)}")
         self.num_envs = num_envs = whole(num_envs, "num_envs", 1, KEPT)
         if isinstance(walkers, Sequence | np.ndarray) and len(walkers):
-            walkers = [walker_from(walker) for walker in walkers]
+            walkers = [as_walker(walker) for walker in walkers]
             changes.setdefault("walker", walkers[0])
         self.scene = make_scene(scene, **changes)
         if render_mode is not None:

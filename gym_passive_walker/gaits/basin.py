@@ -39,7 +39,7 @@ from gym_passive_walker.gaits.posture import heelstrike
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
-from gym_passive_walker.walkers import Walker, as_walker, describe, name_of
+from gym_passive_walker.walkers import Walker, WalkerLike, as_walker, describe, name_of
 
 _CHUNK = 1 << 16  # cells walked together
 _PUSHES = 512  # tried at a time
@@ -136,7 +136,7 @@ def _slice(
 
 
 def basin_of_attraction(
-    walker: Walker | str,
+    walker: WalkerLike,
     slope: float,
     *,
     stance_angles: ArrayLike | None = None,
@@ -150,7 +150,7 @@ def basin_of_attraction(
     """Where walks lead from a slice of the section, cell by cell as lanes.
 
     Args:
-        walker: The walker, or a preset's name.
+        walker: The walker, in a form that `as_walker` takes.
         slope: Slope in rad.
         stance_angles: Stance angles in rad; from near 0 to 2.2 times the long gait's if None.
         stance_rates: Stance rates; from 2.2 times the long gait's to near 0 if None.
@@ -225,7 +225,7 @@ def _others(stride_map: StrideMap, slope: float, points: NDArray, stable: list[G
 
 
 def largest_push(
-    walker: Walker | str,
+    walker: WalkerLike,
     slope: float,
     *,
     gait: Gait | None = None,
@@ -239,7 +239,7 @@ def largest_push(
     there is none among them; the edge is then narrowed down.
 
     Args:
-        walker: The walker, or a preset's name.
+        walker: The walker, in a form that `as_walker` takes.
         slope: Slope in rad.
         gait: The gait that is pushed; the long-step gait if None.
         strides: A push is survived if the walker makes so many strides after it, or is back on

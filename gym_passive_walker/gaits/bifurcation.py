@@ -32,7 +32,7 @@ from gym_passive_walker.gaits.gait import GaitKind
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
-from gym_passive_walker.walkers import Walker, as_walker, name_of
+from gym_passive_walker.walkers import Walker, WalkerLike, as_walker, name_of
 
 _FINEST_SLOPE = 1e-15  # rad
 _NUDGE = 1e-4  # off the gait, which a walker would otherwise stay on though it be unstable
@@ -158,7 +158,7 @@ def _settle(
 
 
 def bifurcation_diagram(
-    walker: Walker | str,
+    walker: WalkerLike,
     slopes: ArrayLike,
     *,
     settle: int = 1000,
@@ -172,7 +172,7 @@ def bifurcation_diagram(
     """Where walks settle, slope by slope (Fig. 4.10).
 
     Args:
-        walker: The walker, or a preset's name.
+        walker: The walker, in a form that `as_walker` takes.
         slopes: Slopes in rad, in the order in which a sweep takes them.
         settle: Strides taken before any is kept.
         keep: Strides kept.
@@ -215,7 +215,7 @@ def bifurcation_diagram(
 
 
 def crisis_slope(
-    walker: Walker | str,
+    walker: WalkerLike,
     low: float,
     high: float,
     *,
@@ -234,7 +234,7 @@ def crisis_slope(
     is narrower than the search's steps.
 
     Args:
-        walker: The walker, or a preset's name.
+        walker: The walker, in a form that `as_walker` takes.
         low: A slope in rad at which the walk begun settles.
         high: A slope beyond the crisis.
         start: A section state to begin with at `low`; beside the gait if None.

@@ -21,7 +21,7 @@ from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
 from gym_passive_walker.gaits.programme import Programme
 from gym_passive_walker.gaits.quantities import QUANTITIES, SPECTRAL_RADIUS
 from gym_passive_walker.gaits.sensitivity import SLOPE
-from gym_passive_walker.walkers import PARAMETERS, Walker, as_walker, describe
+from gym_passive_walker.walkers import PARAMETERS, Walker, WalkerLike, as_walker, describe
 
 Range = float | tuple[float | None, float | None]
 """What a quantity has to be: a value, or one from low to high, either of them None."""
@@ -61,7 +61,7 @@ class Design:
 
 
 def optimise_walker(
-    walker: Walker | str,
+    walker: WalkerLike,
     objective: str,
     parameters: Sequence[str],
     bounds: Sequence[tuple[float, float]],
@@ -77,7 +77,7 @@ def optimise_walker(
     The optimum is a local one, reached from the walker's own gait by its exact derivatives.
 
     Args:
-        walker: The walker to begin with, or a preset's name.
+        walker: The walker to begin with, in a form that `as_walker` takes.
         objective: What is to be least: "cost_of_transport", "slope", "speed", "froude_speed",
             "step_length", "step_period", "stance_angle" as of `Gait`; "leg_length", "total_mass" as
             of `Walker`; "clearance", the least height of the passing swing foot as of

@@ -22,7 +22,7 @@ from gym_passive_walker.gaits.log_chart import logarithms
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
-from gym_passive_walker.walkers import Walker, as_walker, describe, name_of
+from gym_passive_walker.walkers import Walker, WalkerLike, as_walker, describe, name_of
 
 FEIGENBAUM = 4.669201609102990
 """What the ratios of successive distances between doublings tend to (Feigenbaum, 1978)."""
@@ -80,7 +80,7 @@ class Cascade(Table):
 
 
 def doubling_cascade(
-    walker: Walker | str,
+    walker: WalkerLike,
     slope_min: float,
     slope_max: float,
     *,
@@ -90,7 +90,7 @@ def doubling_cascade(
     """Locate a gait's successive period doublings.
 
     Args:
-        walker: The walker, or a preset's name.
+        walker: The walker, in a form that `as_walker` takes.
         slope_min: A slope in rad where the period-one gait is followed from.
         slope_max: Steepest slope looked at.
         kind: Which gait.

@@ -22,6 +22,7 @@ from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import (
     PARAMETERS,
     Walker,
+    WalkerLike,
     as_walker,
     describe,
     name_of,
@@ -204,7 +205,7 @@ def _some_gait(walker: Walker, slopes: NDArray, kind: GaitKind, drive: Drive) ->
 
 
 def gait_family(
-    walker: Walker | str,
+    walker: WalkerLike,
     slope_min: float,
     slope_max: float,
     kind: GaitKind = "long",
@@ -219,7 +220,7 @@ def gait_family(
     gaits at steep slopes on a curve of their own: reach those with another `slope_min`.
 
     Args:
-        walker: The walker, or a preset's name.
+        walker: The walker, in a form that `as_walker` takes.
         slope_min: Lowest slope in rad; positive, unless motors drive the walker.
         slope_max: Highest slope in rad.
         kind: Which gait to begin with, "long" or "short".
@@ -265,7 +266,7 @@ def _size(walker: Walker, parameter: str) -> float:
 
 
 def parameter_family(
-    walker: Walker | str,
+    walker: WalkerLike,
     parameter: str,
     low: float,
     high: float,

@@ -10,11 +10,11 @@ from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound
 from gym_passive_walker.gaits.remedies import remedies
 from gym_passive_walker.gaits.search import ACCURACY, begin, search, seek
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.walkers import Walker, as_walker, describe
+from gym_passive_walker.walkers import WalkerLike, as_walker, describe
 
 
 def find_gaits(
-    walker: Walker | str,
+    walker: WalkerLike,
     slope: float,
     *,
     period: int = 1,
@@ -24,7 +24,7 @@ def find_gaits(
     """Every gait of a period that is found at a slope, longest step first.
 
     Args:
-        walker: The walker, or a preset's name.
+        walker: The walker, in a form that `as_walker` takes.
         slope: Slope in rad.
         period: Strides until the motion repeats; 1 for an ordinary gait.
         guess: A section state or several to start from, instead of the search's own starts.
@@ -44,7 +44,7 @@ def find_gaits(
 
 
 def find_gait(
-    walker: Walker | str,
+    walker: WalkerLike,
     slope: float,
     kind: GaitKind = "long",
     *,
@@ -55,7 +55,7 @@ def find_gait(
     """Find the long-step or the short-step gait of a walker at a slope.
 
     Args:
-        walker: The walker, or a preset's name.
+        walker: The walker, in a form that `as_walker` takes.
         slope: Slope in rad.
         kind: "long" or "short", as `Gait.kind` has it. Of an untuned walker's two long-step gaits
             at the lowest slopes, the one with the longer step.

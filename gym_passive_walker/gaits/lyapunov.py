@@ -15,11 +15,11 @@ from gym_passive_walker.gaits.gait import GaitKind
 from gym_passive_walker.gaits.log_chart import by_logarithms, in_logarithms
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.progress import progress
-from gym_passive_walker.walkers import Walker
+from gym_passive_walker.walkers import WalkerLike
 
 
 def lyapunov_exponents(
-    walker: Walker | str,
+    walker: WalkerLike,
     slopes: ArrayLike,
     *,
     count: int = 1,
@@ -35,7 +35,7 @@ def lyapunov_exponents(
     stable gait of period n they are ln|multipliers| / n.
 
     Args:
-        walker: The walker, or a preset's name.
+        walker: The walker, in a form that `as_walker` takes.
         slopes: Slopes in rad.
         count: How many exponents, from the largest on; at most the section's dimension.
         strides: Strides averaged over.

@@ -12,7 +12,7 @@ from gym_passive_walker.gaits.forces import impulses
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.posture import landing_velocity, mass_matrix
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.walkers import Walker, as_walker
+from gym_passive_walker.walkers import WalkerLike, as_walker
 
 
 class FootVelocity(NamedTuple):
@@ -51,14 +51,14 @@ class Measures(NamedTuple):
     foot_velocity: FootVelocity
 
 
-def foot_velocity(walker: Walker | str, state: ArrayLike) -> FootVelocity:
+def foot_velocity(walker: WalkerLike, state: ArrayLike) -> FootVelocity:
     """Velocity of the landing foot at contact (Eq. 4.10).
 
     The equation's signs, taken with the source's own angles, count the tangential velocity
     positive uphill; here it is positive downhill, as its text says.
 
     Args:
-        walker: The walker, or a preset's name.
+        walker: The walker, in a form that `as_walker` takes.
         state: States just *before* heelstrike, shape (6,) or (n, 6): the stance angle negative and
             the swing angle its opposite. `samples.just_before` finds them.
     """
@@ -68,7 +68,7 @@ def foot_velocity(walker: Walker | str, state: ArrayLike) -> FootVelocity:
     return FootVelocity(-velocity[..., 0], velocity[..., 1])
 
 
-def collision_matrix(walker: Walker | str, stance_angle: float) -> NDArray[np.float64]:
+def collision_matrix(walker: WalkerLike, stance_angle: float) -> NDArray[np.float64]:
     """The matrix M of Eq. 4.7: a heelstrike at foot velocity v loses the energy v.M.v / 2.
 
     Before the collision the walker moves as one that rolls on its new foot, with a translation v
@@ -79,7 +79,7 @@ def collision_matrix(walker: Walker | str, stance_angle: float) -> NDArray[np.fl
     but the part of v along it.
 
     Args:
-        walker: The walker, or a preset's name.
+        walker: The walker, in a form that `as_walker` takes.
         stance_angle: In rad just after heelstrike, as `Gait.stance_angle`; 0 for M(0).
 
     Returns:

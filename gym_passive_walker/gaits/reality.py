@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import check_state, check_tolerance, number, one_slope, whole
+from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.gaits.passage import NoStride
 from gym_passive_walker.gaits.phases import (
     NO_COLLISION,
@@ -32,7 +33,7 @@ from gym_passive_walker.gaits.stride import stride
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import Walker, as_walker, describe, name_of
+from gym_passive_walker.walkers import Walker, describe, name_of
 
 
 class Reading(NamedTuple):
@@ -233,24 +234,25 @@ def _release_and_passing(heights: list[Extreme], rising: bool) -> tuple[Extreme,
 
 
 def reality_check(
-    walker: Walker | str,
-    slope: float,
-    state: ArrayLike,
+    walker: GaitLike,
+    slope: float | None = None,
+    state: ArrayLike | None = None,
     *,
-    strides: int = 1,
+    strides: int | None = None,
     friction: float = 0.8,
-    hip_torque: float = 0.0,
+    hip_torque: float | None = None,
     tolerance: float = 1e-13,
 ) -> RealityCheck:
     """Measure what a walk takes of the ground and the knees that the model does not ask for.
 
     Args:
-        walker: The walker, or a preset's name.
+        walker: The walker, in a form that `as_walker` takes; or a `Gait`, whose slope, state and
+            motors are those of the walk where they are not given.
         slope: Slope in rad, positive downhill.
         state: Section state, just after heelstrike, shape (6,).
-        strides: How many strides to look at: the period of a gait.
+        strides: How many strides to look at; 1 by default, or the gait's period.
         friction: Coefficient of friction of foot and ground; 0.8 is the source's example.
-        hip_torque: Torque held all along, as for `stride`.
+        hip_torque: Torque held all along, as for `stride`; 0 by default, or the gait's own.
         tolerance: As for `stride`.
 
     Returns:
@@ -258,15 +260,22 @@ def reality_check(
 
     Raises:
         NoStride: if a stride does not end with a heelstrike, or has no time for its straight leg.
-        ValueError: if a number is not finite or out of its range.
+        ValueError: if a number is not finite or out of its range, or the gait has an ankle torque
+            or a push-off, whose forces are not in these checks.
     """
-    walker, slope = as_walker(walker), one_slope(slope)
+    walker, slope, state, motors, period = walk_of(walker, slope, state, hip_torque)
+    if motors.ankle_torque or motors.push_off:
+        raise ValueError(
+            "reality_check knows the forces of a hip torque alone, and this gait has an ankle "
+            f"torque of {motors.ankle_torque:g} and a push-off of {motors.push_off:g}"
+        )
+    slope, strides = one_slope(slope), period if strides is None else strides
     strides, friction = (
         whole(strides, "strides"),
         number(friction, "friction", least=0.0, most=math.inf),
     )
     tolerance, state = check_tolerance(tolerance), check_state(state)
-    hip_torque = number(hip_torque, "hip_torque")
+    hip_torque = number(motors.hip_torque, "hip_torque")
     if state.shape != (6,):
         raise ValueError(f"reality_check takes one walker: state must be (6,), not {state.shape}")
     time = 0.0

@@ -17,7 +17,7 @@ from gym_passive_walker.gaits.forces import forces
 from gym_passive_walker.physics.hybrid import System
 from gym_passive_walker.physics.systems import UNEVEN, bodies, system_of
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import Walker, as_walker
+from gym_passive_walker.walkers import Walker, WalkerLike, as_walker
 
 _VERGE = 1e-8  # of the time until a strike: its square is nothing
 
@@ -108,7 +108,7 @@ def states_inside(
 
 
 def states_at(
-    walker: Walker | str,
+    walker: WalkerLike,
     slope: float,
     state: ArrayLike,
     times: ArrayLike,
@@ -120,7 +120,7 @@ def states_at(
     """States inside one stride at any instants.
 
     Args:
-        walker: The walker, or a preset's name.
+        walker: The walker, in a form that `as_walker` takes.
         slope: Slope in rad.
         state: Where the stride starts, shape (6,).
         times: Since the start, shape (n,), in any order; later ones than the stride's end give
@@ -139,7 +139,7 @@ def states_at(
 
 
 def just_before(
-    walker: Walker | str,
+    walker: WalkerLike,
     slope: float,
     state: ArrayLike,
     strike: float,
@@ -153,7 +153,7 @@ def just_before(
     A state is taken so short before the strike that its accelerations lead there.
 
     Args:
-        walker: The walker, or a preset's name.
+        walker: The walker, in a form that `as_walker` takes.
         slope: Slope in rad.
         state: Where the stride starts, shape (6,).
         strike: Time of the kneestrike or the heelstrike since the start.

@@ -19,7 +19,7 @@ from gym_passive_walker.gaits.family import GaitFamily
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.log_chart import logarithms
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.walkers import Walker, as_walker
+from gym_passive_walker.walkers import WalkerLike, as_walker
 
 CUBE_ROOT = 0.943976
 """Stance angle over slope^(1/3) of the simplest walker's short-step gait as the slope vanishes."""
@@ -90,7 +90,7 @@ def exponent_crossings(family: GaitFamily, exponent: float = 2.0 / 3.0) -> NDArr
     return np.exp(log_slope[crossed] + share * (log_slope[crossed + 1] - log_slope[crossed]))
 
 
-def transition_slope(walker: Walker | str, *, cube_root: float = CUBE_ROOT) -> float:
+def transition_slope(walker: WalkerLike, *, cube_root: float = CUBE_ROOT) -> float:
     """Where the short-step gait's linear law at small slopes meets a cube-root law (Fig. 4.5).
 
     The two laws, angle = a slope and angle = b slope^(1/3), meet at (b / a)^(3/2). For point feet
@@ -98,7 +98,7 @@ def transition_slope(walker: Walker | str, *, cube_root: float = CUBE_ROOT) -> f
     cube-root line is arbitrary there, since it drops out of the ratio of two walkers' slopes.
 
     Args:
-        walker: A walker that walks at vanishing slopes in proportion to them, or a preset's name.
+        walker: A walker that walks at vanishing slopes in proportion to them; see `as_walker`.
         cube_root: b. The default is that of the simplest walker, to which point feet tend.
 
     Returns:

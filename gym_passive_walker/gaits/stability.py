@@ -10,11 +10,12 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.arguments import check_state, check_tolerance, number, one_slope, shown
 from gym_passive_walker.engine.run import LONGEST_STRIDE
 from gym_passive_walker.gaits.drive import Drive, drive_units, one_drive
+from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.gaits.passage import NoStride, Passage
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.units import growth
-from gym_passive_walker.walkers import PARAMETERS, Walker, as_walker
+from gym_passive_walker.walkers import PARAMETERS
 
 __all__ = ["NoStride", "stride_jacobian"]
 
@@ -23,13 +24,13 @@ _COLUMNS = ("state", "slope", *Drive._fields)
 
 
 def stride_jacobian(
-    walker: Walker | str,
-    slope: float,
-    state: ArrayLike,
+    walker: GaitLike,
+    slope: float | None = None,
+    state: ArrayLike | None = None,
     *,
-    hip_torque: float = 0.0,
-    ankle_torque: float = 0.0,
-    push_off: float = 0.0,
+    hip_torque: float | None = None,
+    ankle_torque: float | None = None,
+    push_off: float | None = None,
     wrt: str | Sequence[str] = "state",
     tolerance: float = 1e-13,
 ) -> NDArray[np.float64]:
@@ -45,11 +46,12 @@ def stride_jacobian(
     reason: its swing rate is made new at each heelstrike.
 
     Args:
-        walker: The walker, or a preset's name.
+        walker: The walker, in a form that `as_walker` takes; or a `Gait`, whose slope, state and
+            motors are those of the walk where they are not given.
         slope: Slope in rad.
         state: Section state (6,), or several (n, 6); thigh and shank angle are taken as minus the
             stance angle.
-        hip_torque: Torque held through the stride.
+        hip_torque: Torque held through the stride; 0 by default, or the gait's own.
         ankle_torque: Likewise, as for `stride`.
         push_off: Impulse at its end, as for `stride`.
         wrt: Columns wanted, in order: "state" (one per coordinate), "slope", "hip_torque",
@@ -66,8 +68,10 @@ def stride_jacobian(
         ValueError: if an argument is out of range.
     """
     tolerance = check_tolerance(number(tolerance, "tolerance"))
-    walker, slope = as_walker(walker), one_slope(slope)
-    drive = one_drive(walker, Drive(hip_torque, ankle_torque, push_off))
+    walker, slope, state, motors, _ = walk_of(
+        walker, slope, state, hip_torque, ankle_torque, push_off
+    )
+    slope, drive = one_slope(slope), one_drive(walker, motors)
     stride_map = StrideMap.of(walker, tolerance=tolerance, longest=LONGEST_STRIDE, drive=drive)
     names = [wrt] if isinstance(wrt, str) else list(wrt) if np.iterable(wrt) else []
     if not names:

@@ -22,16 +22,15 @@ from gym_passive_walker.arguments import (
 from gym_passive_walker.engine.run import LONGEST_STRIDE, advance, new_records
 from gym_passive_walker.gaits.drive import (
     PASSIVE,
-    Drive,
     check_drive,
     drive_shapes,
     to_dimensionless,
 )
+from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.physics.hybrid import Ground, Outcome, State, System
 from gym_passive_walker.physics.systems import UNEVEN, bodies, system_of
 from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import Walker, as_walker
 
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
 
@@ -154,13 +153,13 @@ def check_foothold(rise: ArrayLike, turn: ArrayLike) -> tuple[NDArray, NDArray] 
 
 
 def stride(
-    walker: Walker | str,
-    slope: ArrayLike,
-    state: ArrayLike,
+    walker: GaitLike,
+    slope: ArrayLike | None = None,
+    state: ArrayLike | None = None,
     *,
-    hip_torque: ArrayLike = 0.0,
-    ankle_torque: ArrayLike = 0.0,
-    push_off: ArrayLike = 0.0,
+    hip_torque: ArrayLike | None = None,
+    ankle_torque: ArrayLike | None = None,
+    push_off: ArrayLike | None = None,
     rise: ArrayLike = 0.0,
     turn: ArrayLike = 0.0,
     tolerance: float = 1e-10,
@@ -172,12 +171,14 @@ def stride(
     """Follow walkers from one heelstrike to the next: the stride map.
 
     Args:
-        walker: The walker, or a preset's name.
+        walker: The walker, in a form that `as_walker` takes; or a `Gait`, whose slope, state and
+            motors are those of the walk where they are not given.
         slope: Slope in rad, positive downhill; a number or shape (n,).
         state: [stance, thigh, shank] angles in rad and their rates, just after heelstrike, shape
             (6,) or (n, 6). A straight-legged walker's shank is ignored.
         hip_torque: Torque held through the stride, positive when it opens the legs in the walking
-            direction; a number or shape (n,). Per unit of foot mass for the simplest walker.
+            direction; a number or shape (n,). Per unit of foot mass for the simplest walker. 0 by
+            default, or the gait's own, as the other motors.
         ankle_torque: Torque between ground and stance leg held through the stride, positive when it
             tips the walker forward; likewise. On point feet alone.
         push_off: Impulse of the ground along the stance leg just before heelstrike; likewise.
@@ -198,10 +199,12 @@ def stride(
     Raises:
         ValueError: if a number is not finite or out of its range, or shapes do not fit.
     """
-    walker = as_walker(walker)
+    walker, slope, state, drive, _ = walk_of(
+        walker, slope, state, hip_torque, ankle_torque, push_off
+    )
     tolerance = check_tolerance(tolerance)
-    states, slopes = check_state(state), check_slope(slope)
-    drive = check_drive(walker, Drive(hip_torque, ankle_torque, push_off))
+    states, slopes = check_state(state), check_slope(slope)  # type: ignore[arg-type]
+    drive = check_drive(walker, drive)
     longest, stub = number(longest, "longest", above=0.0), truth(stub, "stub")
     threads = None if threads is None else whole(threads, "threads")
     if not callable(carry):

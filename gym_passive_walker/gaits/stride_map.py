@@ -25,7 +25,7 @@ from gym_passive_walker.physics.hybrid import Outcome, System
 from gym_passive_walker.physics.systems import bodies_by, system_of, varied_bodies
 from gym_passive_walker.progress import progress
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import Walker, as_walker
+from gym_passive_walker.walkers import WalkerLike, as_walker
 
 LONGEST = 20.0
 """Time in sqrt(l/g) after which a stride without heelstrike is given up; a usual one takes 3."""
@@ -63,14 +63,14 @@ class StrideMap(Section):
     @classmethod
     def of(
         cls,
-        walker: Walker | str,
+        walker: WalkerLike,
         *,
         tolerance: float = 1e-13,
         longest: float = LONGEST,
         stub: bool = False,
         drive: Drive = PASSIVE,
     ) -> Self:
-        """The stride map of a walker, or of a preset's name; a drive is in the walker's units."""
+        """The stride map of a walker (see `as_walker`); a drive is in the walker's units."""
         walker = as_walker(walker)
         return cls(
             walker=walker, tolerance=tolerance, longest=longest, stub=stub,

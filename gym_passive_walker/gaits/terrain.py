@@ -7,17 +7,23 @@ key and on the foothold's number alone: not on who else walks, nor on how the wa
 
 from __future__ import annotations
 
+import json
 import math
+import os
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from os import PathLike
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import number, shown, truth, unknown, whole
+from gym_passive_walker.console import cut
 from gym_passive_walker.engine.chance import normal
 from gym_passive_walker.engine.jit import Kernel
+from gym_passive_walker.loading import is_file, read_content
 from gym_passive_walker.walkers import Walker
 
 _HEIGHTS, _SLOPES = 100, 101  # streams of random numbers
@@ -157,23 +163,65 @@ def contacts(walker: Walker, ground: NDArray, lengths: NDArray) -> NDArray[np.co
     return np.concatenate([[0.0], np.cumsum(steps[:-1])])
 
 
+EXAMPLES = "rough:height_std=0.002, stairs:rise=-0.01 or waves:height=0.01,strides=6"
+"""Terrains as text."""
+
+_ARGUMENT = re.compile(r"(\w+)=(\[[^\]]*\]|[^,\[\]]+)(?:,|$)")  # a name and a number, or a list
 _MADE = {"rough": rough, "stairs": stairs, "waves": waves, "footholds": footholds}
 
 
-def terrain_from(value: Terrain | Mapping[str, Any] | None) -> Terrain | None:
-    """A terrain as given, or from a mapping such as ``{"rough": {"height_std": 0.01}}``.
+TerrainLike: TypeAlias = Terrain | Mapping[str, Any] | str | PathLike[str]
+"""What ground may be given as, wherever it is asked for; see `terrain_from`."""
+
+
+def terrain_from(value: TerrainLike | None) -> Terrain | None:
+    """Return a terrain from any form that it may be given in.
+
+    Args:
+        value: A `Terrain`; None for smooth ground; a mapping of one of rough, stairs, waves and
+            footholds to its arguments, as ``{"rough": {"height_std": 0.01}}``; the text
+            "rough:height_std=0.01"; the mapping as JSON text; or the path of a JSON, YAML or TOML
+            file of the mapping.
 
     Raises:
-        ValueError: if it describes none.
+        ValueError: if it describes no terrain.
+        ImportError: if the file is YAML and pyyaml is not installed.
     """
     if value is None or isinstance(value, Terrain):
         return value
+    if isinstance(value, str) and (value.lstrip().startswith("{") or not is_file(value)):
+        return _of_text(value)
+    if is_file(value):
+        content = read_content(value)
+        try:
+            return _of_mapping(content)
+        except ValueError as error:
+            raise ValueError(f"{cut(os.fsdecode(value))}: {error}") from None
+    return _of_mapping(value)
+
+
+def _of_text(text: str) -> Terrain:
+    if text.lstrip().startswith("{"):
+        try:
+            return _of_mapping(json.loads(text))
+        except (RecursionError, json.JSONDecodeError) as error:
+            raise ValueError(f"terrain {shown(text)} is no JSON: {error}") from None
+    name, _, rest = text.partition(":")
+    if _ARGUMENT.sub("", rest):
+        raise ValueError(f"a terrain is written as {EXAMPLES}, or as a mapping, not {shown(text)}")
+    try:
+        return _of_mapping({name: {key: json.loads(word) for key, word in _ARGUMENT.findall(rest)}})
+    except json.JSONDecodeError:
+        raise ValueError(f"terrain {cut(name)} takes numbers, not {shown(rest)}") from None
+
+
+def _of_mapping(value: Any) -> Terrain:
     if isinstance(value, Mapping) and value.keys() == {field.name for field in fields(Terrain)}:
         return Terrain(**value)  # as `dataclasses.asdict` tells it
     if not isinstance(value, Mapping) or len(value) != 1:
         raise ValueError(
             "a terrain is a Terrain, None, or a mapping of one of rough, stairs, waves and "
-            'footholds to its arguments, as {"rough": {"height_std": 0.01}}, '
+            'footholds to its arguments, as {"rough": {"height_std": 0.01}}, or a file of one, '
             f"not {shown(value)}"
         )
     ((name, arguments),) = value.items()

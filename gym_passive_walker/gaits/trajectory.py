@@ -11,19 +11,19 @@ from gym_passive_walker.arguments import (
     KEPT,
     check_state,
     check_tolerance,
-    instance,
     one_slope,
     real_array,
     whole,
 )
 from gym_passive_walker.gaits.drive import Drive
+from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.gaits.samples import states_inside
 from gym_passive_walker.gaits.stride import STATE_NAMES, stride
-from gym_passive_walker.gaits.terrain import Terrain, contacts
+from gym_passive_walker.gaits.terrain import Terrain, TerrainLike, contacts, terrain_from
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import Walker, as_walker, name_of
+from gym_passive_walker.walkers import Walker, name_of
 
 COARSEST_SAMPLES = 1e-4
 """Largest tolerance at which the instant before a strike can still be told from the strike."""
@@ -104,16 +104,16 @@ class Trajectory(Table):
 
 
 def simulate(
-    walker: Walker | str,
-    slope: float,
-    state: ArrayLike,
+    walker: GaitLike,
+    slope: float | None = None,
+    state: ArrayLike | None = None,
     strides: int = 1,
     *,
     samples: int = 100,
-    hip_torque: ArrayLike = 0.0,
-    ankle_torque: ArrayLike = 0.0,
-    push_off: ArrayLike = 0.0,
-    terrain: Terrain | None = None,
+    hip_torque: ArrayLike | None = None,
+    ankle_torque: ArrayLike | None = None,
+    push_off: ArrayLike | None = None,
+    terrain: TerrainLike | None = None,
     key: int = 0,
     tolerance: float = 1e-10,
 ) -> Trajectory:
@@ -127,16 +127,18 @@ def simulate(
         ('heelstrike', 2000)
 
     Args:
-        walker: The walker, or a preset's name.
+        walker: The walker, in a form that `as_walker` takes; or a `Gait`, whose slope, state and
+            motors are those of the walk where they are not given.
         slope: Slope in rad, positive downhill.
         state: Where it starts, just after heelstrike, shape (6,).
         strides: How many strides to follow; fewer are made if the walker falls.
         samples: Instants of each stride, evenly spaced: the first just after heelstrike, the last
             just before what ends the stride. At least 2.
-        hip_torque: Torque, as for `stride`: a number, or one for each stride.
+        hip_torque: Torque, as for `stride`: a number, or one for each stride. 0 by default, or the
+            gait's own, as the other motors.
         ankle_torque: Likewise.
         push_off: Impulse at a stride's end, likewise.
-        terrain: How footholds lie; smooth when None.
+        terrain: How footholds lie, in a form that `terrain_from` takes; smooth when None.
         key: Which of the terrain's walks, if it is random: any whole number from 0 on.
         tolerance: Error relative to the largest angle or rate, as for `stride`; at most 1e-4.
 
@@ -146,7 +148,10 @@ def simulate(
     Raises:
         ValueError: if a number is not finite or out of its range, or a shape does not fit.
     """
-    walker, slope, state = as_walker(walker), one_slope(slope), check_state(state)
+    walker, slope, state, motors, _ = walk_of(
+        walker, slope, state, hip_torque, ankle_torque, push_off
+    )
+    slope, state = one_slope(slope), check_state(state)
     if state.shape != (6,):
         raise ValueError(f"simulate follows one walker: state must be (6,), not {state.shape}")
     strides, samples = whole(strides, "strides", 1, KEPT), whole(samples, "samples", 2, KEPT)
@@ -154,12 +159,13 @@ def simulate(
         raise ValueError(f"tolerance must be at most {COARSEST_SAMPLES}, not {tolerance}")
     allowed = f"a number, or one for each of the {strides} strides"
     parts = []
-    for name, part in zip(Drive._fields, (hip_torque, ankle_torque, push_off), strict=True):
+    for name, part in zip(Drive._fields, motors, strict=True):
         values = real_array(part, name, allowed)
         if values.shape not in ((), (1,), (strides,)):
             raise ValueError(f"{name} must be {allowed}, not of shape {values.shape}")
         parts.append(np.broadcast_to(values, (strides,)))
     drives = np.stack(parts, axis=1)
+    terrain = terrain_from(terrain)
     ground = ground_of(terrain, key, strides)
     rises = ground[:, 1] * walker.leg_length
     starts, walks = [state], []
@@ -210,10 +216,8 @@ def simulate(
     )
 
 
-def ground_of(terrain: Terrain | None, key: int, strides: int) -> NDArray[np.float64]:
+def ground_of(terrain: TerrainLike | None, key: int, strides: int) -> NDArray[np.float64]:
     """Of each stride: its slope beyond the walk's, the next foothold's rise and turn."""
     key = whole(key, "key", 0, 2**64 - 1)
-    if terrain is None:
-        return np.zeros((strides, 3))
-    made = instance(terrain, Terrain, "terrain", "gpw.rough makes")
-    return made.ground(key, np.arange(strides))
+    made = terrain_from(terrain)
+    return np.zeros((strides, 3)) if made is None else made.ground(key, np.arange(strides))

@@ -15,7 +15,7 @@ from gym_passive_walker.gaits.gait import Gait, GaitNotFound, measure
 from gym_passive_walker.gaits.search import glance, seek
 from gym_passive_walker.gaits.sensitivity import place_near
 from gym_passive_walker.progress import said
-from gym_passive_walker.walkers import Walker, as_walker, describe, tune
+from gym_passive_walker.walkers import Walker, WalkerLike, as_walker, describe, tune
 
 _MOVED = ("thigh_com", "thigh_gyration", "shank_com", "shank_gyration")
 _ALL = (*_MOVED, "thigh_offset", "shank_offset")
@@ -24,7 +24,7 @@ _SHARES = (0.05, 0.6)  # of a segment's length: where such designs are looked fo
 _LOOKS = 128  # designs looked at
 
 
-def tune_to_walk(walker: Walker | str, slope: float, *, radius: float = 0.8) -> Gait:
+def tune_to_walk(walker: WalkerLike, slope: float, *, radius: float = 0.8) -> Gait:
     """The nearest tuned walker that walks, stably, at a slope; as its long-step gait.
 
     `tune` moves offsets alone, and what it makes of a walker that walks may have no gait. Here the
@@ -33,7 +33,7 @@ def tune_to_walk(walker: Walker | str, slope: float, *, radius: float = 0.8) -> 
     stay. If `tune(walker)` walks so itself, it is the answer.
 
     Args:
-        walker: The walker, or a preset's name.
+        walker: The walker, in a form that `as_walker` takes.
         slope: Slope in rad.
         radius: The largest modulus that a multiplier may have. Nearer to 1 the walk is lost by ever
             smaller changes of the design, which is hardly nearer for it; but at vanishing slopes

@@ -15,6 +15,7 @@ from typing import Any
 
 from gym_passive_walker.arguments import shown
 from gym_passive_walker.console import cut
+from gym_passive_walker.control import controllers
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.policies.network import Network
 from gym_passive_walker.policies.tensors import PolicyError, read_tensors
@@ -93,6 +94,9 @@ def load_policy(name_or_folder: str | Path) -> TrainedPolicy:
         PolicyError: if there is none of this name, or its files are damaged.
     """
     return TrainedPolicy(policy_folder(name_or_folder))
+
+
+controllers.LOADERS.append(load_policy)
 
 
 def _description(path: Path) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from gym_passive_walker.gaits.trajectory import simulate
 from gym_passive_walker.progress import progress
 from gym_passive_walker.render.ground import ground_under
 from gym_passive_walker.render.screen import Screen
-from gym_passive_walker.walkers import Walker, as_walker
+from gym_passive_walker.walkers import WalkerLike, as_walker
 
 FPS = 30
 """Frames of a film's second."""
@@ -110,7 +110,7 @@ class Film:
 
 
 def film(
-    walker: Walker | str,
+    walker: WalkerLike,
     slope: float,
     state: ArrayLike,
     path: str | Path,
@@ -124,7 +124,7 @@ def film(
     """Film a walk.
 
     Args:
-        walker: The walker, or a preset's name.
+        walker: The walker, in a form that `as_walker` takes.
         slope: Slope in rad, positive downhill.
         state: [stance, thigh, shank] angles in rad, then their rates, just after heelstrike, (6,).
         path: The film's file, .mp4 or .gif.

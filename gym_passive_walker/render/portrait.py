@@ -23,7 +23,7 @@ from gym_passive_walker.render.axes import (
 )
 from gym_passive_walker.render.strobe import LEGS
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import Walker, name_of
+from gym_passive_walker.walkers import WalkerLike, name_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -100,7 +100,7 @@ def portrait_of(ax: Axes, walk: Trajectory) -> None:
 
 
 def phase_portrait(
-    walker: Walker | str,
+    walker: WalkerLike,
     slope: float,
     state: ArrayLike,
     *,
@@ -114,7 +114,7 @@ def phase_portrait(
     Lines break where a collision changes the rates, which dots join.
 
     Args:
-        walker: The walker, or a preset's name.
+        walker: The walker, in a form that `as_walker` takes.
         slope: Slope in rad, positive downhill.
         state: [stance, thigh, shank] angles in rad, then their rates, just after heelstrike, (6,).
         strides: How many strides to follow.

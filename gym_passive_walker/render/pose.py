@@ -16,7 +16,7 @@ from gym_passive_walker.arguments import check_state
 from gym_passive_walker.physics.legs import turned
 from gym_passive_walker.physics.numbers import sine_cosine
 from gym_passive_walker.physics.systems import body_of
-from gym_passive_walker.walkers import Walker, as_walker
+from gym_passive_walker.walkers import Walker, WalkerLike, as_walker
 
 SOLE_SPAN = 0.5
 """Half the angle in rad that a foot's arc spans; gaits roll through about half of it."""
@@ -80,7 +80,7 @@ def _leg(walker: Walker, hip: NDArray, thigh: NDArray, shank: NDArray) -> Leg:
 
 
 def pose(
-    walker: Walker | str,
+    walker: WalkerLike,
     state: ArrayLike,
     contact_x: ArrayLike = 0.0,
     contact_y: ArrayLike = 0.0,
@@ -89,7 +89,7 @@ def pose(
     """Where the parts of a walker are.
 
     Args:
-        walker: The walker, or a preset's name.
+        walker: The walker, in a form that `as_walker` takes.
         state: [stance, thigh, shank] angles in rad, then their rates (which change nothing), shape
             (6,) or (..., 6). A straight-legged walker's shank is ignored.
         contact_x: Where the stance foot touches the ground, a number or of the states' shape.

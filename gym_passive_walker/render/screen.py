@@ -16,7 +16,7 @@ from gym_passive_walker.render import look
 from gym_passive_walker.render.brush import Brush
 from gym_passive_walker.render.ground import between, height
 from gym_passive_walker.render.pose import Leg, Pose, legs_by_identity, pose
-from gym_passive_walker.walkers import Walker, as_walker
+from gym_passive_walker.walkers import WalkerLike, as_walker
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -56,7 +56,7 @@ class Screen:
     pace of `fps`; once its user has closed it, frames are no longer drawn.
 
     Args:
-        walker: The walker, or a preset's name.
+        walker: The walker, in a form that `as_walker` takes.
         mode: "human" or "rgb_array".
         fps: Frames per second of a window; 0 shows frames as fast as they come.
         size: Width and height of a frame in pixels; even numbers, for films.
@@ -68,7 +68,7 @@ class Screen:
 
     def __init__(
         self,
-        walker: Walker | str,
+        walker: WalkerLike,
         mode: str = "rgb_array",
         fps: float = 30.0,
         *,

@@ -19,7 +19,7 @@ from gym_passive_walker.render import look
 from gym_passive_walker.render.axes import GREY, axes_for, figure_of, legend, save
 from gym_passive_walker.render.ground import between, ground_under, height
 from gym_passive_walker.render.pose import Leg, Pose, legs_by_identity, level, pose
-from gym_passive_walker.walkers import Walker, as_walker, name_of
+from gym_passive_walker.walkers import WalkerLike, as_walker, name_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,7 +35,7 @@ _FAINT = 0.3  # of a leg that stands, between its strikes: the swing leg is what
 
 
 def strobe(
-    walker: Walker | str,
+    walker: WalkerLike,
     slope: float,
     state: ArrayLike,
     *,
@@ -50,7 +50,7 @@ def strobe(
     """A strobe picture of a walk, like the lower part of Fig. 4.3, its kneestrikes marked.
 
     Args:
-        walker: The walker, or a preset's name.
+        walker: The walker, in a form that `as_walker` takes.
         slope: Slope in rad, positive downhill.
         state: [stance, thigh, shank] angles in rad, then their rates, just after heelstrike, (6,).
         strides: How many strides to follow.
@@ -112,7 +112,7 @@ def _kneestrikes(walk: Trajectory, torques: NDArray, samples: int) -> NDArray[np
 
 
 def strobe_of(
-    walker: Walker | str,
+    walker: WalkerLike,
     states: ArrayLike,
     contact_x: ArrayLike,
     slope: float,
@@ -128,7 +128,7 @@ def strobe_of(
     """A strobe picture of a walk that was recorded, one posture for each state.
 
     Args:
-        walker: The walker, or a preset's name.
+        walker: The walker, in a form that `as_walker` takes.
         states: [stance, thigh, shank] angles in rad, then their rates, shape (n, 6).
         contact_x: Where the stance foot touches the ground, along the slope, shape (n,).
         slope: Slope in rad, positive downhill.

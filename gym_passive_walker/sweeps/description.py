@@ -13,6 +13,8 @@ from typing import Any
 import numpy as np
 
 from gym_passive_walker.arguments import number, unknown, whole
+from gym_passive_walker.envs.scene import kept_argument
+from gym_passive_walker.loading import is_file, read_content
 
 HOW = ("grid", "list", "sobol", "latin-hypercube")
 _SAMPLERS = {"sobol": "Sobol", "latin-hypercube": "LatinHypercube"}  # in scipy.stats.qmc
@@ -33,7 +35,8 @@ class Description:
             scene. For a grid or a list, the values of each; for a sample, its [low, high].
         how: "grid" for all combinations, "list" for the first values together, then the second
             ones, and so on; "sobol" or "latin-hypercube" for a random sample of the box.
-        given: What is the same in all tasks, by name.
+        given: What is the same in all tasks, by name. A walker or a terrain may be a file here and
+            in `over`; the description keeps what the file holds.
         samples: How many of a random sample; a power of two balances Sobol's.
         seed: Of the sample, and of each task that has none of its own.
         time_out: Seconds after which a task is given up; None waits for ever.
@@ -59,6 +62,10 @@ class Description:
         for name in ("over", "given"):
             if not isinstance(getattr(self, name), Mapping):
                 raise ValueError(f"{name} must name values, as in slope: [0.02, 0.03]")
+        kept = {name: kept_argument(name, value) for name, value in self.given.items()}
+        object.__setattr__(self, "given", kept)
+        over = {name: _kept(name, values) for name, values in self.over.items()}
+        object.__setattr__(self, "over", over)
         if not self.over:
             raise ValueError("over must name what changes, as in slope: [0.02, 0.03]")
         if both := sorted(self.over.keys() & self.given.keys()):
@@ -89,11 +96,20 @@ class Description:
 
     @classmethod
     def of(cls, content: Any) -> Description:
-        """A description from what a YAML or JSON file holds.
+        """Return a description from any form that it may be given in.
+
+        Args:
+            content: A `Description`, a mapping of its attributes, or the path of a JSON, YAML or
+                TOML file of such a mapping.
 
         Raises:
             ValueError: if it describes no sweep.
+            ImportError: if the file is YAML and pyyaml is not installed.
         """
+        if isinstance(content, cls):
+            return content
+        if is_file(content):
+            content = read_content(content)
         known = tuple(f.name for f in fields(cls))
         if not isinstance(content, Mapping) or not {"analysis", "over"} <= content.keys():
             raise ValueError("a sweep names its analysis, and over what it goes")
@@ -129,6 +145,14 @@ class Description:
         same = {"seed": self.seed, **self.given}
         return [json.loads(json.dumps({**same, **dict(zip(names, row, strict=True))},
                                       default=_plain)) for row in rows]  # fmt: skip
+
+
+def _kept(name: str, values: Any) -> Any:
+    return (
+        [kept_argument(name, value) for value in values]
+        if isinstance(values, list | tuple)
+        else values
+    )
 
 
 def _plain(value: Any) -> Any:

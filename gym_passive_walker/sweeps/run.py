@@ -13,6 +13,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from gym_passive_walker.arguments import truth, whole
+from gym_passive_walker.loading import is_file, read_content
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
 from gym_passive_walker.sweeps.cluster import Cluster
@@ -63,8 +64,8 @@ class Swept(Table):
 
 
 def sweep(
-    analysis: str | Callable[..., Any] | Mapping[str, Any] | Description,
-    out: str | os.PathLike[str],
+    analysis: str | os.PathLike[str] | Callable[..., Any] | Mapping[str, Any] | Description,
+    out: str | os.PathLike[str] | None = None,
     *,
     workers: int | None = None,
     ray: str | None = None,
@@ -82,9 +83,10 @@ def sweep(
     Args:
         analysis: Its name: gait, family, bifurcation, basin, robustness, reality, optimal or
             evaluation; a function of a module of your own, or "module:function" (with `trust`),
-            which returns numbers, words and truths by name; or a whole `Description`, or a mapping
-            of one.
-        out: The folder; made if it is not there.
+            which returns numbers, words and truths by name; or all of the `Description`: an object,
+            a mapping, or the path of a JSON, YAML or TOML file of a mapping.
+        out: The folder; made if it is not there. None is the name of the description's file without
+            its ending.
         workers: How many processes; one to each processor if None.
         ray: "here" for Ray on this machine, or the address of a cluster, whose machines see the
             package, and a function of your own, at the same places.
@@ -105,7 +107,10 @@ def sweep(
         ImportError: if pyarrow, or ray, is not installed.
     """
     branch, retry = truth(branch, "branch"), truth(retry, "retry")
-    description, folder = _described(analysis, described), Path(out)
+    if out is None and not is_file(analysis):
+        raise ValueError("out must be a folder to keep the sweep in: a file's name is lacking")
+    description = _described(analysis, described)
+    folder = Path(analysis).with_suffix("") if out is None else Path(out)  # type: ignore[arg-type]
     trust = check_trust(description.analysis, trust or _is_function(analysis))
     if branch and holds_another(folder, description):
         folder = folder.with_name(f"{folder.name}-{description.digest[:8]}")
@@ -139,6 +144,8 @@ def _is_function(analysis: Any) -> bool:
 def _described(analysis: Any, rest: dict[str, Any]) -> Description:
     if isinstance(analysis, Description):
         return analysis
+    if is_file(analysis):
+        analysis = read_content(analysis)
     if isinstance(analysis, Mapping):
         return Description.of({**analysis, **rest})
     if callable(analysis):

@@ -15,10 +15,10 @@ import numpy as np
 from gym_passive_walker.arguments import gait_kind, one_slope, unknown, whole
 from gym_passive_walker.control import robustness as robust
 from gym_passive_walker.control import walks
-from gym_passive_walker.control.baselines import BASELINES
+from gym_passive_walker.control.controllers import acting, changed
 from gym_passive_walker.control.optimal import optimal_gait
 from gym_passive_walker.envs.registration import ID
-from gym_passive_walker.envs.scene import Scene, make_scene, walker_from
+from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.gaits.basin import basin_of_attraction
 from gym_passive_walker.gaits.bifurcation import bifurcation_diagram
 from gym_passive_walker.gaits.drive import Drive, one_drive
@@ -26,8 +26,7 @@ from gym_passive_walker.gaits.family import gait_family
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.reality import reality_check
 from gym_passive_walker.gaits.search import seek
-from gym_passive_walker.policies import load_policy
-from gym_passive_walker.walkers import Walker
+from gym_passive_walker.walkers import Walker, as_walker
 
 Row = dict[str, Any]
 
@@ -130,7 +129,7 @@ def robustness(
     if policy is None and scene is None and changes.keys() == {"walker", "slope"}:
         found = robust.robustness(changes["walker"], slope=changes["slope"], **options)
     else:
-        where, who = _acting(policy or "passive", scene, changes)
+        who, where = acting(policy or "passive", scene, **changes)
         found = robust.robustness(who, where, **options)
     lasting = found.first_passage
     names = ("sensitivity", "step_up", "step_down", "recovered", "recovered_error", "recovery")
@@ -145,7 +144,7 @@ def robustness(
 
 def optimal(changes: Mapping[str, Any], speed: float, scene: str = "level") -> Row:
     """The gait of least cost of transport at a speed."""
-    found = optimal_gait(_scene(scene, changes), speed)
+    found = optimal_gait(changed(scene, changes), speed)
     names = ("cost_of_transport", "hip_cost", "ankle_cost", "push_off_cost", "push_off")
     names += ("step_period", "step_length", "stable", "stubs")
     return {name: getattr(found, name) for name in names}
@@ -159,23 +158,9 @@ def evaluation(
     seed: int = 0,
 ) -> Row:
     """What a policy makes of some episodes, the first of which has the seed."""
-    where, who = _acting(policy, scene, changes)
+    who, where = acting(policy, scene, **changes)
     arena = gym.make_vec(ID, num_envs=episodes, scene=where)
     return walks.evaluate(who, arena, seed=seed).summary()
-
-
-def _scene(scene: Any, changes: Mapping[str, Any]) -> Scene:
-    """A scene with changes; whether stubbing a toe ends a walk is for its walker's legs."""
-    return make_scene(scene, **({"stub": None} if "walker" in changes else {}), **changes)
-
-
-def _acting(policy: str, scene: str | None, changes: Mapping[str, Any]) -> tuple[Scene, Any]:
-    """A scene, and who acts in it."""
-    if policy in BASELINES:
-        where = _scene(scene or "level", changes)
-        return where, BASELINES[policy](where)
-    trained = load_policy(policy)
-    return _scene(scene or trained.scene, changes), trained
 
 
 ANALYSES: dict[str, Callable[..., Row]] = {
@@ -247,7 +232,7 @@ def task(analysis: str, given: Mapping[str, Any]) -> Callable[[], Any]:
         if parts and "walker" not in rest:
             raise ValueError(f"{', '.join(parts)} of which walker? Give one, as in walker: lab")
         if "walker" in rest:
-            rest["walker"] = replace(walker_from(rest["walker"]), **parts)
+            rest["walker"] = replace(as_walker(rest["walker"]), **parts)
     if "changes" in takes:
         rest["changes"] = {
             name: rest.pop(name) for name in _SCENE if name in rest and name not in takes

@@ -19,12 +19,13 @@ from typing import Any, NamedTuple
 
 import numba
 
-from gym_passive_walker.progress import hush
+from gym_passive_walker.progress import hush, show
 from gym_passive_walker.sweeps.node import compile_once
 from gym_passive_walker.sweeps.store import DONE, FAILED, TIMED_OUT
 from gym_passive_walker.sweeps.tasks import ANALYSES, flat, task
 
 _MOST = 2000  # tasks sent at once
+_LOOK = 5.0  # seconds between two looks at how far the work is
 STILLBORN = 3
 """Workers that end before they begin, after which it is no accident."""
 
@@ -95,7 +96,9 @@ class Workers:
             for worker in self._crew:
                 if worker.ready and not worker.tasks and waiting:
                     worker.send(pace.take(waiting))
-            for pipe in wait([worker.pipe for worker in self._crew], self._patience()):
+            pipes = wait([worker.pipe for worker in self._crew], self._patience())
+            show()
+            for pipe in pipes:
                 worker = next(each for each in self._crew if each.pipe is pipe)
                 try:
                     outcome = worker.hear()
@@ -116,12 +119,12 @@ class Workers:
         for worker in self._crew:
             worker.end()
 
-    def _patience(self) -> float | None:
-        """Seconds to the next time-out."""
+    def _patience(self) -> float:
+        """Seconds to the next time-out, or until it is time to show how far the work is."""
         since = [worker.since for worker in self._crew if worker.tasks]
         if self._time_out is None or not since:
-            return None
-        return max(0.0, min(since) + self._time_out - time.monotonic())
+            return _LOOK
+        return max(0.0, min(_LOOK, min(since) + self._time_out - time.monotonic()))
 
     def _overdue(self, worker: _Worker) -> bool:
         if self._time_out is None or not worker.tasks or worker.pipe.poll():

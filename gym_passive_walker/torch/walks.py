@@ -23,7 +23,7 @@ from gym_passive_walker.torch.operation import (
     check_parameters,
 )
 from gym_passive_walker.units import Units, units_of
-from gym_passive_walker.walkers import Walker, as_walker, varied
+from gym_passive_walker.walkers import WalkerLike, as_walker, varied
 
 
 class Stride(NamedTuple):
@@ -97,7 +97,7 @@ class Tick(NamedTuple):
 
 
 def stride(
-    walker: Walker | str,
+    walker: WalkerLike,
     slope: Any,
     state: Any,
     *,
@@ -110,7 +110,7 @@ def stride(
     """Follow walkers from one heelstrike to the next, with gradients by all that are tensors.
 
     Args:
-        walker: The walker, or a preset's name.
+        walker: The walker, in a form that `as_walker` takes.
         slope: Slope in rad, a number or (n,).
         state: State just after heelstrike, (6,) or (n, 6), in the walker's own units.
         hip_torque: Torque held through the stride, a number or (n,).
@@ -153,7 +153,7 @@ def stride(
 
 
 def tick(
-    walker: Walker | str,
+    walker: WalkerLike,
     slope: Any,
     state: Any,
     hip_torque: Any,
@@ -167,7 +167,7 @@ def tick(
     """Follow walkers for a while, or to a heelstrike on the way, with gradients as of `stride`.
 
     Args:
-        walker: The walker, or a preset's name.
+        walker: The walker, in a form that `as_walker` takes.
         slope: Slope in rad, a number or (n,).
         state: Where walkers are, (6,) or (n, 6), in their own units.
         hip_torque: Torque held through the tick, a number or (n,).
@@ -226,7 +226,7 @@ class _Walk(NamedTuple):
 
 
 def _walk(
-    walker: Walker | str,
+    walker: WalkerLike,
     slope: Any,
     state: Any,
     hip_torque: Any,

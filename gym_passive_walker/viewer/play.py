@@ -13,7 +13,7 @@ from gym_passive_walker.files import replacing
 from gym_passive_walker.policies import TrainedPolicy, load_policy
 from gym_passive_walker.render.film import film_path
 from gym_passive_walker.viewer.walk import LiveWalk
-from gym_passive_walker.walkers import Walker, as_walker
+from gym_passive_walker.walkers import WalkerLike, as_walker
 
 _LONGEST_FRAME = 0.1  # seconds: after a longer pause of the machine time stands still
 
@@ -41,7 +41,7 @@ def _open_display() -> None:
 
 
 def play(
-    walker: Walker | str | None = None,
+    walker: WalkerLike | None = None,
     slope: float | None = None,
     *,
     policy: TrainedPolicy | str | Path | None = None,
@@ -56,7 +56,7 @@ def play(
     frame on. It takes the extra "render", and a display unless SDL_VIDEODRIVER=dummy.
 
     Args:
-        walker: The walker, or a preset's name; None is the policy's own, or the laboratory's.
+        walker: The walker (see `as_walker`); None is the policy's own, or the laboratory's.
         slope: Slope in rad; None is the policy's own, or a gentle one.
         policy: A trained policy that works the hip, or what `load_policy` takes.
         start: Section state to start from, in the walker's own units, (6,); None is a gait.

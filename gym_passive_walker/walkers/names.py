@@ -8,7 +8,9 @@ from gym_passive_walker.walkers.walker import Walker
 
 
 def name_of(walker: Walker) -> str:
-    """A walker's name as a preset, or as a preset tuned; else its kind, leg length and mass."""
+    """A walker's title, or name as a preset, tuned or not; else its kind, leg length and mass."""
+    if walker.title:
+        return walker.title
     for name, preset in WALKERS.items():
         if preset == walker:
             return name
@@ -20,6 +22,6 @@ def name_of(walker: Walker) -> str:
 
 
 def describe(walker: Walker) -> str:
-    """A walker in the midst of a sentence: by its preset's name, or by its parameters."""
+    """A walker in the midst of a sentence: by its title or preset's name, or by its parameters."""
     name = name_of(walker)
-    return f"walker {name!r}" if name in WALKERS else str(walker)
+    return f"walker {name!r}" if walker.title or name in WALKERS else str(walker)

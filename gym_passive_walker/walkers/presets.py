@@ -1,10 +1,17 @@
-"""The walkers of the source document, and their names."""
+"""The walkers of the source document, and the forms in which a walker may be given."""
 
 from __future__ import annotations
 
+import os
+from collections.abc import Mapping
 from dataclasses import replace
+from os import PathLike
+from pathlib import Path
+from typing import Any, TypeAlias, TypeGuard
 
 from gym_passive_walker.arguments import shown
+from gym_passive_walker.console import cut
+from gym_passive_walker.loading import SUFFIXES, is_file, read_content
 from gym_passive_walker.walkers.walker import Walker, WalkerError
 
 
@@ -78,16 +85,73 @@ ABOUT: dict[str, str] = {
 """What each of `WALKERS` is, in words. Tuned walkers may walk at vanishing slope (`tune`)."""
 
 
-def as_walker(walker: Walker | str) -> Walker:
-    """A walker as given, or the preset of that name.
+WalkerLike: TypeAlias = Walker | str | Mapping[str, Any] | PathLike[str]
+"""What a walker may be given as, wherever one is asked for; see `as_walker`."""
+
+
+def is_walker(value: Any) -> TypeGuard[WalkerLike]:
+    """Whether a value is one that `as_walker` looks at: no other name, and no folder."""
+    if isinstance(value, Walker | Mapping):
+        return True
+    return (isinstance(value, str) and value in WALKERS) or (
+        is_file(value) and not os.path.isdir(value)
+    )
+
+
+def as_walker(walker: WalkerLike) -> Walker:
+    """Return a walker from any form that it may be given in.
+
+    Args:
+        walker: A `Walker`; the name of a preset, one of `WALKERS`; a mapping of parameters of
+            `Walker`; or the path of a JSON, YAML or TOML file of such a mapping. A mapping has all
+            parameters without a default, or names a preset to change, as
+            ``{"preset": "C", "foot_radius": 0.25}``; it may have a "title", by which messages and
+            pictures call the walker. A file's title is its name without the ending.
 
     Raises:
-        WalkerError: if there is no preset of that name.
+        WalkerError: if there is no such preset or file, or the parameters describe no walker.
+        ImportError: if the file is YAML and pyyaml is not installed.
     """
     if isinstance(walker, Walker):
         return walker
+    if isinstance(walker, Mapping):
+        return _of_parameters(walker)
     if isinstance(walker, str) and walker in WALKERS:
         return WALKERS[walker]
+    if is_file(walker):
+        return _of_file(walker)
     raise WalkerError(
-        f"no walker {shown(walker)}: give a Walker, or one of the names {', '.join(WALKERS)}"
+        f"no walker {shown(walker)}: give a Walker, one of the names {', '.join(WALKERS)}, "
+        f"a mapping of parameters, or a file of them ({', '.join(SUFFIXES)})"
     )
+
+
+def _of_parameters(given: Mapping[str, Any]) -> Walker:
+    parameters = dict(given)
+    preset, title = parameters.pop("preset", None), parameters.pop("title", "")
+    if preset is not None and not (isinstance(preset, str) and preset in WALKERS):
+        raise WalkerError(f"no preset {shown(preset)}: choose from {', '.join(WALKERS)}")
+    if not isinstance(title, str):
+        raise WalkerError(f"a walker's title must be text, not {shown(title)}")
+    try:
+        made = Walker(**parameters) if preset is None else replace(WALKERS[preset], **parameters)
+    except TypeError as error:
+        raise WalkerError(
+            f"no walker {shown(dict(given))}: {error}; change a preset, one of "
+            f'{", ".join(WALKERS)}, as in {{"preset": "lab", "foot_radius": 0.25}}'
+        ) from None
+    return made.titled(title) if title else made
+
+
+def _of_file(path: str | PathLike[str]) -> Walker:
+    name = cut(os.fsdecode(path))
+    try:
+        parameters = read_content(path)
+    except ValueError as error:
+        raise WalkerError(f"no walker: {error}") from None
+    if not isinstance(parameters, dict):
+        raise WalkerError(f"{name} must name a walker's parameters, as in " + '{"preset": "lab"}')
+    try:
+        return _of_parameters({"title": Path(path).stem, **parameters})
+    except WalkerError as error:
+        raise WalkerError(f"{name}: {error}") from None

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from gym_passive_walker.arguments import number
-from gym_passive_walker.walkers.presets import as_walker
+from gym_passive_walker.walkers.presets import WalkerLike, as_walker
 from gym_passive_walker.walkers.walker import PARAMETERS, Walker, WalkerError
 
 
@@ -45,7 +45,7 @@ def _lateral(walker: Walker) -> tuple[float, float]:
     return moment / leg_mass, shank_ahead
 
 
-def tuning_errors(walker: Walker | str) -> TuningErrors:
+def tuning_errors(walker: WalkerLike) -> TuningErrors:
     """Say which of Fig. 4.7's conditions for zero-slope walking a walker fails, and by how much."""
     walker = as_walker(walker)
     leg_ahead, shank_ahead = _lateral(walker)
@@ -58,7 +58,7 @@ def tuning_errors(walker: Walker | str) -> TuningErrors:
     )
 
 
-def tune(walker: Walker | str) -> Walker:
+def tune(walker: WalkerLike) -> Walker:
     """The nearest walker that can stand at zero slope, and so may walk there (Fig. 4.7).
 
     Moves the two offsets `thigh_offset` and `shank_offset` and nothing else: the shank's centre of
@@ -83,18 +83,19 @@ def tune(walker: Walker | str) -> Walker:
     knee_share = (
         walker.shank_mass * walker.thigh_length / walker.thigh_mass if walker.thigh_mass else 0.0
     )
-    return replace(
+    tuned = replace(
         walker,
         thigh_offset=-math.tan(walker.foot_angle) * (walker.thigh_com + knee_share),
         shank_offset=math.tan(walker.shank_angle) * walker.shank_com,
     )
+    return tuned.titled(f"{walker.title} (tuned)") if walker.title else tuned
 
 
-def blend(a: Walker | str, b: Walker | str, fraction: float) -> Walker:
+def blend(a: WalkerLike, b: WalkerLike, fraction: float) -> Walker:
     """A walker between two: every parameter at `fraction` of the way from a to b (Fig. 4.8).
 
     Args:
-        a: The walker at fraction 0, or a preset's name.
+        a: The walker at fraction 0, in a form that `as_walker` takes.
         b: The walker at fraction 1, likewise.
         fraction: Usually between 0 and 1; beyond them is allowed while it is still a walker.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import dataclass, fields
 from types import SimpleNamespace
 from typing import Any
@@ -75,6 +76,8 @@ class Walker(Shown):
     knee_stiffness: float = 0.0
     knees: bool = True
     gravity: float = 9.81
+    title = ""
+    """What pictures and messages call it; no parameter: walkers of different titles are equal."""
 
     def __new__(cls, **parameters: Any) -> Walker:
         """Refuse what no walker has, before `__init__` does so in Python's words."""
@@ -154,6 +157,12 @@ class Walker(Shown):
                 "a swing leg needs a moment of inertia about the hip: move some of its mass away "
                 "from the hip, or set both leg masses to 0 for the simplest walker"
             )
+
+    def titled(self, title: str) -> Walker:
+        """Return a walker of equal parameters with a title; see `name_of`."""
+        walker = copy(self)
+        object.__setattr__(walker, "title", title)
+        return walker
 
     def facts(self) -> dict[str, str]:
         """Its parameters, in its own units."""

@@ -2,6 +2,8 @@
 
 import csv
 import shutil
+import sys
+from dataclasses import replace
 
 import pytest
 import torch
@@ -10,6 +12,7 @@ import train
 from agents import evaluation, files, worlds
 from agents.config import Config
 from agents.learner import load_policy
+from gym_passive_walker import WALKERS
 from gym_passive_walker.control import optimal
 from gym_passive_walker.control.baselines import Passive
 from gym_passive_walker.control.closed_loop import ClosedLoopGait
@@ -75,6 +78,43 @@ def test_a_run_can_be_resumed_for_more(trained, tmp_path):
     assert train.main(["--resume", str(folder), "--steps", "256", "--quiet"]) == 0
     assert Config.load(folder / files.CONFIG).steps == 256
     assert files.newest_checkpoint(folder) == files.checkpoint_path(folder, 256)
+
+
+@pytest.mark.parametrize("name", ["mine.json", "mine.yaml", "mine.toml"])
+def test_a_run_keeps_the_walker_of_a_file_by_its_parameters(name, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    text = {"json": '{"preset": "C", "hip_mass": 1.0}', "yaml": "preset: C\nhip_mass: 1e0"}
+    (tmp_path / name).write_text(text.get(name[5:], 'preset = "C"\nhip_mass = 1.0'))
+    line = ["--walker", name, "--slope", "0.0", "--algo", "sac", "--out", "run", *TINY]
+    assert train.main(line) == 0
+    assert "walker mine," in capsys.readouterr().out
+    (tmp_path / name).unlink()
+    heavy = replace(WALKERS["C"], hip_mass=1.0)
+    assert worlds.scene_of(Config.load(tmp_path / "run" / files.CONFIG)).walker == heavy
+    assert train.main(["--resume", "run", "--steps", "256", "--quiet"]) == 0
+
+
+@pytest.mark.parametrize("walker", ["nobody", "missing.json"])
+def test_a_walker_that_is_none_is_refused_before_there_is_a_folder(walker, tmp_path, capsys):
+    assert train.main(["--walker", walker, "--out", str(tmp_path / "run"), *TINY]) == 2
+    assert walker in capsys.readouterr().err and not (tmp_path / "run").exists()
+
+
+def test_where_a_picture_goes_is_checked_before_a_gait_is_sought(tmp_path, monkeypatch, capsys):
+    def never(*_, **__):
+        pytest.fail("a gait was sought")
+
+    monkeypatch.setattr("agents.commands.closed_loop_gait", never)
+    assert train.main(["gait", "constant", "--out", str(tmp_path / "gait.doc")]) == 2
+    (tmp_path / "gait.png").mkdir()
+    assert train.main(["gait", "constant", "--out", str(tmp_path / "gait.png")]) == 2
+    assert capsys.readouterr().err.count("error: ") == 2
+
+
+def test_what_a_run_draws_with_is_looked_for_before_it_learns(tmp_path, monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    assert train.main(["--out", str(tmp_path / "run"), *TINY]) == 2
+    assert "needs matplotlib" in capsys.readouterr().err and not (tmp_path / "run").exists()
 
 
 def test_arguments_reach_the_configuration():

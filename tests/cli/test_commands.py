@@ -7,7 +7,8 @@ import re
 import shlex
 import subprocess
 import sys
-from dataclasses import asdict, replace
+import textwrap
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +16,11 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.cli import COMMANDS, main, parser
+from gym_passive_walker.cli.arguments import A_WALKER
 from gym_passive_walker.cli.report import plain
+from gym_passive_walker.cli.sweeps import sweep
 from gym_passive_walker.control.walks import WALKED_ON
+from gym_passive_walker.sweeps.description import Description
 from gym_passive_walker.walkers import ABOUT
 
 NAMES = [command.__name__ for command in COMMANDS]
@@ -47,7 +51,8 @@ def mine(tmp_path, monkeypatch):
 
 def examples(command):
     """What a command's help shows as examples, a list of words each."""
-    return [shlex.split(line)[1:] for line in command.__doc__.splitlines()[1:] if line.strip()]
+    lines = [line.strip() for line in command.__doc__.splitlines()]
+    return [shlex.split(line)[1:] for line in lines if line.startswith("passive-walker ")]
 
 
 def test_without_a_command_there_is_help(capsys):
@@ -66,6 +71,124 @@ def test_each_command_has_help_with_examples_that_it_understands(command, mine, 
     for words in examples(command):
         assert words[0] == command.__name__ and shlex.join(words) in said
         parser().parse_args(words)
+
+
+LINES = [shlex.join(words) for command in COMMANDS for words in examples(command)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("line", LINES)
+def test_the_examples_of_the_help_work(line, tmp_path, monkeypatch, capsys):
+    words = shlex.split(line)
+    if words[0] == "play" and "--seconds" not in words:
+        pytest.skip("its window stays open")
+    for library in {"sweep": ["pyarrow"], "figures": ["matplotlib"], "strobe": ["matplotlib"],
+                    "video": ["moviepy"], "play": ["moviepy"]}.get(words[0], []):  # fmt: skip
+        pytest.importorskip(library)
+    if "--ray" in words:
+        pytest.importorskip("ray")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.json").write_text(re.search(r"{.*}", A_WALKER)[0])
+    (tmp_path / "lab.yaml").write_text(described_in_the_help())
+    assert main(words) == 0
+    assert capsys.readouterr().out
+
+
+def described_in_the_help():
+    """The sweep that the help prints."""
+    return textwrap.dedent(sweep.__doc__.partition("lab.yaml holds:\n")[2])
+
+
+def test_the_sweep_of_the_help_is_one():
+    yaml = pytest.importorskip("yaml")
+    assert len(Description.of(yaml.safe_load(described_in_the_help())).tasks) == 9
+
+
+@pytest.mark.parametrize(
+    ("words", "drive"),
+    [
+        ("--push-off 0.001", gpw.Drive(push_off=0.001)),
+        ("--torque 0.001", gpw.Drive(hip_torque=0.001)),
+        ("--ankle-torque 0.001", gpw.Drive(ankle_torque=0.001)),
+    ],
+)
+def test_gaits_and_families_have_the_motors_that_are_asked_for(words, drive, told):
+    gait, *_ = told("gait", "E", 0.01, *words.split())
+    assert gait["stance_angle"] == gpw.find_gaits("E", 0.01, drive=drive)[0].stance_angle
+    family = told("family", "E", 0.01, 0.011, *words.split())["gaits"]
+    exact = gpw.gait_family("E", 0.01, 0.011, drive=drive)
+    assert family["stance_angle"] == exact.stance_angle.tolist()
+
+
+def test_a_pushed_walker_has_a_gait_on_level_ground(told):
+    assert told("gait", "D", 0.0, "--push-off", 0.05)[0]["speed"] > 0.0
+
+
+def test_programs_read_names_as_in_python_and_full_digits(told, capsys):
+    strides = told("simulate", "D", 0.009, "--strides", 1)
+    for name in strides[0].keys() - {"stride", "stance_angle"}:
+        assert name in gpw.Stride._fields
+    (row, *_) = told("walkers")
+    assert row["tuning_errors"] == gpw.tuning_errors(gpw.WALKERS[row["name"]])._asdict()
+    family = told("family", "D", 0.008, 0.01)["gaits"]
+    assert all(hasattr(gpw.GaitFamily, name) or name in family_fields() for name in family)
+    (walk, _) = told("evaluate", "steep-ppo", "--episodes", 1)
+    assert walk["distance"] != round(walk["distance"], 6)
+
+
+def family_fields():
+    return {field.name for field in fields(gpw.GaitFamily)}
+
+
+def test_a_passive_walker_needs_a_slope_and_the_command_says_by_which_option(capsys):
+    assert main(["robustness", "lab"]) == 2
+    assert "--slope" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "robustness D --slope 0.009 --out r.doc",
+        "robustness D --slope 0.009 --out a-file/r.png",
+        "robustness D --slope 0.009 --out a-folder.png",
+        "simulate D 0.009 --out a-file/w.csv",
+        "strobe D 0.009 --out a-file/w.png",
+        "video D 0.009 --out a-file/w.gif",
+        "video D 0.009 --out w.doc",
+        "figures 4.6 9.9",
+        "figures 4.6 --out a-file",
+    ],
+)
+def test_where_files_go_is_checked_before_anything_is_computed(line, tmp_path, monkeypatch, capsys):
+    for library in ("matplotlib", "moviepy"):
+        pytest.importorskip(library)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "a-file").write_text("")
+    (tmp_path / "a-folder.png").mkdir()
+
+    def never(*_, **__):
+        pytest.fail("something was computed")
+
+    monkeypatch.setattr("gym_passive_walker.cli.arguments.find_gait", never)
+    monkeypatch.setattr("gym_passive_walker.cli.tries.tried", never)
+    monkeypatch.setattr("gym_passive_walker.render.figures.draw", never)
+    assert main(line.split()) == 2
+    assert "error: " in capsys.readouterr().err
+
+
+def test_a_table_is_printed_whatever_happens_to_its_picture(monkeypatch, tmp_path, capsys):
+    pytest.importorskip("matplotlib")
+
+    def full(*_, **__):
+        raise OSError(28, "No space left on device", "r.png")
+
+    monkeypatch.setattr("gym_passive_walker.cli.tries.save", full)
+    words = f"D --slope 0.009 --walkers 2 --strides 2 --out {tmp_path / 'deep' / 'r.png'}"
+    assert main(["robustness", *words.split()]) == 2
+    said = capsys.readouterr()
+    assert "push at (periods)" in said.out and "No space left" in said.err
+    assert (tmp_path / "deep").is_dir()
 
 
 @pytest.mark.parametrize(
@@ -92,7 +215,7 @@ def test_what_is_said_of_the_walkers_is_true(told):
     rows = {row["name"]: row for row in told("walkers")}
     assert list(rows) == list(gpw.WALKERS) == list(ABOUT)
     for name, walker in gpw.WALKERS.items():
-        about = rows[name]["what it is"]
+        about = rows[name]["about"]
         if name not in ("F", "lab-straight"):  # told by another's
             assert ("straight legs" in about) == (not walker.knees)
             assert ("round feet" in about) == (walker.foot_radius > 0.0)
@@ -148,7 +271,7 @@ def test_yaml_numbers_may_be_written_as_people_write_them(written, mine, told):
 
 
 WRONG = {
-    "gait nobody 0.03": "choose from A, B, C",
+    "gait nobody 0.03": "one of the names A, B, C",
     "gait lab": "required: SLOPE",
     "gait lab steep": "SLOPE: invalid float value: 'steep'",
     "gait lab 2": "between -pi/2 and pi/2",
@@ -167,7 +290,7 @@ WRONG = {
     "simulate lab 0.036 --terrain rough:depth=1": "unexpected keyword argument 'depth'",
     "simulate lab 0.036 --terrain rough:height_std=x": "takes numbers, not 'height_std=x'",
     "strobe lab 0.036 --terrain stairs:-0.01": "a terrain is written as rough:height_std",
-    "video lab 0.036 --terrain {rough": "{rough is no JSON: Expecting",
+    "video lab 0.036 --terrain {rough": "'{rough' is no JSON: Expecting",
     "evaluate level-ppo --terrain waves:height=1,strides=1": "strides must be a whole number from",
     "evaluate level-ppo --terrain list.json": "a terrain is a Terrain, None, or a mapping",
     "simulate lab 0.036 --terrain rough:height_std=1e-3 --key -1": "key must be a whole number",
@@ -298,7 +421,7 @@ def test_a_check_is_the_reality_check_of_the_gait(told, capsys):
 
 def test_a_walk_on_its_gait_repeats_itself(told):
     strides = told("simulate", "lab", 0.036, "--strides", 4)
-    assert [row["ends with"] for row in strides] == ["HEELSTRIKE"] * 4
+    assert [row["outcome"] for row in strides] == ["HEELSTRIKE"] * 4
     angles = [row["stance_angle"] for row in strides]
     assert angles == pytest.approx([gpw.find_gait("lab", 0.036).stance_angle] * 4, rel=1e-9)
 
@@ -306,7 +429,7 @@ def test_a_walk_on_its_gait_repeats_itself(told):
 def test_a_walk_that_falls_is_told_to_its_end(told):
     start = [0.3, -0.3, -0.3, -0.5, -0.5, -0.5]
     strides = told("simulate", "lab", 0.036, "--state", *start)
-    assert strides[-1]["ends with"] != "HEELSTRIKE" and strides[-1]["step_length"] is None
+    assert strides[-1]["outcome"] != "HEELSTRIKE" and strides[-1]["step_length"] is None
 
 
 def test_csv_and_npz_hold_the_same_walk(told, tmp_path):

@@ -6,7 +6,7 @@ import json
 import pytest
 
 from gym_passive_walker import WALKERS, WalkerError
-from gym_passive_walker.envs.scene import SCENES, Scene, SceneError, make_scene, walker_from
+from gym_passive_walker.envs.scene import SCENES, Scene, SceneError, make_scene
 
 
 def test_the_default_is_walker_c_on_level_ground_by_ticks():
@@ -39,19 +39,6 @@ def test_arguments_change_a_named_scene():
     scene = make_scene("steep", control="tick")
     assert (scene.slope, scene.control, scene.max_hip_torque) == (0.11, "tick", 0.05)
     assert make_scene(scene, slope=0.1).slope == 0.1
-
-
-@pytest.mark.parametrize(
-    "description",
-    ["lab", WALKERS["lab"], {"preset": "lab"}, dataclasses.asdict(WALKERS["lab"])],
-    ids=["name", "walker", "preset", "parameters"],
-)
-def test_a_walker_is_told_in_several_ways(description):
-    assert walker_from(description) == WALKERS["lab"]
-
-
-def test_a_preset_is_told_with_changes():
-    assert walker_from({"preset": "C", "foot_radius": 0.25}).foot_radius == 0.25
 
 
 @pytest.mark.parametrize(

@@ -27,6 +27,7 @@ from agents.ppo_fast import FastPPO
 from agents.training import Run
 from gym_passive_walker.control import optimal
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
+from gym_passive_walker.envs.scene import SCENES
 from tests.options.heard import Call, To, cases, check, missing, plain
 
 
@@ -174,7 +175,7 @@ SHORT = {"sac": {"buffer_size": 100}}
 @pytest.mark.parametrize("algo, scene", CASES)
 def test_all_that_a_preset_says_reaches_the_learner(algo, scene):
     preset = dict(presets(algo)[scene])
-    if scene not in worlds.gym_passive_walker.envs.scene.SCENES:
+    if scene not in SCENES:
         return  # for rl_zoo3, or of a control: the same as those of scenes
     config = configure(algo, scene)
     assert (config.n_envs, config.steps) == (preset.pop("n_envs"), preset.pop("n_timesteps"))

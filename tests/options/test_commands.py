@@ -28,6 +28,9 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
             "slope": "C 0.04",
             "tune": "C 0.03 --tune",
             "period": ("D 0.016", "D 0.016 --period 2"),
+            "torque": ("E 0.01", "E 0.01 --torque 0.001"),
+            "ankle_torque": ("E 0.01", "E 0.01 --ankle-torque 0.001"),
+            "push_off": ("E 0.01", "E 0.01 --push-off 0.001"),
         },
     ),
     "family": (
@@ -38,6 +41,9 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
             "high": "D 0.008 0.012",
             "tune": ("C 0.02 0.03", "C 0.02 0.03 --tune"),
             "kind": "D 0.008 0.01 --kind short",
+            "torque": ("E 0.008 0.01", "E 0.008 0.01 --torque 0.001"),
+            "ankle_torque": ("E 0.008 0.01", "E 0.008 0.01 --ankle-torque 0.001"),
+            "push_off": ("E 0.008 0.01", "E 0.008 0.01 --push-off 0.001"),
         },
     ),
     "bifurcation": (

@@ -45,6 +45,7 @@ def shorter(before, after):
 
 
 OPTIONS = {
+    "as_walker": Call(gpw.as_walker, dict(walker="lab"), dict(walker="C")),
     "assemble": Call(
         gpw.assemble,
         dict(

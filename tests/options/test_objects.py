@@ -21,6 +21,7 @@ from gym_passive_walker.render.portrait import phase_portrait
 from gym_passive_walker.render.strobe import strobe
 from gym_passive_walker.shown import picture as pictures
 from gym_passive_walker.sweeps.tasks import ANALYSES
+from gym_passive_walker.walkers import name_of
 from tests.options.heard import Call, Later, To, cases, check, missing
 
 RESULTS = set(
@@ -119,6 +120,12 @@ TICKS = dict(
 PUSHING = Later(lambda: make_scene("push-off", slope=0.009))
 
 OPTIONS = {
+    "Walker.titled": Call(
+        lambda title: name_of(gpw.WALKERS["lab"].titled(title)),
+        dict(title="mine"),
+        dict(title="theirs"),
+        of=gpw.Walker.titled,
+    ),
     "Walker": Call(
         walks,
         LAB,

@@ -126,6 +126,6 @@ def test_words_of_the_command_are_the_options_of_python(odd, capsys, monkeypatch
     }
     for words, change in changes.items():
         assert main(["sweep", str(file), *words.split(), "--json"]) == 0
-        assert asked == {**usual, "content": SQUARES, "out": odd / "squares"} | change
+        assert asked == {**usual, "content": file, "out": None} | change
         said = json.loads(capsys.readouterr().out)
         assert said["tasks"] == 3 and np.isfinite(said["failures"])
