@@ -96,7 +96,7 @@ def show_gait(arguments: Sequence[str]) -> int:
     args = parser.parse_args(arguments)
     out = None
     if args.out is not None:
-        from gym_passive_walker.render.axes import picture_path, save
+        from gym_passive_walker.render.axes import OWN, figure_of, picture_path, save
 
         out = prepare(picture_path(args.out))
     policy, scene = _policy_and_scene(args.policy, args.scene)
@@ -111,7 +111,7 @@ def show_gait(arguments: Sequence[str]) -> int:
     print(_described(gait, optimal.least_cost(known, gait.speed) if known else float("nan")))
     if out is not None:
         near = min(known, key=lambda other: abs(other.speed - gait.speed), default=None)
-        save(gait.plot(optimum=near), out)
+        save(figure_of(gait.plot(OWN, optimum=near)), out)
     return 0
 
 

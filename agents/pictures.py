@@ -17,7 +17,7 @@ from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.control.walks import evaluate
 from gym_passive_walker.files import replacing
 from gym_passive_walker.render import strobe, strobe_of
-from gym_passive_walker.render.axes import GREY, legend, panels, save, series
+from gym_passive_walker.render.axes import GREY, OWN, figure_of, legend, panels, save, series
 from gym_passive_walker.units import units_of
 
 _QUANTITIES = (
@@ -87,18 +87,20 @@ def gait(path: Path, policy: Policy, world: gymnasium.Env, *, seed: int, title: 
     if walker.scene.control == "stride":
         scale = units_of(walker.walker).torque * walker.scene.max_hip_torque
         torque = scale * np.array(torques[shown])
-        figure = strobe(
-            walker.walker, walker.slope, states[begun], strides=len(torque), hip_torque=torque
-        )
+        ax = strobe(
+            walker.walker, walker.slope, states[begun], strides=len(torque), hip_torque=torque,
+            ax=OWN,
+        )  # fmt: skip
     else:
         pace = max(1, round(strides.count(strides[begun]) / _FLASHES))
         shown = slice(begun, None, pace)
-        figure = strobe_of(
+        ax = strobe_of(
             walker.walker,
             np.array(states[shown]),
             np.array(contacts[shown]),
             walker.slope,
             strides=np.array(strides[shown]),
+            ax=OWN,
         )
-    figure.suptitle(title, fontsize="medium")
-    save(figure, path)
+    figure_of(ax).suptitle(title, fontsize="medium")
+    save(figure_of(ax), path)

@@ -2,12 +2,18 @@
 
 import inspect
 import os
+import re
 from importlib.metadata import version as _version
 from pathlib import Path
+
+from docutils import nodes
+from sphinx.application import Sphinx
+from sphinx.errors import ExtensionError
 
 from gym_passive_walker.envs.walker_env import PassiveWalkerEnv
 
 os.environ["NUMBA_ENABLE_CUDASIM"] = "1"  # pages on devices are made where there is none
+os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"  # cells show pictures
 
 project = "gym_passive_walker"
 author = "the gym_passive_walker authors"
@@ -35,6 +41,27 @@ napoleon_use_ivar = True
 html_theme = "furo"
 html_title = "gym_passive_walker"
 html_theme_options = {"navigation_with_keys": True}
+
+_DRAWS = re.compile(r"\.plot\(|\bplt\.")
+
+
+def _check_pictures(_: Sphinx, doctree: nodes.document) -> None:
+    """Refuse a page with a cell that plots and yields no image: its reader would see nothing."""
+    for cell in doctree.findall(nodes.container):
+        if cell.get("nb_element") != "cell_code" or not _DRAWS.search(cell[0].astext()):
+            continue
+        kinds = [str(part.get("mime_type", "")) for part in cell.findall(nodes.container)]
+        if not any(kind.startswith("image/") for kind in kinds):
+            raise ExtensionError(
+                f"{doctree['source']}: this cell plots, but no image came of it; draw into "
+                f"pyplot's figures:\n{cell[0].astext()}"
+            )
+
+
+def setup(app: Sphinx) -> None:
+    """Check each page as it is read."""
+    app.connect("doctree-read", _check_pictures)
+
 
 # The environment's docstring is Markdown, in Gymnasium's own layout: a page of it.
 _generated = Path(__file__).parent / "_generated"

@@ -21,12 +21,13 @@ from gym_passive_walker.files import replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 
 @singledispatch
-def picture(shown: Any, ax: Axes | None = None, **options: Any) -> Figure:
+def picture(shown: Any, ax: Axes | None = None, **options: Any) -> Axes | NDArray:
     """Draw an object; a function for each class is entered with `picture.register`.
+
+    What is drawn on is as in `Shown.plot`, or `render.axes.OWN`.
 
     Raises:
         TypeError: if there is no picture of such an object.
@@ -55,17 +56,23 @@ class Shown:
         )
         return f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
 
-    def plot(self, ax: Axes | None = None, **options: Any) -> Figure:
-        """Draw it.
+    def plot(self, ax: Axes | None = None, **options: Any) -> Axes | NDArray:
+        """Draw it with matplotlib, on pyplot's current axes unless others are given.
 
         Args:
-            ax: matplotlib's axes to draw into: the picture, or its main part. None makes a figure
-                of its own, which belongs to nobody: save it, or let a notebook show it.
+            ax: Axes to draw on: the picture, or its main part. None is `plt.gca()`; a picture of
+                several panels takes the current figure if that is empty, else another.
             **options: What the picture of this object can be asked for; see
                 `gym_passive_walker.render.plots`.
 
         Returns:
-            The figure.
+            The axes, or an array of them where the picture has several panels.
+
+        Example:
+            >>> import matplotlib.pyplot as plt
+            >>> import gym_passive_walker as gpw
+            >>> ax = gpw.gait_family("C", 0.01, 0.05).plot()
+            >>> plt.show()
 
         Raises:
             ImportError: if matplotlib is not installed.

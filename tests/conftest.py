@@ -3,6 +3,7 @@
 import os
 import re
 import shutil
+import sys
 import tempfile
 from collections.abc import Iterator
 from importlib.util import find_spec
@@ -17,6 +18,8 @@ settings.register_profile(
     "walkers", deadline=None, max_examples=100, suppress_health_check=[HealthCheck.too_slow]
 )
 settings.load_profile("walkers")
+
+os.environ["MPLBACKEND"] = "Agg"  # no test opens a window
 
 STRICT = bool(os.environ.get("FAIL_ON_SKIP"))
 """Whether a test that is skipped for a missing library fails, as in `.ci/run`."""
@@ -90,3 +93,11 @@ def nothing_is_left_behind(temporary_folder: Path) -> Iterator[None]:
 def pytest_make_collect_report() -> Iterator[None]:
     """Fail a module that lacks a library."""
     return _failed_if_skipped((yield))
+
+
+@pytest.fixture(autouse=True)
+def _no_figures_left() -> Iterator[None]:
+    """Let each test begin without pyplot's figures of the one before."""
+    yield
+    if pyplot := sys.modules.get("matplotlib.pyplot"):
+        pyplot.close("all")

@@ -13,7 +13,7 @@ from gym_passive_walker.control.robustness import robustness as tried
 from gym_passive_walker.envs.scene import SCENES
 from gym_passive_walker.files import prepare
 from gym_passive_walker.policies import shipped_policies
-from gym_passive_walker.render.axes import picture_path, save
+from gym_passive_walker.render.axes import OWN, figure_of, picture_path, save
 from gym_passive_walker.walkers import is_walker
 
 _MEASURES = ("step_length", "period", "roughness", "sensitivity", "step_up", "step_down")
@@ -66,7 +66,7 @@ def robustness(command: ArgumentParser) -> Callable[[Namespace], Report]:
             ]
         )
         said = [listing(facts.pop("who"), facts), pushes]
-        files = {} if out is None else {out: lambda path: save(found.plot(), path)}
+        files = {} if out is None else {out: lambda path: save(figure_of(found.plot(OWN)), path)}
         return Report("\n\n".join(said), data, files)
 
     return run

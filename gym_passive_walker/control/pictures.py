@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gym_passive_walker.control.closed_loop import ClosedLoopGait
 from gym_passive_walker.control.optimum import OptimalGait
@@ -15,7 +16,7 @@ from gym_passive_walker.render.axes import (
     BLUE,
     GREY,
     VERMILION,
-    figure_of,
+    given,
     legend,
     panels,
 )
@@ -26,7 +27,6 @@ from gym_passive_walker.walkers import name_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _FARTHEST, _RESOLUTION = 1.35, 101  # angle in rad to which the basin is looked at
 
@@ -34,12 +34,13 @@ _FARTHEST, _RESOLUTION = 1.35, 101  # angle in rad to which the basin is looked 
 @picture.register(ClosedLoopGait)
 def _closed_loop(
     gait: ClosedLoopGait, ax: Axes | None = None, optimum: OptimalGait | None = None
-) -> Figure:
+) -> Axes | NDArray:
     """Phase portrait, torque over the stride (beside an optimal gait's), multipliers and basin."""
-    if ax is not None:
+    if given(ax):
         _portrait(ax, gait)
-        return figure_of(ax)
-    figure, (phase, torque, circle, basin) = panels(2, 2, (9.2, 8.2))
+        return ax
+    figure, axes = panels(2, 2, (9.2, 8.2), ax)
+    phase, torque, circle, basin = axes
     _portrait(phase, gait)
     _torque(torque, gait, optimum)
     multipliers(circle, gait.multipliers)
@@ -50,7 +51,7 @@ def _closed_loop(
         f"{'stable' if gait.stable else 'unstable'}",
         fontsize="medium",
     )
-    return figure
+    return np.array(axes)
 
 
 def _portrait(ax: Axes, gait: ClosedLoopGait) -> None:
@@ -92,12 +93,13 @@ def _basin(ax: Axes, gait: ClosedLoopGait) -> None:
 
 
 @picture.register(Robustness)
-def _robustness(found: Robustness, ax: Axes | None = None) -> Figure:
+def _robustness(found: Robustness, ax: Axes | None = None) -> Axes | NDArray:
     """Survival on rough ground, answers to a step, pushes by phase, and what else was measured."""
-    if ax is not None:
+    if given(ax):
         _pushes(ax, found)
-        return figure_of(ax)
-    figure, (survival, answers, pushes, told) = panels(2, 2, (9.2, 8.2))
+        return ax
+    figure, axes = panels(2, 2, (9.2, 8.2), ax)
+    survival, answers, pushes, told = axes
     strides = np.arange(1, len(found.survivors) + 1)
     lasting = found.first_passage.mean
     survival.semilogy(strides, np.maximum(found.survivors, 1e-12), color=BLUE, label="walkers")
@@ -125,7 +127,7 @@ def _robustness(found: Robustness, ax: Axes | None = None) -> Figure:
         f"Walker {name_of(found.walker)} at slope {found.slope:.4g} rad, {found.who}",
         fontsize="medium",
     )
-    return figure
+    return np.array(axes)
 
 
 def _pushes(ax: Axes, found: Robustness) -> None:

@@ -1,15 +1,16 @@
 """The one style of all figures: sizes, lines, labels, legends.
 
-Figures are matplotlib's own objects, made without pyplot: no window, no display, and nothing stays
-behind when they go out of scope. Lines differ in colour (Okabe and Ito's, which the colour-blind
-tell apart) and in dash and marker besides, so that a figure survives a grey printer.
+As in pyplot, a picture is drawn on the current axes unless others are given. `OWN` is for what is
+written to a file: a figure made without pyplot, so that nothing stays behind. Lines differ in
+colour (Okabe and Ito's, which the colour-blind distinguish) and in dash and marker besides, so that
+a figure survives a grey printer.
 """
 
 from __future__ import annotations
 
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,9 @@ _COLOURS = (BLUE, VERMILION, GREEN, BLACK, PURPLE, ORANGE, SKY_BLUE, GREY)
 _DASHES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (5, 1.5, 1, 1.5)), (0, (8, 2)))
 _MARKERS = "osD^vPX*"
 
+OWN: Any = object()
+"""In place of axes: a figure of the picture's own, which pyplot does not know."""
+
 HEAVY, LIGHT = 2.6, 0.9
 """Widths of lines: of what is stable, and of what is not."""
 
@@ -49,14 +53,19 @@ def series(index: int) -> dict[str, Any]:
 
 
 def panels(
-    rows: int = 1, columns: int = 1, size: tuple[float, float] = (5.6, 4.0), **options: Any
+    rows: int = 1,
+    columns: int = 1,
+    size: tuple[float, float] = (5.6, 4.0),
+    ax: Axes | None = OWN,
+    **options: Any,
 ) -> tuple[Figure, list[Axes]]:
-    """A figure that belongs to nobody, and its axes row by row.
+    """An empty figure with axes, row by row.
 
     Args:
         rows: Of axes.
         columns: Likewise.
         size: Width and height in inches.
+        ax: `OWN`, or None for pyplot: its current figure if that is empty, else another.
         **options: As of matplotlib's `Figure.subplots`.
 
     Raises:
@@ -64,10 +73,18 @@ def panels(
     """
     with extra("figures"):
         from matplotlib.figure import Figure
-    figure = Figure(figsize=size, layout="constrained")
+    if ax is OWN:
+        figure = Figure(figsize=size)
+    else:
+        from matplotlib import pyplot
+
+        empty = pyplot.get_fignums() and not pyplot.gcf().axes
+        figure = pyplot.gcf() if empty else pyplot.figure(figsize=size)
+    if figure.get_layout_engine() is None:
+        figure.set_layout_engine("constrained")  # which leaves room for legends
     axes = list(figure.subplots(rows, columns, squeeze=False, **options).ravel())
-    for ax in axes:
-        plain(ax)
+    for each in axes:
+        plain(each)
     return figure, axes
 
 
@@ -78,13 +95,26 @@ def plain(ax: Axes) -> None:
 
 
 def axes_for(ax: Axes | None, size: tuple[float, float] = (5.6, 4.0)) -> Axes:
-    """The axes given, or those of a figure of their own."""
-    return panels(size=size)[1][0] if ax is None else ax
+    """The axes given, or pyplot's current ones: in a figure of this size, if there are none."""
+    if given(ax):
+        return ax
+    if ax is None:
+        with extra("figures"):
+            from matplotlib import pyplot
+        if pyplot.get_fignums() and pyplot.gcf().axes:
+            return pyplot.gca()
+    return panels(size=size, ax=ax)[1][0]
 
 
-def figure_of(ax: Axes) -> Figure:
+def given(ax: Axes | None) -> TypeGuard[Axes]:
+    """Whether these are axes to draw on, not None or `OWN`."""
+    return ax is not None and ax is not OWN
+
+
+def figure_of(ax: Axes | NDArray) -> Figure:
     """The figure that axes belong to."""
-    figure: Any = ax.get_figure(root=True)
+    first: Any = ax.flat[0] if isinstance(ax, np.ndarray) else ax
+    figure: Any = first.get_figure(root=True)
     return figure
 
 
@@ -100,9 +130,11 @@ def legend(ax: Axes, *, columns: int = 3, gap: float = 40.0) -> None:
 
     figure = figure_of(ax)
     down = ScaledTranslation(0.0, -gap / 72.0, figure.dpi_scale_trans)
+    handles = dict(zip(*reversed(ax.get_legend_handles_labels()), strict=True))  # each label once
     room = int(ax.get_window_extent().width / figure.dpi / _COLUMN)
     ax.legend(
-        loc="upper center", bbox_to_anchor=(0.5, 0.0), bbox_transform=ax.transAxes + down,
+        handles.values(), handles.keys(), loc="upper center",
+        bbox_to_anchor=(0.5, 0.0), bbox_transform=ax.transAxes + down,
         ncols=max(1, min(columns, room)), frameon=False, fontsize="small", borderaxespad=0.0,
     )  # fmt: skip
 

@@ -18,22 +18,26 @@ from gym_passive_walker.gaits.doubling import doubling_cascade
 from gym_passive_walker.gaits.family import GaitFamily, gait_family
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitKind
+from gym_passive_walker.gaits.trajectory import simulate
 from gym_passive_walker.render.axes import (
     ANGLE,
     BLACK,
     BLUE,
     GREY,
+    OWN,
     SKY_BLUE,
     SLOPE,
     VERMILION,
+    figure_of,
     legend,
     panels,
     save,
     series,
 )
 from gym_passive_walker.render.plots import MEASURES, draw_family, family_key
-from gym_passive_walker.render.portrait import phase_portrait
+from gym_passive_walker.render.portrait import both
 from gym_passive_walker.render.strobe import strobe
+from gym_passive_walker.shown import picture
 from gym_passive_walker.walkers import WALKERS, Walker, blend, name_of, tune
 
 if TYPE_CHECKING:
@@ -163,8 +167,7 @@ def period_doubling(slopes: int = 1200) -> Figure:
     """Fig. 4.10: where walks of the tuned kneed walker settle, and its gait of period one."""
     walker = tune(WALKERS["C"])
     diagram = bifurcation_diagram(walker, np.linspace(0.07, 0.098, slopes), settle=500, keep=100)
-    figure = diagram.plot()
-    (ax,) = figure.axes
+    ax: Any = picture(diagram, OWN)
     family = gait_family(walker, 0.07, 0.098)
     draw_family(ax, family, label="gait of period 1")
     cascade = doubling_cascade(walker, 0.07, 0.098, doublings=3)
@@ -179,7 +182,7 @@ def period_doubling(slopes: int = 1200) -> Figure:
     ax.plot([], [], ":", color=GREY, label="period becomes 2, 4, 8")
     family_key(ax, family)
     legend(ax)
-    return figure
+    return figure_of(ax)
 
 
 class Plate(NamedTuple):
@@ -216,13 +219,13 @@ _TRANSITION_SAYS = (
 
 FIGURES: dict[str, Plate] = {
     "4.3-angles": Plate(
-        lambda: phase_portrait(*_lab()),
+        lambda: figure_of(both(simulate(*_lab(), strides=2, samples=400), OWN)),
         "Two strides of the laboratory's kneed walker at a slope of 0.036 rad. Left: angles of "
         "both legs' thighs and shanks over time, in units of √(l/g). Right: their rates over "
         "them, by role; dots join what a strike parts.",
     ),
     "4.3-strobe": Plate(
-        lambda: strobe(*_lab(), strides=3),
+        lambda: figure_of(strobe(*_lab(), strides=3, ax=OWN)),
         "Three strides of the laboratory's kneed walker down a slope of 0.036 rad. Seven postures "
         "of each stride, evenly spaced in time, heavy at heelstrike; stance legs are pale between. "
         "Diamonds: the knee as it strikes its stop. Marks on the ground count leg lengths l.",

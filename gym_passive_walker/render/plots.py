@@ -31,7 +31,7 @@ from gym_passive_walker.render.axes import (
     SPEED,
     VERMILION,
     axes_for,
-    figure_of,
+    given,
     legend,
     panels,
     series,
@@ -44,7 +44,6 @@ from gym_passive_walker.walkers import name_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 MEASURES = {
     "stance_angle": ANGLE,
@@ -162,20 +161,18 @@ def family_key(ax: Axes, *families: GaitFamily) -> None:
 
 
 @picture.register(GaitFamily)
-def _family(
-    family: GaitFamily, ax: Axes | None = None, by: str = "stance_angle", **style
-) -> Figure:
+def _family(family: GaitFamily, ax: Axes | None = None, by: str = "stance_angle", **style) -> Axes:
     ax = axes_for(ax, (5.6, 4.6))
     draw_family(ax, family, by, **style)
     family_key(ax, family)
     period = f", period {family.period}" if family.period > 1 else ""
     ax.set_title(f"gaits of walker {name_of(family.walker)}{period}", fontsize="medium")
     legend(ax, columns=2)
-    return figure_of(ax)
+    return ax
 
 
 @picture.register(BifurcationDiagram)
-def _diagram(diagram: BifurcationDiagram, ax: Axes | None = None, **style: Any) -> Figure:
+def _diagram(diagram: BifurcationDiagram, ax: Axes | None = None, **style: Any) -> Axes:
     ax = axes_for(ax, (6.4, 4.6))
     dots = {"color": BLACK, "markersize": 0.7, "markeredgewidth": 0.0, "rasterized": True}
     ax.plot(diagram.slope, diagram.stance_angle, ".", **{**dots, **style})
@@ -189,11 +186,11 @@ def _diagram(diagram: BifurcationDiagram, ax: Axes | None = None, **style: Any) 
             (last, 0.03), (-4, 0), xycoords=("data", "axes fraction"),
             textcoords="offset points", ha="right", fontsize="small", color=GREY,
         )  # fmt: skip
-    return figure_of(ax)
+    return ax
 
 
 @picture.register(Cascade)
-def _cascade(cascade: Cascade, ax: Axes | None = None, **style: Any) -> Figure:
+def _cascade(cascade: Cascade, ax: Axes | None = None, **style: Any) -> Axes:
     ax = axes_for(ax)
     gaps = cascade.limit - np.array(cascade.slopes)
     ax.semilogy(cascade.periods, gaps, **{**series(0), **style})
@@ -203,11 +200,11 @@ def _cascade(cascade: Cascade, ax: Axes | None = None, **style: Any) -> Figure:
         f"doublings of walker {name_of(cascade.walker)}, limit {cascade.limit:.6g} rad",
         fontsize="medium",
     )
-    return figure_of(ax)
+    return ax
 
 
 @picture.register(Basin)
-def _basin(basin: Basin, ax: Axes | None = None) -> Figure:
+def _basin(basin: Basin, ax: Axes | None = None) -> Axes:
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
     ax = axes_for(ax, (5.6, 4.8))
@@ -237,7 +234,7 @@ def _basin(basin: Basin, ax: Axes | None = None) -> Figure:
         f"basin of walker {name_of(basin.walker)}, slope {basin.slope:.4g} rad", fontsize="medium"
     )
     legend(ax, columns=2)
-    return figure_of(ax)
+    return ax
 
 
 def _gait_in_words(gait: Gait) -> str:
@@ -245,7 +242,7 @@ def _gait_in_words(gait: Gait) -> str:
 
 
 @picture.register(RealityCheck)
-def _reality(check: RealityCheck, ax: Axes | None = None) -> Figure:
+def _reality(check: RealityCheck, ax: Axes | None = None) -> Axes:
     ax = axes_for(ax, (7.6, 5.2))
     readings = [reading for reading in check.readings if not np.isnan(reading.extreme.value)]
     passed = check.passed
@@ -278,11 +275,11 @@ def _reality(check: RealityCheck, ax: Axes | None = None) -> Figure:
         loc="right",
     )
     legend(ax)
-    return figure_of(ax)
+    return ax
 
 
 @picture.register(Stride)
-def _stride(strides: Stride, ax: Axes | None = None) -> Figure:
+def _stride(strides: Stride, ax: Axes | None = None) -> Axes:
     ax = axes_for(ax)
     paid = np.array([np.ravel(strides.gravity_work), np.ravel(strides.hip_work)])
     lost = -np.array([np.ravel(strides.kneestrike_loss), np.ravel(strides.heelstrike_loss)])
@@ -301,26 +298,27 @@ def _stride(strides: Stride, ax: Axes | None = None) -> Figure:
     if len(edges) == 2:
         ax.set_xticks([0], [""])
     legend(ax, columns=4)
-    return figure_of(ax)
+    return ax
 
 
 @picture.register(Trajectory)
-def _trajectory(walk: Trajectory, ax: Axes | None = None) -> Figure:
-    if ax is None:
-        return both(walk)
+def _trajectory(walk: Trajectory, ax: Axes | None = None) -> Axes | NDArray:
+    if not given(ax):
+        return both(walk, ax)
     angles_over_time(ax, walk)
     legend(ax)
-    return figure_of(ax)
+    return ax
 
 
 @picture.register(Gait)
-def _gait(gait: Gait, ax: Axes | None = None) -> Figure:
+def _gait(gait: Gait, ax: Axes | None = None) -> Axes | NDArray:
     walk = simulate(gait.walker, gait.slope, gait.state, max(2, gait.period), samples=400)
-    if ax is not None:
+    if given(ax):
         portrait_of(ax, walk)
         legend(ax)
-        return figure_of(ax)
-    figure, (over_time, portrait, still, circle) = panels(2, 2, (9.2, 8.0))
+        return ax
+    figure, axes = panels(2, 2, (9.2, 8.0), ax)
+    over_time, portrait, still, circle = axes
     angles_over_time(over_time, walk)
     portrait_of(portrait, walk)
     strobe(gait.walker, gait.slope, gait.state, strides=max(2, gait.period), ax=still)
@@ -333,7 +331,7 @@ def _gait(gait: Gait, ax: Axes | None = None) -> Figure:
         f"{'stable' if gait.stable else 'unstable'}",
         fontsize="medium",
     )
-    return figure
+    return np.array(axes)
 
 
 def multipliers(ax: Axes, values: NDArray) -> None:

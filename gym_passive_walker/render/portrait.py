@@ -14,6 +14,7 @@ from gym_passive_walker.render.axes import (
     BLUE,
     GREEN,
     GREY,
+    OWN,
     VERMILION,
     broken,
     figure_of,
@@ -27,7 +28,6 @@ from gym_passive_walker.walkers import WalkerLike, name_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 TIME, ANGLES, RATES = "time t / √(l/g)", "angle θ (rad)", "rate dθ/dt / √(g/l)"
 
@@ -108,7 +108,7 @@ def phase_portrait(
     samples: int = 400,
     hip_torque: ArrayLike = 0.0,
     path: str | PathLike[str] | None = None,
-) -> Figure:
+) -> NDArray:
     """Angles of both legs over time, like the upper part of Fig. 4.3, and rates over angles.
 
     Lines break where a collision changes the rates, which dots join.
@@ -123,27 +123,29 @@ def phase_portrait(
         path: File to write, of any kind that matplotlib knows by its ending.
 
     Returns:
-        The figure; its two axes show each leg's angles over time, and rates over angles of the
-        leg that stands and of the one that swings.
+        Its two axes in pyplot's current figure if that is empty, else in another; where a file is
+        written, in a figure of their own. They show each leg's angles over time, and rates over
+        angles of the leg that stands and of the one that swings.
 
     Raises:
         ValueError: if a number is not finite or out of its range.
         ImportError: if matplotlib is not installed.
     """
     walk = simulate(walker, slope, state, strides=strides, samples=samples, hip_torque=hip_torque)
-    return save(both(walk), path)
+    axes = both(walk, None if path is None else OWN)
+    save(figure_of(axes), path)
+    return axes
 
 
-def both(walk: Trajectory) -> Figure:
-    """A figure of a walk: angles over time, and rates over angles."""
-    _, (over_time, portrait) = panels(1, 2, (9.2, 4.4))
+def both(walk: Trajectory, ax: Axes | None) -> NDArray:
+    """Two panels of a walk: angles over time, and rates over angles."""
+    figure, (over_time, portrait) = panels(1, 2, (9.2, 4.4), ax)
     angles_over_time(over_time, walk)
     portrait_of(portrait, walk)
-    figure = figure_of(portrait)
     figure.suptitle(
         f"walker {name_of(walk.walker)}, slope {walk.slope:.4g} rad, strides: {len(walk.outcomes)}",
         fontsize="medium",
     )
     legend(over_time, columns=2)
     legend(portrait, columns=2)
-    return figure
+    return np.array([over_time, portrait])

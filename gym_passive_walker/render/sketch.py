@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from gym_passive_walker.render.axes import BLACK, GREY, axes_for, figure_of, legend
+from gym_passive_walker.render.axes import BLACK, GREY, axes_for, legend
 from gym_passive_walker.render.pose import Leg, pose
 from gym_passive_walker.render.strobe import LEGS, ground
 from gym_passive_walker.shown import picture
@@ -15,7 +15,6 @@ from gym_passive_walker.walkers import Walker, name_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
 _POSTURE = np.array([-0.15, 0.5, 0.05, 0.0, 0.0, 0.0])  # all parts side by side
@@ -23,7 +22,7 @@ _LARGEST = 16.0  # diameter in points of a disc for the whole mass; areas are as
 
 
 @picture.register(Walker)
-def _walker(walker: Walker, ax: Axes | None = None) -> Figure:
+def _walker(walker: Walker, ax: Axes | None = None) -> Axes:
     length = walker.leg_length
     posture = pose(walker, _POSTURE)
     ax = axes_for(ax, (4.6, 4.8))
@@ -56,7 +55,7 @@ def _walker(walker: Walker, ax: Axes | None = None) -> Figure:
         fontsize="medium",
     )
     legend(ax, columns=2, gap=4.0)
-    return figure_of(ax)
+    return ax
 
 
 def _bodies(walker: Walker, hip: NDArray, leg: Leg) -> list[tuple[float, float, NDArray]]:

@@ -16,14 +16,13 @@ from gym_passive_walker.gaits.stride import stride
 from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.gaits.trajectory import Trajectory, ground_of, simulate
 from gym_passive_walker.render import look
-from gym_passive_walker.render.axes import GREY, axes_for, figure_of, legend, save
+from gym_passive_walker.render.axes import GREY, OWN, axes_for, figure_of, given, legend, save
 from gym_passive_walker.render.ground import between, ground_under, height
 from gym_passive_walker.render.pose import Leg, Pose, legs_by_identity, level, pose
 from gym_passive_walker.walkers import WalkerLike, as_walker, name_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
     Path = str | PathLike[str]
 
@@ -46,7 +45,7 @@ def strobe(
     key: int = 0,
     ax: Axes | None = None,
     path: Path | None = None,
-) -> Figure:
+) -> Axes:
     """A strobe picture of a walk, like the lower part of Fig. 4.3, its kneestrikes marked.
 
     Args:
@@ -58,11 +57,12 @@ def strobe(
         hip_torque: Torque held through a stride: a number, or one for each.
         terrain: How footholds lie; smooth when None.
         key: Which of the terrain's walks, if it is random.
-        ax: Axes to draw into; a figure of its own when None.
+        ax: Axes to draw on; None is pyplot's current ones, or where a file is written a figure of
+            its own.
         path: File to write, of any kind that matplotlib knows by its ending.
 
     Returns:
-        The figure.
+        The axes.
 
     Raises:
         ValueError: if a number is not finite or out of its range.
@@ -124,7 +124,7 @@ def strobe_of(
     kneestrikes: ArrayLike = (),
     ax: Axes | None = None,
     path: Path | None = None,
-) -> Figure:
+) -> Axes:
     """A strobe picture of a walk that was recorded, one posture for each state.
 
     Args:
@@ -140,11 +140,12 @@ def strobe_of(
         strides: Heelstrikes before each state, shape (n,), so that a leg keeps its colour; a
             number if there were none between them.
         kneestrikes: Where a knee struck its stop, (x, y) along and off the slope, shape (k, 2).
-        ax: Axes to draw into; a figure of its own when None.
+        ax: Axes to draw on; None is pyplot's current ones, or where a file is written a figure of
+            its own.
         path: File to write, of any kind that matplotlib knows by its ending.
 
     Returns:
-        The figure.
+        The axes.
 
     Raises:
         ValueError: if the states' shape does not fit or a number is not finite.
@@ -162,13 +163,14 @@ def strobe_of(
     length = walker.leg_length
     everything = np.concatenate([posture.hip, posture.stance.foot, posture.swing.foot])
     span = everything[:, 0].min() - 0.3 * length, everything[:, 0].max() + 0.3 * length
-    if ax is None:
+    if not given(ax):
+        ax = OWN if path is not None else ax
         across = (span[1] - span[0]) / length
         inches = min(2.6, 10.0 / across)  # to a leg length
         down = across * math.sin(abs(slope))
         if surface is not None:
             down += float(np.ptp(np.asarray(surface)[:, 1])) / length
-        ax = axes_for(None, (inches * across, inches * (1.45 + down)))
+        ax = axes_for(ax, (inches * across, inches * (1.45 + down)))
     ground(ax, span, slope, length, surface)
     struck = np.append(True, np.diff(strides) != 0)
     struck[-1] = True
@@ -193,7 +195,8 @@ def strobe_of(
     ax.set_axis_off()
     ax.set_title(f"walker {name_of(walker)}, slope {slope:.4g} rad", fontsize="medium")
     legend(ax, gap=4.0)
-    return save(figure_of(ax), path)
+    save(figure_of(ax), path)
+    return ax
 
 
 def _leg(ax: Axes, own: Pose, leg: Leg, slope: float, shod: bool, **style: Any) -> None:

@@ -17,13 +17,12 @@ from gym_passive_walker.sweeps.tasks import check_trust
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 _MANY = 2000  # points, from which on they are drawn smaller
 
 
 @picture.register(Swept)
-def _swept(swept: Swept, ax: Axes | None = None, *, x: str, y: str, by: str) -> Figure:
+def _swept(swept: Swept, ax: Axes | None = None, *, x: str, y: str, by: str) -> Axes:
     """A point for each task over two of its parameters or results, told apart by a third.
 
     Truths are two kinds of points, numbers colours; tasks that failed are crosses. What is in a
@@ -31,7 +30,7 @@ def _swept(swept: Swept, ax: Axes | None = None, *, x: str, y: str, by: str) -> 
 
     Args:
         swept: The sweep.
-        ax: matplotlib's axes to draw into.
+        ax: matplotlib's axes to draw on; pyplot's current ones when None.
         x: The column to the right.
         y: The column upwards.
         by: The column that tells points apart.
@@ -73,4 +72,4 @@ def _swept(swept: Swept, ax: Axes | None = None, *, x: str, y: str, by: str) -> 
     ax.set(xlabel=label(x), ylabel=label(y))
     if ax.get_legend_handles_labels()[0]:
         legend(ax)
-    return figure_of(ax)
+    return ax

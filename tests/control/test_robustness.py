@@ -150,9 +150,9 @@ def test_it_is_told_in_a_table_and_drawn(lab, tmp_path):
     assert "gait sensitivity norm" in repr(lab)
     lab.to_csv(tmp_path / "pushes.csv")
     assert (tmp_path / "pushes.csv").read_text().startswith("phase,forward,backward")
-    figure = lab.plot()
-    assert len(figure.axes) == 4
-    bars = [bar.get_height() for bar in figure.axes[1].patches]
+    panels = lab.plot()
+    assert len(panels) == 4
+    bars = [bar.get_height() for bar in panels[1].patches]
     np.testing.assert_allclose(bars, lab.answers[: len(bars)])
 
 

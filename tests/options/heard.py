@@ -141,6 +141,8 @@ def plain(value: Any) -> Any:
         return value.name
     if isinstance(value, np.ndarray | np.generic):
         array = np.asarray(value)
+        if array.dtype == object and array.size and hasattr(array.flat[0], "get_figure"):
+            return plain(array.flat[0])  # axes of one figure
         if array.dtype == object:
             return [plain(x) for x in array.ravel().tolist()]
         return array.dtype.str, array.shape, array.tobytes()
@@ -150,6 +152,8 @@ def plain(value: Any) -> Any:
         return {str(name): plain(part) for name, part in value.items()}
     if hasattr(value, "savefig"):
         return picture(value)
+    if hasattr(value, "get_figure"):
+        return picture(value.get_figure(root=True))
     if hasattr(value, "detach") and hasattr(value, "cpu"):
         return plain(value.detach().cpu().numpy())
     if isinstance(value, Iterable):

@@ -17,6 +17,7 @@ from gym_passive_walker.control.ticks import ticked_stride
 from gym_passive_walker.control.trials import rough_strides
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.gaits.section import Section
+from gym_passive_walker.render.axes import OWN
 from gym_passive_walker.render.portrait import phase_portrait
 from gym_passive_walker.render.strobe import strobe
 from gym_passive_walker.shown import picture as pictures
@@ -318,7 +319,13 @@ OPTIONS = {
     ),
     "strobe": Call(
         strobe,
-        dict(walker="lab", slope=0.036, state=Later(lambda: gait("lab", 0.036).state), strides=1),
+        dict(
+            walker="lab",
+            slope=0.036,
+            state=Later(lambda: gait("lab", 0.036).state),
+            strides=1,
+            ax=OWN,
+        ),
         dict(
             walker="C",
             slope=0.05,
@@ -410,11 +417,11 @@ def test_what_a_picture_is_asked_for_is_drawn(name):
 
     make, options = SHOWN[name]
     shown = make()
-    into = Call(lambda **asked: shown.plot(**asked), {}, options)
+    into = Call(lambda **asked: shown.plot(OWN, **asked), {}, options)
     for option in options:
         check(into, option)
     axes = Figure().subplots()
-    assert shown.plot(ax=axes) is axes.figure and axes.has_data()
+    assert shown.plot(ax=axes) is axes and axes.has_data()
 
 
 def test_every_picture_is_tested():

@@ -3,15 +3,18 @@
 import csv
 import sys
 
+import matplotlib.figure
 import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.control.baselines import LinearFeedback
+from gym_passive_walker.render import phase_portrait, strobe
+from gym_passive_walker.render.axes import OWN
 from gym_passive_walker.render.plots import varied_label
 from gym_passive_walker.shown import Table
 
-pytest.importorskip("matplotlib")
+plt = pytest.importorskip("matplotlib.pyplot")
 
 
 @pytest.fixture(scope="module")
@@ -53,15 +56,42 @@ def test_each_is_a_small_table_in_a_notebook(shown):
         assert html.startswith("<table>") and html.count("<tr>") == len(one.facts())
 
 
-def test_each_draws_into_a_figure_of_its_own_or_into_given_axes(shown):
-    from matplotlib.figure import Figure
-
+def test_each_draws_where_pyplot_is_or_on_given_axes(shown):
     for one in shown:
-        assert one.plot().axes[0].has_data()
-        figure = Figure()
-        left, right = figure.subplots(1, 2)
-        assert one.plot(ax=right) is figure
+        plt.close("all")
+        axes = one.plot()
+        assert plt.get_fignums() == [1] and plt.gcf().axes[: np.size(axes)] == [*np.ravel(axes)]
+        assert np.ravel(axes)[0].has_data()
+        left, right = matplotlib.figure.Figure().subplots(1, 2)
+        assert one.plot(ax=right) is right
         assert right.has_data() and not left.has_data()
+        assert plt.get_fignums() == [1]
+
+
+def test_a_picture_takes_the_axes_that_are_current(gait, family):
+    figure, (left, right) = plt.subplots(1, 2)
+    assert family.plot() is right and right.has_data() and not left.has_data()
+    plt.sca(left)
+    assert family.plot() is left
+    assert plt.get_fignums() == [figure.number]
+    labels = [text.get_text() for text in left.get_legend().get_texts()]
+    family.plot()
+    assert [text.get_text() for text in left.get_legend().get_texts()] == labels
+
+
+def test_several_panels_take_the_current_figure_if_it_is_empty_and_no_others(gait, family):
+    figure = plt.figure(figsize=(11.0, 3.0))
+    panels = gait.plot()
+    assert [*panels] == figure.axes and tuple(figure.get_size_inches()) == (11.0, 3.0)
+    assert gait.plot()[0].figure is not figure
+    assert [*panels] == figure.axes
+
+
+def test_a_picture_that_is_written_leaves_nothing_open(gait, family, tmp_path):
+    strobe("lab", gait.slope, gait.state, path=tmp_path / "walk.png")
+    phase_portrait("lab", gait.slope, gait.state, path=tmp_path / "portrait.png")
+    assert family.plot(OWN).has_data() and gait.plot(OWN)[0].has_data()
+    assert plt.get_fignums() == []
 
 
 def test_each_table_reads_back_the_same(shown, tmp_path):
@@ -96,7 +126,7 @@ def test_a_walker_s_line_makes_it_again():
 
 
 def test_a_family_is_heavy_exactly_where_it_is_stable(family):
-    (ax,) = family.plot().axes
+    ax = family.plot()
     light, heavy = ax.lines[:2]
     np.testing.assert_array_equal(light.get_ydata(), family.stance_angle)
     drawn = heavy.get_ydata()[np.isfinite(heavy.get_ydata())]
@@ -105,13 +135,13 @@ def test_a_family_is_heavy_exactly_where_it_is_stable(family):
 
 
 def test_a_family_s_period_doublings_are_marked_where_they_are(family):
-    (ax,) = family.plot().axes
+    ax = family.plot()
     marks = [line for line in ax.lines if line.get_marker() == "d" and len(line.get_xdata())]
     np.testing.assert_allclose(marks[0].get_xdata(), family.period_doublings, rtol=1e-12)
 
 
 def test_a_family_says_why_it_ends(family):
-    (ax,) = family.plot().axes
+    ax = family.plot()
     said = {text.get_text() for text in ax.get_legend().get_texts()}
     for end in family.ends:
         assert f"end: {end.reason.split(';')[0]}" in said
@@ -123,9 +153,7 @@ def test_a_family_is_drawn_by_what_it_has(family):
 
 
 def test_legends_cover_nothing(gait, family):
-    figure = gait.plot()
-    figure.draw_without_rendering()
-    for ax in [*figure.axes, *family.plot().axes]:
+    for ax in [*gait.plot(), family.plot(OWN)]:
         if ax.get_legend():
             ax.get_figure().draw_without_rendering()
             assert not ax.get_legend().get_window_extent().overlaps(ax.get_window_extent())

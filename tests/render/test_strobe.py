@@ -10,6 +10,7 @@ from gym_passive_walker.gaits.terrain import footholds
 from gym_passive_walker.gaits.trajectory import simulate
 from gym_passive_walker.physics.hybrid import Stage
 from gym_passive_walker.render import phase_portrait, pose, strobe, strobe_of
+from gym_passive_walker.render.axes import OWN
 from gym_passive_walker.render.pose import level
 from gym_passive_walker.walkers import WALKERS
 
@@ -20,21 +21,21 @@ GAIT = np.array([0.24395, -0.24395, -0.24395, -1.0491, -0.3015, -1.4831])
 SHORT = [0.20031, -0.20031, -0.20031, -0.62589, -0.57633, -0.57633]
 
 
-def hips(figure):
+def hips(ax):
     """Where the hips of a strobe picture are."""
-    return next(line.get_xydata() for line in figure.axes[0].lines if line.get_marker() == "o")
+    return next(line.get_xydata() for line in ax.lines if line.get_marker() == "o")
 
 
 def test_a_strobe_picture_has_one_posture_for_each_flash():
-    figure = strobe("lab", SLOPE, GAIT, strides=2, flashes=5)
-    assert len(hips(figure)) == 2 * 5 - 1  # the heelstrike between them is one posture
+    ax = strobe("lab", SLOPE, GAIT, strides=2, flashes=5)
+    assert len(hips(ax)) == 2 * 5 - 1  # the heelstrike between them is one posture
 
 
 def test_a_strobe_picture_stands_on_its_slope():
-    figure = strobe("lab", SLOPE, GAIT, strides=1, flashes=3)
+    ax = strobe("lab", SLOPE, GAIT, strides=1, flashes=3)
     walk = simulate("lab", SLOPE, GAIT, samples=3)
     expected = level(pose("lab", walk.states, walk.contact_x).hip, SLOPE)
-    np.testing.assert_allclose(hips(figure), expected)
+    np.testing.assert_allclose(hips(ax), expected)
 
 
 def test_a_strobe_picture_stands_on_footholds_that_are_tilted():
@@ -47,14 +48,13 @@ def test_a_strobe_picture_stands_on_footholds_that_are_tilted():
     assert np.ptp(walk.tilts) > 0.01
     once = np.append(np.diff(walk.strides) == 0, True)
     posture = pose("lab", walk.states, walk.contact_x, walk.contact_y, walk.tilts)
-    hip = next(line.get_xydata() for line in ax.lines if line.get_marker() == "o")
-    np.testing.assert_allclose(hip, level(posture.hip[once], SLOPE))
+    np.testing.assert_allclose(hips(ax), level(posture.hip[once], SLOPE))
 
 
 def test_a_recorded_walk_gives_the_same_picture_but_for_its_kneestrikes():
     walk = simulate("lab", SLOPE, GAIT, samples=6)
-    recorded = strobe_of("lab", walk.states, walk.contact_x, SLOPE).axes[0].lines
-    simulated = strobe("lab", SLOPE, GAIT, strides=1, flashes=6).axes[0].lines
+    recorded = strobe_of("lab", walk.states, walk.contact_x, SLOPE, ax=OWN).lines
+    simulated = strobe("lab", SLOPE, GAIT, strides=1, flashes=6, ax=OWN).lines
     simulated = [line for line in simulated if line.get_marker() != "D"]
     for one, other in zip(recorded, simulated, strict=True):
         np.testing.assert_array_equal(one.get_xydata(), other.get_xydata())
@@ -62,7 +62,7 @@ def test_a_recorded_walk_gives_the_same_picture_but_for_its_kneestrikes():
 
 
 def test_a_kneestrike_is_marked_where_thigh_and_shank_meet():
-    (ax,) = strobe("lab", SLOPE, GAIT, strides=2).axes
+    ax = strobe("lab", SLOPE, GAIT, strides=2)
     (marked,) = [line.get_xydata() for line in ax.lines if line.get_marker() == "D"]
     assert len(marked) == 2
     walk = simulate("lab", SLOPE, GAIT, samples=20_001)
@@ -72,8 +72,8 @@ def test_a_kneestrike_is_marked_where_thigh_and_shank_meet():
 
 
 def test_a_fall_can_be_pictured():
-    figure = strobe("lab", SLOPE, [0.3, -0.3, -0.3, -0.1, 0.0, 0.0], flashes=4)
-    assert len(hips(figure)) == 4
+    ax = strobe("lab", SLOPE, [0.3, -0.3, -0.3, -0.1, 0.0, 0.0], flashes=4)
+    assert len(hips(ax)) == 4
 
 
 def test_a_strobe_picture_goes_into_given_axes():
@@ -81,7 +81,7 @@ def test_a_strobe_picture_goes_into_given_axes():
 
     figure = Figure()
     axes = figure.subplots(1, 2)
-    assert strobe("D", 0.009, SHORT, flashes=3, ax=axes[1]) is figure
+    assert strobe("D", 0.009, SHORT, flashes=3, ax=axes[1]) is axes[1]
     assert axes[1].lines and not axes[0].lines
 
 
@@ -94,7 +94,7 @@ def test_pictures_are_written_to_files(name, slope, start, tmp_path):
 
 
 def test_angles_over_time_follow_each_leg_through_both_its_roles():
-    over_time, _ = phase_portrait("lab", SLOPE, GAIT, strides=2, samples=50).axes
+    over_time, _ = phase_portrait("lab", SLOPE, GAIT, strides=2, samples=50)
     curves = {line.get_label(): line for line in over_time.lines}
     walk = simulate("lab", SLOPE, GAIT, strides=2, samples=50)
     np.testing.assert_array_equal(
@@ -110,7 +110,7 @@ def test_angles_over_time_follow_each_leg_through_both_its_roles():
 
 
 def test_a_portrait_is_lifted_at_strikes_and_dots_join_what_they_part():
-    _, portrait = phase_portrait("lab", SLOPE, GAIT, strides=2, samples=50).axes
+    _, portrait = phase_portrait("lab", SLOPE, GAIT, strides=2, samples=50)
     curves = {line.get_label(): line.get_xydata() for line in portrait.lines}
     assert np.isnan(curves["swing shank"][:, 1]).sum() == 3  # two kneestrikes, one heelstrike
     jumps = [
@@ -122,7 +122,7 @@ def test_a_portrait_is_lifted_at_strikes_and_dots_join_what_they_part():
 
 
 def test_a_straight_leg_has_one_curve():
-    over_time, portrait = phase_portrait("D", 0.009, SHORT).axes
+    over_time, portrait = phase_portrait("D", 0.009, SHORT)
     labels = [line.get_label() for ax in (over_time, portrait) for line in ax.lines]
     assert {"leg that stands first", "other leg", "stance leg", "swing leg"} <= set(labels)
     assert not any("shank" in label for label in labels)
@@ -139,12 +139,13 @@ def test_without_matplotlib_the_error_says_what_to_install(monkeypatch):
         strobe("lab", SLOPE, GAIT)
 
 
-def test_pictures_load_no_more_than_they_need():
+def test_pictures_load_no_more_than_they_need(tmp_path):
     code = (
         "import sys, gym_passive_walker.render as render\n"
         "assert not {'pygame', 'matplotlib'} & set(sys.modules), 'loaded by the import'\n"
-        f"render.phase_portrait('lab', {SLOPE}, {GAIT.tolist()}, samples=9)\n"
+        f"render.phase_portrait('lab', {SLOPE}, {GAIT.tolist()}, samples=9, path=sys.argv[1])\n"
         "assert not {'pygame', 'matplotlib.pyplot'} & set(sys.modules), 'loaded by a figure'\n"
     )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    command = [sys.executable, "-c", code, str(tmp_path / "portrait.png")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -209,7 +209,8 @@ def test_a_picture_is_in_the_units_that_it_says_whatever_the_size_of_a_walker(tm
     found = gpw.sweep(
         "gait", tmp_path / "out", over={"walker": [small, large]}, given={"slope": 0.03}, workers=1
     )
-    ax, bar = found.plot(x="step_length", y="step_period", by="multiplier").axes
+    ax = found.plot(x="step_length", y="step_period", by="multiplier")
+    bar = ax.figure.axes[1]
     one, other = ax.collections[0].get_offsets()
     length = found.columns()["step_length"]
     assert length[1] == pytest.approx(2.0 * length[0])
