@@ -105,6 +105,9 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     the least of each (infinite where there was no strike), and the greatest coefficient of
     "friction" that was needed (infinite where the ground would have had to pull).
 
+    The default task counts as solved from a mean return of 47.3 (`reward_threshold` of its spec):
+    nine tenths of the way from the passive walker's return, 6.3, to the optimal gait's, 51.9.
+
     ## Starting State
 
     Just after a heelstrike, at the walker's passive gait on the slope of the episode, or, where it

@@ -92,7 +92,7 @@ def strobe(
 
 
 def _kneestrikes(walk: Trajectory, torques: NDArray, samples: int) -> NDArray[np.float64]:
-    """Where knees struck their stops, (k, 2)."""
+    """Hip, knee and foot of each swing leg whose knee strikes its stop, (k, 3, 2)."""
     walker, knees = walk.walker, []
     ground = ground_of(walk.terrain, walk.key, len(torques))
     for first, torque, (tilt, rise, turn) in zip(
@@ -107,8 +107,9 @@ def _kneestrikes(walk: Trajectory, torques: NDArray, samples: int) -> NDArray[np
             rolled = walker.foot_radius * (start[0] - there[0, 0])
             x = walk.contact_x[first] + rolled * math.cos(tilt)
             y = walk.contact_y[first] - rolled * math.sin(tilt)
-            knees.append(pose(walker, there[0], x, y, tilt).swing.knee)
-    return np.reshape(knees, (-1, 2))
+            own = pose(walker, there[0], x, y, tilt)
+            knees.append([own.hip, own.swing.knee, own.swing.tip])
+    return np.reshape(knees, (-1, 3, 2))
 
 
 def strobe_of(
@@ -139,7 +140,8 @@ def strobe_of(
             slope itself when None.
         strides: Heelstrikes before each state, shape (n,), so that a leg keeps its colour; a
             number if there were none between them.
-        kneestrikes: Where a knee struck its stop, (x, y) along and off the slope, shape (k, 2).
+        kneestrikes: Of each leg whose knee strikes its stop hip, knee and foot, (x, y) along and
+            off the slope, shape (k, 3, 2).
         ax: Axes to draw on; None is pyplot's current ones, or where a file is written a figure of
             its own.
         path: File to write, of any kind that matplotlib knows by its ending.
@@ -185,11 +187,13 @@ def strobe_of(
     ax.plot(*hips.T, "o", color=HIP, markersize=3.0, zorder=3, label="hip")
     for colour, label in zip(LEGS, ("leg that stands first", "other leg"), strict=True):
         ax.plot([], [], color=colour, linewidth=1.6, label=label)
-    if len(kneestrikes := np.reshape(kneestrikes, (-1, 2))):
+    if len(kneestrikes := np.reshape(kneestrikes, (-1, 3, 2))):
+        # Few strikes come at a flash: the leg is drawn as well, or the mark would hang in the air.
+        for leg in kneestrikes:
+            ax.plot(*level(leg, slope).T, color=HIP, linewidth=0.8, linestyle=":", zorder=3.5)
         style = {"color": "white", "markeredgecolor": HIP, "markersize": 6.0, "zorder": 4}
-        ax.plot(
-            *level(kneestrikes, slope).T, "D", linestyle="", label="knee at kneestrike", **style
-        )
+        knees = level(kneestrikes[:, 1], slope)
+        ax.plot(*knees.T, "D", linestyle="", label="leg at kneestrike", **style)
     ax.plot([], [], color=GREY, linewidth=2.0, label="heavy: at heelstrike")
     ax.set_aspect("equal")
     ax.set_axis_off()

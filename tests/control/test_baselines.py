@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.control.baselines import ConstantTorque, LinearFeedback, Passive
+from gym_passive_walker.control.baselines import BASELINES, ConstantTorque, LinearFeedback, Passive
 from gym_passive_walker.control.feedback import gains, powered_gait
 from gym_passive_walker.control.policy import steps
 from gym_passive_walker.control.walks import WALKED_ON, evaluate
+from gym_passive_walker.envs.registration import ID, REWARD_THRESHOLD
+from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.units import units_of
 
 
@@ -206,3 +208,13 @@ def test_a_stride_of_one_torque_has_no_two_pieces():
 def test_feedback_methods_have_names():
     with pytest.raises(ValueError, match="deadbeat"):
         LinearFeedback("steep", "magic")
+
+
+def test_the_threshold_of_the_task_lies_between_the_passive_walk_and_the_optimum():
+    scene = make_scene("level")
+    passive, optimal = (
+        evaluate(BASELINES[name](scene), gymnasium.make_vec(ID, num_envs=100), seed=0).reward.mean()
+        for name in ("passive", "optimal")
+    )
+    assert passive + 0.9 * (optimal - passive) == pytest.approx(REWARD_THRESHOLD, abs=0.05)
+    assert gymnasium.spec(ID).reward_threshold == REWARD_THRESHOLD
