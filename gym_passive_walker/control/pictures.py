@@ -121,8 +121,10 @@ def _robustness(found: Robustness, ax: Axes | None = None) -> Axes | NDArray:
     )
     _pushes(pushes, found)
     told.axis("off")
-    facts = [f"{name}: {value}" for name, value in found.facts().items()]
-    told.text(0.0, 1.0, "\n".join(facts), va="top", fontsize="x-small", transform=told.transAxes)
+    columns = zip(*found.facts().items(), strict=True)
+    for place, column in zip((0.0, 0.42), columns, strict=True):
+        style = {"va": "top", "fontsize": "small", "linespacing": 1.6}
+        told.text(place, 1.0, "\n".join(column), transform=told.transAxes, **style)
     figure.suptitle(
         f"Walker {name_of(found.walker)} at slope {found.slope:.4g} rad, {found.who}",
         fontsize="medium",
