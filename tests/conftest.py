@@ -63,8 +63,8 @@ def pytest_runtest_makereport() -> Iterator[None]:
     return _failed_if_skipped((yield))
 
 
-OF_LIBRARIES = ("pymp-", "torchinductor_")
-"""Beginnings of names of folders of multiprocessing, which removes them at the end, and torch."""
+OF_LIBRARIES = ("pymp-", "torchinductor_", "pytest-of-")
+"""How folders begin that multiprocessing (which removes them at the end), torch and pytest make."""
 
 
 @pytest.fixture(scope="session")

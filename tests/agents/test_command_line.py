@@ -54,9 +54,9 @@ def test_an_evaluation_tells_each_agents_own_episodes(trained):
 def test_a_gait_is_drawn_beside_the_optimal_gait_of_about_its_speed(tmp_path, monkeypatch):
     drawn, plot = [], ClosedLoopGait.plot
 
-    def draw(gait, *, optimum):
+    def draw(gait, ax, *, optimum):
         drawn.append((gait, optimum))
-        return plot(gait, optimum=optimum)
+        return plot(gait, ax, optimum=optimum)
 
     monkeypatch.setattr(ClosedLoopGait, "plot", draw)
     line = ["gait", "constant", "--scene", "level", "--out", str(tmp_path / "gait.png")]

@@ -39,13 +39,14 @@ def told(capsys):
 
 @pytest.fixture
 def mine(tmp_path, monkeypatch):
-    """A file with a walker: the laboratory's at half its size, in a folder to work in."""
+    """A file with a walker, the laboratory's at half its size, in a folder with one more."""
     monkeypatch.chdir(tmp_path)
     lab = asdict(gpw.WALKERS["lab"])
     for name in lab:
         if name.endswith(("length", "offset", "gyration", "com", "radius")):
             lab[name] /= 2.0
-    (tmp_path / "mine.json").write_text(json.dumps(lab))
+    for name in ("mine.json", "heavier.json"):
+        (tmp_path / name).write_text(json.dumps(lab))
     return tmp_path / "mine.json"
 
 

@@ -93,7 +93,7 @@ def test_what_is_no_scene_is_refused_in_words(arguments, message):
     [
         ("Z", "no walker 'Z'"),
         ({"knee": 1}, "a walker has no knee"),
-        ({"thigh_length": 0.5}, "these parameters are no walker"),
+        ({"thigh_length": 0.5}, "missing 3 required"),
         ({"preset": "C", "gravity": -1.0}, "gravity must be positive"),
     ],
 )

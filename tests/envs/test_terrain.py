@@ -169,7 +169,8 @@ def test_a_flight_of_stairs_leads_down_as_far_as_a_slope():
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        ({"terrain": "rough"}, "a terrain is a Terrain"),
+        ({"terrain": "hills"}, "terrain has no hills"),
+        ({"terrain": 0.01}, "a terrain is a Terrain"),
         ({"terrain": {"hills": {}}}, "hills"),
         ({"terrain": {"rough": {"height_std": -1.0}}}, "height_std"),
         ({"preview": 2}, "preview shows footholds of a terrain"),
