@@ -34,6 +34,7 @@ from gym_passive_walker.render.axes import (
     save,
     series,
 )
+from gym_passive_walker.render.diagram import walker_diagram
 from gym_passive_walker.render.plots import MEASURES, draw_family, family_key
 from gym_passive_walker.render.portrait import both
 from gym_passive_walker.render.strobe import strobe
@@ -218,6 +219,13 @@ _TRANSITION_SAYS = (
 )
 
 FIGURES: dict[str, Plate] = {
+    "4.1": Plate(
+        walker_diagram,
+        "A kneed walker with the name of each parameter. Angles are measured from the ground's "
+        "normal to a leg's line, which runs from the foot's centre to the hip when the knee is "
+        "straight; they are positive when the upper end lies uphill. Black discs are masses, "
+        "dashed circles radii of gyration. The right leg swings.",
+    ),
     "4.3-angles": Plate(
         lambda: figure_of(both(simulate(*_lab(), strides=2, samples=400), OWN)),
         "Two strides of the laboratory's kneed walker at a slope of 0.036 rad. Left: angles of "
@@ -251,7 +259,7 @@ FIGURES: dict[str, Plate] = {
 }
 """The figures that can be drawn, by their numbers in the source document.
 
-Figs. 4.1, 4.4 and 4.7 are sketches of definitions and Fig. 4.2 is a photograph: nothing to compute.
+Figs. 4.4 and 4.7 are sketches of definitions and Fig. 4.2 is a photograph: nothing to compute.
 """
 
 KINDS = ("png", "svg", "pdf")

@@ -339,10 +339,14 @@ def multipliers(ax: Axes, values: NDArray) -> None:
     turn = 2.0 * np.pi * np.linspace(0.0, 1.0, 200)
     ax.plot(np.cos(turn), np.sin(turn), color=GREY, linewidth=1.0)
     inside = np.abs(values) < 1.0
-    for which, marker, colour in ((inside, "o", BLUE), (~inside, "X", VERMILION)):
-        there = np.real(values[which]), np.imag(values[which])
-        ax.plot(*there, marker, color=colour, linestyle="")
+    for which, marker, colour, label in (
+        (inside, "o", BLUE, "stable"), (~inside, "X", VERMILION, "unstable")
+    ):  # fmt: skip
+        if which.any():
+            there = np.real(values[which]), np.imag(values[which])
+            ax.plot(*there, marker, color=colour, linestyle="", label=label)
     for axis in (ax.axhline, ax.axvline):
         axis(0.0, color=GREY, linewidth=0.4)
     ax.set(aspect="equal", xlabel="real part", ylabel="imaginary part")
     ax.set_title("multipliers, and the unit circle", fontsize="small")
+    legend(ax)

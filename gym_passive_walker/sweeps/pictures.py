@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _MANY = 2000  # points, from which on they are drawn smaller
+_MARKER = 16.0  # size of points in the legend, in square points
 
 
 @picture.register(Swept)
@@ -72,4 +73,7 @@ def _swept(swept: Swept, ax: Axes | None = None, *, x: str, y: str, by: str) -> 
     ax.set(xlabel=label(x), ylabel=label(y))
     if ax.get_legend_handles_labels()[0]:
         legend(ax)
+        shown: Any = ax.get_legend()
+        for marker in shown.legend_handles:  # as large for many points as for few
+            marker.set_sizes([_MARKER])
     return ax

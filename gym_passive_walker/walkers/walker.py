@@ -29,7 +29,8 @@ class Walker(Shown):
     """A planar walker with two equal legs; masses are per leg.
 
     A walker whose legs have no mass (``thigh_mass = shank_mass = 0`` and ``hip_mass > 0``) is the
-    simplest walker: the limit of a vanishing point mass at each foot.
+    simplest walker: the limit of a vanishing point mass at each foot. `passive-walker figures 4.1`
+    draws a walker with the name of each parameter; so does the page on theory.
 
     Attributes:
         thigh_length: l_t, hip to knee.

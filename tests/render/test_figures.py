@@ -1,13 +1,16 @@
 """Every figure of the source document that has something to compute is drawn."""
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 
 pytest.importorskip("matplotlib")
 
 from gym_passive_walker.render import figures
+from gym_passive_walker.render.diagram import walker_diagram
 from gym_passive_walker.render.figures import FIGURES, draw, families
-from gym_passive_walker.walkers import WALKERS, blend, tune
+from gym_passive_walker.walkers import WALKERS, Walker, blend, tune
 
 
 def test_a_figure_is_drawn_to_a_file(tmp_path):
@@ -29,6 +32,17 @@ def test_a_figure_is_drawn_as_vectors_too_and_carries_its_caption(kind, sign, tm
 def test_an_unknown_kind_of_file_is_refused(tmp_path):
     with pytest.raises(ValueError, match="png, svg, pdf"):
         draw("4.5", tmp_path, "gif")
+
+
+def test_each_length_mass_and_angle_of_a_walker_is_named_in_the_diagram():
+    (ax,) = walker_diagram().axes
+    named = {text.get_text().split("\n")[0] for text in ax.texts}
+    of_shape = {
+        field.name
+        for field in fields(Walker)
+        if field.name.startswith(("thigh", "shank", "foot")) or field.name == "hip_mass"
+    }
+    assert of_shape | {"stance angle", "thigh angle", "shank angle", "slope"} <= named
 
 
 @pytest.mark.slow
