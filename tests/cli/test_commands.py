@@ -295,7 +295,7 @@ WRONG = {
     "evaluate level-ppo --terrain waves:height=1,strides=1": "strides must be a whole number from",
     "evaluate level-ppo --terrain list.json": "a terrain is a Terrain, None, or a mapping",
     "simulate lab 0.036 --terrain rough:height_std=1e-3 --key -1": "key must be a whole number",
-    "figures 9.9": "no figure '9.9': choose from 4.3",
+    "figures 9.9": "no figure '9.9': choose from 4.1",
     "video lab 0.036 --out walk.doc": "must end in .mp4 or .gif",
     "evaluate nobody": "no policy 'nobody': choose from",
     "evaluate level-ppo --episodes 0": "--episodes must be a whole number from 1 on",
