@@ -18,7 +18,7 @@ from gym_passive_walker.control.closed_loop import ClosedLoopGait, closed_loop_g
 from gym_passive_walker.control.controllers import acting
 from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs.scene import SCENES, Scene, make_scene
-from gym_passive_walker.files import prepare, replacing
+from gym_passive_walker.files import replacing
 from gym_passive_walker.policies import shipped_policies
 
 GRIDS = {"level": (0.05, 0.20, 0.01), "lab": (0.15, 0.23, 0.01), "steep": (0.31, 0.34, 0.005)}
@@ -98,7 +98,7 @@ def show_gait(arguments: Sequence[str]) -> int:
     if args.out is not None:
         from gym_passive_walker.render.axes import OWN, figure_of, picture_path, save
 
-        out = prepare(picture_path(args.out))
+        out = picture_path(args.out)
     policy, scene = _policy_and_scene(args.policy, args.scene)
     try:
         gait = closed_loop_gait(policy, scene, slope=args.slope, period=args.period)
@@ -166,22 +166,24 @@ def run_benchmark(arguments: Sequence[str]) -> int:
     if not args.budget > 0.0:
         raise ConfigError(f"--budget must be positive, not {args.budget}")
     todo = benchmark.units(args.scenes, args.agents, args.seeds)
+    from agents import standings  # it draws
+
+    if args.document is not None:
+        try:
+            standings.around_tables(args.document)  # refused now rather than after the work
+        except (OSError, ValueError) as error:
+            raise ConfigError(str(error)) from None
     if not args.tables:
         benchmark.run(args.out, todo, budget=args.budget, progress=not args.quiet)
     scores = benchmark.load_scores(args.out)
     if not scores:
         raise ConfigError(f"there are no scores in {args.out} yet: leave out --tables")
-    from agents import standings
-
     text = standings.tables(scores)
     print(text)
     standings.write_csv(args.out / "scores.csv", scores)
     if args.document is not None:
         folder = args.document.parent
-        try:
-            standings.write_document(args.document, text)
-        except (OSError, ValueError) as error:
-            raise ConfigError(str(error)) from None
+        standings.write_document(args.document, text)
         standings.write_csv(folder / "agents-scores.csv", scores)
         standings.draw(folder / "images" / "agents-pareto.png", scores)
         standings.draw_learning(

@@ -20,7 +20,7 @@ from gym_passive_walker import GaitFamily, gait_family
 from gym_passive_walker.control import optimal
 from gym_passive_walker.control.walks import WALKED_ON
 from gym_passive_walker.envs.scene import SCENES
-from gym_passive_walker.files import replacing
+from gym_passive_walker.files import prepare, replacing
 from gym_passive_walker.render.axes import BLACK, GREY, SPEED, legend, panels, save, series
 
 BEGIN, END = "<!-- benchmark: begin -->", "<!-- benchmark: end -->"
@@ -160,17 +160,28 @@ def write_csv(path: Path, scores: Sequence[Score]) -> None:
         )
 
 
+def around_tables(path: Path) -> tuple[str, str]:
+    """What a document has before and after the tables between its marks.
+
+    Raises:
+        ValueError: if the document has no marks.
+        OSError: if it cannot be read, or not written.
+    """
+    document = prepare(path).read_text(encoding="utf-8")
+    if BEGIN not in document or END not in document:
+        raise ValueError(f"{path} has no lines {BEGIN} and {END} to write between")
+    head, rest = document.split(BEGIN, 1)
+    return head, rest.split(END, 1)[1]
+
+
 def write_document(path: Path, text: str) -> None:
     """Put text between a document's marks.
 
     Raises:
         ValueError: if the document has no marks.
+        OSError: if it cannot be read, or not written.
     """
-    document = path.read_text(encoding="utf-8")
-    if BEGIN not in document or END not in document:
-        raise ValueError(f"{path} has no lines {BEGIN} and {END} to write between")
-    head, rest = document.split(BEGIN, 1)
-    tail = rest.split(END, 1)[1]
+    head, tail = around_tables(path)
     with replacing(path) as aside:
         aside.write_text(f"{head}{BEGIN}\n{text}\n{END}{tail}", encoding="utf-8")
 

@@ -236,7 +236,7 @@ def main() -> None:
             reached = _error(gradient(), truth)
             took = time.perf_counter() - began
             if took < 0.1:
-                took = seconds(gradient, repeats=3, at_least=0.02)
+                took = seconds(gradient)
             took /= count
             key = (label, setting)
             if np.isfinite(reached) and reached < best.get(key, (np.inf,))[0]:

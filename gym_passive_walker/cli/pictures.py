@@ -9,7 +9,6 @@ from pathlib import Path
 from gym_passive_walker.cli.arguments import A_WALKER, a_walker, add_walk, start_of, walker_of
 from gym_passive_walker.cli.report import Report
 from gym_passive_walker.extras import need
-from gym_passive_walker.files import prepare
 from gym_passive_walker.progress import progress
 from gym_passive_walker.viewer.__main__ import add_arguments
 from gym_passive_walker.viewer.play import play as shown
@@ -29,7 +28,7 @@ def strobe(command: ArgumentParser) -> Callable[[Namespace], Report]:
         from gym_passive_walker.render.axes import picture_path
         from gym_passive_walker.render.strobe import strobe as drawn
 
-        out = prepare(picture_path(arguments.out))
+        out = picture_path(arguments.out)
         drawn(
             walker_of(arguments), arguments.slope, start_of(arguments), strides=arguments.strides,
             hip_torque=arguments.torque, terrain=arguments.terrain, key=arguments.key,
@@ -58,7 +57,7 @@ def video(command: ArgumentParser) -> Callable[[Namespace], Report]:
         need("moviepy", "render")
         from gym_passive_walker.render.film import film, film_path
 
-        prepare(film_path(arguments.out))
+        film_path(arguments.out)
         film(
             walker_of(arguments), arguments.slope, start_of(arguments), arguments.out,
             strides=arguments.strides, hip_torque=arguments.torque, terrain=arguments.terrain,

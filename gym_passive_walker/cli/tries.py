@@ -11,7 +11,6 @@ from gym_passive_walker.cli.report import Report, listing, table
 from gym_passive_walker.control.baselines import BASELINES
 from gym_passive_walker.control.robustness import robustness as tried
 from gym_passive_walker.envs.scene import SCENES
-from gym_passive_walker.files import prepare
 from gym_passive_walker.policies import shipped_policies
 from gym_passive_walker.render.axes import OWN, figure_of, picture_path, save
 from gym_passive_walker.walkers import is_walker
@@ -39,7 +38,7 @@ def robustness(command: ArgumentParser) -> Callable[[Namespace], Report]:
     add("--out", type=Path, metavar="FILE", help="a picture: .png, .pdf or .svg")
 
     def run(arguments: Namespace) -> Report:
-        out = None if arguments.out is None else prepare(picture_path(arguments.out))
+        out = None if arguments.out is None else picture_path(arguments.out)
         if is_walker(arguments.who) and arguments.scene is None and arguments.slope is None:
             raise ValueError("a passive walker needs --slope or --scene, as in --slope 0.036")
         found = tried(

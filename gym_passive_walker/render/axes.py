@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.extras import extra
-from gym_passive_walker.files import replacing
+from gym_passive_walker.files import prepare, replacing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -140,11 +140,14 @@ def legend(ax: Axes, *, columns: int = 3, gap: float = 40.0) -> None:
 
 
 def picture_path(path: str | PathLike[str]) -> Path:
-    """A path that a figure may be written to; ".png" is added to a name without an ending.
+    """A path that a figure may be written to, in a folder that is made if need be.
+
+    ".png" is added to a name without an ending.
 
     Raises:
         ValueError: if its ending is that of no picture.
         ImportError: if matplotlib is not installed.
+        OSError: if no file can be written there.
     """
     with extra("figures"):
         from matplotlib.backend_bases import FigureCanvasBase
@@ -156,7 +159,7 @@ def picture_path(path: str | PathLike[str]) -> Path:
             f"a picture's name must end in one of {', '.join(f'.{kind}' for kind in kinds)}, "
             f"not {str(path)!r}"
         )
-    return path
+    return prepare(path)
 
 
 def save(figure: Figure, path: str | PathLike[str] | None, caption: str = "") -> Figure:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import number
 from gym_passive_walker.extras import extra, need
-from gym_passive_walker.files import replacing
+from gym_passive_walker.files import prepare, replacing
 from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.gaits.trajectory import simulate
 from gym_passive_walker.progress import progress
@@ -29,15 +29,16 @@ _GIF_FPS = 30  # more of them few browsers show
 
 
 def film_path(path: str | Path) -> Path:
-    """A path that a film may be written to.
+    """A path that a film may be written to, in a folder that is made if need be.
 
     Raises:
         ValueError: if its ending is that of no film.
+        OSError: if no file can be written there.
     """
     path = Path(path)
     if path.suffix not in _KINDS:
         raise ValueError(f"a film's name must end in {' or '.join(_KINDS)}, not {path}")
-    return path
+    return prepare(path)
 
 
 class Film:

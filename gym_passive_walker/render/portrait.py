@@ -20,6 +20,7 @@ from gym_passive_walker.render.axes import (
     figure_of,
     legend,
     panels,
+    picture_path,
     save,
 )
 from gym_passive_walker.render.strobe import LEGS
@@ -131,6 +132,7 @@ def phase_portrait(
         ValueError: if a number is not finite or out of its range.
         ImportError: if matplotlib is not installed.
     """
+    path = None if path is None else picture_path(path)
     walk = simulate(walker, slope, state, strides=strides, samples=samples, hip_torque=hip_torque)
     axes = both(walk, None if path is None else OWN)
     save(figure_of(axes), path)

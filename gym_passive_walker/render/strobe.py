@@ -16,7 +16,16 @@ from gym_passive_walker.gaits.stride import stride
 from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.gaits.trajectory import Trajectory, ground_of, simulate
 from gym_passive_walker.render import look
-from gym_passive_walker.render.axes import GREY, OWN, axes_for, figure_of, given, legend, save
+from gym_passive_walker.render.axes import (
+    GREY,
+    OWN,
+    axes_for,
+    figure_of,
+    given,
+    legend,
+    picture_path,
+    save,
+)
 from gym_passive_walker.render.ground import between, ground_under, height
 from gym_passive_walker.render.pose import Leg, Pose, legs_by_identity, level, pose
 from gym_passive_walker.walkers import WalkerLike, as_walker, name_of
@@ -69,6 +78,7 @@ def strobe(
         ImportError: if matplotlib is not installed.
     """
     need("matplotlib", "figures")
+    path = None if path is None else picture_path(path)
     walk = simulate(
         walker, slope, state, strides=strides, samples=flashes, hip_torque=hip_torque,
         terrain=terrain, key=key,

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gym_passive_walker.extras import extra
-from gym_passive_walker.files import replacing
+from gym_passive_walker.files import prepare, replacing
 from gym_passive_walker.policies import TrainedPolicy, load_policy
 from gym_passive_walker.render.film import film_path
 from gym_passive_walker.viewer.walk import LiveWalk
 from gym_passive_walker.walkers import WalkerLike, as_walker
 
+_PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tga")  # what pygame writes
 _LONGEST_FRAME = 0.1  # seconds: after a longer pause of the machine time stands still
 
 
@@ -40,6 +41,13 @@ def _open_display() -> None:
         ) from None
 
 
+def _picture_path(path: str | Path) -> Path:
+    """A path that pygame can write a picture to."""
+    if Path(path).suffix.lower() not in _PICTURES:
+        raise ValueError(f"a picture's name must end in one of {', '.join(_PICTURES)}, not {path}")
+    return prepare(path)
+
+
 def play(
     walker: WalkerLike | None = None,
     slope: float | None = None,
@@ -62,7 +70,7 @@ def play(
         start: Section state to start from, in the walker's own units, (6,); None is a gait.
         seconds: When to close the window; None leaves that to the user.
         film: File to record all frames in, MP4 or GIF.
-        picture: File to write the last frame to, of a kind that pygame knows, such as PNG.
+        picture: File to write the last frame to, PNG, JPEG, BMP or TGA.
 
     Raises:
         ValueError: if an argument is out of its range; subclasses say which (`WalkerError`,
@@ -85,6 +93,7 @@ def play(
     if slope is None:
         slope = gentle_slope(walker) if policy is None else float(np.mean(policy.scene.slope))
     film = None if film is None else film_path(film)
+    picture = None if picture is None else _picture_path(picture)
     player = Player(LiveWalk(walker, slope, policy=policy, start=start))
     view = View(KEYS)
     controls = Controls(player, view)

@@ -10,6 +10,7 @@ import pytest
 import train
 from agents import benchmark, standings
 from agents.benchmark import Unit
+from agents.commands import run_benchmark
 from agents.config import ConfigError, configure
 from gym_passive_walker import closed_loop_gait, find_gait
 from gym_passive_walker.control import optimal
@@ -212,3 +213,12 @@ def test_an_agent_learns_and_is_judged(tmp_path, capsys):
     assert train.main([*line.split(), str(tmp_path)]) == 0
     kept = json.loads((tmp_path / "scores" / "steep-ppo-0.json").read_text())
     assert kept["learning_steps"] >= 8192 and kept["learning_seconds"] > 0.0
+
+
+def test_a_document_without_marks_is_refused_before_anything_is_computed(tmp_path, monkeypatch):
+    monkeypatch.setattr(benchmark, "run", lambda *_, **__: pytest.fail("it computes"))
+    page = tmp_path / "page.md"
+    page.write_text("no marks")
+    for document in (page, tmp_path / "none.md"):
+        with pytest.raises(ConfigError, match=document.name):
+            run_benchmark(["--out", str(tmp_path), "--document", str(document)])

@@ -151,3 +151,12 @@ def test_pictures_load_no_more_than_they_need(tmp_path):
     command = [sys.executable, "-c", code, str(tmp_path / "portrait.png")]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("drawn", [strobe, phase_portrait])
+def test_a_picture_s_name_is_refused_before_the_walk_is_computed(drawn, monkeypatch, tmp_path):
+    for module in ("strobe", "portrait"):
+        drawing = sys.modules[f"gym_passive_walker.render.{module}"]
+        monkeypatch.setattr(drawing, "simulate", lambda *_, **__: pytest.fail("it walks"))
+    with pytest.raises(ValueError, match="must end in one of"):
+        drawn("lab", SLOPE, GAIT, path=tmp_path / "walk.doc")
