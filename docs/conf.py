@@ -39,7 +39,7 @@ napoleon_numpy_docstring = False
 napoleon_use_ivar = True
 
 html_theme = "furo"
-html_title = "gym_passive_walker"
+html_title = "Gym Passive Walker"  # in words: the side bar is too narrow for the name in one piece
 html_theme_options = {"navigation_with_keys": True}
 
 _DRAWS = re.compile(r"\.plot\(|\bplt\.")
