@@ -77,10 +77,10 @@ class Run:
 
         def reach(seconds: float) -> None:
             row = self._evaluate(seconds)
-            said = (
-                f"walks {row['distance']:.1f} l, {row['strides']:.0f} strides, return "
-                f"{row['reward']:.1f} (exploring {row['exploring_reward']:.1f})"
-            )
+            said = f"walks {row['distance']:.1f} l, {row['strides']:.0f} strides, return "
+            said += f"{row['reward']:.1f}"
+            if not math.isnan(row["exploring_reward"]):
+                said += f" (exploring {row['exploring_reward']:.1f})"
             bar.set_postfix_str(said, refresh=False)
             self._save()
 
