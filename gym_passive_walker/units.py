@@ -53,16 +53,27 @@ class Units(NamedTuple):
 
     def to_dimensionless(self, states: ArrayLike) -> NDArray[np.float64]:
         """Dimensionless states (..., 6) of states in the walker's own units."""
-        return np.asarray(states) * self._times(self.time)
+        return np.asarray(states) * _times(self.time)
 
     def to_own(self, states: ArrayLike) -> NDArray[np.float64]:
         """States (..., 6) in the walker's own units of dimensionless ones."""
-        return np.asarray(states) / self._times(self.time)
+        return np.asarray(states) / _times(self.time)
 
-    def _times(self, time: float) -> NDArray:
-        times = np.ones((*np.shape(time), 6))
-        times[..., 3:] = time if np.ndim(time) == 0 else np.asarray(time)[..., None]
-        return times
+
+def _times(time: float | NDArray) -> NDArray[np.float64]:
+    """What rates are multiplied by and angles are not, (6,), or (n, 6) for n walkers."""
+    if type(time) is float:
+        return _times_of_one(time)
+    times = np.ones((*np.shape(time), 6))
+    times[..., 3:] = np.asarray(time)[..., None]
+    return times
+
+
+@lru_cache(maxsize=4096)  # one walker's stride waits for it twice
+def _times_of_one(time: float) -> NDArray[np.float64]:
+    times = np.array([1.0, 1.0, 1.0, time, time, time])
+    times.flags.writeable = False
+    return times
 
 
 def units_of(walker: Any) -> Units:

@@ -155,3 +155,17 @@ def test_what_cannot_be_written_is_told_by_its_own_name(tmp_path):
     with pytest.raises(OSError, match=r"Not a directory|File exists") as told, replacing(target):
         pass
     assert told.value.filename == str(target)
+
+
+def test_a_film_in_slow_motion_has_as_many_more_frames(tmp_path):
+    pytest.importorskip("moviepy")
+    pytest.importorskip("pygame")
+    from gym_passive_walker.render.film import film
+
+    state = gpw.find_gait("lab", 0.036).state
+    frames = [
+        film("lab", 0.036, state, tmp_path / "walk.gif", strides=1, slower=slower)
+        for slower in (1.0, 2.0, 0.5)
+    ]
+    assert frames[1] == pytest.approx(2 * frames[0], abs=1)
+    assert frames[2] == pytest.approx(0.5 * frames[0], abs=1)

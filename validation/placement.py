@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker import WALKERS, Outcome
-from gym_passive_walker.control.motion import Motion
 from gym_passive_walker.control.once_a_stride import SpeedControl, midstance_speed
-from gym_passive_walker.control.ticks import ticked_strides
+from gym_passive_walker.control.ticks import Walkers, ticked_strides
 from validation.rows import Row, claim, listed, number
 from validation.walks import gait
 
@@ -56,13 +55,13 @@ def _walk(
         Strides that each made, (n,); mid-stance speeds, (strides, n); and the torques' absolute
         work per unit of foot mass, (strides, n); NaN where a walker has fallen.
     """
-    motion, n = Motion(walker=WALKERS["D"], tolerance=1e-11), len(points)
+    who, n = Walkers(walker=WALKERS["D"], tolerance=1e-11), len(points)
     going, made = np.arange(n), np.zeros(n, int)
     speeds, works = np.full((2, len(slopes), n), np.nan)
     for k, slope in enumerate(slopes):
         here = np.broadcast_to(slope, n)[going]
         torque = np.zeros((len(points), 1)) if law is None else law.drives(points, here)
-        walked = ticked_strides(motion, here, points, torque, tick=math.inf)
+        walked = ticked_strides(who, here, points, torque, tick=math.inf)
         speeds[k, going] = midstance_speed(points, here)
         works[k, going] = (np.abs(torque) * walked.turn)[:, 0]
         on = walked.outcomes == Outcome.HEELSTRIKE

@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize
 
-from gym_passive_walker.control.motion import Motion
 from gym_passive_walker.control.ticks import TickedStride, before_kneestrike, ticked_stride
 from gym_passive_walker.envs.scene import CHANNELS, Scene
+from gym_passive_walker.gaits.flow import Walkers
 from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.stability import NoStride
 
@@ -168,7 +168,7 @@ class Problem:
         self.largest = np.repeat(largest[: self.motors], ticks)  # torque of each part
         self.largest_push = largest[-1]
         works = (
-            Motion(walker=scene.walker).system().works
+            Walkers(walker=scene.walker).system().works
         )  # a hip's work is none on feet of vanishing mass
         self.works = np.repeat(np.array(works)[: self.motors], ticks)
         self._last: tuple[Any, Any] = None, None
@@ -239,9 +239,9 @@ class Problem:
         """What `room` returns."""
         if not self.clears:
             return np.empty(0), np.empty((0, len(z)))
-        motion = Motion(walker=self.scene.walker, motors=("ankle",) * (self.motors == 2))
+        walkers = Walkers(walker=self.scene.walker, using=("ankle_torque",) * (self.motors == 2))
         state, by = before_kneestrike(
-            motion, self.slope, z[: self.m], self.torques(z), tick=self.tick, walked=walked
+            walkers, self.slope, z[: self.m], self.torques(z), tick=self.tick, walked=walked
         )
         return _AHEAD @ state[:2] - _CLEAR, _AHEAD @ self._by_unknowns(by[:2])
 

@@ -21,9 +21,10 @@ from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.first_passage import SETTLING as FORGETTING
 from gym_passive_walker.gaits.first_passage import FirstPassage, survivors, walks
+from gym_passive_walker.gaits.flow import Walkers
 from gym_passive_walker.gaits.terrain import Terrain, rough
 from gym_passive_walker.physics import legs
-from gym_passive_walker.physics.systems import UNEVEN, body_of, system_of
+from gym_passive_walker.physics.systems import body_of
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
@@ -420,9 +421,9 @@ def _lasting(
     """How long passive walkers last on rough ground, and what share is left after each stride."""
     walker, whole_way = scene.walker, FORGETTING + strides
     crowd = walks(
-        system_of(walker, using=UNEVEN), body_of(walker), units_of(walker).to_dimensionless(state),
-        float(np.mean(scene.slope)), terrain, walkers=count, seed=seed, tolerance=scene.tolerance,
-        stub=scene.stub,
+        Walkers(walker=walker, tolerance=scene.tolerance, stub=scene.stub),
+        units_of(walker).to_dimensionless(state), float(np.mean(scene.slope)), terrain,
+        walkers=count, seed=seed,
     )  # fmt: skip
     left = survivors(crowd, count, whole_way)
     return FirstPassage.of(left), left[1:] / count

@@ -12,9 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.control.motion import ROWS, Motion
 from gym_passive_walker.envs import task
 from gym_passive_walker.envs.scene import by_hip_alone, undisturbed
+from gym_passive_walker.gaits.flow import ROWS, Walkers, go_on
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.physics.systems import system_of
 from gym_passive_walker.walkers import PARAMETERS
@@ -83,10 +83,10 @@ class Tape:
         record["control"][:, 0] = torques
         record["moved"], record["turned"] = 0.0, 0.0
         record["end"] = np.minimum(record["time"] + rules["tick"], rules["longest_stride"])
-        carried = self._motion().follow(records, ("state", "torque"))
-        told, distance = carried.told, carried.distance
+        walked = go_on(self._who(), records, ("state", "hip_torque"))
+        told, distance = walked.told(), walked.distance
         stalled = record["end"] >= rules["longest_stride"]
-        fell = (carried.outcomes > _STRUCK) | (stalled & (carried.outcomes != _STRUCK))
+        fell = (walked.outcomes > _STRUCK) | (stalled & (walked.outcomes != _STRUCK))
         told[fell, :, 1:] = 0.0
         stands = _stands(fell.reshape(shape), record["time"].reshape(shape) == 0.0)
         distance = distance[:, 1:] * stands.reshape(-1, 1)
@@ -109,15 +109,15 @@ class Tape:
             rewards_by_action=rewards[:, _ACTION].reshape(shape),
         )
 
-    def _motion(self) -> Motion:
-        """How all walkers that were noted move."""
+    def _who(self) -> Walkers:
+        """All walkers that were noted."""
         scene, parameters = self._scene, {}
         if len(set(map(id, self._walkers))) > 1:
             parameters = {
                 name: np.array([getattr(walker, name) for walker in self._walkers])
                 for name in PARAMETERS
             }
-        return Motion(
+        return Walkers(
             walker=scene.walker, parameters=parameters, tolerance=scene.tolerance, stub=scene.stub
         )
 

@@ -13,13 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.control.motion import MOTORS, ROWS, Carried, Motion
 from gym_passive_walker.engine.layout import RECORD
-from gym_passive_walker.engine.run import advance, new_records
+from gym_passive_walker.gaits.flow import MOTORS, ROWS, Flow, Walkers, go_on, new_records
 from gym_passive_walker.gaits.passage import NoStride
-from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.physics.hybrid import Outcome, State
-from gym_passive_walker.physics.systems import bodies, system_of
 from gym_passive_walker.walkers import Walker
 
 LONGEST = 20.0
@@ -31,7 +28,7 @@ _DURATION, _LENGTH, _KNEE, _PUSHED = map(
 )
 _OF_HIP = list(map(_TOLD.index, ("moved", "turned")))
 _OF_BOTH = list(map(_TOLD.index, ("moved", "ankle_moved", "turned", "ankle_turned")))
-_MOTORS = ("torque", "ankle")
+_MOTORS = ("hip_torque", "ankle_torque")
 _TOGETHER = 128  # walkers whose ticks are followed side by side
 _STATE = len(State._fields)
 _RUNNING, _STRUCK = int(Outcome.RUNNING), int(Outcome.HEELSTRIKE)
@@ -109,11 +106,11 @@ def ticked_stride(
     Raises:
         NoStride: if the stride does not end with a heelstrike.
     """
-    motors = ("ankle",) * (np.ndim(torques) == 2) + ("push_off",) * (push_off is not None)
-    motion = Motion(walker=walker, tolerance=tolerance, stub=stub, motors=motors)
+    motors = ("ankle_torque",) * (np.ndim(torques) == 2) + ("push_off",) * (push_off is not None)
+    walkers = Walkers(walker=walker, tolerance=tolerance, stub=stub, using=motors)
     points, held = (np.asarray(x, dtype=float)[None] for x in (point, torques))
     pushed = None if push_off is None else np.array([push_off])
-    walked = ticked_strides(motion, slope, points, held, tick=tick, push_offs=pushed)
+    walked = ticked_strides(walkers, slope, points, held, tick=tick, push_offs=pushed)
     walked = TickedStride(*(x[0] for x in walked))
     outcome = Outcome(int(walked.outcomes))
     if outcome != Outcome.HEELSTRIKE:
@@ -122,7 +119,7 @@ def ticked_stride(
 
 
 def before_kneestrike(
-    motion: Motion,
+    walkers: Walkers,
     slope: float,
     point: NDArray,
     torques: NDArray,
@@ -133,7 +130,7 @@ def before_kneestrike(
     """The state of one walker on the verge of kneestrike, with its derivatives.
 
     Args:
-        motion: How the walker moves, as in `ticked_strides`.
+        walkers: The walker, as in `ticked_strides`.
         slope: Slope in rad.
         point: Start on the section, (m,).
         torques: Torques of the hip (N,), or of hip and ankle (2, N).
@@ -147,26 +144,26 @@ def before_kneestrike(
     held = np.reshape(torques, (1, -1, np.shape(torques)[-1]))
     _, motors, count = held.shape
     m, end = len(point), (1.0 - _VERGE) * float(walked.kneestrike)
-    records = new_records(motion.section.state(point[None]), slope)
+    records = new_records(walkers.section.state(point[None]), slope)
     change = np.zeros((_STATE, walked.by.shape[-1]))
-    change[:, :m] = motion.section.state(np.eye(m)).T
+    change[:, :m] = walkers.section.state(np.eye(m)).T
     for k in range(count):
         until = end if k == count - 1 else min((k + 1) * tick, end)
         hold(records, held[:, :, k], until)
-        followed = motion.follow(records, ("state", *_MOTORS[:motors], "end"), from_section=k == 0)
+        followed = go_on(walkers, records, ("state", *_MOTORS[:motors], "end"), on_section=k == 0)
         value, by_state, by_motors, by_end = np.split(
-            followed.told[0, :_STATE], np.cumsum([1, _STATE, motors]), axis=1
+            followed.told(State._fields)[0], np.cumsum([1, _STATE, motors]), axis=1
         )
         change = by_state @ change
         change[:, m + k : m + motors * count : count] += by_motors
-        records = followed.records
+        records = followed.here
         if until == end:
             break
     return value[:, 0], change + (1.0 - _VERGE) * by_end @ walked.by[-1:]
 
 
 def ticked_strides(
-    motion: Motion,
+    walkers: Walkers,
     slopes: ArrayLike,
     points: NDArray,
     torques: NDArray,
@@ -182,7 +179,7 @@ def ticked_strides(
     there are.
 
     Args:
-        motion: How the walkers move; it names ankle and push-off among its motors if they are used.
+        walkers: Who walks; they are `using` ankle torque and push-off if there are any.
         slopes: Slope in rad, one for all or (n,).
         points: Starts on the section, (n, m).
         torques: Torques of the hip, (n, N), or of hip and ankle, (n, 2, N); the last one is held
@@ -196,10 +193,10 @@ def ticked_strides(
     held = torques if torques.ndim == 3 else torques[:, None]
     size = held.shape[1] * held.shape[2]
     pushes = 0.0 if push_offs is None else push_offs
-    records = new_records(motion.section.state(points), slopes, push_off=pushes)
+    records = new_records(walkers.section.state(points), slopes, push_off=pushes)
     columns = by if push_offs is None else ("push_off", *by)
     parts = [
-        _ticked(motion, records, held, np.arange(i, min(i + _TOGETHER, n)), tick, columns)
+        _ticked(walkers, records, held, np.arange(i, min(i + _TOGETHER, n)), tick, columns)
         for i in range(0, n, _TOGETHER)
     ]
     told, outcomes = map(np.concatenate, zip(*parts, strict=True))
@@ -219,10 +216,10 @@ def ticked_strides(
 
 
 def _ticked(
-    motion: Motion,
+    walkers: Walkers,
     records: NDArray,
     held: NDArray,
-    walkers: NDArray,
+    chosen: NDArray,
     tick: float,
     others: Sequence[str],
     *,
@@ -233,16 +230,16 @@ def _ticked(
     Where every tick begins is known once all have been walked without derivatives; then all of
     them are followed side by side, or on request with their derivatives one after the other.
     """
-    section, (_, motors, count) = motion.section, held.shape
-    n, m, size = len(walkers), section.dimension, motors * count
+    section, (_, motors, count) = walkers.section, held.shape
+    n, m, size = len(chosen), section.dimension, motors * count
     columns = ("state", *_MOTORS[:motors], *others, "start")
-    ticks = _through_ticks(motion, records, held, walkers, tick, columns if in_turn else ())
-    lanes = np.searchsorted(walkers, np.concatenate([lanes for lanes, _, _ in ticks]))
+    ticks = _through_ticks(walkers, records, held, chosen, tick, columns if in_turn else ())
+    lanes = np.searchsorted(chosen, np.concatenate([lanes for lanes, _, _ in ticks]))
     if in_turn:
-        moved = np.concatenate([ended.told_of_all for _, _, ended in ticks])
+        moved = np.concatenate([ended.told(_TOLD) for _, _, ended in ticks])
         astray = lanes[:0]
     else:
-        moved, alike = _side_by_side(motion, ticks, columns)
+        moved, alike = _side_by_side(walkers, ticks, columns)
         astray = np.unique(lanes[~alike])
     tick_of = np.repeat(np.arange(len(ticks)), [len(lanes) for lanes, _, _ in ticks])
     edges = np.searchsorted(tick_of, np.arange(len(ticks) + 1))
@@ -287,35 +284,35 @@ def _ticked(
     outcomes = np.full(n, Outcome.STALLED, np.int64)
     outcomes[lanes[over]] = ended[over]
     if len(astray):
-        again = _ticked(motion, records, held, walkers[astray], tick, others, in_turn=True)
+        again = _ticked(walkers, records, held, chosen[astray], tick, others, in_turn=True)
         told[astray], outcomes[astray] = again
     return told, outcomes
 
 
 def _through_ticks(
-    motion: Motion,
+    walkers: Walkers,
     records: NDArray,
     held: NDArray,
     lanes: NDArray,
     tick: float,
     by: Sequence[str] = (),
-) -> list[tuple[NDArray, NDArray, Carried]]:
+) -> list[tuple[NDArray, NDArray, Flow]]:
     """Carry walkers through tick after tick: which they were, from where, what became of them."""
     ticks, last = [], held.shape[2] - 1
     records = records[lanes]
     for k in range(last + 1):
         hold(records, held[lanes, :, k], LONGEST if k == last else (k + 1) * tick)
-        ended = motion.follow(records, by, lanes=lanes, from_section=k == 0)
+        ended = go_on(walkers, records, by, lanes=lanes, on_section=k == 0)
         ticks.append((lanes, records, ended))
         on = ended.outcomes == _RUNNING
-        lanes, records = lanes[on], ended.records[on]
+        lanes, records = lanes[on], ended.here[on]
         if len(lanes) == 0:
             break
     return ticks
 
 
 def _side_by_side(
-    motion: Motion, ticks: list[tuple[NDArray, NDArray, Carried]], by: Sequence[str]
+    walkers: Walkers, ticks: list[tuple[NDArray, NDArray, Flow]], by: Sequence[str]
 ) -> tuple[NDArray, NDArray[np.bool_]]:
     """What is told of ticks with their derivatives, all followed at once; and of which it holds.
 
@@ -329,12 +326,12 @@ def _side_by_side(
         # As plain numbers: NumPy is slow to see that records are alike.
         before = np.concatenate([records.view(float) for _, records, _ in some]).view(RECORD)
         lanes = np.concatenate([lanes for lanes, _, _ in some])
-        part = motion.follow(before, by, lanes=lanes, from_section=first)
+        part = go_on(walkers, before, by, lanes=lanes, on_section=first)
         ended, locked = (
             np.concatenate([getattr(ended, name) for _, _, ended in some])
             for name in ("outcomes", "locked")
         )
-        told.append(part.told_of_all)
+        told.append(part.told(_TOLD))
         alike.append((part.outcomes == ended) & (part.locked == locked))
     return np.concatenate(told), np.concatenate(alike)
 
@@ -375,15 +372,15 @@ def course(
         Times (k,), from the start to just before heelstrike; states with dimensionless rates
         (k, 6); and the torques under which the walker came to each, (2, k).
     """
-    using = ("ankle",) * bool(np.any(torques[1]))
-    section, system = Section(walker=walker), system_of(walker, using=using)
+    using = ("ankle_torque",) * bool(np.any(torques[1]))
+    walkers = Walkers(walker=walker, using=using, tolerance=1e-10)
     edges = tick * np.arange(1, torques.shape[1])
     times = np.union1d(np.linspace(0.0, duration * (1.0 - _VERGE), _SAMPLES), edges)
-    records = new_records(section.state(point[None]), slope)
+    records = new_records(walkers.section.state(point[None]), slope)
     states, held = [records["state"][0, 0].copy()], [torques[:, 0]]
     for before, time in pairwise(times):
         held.append(torques[:, np.searchsorted(edges, before, side="right")])
         hold(records, held[-1][None], time)
-        advance(system, bodies(walker), records, tolerance=1e-10, from_section=before == 0.0)
-        states.append(records["state"][0, 0].copy())
+        records = go_on(walkers, records, on_section=before == 0.0).here
+        states.append(records["state"][0, 0])
     return times, np.array(states), np.transpose(held)

@@ -17,9 +17,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import number, shown, whole
-from gym_passive_walker.engine.run import advance, new_records
+from gym_passive_walker.gaits.flow import Walkers, flow
 from gym_passive_walker.gaits.terrain import Terrain
-from gym_passive_walker.physics.hybrid import Outcome, System
 from gym_passive_walker.progress import progress
 
 SETTLING = 10
@@ -85,51 +84,41 @@ class FirstPassage(NamedTuple):
 
 
 def walks(
-    system: System,
-    body: ArrayLike,
+    who: Walkers,
     state: ArrayLike,
     slope: float,
     terrain: Terrain,
     *,
     walkers: int,
     hip_torque: float = 0.0,
-    stub: bool = False,
     seed: int = 0,
-    tolerance: float = 1e-8,
 ) -> Iterator[int]:
     """Walk over ground at random, each walker over its own; all dimensionless.
 
     Args:
-        system: Which equations they obey, those for uneven ground.
-        body: What these know of the walker.
+        who: The walker.
         state: Where each begins, just after heelstrike, (6,).
         slope: Slope in rad.
         terrain: How footholds lie.
         walkers: How many begin.
         hip_torque: Torque held all along.
-        stub: Whether a kneed walker's locked swing leg below the ground ends a walk.
         seed: Of the walkers' keys.
-        tolerance: Of the integration.
 
     Yields:
         How many are left after each stride.
     """
     keys = np.random.default_rng(seed).integers(2**64, size=walkers, dtype=np.uint64)
     states = np.repeat(np.asarray(state, dtype=float)[None], walkers, axis=0)
-    bodies = np.asarray(body, dtype=float)[None, None]
     place = 0
     while len(keys):
         tilts, rises, turns = terrain.ground(keys, place).T
-        records = new_records(states, slope + tilts, hip_torque, rise=rises, turn=turns)
-        advance(system, bodies, records, tolerance=tolerance, scuff=stub)
-        left = records["outcome"][:, 0] == Outcome.HEELSTRIKE
-        states, keys, place = records["state"][left, 0], keys[left], place + 1
+        walked = flow(who, states, slope + tilts, controls=hip_torque, rises=rises, turns=turns)
+        states, keys, place = walked.states[walked.struck], keys[walked.struck], place + 1
         yield len(keys)
 
 
 def first_passage(
-    system: System,
-    body: ArrayLike,
+    who: Walkers,
     state: ArrayLike,
     slope: float,
     terrain: Terrain,
@@ -142,8 +131,7 @@ def first_passage(
     """How long walkers last on rough ground, from a crowd of them.
 
     Args:
-        system: As for `walks`, as all up to the terrain.
-        body: Likewise.
+        who: As for `walks`, as all up to the terrain.
         state: Likewise.
         slope: Likewise.
         terrain: Likewise.
@@ -152,7 +140,7 @@ def first_passage(
         settling: Strides before any are counted: after these they have forgotten their start.
         **options: As for `walks`.
     """
-    crowd = walks(system, body, state, slope, terrain, walkers=walkers, **options)
+    crowd = walks(who, state, slope, terrain, walkers=walkers, **options)
     return FirstPassage.of(survivors(crowd, walkers, settling + strides), settling)
 
 

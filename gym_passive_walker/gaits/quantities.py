@@ -115,7 +115,7 @@ def _clearance(gait: Sensitivity) -> Graded:
         points = from_logarithms(beside)
         times = walkers.apply(points, slopes).knee_times if corner else np.full(len(points), time)
         states = walkers.sample(points, slopes, times[:, None]).states[:, 0]
-        body = walkers.system.Body(*walkers.bodies[:, 0].T)
+        body = walkers.system.Body(*walkers.walkers.constants[:, 0].T)
         return walkers.system.foot_clearance(body, State(*states.T))
 
     sizes = [size_of(name, walker, slope) for name in gait.by]

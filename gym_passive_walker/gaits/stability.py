@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import check_state, check_tolerance, number, one_slope, shown
-from gym_passive_walker.engine.run import LONGEST_STRIDE
 from gym_passive_walker.gaits.drive import Drive, drive_units, one_drive
+from gym_passive_walker.gaits.flow import LONGEST_STRIDE
 from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.gaits.passage import NoStride, Passage
 from gym_passive_walker.gaits.stride_map import StrideMap

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,16 +19,15 @@ from gym_passive_walker.arguments import (
     truth,
     whole,
 )
-from gym_passive_walker.engine.run import LONGEST_STRIDE, advance, new_records
 from gym_passive_walker.gaits.drive import (
     PASSIVE,
     check_drive,
     drive_shapes,
     to_dimensionless,
 )
+from gym_passive_walker.gaits.flow import LONGEST_STRIDE, Walkers, advance, flow
 from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.physics.hybrid import Ground, Outcome, State, System
-from gym_passive_walker.physics.systems import UNEVEN, bodies, system_of
 from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
 
@@ -220,27 +219,30 @@ def stride(
             f"{np.shape(rise)}, turn {np.shape(turn)} and states {states.shape[:-1]} do not fit "
             "together: give one of each, or the same number"
         ) from None
-    using = (*drive.using, *UNEVEN) if ground else drive.using
-    system, units, own = system_of(walker, using=using), units_of(walker), bodies(walker)
-    count = math.prod(shape)
+    units, count = units_of(walker), math.prod(shape)
     flat = np.empty((*shape, 6))
     flat[:] = units.to_dimensionless(states)
     if not walker.knees:
         flat[..., 2], flat[..., 5] = flat[..., 1], flat[..., 4]
     if shape:
         slopes = np.broadcast_to(slopes, shape).reshape(count)
-    records = new_records(flat.reshape(count, 6), slopes, end=longest)
+    given: dict[str, Any] = {}
     if drive is not PASSIVE:
         hip, ankle, push = (
             part if type(part) is float else np.broadcast_to(part, shape).ravel()
             for part in to_dimensionless(units, drive)
         )
-        records["control"][:, 0, 0], records["control"][:, 0, 1] = hip, ankle
-        records["push_off"][:, 0] = push
+        held = np.empty((count, 2))
+        held[:, 0], held[:, 1] = hip, ankle
+        given |= {"controls": held, "push_offs": push}
     if ground:
-        each = [np.broadcast_to(part, shape).ravel() for part in ground]
-        records["ground"][:, 0, 2], records["ground"][:, 0, 3] = each[0] / units.length, each[1]
-    carry(system, own, records, tolerance=tolerance, scuff=stub, threads=threads)
+        rises, turns = (np.broadcast_to(part, shape).ravel() for part in ground)
+        given |= {"rises": rises / units.length, "turns": turns}
+    walked = flow(
+        Walkers(walker=walker, using=drive.using, tolerance=tolerance, stub=stub),
+        flat.reshape(count, 6), slopes, until=longest, threads=threads, carry=carry, **given,
+    )  # fmt: skip
+    system, own, records = walked.system, walked.bodies, walked.records
     record = records[:, 0]
     outcome, length = record["outcome"], record["step_length"]
     gravity, spring, knee_time = (record[x] for x in ("gravity_work", "spring_work", "knee_time"))

@@ -11,7 +11,7 @@ try:
 except ImportError as error:
     raise ImportError(
         'gradients for torch need torch, which is not installed: pip install "gym-passive-walker'
-        '[train]"; control.motion has the same derivatives for NumPy',
+        '[train]"; gaits.flow has the same derivatives for NumPy',
         name="torch",
     ) from error
 

@@ -17,16 +17,19 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from gym_passive_walker.control.motion import ROWS, Motion
-from gym_passive_walker.engine.run import new_records
+from gym_passive_walker.gaits.drive import Drive, check_drive
+from gym_passive_walker.gaits.flow import MOTORS, ROWS, Walkers, go_on, new_records
 from gym_passive_walker.physics.hybrid import Outcome, State
 from gym_passive_walker.walkers import PARAMETERS, Walker, WalkerError
 
-INPUTS = (*State._fields, "slope", "torque", "end")
+HELD = ("slope", "hip_torque", "ankle_torque", "push_off", "rise", "turn", "end")
+"""What walkers meet: slope, motors, the next foothold, and when to stop."""
+
+INPUTS = (*State._fields, *HELD)
 """Columns of an operation's input; parameters of the walker follow."""
 
-RESULTS = (*ROWS, "distance")
-"""Columns of its result; see `control.motion.ROWS`, and how far the hip has come."""
+RESULTS = (*ROWS, *MOTORS, "distance")
+"""Columns of its result; see `gaits.flow.ROWS`, `MOTORS`, and how far the hip has come."""
 
 _SIZE = len(State._fields)
 _RUNNING, _STRUCK, _STALLED, _DIVERGED = map(
@@ -41,8 +44,8 @@ class Manner:
     Attributes:
         walker: The walker.
         parameters: Those that are inputs.
-        by: Inputs that are differentiated by, besides the state: "slope", "torque", "end" or
-            parameters.
+        by: Inputs that are differentiated by, besides the state: of HELD, or parameters.
+        using: What of HELD is used, so that equations are those with it.
         tolerance: Of the integration.
         stub: Whether a stubbed toe ends a stride.
         whole: Whether a stride begins here, and has stalled if it does not end.
@@ -51,6 +54,7 @@ class Manner:
     walker: Walker
     parameters: tuple[str, ...]
     by: tuple[str, ...]
+    using: tuple[str, ...]
     tolerance: float
     stub: bool
     whole: bool = False
@@ -64,7 +68,7 @@ class Moved(NamedTuple):
         jacobians: Of these by the inputs, (n, results, inputs).
         phases: In which phase each is, (n,).
         outcomes: An `Outcome`, (n,); RUNNING where the time was up.
-        margins: How fast strikes fell through zero, (n,); see `control.motion.Carried.margins`.
+        margins: How fast strikes fell through zero, (n,); see `gaits.flow.Flow.margins`.
     """
 
     values: Tensor
@@ -98,6 +102,7 @@ def carry_on(inputs: Tensor, phases: Tensor, going: Tensor, manner: Manner) -> M
         manner: How.
 
     Raises:
+        ValueError: if a motor is none that these feet can bear.
         WalkerError: if parameters describe no walker.
     """
     return Moved(*_CarryOn.apply(inputs, phases, going, manner))  # type: ignore[misc]
@@ -190,26 +195,31 @@ def _walked(
         return values, jacobians, after, outcomes, margins
     own = inputs[lanes]
     _check(walker, manner.parameters, own[:, len(INPUTS) :])
-    states, slopes, torques, ends = own[:, :_SIZE].copy(), *own[:, _SIZE : len(INPUTS)].T
+    motors = Drive(*own[:, _SIZE + 1 : _SIZE + 4].T)
+    check_drive(walker, motors)
+    states, held = own[:, :_SIZE].copy(), dict(zip(HELD, own[:, _SIZE:].T, strict=False))
     if not walker.knees:
         states[:, 2], states[:, 5] = states[:, 1], states[:, 4]
-    records = new_records(states, slopes, torques, end=ends)
+    records = new_records(
+        states, held["slope"], np.stack(motors[:2], axis=1),
+        push_off=held["push_off"], rise=held["rise"], turn=held["turn"], end=held["end"],
+    )  # fmt: skip
     records["phase"][:, 0] = phases[lanes]
     parameters = dict(zip(manner.parameters, own[:, len(INPUTS) :].T, strict=True))
-    motion = Motion(
-        walker=walker, parameters=parameters, tolerance=manner.tolerance, stub=manner.stub
-    )
-    by = ("state", *manner.by)
-    carried = motion.follow(records, by, from_section=manner.whole)
-    told = np.concatenate([carried.told, carried.distance[:, None]], axis=1)
+    walkers = Walkers(
+        walker=walker, parameters=parameters, using=manner.using, tolerance=manner.tolerance,
+        stub=manner.stub,
+    )  # fmt: skip
+    walked = go_on(walkers, records, ("state", *manner.by), on_section=manner.whole)
+    told = np.concatenate([walked.told((*ROWS, *MOTORS)), walked.distance[:, None]], axis=1)
     names = (*INPUTS, *manner.parameters)
     columns = [*range(_SIZE), *map(names.index, manner.by)]
     values[lanes] = told[:, :, 0]
     own_jacobians = np.zeros((len(lanes), len(RESULTS), inputs.shape[1]))
     own_jacobians[:, :, columns] = told[:, :, 1:]
     jacobians[lanes] = own_jacobians
-    after[lanes], outcomes[lanes] = carried.records["phase"][:, 0], carried.outcomes
-    margins[lanes] = carried.margins
+    after[lanes], outcomes[lanes] = walked["phase"][:, 0], walked.outcomes
+    margins[lanes] = walked.margins
     if manner.whole:
         stalled = going & (outcomes == _RUNNING)
         outcomes[stalled], margins[stalled], jacobians[stalled] = _STALLED, np.nan, 0.0

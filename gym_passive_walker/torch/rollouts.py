@@ -183,9 +183,12 @@ def _tick(
     torques = scene.max_hip_torque * actions.reshape(-1).clamp(-1.0, 1.0)
     spans = torch.full_like(here.times, scene.tick if scene.control == "tick" else math.inf)
     left = scene.longest_stride - here.times
-    columns = [here.slopes, torques, torch.minimum(spans, left), *here.parameters.values()]
+    none = [torch.zeros_like(torques)] * 4  # neither ankle nor push-off, nor steps in the ground
+    columns = [here.slopes, torques, *none, torch.minimum(spans, left), *here.parameters.values()]
     parameters = tuple(here.parameters)
-    manner = Manner(scene.walker, parameters, ("torque", *parameters), scene.tolerance, scene.stub)
+    manner = Manner(
+        scene.walker, parameters, ("hip_torque", *parameters), (), scene.tolerance, scene.stub
+    )
     inputs = torch.cat([here.states, torch.stack(columns, 1)], 1)
     moved = carry_on(inputs, here.phases, going, manner)
     struck = moved.outcomes == _STRUCK

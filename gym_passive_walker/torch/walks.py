@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from itertools import compress
 from typing import Any, NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
 
 from gym_passive_walker.arguments import check_tolerance
-from gym_passive_walker.engine.run import LONGEST_STRIDE
 from gym_passive_walker.envs.task import ENERGIES, motor_charge
-from gym_passive_walker.physics.systems import system_of
+from gym_passive_walker.gaits.drive import Drive, drive_units
+from gym_passive_walker.gaits.flow import LONGEST_STRIDE
+from gym_passive_walker.physics.hybrid import Control
+from gym_passive_walker.physics.systems import UNEVEN, system_of
 from gym_passive_walker.torch.operation import (
     INPUTS,
     Manner,
@@ -44,6 +46,9 @@ class Stride(NamedTuple):
         gravity_work: Work of gravity; 0 without heelstrike.
         spring_work: What springs gave, less what they took; likewise.
         friction_loss: Energy lost to friction at the hip.
+        ankle_work: Net work of the ankle torque.
+        ankle_work_absolute: Integral of its absolute power.
+        push_off_work: Work of the push-off, just before heelstrike.
         outcome: How it ended, an `Outcome`.
         walks: Whether it ended with a heelstrike; only there are gradients.
         margin: How fast what ended phases fell through zero at the strikes, the least of them, in
@@ -61,6 +66,9 @@ class Stride(NamedTuple):
     gravity_work: Tensor
     spring_work: Tensor
     friction_loss: Tensor
+    ankle_work: Tensor
+    ankle_work_absolute: Tensor
+    push_off_work: Tensor
     outcome: Tensor
     walks: Tensor
     margin: Tensor
@@ -78,6 +86,9 @@ class Tick(NamedTuple):
         hip_work_absolute: Integral of the absolute hip power.
         collision_loss: Energy lost at strikes.
         friction_loss: Energy lost to friction at the hip.
+        ankle_work: Net work of the ankle torque.
+        ankle_work_absolute: Integral of its absolute power.
+        push_off_work: Work of the push-off, if a heelstrike came.
         outcome: How it ended, an `Outcome`: RUNNING or HEELSTRIKE unless the walker fell.
         walks: Whether the walker has not fallen; only there are gradients.
         margin: As of `Stride`; infinite without strikes.
@@ -91,6 +102,9 @@ class Tick(NamedTuple):
     hip_work_absolute: Tensor
     collision_loss: Tensor
     friction_loss: Tensor
+    ankle_work: Tensor
+    ankle_work_absolute: Tensor
+    push_off_work: Tensor
     outcome: Tensor
     walks: Tensor
     margin: Tensor
@@ -102,6 +116,10 @@ def stride(
     state: Any,
     *,
     hip_torque: Any = 0.0,
+    ankle_torque: Any = 0.0,
+    push_off: Any = 0.0,
+    rise: Any = 0.0,
+    turn: Any = 0.0,
     parameters: Mapping[str, Any] | None = None,
     tolerance: float = 1e-10,
     longest: float = LONGEST_STRIDE,
@@ -113,7 +131,12 @@ def stride(
         walker: The walker, in a form that `as_walker` takes.
         slope: Slope in rad, a number or (n,).
         state: State just after heelstrike, (6,) or (n, 6), in the walker's own units.
-        hip_torque: Torque held through the stride, a number or (n,).
+        hip_torque: Torque held through the stride, a number or (n,); as of
+            `gym_passive_walker.stride`, as are the other motors and the foothold.
+        ankle_torque: Likewise, between ground and stance leg; on point feet alone.
+        push_off: Impulse along the stance leg just before heelstrike, likewise.
+        rise: Height of the next foothold over this one, along this one's normal, likewise.
+        turn: By how much that slopes more steeply, in rad, likewise.
         parameters: Values of parameters of the walker, by name, in place of its own; numbers or
             (n,).
         tolerance: As of `gym_passive_walker.stride`, as are `longest` and `stub`.
@@ -126,11 +149,11 @@ def stride(
         WalkerError: if parameters describe no walker.
     """
     walk = _walk(
-        walker, slope, state, hip_torque, parameters,
+        walker, slope, state, Drive(hip_torque, ankle_torque, push_off), (rise, turn), parameters,
         end=longest, tolerance=tolerance, stub=stub, whole=True,
     )  # fmt: skip
-    knee_loss, heel_loss, gravity, springs, friction = walk.energies(
-        "knee_loss", "heel_loss", "gravity_work", "spring_work", "friction_loss"
+    knee_loss, heel_loss, gravity, springs, friction, pushed = walk.energies(
+        "knee_loss", "heel_loss", "gravity_work", "spring_work", "friction_loss", "push_work"
     )
     moved, units = walk.moved, walk.units
     told = Stride(
@@ -138,13 +161,16 @@ def stride(
         duration=moved.result("time") * units.time,
         kneestrike_time=moved.result("knee_time") * units.time,
         step_length=moved.result("step_length") * units.length,
-        hip_work=walk.hip_work("net"),
-        hip_work_absolute=walk.hip_work("absolute"),
+        hip_work=walk.work("hip", "net"),
+        hip_work_absolute=walk.work("hip", "absolute"),
         kneestrike_loss=knee_loss,
         heelstrike_loss=heel_loss,
         gravity_work=gravity,
         spring_work=springs,
         friction_loss=friction,
+        ankle_work=walk.work("ankle", "net"),
+        ankle_work_absolute=walk.work("ankle", "absolute"),
+        push_off_work=pushed,
         outcome=moved.outcomes,
         walks=moved.walks,
         margin=moved.margins,
@@ -160,6 +186,10 @@ def tick(
     *,
     duration: Any,
     phase: Any = 0,
+    ankle_torque: Any = 0.0,
+    push_off: Any = 0.0,
+    rise: Any = 0.0,
+    turn: Any = 0.0,
     parameters: Mapping[str, Any] | None = None,
     tolerance: float = 1e-10,
     stub: bool = False,
@@ -174,25 +204,34 @@ def tick(
         duration: How long the tick is, a number or (n,).
         phase: In which phase of its stride each is, a number or (n,): 0 where one begins, else what
             the tick before has told.
+        ankle_torque: Torque between ground and stance leg, likewise; on point feet alone.
+        push_off: Impulse along the stance leg just before heelstrike, if that comes.
+        rise: Height of the next foothold, as of `stride`.
+        turn: By how much that slopes more steeply, in rad.
         parameters: As of `stride`, as are `tolerance`, `stub` and what is raised.
         tolerance: Error relative to the largest angle or rate.
         stub: Whether a kneed walker's locked swing leg below the ground ends the walk.
     """
     walk = _walk(
-        walker, slope, state, hip_torque, parameters,
+        walker, slope, state, Drive(hip_torque, ankle_torque, push_off), (rise, turn), parameters,
         duration=duration, phase=phase, tolerance=tolerance, stub=stub,
     )  # fmt: skip
     moved, units = walk.moved, walk.units
-    knee_loss, heel_loss, friction = walk.energies("knee_loss", "heel_loss", "friction_loss")
+    knee_loss, heel_loss, friction, pushed = walk.energies(
+        "knee_loss", "heel_loss", "friction_loss", "push_work"
+    )
     told = Tick(
         state=walk.state,
         phase=moved.phases,
         duration=moved.result("time") * units.time,
         distance=moved.result("distance") * units.length,
-        hip_work=walk.hip_work("net"),
-        hip_work_absolute=walk.hip_work("absolute"),
+        hip_work=walk.work("hip", "net"),
+        hip_work_absolute=walk.work("hip", "absolute"),
         collision_loss=knee_loss + heel_loss,
         friction_loss=friction,
+        ankle_work=walk.work("ankle", "net"),
+        ankle_work_absolute=walk.work("ankle", "absolute"),
+        push_off_work=pushed,
         outcome=moved.outcomes,
         walks=moved.walks,
         margin=moved.margins,
@@ -206,8 +245,8 @@ class _Walk(NamedTuple):
     moved: Moved
     units: Units
     time: Tensor  # the unit of time, (n, 1)
-    torques: Tensor  # dimensionless, (n,)
-    works: bool
+    torques: Control  # dimensionless, (n,) each
+    works: Control
     several: bool
 
     @property
@@ -218,10 +257,12 @@ class _Walk(NamedTuple):
     def energies(self, *names: str) -> list[Tensor]:
         return [self.moved.result(name) * self.units.energy for name in names]
 
-    def hip_work(self, kind: str) -> Tensor:
-        """Work of the torque; without gradient where a walker fell."""
-        held = torch.where(self.moved.walks, self.torques, self.torques.detach()) * self.works
-        moved, turned = self.moved.result("moved"), self.moved.result("turned")
+    def work(self, motor: str, kind: str) -> Tensor:
+        """Work of a torque; without gradient where a walker fell."""
+        held = getattr(self.torques, motor)
+        held = torch.where(self.moved.walks, held, held.detach()) * getattr(self.works, motor)
+        of = "" if motor == "hip" else f"{motor}_"
+        moved, turned = self.moved.result(f"{of}moved"), self.moved.result(f"{of}turned")
         return motor_charge(ENERGIES.index(kind), held, moved, turned) * self.units.energy
 
 
@@ -229,7 +270,8 @@ def _walk(
     walker: WalkerLike,
     slope: Any,
     state: Any,
-    hip_torque: Any,
+    drive: Drive,
+    foothold: tuple[Any, Any],
     parameters: Mapping[str, Any] | None,
     *,
     duration: Any = None,
@@ -243,33 +285,43 @@ def _walk(
     walker, given = as_walker(walker), check_parameters(parameters)
     units = units_of(varied(walker, given) if given else walker)
     states, phases = as_tensor(state, "state"), torch.as_tensor(phase, dtype=torch.int64)
-    torques = as_tensor(hip_torque, "hip_torque") / units.torque
+    names, given_held = (*Drive._fields, *UNEVEN), (*drive, *foothold)
+    in_units = (*drive_units(units), units.length, 1.0)
+    controls = [
+        as_tensor(x, name) / unit for name, x, unit in zip(names, given_held, in_units, strict=True)
+    ]
     ends = end if duration is None else as_tensor(duration, "duration") / units.time
-    held = [as_tensor(slope, "slope"), torques, as_tensor(ends, "longest"), *given.values()]
+    held = [as_tensor(slope, "slope"), *controls, as_tensor(ends, "longest"), *given.values()]
     shapes = [states.shape[:-1], phases.shape, *(x.shape for x in held)]
     shape = max(shapes, key=len)
     if states.shape[-1:] != (6,) or len(shape) > 1 or not set(shapes) <= {shape, ()}:
+        sizes = {name: tuple(x.shape) for name, x in zip(("slope", *names), held, strict=False)}
         raise ValueError(
             "state must have shape (6,) or (n, 6), and slope, hip_torque and all else be numbers "
-            f"or (n,), but state is {tuple(states.shape)} and these are "
-            f"{[tuple(x.shape) for x in held]}"
+            f"or (n,), but state is {tuple(states.shape)}, and "
+            f"{', '.join(f'{name} {size}' for name, size in sizes.items() if size)}"
         )
     count = math.prod(shape)
     time = torch.as_tensor(units.time, dtype=torch.float64).expand(shape).reshape(count, 1)
     states, phases = states.expand(*shape, 6).reshape(count, 6), phases.expand(shape).reshape(count)
     columns = torch.stack([x.expand(shape).reshape(count) for x in held], 1)
     inputs = torch.cat([states[:, :3], states[:, 3:] * time, columns], 1)
+    asked = dict(zip(names, given_held, strict=True))
+    using = [name for name, x in asked.items() if isinstance(x, Tensor) or np.any(x)]
     # Parameters move the units, and with them what is held in the walker's own.
-    by = [isinstance(slope, Tensor), isinstance(hip_torque, Tensor) or bool(given)]
-    by += [duration is not None and (isinstance(duration, Tensor) or bool(given))]
+    by = ["slope"] if isinstance(slope, Tensor) else []
+    by += [name for name in using if isinstance(asked[name], Tensor) or given]
+    if duration is not None and (isinstance(duration, Tensor) or given):
+        by.append("end")
     manner = Manner(
         walker=walker,
         parameters=tuple(given),
-        by=(*compress(("slope", "torque", "end"), by), *given),
+        by=(*by, *given),
+        using=tuple(name for name in using if name != "hip_torque"),
         tolerance=check_tolerance(tolerance),
         stub=stub,
         whole=whole,
     )
     moved = carry_on(inputs, phases, torch.ones(count, dtype=torch.bool), manner)
-    torques = inputs[:, INPUTS.index("torque")]
-    return _Walk(moved, units, time, torques, bool(system_of(walker).works.hip), bool(shape))
+    torques = Control(*(inputs[:, INPUTS.index(f"{name}_torque")] for name in Control._fields))
+    return _Walk(moved, units, time, torques, system_of(walker).works, bool(shape))

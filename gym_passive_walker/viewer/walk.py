@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import one_slope
 from gym_passive_walker.engine.compiled import compiled
-from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.envs import task
 from gym_passive_walker.envs.starts import checked_state, gait_near
+from gym_passive_walker.gaits.flow import Walkers, go_on, new_records
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import Outcome, State
 from gym_passive_walker.physics.systems import bodies, system_of
@@ -131,9 +131,10 @@ class LiveWalk:
         if self.outcome != Outcome.RUNNING:
             return
         left = duration / self._units.time
-        record = self._record
         stub = self.policy is not None and self.policy.scene.stub and self.walker.knees
+        walkers = Walkers(walker=self.walker, tolerance=_TOLERANCE, stub=stub)
         while left > _INSTANT and self.outcome == Outcome.RUNNING:
+            record = self._record
             before = float(record["time"])
             if self.policy is not None and before > self._decision - _INSTANT:
                 self._decide(self.policy, before)
@@ -142,14 +143,8 @@ class LiveWalk:
             record["end"] = min(before + left, self._decision, self._sampling)
             record["control"][0] = self.torque
             record["moved"] = record["turned"] = 0.0
-            advance(
-                self._system,
-                self._bodies,
-                self._records,
-                tolerance=_TOLERANCE,
-                scuff=stub,
-                from_section=self._on_section,
-            )
+            self._records = go_on(walkers, self._records, on_section=self._on_section).here
+            record = self._record
             self._on_section = False
             self._work += abs(self.torque) * float(record["turned"][0]) * self._system.works.hip
             left -= float(record["time"]) - before

@@ -112,7 +112,15 @@ def test_a_second_signal_interrupts():
 
 
 def test_signals_are_as_before_afterwards():
-    before = signal.getsignal(signal.SIGINT)
-    with StopRequest():
-        assert signal.getsignal(signal.SIGINT) is not before
-    assert signal.getsignal(signal.SIGINT) is before
+    def mine(*_):
+        """A handler of somebody else's."""
+
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(number, mine) for number in numbers]
+    try:
+        with StopRequest():
+            assert all(signal.getsignal(number) is not mine for number in numbers)
+        assert all(signal.getsignal(number) is mine for number in numbers)
+    finally:
+        for number, handler in zip(numbers, before, strict=True):
+            signal.signal(number, handler)

@@ -76,7 +76,8 @@ def test_a_run_can_be_resumed_for_more(trained, tmp_path):
     folder = tmp_path / "copy"
     shutil.copytree(trained, folder)
     assert train.main(["--resume", str(folder), "--steps", "256", "--quiet"]) == 0
-    assert Config.load(folder / files.CONFIG).steps == 256
+    kept, before = (Config.load(where / files.CONFIG) for where in (folder, trained))
+    assert kept.steps == 256 and kept.every == before.every
     assert files.newest_checkpoint(folder) == files.checkpoint_path(folder, 256)
 
 

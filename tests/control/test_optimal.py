@@ -14,6 +14,7 @@ from gym_passive_walker.control.optimum import Problem
 from gym_passive_walker.control.ticks import ticked_stride
 from gym_passive_walker.control.walks import WALKED_ON, evaluate
 from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.drive import Drive, to_own
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.units import units_of
@@ -296,3 +297,37 @@ def test_each_torque_is_charged_to_its_motor():
 def test_an_optimum_in_no_corner_is_one_to_rounding(scene, speed):
     """What was set aside on the way has come back: no torque would pay."""
     assert optimal.optimal_gait(scene, speed).optimality < 1e-6
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        {"walker": "A"}, {"slope": 0.001}, {"tick": 0.2}, {"max_hip_torque": 0.06},
+        {"energy": "positive"}, {"actions": ("hip", "push_off")}, {"control": "stride"},
+    ],
+    ids=lambda other: next(iter(other)),
+)  # fmt: skip
+def test_stored_gaits_are_of_their_own_walker_slope_motor_and_charge(other):
+    assert optimal.stored_name(make_scene("level")) == "level"
+    assert optimal.stored_name(make_scene("level", perturbation=0.2)) == "level"
+    with pytest.raises(ValueError, match="no optimal gaits of this scene are stored"):
+        optimal.stored_name(make_scene("level", **other))
+
+
+def test_a_push_off_s_work_is_net_work_too():
+    """All of it is work done, so what is charged in full and what is net are the same."""
+    policy = gpw.load_policy("push-off-ppo")
+    scene = make_scene(policy.scene, actions=("push_off",))
+
+    class Pusher:
+        """Pushes off, and does nothing else."""
+
+        name = "pusher"
+
+        def predict(self, seen, memory=None, *_, **__):
+            """As of any policy."""
+            return np.full((len(seen), 1), 0.3, np.float32), memory
+
+    walks = evaluate(Pusher(), PassiveWalkerVectorEnv(4, scene), seed=0)
+    assert (walks.motor_work[walks.strides > 0] > 0.0).all() and (walks.strides > 0).any()
+    np.testing.assert_allclose(walks.net_work, walks.motor_work, rtol=1e-12)

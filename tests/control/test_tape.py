@@ -70,3 +70,18 @@ def test_what_a_walk_earns_changes_with_each_action_as_differences_say(changes):
 def test_steps_that_are_not_the_walker_s_and_its_hip_s_alone_are_refused(changes, words):
     with pytest.raises(SceneError, match=words):
         Tape(PassiveWalkerVectorEnv(2, "level", **changes))
+
+
+def test_what_was_noted_stays_when_the_array_it_came_in_changes():
+    linear = []
+    for reused in (False, True):
+        env, actions = world(), np.full((COUNT, 1), 0.3)
+        env.reset(seed=2)
+        tape = Tape(env)
+        tape.note(actions)
+        env.step(actions)
+        if reused:
+            actions[:] = -0.5
+        linear.append(tape.linearise())
+    for name, values in linear[0]._asdict().items():
+        np.testing.assert_array_equal(getattr(linear[1], name), values)

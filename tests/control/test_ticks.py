@@ -8,12 +8,11 @@ import pytest
 import gym_passive_walker as gpw
 from gym_passive_walker.control import ticks
 from gym_passive_walker.control.feedback import powered_gait
-from gym_passive_walker.control.motion import Motion
 from gym_passive_walker.control.optimum import Problem
 from gym_passive_walker.control.ticks import ticked_stride, ticked_strides
-from gym_passive_walker.engine.run import new_records
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.gaits.drive import Drive
+from gym_passive_walker.gaits.flow import Walkers, go_on, new_records
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stability import NoStride
 from gym_passive_walker.gaits.stride_map import StrideMap
@@ -79,10 +78,10 @@ def test_walkers_that_differ_strike_each_in_its_own_time(monkeypatch):
     points = np.repeat(Section(walker=gait.walker).points_at(gait.state), 4, axis=0)
     tick = 0.03  # short, so that some walk on for ticks after the first has struck
     torques = np.random.default_rng(1).normal(0.0, 1e-3, (4, 130))
-    motion = Motion(walker=gait.walker, parameters={"shank_length": lengths})
-    together = ticked_strides(motion, slopes, points, torques, tick=tick)
+    walkers = Walkers(walker=gait.walker, parameters={"shank_length": lengths})
+    together = ticked_strides(walkers, slopes, points, torques, tick=tick)
     for i, length in enumerate(lengths):
-        own = Motion(walker=replace(gait.walker, shank_length=length))
+        own = Walkers(walker=replace(gait.walker, shank_length=length))
         alone = ticked_strides(own, slopes[i], points[:1], torques[i : i + 1], tick=tick)
         for mine, its in zip(together, alone, strict=True):
             np.testing.assert_allclose(mine[i], its[0], rtol=1e-11, atol=1e-13)
@@ -156,10 +155,10 @@ def crowd(count):
 def test_strides_of_a_crowd_are_those_of_each_alone():
     points, torques = crowd(5)
     points[3, 1] = -0.1  # too slow for the top
-    motion, alone = Motion(walker=gpw.WALKERS["lab"]), []
+    walkers, alone = Walkers(walker=gpw.WALKERS["lab"]), []
     for point, held in zip(points, torques, strict=True):
-        alone.append(ticked_strides(motion, 0.036, point[None], held[None], tick=TICK))
-    together = ticked_strides(motion, 0.036, points, torques, tick=TICK)
+        alone.append(ticked_strides(walkers, 0.036, point[None], held[None], tick=TICK))
+    together = ticked_strides(walkers, 0.036, points, torques, tick=TICK)
     assert together.outcomes.tolist() == [1, 1, 1, Outcome.FELL_BACKWARD, 1]
     for name, values in together._asdict().items():
         np.testing.assert_array_equal(values, np.concatenate([getattr(x, name) for x in alone]))
@@ -171,9 +170,9 @@ def test_under_one_torque_a_stride_in_ticks_has_the_stride_map_s_derivatives():
     points, _ = crowd(3)
     radii = gpw.WALKERS["lab"].foot_radius * np.array([1.0, 0.98, 1.01])
     slopes, by = np.array([0.036, 0.034, 0.038]), ("slope", "foot_radius", "thigh_com")
-    motion = Motion(walker=gpw.WALKERS["lab"], parameters={"foot_radius": radii}, tolerance=1e-13)
+    walkers = Walkers(walker=gpw.WALKERS["lab"], parameters={"foot_radius": radii}, tolerance=1e-13)
     held = np.full((3, TICKS), 0.002)
-    ticked = ticked_strides(motion, slopes, points, held, tick=TICK, by=by)
+    ticked = ticked_strides(walkers, slopes, points, held, tick=TICK, by=by)
     strides = replace(StrideMap.of("lab"), drive=Drive(0.002)).with_parameter("foot_radius", radii)
     passage, change = strides.linearise(points, slopes, by=("state", "hip_torque", *by))
     expected = [change.ends, change.durations[:, None], change.lengths[:, None]]
@@ -191,7 +190,7 @@ def test_the_hip_s_way_and_work_in_a_tick_have_their_derivatives(name):
     walker, slope = gpw.WALKERS[name], SLOPES.get(name, 0.03)
     strides = StrideMap.of(walker)
     start = strides.state(strides.points_at(gpw.find_gait(walker, slope).state))
-    by, outcome = ("state", "slope", "torque", "foot_radius"), Outcome.RUNNING
+    by, outcome = ("state", "slope", "hip_torque", "foot_radius"), Outcome.RUNNING
     records, ticks = new_records(start, slope, 0.004), 0
 
     def told(inputs):
@@ -200,16 +199,16 @@ def test_the_hip_s_way_and_work_in_a_tick_have_their_derivatives(name):
         moved["state"][0, 0], moved["control"][0, 0] = inputs[:6], inputs[7]
         moved["ground"][0, 0, :2] = np.sin(inputs[6]), np.cos(inputs[6])
         radius = {} if walker.massless_legs else {"foot_radius": inputs[8]}
-        motion = Motion(walker=walker, parameters=radius, tolerance=1e-13)
-        carried = motion.follow(moved, by, from_section=ticks == 0)
-        return carried, np.concatenate([carried.told[0], carried.distance])
+        walkers = Walkers(walker=walker, parameters=radius, tolerance=1e-13)
+        walked = go_on(walkers, moved, by, on_section=ticks == 0)
+        return walked, np.concatenate([walked.told()[0], walked.distance])
 
     way = 0.0
     while outcome == Outcome.RUNNING:
         records["end"] = 0.3 * (ticks + 1)
         records["moved"] = records["turned"] = 0.0
         inputs = np.array([*records["state"][0, 0], slope, 0.004, walker.foot_radius])
-        carried, found = told(inputs)
+        walked, found = told(inputs)
         scale = np.abs(found[:, 1:]).max()
         for i in range(8 if walker.massless_legs else 9):
             step = 1e-5 * np.eye(9)[i]
@@ -217,8 +216,8 @@ def test_the_hip_s_way_and_work_in_a_tick_have_their_derivatives(name):
             difference = (ahead - behind) / 2e-5
             # Where the hip hardly turns back, what it turns bends sharply.
             np.testing.assert_allclose(found[:, 1 + i], difference, rtol=0.0, atol=1e-6 * scale)
-        records, way, ticks = carried.records.copy(), way + carried.distance[0, 0], ticks + 1
-        outcome = carried.outcomes[0]
+        records, way, ticks = walked.here.copy(), way + walked.distance[0, 0], ticks + 1
+        outcome = walked.outcomes[0]
     assert outcome == Outcome.HEELSTRIKE and ticks > 5
     body, angles = body_of(walker), (start[0, 0], records["state"][0, 0, 0])
     assert way == pytest.approx(-sum(legs.progress(body, angle) for angle in angles), rel=1e-12)
@@ -226,13 +225,13 @@ def test_the_hip_s_way_and_work_in_a_tick_have_their_derivatives(name):
 
 def test_a_strike_that_grazes_says_so():
     """Towards grazing the rate of fall goes as the root of the distance; derivatives, inversely."""
-    strides, motion = StrideMap.of("D"), Motion(walker=gpw.WALKERS["D"], tolerance=1e-13)
+    strides, walkers = StrideMap.of("D"), Walkers(walker=gpw.WALKERS["D"], tolerance=1e-13)
     point = strides.points_at(gpw.find_gait("D", 0.009).state)
 
     def walk(share, by=("state",)):
         """A stride that begins at a share of the gait's rate."""
         start = strides.state(point * [1.0, share, 1.0])
-        return motion.follow(new_records(start, 0.009), by, from_section=True)
+        return go_on(walkers, new_records(start, 0.009), by, on_section=True)
 
     slow, fast = 1.0, 1.2  # too fast, and the swing leg comes too late to catch the walker
     for _ in range(40):
@@ -241,13 +240,13 @@ def test_a_strike_that_grazes_says_so():
         slow, fast = (middle, fast) if struck else (slow, middle)
     fallen = walk(fast + 1e-9)
     assert fallen.outcomes[0] == Outcome.FELL_FORWARD and np.isnan(fallen.margins[0])
-    assert np.all(fallen.told[:, :, 1:] == 0.0)
+    assert np.all(fallen.told()[:, :, 1:] == 0.0)
     near, nearer = (walk(slow - distance) for distance in (1e-4, 1e-6))
     assert nearer.margins[0] == pytest.approx(0.1 * near.margins[0], rel=2e-2)
-    steep, steeper = (np.abs(x.told[0, :6, 1:]).max() for x in (near, nearer))
+    steep, steeper = (np.abs(x.told()[0, :6, 1:]).max() for x in (near, nearer))
     assert steeper == pytest.approx(10.0 * steep, rel=2e-2)
     before_any_strike = new_records(strides.state(point), 0.009, end=1.0)
-    assert motion.follow(before_any_strike, ("state",)).margins[0] == np.inf
+    assert go_on(walkers, before_any_strike, ("state",)).margins[0] == np.inf
 
 
 @pytest.mark.parametrize("name", ["A", "lab"])
@@ -255,21 +254,22 @@ def test_the_rate_at_which_a_heelstrike_falls_is_the_legs(name):
     walker, slope = gpw.WALKERS[name], SLOPES.get(name, 0.03)
     strides = StrideMap.of(walker)
     point = strides.points_at(gpw.find_gait(walker, slope).state)
-    carried = Motion(walker=walker).follow(new_records(strides.state(point), slope, end=9.0))
-    at_end = carried.records["time"][0, 0]
+    walkers = Walkers(walker=walker)
+    walked = go_on(walkers, new_records(strides.state(point), slope, end=9.0))
+    at_end = walked["time"][0, 0]
     stance, thigh = strides.before_strike(point[0], slope, at_end)[3:5]
     knee = np.inf
     if walker.knees:
-        at_lock = strides.before_strike(point[0], slope, carried.records["knee_time"][0, 0])
+        at_lock = strides.before_strike(point[0], slope, walked["knee_time"][0, 0])
         knee = abs(at_lock[5] - at_lock[4])
-    assert carried.margins[0] == pytest.approx(min(-(stance + thigh), knee), rel=1e-6)
+    assert walked.margins[0] == pytest.approx(min(-(stance + thigh), knee), rel=1e-6)
 
 
 def test_ticks_in_turn_are_those_side_by_side_and_one_does_not_change_the_others(monkeypatch):
     """Where a rounding moves a strike to another tick, that walker alone is followed in turn."""
     points, torques = crowd(6)
-    motion = Motion(walker=gpw.WALKERS["lab"])
-    beside = ticked_strides(motion, 0.036, points, torques, tick=TICK)
+    walkers = Walkers(walker=gpw.WALKERS["lab"])
+    beside = ticked_strides(walkers, 0.036, points, torques, tick=TICK)
     told = ticks._side_by_side
 
     def astray(*arguments):
@@ -279,7 +279,7 @@ def test_ticks_in_turn_are_those_side_by_side_and_one_does_not_change_the_others
         return moved, alike
 
     monkeypatch.setattr(ticks, "_side_by_side", astray)
-    again = ticked_strides(motion, 0.036, points, torques, tick=TICK)
+    again = ticked_strides(walkers, 0.036, points, torques, tick=TICK)
     others = np.arange(6) != 2
     for name in ("end", "duration", "swing", "turn", "kneestrike", "by"):
         found, expected = getattr(again, name), getattr(beside, name)
@@ -290,7 +290,7 @@ def test_ticks_in_turn_are_those_side_by_side_and_one_does_not_change_the_others
 def test_derivatives_by_every_motor_are_those_of_the_stride():
     """Hip, ankle and push-off on point feet, against differences."""
     walker, rng = gpw.WALKERS["E"], np.random.default_rng(4)
-    motion = Motion(walker=walker, motors=("ankle", "push_off"), tolerance=1e-13)
+    walkers = Walkers(walker=walker, using=("ankle_torque", "push_off"), tolerance=1e-13)
     gait = gpw.find_gait(walker, 0.009)
     point = Section(walker=walker).points_at(gait.state)[0]
     torques, push = rng.normal(0.0, 1e-3, (2, 6)), 0.01
@@ -299,7 +299,7 @@ def test_derivatives_by_every_motor_are_those_of_the_stride():
         held = torques + change[3:-1].reshape(2, 6)
         pushes = np.array([push + change[-1]])
         return ticked_strides(
-            motion, 0.009, (point + change[:3])[None], held[None], tick=0.4, push_offs=pushes
+            walkers, 0.009, (point + change[:3])[None], held[None], tick=0.4, push_offs=pushes
         )
 
     def told(of):

@@ -10,10 +10,10 @@ import pytest
 import gym_passive_walker as gpw
 from gym_passive_walker.control.baselines import LinearFeedback
 from gym_passive_walker.control.closed_loop import policy_strides
-from gym_passive_walker.control.motion import Motion
 from gym_passive_walker.control.ticks import ticked_strides
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.gaits.flow import Walkers
 
 COUNT, STEPS = 7, 60
 ORDER = np.array([3, 0, 6, 1, 5, 2, 4])
@@ -295,9 +295,9 @@ def test_strides_under_a_policy_and_of_ticks_are_each_walker_s_own_in_any_order(
     for name in ("ends", "length", "duration"):
         np.testing.assert_array_equal(getattr(mixed, name), getattr(whole, name)[order])
     torques = 0.003 * np.random.default_rng(1).uniform(-1.0, 1.0, (6, 8))
-    motion, slopes = Motion(walker=scene.walker), np.linspace(0.1, 0.11, 6)
-    whole = ticked_strides(motion, slopes, points, torques, tick=0.5)
-    mixed = ticked_strides(motion, slopes[order], points[order], torques[order], tick=0.5)
+    walkers, slopes = Walkers(walker=scene.walker), np.linspace(0.1, 0.11, 6)
+    whole = ticked_strides(walkers, slopes, points, torques, tick=0.5)
+    mixed = ticked_strides(walkers, slopes[order], points[order], torques[order], tick=0.5)
     for name in whole._fields:
         np.testing.assert_array_equal(
             getattr(mixed, name), np.asarray(getattr(whole, name))[order], err_msg=name

@@ -221,3 +221,13 @@ def test_a_walker_that_diverged_can_be_put_back():
     assert np.isnan(env.get_state()["records"]["state"]).all()
     env.reset()
     env.step(np.zeros(1))
+
+
+@pytest.mark.parametrize("made", [crowd, alone])
+def test_a_saved_state_shares_nothing_with_the_environment(made, assert_same):
+    env = made(**DISTURBED)
+    state = env.get_state()
+    kept = copy.deepcopy(state)
+    for _ in range(5):
+        env.step(np.full(env.action_space.shape, -0.7))
+    assert_same(state, kept)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -16,10 +18,11 @@ from gym_passive_walker.gaits.first_passage import (
     leading_eigenvalue,
     walks,
 )
+from gym_passive_walker.gaits.flow import Walkers
 from gym_passive_walker.physics import legs, simplest
 from gym_passive_walker.physics.hybrid import Outcome, Phase, Reset, Stage, Strike, System
 from gym_passive_walker.physics.numbers import sine_cosine
-from gym_passive_walker.physics.systems import SYSTEMS, body_of
+from gym_passive_walker.physics.systems import SYSTEMS
 from gym_passive_walker.units import units_of
 from validation.wheel import FASTEST, HALF, KEEPS, SLOPE, wheels
 
@@ -79,6 +82,22 @@ def wheel(monkeypatch):
     monkeypatch.setitem(SYSTEMS, "wheel", WHEEL)
 
 
+class Wheels(Walkers):
+    """Wheels instead of walkers."""
+
+    def system(self, moving=()):
+        """As of `Walkers`."""
+        return WHEEL
+
+    @cached_property
+    def constants(self):
+        """As of `Walkers`."""
+        return np.array(Wheel())[None, None]
+
+
+WHO = Wheels(walker=WALKERS["D"], tolerance=1e-8)
+
+
 def steady_rate() -> float:
     """Rate after a collision on smooth ground: what the slope gives, the collision takes."""
     return -math.sqrt(KEEPS * 4.0 * math.sin(HALF) * math.sin(SLOPE) / (1.0 - KEEPS))
@@ -90,7 +109,7 @@ START = legs.straight(HALF, 3.0 * HALF, steady_rate(), steady_rate())
 def test_a_wheel_on_smooth_ground_keeps_its_rate():
     apex = math.sqrt(steady_rate() ** 2 - 2.0 * (1.0 - math.cos(HALF - SLOPE)))
     assert apex * math.sqrt(9.8) == pytest.approx(1.209733838, rel=1e-9)
-    crowd = walks(WHEEL, Wheel(), START, SLOPE, rough(), walkers=2, tolerance=1e-12)
+    crowd = walks(replace(WHO, tolerance=1e-12), START, SLOPE, rough(), walkers=2)
     assert [next(crowd) for _ in range(50)] == [2] * 50
 
 
@@ -107,7 +126,7 @@ def test_a_wheel_lasts_as_long_as_its_return_map_says(degrees, lasts):
 @pytest.mark.parametrize("degrees", LASTS)
 def test_wheels_that_walk_fall_as_often_as_the_eigenvalue_says(degrees):
     found = first_passage(
-        WHEEL, Wheel(), START, SLOPE, rough(slope_std=math.radians(degrees)),
+        WHO, START, SLOPE, rough(slope_std=math.radians(degrees)),
         walkers=2000, strides=int(400 * LASTS[degrees] / 2000) + 20, seed=1,
     )  # fmt: skip
     assert found.falls > 150
@@ -142,7 +161,7 @@ def test_a_kneed_walker_lasts_the_longer_the_smoother_the_ground():
     state = units_of(walker).to_dimensionless(gait.state)
     lasts = [
         first_passage(
-            SYSTEMS["kneed-uneven"], body_of(walker), state, 0.05, rough(height_std),
+            Walkers(walker=walker, tolerance=1e-8), state, 0.05, rough(height_std),
             walkers=400, strides=60,
         ).mean
         for height_std in (0.004, 0.002)
@@ -152,6 +171,6 @@ def test_a_kneed_walker_lasts_the_longer_the_smoother_the_ground():
 
 def test_falls_are_counted_among_all_who_begin_a_stride_once_they_have_settled(monkeypatch):
     monkeypatch.setattr(module, "walks", lambda *told, **options: iter([90, 60, 30, 0]))
-    asked = SYSTEMS["simplest"], (), np.zeros(6), 0.0, rough(0.1)
+    asked = WHO, np.zeros(6), 0.0, rough(0.1)
     found = first_passage(*asked, walkers=100, strides=9, settling=1)
     assert found == FirstPassage(falls=30 + 30 + 30, strides=90 + 60 + 30)

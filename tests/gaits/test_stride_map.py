@@ -190,7 +190,7 @@ def test_samples_are_states_inside_the_stride(name):
     for i, state in enumerate(walker_map.states_at(points)):
         states, phases = states_at(name, slope, state, times[i] * units.time, tolerance=1e-14)
         np.testing.assert_allclose(units.to_own(samples.states[i]), states, atol=1e-13)
-        np.testing.assert_array_equal(samples.phases[i], phases)
+        np.testing.assert_array_equal(samples.stages[i], phases)
 
 
 def test_samples_of_walkers_that_differ_are_each_walkers_own():
@@ -201,7 +201,7 @@ def test_samples_of_walkers_that_differ_are_each_walkers_own():
         own = StrideMap.of(replace(WALKERS["lab"], shank_length=length), tolerance=1e-14)
         alone = own.sample(points[i : i + 1], slope, times[i : i + 1])
         np.testing.assert_array_equal(samples.states[i], alone.states[0])
-        np.testing.assert_array_equal(samples.phases[i], alone.phases[0])
+        np.testing.assert_array_equal(samples.stages[i], alone.stages[0])
 
 
 def test_the_verge_of_a_strike_is_the_same_in_any_units():

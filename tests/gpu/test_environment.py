@@ -96,3 +96,11 @@ def test_a_second_thread_is_refused_while_the_first_is_at_work():
             call()
     env.token.append(None)
     env.step(torch.zeros(2, 1))
+
+
+def test_episodes_end_in_time_whatever_motors_are_charged_for():
+    env = PassiveWalkerGpuEnv(2, SCENE, max_episode_steps=3)
+    env.reset()
+    env.charge_for("positive")
+    late = [env.step(torch.zeros(2, 1))[3] for _ in range(3)]
+    assert late[-1].all() and not torch.stack(late[:-1]).any()

@@ -242,3 +242,18 @@ def test_tensors_that_do_not_fit_together_are_refused(name, shape):
     tensors[name] = np.zeros(shape, np.float32)
     with pytest.raises(ValueError, match=r"fit|follow|noise|observations"):
         Network(tensors, algo="ppo", activation="ReLU", normalizer={"epsilon": 1e-8, "clip": 10.0})
+
+
+def test_tensors_with_metadata_in_their_header_are_read(tmp_path):
+    """Files of the safetensors library may have such an entry, which is no tensor."""
+    numbers = np.arange(6, dtype="<f4").reshape(2, 3)
+    header = {
+        "__metadata__": {"format": "pt"},
+        "weights": {"dtype": "F32", "shape": [2, 3], "data_offsets": [0, 24]},
+    }
+    text = json.dumps(header).encode()
+    path = tmp_path / "some.safetensors"
+    path.write_bytes(len(text).to_bytes(8, "little") + text + numbers.tobytes())
+    found = read_tensors(path)
+    assert list(found) == ["weights"]
+    np.testing.assert_array_equal(found["weights"], numbers)

@@ -9,7 +9,7 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.control.baselines import LinearFeedback
-from gym_passive_walker.render import phase_portrait, strobe
+from gym_passive_walker.render import phase_portrait, plots, strobe
 from gym_passive_walker.render.axes import OWN
 from gym_passive_walker.render.plots import varied_label
 from gym_passive_walker.shown import Table
@@ -185,3 +185,19 @@ def test_drawing_leaves_matplotlib_s_settings_alone(gait):
 )
 def test_what_is_varied_is_told_with_its_unit(parameter, words):
     assert words in varied_label(parameter)
+
+
+def test_each_end_of_a_family_is_marked_for_its_own_reason(family):
+    """By the legend's label of the marker that stands there."""
+    figure, ax = plt.subplots()
+    family.plot(ax)
+    for end, at in zip(family.ends, (0, -1), strict=True):
+        place = family.value[at], family.columns()["stance_angle"][at]
+        markers = {
+            line.get_marker()
+            for line in ax.lines
+            if len(line.get_xdata()) == 1 and (line.get_xdata()[0], line.get_ydata()[0]) == place
+        }
+        assert markers == {plots._ENDS[end.reason.split(";")[0]]}, end.reason
+    assert family.ends[0].reason != family.ends[1].reason
+    plt.close(figure)

@@ -1,6 +1,7 @@
 """A description says which tasks there are, or why it is none."""
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 import gym_passive_walker as gpw
 from gym_passive_walker.sweeps.description import Description
 from gym_passive_walker.sweeps.quantities import sizes
+from gym_passive_walker.sweeps.run import _described
 from gym_passive_walker.sweeps.tasks import ANALYSES, flat, task
 
 
@@ -162,3 +164,25 @@ def test_the_fastest_gait_of_a_family_has_the_family_s_largest_speed():
     row = ANALYSES["family"](walker=lab, slope_min=0.02, slope_max=0.04)
     largest = gpw.gait_family(lab, 0.02, 0.04).speed.max() / np.sqrt(lab.gravity * lab.leg_length)
     assert row["fastest"] == pytest.approx(largest, rel=1e-12)
+
+
+def test_a_seed_that_is_given_to_all_tasks_is_theirs_and_the_sweep_s_draws_the_sample():
+    told = Description(
+        analysis="gait", over={"slope": [0.01, 0.05]}, how="sobol", samples=4, seed=3,
+        given={"seed": 11},
+    )  # fmt: skip
+    assert {each["seed"] for each in told.tasks} == {11}
+    plain = Description(
+        analysis="gait", over={"slope": [0.01, 0.05]}, how="sobol", samples=4, seed=3
+    )
+    assert {each["seed"] for each in plain.tasks} == {3}
+    assert [each["slope"] for each in told.tasks] == [each["slope"] for each in plain.tasks]
+
+
+def test_what_is_said_besides_a_description_replaces_what_it_says(tmp_path):
+    content = {"analysis": "gait", "over": {"slope": [0.02, 0.03]}, "given": {"walker": "lab"}}
+    for description in (content, tmp_path / "few.json"):
+        (tmp_path / "few.json").write_text(json.dumps(content))
+        found = _described(description, {"over": {"slope": [0.04]}})
+        assert [each["slope"] for each in found.tasks] == [0.04]
+        assert found.given == {"walker": "lab"}

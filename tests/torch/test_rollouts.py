@@ -123,7 +123,10 @@ def test_a_walk_in_two_parts_is_the_walk():
     torch.testing.assert_close(*gradients)
     apart = rollout(policy, scene, 35, start=first.end.detach())
     assert torch.equal(apart.rewards, second.rewards)
-    assert apart.end.states.requires_grad and not first.end.detach().states.requires_grad
+    assert apart.end.states.requires_grad and first.end.progress.requires_grad
+    here = first.end.detach()
+    tensors = [*here[:5], *here.parameters.values(), here.outcome]
+    assert not any(part.requires_grad for part in tensors)
 
 
 def test_what_walkers_are_made_of_has_a_gradient_through_a_walk():

@@ -13,7 +13,8 @@ from gym_passive_walker.torch import stride, tick
 SLOPES = {"D": 0.009, "E": 0.009, "F": 0.009, "lab": 0.036}
 LEDGERS = (
     "state", "duration", "step_length", "hip_work", "hip_work_absolute", "kneestrike_loss",
-    "heelstrike_loss", "gravity_work", "spring_work", "friction_loss",
+    "heelstrike_loss", "gravity_work", "spring_work", "friction_loss", "ankle_work",
+    "ankle_work_absolute", "push_off_work",
 )  # fmt: skip
 THOROUGHLY = {
     "check_forward_ad": True,
@@ -43,6 +44,8 @@ def test_a_stride_is_the_stride(name):
     for ledger in LEDGERS:
         values = getattr(found, ledger).detach()
         np.testing.assert_allclose(values, getattr(expected, ledger), rtol=1e-13, atol=1e-13)
+    knees = np.nan_to_num(expected.kneestrike_time)  # 0 without knees
+    np.testing.assert_allclose(found.kneestrike_time.detach(), knees, rtol=1e-13)
     assert found.walks.all() and (found.margin > 0.1).all()
     alone = stride(name, slope, states[0], hip_torque=0.01, tolerance=1e-12)
     assert torch.equal(alone.state, found.state[0]) and alone.duration.ndim == 0
@@ -61,10 +64,88 @@ def test_gradients_of_strides_are_those_of_differences(name):
         walked = stride(
             name, slope, states, hip_torque=torque, parameters=parameters, tolerance=1e-13
         )
-        return walked[:11]
+        return walked[:11]  # passive ankles and no push-off: they are zero
 
     inputs = (states, number(slope), number([0.01, 0.02]), *values)
     assert torch.autograd.gradcheck(walk, inputs, **THOROUGHLY)
+
+
+DRIVEN = {  # every motor that feet bear, and a foothold that is lower and steeper
+    "lab": {"hip_torque": 0.3, "push_off": 0.2, "rise": -0.002, "turn": 0.004},
+    "E": {
+        "hip_torque": 0.002,
+        "ankle_torque": 0.003,
+        "push_off": 0.01,
+        "rise": -1e-3,
+        "turn": 0.002,
+    },
+    "D": {
+        "hip_torque": 0.002,
+        "ankle_torque": 0.003,
+        "push_off": 0.01,
+        "rise": 1e-3,
+        "turn": -0.002,
+    },
+}
+
+
+@pytest.mark.parametrize(("name", "held"), DRIVEN.items())
+def test_a_stride_with_every_motor_over_uneven_ground_is_the_stride(name, held):
+    slope, states = gait(name)
+    found = stride(name, slope, states, **held, tolerance=1e-12)
+    expected = gpw.stride(name, slope, states.detach(), **held, tolerance=1e-12)
+    assert found.walks.all() and (expected.push_off_work > 0.0).all()
+    for ledger in LEDGERS:
+        values = getattr(found, ledger).detach()
+        np.testing.assert_allclose(values, getattr(expected, ledger), rtol=1e-13, atol=1e-13)
+
+
+@pytest.mark.parametrize(("name", "held"), DRIVEN.items())
+def test_gradients_by_every_motor_and_foothold_are_those_of_differences(name, held):
+    slope, states = gait(name)
+    parameters = {"gravity": number(gpw.WALKERS[name].gravity)}  # moves the units of all but turn
+
+    def walk(*values):
+        asked = dict(zip(held, values, strict=True))
+        return stride(
+            name, slope, states.detach(), **asked, parameters=parameters, tolerance=1e-13
+        )[:14]
+
+    inputs = tuple(number(value) for value in held.values())
+    assert torch.autograd.gradcheck(walk, inputs, **THOROUGHLY)
+    own = dict(held)
+
+    def heavier(gravity):
+        told = stride(
+            name, slope, states.detach(), **own, parameters={"gravity": gravity}, tolerance=1e-13
+        )
+        return told[:14]
+
+    assert torch.autograd.gradcheck(heavier, (parameters["gravity"],), atol=1e-5, rtol=1e-4)
+
+
+def test_a_tick_that_ends_with_heelstrike_has_the_push_off_s_gradient():
+    slope, states = gait("D")
+    near = tick("D", slope, states, 0.0, duration=1.5)
+    inputs = number(0.001), number(0.01), number(-1e-3), number(0.002)
+
+    def walk(ankle, push_off, rise, turn):
+        told = tick(
+            "D", slope, near.state.detach(), 0.0, duration=9.0, phase=near.phase,
+            ankle_torque=ankle, push_off=push_off, rise=rise, turn=turn, tolerance=1e-13,
+        )  # fmt: skip
+        assert (told.outcome == Outcome.HEELSTRIKE).all() and (told.push_off_work > 0.0).all()
+        return told.state, *told[2:11]
+
+    assert torch.autograd.gradcheck(walk, inputs, **THOROUGHLY)
+
+
+def test_round_feet_bear_no_ankle_torque_in_torch_either():
+    slope, states = gait("lab")
+    with pytest.raises(ValueError, match="ankle_torque needs point feet"):
+        stride("lab", slope, states, ankle_torque=number(0.1))
+    with pytest.raises(ValueError, match="push_off must not be negative"):
+        stride("lab", slope, states, push_off=number(-0.1))
 
 
 @pytest.mark.parametrize("name", gpw.WALKERS)
@@ -261,7 +342,7 @@ def test_what_makes_no_sense_is_refused():
         stride("lab", slope, states, parameters={"foot_radius": number(3.0)})
     with pytest.raises(ValueError, match=r"state must have shape \(6,\) or \(n, 6\)"):
         stride("lab", slope, states[:, :4])
-    with pytest.raises(ValueError, match=r"these are \[\(3,\), \(\), \(\)\]"):
+    with pytest.raises(ValueError, match=r"state is \(2, 6\), and slope \(3,\)$"):
         stride("lab", number([0.03] * 3), states)
     with pytest.raises(ValueError, match="tolerance must be"):
         stride("lab", slope, states, tolerance=0.0)

@@ -82,3 +82,13 @@ def test_torchrl_finds_its_specifications_met():
     begins = rollout["observation"][:, 1:][done[:, :-1, 0]]
     ends = rollout["next", "observation"][:, :-1][done[:, :-1, 0]]
     assert not (begins == ends).all(dim=1).any()  # a new episode, and the last one's end is kept
+
+
+def test_a_seed_of_torchrl_s_is_of_the_first_reset_alone():
+    pytest.importorskip("torchrl")
+    from gym_passive_walker.trainers.torchrl import TorchRlWalkers
+
+    worlds, again = (TorchRlWalkers(4, seed=1, perturbation=0.2) for _ in range(2))
+    first, second = (worlds.reset()["observation"] for _ in range(2))
+    assert torch.equal(first, again.reset()["observation"])
+    assert not torch.equal(first, second)

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gym_passive_walker import WALKERS, Outcome, find_gait, load_policy
+from gym_passive_walker import WALKERS, Outcome, closed_loop_gait, find_gait, load_policy
 from gym_passive_walker.render import look
 from gym_passive_walker.viewer import play
 from gym_passive_walker.viewer.__main__ import main
-from gym_passive_walker.viewer.seeker import Question
+from gym_passive_walker.viewer.seeker import Question, answer
 from gym_passive_walker.viewer.walk import LiveWalk
 
 pygame = pytest.importorskip("pygame")
@@ -413,3 +413,12 @@ def test_a_file_that_cannot_be_written_is_refused_before_a_window_opens(kept, tm
     with pytest.raises(IsADirectoryError, match="folder"):
         play("lab", SLOPE, **{option: tmp_path / f"folder{ending}"})
     assert not pygame.display.get_init()
+
+
+def test_the_gait_of_a_policy_is_sought_on_the_slope_that_is_set():
+    policy = load_policy("steep-ppo")
+    slope = policy.scene.slope - 0.003
+    found = answer(Question(policy.scene.walker, slope, 0.0, policy))
+    expected, other = (closed_loop_gait(policy, slope=x) for x in (slope, policy.scene.slope))
+    assert found.stable and np.array_equal(found.multipliers, expected.multipliers)
+    assert not np.array_equal(found.multipliers, other.multipliers)

@@ -1,0 +1,519 @@
+"""The flow: where walkers come to, through impacts, by a heelstrike or a time; with tangents.
+
+Every analysis follows walkers by `flow`, or by `go_on` from where that has left them; nothing else
+above the engine calls it, but kernels of environments and devices that it runs inside. Tangents are
+carried beside the values through the motion, the impacts and the moments at which they happen
+(which saltation matrices account for elsewhere). Everything is dimensionless (see `units`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gym_passive_walker.engine.layout import RECORD
+from gym_passive_walker.engine.run import LONGEST_STRIDE, advance, new_records
+from gym_passive_walker.gaits.drive import USES
+from gym_passive_walker.gaits.section import Section
+from gym_passive_walker.physics import legs
+from gym_passive_walker.physics.hybrid import Control, Ground, Outcome, State, System
+from gym_passive_walker.physics.systems import UNEVEN, bodies, bodies_by, system_of, varied_bodies
+from gym_passive_walker.walkers import Walker
+
+__all__ = [
+    "LONGEST_STRIDE",
+    "MOTORS",
+    "ROWS",
+    "Flow",
+    "Walkers",
+    "advance",
+    "flow",
+    "go_on",
+    "new_records",
+]
+
+_SIZE = len(State._fields)
+_STRUCK = int(Outcome.HEELSTRIKE)  # greater outcomes are falls: no strike but this ends a flow
+_MIRRORED = np.array([1.0, -1.0, -1.0])  # angles of a state on the section, by the stance angle's
+_INFINITESIMAL = 1e-100  # imaginary part that carries a derivative: its square is nothing
+_ALL = slice(None)
+_OF_ONE_STRIDE = ("time", "step", "knee_time", "knee_loss", "friction_loss", "moved", "turned")
+_VERGE = 1e-9  # of the way to a strike, before it
+
+ROWS = (
+    *State._fields, "time", "moved", "turned", "knee_time", "knee_loss", "heel_loss",
+    "step_length", "gravity_work", "spring_work", "friction_loss",
+)  # fmt: skip
+"""What is reported of a walker, in order: the state, after a heelstrike that of the next stride;
+the time since the stride began; how far the hip has opened, net and either way: the work of a unit
+torque; when the knee locked, what both strikes cost; the step length and the work of gravity and
+of springs in a stride that has ended, 0 where there are none; and what friction has taken."""
+
+MOTORS = ("ankle_moved", "ankle_turned", "push_work")
+"""What other motors have done: likewise how far the ankle has tipped, and the push-off's work."""
+
+
+def _place(name: str) -> int:
+    """Where one of ROWS or MOTORS stands among the numbers of a record."""
+    if name in State._fields:
+        return RECORD.fields["state"][1] // 8 + State._fields.index(name)  # type: ignore[index]
+    of_ankle = name.removeprefix("ankle_")
+    return RECORD.fields[of_ankle][1] // 8 + (of_ankle != name)  # type: ignore[index]
+
+
+_PLACES = {name: _place(name) for name in (*ROWS, *MOTORS)}
+
+
+class Tangents(NamedTuple):
+    """Along what k tangents lead: their names, and how inputs change along each.
+
+    Attributes:
+        names: What each is by, (k,).
+        states: Changes of the state, (k, 6) or (n, k, 6).
+        slopes: Of the slope, (k,).
+        controls: Of the torques of hip and ankle, (k, 2).
+        push_offs: Of the push-off, (k,).
+        footholds: Of the next foothold's height and turn, (k, 2).
+        starts: Of the stance angle with which the stride began, (k,).
+        ends: Of the time to stop, (k,).
+    """
+
+    names: tuple[str, ...]
+    states: NDArray[np.float64]
+    slopes: NDArray[np.float64]
+    controls: NDArray[np.float64]
+    push_offs: NDArray[np.float64]
+    footholds: NDArray[np.float64]
+    starts: NDArray[np.float64]
+    ends: NDArray[np.float64]
+
+
+@lru_cache
+def _tangents(walker: Walker, by: tuple[str, ...], directions: int | None = None) -> Tangents:
+    """Tangents by name; of "point" as many as directions are given, else one a coordinate."""
+    section = Section(walker=walker)
+    of_point = (
+        section.state(np.eye(section.dimension))
+        if directions is None
+        else np.zeros((directions, _SIZE))
+    )
+    of_state = {"state": np.eye(_SIZE), "point": of_point}
+    states = [of_state.get(name, np.zeros((1, _SIZE))) for name in by]
+    names = tuple(name for name, rows in zip(by, states, strict=True) for _ in rows)
+
+    def by_each(*wanted: str) -> NDArray:
+        return np.array([[float(x == name) for name in wanted] for x in names])
+
+    return Tangents(
+        names,
+        np.concatenate([np.zeros((0, _SIZE)), *states]),
+        controls=by_each("hip_torque", "ankle_torque").reshape(-1, 2),
+        footholds=by_each(*UNEVEN).reshape(-1, 2),
+        **{f"{name}s": by_each(name).ravel() for name in ("slope", "push_off", "start", "end")},
+    )
+
+
+_NONE = Tangents((), np.empty((0, _SIZE)), *(np.empty(0) for _ in Tangents._fields[2:]))
+
+
+@dataclass(kw_only=True, eq=False)  # not frozen: one walker's stride waits for each of these
+class Walkers:
+    """One walker, or n that differ from it in some parameters, and how exactly to follow them.
+
+    Attributes:
+        walker: The walker.
+        parameters: Values of parameters in which walkers differ from it, a number or (n,).
+        using: What they have besides legs and the hip's motor: "ankle_torque", "push_off".
+        tolerance: Error of the integration, relative to the largest angle or rate.
+        stub: Whether a kneed walker's locked swing leg below the ground ends the stride.
+    """
+
+    walker: Walker
+    parameters: Mapping[str, ArrayLike] = field(default_factory=dict)
+    using: tuple[str, ...] = ()
+    tolerance: float = 1e-12
+    stub: bool = False
+
+    def system(self, moving: Collection[str] = ()) -> System:
+        """Which equations the walkers obey, as what is named changes too."""
+        if not (self.parameters or self.using or moving):
+            return system_of(self.walker)
+        using = {*self.parameters, *self.using, *moving}
+        return system_of(self.walker, using={USES.get(name, name) for name in using})
+
+    @cached_property
+    def section(self) -> Section:
+        """Where their strides begin."""
+        return Section(walker=self.walker)
+
+    @cached_property
+    def constants(self) -> NDArray[np.float64]:
+        """The walkers' constants, (1 or n, 1, constants): one for all, or each."""
+        if not self.parameters:
+            return bodies(self.walker)
+        return varied_bodies(self.walker, self.parameters)[:, None]
+
+    @cached_property
+    def _changes(self) -> dict[str, NDArray[np.float64]]:
+        """How constants change with parameters, as far as anyone has asked."""
+        return {}
+
+    def bodies(
+        self, names: Sequence[str] = (), lanes: NDArray | slice = _ALL
+    ) -> NDArray[np.float64]:
+        """Constants of some walkers, and their tangents: (1 or n, 1 or 1 + k, constants)."""
+        own = self.constants if len(self.constants) == 1 else self.constants[lanes]
+        if not names:
+            return own
+        parameters = vars(self.walker)
+        moving = [name for name in names if name in parameters]
+        if not moving:
+            return own
+        planes = np.zeros((len(own), 1 + len(names), own.shape[2]))
+        planes[:, :1] = own
+        for name in moving:
+            if name not in self._changes:
+                self._changes[name] = bodies_by(self.walker, self.parameters, name)
+            change = self._changes[name]
+            planes[:, 1 + names.index(name)] = change if len(change) == 1 else change[lanes]
+        return planes
+
+
+@dataclass(eq=False)
+class Flow:
+    """What has become of n walkers; dimensionless.
+
+    ``walked["time"]`` is any field of `engine.layout.RECORD`: values, and k tangents behind each,
+    (n, 1 + k, ...).
+
+    Attributes:
+        walkers: Who walked.
+        system: Which equations they obeyed.
+        tangents: Along what tangents lead.
+        bodies: The walkers' constants with their tangents, as of `Walkers.bodies`.
+        records: Where they are, tangents behind the values, (n, 1 + k).
+        began: Gives the records from which they came; None for strides after the first.
+        on_section: Whether a stride began there.
+        instants: Of each of n walkers there are so many in a row, followed to a time each; None
+            where there is one.
+    """
+
+    walkers: Walkers
+    system: System
+    tangents: Tangents
+    bodies: NDArray
+    records: NDArray
+    began: Callable[[], NDArray] | None
+    on_section: bool
+    instants: int | None = None
+
+    def __getitem__(self, name: str) -> NDArray:
+        return self.records[name]
+
+    @cached_property
+    def before(self) -> NDArray:
+        """Records from which walkers came, (n, 1)."""
+        if self.began is None:
+            raise ValueError("where a later stride began is not kept: follow it by itself")
+        return self.began()
+
+    @property
+    def here(self) -> NDArray:
+        """Where walkers are, to go on from: records, (n, 1)."""
+        return self.records[:, :1]
+
+    @property
+    def outcomes(self) -> NDArray[np.int64]:
+        """How it ended, an `Outcome` for each, (n,); RUNNING where the time was up."""
+        return self.records["outcome"][:, 0]
+
+    @property
+    def struck(self) -> NDArray[np.bool_]:
+        """Whose stride has ended with a heelstrike, (n,)."""
+        return self.outcomes == _STRUCK
+
+    @property
+    def locked(self) -> NDArray[np.bool_]:
+        """Whose knee has locked on the way, (n,)."""
+        before = 0.0 if self.on_section else self.before["knee_time"][:, 0]
+        return self.records["knee_time"][:, 0] != before
+
+    @property
+    def states(self) -> NDArray[np.float64]:
+        """Where walkers are, (n, 6); (n, k, 6) at k instants."""
+        return self._shaped(self.records["state"][:, 0])
+
+    @property
+    def stages(self) -> NDArray[np.int64]:
+        """`Stage` of the swing leg, (n,); (n, k) at k instants."""
+        stages = np.array([phase.stage for phase in self.system.phases])
+        return self._shaped(stages[self.records["phase"][:, 0]])
+
+    def _shaped(self, each: NDArray) -> NDArray:
+        return each if self.instants is None else each.reshape(-1, self.instants, *each.shape[1:])
+
+    def told(self, names: Sequence[str] = ROWS) -> NDArray[np.float64]:
+        """Some of ROWS and MOTORS: values before tangents, which are 0 where a walker fell.
+
+        Returns:
+            Shape (n, names, 1 + k).
+        """
+        numbers = self.records.view(float).reshape(*self.records.shape, -1)
+        return self._until_falls(numbers.swapaxes(1, 2)[:, [_PLACES[name] for name in names]])
+
+    @cached_property
+    def distance(self) -> NDArray[np.float64]:
+        """How far hips have come along the slope, with tangents: 0 where one fell, (n, 1 + k)."""
+        stances = np.empty(self.records.shape)
+        stances[:, :1] = self.before["state"][..., 0]
+        stances[:, 1:] = self.tangents.states[..., 0]
+        before = _places(self.system.Body, self.bodies, stances)
+        after = _places(self.system.Body, self.bodies, self.records["state"][..., 0])
+        return self._until_falls(legs.travelled(before, after, self.outcomes[:, None] == _STRUCK))
+
+    def _until_falls(self, numbers: NDArray) -> NDArray:
+        numbers[self.outcomes > _STRUCK, ..., 1:] = 0.0
+        return numbers
+
+    @property
+    def accelerations(self) -> NDArray[np.float64]:
+        """Of stance leg, swing thigh and shank where walkers are, (n, 3)."""
+        found = np.empty((len(self.records), 3))
+        record, constants = self.records[:, 0], self.bodies[:, 0]
+        for number, phase in enumerate(self.system.phases):
+            lanes = record["phase"] == number
+            own = constants if len(constants) == 1 else constants[lanes]
+            body, here = self.system.Body(*own.T), record[lanes]
+            state, control = State(*here["state"].T), Control(*here["control"].T)
+            stance, thigh, *shank = phase.accelerations(
+                body, state, control, Ground(*here["ground"].T)
+            )
+            found[lanes] = np.stack([stance, thigh, *(shank or [thigh])], axis=-1)
+        return found
+
+    @cached_property
+    def margins(self) -> NDArray[np.float64]:
+        """How far the strikes that happened are from grazing, (n,).
+
+        The rate with which what ends a phase falls through zero: of the angle between the links
+        that a kneestrike brings together, or of the legs' sum at a heelstrike, in rad over
+        sqrt(l/g); the least where there were two strikes. Derivatives of what a strike decides
+        have it in their denominator. Infinite without strikes, NaN where a walker fell.
+        """
+        margins, fell = np.full(len(self.records), np.inf), self.outcomes > _STRUCK
+        margins[fell] = np.nan
+        for struck, time, outcome in (
+            (self.locked, "knee_time", Outcome.KNEESTRIKE),
+            (self.struck, "time", Outcome.HEELSTRIKE),
+        ):
+            lanes = np.flatnonzero(struck & ~fell)
+            if len(lanes):
+                rates = self._rate_of_fall(lanes, self.records[time][lanes, 0], outcome)
+                margins[lanes] = np.minimum(margins[lanes], -rates)
+        return margins
+
+    def _rate_of_fall(
+        self, lanes: NDArray, times: NDArray, outcome: Outcome
+    ) -> NDArray[np.float64]:
+        """How fast a strike's guard changes on the verge of it, for some walkers, (lanes,)."""
+        before = self.before[lanes]
+        began = before["time"][:, 0]
+        verge = self.again(lanes, times - _VERGE * (times - began))
+        record = verge.records[:, 0]
+        moving = np.concatenate([record["state"][:, 3:], verge.accelerations], axis=1)
+        ahead = State(*(record["state"] + 1j * _INFINITESIMAL * moving).T)
+        body, ground = self.system.Body(*verge.bodies[:, 0].T), Ground(*record["ground"].T)
+        phase = self.system.phases[record["phase"][0]]
+        guard = next(guard for guard in phase.guards if guard.outcome == outcome)
+        return np.imag(guard.falls(body, ahead, ground)) / _INFINITESIMAL
+
+    def next_stride(self, on: NDArray[np.bool_]) -> Flow:
+        """The next stride of some walkers, (n,), whose last has ended with a heelstrike.
+
+        Tangents go on from this one: they are of all strides since the first.
+        """
+        records, bodies = self.records, self.bodies
+        if not on.all():
+            records, bodies = records[on], bodies[on] if len(bodies) > 1 else bodies
+        for name in _OF_ONE_STRIDE:
+            records[name] = 0.0
+        records["outcome"] = 0
+        return _followed(
+            self.walkers, self.system, self.tangents, bodies, records, None, on_section=True
+        )
+
+    def again(self, lanes: NDArray, until: NDArray) -> Flow:
+        """The same way once more for some walkers, to other times, without tangents."""
+        records = self.before[lanes]
+        records["end"], records["outcome"] = until[:, None], 0
+        bodies = (self.bodies if len(self.bodies) == 1 else self.bodies[lanes])[:, :1]
+        return _followed(
+            self.walkers, self.system, _NONE, bodies, records, None, on_section=self.on_section
+        )
+
+
+def flow(
+    walkers: Walkers,
+    states: NDArray,
+    slopes: ArrayLike,
+    *,
+    controls: ArrayLike = 0.0,
+    push_offs: ArrayLike = 0.0,
+    rises: ArrayLike | None = None,
+    turns: ArrayLike | None = None,
+    until: ArrayLike = LONGEST_STRIDE,
+    save_at: NDArray | None = None,
+    by: Sequence[str] = (),
+    along: NDArray | None = None,
+    lanes: NDArray | slice = _ALL,
+    threads: int | None = None,
+    carry: Callable[..., object] = advance,
+) -> Flow:
+    """Follow walkers from just after a heelstrike to the next, their fall, or a time.
+
+    Args:
+        walkers: Who walks.
+        states: Where they start, (n, 6).
+        slopes: Slope in rad, one for all or (n,).
+        controls: Torques that are held: of the hip, one for all or (n,); or of hip and ankle,
+            (n, 2).
+        push_offs: Impulses just before heelstrike, one for all or (n,).
+        rises: Heights of the next footholds, likewise; None on smooth ground.
+        turns: By how much these slope more steeply, likewise.
+        until: When to stop at the latest, likewise.
+        save_at: Times (n, k) instead, in any order, each as exact as any other: every walker is
+            followed to k times, side by side. Later ones than its stride's end give the state that
+            it ends with; one that is not finite gives nothing.
+        by: Along what tangents lead, in order; see `go_on`.
+        along: Directions for "point" instead of the coordinates, (n, m, k).
+        lanes: Which walkers these are, where parameters are given for more.
+        threads: How many threads to use; all of numba's when None. It changes no result.
+        carry: What carries records on: `engine.run.advance`, or `gpu.advance` on a device.
+    """
+    instants = None
+    if save_at is not None:
+        count, instants = save_at.shape
+        until, lanes = save_at.ravel(), np.repeat(np.arange(count)[lanes], instants)
+        states, slopes, controls, push_offs, rises, turns = (
+            np.repeat(x, instants, axis=0) if np.ndim(x) else x  # type: ignore[arg-type]
+            for x in (states, slopes, controls, push_offs, rises, turns)
+        )
+    uneven = rises is not None or turns is not None
+    tangents = _tangents_by(walkers, by, along) if by else _NONE
+
+    def began(planes: int = 0) -> NDArray:
+        records = new_records(
+            states, slopes, controls, push_off=push_offs, end=until, planes=planes,
+            rise=0.0 if rises is None else rises, turn=0.0 if turns is None else turns,
+        )  # fmt: skip
+        if instants is not None:
+            records[~np.isfinite(until)] = np.zeros((), RECORD)  # nothing to follow
+        return records
+
+    records = began(len(tangents.names))
+    if by:
+        _seed(records, tangents, by)
+    return _followed(
+        walkers, walkers.system((*by, *UNEVEN) if uneven else by), tangents,
+        walkers.bodies(tangents.names, lanes), records, began, True, instants, carry, threads,
+    )  # fmt: skip
+
+
+def go_on(
+    walkers: Walkers,
+    records: NDArray,
+    by: Sequence[str] = (),
+    *,
+    lanes: NDArray | slice = _ALL,
+    on_section: bool = False,
+) -> Flow:
+    """Follow walkers from wherever they are, each to its `end`, its heelstrike or its fall.
+
+    Args:
+        walkers: Who walks.
+        records: Where they are, what they hold and until when, as `Flow.here` has them, (n, 1);
+            left as they are.
+        by: Along what tangents lead, in order: "state" (one for each of its six numbers) or "point"
+            (one for each coordinate of the section), "slope", "hip_torque", "ankle_torque",
+            "push_off", "rise" and "turn" of the next foothold, a parameter of the walker, "start",
+            the stance angle with which the stride began (legs mirrored), by which its length
+            changes, or "end", the time to stop.
+        lanes: Which walkers these are, where parameters are given for more.
+        on_section: Whether a stride begins here.
+    """
+    tangents = _tangents_by(walkers, by) if by else _NONE
+    walked = np.zeros((len(records), 1 + len(tangents.names)), RECORD)
+    walked[:, :1] = records
+    walked["outcome"] = 0
+    if by:
+        _seed(walked, tangents, by)
+    return _followed(
+        walkers, walkers.system(by), tangents, walkers.bodies(tangents.names, lanes), walked,
+        lambda: records, on_section,
+    )  # fmt: skip
+
+
+def _tangents_by(walkers: Walkers, by: Sequence[str], along: NDArray | None = None) -> Tangents:
+    """Tangents by name, for "point" along directions (n, m, k) if they are given."""
+    if along is None:
+        return _tangents(walkers.walker, tuple(by))
+    tangents = _tangents(walkers.walker, tuple(by), along.shape[2])
+    states = np.zeros((len(along), *tangents.states.shape))
+    of_point = [i for i, name in enumerate(tangents.names) if name == "point"]
+    states[:, of_point] = walkers.section.state(along.swapaxes(1, 2))
+    return tangents._replace(states=states)
+
+
+def _seed(records: NDArray, tangents: Tangents, by: Collection[str]) -> None:
+    """Let the planes behind records, (n, 1 + k), change along tangents."""
+    ground, changes = records["ground"][:, :1], records[:, 1:]
+    changes["state"], changes["control"] = tangents.states, tangents.controls
+    changes["push_off"], changes["end"] = tangents.push_offs, tangents.ends
+    changes["ground"][..., 2:] = tangents.footholds
+    if "slope" in by:
+        turn = ground[..., 1::-1] * [1.0, -1.0]
+        changes["ground"][..., :2] = tangents.slopes[:, None] * turn
+    if "start" in by:
+        changes["start"] = tangents.starts[:, None] * _MIRRORED
+
+
+def _followed(
+    walkers: Walkers,
+    system: System,
+    tangents: Tangents,
+    bodies: NDArray,
+    records: NDArray,
+    began: Callable[[], NDArray] | None,
+    on_section: bool,
+    instants: int | None = None,
+    carry: Callable[..., object] = advance,
+    threads: int | None = None,
+) -> Flow:
+    """Carry records on, in place."""
+    carry(
+        system, bodies, records, tolerance=walkers.tolerance, scuff=walkers.stub,
+        from_section=on_section, threads=threads,
+    )  # fmt: skip
+    return Flow(walkers, system, tangents, bodies, records, began, on_section, instants)
+
+
+def _places(Body: type, bodies: NDArray, stances: NDArray) -> NDArray:
+    """Where hips are, by constants (1 or n, 1 or 1 + k, ...) and angles (n, 1 + k); as these."""
+
+    def at(bodies: NDArray, stances: NDArray) -> NDArray:
+        return legs.progress(Body(*np.moveaxis(bodies, -1, 0)), stances)
+
+    changed = np.imag(at(_changed(bodies), _changed(stances))) / _INFINITESIMAL
+    return np.concatenate([at(bodies[:, :1], stances[:, :1]), changed], axis=1)
+
+
+def _changed(values: NDArray) -> NDArray:
+    """Values (n, 1 + k, ...) changed infinitesimally, (n, k, ...); or none of them."""
+    if values.shape[1] == 1:
+        return values + 0j
+    return values[:, :1] + 1j * _INFINITESIMAL * values[:, 1:]
