@@ -242,7 +242,7 @@ class SHAC(OnPolicyAlgorithm):
         critic = _by_state(self.value, np.stack(env.seen)) / spread
         critic[np.stack(env.fell)] = 0.0
         gains, costates = backwards(
-            env.tape.linearise(), policy, critic, np.stack(env.ended),
+            env.tape.linearize(), policy, critic, np.stack(env.ended),
             gamma=self.gamma, gae_lambda=self.gae_lambda,
         )  # fmt: skip
         # An action beyond its bounds may come back, and need not go on.

@@ -85,7 +85,7 @@ def engine(point: NDArray, p: Problem, strides: int, tolerance: float, count: in
     """This engine's: `count` walkers side by side."""
     strides_of = StrideMap.of(WALKERS["A"], tolerance=tolerance)
     points = np.tile(point, (count, 1))
-    return lambda: strides_of.linearise(points, p.slope, strides=strides)[1].lengths[0]
+    return lambda: strides_of.linearize(points, p.slope, strides=strides)[1].lengths[0]
 
 
 def by_torch(point: NDArray, p: Problem, strides: int, tolerance: float) -> Gradient:

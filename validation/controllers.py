@@ -112,7 +112,7 @@ def _period_of_small_steps() -> Row:
     return number(
         f"{_KUO} | the spring sets the step period, small steps, K = {_STIFFNESS} | {period:.6f}",
         (4.0 * near - far) / 3.0, digits=8,
-        remark="tan(ωT/2) = −ω (3 + 2K) tanh(T/2) with ω² = 1 + K, of the linearised walker.",
+        remark="tan(ωT/2) = −ω (3 + 2K) tanh(T/2) with ω² = 1 + K, of the linearized walker.",
     )  # fmt: skip
 
 

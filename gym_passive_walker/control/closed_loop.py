@@ -10,24 +10,25 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import one_slope, real_array, whole
-from gym_passive_walker.control.controllers import ControllerLike, SceneLike, acting
+from gym_passive_walker.arguments import real_array, whole
+from gym_passive_walker.control.controlled import ControlledMap, stride_map
+from gym_passive_walker.control.controllers import ControllerLike, SceneLike
 from gym_passive_walker.control.policy import Policy, steps
 from gym_passive_walker.control.ticks import course
-from gym_passive_walker.envs.scene import CALM, CHANNELS, Scene, make_scene
+from gym_passive_walker.envs.scene import CHANNELS, Scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.gaits.drive import Drive
 from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.newton import fixed_point
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride import STATE_NAMES
-from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
 from gym_passive_walker.walkers import name_of
 
 _SETTLING = 100  # strides before the search begins
 _CLOSED = 1e-5  # observations are single numbers in single precision: no stride closes to rounding
-_SHIFT = 5e-4  # of a coordinate, for central differences through single precision
+_ROUNDING = 1e-12  # to which strides close under a network that is followed in double precision
 _WORK = (
     "gravity_cost", "hip_cost", "net_hip_cost", "ankle_cost", "net_ankle_cost", "push_off_cost",
 )  # fmt: skip
@@ -253,9 +254,9 @@ def closed_loop_gait(
         (True, 0.325)
 
     The walker walks for a while, and Newton's method closes what remains; so gaits are found that
-    the policy holds, and unstable ones near the start. Derivatives are central differences through
-    the policy, whose observations are single numbers in single precision: multipliers are good to
-    about three digits.
+    the policy holds, and unstable ones near the start. Of a policy whose network has a derivative
+    (`load_policy`) multipliers are exact; of others they are central differences through `predict`,
+    whose observations have single precision, and are good to about three digits. See `stride_map`.
 
     Args:
         policy: A baseline, a trained policy or its name, or a model of stable-baselines3. What it
@@ -274,41 +275,36 @@ def closed_loop_gait(
     period = whole(period, "period")
     if scene is None and not isinstance(policy, str | PathLike):
         scene = getattr(policy, "scene", "level")
-    policy, scene = acting(policy, scene)
-    scene = make_scene(scene, energy="absolute", perturbation=0.0, randomise={})
-    slope = float(np.mean(scene.slope)) if slope is None else one_slope(slope)
-    command = None if scene.command is None else float(np.mean(scene.command))
-    smooth = {"terrain": Terrain(), "preview": scene.preview} if scene.preview else {}
-    scene = make_scene(scene, **CALM | smooth | {"slope": slope, "command": command})
-
-    def ends(points: NDArray, count: int) -> NDArray:
-        return policy_strides(policy, scene, slope, points, count).ends
-
+    if policy is None or isinstance(policy, Drive):
+        raise ValueError(
+            "closed_loop_gait needs a policy, which observes its walker; find_gait(walker, slope, "
+            "drive=...) finds the gaits of motors that do the same in each stride"
+        )
+    strides = stride_map(None, slope, controller=policy, scene=scene)
+    assert isinstance(strides, ControlledMap)
+    acts: Policy = strides.controller
+    slope = strides.slope
     if start is None:
-        world = PassiveWalkerVectorEnv(1, scene)
-        world.reset(seed=0)
-        point = Section(walker=scene.walker).points_at(world.states)[0]
+        point = strides.beginning(slope)[0]
     else:
-        dimension = Section(walker=scene.walker).dimension
-        allowed = f"a point on the section, {dimension} numbers: stance angle and rates"
+        allowed = f"a point on the section, {strides.dimension} numbers: stance angle and rates"
         point = real_array(start, "start", allowed).copy()
-        if point.shape != (dimension,):
+        if point.shape != (strides.dimension,):
             raise ValueError(f"start must be {allowed}, not of shape {point.shape}")
-    settled = ends(point[None], _SETTLING)[0]
+    settled = strides.apply(point[None], strides=_SETTLING).ends[0]
     if np.isfinite(settled).all():  # else it falls: the gait may be unstable, and near the start
         point = settled
-    shifts = _SHIFT * np.eye(len(point))
 
-    def linearised(points: NDArray) -> tuple[NDArray, NDArray]:
-        here, by_point = points[0], np.eye(len(shifts))
+    def linearized(points: NDArray) -> tuple[NDArray, NDArray]:
+        here, by_point = points, np.eye(strides.dimension)
         for _ in range(period):  # stride by stride: over several, differences would be too coarse
-            tried = ends(np.vstack([here, here + shifts, here - shifts]), 1)
-            ahead, behind = tried[1:].reshape(2, len(shifts), -1)
-            here, by_point = tried[0], (ahead - behind).T / (2.0 * _SHIFT) @ by_point
-        return here[None], by_point[None]
+            passage, change = strides.linearize(here)
+            here, by_point = passage.ends, change.ends[0] @ by_point
+        return here, by_point[None]
 
-    found = fixed_point(linearised, point[None], accuracy=_CLOSED, damped=False)
-    violation, name = float(found.sizes[0]), getattr(policy, "name", "this policy")
+    accuracy = _ROUNDING if strides.exact else _CLOSED
+    found = fixed_point(linearized, point[None], accuracy=accuracy, damped=False)
+    violation, name = float(found.sizes[0]), getattr(acts, "name", "this policy")
     if not math.isfinite(violation):
         raise GaitNotFound(
             f"a walker under {name} does not make {period} strides from near its start; give a "
@@ -323,11 +319,11 @@ def closed_loop_gait(
     if not np.isfinite(by_point).all():  # with legs together, every stride closes
         raise GaitNotFound(
             f"no gait of period {period} under {name}: a stride from the stance angle "
-            f"{found.points[0, 0]:.1e} rad closes, but not all from points {_SHIFT} beside it end "
-            "with a heelstrike; give a start with longer steps"
+            f"{found.points[0, 0]:.1e} rad closes, but not all from points beside it end with a "
+            "heelstrike; give a start with longer steps"
         )
     multipliers = multipliers_of(by_point)
-    return _measured(policy, scene, slope, period, found.points[0], multipliers, violation)
+    return _measured(acts, strides.scene, slope, period, found.points[0], multipliers, violation)
 
 
 def _measured(

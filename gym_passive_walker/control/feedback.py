@@ -105,11 +105,11 @@ def _converged(walker: Walker, slope: float, state: NDArray, torque: float) -> N
     """
     strides = StrideMap.of(walker, drive=Drive(hip_torque=torque))
 
-    def linearised(points: NDArray) -> tuple[NDArray, NDArray]:
-        passage, change = strides.linearise(points, slope)
+    def linearized(points: NDArray) -> tuple[NDArray, NDArray]:
+        passage, change = strides.linearize(points, slope)
         return passage.ends, change.ends
 
-    found = fixed_point(linearised, strides.points_at(state), accuracy=_ACCURACY)
+    found = fixed_point(linearized, strides.points_at(state), accuracy=_ACCURACY)
     if not found.sizes[0] < _SETTLED:
         raise GaitNotFound("Newton's method did not settle")
     return strides.states_at(found.points)[0]

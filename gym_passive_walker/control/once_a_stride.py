@@ -1,6 +1,6 @@
 """One decision a stride: hip torque, ankle torque or push-off, chosen anew at each heelstrike.
 
-`DriveFeedback` answers to small deviations from any gait by the linearised stride map.
+`DriveFeedback` answers to small deviations from any gait by the linearized stride map.
 `SpeedControl` needs no linearisation: the simplest walker's hip is an inverted pendulum, so its
 speed at mid-stance, where the stance leg is along the ground's normal, says all about its energy,
 and what a stride does to that is known in closed form up to where the foot lands. A push-off sets
@@ -128,7 +128,7 @@ class DriveFeedback(OnceAStride):
             raise SceneError(f"the gait needs the action {idle[0]!r}, which the scene has not")
         strides = StrideMap.of(gait.walker, drive=gait.drive)
         self.point, m = strides.points_at(gait.state)[0], strides.dimension
-        _, change = strides.linearise(self.point[None], gait.slope, by=("state", *self.parts))
+        _, change = strides.linearize(self.point[None], gait.slope, by=("state", *self.parts))
         by_point, by_drive = change.ends[0, :, :m], change.ends[0, :, m:]
         self.own = np.array([getattr(strides.drive, part) for part in self.parts])
         self.rows = gains(by_point, by_drive, method, torque_weight=torque_weight)
@@ -253,7 +253,7 @@ class SpeedControl(OnceAStride):
         torques = np.where(np.isinf(missed).all(axis=1), 0.0, tried[np.argmin(missed, axis=1)])
         last = torques
         for _ in range(_REFINED):
-            passage, change = self._strides(torques).linearise(points, slopes, by=("hip_torque",))
+            passage, change = self._strides(torques).linearize(points, slopes, by=("hip_torque",))
             step = (passage.ends[:, 0] - angles) / change.ends[:, 0, 0]
             further = np.clip(torques - step, -most, most)
             torques, last = np.where(passage.alive, further, 0.5 * (torques + last)), torques

@@ -73,7 +73,7 @@ class Tape:
         self._actions.append(np.array(actions, dtype=float).reshape(-1))
         self._walkers += self._batch.walkers
 
-    def linearise(self) -> Linear:
+    def linearize(self) -> Linear:
         """How the steps since the last `clear` change."""
         scene, rules = self._scene, self._batch.rules[0]
         shape = (len(self._records), self._batch.count)

@@ -27,12 +27,13 @@ from gym_passive_walker.arguments import (
     whole,
 )
 from gym_passive_walker.gaits.attractors import period_of
+from gym_passive_walker.gaits.drive import to_own
 from gym_passive_walker.gaits.family import GaitFamily, gait_family
 from gym_passive_walker.gaits.gait import GaitKind
-from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.gaits.stride_map import StrideMap, map_of
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
-from gym_passive_walker.walkers import Walker, WalkerLike, as_walker, name_of
+from gym_passive_walker.walkers import Walker, WalkerLike, name_of
 
 _FINEST_SLOPE = 1e-15  # rad
 _NUDGE = 1e-4  # off the gait, which a walker would otherwise stay on though it be unstable
@@ -135,8 +136,12 @@ def beginnings(
                 f"{states.shape}"
             )
         return stride_map.points_at(np.broadcast_to(states, (len(slopes), 6)))
+    if not isinstance(stride_map, StrideMap):  # under a controller
+        return stride_map.beginning(slopes)
     low, high = float(slopes.min()), float(slopes.max())
-    family = gait_family(stride_map.walker, low * (1.0 - 1e-9), high * (1.0 + 1e-9), kind)
+    drive = to_own(stride_map.units, stride_map.drive)
+    low, high = low - 1e-9 * abs(low), high + 1e-9 * abs(high)
+    family = gait_family(stride_map.walker, low, high, kind, drive=drive)
     points = stride_map.points_at(nearest_on(family, slopes))
     points[:, 0] *= 1.0 + _NUDGE
     return points
@@ -158,7 +163,7 @@ def _settle(
 
 
 def bifurcation_diagram(
-    walker: WalkerLike,
+    walker: WalkerLike | StrideMap,
     slopes: ArrayLike,
     *,
     settle: int = 1000,
@@ -172,7 +177,8 @@ def bifurcation_diagram(
     """Where walks settle, slope by slope (Fig. 4.10).
 
     Args:
-        walker: The walker, in a form that `as_walker` takes.
+        walker: The walker, in a form that `as_walker` takes; or a map of `stride_map`, whose
+            controller then walks.
         slopes: Slopes in rad, in the order in which a sweep takes them.
         settle: Strides taken before any is kept.
         keep: Strides kept.
@@ -190,14 +196,13 @@ def bifurcation_diagram(
     Raises:
         GaitNotFound: if there is no gait in the range of slopes to begin with.
     """
-    walker, values = as_walker(walker), several_slopes(slopes)
-    tolerance = check_tolerance(tolerance)
+    values, tolerance = several_slopes(slopes), check_tolerance(tolerance)
     settle, keep = whole(settle, "settle", 0), whole(keep, "keep", 1, KEPT)
     sweep = truth(sweep, "sweep")
     longest_period = whole(longest_period, "longest_period")
     if not longest_period < keep:
         raise ValueError(f"keep more strides than the longest period {longest_period}, not {keep}")
-    stride_map = StrideMap.of(walker, tolerance=tolerance)
+    stride_map = map_of(walker, tolerance=tolerance)
     points = beginnings(stride_map, values, kind, start)
     if sweep:
         angles = np.full((len(values), keep), np.nan)
@@ -211,11 +216,13 @@ def bifurcation_diagram(
     else:
         angles, points = _settle(stride_map, points, values, settle, keep)
     period = period_of(angles, longest_period)
-    return BifurcationDiagram(walker, values, angles, period, stride_map.states_at(points))
+    return BifurcationDiagram(
+        stride_map.walker, values, angles, period, stride_map.states_at(points)
+    )
 
 
 def crisis_slope(
-    walker: WalkerLike,
+    walker: WalkerLike | StrideMap,
     low: float,
     high: float,
     *,
@@ -234,7 +241,7 @@ def crisis_slope(
     is narrower than the search's steps.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes.
+        walker: The walker, or a map of `stride_map`, as for `bifurcation_diagram`.
         low: A slope in rad at which the walk begun settles.
         high: A slope beyond the crisis.
         start: A section state to begin with at `low`; beside the gait if None.
@@ -247,7 +254,7 @@ def crisis_slope(
     Raises:
         ValueError: if the walker falls at `low`, or walks on at `high`.
     """
-    stride_map = StrideMap.of(as_walker(walker), tolerance=check_tolerance(tolerance))
+    stride_map = map_of(walker, tolerance=check_tolerance(tolerance))
     low, high = one_slope(low, "low"), one_slope(high, "high")
     strides, walkers = whole(strides, "strides"), whole(walkers, "walkers", 1, KEPT)
     accuracy = number(accuracy, "accuracy", least=_FINEST_SLOPE, most=1.0)

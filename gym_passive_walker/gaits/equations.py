@@ -55,10 +55,10 @@ def gait_equations(
         u: Points in logarithmic coordinates, (n, m).
         slopes: Slope in rad, one for all or (n,).
         period: Strides of the gait.
-        by: What to differentiate by besides the coordinates, as for `StrideMap.linearise`.
+        by: What to differentiate by besides the coordinates, as for `StrideMap.linearize`.
     """
     points, m = from_logarithms(u), u.shape[1]
-    passage, change = stride_map.linearise(
+    passage, change = stride_map.linearize(
         points, slopes, strides=period, by=("state", *by), along=by_logarithms(points)
     )
     values = logarithms(passage.ends) - u

@@ -13,13 +13,13 @@ from gym_passive_walker.arguments import check_tolerance, several_slopes, whole
 from gym_passive_walker.gaits.bifurcation import beginnings
 from gym_passive_walker.gaits.gait import GaitKind
 from gym_passive_walker.gaits.log_chart import by_logarithms, in_logarithms
-from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.gaits.stride_map import StrideMap, map_of
 from gym_passive_walker.progress import progress
 from gym_passive_walker.walkers import WalkerLike
 
 
 def lyapunov_exponents(
-    walker: WalkerLike,
+    walker: WalkerLike | StrideMap,
     slopes: ArrayLike,
     *,
     count: int = 1,
@@ -35,7 +35,7 @@ def lyapunov_exponents(
     stable gait of period n they are ln|multipliers| / n.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes.
+        walker: The walker, or a map of `stride_map`, as for `bifurcation_diagram`.
         slopes: Slopes in rad.
         count: How many exponents, from the largest on; at most the section's dimension.
         strides: Strides averaged over.
@@ -47,7 +47,7 @@ def lyapunov_exponents(
     Returns:
         Shape (n, count), largest first; NaN where the walker falls.
     """
-    stride_map = StrideMap.of(walker, tolerance=check_tolerance(tolerance))
+    stride_map = map_of(walker, tolerance=check_tolerance(tolerance))
     values = several_slopes(slopes)
     strides, settle = whole(strides, "strides"), whole(settle, "settle", 0)
     m = stride_map.dimension
@@ -66,7 +66,7 @@ def lyapunov_exponents(
                 break
             # In logarithmic coordinates, as rates are of another size than angles.
             along = by_logarithms(points) @ frames
-            passage, change = stride_map.linearise(points, values[walking], along=along)
+            passage, change = stride_map.linearize(points, values[walking], along=along)
             on = passage.alive
             walking, points, sums = walking[on], passage.ends[on], sums[on]
             frames, triangle = np.linalg.qr(in_logarithms(points, change.ends[on]))

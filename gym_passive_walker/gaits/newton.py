@@ -107,7 +107,7 @@ def newton(
 
 
 def fixed_point(
-    linearised: Callable[[NDArray], tuple[NDArray, NDArray]],
+    linearized: Callable[[NDArray], tuple[NDArray, NDArray]],
     guesses: NDArray,
     *,
     accuracy: float,
@@ -116,7 +116,7 @@ def fixed_point(
     """Fixed points of a map near guesses.
 
     Args:
-        linearised: Takes points (n, k) to where the map leads, (n, k), and its derivatives
+        linearized: Takes points (n, k) to where the map leads, (n, k), and its derivatives
             (n, k, k).
         guesses: (n, k).
         accuracy: Largest distance between a point and where the map leads.
@@ -124,7 +124,7 @@ def fixed_point(
     """
 
     def equations(points: NDArray) -> tuple[NDArray, NDArray]:
-        ends, derivatives = linearised(points)
+        ends, derivatives = linearized(points)
         return ends - points, derivatives - np.eye(points.shape[1])
 
     return newton(equations, guesses, accuracy=accuracy, damped=damped)

@@ -90,7 +90,7 @@ def sensitivity(place: Place, by: Sequence[str]) -> Sensitivity:
 
     Args:
         place: The gait.
-        by: "slope", or parameters of the walker. As for `StrideMap.linearise`, all else is held
+        by: "slope", or parameters of the walker. As for `StrideMap.linearize`, all else is held
             dimensionless.
 
     Raises:

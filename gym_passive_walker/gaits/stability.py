@@ -91,7 +91,7 @@ def stride_jacobian(
     driven = [name for name in Drive._fields if getattr(drive, name)]
     moved |= {"state", *driven} if moved & set(PARAMETERS) else set()
     by = sorted(moved)
-    passage, change = stride_map.linearise(points, slope, by=by)
+    passage, change = stride_map.linearize(points, slope, by=by)
     _refuse_falls(passage)
     first = np.cumsum([0, *(points.shape[1] if name == "state" else 1 for name in by)])
     found = {name: change.ends[:, :, i:j] for name, i, j in zip(by, first, first[1:], strict=False)}

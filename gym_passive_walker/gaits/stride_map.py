@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.gaits.drive import PASSIVE, Drive, for_each, to_dimensionless
 from gym_passive_walker.gaits.flow import Flow, Walkers, flow
-from gym_passive_walker.gaits.passage import Change, Passage
+from gym_passive_walker.gaits.passage import Change, Passage, imbalance, product
 from gym_passive_walker.gaits.samples import before_impact
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.physics.hybrid import Outcome, System
@@ -27,9 +27,6 @@ LONGEST = 20.0
 """Time in sqrt(l/g) after which a stride without heelstrike is given up; a usual one takes 3."""
 
 _FEW = 16
-_DROWNED = 1e6
-"""Push-off over the step length squared, of about 1 on most gaits; beyond, rounding is no less than
-the accuracy of gaits."""
 _FIELDS = [field.name for field in fields(Change)]
 _STRUCK, _STALLED = int(Outcome.HEELSTRIKE), int(Outcome.STALLED)
 
@@ -47,12 +44,14 @@ class StrideMap(Section):
         stub: Whether a kneed walker's locked swing leg below the ground ends the stride.
         drive: What its motors do in each stride, dimensionless. A part of it may be the `parameter`
             that differs.
+        slope: Slope in rad where none is given to `apply`, `linearize` or an analysis.
     """
 
     tolerance: float = 1e-13
     longest: float = LONGEST
     stub: bool = False
     drive: Drive = PASSIVE
+    slope: float | None = None
 
     @classmethod
     def of(
@@ -63,12 +62,14 @@ class StrideMap(Section):
         longest: float = LONGEST,
         stub: bool = False,
         drive: Drive = PASSIVE,
+        slope: float | None = None,
     ) -> Self:
         """The stride map of a walker (see `as_walker`); a drive is in the walker's units."""
         walker = as_walker(walker)
         return cls(
             walker=walker, tolerance=tolerance, longest=longest, stub=stub,
             drive=drive if drive is PASSIVE else to_dimensionless(units_of(walker), drive),
+            slope=slope,
         )  # fmt: skip
 
     def with_tolerance(self, tolerance: float) -> Self:
@@ -92,6 +93,13 @@ class StrideMap(Section):
         """Which equations the walker obeys."""
         return self.walkers.system()
 
+    def _slopes(self, slopes: ArrayLike | None, count: int) -> NDArray[np.float64]:
+        """Slopes of some points, (n,)."""
+        slopes = self.slope if slopes is None else slopes
+        if slopes is None:
+            raise ValueError("this map has no slope of its own: give one")
+        return for_each(slopes, count)
+
     def _drives(self, count: int) -> NDArray[np.float64]:
         """The drive of each of some points, (n, 3)."""
         drive = self.drive
@@ -102,22 +110,24 @@ class StrideMap(Section):
             column[:] = part
         return drives
 
-    def apply(self, points: NDArray, slopes: ArrayLike, *, strides: int = 1) -> Passage:
+    def apply(
+        self, points: NDArray, slopes: ArrayLike | None = None, *, strides: int = 1
+    ) -> Passage:
         """Take walkers through some strides.
 
         Args:
             points: Points of the section, (n, m).
-            slopes: Slope in rad, one for all or (n,).
+            slopes: Slope in rad, one for all or (n,); the map's own when None.
             strides: Strides to take.
         """
-        slopes, drives = for_each(slopes, len(points)), self._drives(len(points))
+        slopes, drives = self._slopes(slopes, len(points)), self._drives(len(points))
         told, outcomes = self._follow(points, slopes, drives, np.arange(len(points)), strides)
         return Passage(**_named(told[0]), outcomes=outcomes)
 
-    def linearise(
+    def linearize(
         self,
         points: NDArray,
-        slopes: ArrayLike,
+        slopes: ArrayLike | None = None,
         *,
         strides: int = 1,
         by: Sequence[str] = ("state",),
@@ -127,7 +137,7 @@ class StrideMap(Section):
 
         Args:
             points: Points of the section, (n, m).
-            slopes: Slope in rad, one for all or (n,).
+            slopes: Slope in rad, one for all or (n,); the map's own when None.
             strides: Strides to take.
             by: Columns of the derivatives, in order: "state" (one for each coordinate), "slope",
                 a part of the drive, or a parameter of the walker, all else being held
@@ -137,7 +147,7 @@ class StrideMap(Section):
         Returns:
             The passage, and the derivatives of all in it.
         """
-        slopes, drives = for_each(slopes, len(points)), self._drives(len(points))
+        slopes, drives = self._slopes(slopes, len(points)), self._drives(len(points))
         walking, outcomes = np.arange(len(points)), np.empty(len(points), np.int8)
         if len(points) > _FEW:
             # Without derivatives first: strides that fail cost as much as many that do not.
@@ -191,11 +201,11 @@ class StrideMap(Section):
                     if len(walking) == 0:
                         break
             records = walked.records[on]
-            imbalance = _imbalance(totals[2], totals[3], records["push_off"], totals[1])
+            unbalanced = imbalance(totals[2], totals[3], records["push_off"], totals[1])
         totals[4][totals[4][:, 0] == 0.0] = np.nan
         told = np.full((planes, self.dimension + 6, len(points)), np.nan)
         ends = self.point(records["state"]).transpose(2, 0, 1)
-        rows = np.concatenate([ends, totals, imbalance[None]])
+        rows = np.concatenate([ends, totals, unbalanced[None]])
         told[:, :, walking] = rows.transpose(2, 0, 1)
         return told, outcomes
 
@@ -207,10 +217,10 @@ class StrideMap(Section):
         durations += records["time"]
         lengths += length
         lost += records["knee_loss"] + records["heel_loss"] + records["friction_loss"]
-        supplied += _product(sine, length)
+        supplied += product(sine, length)
         supplied += records["push_work"]
         works = np.array(walked.system.works)  # a hip's not on feet of vanishing mass
-        supplied += (works * _product(records["control"], records["moved"])).sum(axis=2)
+        supplied += (works * product(records["control"], records["moved"])).sum(axis=2)
         knee_times[:] = records["knee_time"]
 
     def sample(self, points: NDArray, slopes: ArrayLike, times: NDArray) -> Flow:
@@ -241,38 +251,25 @@ class StrideMap(Section):
         return before_impact(self.walkers, start, slope, times, controls=held)[0]
 
 
+def map_of(walker: WalkerLike | StrideMap, *, tolerance: float) -> StrideMap:
+    """A stride map as analyses take it: a map, or the passive one of a walker.
+
+    Args:
+        walker: A map of `gpw.stride_map`, or a walker in a form that `as_walker` takes.
+        tolerance: Of the integration.
+
+    Raises:
+        WalkerError: if it is neither.
+    """
+    if isinstance(walker, Section):
+        return walker.with_tolerance(tolerance)  # type: ignore[attr-defined]
+    return StrideMap.of(walker, tolerance=tolerance)
+
+
 def _named(told: NDArray) -> dict[str, NDArray]:
     """The fields of `Change` from rows (m + 6, n), or from their derivatives (m + 6, n, k)."""
     rest = 1 - len(_FIELDS)
     return dict(zip(_FIELDS, [told[:rest].swapaxes(0, 1), *told[rest:]], strict=True))
-
-
-def _product(a: NDArray, b: NDArray) -> NDArray:
-    """The product of two quantities (n, 1 + k, ...), each with k derivatives behind its value."""
-    product = a[:, :1] * b + a * b[:, :1]
-    product[:, 0] *= 0.5
-    return product
-
-
-def _imbalance(lost: NDArray, supplied: NDArray, push_off: NDArray, lengths: NDArray) -> NDArray:
-    """The difference of energy lost and supplied over their mean, (n, 1 + k).
-
-    With legs nearly together, a strike takes back all that the push-off has just given. Compared
-    with that alone, every walker that hardly steps would be in balance. So the difference is
-    enlarged where steps are short for their push-off, which leaves those of gaits much as they are.
-    """
-    l0, s0 = lost[:, :1], supplied[:, :1]
-    relative = 4.0 * (s0 * lost - l0 * supplied) / (l0 + s0) ** 2
-    relative[:, 0] = 2.0 * (lost[:, 0] - supplied[:, 0]) / (lost[:, 0] + supplied[:, 0])
-    if not np.any(push_off):
-        return relative
-    square = _product(lengths, lengths)
-    enlarged = (push_off - push_off[:, :1] * square / square[:, :1]) / square[:, :1]
-    enlarged[:, 0] = push_off[:, 0] / square[:, 0]
-    drowned = enlarged[:, 0] > _DROWNED
-    enlarged[:, 0] += 1.0
-    enlarged[drowned] = np.nan
-    return _product(relative, enlarged)
 
 
 def _outcomes(walked: Flow) -> NDArray[np.int8]:

@@ -22,6 +22,14 @@ ACTIVATIONS: dict[str, Callable[[NDArray], NDArray]] = {
 }
 """What torch calls them, and what they do."""
 
+_SLOPES: dict[str, Callable[[NDArray], NDArray]] = {
+    "ReLU": lambda x: (x > 0.0).astype(float),
+    "Tanh": lambda x: 1.0 - np.tanh(x) ** 2,
+    "ELU": lambda x: np.where(x > 0.0, 1.0, np.exp(np.minimum(x, 0.0))),
+    "SiLU": lambda x: (s := 0.5 * (1.0 + np.tanh(0.5 * x))) * (1.0 + x * (1.0 - s)),
+}
+"""Their derivatives."""
+
 # Where each algorithm keeps its hidden layers, and the layer of the mean torque.
 _PLACES = {
     "ppo": ("mlp_extractor.policy_net", "action_net"),
@@ -143,6 +151,34 @@ class Network:
             draws = self.random.standard_normal(torque.shape, np.float32)
             torque = torque + np.exp(self._noise(x)) * draws
         return np.tanh(torque) if self._squashed else np.clip(torque, -1.0, 1.0), state
+
+    def linearize(self, observation: NDArray) -> tuple[NDArray, NDArray]:
+        """The mean actions for observations (n, size), in double precision, and their derivatives.
+
+        `predict` computes in single precision: the actions agree to some of its roundings. Where an
+        action or a normalized observation is clipped, its derivative is 0.
+
+        Returns:
+            Actions (n, actions), and their derivatives (n, actions, size).
+        """
+        x = np.asarray(observation, dtype=float)
+        slope = np.ones_like(x)
+        if self._moments is not None:
+            mean, spread, clip = self._moments
+            x = (x - mean) / spread
+            slope = (np.abs(x) < clip) / spread
+            x = np.clip(x, -clip, clip)
+        change = slope[:, None, :] * np.eye(self._size)
+        for weight, bias in self._hidden:
+            x = x @ weight.T.astype(float) + bias
+            change = _SLOPES[self._activation](x)[:, :, None] * (weight.astype(float) @ change)
+            x = ACTIVATIONS[self._activation](x)
+        weight, bias = self._mean
+        action, change = x @ weight.T.astype(float) + bias, weight.astype(float) @ change
+        if self._squashed:
+            action = np.tanh(action)
+            return action, (1.0 - action**2)[:, :, None] * change
+        return np.clip(action, -1.0, 1.0), (np.abs(action) < 1.0)[:, :, None] * change
 
     def _noise(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
         """Logarithm of the noise's standard deviation."""

@@ -102,7 +102,7 @@ def test_the_sweep_over_walkers_is_what_autograd_says_of_their_walk(scene):
     ended = np.concatenate([going[:-1] & ~going[1:], going[-1:]])
     critic = np.zeros((steps, count, 6))
     gains, _ = backwards(
-        tape.linearise(), by_seen.numpy()[..., :6], critic, ended, gamma=1.0, gae_lambda=1.0
+        tape.linearize(), by_seen.numpy()[..., :6], critic, ended, gamma=1.0, gae_lambda=1.0
     )
     first = np.cumsum(ended, axis=0) - ended == 0  # the environment begins another episode
     ours = torch.autograd.grad(

@@ -42,7 +42,7 @@ def test_the_gait_is_the_one_that_is_found(lab):
     assert lab.period * gait.walker.time_unit == pytest.approx(gait.step_period, rel=1e-5)
 
 
-def test_the_sensitivity_is_that_of_the_linearised_stride_map(lab):
+def test_the_sensitivity_is_that_of_the_linearized_stride_map(lab):
     """Hobbelen and Wisse's norm of the response, put together from derivatives of strides."""
     gait, units = gpw.find_gait("lab", SLOPE), units_of(gpw.WALKERS["lab"])
     small = 1e-6

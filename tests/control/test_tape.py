@@ -47,7 +47,7 @@ def test_what_a_walk_earns_changes_with_each_action_as_differences_say(changes):
         states.append(env.get_state())
         tape.note(action)
         fell.append(env.step(action)[2])
-    exact = gains(tape.linearise())
+    exact = gains(tape.linearize())
     compared = np.ones(COUNT, bool) if env.scene.energy_weight == 0.0 else ~np.any(fell, axis=0)
     assert compared.sum() >= COUNT // 2 and (env.scene.energy_weight > 0.0 or np.any(fell))
     for step in range(0, len(actions), 1 if strides else 7):
@@ -82,6 +82,6 @@ def test_what_was_noted_stays_when_the_array_it_came_in_changes():
         env.step(actions)
         if reused:
             actions[:] = -0.5
-        linear.append(tape.linearise())
+        linear.append(tape.linearize())
     for name, values in linear[0]._asdict().items():
         np.testing.assert_array_equal(getattr(linear[1], name), values)

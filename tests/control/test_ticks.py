@@ -174,7 +174,7 @@ def test_under_one_torque_a_stride_in_ticks_has_the_stride_map_s_derivatives():
     held = np.full((3, TICKS), 0.002)
     ticked = ticked_strides(walkers, slopes, points, held, tick=TICK, by=by)
     strides = replace(StrideMap.of("lab"), drive=Drive(0.002)).with_parameter("foot_radius", radii)
-    passage, change = strides.linearise(points, slopes, by=("state", "hip_torque", *by))
+    passage, change = strides.linearize(points, slopes, by=("state", "hip_torque", *by))
     expected = [change.ends, change.durations[:, None], change.lengths[:, None]]
     expected = np.concatenate([*expected, change.knee_times[:, None]], axis=1)
     found = np.concatenate([ticked.by[:, :6], ticked.by[:, -1:]], axis=1)

@@ -231,7 +231,7 @@ def test_who_asks_for_derivatives_is_told_the_same(name):
     point = strides.points_at(gait.state)
     m, coordinates = strides.dimension, strides.coordinates
     driven = replace(strides, drive=Drive(hip_torque=0.003))
-    _, change = driven.linearise(point, gait.slope, by=("state", "slope", "hip_torque"))
+    _, change = driven.linearize(point, gait.slope, by=("state", "slope", "hip_torque"))
     found = end(name, start(name), np.eye(6))[1:]
     rows = [0, 1, 2, 3, 4, 5] if name in KNEED else [0, 1, 2, 4, 5]
     expected = found[rows][:, coordinates].T
@@ -244,7 +244,7 @@ def test_who_asks_for_derivatives_is_told_the_same(name):
     by_torque = ticked.by_torque.sum(axis=1)
     np.testing.assert_allclose(by_torque, expected[:, -1], rtol=0.0, atol=1e-9)
 
-    _, passive = strides.linearise(point, gait.slope)
+    _, passive = strides.linearize(point, gait.slope)
     units = np.array([1.0, *[walker.time_unit] * (m - 1)])
     jacobian = stride_jacobian(walker, gait.slope, gait.state)
     scaled = np.asarray(jacobian) * units[:, None] / units

@@ -59,7 +59,7 @@ def test_derivatives_are_those_of_all_that_is_told(name):
     walker_map, slope, points = beside(name)
     by = ("state", "slope", "hip_torque", "shank_length", "thigh_length")
     driven = replace(walker_map, drive=Drive(0.001))
-    _, change = driven.linearise(points, slope, strides=2, by=by)
+    _, change = driven.linearize(points, slope, strides=2, by=by)
     m = walker_map.dimension
 
     def moved(column, x):
@@ -85,9 +85,9 @@ def test_derivatives_are_those_of_all_that_is_told(name):
 @pytest.mark.parametrize("name", NAMES)
 def test_a_batch_is_its_walkers_one_by_one(name):
     walker_map, slope, points = beside_each(name, 9)
-    passage, change = walker_map.linearise(points, slope, by=("state", "slope"))
+    passage, change = walker_map.linearize(points, slope, by=("state", "slope"))
     for i in range(len(points)):
-        alone, by = walker_map.linearise(points[i : i + 1], slope, by=("state", "slope"))
+        alone, by = walker_map.linearize(points[i : i + 1], slope, by=("state", "slope"))
         for what in TOLD:
             np.testing.assert_array_equal(getattr(passage, what)[i], getattr(alone, what)[0])
             np.testing.assert_array_equal(getattr(change, what)[i], getattr(by, what)[0])
@@ -97,12 +97,12 @@ def test_walkers_that_differ_in_a_parameter_walk_as_each_would():
     walker_map, slope, points = beside("lab", 6)
     values = np.linspace(0.44, 0.48, 6)
     by = ("state", "shank_length")
-    passage, change = walker_map.with_parameter("shank_length", values).linearise(
+    passage, change = walker_map.with_parameter("shank_length", values).linearize(
         points, slope, by=by
     )
     for i, value in enumerate(values):
         own = StrideMap.of(replace(WALKERS["lab"], shank_length=value), tolerance=1e-14)
-        alone, by_own = own.linearise(points[i : i + 1], slope, by=by)
+        alone, by_own = own.linearize(points[i : i + 1], slope, by=by)
         np.testing.assert_array_equal(passage.ends[i], alone.ends[0])
         np.testing.assert_array_equal(change.lengths[i], by_own.lengths[0])
 
@@ -113,7 +113,7 @@ def test_who_falls_is_told_apart_from_who_walks():
     points[2] = np.nan
     for passage in (
         walker_map.apply(points, slope, strides=3),
-        walker_map.linearise(points, slope, strides=3)[0],
+        walker_map.linearize(points, slope, strides=3)[0],
     ):
         assert passage.alive.tolist() == [True, False, False, True, True, True]
         assert passage.outcomes.tolist()[:3] == [
@@ -136,14 +136,14 @@ def test_who_falls_takes_nothing_from_the_others(count):
     crowd = replace(walker_map.with_parameter("shank_length", lengths), drive=Drive(torques))
     for strides in (1, 3, 12):
         asked = {"strides": strides, "by": by, "along": along}
-        told = crowd.linearise(points, slopes, **asked)
+        told = crowd.linearize(points, slopes, **asked)
         plain = crowd.apply(points, slopes, strides=strides)
         np.testing.assert_array_equal(plain.outcomes, told[0].outcomes)
         for i in range(count):
             own = StrideMap.of(replace(WALKERS["lab"], shank_length=lengths[i]), tolerance=1e-14)
             own = replace(own, drive=Drive(torques[i]))
             asked = {"strides": strides, "by": by, "along": along[i : i + 1]}
-            alone = own.linearise(points[i : i + 1], slopes[i], **asked)
+            alone = own.linearize(points[i : i + 1], slopes[i], **asked)
             for mine, its in zip(told, alone, strict=True):
                 for what in TOLD:
                     np.testing.assert_array_equal(getattr(mine, what)[i], getattr(its, what)[0])
@@ -175,8 +175,8 @@ def test_a_toe_may_be_made_to_stub():
 def test_directions_may_be_chosen():
     walker_map, slope, points = beside_each("C", 3)
     directions = np.random.default_rng(2).standard_normal((3, 4, 2))
-    _, along = walker_map.linearise(points, slope, along=directions)
-    _, change = walker_map.linearise(points, slope)
+    _, along = walker_map.linearize(points, slope, along=directions)
+    _, change = walker_map.linearize(points, slope)
     np.testing.assert_allclose(along.ends, change.ends @ directions, atol=1e-12)
 
 
@@ -224,11 +224,11 @@ def test_logarithmic_coordinates_come_back_and_have_exact_derivatives():
 def test_a_gait_is_a_fixed_point_of_the_stride_map():
     walker_map, slope, points = beside_each("lab", 2)
 
-    def linearised(points):
-        passage, change = walker_map.linearise(points, slope)
+    def linearized(points):
+        passage, change = walker_map.linearize(points, slope)
         return passage.ends, change.ends
 
-    found = fixed_point(linearised, points, accuracy=1e-12)
+    found = fixed_point(linearized, points, accuracy=1e-12)
     gait = walker_map.points_at(find_gait("lab", slope).state)
     np.testing.assert_allclose(found.points, np.repeat(gait, 2, axis=0), rtol=1e-10)
 
@@ -267,7 +267,7 @@ def test_units_turn_states_there_and_back():
 
 def test_the_derivative_of_the_map_is_the_same_in_any_units():
     walker_map, slope, points = beside("C")
-    _, change = walker_map.linearise(points, slope)
+    _, change = walker_map.linearize(points, slope)
     own = stride_jacobian("C", slope, walker_map.states_at(points)[0], tolerance=1e-14)
     time = np.array([1.0, *[walker_map.units.time] * 3])
     np.testing.assert_allclose(change.ends[0] / time[:, None] * time, own, rtol=1e-10, atol=1e-12)

@@ -1,0 +1,176 @@
+"""The stride map under a controller: as the environment walks, with the controller's derivative."""
+
+import pickle
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.control.baselines import LinearFeedback
+from gym_passive_walker.control.closed_loop import policy_strides
+from gym_passive_walker.gaits.drive import Drive
+from gym_passive_walker.policies import shipped_policies
+
+SINGLE = 2e-6  # what single precision of observations and actions comes to in a stride
+
+
+def point_of(strides):
+    """Where the walk under a controller has settled, (1, m)."""
+    return strides.apply(strides.beginning(strides.slope), strides=100).ends
+
+
+@pytest.fixture(scope="module", params=shipped_policies())
+def strides(request):
+    return gpw.stride_map(controller=request.param)
+
+
+def test_a_stride_of_the_map_is_one_of_the_environment(strides):
+    beside = point_of(strides) * (1.0 + 0.01 * np.random.default_rng(0).uniform(-1, 1, (5, 1)))
+    walked = policy_strides(strides.controller, strides.scene, strides.slope, beside)
+    passage = strides.apply(beside)
+    assert passage.alive.any()
+    np.testing.assert_allclose(passage.ends, walked.ends, atol=SINGLE)
+    alive = passage.alive
+    np.testing.assert_allclose(passage.lengths[alive], walked.length[alive], atol=SINGLE)
+    np.testing.assert_allclose(passage.durations[alive], walked.duration[alive], atol=SINGLE)
+
+
+def test_derivatives_are_those_of_the_network(strides):
+    """By the start, the slope and a parameter, of ends and works; over two strides."""
+    assert strides.exact
+    point, slope, m = point_of(strides), strides.slope, strides.dimension
+    by = ("state", "slope", "foot_radius")
+    passage, change = strides.linearize(point, strides=2, by=by)
+    radius = strides.walker.foot_radius
+
+    def told(shift):
+        own = strides.with_parameter("foot_radius", np.array([radius + shift[-1]]))
+        taken = own.apply(point + shift[:m], slope + shift[m], strides=2)
+        rows = (taken.durations, taken.lengths, taken.lost, taken.supplied)
+        return np.concatenate([taken.ends[0], *rows])
+
+    widths = np.full(m + 2, 1e-7)
+    widths[m] = 1e-8  # a network that has seen one slope alone turns sharply with it
+    exact = np.concatenate(
+        [change.ends[0], change.durations, change.lengths, change.lost, change.supplied]
+    )
+    assert passage.alive.all()
+    for j, way in enumerate(np.diag(widths)):
+        difference = (told(way) - told(-way)) / (2.0 * widths[j])
+        scale = 1.0 + np.abs(exact[:, j]).max()
+        np.testing.assert_allclose(exact[:, j], difference, atol=1e-6 * scale, err_msg=str(j))
+
+
+def test_under_a_policy_the_books_close(strides):
+    """What gravity and motors give, collisions take: on a gait both are the same."""
+    gait = gpw.closed_loop_gait(strides.controller)
+    passage = strides.apply(gait.point[None])
+    np.testing.assert_allclose(passage.ends[0], gait.point, atol=1e-11)
+    assert abs(passage.imbalance[0]) < 1e-10
+
+
+def test_multipliers_are_those_of_differences():
+    strides = gpw.stride_map(controller="level-ppo")
+    gait = gpw.closed_loop_gait(strides.controller)
+    ways = 1e-6 * np.eye(strides.dimension)
+    ahead, behind = (strides.apply(gait.point + sign * ways).ends for sign in (1.0, -1.0))
+    by_differences = np.linalg.eigvals((ahead - behind).T / 2e-6)
+    largest = np.abs(by_differences).max()
+    assert abs(gait.multipliers[0]) == pytest.approx(largest, abs=1e-6)
+    assert gait.violation < 1e-12
+
+
+def test_a_function_of_what_is_observed_is_a_controller():
+    """Ten lines lead from a controller to its gait's multipliers, and these from the gait's own."""
+    scene = {"walker": "lab", "slope": 0.036, "control": "stride", "max_hip_torque": 0.02}
+    gait = gpw.find_gait("lab", 0.036)
+
+    def brake(observation):
+        return 40.0 * (observation[:, :1] - gait.stance_angle)
+
+    free, held = (
+        gpw.stride_map(controller=controller, scene=scene)
+        for controller in (lambda seen: np.zeros((len(seen), 1)), brake)
+    )
+    point = free.points_at(gait.state)
+    for strides in (free, held):
+        np.testing.assert_allclose(strides.apply(point).ends, point, atol=1e-10)
+    passive = gpw.stride_map("lab", 0.036).linearize(point)[1].ends
+    np.testing.assert_allclose(free.linearize(point)[1].ends, passive, atol=1e-7)
+    by_torque = gpw.stride_map("lab", 0.036).linearize(point, by=("hip_torque",))[1].ends[0]
+    fed_back = passive[0] + 0.02 * 40.0 * by_torque * np.eye(4)[:1]
+    np.testing.assert_allclose(held.linearize(point)[1].ends[0], fed_back, atol=1e-7)
+
+
+def test_motors_that_do_the_same_in_each_stride_have_the_exact_map():
+    drive = Drive(hip_torque=0.1)
+    gait = gpw.find_gait("lab", 0.03, drive=drive)
+    strides = gpw.stride_map("lab", 0.03, controller=drive)
+    point = strides.points_at(gait.state)
+    np.testing.assert_allclose(strides.apply(point).ends, point, atol=1e-11)
+    multipliers = np.linalg.eigvals(strides.linearize(point)[1].ends[0])
+    assert np.abs(multipliers).max() == pytest.approx(abs(gait.multipliers[0]), rel=1e-6)
+
+
+def test_feedback_without_a_derivative_is_differentiated_by_differences():
+    policy = LinearFeedback("steep")
+    strides = gpw.stride_map(controller=policy, scene="steep")
+    assert not strides.exact
+    _, change = strides.linearize(point_of(strides))
+    np.testing.assert_allclose(change.ends[0], policy.closed_loop, atol=5e-3)
+    with pytest.raises(ValueError, match="by state and slope alone, not by foot_radius"):
+        strides.linearize(point_of(strides), by=("foot_radius",))
+
+
+def test_walkers_of_a_crowd_are_each_alone_and_falls_are_none():
+    strides = gpw.stride_map(controller="steep-ppo")
+    points = np.repeat(point_of(strides), 4, axis=0)
+    points[1, 1] = -0.01  # too slow for the top
+    points[2] *= 1.01
+    points[3] = np.nan
+    slopes = strides.slope + np.array([0.0, 0.0, -0.002, 0.0])
+    passage, change = strides.linearize(points, slopes, strides=3)
+    assert passage.alive.tolist() == [True, False, True, False]
+    assert passage.outcomes[1] > gpw.Outcome.HEELSTRIKE
+    assert np.isnan(passage.ends[[1, 3]]).all() and np.isnan(change.ends[[1, 3]]).all()
+    for i in (0, 2):
+        alone, by = strides.linearize(points[i : i + 1], slopes[i], strides=3)
+        # But for the network's products of matrices, which round by the size of a batch.
+        np.testing.assert_allclose(passage.ends[i], alone.ends[0], rtol=1e-12, atol=1e-13)
+        np.testing.assert_allclose(change.ends[i], by.ends[0], rtol=1e-9, atol=1e-11)
+
+
+def test_a_map_can_be_pickled_and_has_a_slope_of_its_own():
+    strides = gpw.stride_map(controller="steep-ppo")
+    again = pickle.loads(pickle.dumps(strides))
+    point = point_of(strides)
+    np.testing.assert_array_equal(again.apply(point).ends, strides.apply(point, 0.11).ends)
+    assert strides.slope == 0.11 and gpw.stride_map(scene="lab").slope == 0.036
+    with pytest.raises(ValueError, match="needs a walker and a slope"):
+        gpw.stride_map("lab")
+    with pytest.raises(ValueError, match="a policy acts by predict"):
+        gpw.stride_map(controller=3)
+    with pytest.raises(ValueError, match="find_gait"):
+        gpw.closed_loop_gait(Drive(0.1))
+
+
+def test_walks_under_a_policy_have_a_bifurcation_diagram_and_exponents():
+    """On a stable gait every stride is the same, and the exponent is that of its multiplier."""
+    strides = gpw.stride_map(controller="steep-ppo")
+    slopes = strides.slope + np.array([-0.002, 0.0])
+    diagram = gpw.bifurcation_diagram(strides, slopes, settle=40, keep=8, longest_period=4)
+    assert diagram.period.tolist() == [1, 1]
+    for i, slope in enumerate(slopes):
+        gait = gpw.closed_loop_gait(strides.controller, slope=float(slope))
+        assert diagram.stance_angle[i, -1] == pytest.approx(gait.point[0], abs=1e-6)
+    exponent = gpw.lyapunov_exponents(strides, slopes[1:], strides=60, settle=40)
+    expected = gpw.closed_loop_gait(strides.controller).multipliers
+    assert exponent[0, 0] == pytest.approx(np.log(abs(expected[0])), abs=0.05)
+
+
+def test_a_driven_walker_has_a_bifurcation_diagram_too():
+    strides = gpw.stride_map("lab", 0.03, controller=Drive(hip_torque=0.1))
+    diagram = gpw.bifurcation_diagram(strides, [0.03], settle=60, keep=8, longest_period=4)
+    gait = gpw.find_gait("lab", 0.03, drive=Drive(hip_torque=0.1))
+    assert diagram.period.tolist() == [1]
+    assert diagram.stance_angle[0, -1] == pytest.approx(gait.stance_angle, rel=1e-8)
