@@ -97,16 +97,21 @@ def one_slope(slope: Any, name: str = "slope") -> float:
     return float(check_slope(_single(slope, name), name, ""))
 
 
-def several_slopes(slopes: ArrayLike) -> NDArray[np.float64]:
-    """Slopes of walks downhill in rad, (n,).
+def several_slopes(slopes: ArrayLike, *, downhill: bool = True) -> NDArray[np.float64]:
+    """Slopes in rad, (n,).
+
+    Args:
+        slopes: The slopes.
+        downhill: Whether walkers need them to be above 0, since no motor drives them.
 
     Raises:
-        ValueError: if they are not one or more angles above 0.
+        ValueError: if they are not one or more angles, above 0 if need be.
     """
     values = np.atleast_1d(check_slope(slopes, "slopes"))
-    if values.ndim != 1 or len(values) == 0 or np.any(values <= 0.0):
+    if values.ndim != 1 or len(values) == 0 or (downhill and np.any(values <= 0.0)):
+        above = " above 0" * downhill
         raise ValueError(
-            f"slopes must be one or more angles in rad above 0, in one row, not {shown(slopes)}"
+            f"slopes must be one or more angles in rad{above}, in one row, not {shown(slopes)}"
         )
     return values
 

@@ -71,6 +71,11 @@ class ControlledMap(Section):
         return str(getattr(self.controller, "name", type(self.controller).__name__))
 
     @property
+    def passive(self) -> bool:
+        """It is not: motors follow the controller."""
+        return False
+
+    @property
     def exact(self) -> bool:
         """Whether derivatives are exact: the controller has a derivative."""
         return callable(getattr(self.controller, "linearize", None))
@@ -151,11 +156,13 @@ class ControlledMap(Section):
         if not self.exact:
             told, outcomes = self._by_differences(points, slopes, strides, by, ways)
         else:
-            changes, moving = [np.zeros((*points.shape, 0))], {}
+            changes, moving, columns = [np.zeros((len(points), m, 0))], {}, 0
             for name in by:
+                part = ways if name == "state" else np.zeros((len(points), m, 1))
                 if name != "state":
-                    moving[name] = sum(part.shape[2] for part in changes)
-                changes.append(ways if name == "state" else np.zeros((*points.shape, 1)))
+                    moving[name] = columns
+                columns += part.shape[2]
+                changes.append(part)
             seeds = np.concatenate(changes, axis=2)
             told, outcomes = self._strides(points, slopes, strides, seeds, moving)
         passage = Passage(**self._named(told[:, :, 0]), outcomes=outcomes)

@@ -196,13 +196,13 @@ def bifurcation_diagram(
     Raises:
         GaitNotFound: if there is no gait in the range of slopes to begin with.
     """
-    values, tolerance = several_slopes(slopes), check_tolerance(tolerance)
+    stride_map = map_of(walker, tolerance=check_tolerance(tolerance))
+    values = several_slopes(slopes, downhill=stride_map.passive)
     settle, keep = whole(settle, "settle", 0), whole(keep, "keep", 1, KEPT)
     sweep = truth(sweep, "sweep")
     longest_period = whole(longest_period, "longest_period")
     if not longest_period < keep:
         raise ValueError(f"keep more strides than the longest period {longest_period}, not {keep}")
-    stride_map = map_of(walker, tolerance=tolerance)
     points = beginnings(stride_map, values, kind, start)
     if sweep:
         angles = np.full((len(values), keep), np.nan)

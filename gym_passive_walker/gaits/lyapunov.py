@@ -48,7 +48,7 @@ def lyapunov_exponents(
         Shape (n, count), largest first; NaN where the walker falls.
     """
     stride_map = map_of(walker, tolerance=check_tolerance(tolerance))
-    values = several_slopes(slopes)
+    values = several_slopes(slopes, downhill=stride_map.passive)
     strides, settle = whole(strides, "strides"), whole(settle, "settle", 0)
     m = stride_map.dimension
     count = whole(count, "count", 1, m)

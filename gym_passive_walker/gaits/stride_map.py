@@ -89,6 +89,11 @@ class StrideMap(Section):
         )
 
     @property
+    def passive(self) -> bool:
+        """Whether no motor drives the walkers."""
+        return self.parameter not in Drive._fields and self.drive.passive
+
+    @property
     def system(self) -> System:
         """Which equations the walker obeys."""
         return self.walkers.system()
