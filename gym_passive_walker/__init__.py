@@ -12,7 +12,7 @@ import gym_passive_walker.control.pictures
 import gym_passive_walker.render
 import gym_passive_walker.sweeps.pictures  # noqa: F401
 from gym_passive_walker.control.closed_loop import ClosedLoopGait, closed_loop_gait
-from gym_passive_walker.control.controlled import ControlledMap, stride_map
+from gym_passive_walker.control.controlled import stride_map
 from gym_passive_walker.control.optimal import optimal_gait, optimal_gaits
 from gym_passive_walker.control.optimum import OptimalGait
 from gym_passive_walker.control.robustness import Robustness, robustness
@@ -79,7 +79,6 @@ __all__ = [
     "BifurcationDiagram",
     "Cascade",
     "ClosedLoopGait",
-    "ControlledMap",
     "Design",
     "Drive",
     "Extreme",

@@ -416,6 +416,7 @@ def test_every_option_of_torch_is_heard():
 
     state = gpw.find_gait("lab", 0.036).state
     near, of_lab = 1.01 * state, dict(walker="lab", slope=0.036, state=state)
+    of_d = dict(walker="D", slope=0.009, state=gpw.find_gait("D", 0.009).state)
     per_tick = dict(**of_lab, hip_torque=0.1, duration=0.1)
     later = doors.tick(**{**per_tick, "duration": 0.05})
     table = {
@@ -427,6 +428,10 @@ def test_every_option_of_torch_is_heard():
                 slope=0.04,
                 state=near,
                 hip_torque=0.1,
+                ankle_torque=To(0.003, of_d),
+                push_off=0.2,
+                rise=-0.002,
+                turn=0.004,
                 parameters={"hip_mass": 0.5},
                 tolerance=1e-5,
                 longest=To(0.5, look=lambda told: told.outcome),
@@ -443,6 +448,10 @@ def test_every_option_of_torch_is_heard():
                 hip_torque=0.2,
                 duration=0.2,
                 phase=To(1, dict(walker="lab", state=later.state)),
+                ankle_torque=To(0.003, of_d),
+                push_off=To(0.2, dict(duration=5.0)),
+                rise=To(-0.002, dict(duration=5.0)),
+                turn=To(0.004, dict(duration=5.0)),
                 parameters={"hip_mass": 0.5},
                 tolerance=1e-5,
                 stub=To(

@@ -40,6 +40,13 @@ def of_a_square(x):
     return (0.5 * x**2)[:, None], np.full((len(x), 1), 0.9)
 
 
+def mapped(**options):
+    """A stride of a map, from where walks begin."""
+    strides = gpw.stride_map(**options)
+    start = gpw.find_gait(strides.walker, 0.036).state
+    return strides.slope, strides.apply(strides.points_at(start))
+
+
 def shorter(before, after):
     return after < before
 
@@ -437,6 +444,30 @@ OPTIONS = {
     ),
     "transition_slope": Call(
         gpw.transition_slope, dict(walker="E"), dict(walker="D", cube_root=0.9)
+    ),
+    "stride_map": Call(
+        mapped,
+        dict(walker="lab", slope=0.036),
+        dict(
+            walker="C",
+            slope=0.03,
+            controller=gpw.Drive(0.1),
+            scene=To("lab", dict(walker=None, slope=None, controller="constant")),
+            tolerance=1e-6,
+        ),
+        of=gpw.stride_map,
+    ),
+    "stride_map, under a policy": Call(
+        mapped,
+        dict(walker="C", slope=0.0, controller="constant"),
+        dict(
+            walker=To(replace(C, foot_radius=0.18)),
+            slope=0.001,
+            controller="optimal",
+            scene=Later(lambda: make_scene("level", max_hip_torque=0.01)),
+            tolerance=1e-6,
+        ),
+        of=gpw.stride_map,
     ),
     "tune": Call(gpw.tune, dict(walker="lab"), dict(walker="C")),
     "tune_to_walk": Call(

@@ -205,6 +205,12 @@ OPTIONS = {
         ),
         of=gpw.TrainedPolicy.predict,
     ),
+    "TrainedPolicy.linearize": Call(
+        lambda observation: gpw.load_policy("level-ppo").linearize(observation),
+        dict(observation=np.zeros((1, 8))),
+        dict(observation=np.full((1, 8), 0.1)),
+        of=gpw.TrainedPolicy.linearize,
+    ),
     "ClosedLoopGait.basin": Call(
         in_two,
         dict(resolution=6, strides=3),

@@ -72,6 +72,17 @@ def test_it_acts_as_stable_baselines3_does(exported, observations, algo, activat
     assert actions.shape == expected.shape == (200, 1)
     assert np.max(np.abs(actions - expected)) < ROUNDING
     assert 0.05 < np.mean(np.abs(actions) < 0.99)  # not all at their bounds
+    exact, change = policy.linearize(observations)
+    assert np.max(np.abs(exact - actions)) < ROUNDING
+    seen, step = observations.astype(float), 1e-7
+    for i in range(8):
+        way = step * np.eye(8)[i]
+        difference = (policy.linearize(seen + way)[0] - policy.linearize(seen - way)[0]) / (
+            2.0 * step
+        )
+        scale = 1.0 + np.abs(change[:, :, i])
+        off = np.abs(change[:, :, i] - difference) / scale > 1e-5
+        assert off.mean() <= 0.01, i  # where a unit or a bound is just met, there are two slopes
     alone, _ = policy.predict(observations[7])
     assert alone.shape == (1,) and abs(alone[0] - expected[7, 0]) < ROUNDING
 
