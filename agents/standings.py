@@ -206,34 +206,39 @@ def draw(path: Path, scores: Sequence[Score]) -> None:
 
 
 def draw_learning(path: Path, runs: Path, scores: Sequence[Score]) -> None:
-    """Draw how agents come to walk on the level: a curve for each run, a mark where it ended.
+    """Draw how agents learn to walk on the level: a line for each run, a marker for its policy.
 
     Args:
         path: The picture's file.
         runs: The folder of the benchmark's runs; of one that is not there only the mark is drawn.
         scores: What the benchmark found.
     """
+    from matplotlib.ticker import PercentFormatter
+
     gaits = optimal.load("level")
-    figure, axes = panels(1, 2, (9.0, 4.2), sharex=True)
+    figure, axes = panels(1, 2, (9.0, 3.6), sharex=True)
     for index, (agent, walked) in enumerate(walking_on_the_level(scores).items()):
         if agent not in ALGORITHMS:
             continue
-        style = series(index)
+        style, drawn = series(index), False
         for score in walked:
             curve = runs / str(Unit("level", agent, score["seed"])) / "learning_curve.csv"
             if curve.is_file():
+                drawn = True
                 told = list(csv.DictReader(curve.open(encoding="utf-8")))[1:]  # untrained: at none
                 rows = np.array([[float(row[name]) for name in _CURVE] for row in told])
                 above = [cost / optimal.least_cost(gaits, v) - 1.0 for v, cost in rows[:, 2:]]
                 for ax, values in zip(axes, (rows[:, 1], above), strict=True):
                     ax.plot(rows[:, 0], values, color=style["color"], linewidth=0.7, alpha=0.7)
-        ends = {**style, "linestyle": "", "markersize": 5.0, "alpha": 0.7, "label": agent}
+        ends = {**style, "linestyle": "", "markersize": 5.0, "alpha": 0.7}
+        shown = {**style, "linestyle": "-" if drawn else "", "linewidth": 0.7, "markersize": 5.0}
+        axes[0].plot([], [], **shown, label=agent)
         steps = [score["learning_steps"] for score in walked]
         for ax, name in zip(axes, ("reward", "above_optimum"), strict=True):
             ax.plot(steps, [score[name] for score in walked], **ends)
     axes[0].set(xscale="log", xlabel="steps of training", ylabel="return of a walk", ylim=(0, 55))
-    axes[1].set(xlabel="steps of training", ylabel="cost above the optimum at that speed")
+    axes[1].set(xlabel="steps of training", ylabel="cost above the optimum")
     axes[1].set(ylim=(-0.05, 1.0))
-    for ax in axes:
-        legend(ax)
+    axes[1].yaxis.set_major_formatter(PercentFormatter(1.0))
+    legend(axes[0], columns=4)
     save(figure, path)

@@ -105,7 +105,7 @@ _OPTIONS = {
 }
 """Tests of the options of a room; functions and objects of the others are in `_PUBLIC`."""
 
-_PUBLIC = ["tests/options/test_functions.py", "tests/options/test_objects.py"]
+_PUBLIC = [f"tests/options/test_{of}.py" for of in ("functions", "objects", "forms")]
 _BESIDES = {
     "agents/first_order": "reference first_order",
     "agents/ppo_fast": "reference ppo_fast",

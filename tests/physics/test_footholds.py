@@ -255,3 +255,8 @@ def test_a_stubbed_toe_is_one_below_both_footholds(name):
     assert down.outcome == Outcome.HEELSTRIKE
     up = 0.03 * walker.leg_length
     assert stride(walker, gait.slope, gait.state, rise=up, stub=True).outcome == Outcome.HEELSTRIKE
+
+
+@pytest.mark.parametrize("rise", [-0.02, 0.0, 0.03])
+def test_of_two_footholds_the_lower_one_is_meant(rise):
+    assert legs.lower(Ground(0.0, 1.0, rise, 0.0)) == min(rise, 0.0)
