@@ -471,15 +471,22 @@ def _tangents_by(walkers: Walkers, by: Sequence[str], along: NDArray | None = No
 
 def _seed(records: NDArray, tangents: Tangents, by: Collection[str]) -> None:
     """Let the planes behind records, (n, 1 + k), change along tangents."""
-    ground, changes = records["ground"][:, :1], records[:, 1:]
-    changes["state"], changes["control"] = tangents.states, tangents.controls
-    changes["push_off"], changes["end"] = tangents.push_offs, tangents.ends
-    changes["ground"][..., 2:] = tangents.footholds
+    changes = records[:, 1:]  # zero but for what is written here, which takes as long as walking
+    if "state" in by or "point" in by:
+        changes["state"] = tangents.states
+    if "hip_torque" in by or "ankle_torque" in by:
+        changes["control"] = tangents.controls
+    if "push_off" in by:
+        changes["push_off"] = tangents.push_offs
+    if "rise" in by or "turn" in by:
+        changes["ground"][..., 2:] = tangents.footholds
     if "slope" in by:
-        turn = ground[..., 1::-1] * [1.0, -1.0]
+        turn = records["ground"][:, :1, 1::-1] * [1.0, -1.0]
         changes["ground"][..., :2] = tangents.slopes[:, None] * turn
     if "start" in by:
         changes["start"] = tangents.starts[:, None] * _MIRRORED
+    if "end" in by:
+        changes["end"] = tangents.ends
 
 
 def _followed(

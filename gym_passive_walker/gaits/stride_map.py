@@ -205,7 +205,7 @@ class StrideMap(Section):
                     walking, totals = walking[on], totals[:, on]
                     if len(walking) == 0:
                         break
-            records = walked.records[on]
+            records = walked.records if on.all() else walked.records[on]
             unbalanced = imbalance(totals[2], totals[3], records["push_off"], totals[1])
         totals[4][totals[4][:, 0] == 0.0] = np.nan
         told = np.full((planes, self.dimension + 6, len(points)), np.nan)
