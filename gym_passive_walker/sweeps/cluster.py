@@ -14,6 +14,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 from gym_passive_walker.extras import extra
+from gym_passive_walker.progress import show
 from gym_passive_walker.sweeps.store import FAILED
 from gym_passive_walker.sweeps.version import version
 from gym_passive_walker.sweeps.workers import STILLBORN, TRIES, Outcome, Pace, Task, Workers
@@ -23,6 +24,7 @@ HERE = "here"
 
 _LOOK = 1.0  # seconds between two looks at what room there is
 _PATIENCE = 300.0  # seconds for a cluster where nobody is at work to have room for one
+_WAITS = 5  # in which these are spent, with a report of the work's progress after each
 
 
 class Watcher:
@@ -110,7 +112,12 @@ class Cluster:
                 watcher = self._idle.pop()
                 taken = [lost.popleft()] if lost else pace.take(waiting)
                 self._at_work[watcher.outcomes.remote(taken)] = watcher, taken
-            ended, _ = self._ray.wait([*self._at_work, *self._joining], timeout=_PATIENCE)
+            for _ in range(_WAITS):
+                awaited = [*self._at_work, *self._joining]
+                ended = self._ray.wait(awaited, timeout=_PATIENCE / _WAITS)[0]
+                show()  # how far the work is, while tasks are long
+                if ended:
+                    break
             if not ended and not self._at_work:
                 raise RuntimeError("the cluster has no room for a worker: is all of it busy?")
             for each in ended:
