@@ -19,7 +19,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import check_tolerance, one_slope
+from gym_passive_walker.arguments import check_tolerance, one_slope, shown
 from gym_passive_walker.control.controllers import ControllerLike, SceneLike, acting
 from gym_passive_walker.envs import task
 from gym_passive_walker.envs.scene import CALM, CHANNELS, Scene, make_scene
@@ -339,7 +339,13 @@ class ControlledMap(Section):
             if not isinstance(self.controller, _Function):
                 seen = seen.astype(np.float32)  # as the environment gives it
             actions, memory = self.controller.predict(seen, memory, begun, deterministic=True)
-        actions = np.asarray(actions, dtype=float).reshape(n, len(largest))
+        actions, shape = np.asarray(actions, dtype=float), (n, len(largest))
+        if actions.size != n * len(largest) or not np.all(np.isfinite(actions)):
+            raise ValueError(
+                f"{self.name} must return actions of shape {shape}, one for each of "
+                f"{', '.join(self.scene.actions)}, all finite, not {shown(actions)}"
+            )
+        actions = actions.reshape(shape)
         least = np.array([0.0 if name == "push_off" else -1.0 for name in self.scene.actions])
         held = np.zeros((n, len(largest), 1 + len(by_slope)))
         held[:, :, 0] = largest * np.clip(actions, least, 1.0)

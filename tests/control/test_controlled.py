@@ -102,6 +102,15 @@ def test_a_function_of_what_is_observed_is_a_controller():
     np.testing.assert_allclose(held.linearize(point)[1].ends[0], fed_back, atol=1e-7)
 
 
+@pytest.mark.parametrize(
+    "wrong", [lambda seen: np.zeros((len(seen), 2)), lambda seen: np.full((len(seen), 1), np.nan)]
+)
+def test_actions_that_are_none_are_refused(wrong):
+    strides = gpw.stride_map(controller=wrong, scene="steep")
+    with pytest.raises(ValueError, match=r"must return actions of shape \(1, 1\).*of hip"):
+        strides.apply(strides.beginning(0.11))
+
+
 def test_motors_that_do_the_same_in_each_stride_have_the_exact_map():
     drive = Drive(hip_torque=0.1)
     gait = gpw.find_gait("lab", 0.03, drive=drive)
