@@ -26,17 +26,31 @@ from agents.training import Run
 from gym_passive_walker import GaitNotFound
 from gym_passive_walker.control import optimal
 from gym_passive_walker.control.baselines import BASELINES
-from gym_passive_walker.control.closed_loop import closed_loop_gait
+from gym_passive_walker.control.controlled import closed_loop_gait
 from gym_passive_walker.control.policy import Policy
-from gym_passive_walker.control.trials import kicks, rough_strides
-from gym_passive_walker.control.walks import HUNDRED, WALKED_ON, Walks, evaluate
-from gym_passive_walker.envs.scene import SCENES, make_scene
+from gym_passive_walker.envs.scene import SCENES, Scene, make_scene
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.evaluation.steps import steps
+from gym_passive_walker.evaluation.walks import HUNDRED, WALKED_ON, Walks, evaluate
 from gym_passive_walker.files import replacing
+from gym_passive_walker.gaits.gait import Gait
 
 AGENTS = (*BASELINES, *ALGORITHMS)
 EPISODES = 100
 EPISODE_SEED = 1000
 """Episodes that judge every agent, and the seed of the first."""
+
+KICKS = 0.01 * np.arange(1, 101)
+"""Changes of the stance rate that are tried, as shares of it."""
+
+RECOVERY = 20
+"""Strides after which a walker counts as recovered."""
+
+ROUGHNESS = 0.01
+"""Standard deviation in rad of the slopes of rough ground, drawn anew at each stride."""
+
+FARTHEST = 300
+"""Strides after which a walk over rough ground is broken off."""
 
 EXAMS = 4
 """Evaluations while an agent learns, besides the early ones."""
@@ -184,6 +198,62 @@ def judge(policy: Policy, name: str) -> dict[str, Any]:
     except GaitNotFound:  # it creeps, or never walks alike
         score["kick_forward"] = score["kick_backward"] = math.nan
     return score
+
+
+class Kicks(NamedTuple):
+    """The largest changes of the stance rate just after heelstrike that a walker recovers from.
+
+    Every smaller one of those tried is survived as well. Shares of the gait's own stance rate.
+
+    Attributes:
+        forward: Of those that speed it up.
+        backward: Of those that slow it down.
+    """
+
+    forward: float
+    backward: float
+
+
+def kicks(gait: Gait) -> Kicks:
+    """Kick a walker on its gait, both ways, ever harder."""
+    strides = gait.stride_map
+    starts = np.repeat(strides.points_at(gait.state), 2 * len(KICKS), axis=0)
+    starts[:, 1] *= np.concatenate([1.0 + KICKS, 1.0 - KICKS])
+    survived = strides.apply(starts, gait.slope, strides=RECOVERY).alive.reshape(2, -1)
+    largest = [
+        0.0 if not way[0] else float(KICKS[np.argmin([*way, False]) - 1]) for way in survived
+    ]
+    return Kicks(*largest)
+
+
+def rough_strides(policy: Policy, scene: Scene, *, walkers: int = 100, seed: int = 0) -> float:
+    """How many strides a policy makes until it falls where each stride has a slope of its own.
+
+    Slopes are normal about the scene's own (the middle of its range) by `ROUGHNESS`.
+
+    Args:
+        policy: Who acts.
+        scene: The scene; walkers start as its episodes do.
+        walkers: Over how many the mean is taken.
+        seed: Of the starts and the slopes.
+
+    Returns:
+        The mean, where walks of `FARTHEST` strides are broken off.
+    """
+    middle = float(np.mean(scene.slope))
+    several = PassiveWalkerVectorEnv(walkers, make_scene(scene, slope=middle), max_episode_steps=-1)
+    rng = np.random.default_rng(seed)
+    observations, _ = several.reset(seed=seed)
+    strides, going = np.zeros(walkers, int), np.ones(walkers, bool)
+    for step in steps(policy, several, observations):
+        going &= ~step.terminated
+        strides[step.struck & going] += 1
+        going &= strides < FARTHEST
+        if not going.any():
+            break
+        slopes = rng.normal(middle, ROUGHNESS, walkers)  # as many each time, whoever strikes
+        step.observations[:] = several.set_slopes(slopes, step.struck)
+    return float(strides.mean())
 
 
 def _above_optimum(scene: str, walks: Walks, speed: float, cost: float) -> float:

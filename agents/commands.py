@@ -14,12 +14,14 @@ from agents.learner import LearnedPolicy, export, learned
 from gym_passive_walker import GaitNotFound
 from gym_passive_walker.control import optimal
 from gym_passive_walker.control.baselines import BASELINES
-from gym_passive_walker.control.closed_loop import ClosedLoopGait, closed_loop_gait
+from gym_passive_walker.control.controlled import closed_loop_gait
 from gym_passive_walker.control.controllers import acting
 from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs.scene import SCENES, Scene, make_scene
 from gym_passive_walker.files import replacing
+from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.policies import shipped_policies
+from gym_passive_walker.units import units_of
 
 GRIDS = {"level": (0.05, 0.20, 0.01), "lab": (0.15, 0.23, 0.01), "steep": (0.31, 0.34, 0.005)}
 """Speeds of the stored optimal gaits of each scene: the first, the last and their distance."""
@@ -108,9 +110,9 @@ def show_gait(arguments: Sequence[str]) -> int:
         known = optimal.load(optimal.stored_name(scene))
     except ValueError:
         known = []
-    print(_described(gait, optimal.least_cost(known, gait.speed) if known else float("nan")))
+    print(_described(gait, optimal.least_cost(known, gait.froude_speed) if known else float("nan")))
     if out is not None:
-        near = min(known, key=lambda other: abs(other.speed - gait.speed), default=None)
+        near = min(known, key=lambda other: abs(other.speed - gait.froude_speed), default=None)
         save(figure_of(gait.plot(OWN, optimum=near)), out)
     return 0
 
@@ -123,12 +125,13 @@ def _policy_and_scene(name: str, scene: str | None) -> tuple[Policy, Scene]:
     return policy, make_scene(scene) if scene else make_scene(config.scene, **config.env)
 
 
-def _described(gait: ClosedLoopGait, least: float) -> str:
+def _described(gait: Gait, least: float) -> str:
     """A gait's measures, a line each, and the least cost at its speed, if it is known."""
+    units = units_of(gait.walker)
     rows = {
-        "speed / √(g l)": f"{gait.speed:.4f}",
-        "step period / √(l/g)": f"{gait.step_period:.4f}",
-        "step length / l": f"{gait.step_length:.4f}",
+        "speed / √(g l)": f"{gait.froude_speed:.4f}",
+        "step period / √(l/g)": f"{gait.step_period / units.time:.4f}",
+        "step length / l": f"{gait.step_length / units.length:.4f}",
         "cost of transport": f"{gait.cost_of_transport:.5f}",
         "  gravity's": f"{gait.gravity_cost:.5f}",
         "  positive hip work": f"{gait.positive_hip_cost:.5f}",

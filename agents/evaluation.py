@@ -11,7 +11,7 @@ from agents import worlds
 from agents.learner import learned
 from gym_passive_walker.arguments import whole
 from gym_passive_walker.control.baselines import Passive
-from gym_passive_walker.control.walks import evaluate, table
+from gym_passive_walker.evaluation.walks import evaluate, table
 from gym_passive_walker.files import replacing
 
 EPISODES, SEED = 20, 1000

@@ -30,7 +30,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 from torch import Tensor, nn
 
-from gym_passive_walker.control.tape import Linear, Tape
+from gym_passive_walker.evaluation.tape import Linear, Tape
 
 _STATE = slice(0, 6)  # of an observation: what moves
 _LISTENING = 10

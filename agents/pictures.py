@@ -14,7 +14,7 @@ from agents.evaluation import EPISODES, SEED
 from agents.learner import learned
 from gym_passive_walker.control.baselines import Passive
 from gym_passive_walker.control.policy import Policy
-from gym_passive_walker.control.walks import evaluate
+from gym_passive_walker.evaluation.walks import evaluate
 from gym_passive_walker.files import replacing
 from gym_passive_walker.render import strobe, strobe_of
 from gym_passive_walker.render.axes import GREY, OWN, figure_of, legend, panels, save, series

@@ -25,9 +25,9 @@ from agents.config import DEFAULT_SCENE, Config, configure
 from gym_passive_walker import console
 from gym_passive_walker.arguments import whole
 from gym_passive_walker.control.baselines import Passive
-from gym_passive_walker.control.walks import Walks, evaluate, table
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.scene import SCENES
+from gym_passive_walker.evaluation.walks import Walks, evaluate, table
 from gym_passive_walker.extras import extra
 
 with extra("rllib"):

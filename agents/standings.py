@@ -18,8 +18,8 @@ from agents.config import ALGORITHMS
 from agents.evaluation import write_rows
 from gym_passive_walker import GaitFamily, gait_family
 from gym_passive_walker.control import optimal
-from gym_passive_walker.control.walks import WALKED_ON
 from gym_passive_walker.envs.scene import SCENES
+from gym_passive_walker.evaluation.walks import WALKED_ON
 from gym_passive_walker.files import prepare, replacing
 from gym_passive_walker.render.axes import BLACK, GREY, SPEED, legend, panels, save, series
 

@@ -17,7 +17,7 @@ from agents.config import Config
 from agents.evaluation import write_rows
 from agents.exploration import explorers
 from agents.learner import LearnedPolicy, build
-from gym_passive_walker.control.walks import HUNDRED, evaluate
+from gym_passive_walker.evaluation.walks import HUNDRED, evaluate
 from gym_passive_walker.files import replacing
 
 EPISODES = 20

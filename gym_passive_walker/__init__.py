@@ -8,20 +8,20 @@ import gym_passive_walker.console
 # isort: split
 
 # These enter what objects plot, and load nothing that draws.
-import gym_passive_walker.control.pictures
+import gym_passive_walker.evaluation.pictures
 import gym_passive_walker.render
 import gym_passive_walker.sweeps.pictures  # noqa: F401
-from gym_passive_walker.control.closed_loop import ClosedLoopGait, closed_loop_gait
-from gym_passive_walker.control.controlled import stride_map
+from gym_passive_walker.control.controlled import closed_loop_gait, stride_map
 from gym_passive_walker.control.optimal import optimal_gait, optimal_gaits
 from gym_passive_walker.control.optimum import OptimalGait
-from gym_passive_walker.control.robustness import Robustness, robustness
 from gym_passive_walker.control.shaping import (
     PotentialShaping,
     controlled_symmetry,
     virtual_gravity,
 )
 from gym_passive_walker.envs.registration import register as _register
+from gym_passive_walker.evaluation.robustness import Robustness, robustness
+from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.basin import Basin, Push, basin_of_attraction, largest_push
 from gym_passive_walker.gaits.bifurcation import (
     BifurcationDiagram,
@@ -30,7 +30,6 @@ from gym_passive_walker.gaits.bifurcation import (
 )
 from gym_passive_walker.gaits.design import Design, optimise_walker
 from gym_passive_walker.gaits.doubling import Cascade, doubling_cascade
-from gym_passive_walker.gaits.drive import Drive
 from gym_passive_walker.gaits.family import GaitFamily, gait_family, parameter_family
 from gym_passive_walker.gaits.first_passage import leading_eigenvalue
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
@@ -75,12 +74,11 @@ from gym_passive_walker.walkers import (
 
 __all__ = [
     "WALKERS",
+    "Actuation",
     "Basin",
     "BifurcationDiagram",
     "Cascade",
-    "ClosedLoopGait",
     "Design",
-    "Drive",
     "Extreme",
     "FootVelocity",
     "Gait",

@@ -133,7 +133,7 @@ REFUSALS = [
     (gpw.leading_eigenvalue, A_MAP, "high", (*NO_NUMBERS, nan, inf, 0.0)),
     (gpw.leading_eigenvalue, A_MAP, "nodes", (*NO_COUNTS, 0, 10**9)),
     (gpw.closed_loop_gait, PASSIVE, "policy", NO_OBJECTS),
-    (gpw.closed_loop_gait, PASSIVE, "start", (nan, "no", STATE, [nan] * 4, {}, object())),
+    (gpw.closed_loop_gait, PASSIVE, "guess", (nan, "no", [nan] * 6, [1.0] * 5, {}, object())),
     (gpw.closed_loop_gait, PASSIVE, "period", (*NO_COUNTS, 0)),
     (gpw.robustness, {"who": "lab", "slope": 0.036}, "roughness",
      (*NO_NUMBERS, nan, inf, -1.0, 1e9)),

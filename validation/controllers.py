@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root_scalar
 
 import gym_passive_walker as gpw
-from gym_passive_walker import WALKERS, Drive, Gait, PotentialShaping
+from gym_passive_walker import WALKERS, Actuation, Gait, PotentialShaping
 from validation.rows import Row, listed, number
 from validation.walks import COMPASS, gait
 
@@ -29,7 +29,8 @@ _SAVED = {
 def _pushed(push_off: float, stiffness: float = _STIFFNESS) -> Gait:
     """The simplest walker on level ground, its legs a metre long."""
     walker = replace(WALKERS["D"], hip_stiffness=stiffness * _G)
-    return gpw.find_gait(walker, 0.0, drive=Drive(push_off=push_off * math.sqrt(_G)))
+    held = Actuation(push_off=push_off * math.sqrt(_G))
+    return gpw.find_gait(gpw.stride_map(walker, 0.0, controller=held))
 
 
 def _strike(walks: Gait) -> tuple[float, float]:
@@ -79,7 +80,7 @@ def push_off() -> Iterator[Row]:
     )  # fmt: skip
     gaits = [_pushed(push) for push in (0.01, 0.05, 0.1, _PUSH_OFF, 0.25)]
     off = [
-        abs(float(walks.drive.push_off) / math.sqrt(_G) - speed * math.tan(half))
+        abs(float(walks.controller.push_off) / math.sqrt(_G) - speed * math.tan(half))
         for walks in gaits
         for half, speed in [_strike(walks)]
     ]

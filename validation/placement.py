@@ -60,7 +60,7 @@ def _walk(
     speeds, works = np.full((2, len(slopes), n), np.nan)
     for k, slope in enumerate(slopes):
         here = np.broadcast_to(slope, n)[going]
-        torque = np.zeros((len(points), 1)) if law is None else law.drives(points, here)
+        torque = np.zeros((len(points), 1)) if law is None else law.given(points, here)
         walked = ticked_strides(who, here, points, torque, tick=math.inf)
         speeds[k, going] = midstance_speed(points, here)
         works[k, going] = (np.abs(torque) * walked.turn)[:, 0]

@@ -8,9 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.gaits.drive import Drive
+from gym_passive_walker.control.baselines import BASELINES
+from gym_passive_walker.control.controlled import stride_map
+from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait
+from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.gaits.terrain import EXAMPLES, Terrain, terrain_from
 from gym_passive_walker.walkers import WALKERS, Walker, as_walker, tune
 
@@ -74,20 +77,43 @@ def add_kind(command: ArgumentParser) -> None:
     )
 
 
-def add_drive(command: ArgumentParser) -> None:
-    """Ask for the walker's motors; `drive_of` returns them."""
+def add_motors(command: ArgumentParser, *, push_off: bool = True) -> None:
+    """Ask for what works the walker's motors; `map_of` returns the stride map."""
     add = command.add_argument
     about = "{}, in every stride, in {} (%(default)s)"
     add("--torque", type=float, default=0.0, metavar="T", help=about.format("hip torque", "N m"))
     add("--ankle-torque", type=float, default=0.0, metavar="T",
         help=about.format("ankle torque, on point feet", "N m"))  # fmt: skip
-    add("--push-off", type=float, default=0.0, metavar="P",
-        help=about.format("impulse along the stance leg before heelstrike", "N s"))  # fmt: skip
+    if push_off:
+        what = about.format("impulse along the stance leg before heelstrike", "N s")
+        add("--push-off", type=float, default=0.0, metavar="P", help=what)
+    add_controller(command)
 
 
-def drive_of(arguments: Namespace) -> Drive:
-    """The motors that were asked for."""
-    return Drive(arguments.torque, arguments.ankle_torque, arguments.push_off)
+def add_controller(command: ArgumentParser) -> None:
+    """Ask for a controller; `map_of` returns the stride map."""
+    command.add_argument(
+        "--controller", metavar="NAME", help="what works the motors: a feedback "
+        f"({', '.join(BASELINES)}), a trained policy or its folder"
+    )  # fmt: skip
+    command.add_argument(
+        "--scene", metavar="SCENE", help="in which a controller acts (its own, or level)"
+    )
+
+
+def map_of(arguments: Namespace, slope: float | None = None) -> StrideMap:
+    """The stride map of the walker, its motors or its controller that were asked for.
+
+    Raises:
+        ValueError: if there are both motors and a controller.
+    """
+    parts = (getattr(arguments, name, 0.0) for name in ("torque", "ankle_torque", "push_off"))
+    held, walker = Actuation(*parts), walker_of(arguments)
+    if arguments.controller is None:
+        return stride_map(walker, slope, controller=None if held.passive else held)
+    if not held.passive:
+        raise ValueError("--controller works the motors: leave torques and the push-off out")
+    return stride_map(walker, slope, controller=arguments.controller, scene=arguments.scene)
 
 
 def gait_of(arguments: Namespace) -> Gait:
@@ -96,7 +122,7 @@ def gait_of(arguments: Namespace) -> Gait:
     Raises:
         GaitNotFound: if there is none.
     """
-    return find_gait(walker_of(arguments), arguments.slope, arguments.kind)
+    return find_gait(map_of(arguments, arguments.slope), kind=arguments.kind)
 
 
 def add_walk(command: ArgumentParser, *, strides: int) -> None:
@@ -108,11 +134,16 @@ def add_walk(command: ArgumentParser, *, strides: int) -> None:
     add("--strides", type=int, default=strides, metavar="N", help="at most (%(default)s)")
     add("--state", type=float, nargs=6, metavar="X", help="stance, thigh and shank angle in rad, "
         "then their rates in rad/s, just after heelstrike (those of the gait)")  # fmt: skip
-    add("--torque", type=float, default=0.0, help="held at the hip, in N m (%(default)s)")
+    add_motors(command)
     add_terrain(command)
     add("--key", type=int, default=0, metavar="N", help="which ground at random (%(default)s)")
 
 
 def start_of(arguments: Namespace) -> NDArray[np.float64]:
     """Where a walk starts: at the state that was asked for, or on the gait."""
-    return gait_of(arguments).state if arguments.state is None else np.array(arguments.state)
+    if arguments.state is not None:
+        return np.array(arguments.state)
+    walks = map_of(arguments, arguments.slope)
+    # Motors that are held push a walker off its passive gait, and it is looked at as it goes.
+    passive = walker_of(arguments) if not walks.controlled else walks
+    return find_gait(passive, arguments.slope, kind=arguments.kind).state

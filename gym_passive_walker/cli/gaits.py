@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from gym_passive_walker.cli.arguments import (
-    add_drive,
     add_kind,
+    add_motors,
     add_slope,
     add_slopes,
     add_walker,
-    drive_of,
     gait_of,
+    map_of,
     walker_of,
 )
 from gym_passive_walker.cli.report import Report, listing, record, table
@@ -59,23 +59,25 @@ def gait(command: ArgumentParser) -> Callable[[Namespace], Report]:
     passive-walker gait lab 0.036
     passive-walker gait C 0.09 --period 2
     passive-walker gait D 0.0 --push-off 0.05
+    passive-walker gait C 0.0 --controller level-ppo
     passive-walker gait mine.json 0.02 --tune
     """
     add_walker(command)
     add_slope(command)
-    add_drive(command)
+    add_motors(command)
     command.add_argument("--period", type=int, default=1, help="strides until it repeats (1)")
 
     def run(arguments: Namespace) -> Report:
         walker, slope, period = walker_of(arguments), arguments.slope, arguments.period
-        drive = drive_of(arguments)
-        found = find_gaits(walker, slope, period=period, drive=drive)
-        # Where there is none, the search for one says why.
-        gaits = found or [find_gait(walker, slope, period=period, drive=drive)]
+        strides = map_of(arguments, slope)
+        # Where there is none, the search for one says why; a policy holds one.
+        found = [] if strides.controlled else find_gaits(strides, period=period)
+        gaits = found or [find_gait(strides, period=period)]
         records = [record(gait, _GAIT) for gait in gaits]
+        under = f" under {strides.controller_name}" if strides.controlled else ""
         texts = [
             listing(
-                f"{gait['kind']}-step gait of {describe(walker)} at slope {slope:g} rad, "
+                f"{gait['kind']}-step gait of {describe(walker)}{under} at slope {slope:g} rad, "
                 f"period {gait['period']}",
                 {name: gait[name] for name in _GAIT[2:]},
             )
@@ -96,13 +98,11 @@ def family(command: ArgumentParser) -> Callable[[Namespace], Report]:
     add_walker(command)
     add_slopes(command)
     add_kind(command)
-    add_drive(command)
+    add_motors(command)
 
     def run(arguments: Namespace) -> Report:
         walker = walker_of(arguments)
-        found = gait_family(
-            walker, arguments.low, arguments.high, arguments.kind, drive=drive_of(arguments)
-        )
+        found = gait_family(map_of(arguments), arguments.low, arguments.high, arguments.kind)
         columns: dict[str, Any] = record(found, _FAMILY)
         shown = columns | {"multiplier": np.abs(found.multipliers[:, 0]), "stable": found.stable}
         columns |= record(found, ("multipliers", "stable"))
@@ -121,10 +121,12 @@ def bifurcation(command: ArgumentParser) -> Callable[[Namespace], Report]:
     """Say where walks settle, slope by slope: a gait, its doublings, chaos, or a fall.
 
     passive-walker bifurcation C 0.07 0.098 --slopes 15
+    passive-walker bifurcation C 0.0 0.06 --controller rolling-ppo
     """
     add_walker(command)
     add_slopes(command)
     add_kind(command)
+    add_motors(command)
     add = command.add_argument
     add("--slopes", type=int, default=50, metavar="N", help="how many slopes (%(default)s)")
     add("--settle", type=int, default=500, metavar="N", help="strides before (%(default)s)")
@@ -133,7 +135,7 @@ def bifurcation(command: ArgumentParser) -> Callable[[Namespace], Report]:
     def run(arguments: Namespace) -> Report:
         slopes = np.linspace(arguments.low, arguments.high, arguments.slopes)
         found = bifurcation_diagram(
-            walker_of(arguments), slopes, settle=arguments.settle, keep=arguments.keep,
+            map_of(arguments), slopes, settle=arguments.settle, keep=arguments.keep,
             kind=arguments.kind,
         )  # fmt: skip
         angles = found.stance_angle
@@ -161,13 +163,14 @@ def basin(command: ArgumentParser) -> Callable[[Namespace], Report]:
     """
     add_walker(command)
     add_slope(command)
+    add_motors(command)
     add = command.add_argument
     add("--resolution", type=int, default=100, metavar="N", help="angles and rates (%(default)s)")
     add("--strides", type=int, default=300, metavar="N", help="at most (%(default)s)")
 
     def run(arguments: Namespace) -> Report:
         found = basin_of_attraction(
-            walker_of(arguments), arguments.slope, resolution=arguments.resolution,
+            map_of(arguments, arguments.slope), resolution=arguments.resolution,
             strides=arguments.strides,
         )  # fmt: skip
         names = {FELL: "a fall", UNSETTLED: "no gait yet"}
@@ -198,14 +201,13 @@ def check(command: ArgumentParser) -> Callable[[Namespace], Report]:
     add_walker(command)
     add_slope(command)
     add_kind(command)
+    add_motors(command, push_off=False)
     add = command.add_argument
     add("--friction", type=float, default=0.8, help="coefficient of foot and ground (%(default)s)")
 
     def run(arguments: Namespace) -> Report:
         gait = gait_of(arguments)
-        found = reality_check(
-            gait.walker, gait.slope, gait.state, strides=gait.period, friction=arguments.friction
-        )
+        found = reality_check(gait, friction=arguments.friction)
         return Report(str(found), {"holds": found.holds, "passed": found.passed, "found": found})
 
     return run

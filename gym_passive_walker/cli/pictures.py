@@ -6,7 +6,7 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 from pathlib import Path
 
-from gym_passive_walker.cli.arguments import A_WALKER, a_walker, add_walk, start_of, walker_of
+from gym_passive_walker.cli.arguments import A_WALKER, a_walker, add_walk, map_of, start_of
 from gym_passive_walker.cli.report import Report
 from gym_passive_walker.extras import need
 from gym_passive_walker.progress import progress
@@ -30,9 +30,8 @@ def strobe(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
         out = picture_path(arguments.out)
         drawn(
-            walker_of(arguments), arguments.slope, start_of(arguments), strides=arguments.strides,
-            hip_torque=arguments.torque, terrain=arguments.terrain, key=arguments.key,
-            path=out,
+            map_of(arguments, arguments.slope), arguments.slope, start_of(arguments),
+            strides=arguments.strides, terrain=arguments.terrain, key=arguments.key, path=out,
         )  # fmt: skip
         return _saved([out])
 
@@ -59,8 +58,8 @@ def video(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
         film_path(arguments.out)
         film(
-            walker_of(arguments), arguments.slope, start_of(arguments), arguments.out,
-            strides=arguments.strides, hip_torque=arguments.torque, terrain=arguments.terrain,
+            map_of(arguments, arguments.slope), arguments.slope, start_of(arguments),
+            arguments.out, strides=arguments.strides, terrain=arguments.terrain,
             key=arguments.key, slower=arguments.slower,
         )  # fmt: skip
         return _saved([arguments.out])

@@ -9,8 +9,8 @@ from pathlib import Path
 from gym_passive_walker.cli.arguments import A_WALKER
 from gym_passive_walker.cli.report import Report, listing, table
 from gym_passive_walker.control.baselines import BASELINES
-from gym_passive_walker.control.robustness import robustness as tried
 from gym_passive_walker.envs.scene import SCENES
+from gym_passive_walker.evaluation.robustness import robustness as tried
 from gym_passive_walker.policies import shipped_policies
 from gym_passive_walker.render.axes import OWN, figure_of, picture_path, save
 from gym_passive_walker.walkers import is_walker

@@ -16,16 +16,16 @@ from gym_passive_walker.cli.arguments import (
     a_walker,
     add_terrain,
     add_walk,
+    map_of,
     start_of,
-    walker_of,
 )
 from gym_passive_walker.cli.report import Report, record, table
 from gym_passive_walker.control.baselines import BASELINES, Passive
 from gym_passive_walker.control.controllers import acting
-from gym_passive_walker.control.walks import evaluate as evaluated
-from gym_passive_walker.control.walks import table as compared
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.scene import SCENES
+from gym_passive_walker.evaluation.walks import evaluate as evaluated
+from gym_passive_walker.evaluation.walks import table as compared
 from gym_passive_walker.files import prepare, replacing
 from gym_passive_walker.gaits.stride import stride
 from gym_passive_walker.gaits.trajectory import Trajectory, ground_of
@@ -56,22 +56,24 @@ def simulate(command: ArgumentParser) -> Callable[[Namespace], Report]:
             raise ValueError(f"--out takes a name that ends in .csv or .npz, not {out}")
         if out is not None:
             prepare(out)
-        walker, slope, state = walker_of(arguments), arguments.slope, start_of(arguments)
+        walks, slope, state = (
+            map_of(arguments, arguments.slope),
+            arguments.slope,
+            start_of(arguments),
+        )
+        length = walks.walker.leg_length
         files = {}
         if out is not None:
             sampled = simulated(
-                walker, slope, state, arguments.strides, samples=arguments.samples,
-                hip_torque=arguments.torque, terrain=arguments.terrain, key=arguments.key,
+                walks, slope, state, arguments.strides, samples=arguments.samples,
+                terrain=arguments.terrain, key=arguments.key,
             )  # fmt: skip
             files[out] = lambda path: _WRITERS[path.suffix](sampled, path)
         rows: list[dict[str, Any]] = []
         strides = whole(arguments.strides, "--strides")
         ground = ground_of(arguments.terrain, arguments.key, strides)
         for tilt, rise, turn in ground.tolist():
-            walk = stride(
-                walker, slope + tilt, state, hip_torque=arguments.torque,
-                rise=rise * walker.leg_length, turn=turn,
-            )  # fmt: skip
+            walk = stride(walks, slope + tilt, state, rise=rise * length, turn=turn)
             rows.append({"stride": len(rows) + 1, "stance_angle": state[0],
                          **record(walk, _STRIDE), "outcome": walk.outcome})  # fmt: skip
             if walk.outcome != Outcome.HEELSTRIKE:

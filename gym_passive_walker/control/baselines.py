@@ -66,24 +66,37 @@ class Passive(ConstantTorque):
 
 
 class StrideFeedback:
-    """The torques of a stride, set at its start by how far the walker is from a gait.
+    """The actions of a stride, set at its start by how far the walker is from a gait.
 
-    The policy's `state` says which torques a walker's stride has and how far it has come.
+    The policy's `state` says which actions a walker's stride has and how far it has come.
 
     Args:
         name: What the policy is called.
         walker: The walker.
         point: The gait on the section, dimensionless, (m,).
-        torques: The gait's torque in each step, as shares of the largest, (N,); the last one is
-            held until heelstrike.
-        rows: How the torques answer to deviations from the gait: -rows @ deviation; (N, m).
+        actions: Of the gait in each control step, as shares of the largest, (N, actions), or (N,)
+            where there is one; the last are held until heelstrike.
+        rows: How actions answer to deviations from the gait: -rows @ deviation; (N, actions, m),
+            or (N, m).
     """
 
     def __init__(
-        self, name: str, walker: Walker, point: NDArray, torques: NDArray, rows: NDArray
+        self, name: str, walker: Walker, point: NDArray, actions: NDArray, rows: NDArray
     ) -> None:
-        self.name, self.point, self.torques, self.rows = name, point, torques, rows
+        self.name, self.point = name, point
+        self.actions = actions.reshape(len(actions), -1)
+        self.rows = rows.reshape(*self.actions.shape, -1)
         self._seen = Section(walker=walker).coordinates
+
+    def plan(self, points: NDArray, slopes: ArrayLike) -> NDArray[np.float64]:
+        """Actions of strides, (n, N, actions), that start at points (n, m), on any slope."""
+        answers = np.einsum("tam,nm->nta", self.rows, points - self.point)
+        return np.clip(self.actions - answers, -1.0, 1.0)
+
+    def plan_by(self, points: NDArray, slopes: ArrayLike) -> tuple[NDArray, NDArray]:
+        """Their derivatives by points, (n, N, actions, m), and by the slope, (n, N, actions)."""
+        plan = self.plan(points, slopes)
+        return -self.rows * (np.abs(plan) < 1.0)[..., None], np.zeros_like(plan)
 
     def predict(
         self,
@@ -92,7 +105,7 @@ class StrideFeedback:
         episode_start: ArrayLike | None = None,
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], tuple[NDArray, ...] | None]:
-        """The action of a step: of new torques just after heelstrike, else of those under way.
+        """The action of a step: of new actions just after heelstrike, else of those under way.
 
         Args:
             observation: One observation or a batch.
@@ -101,16 +114,39 @@ class StrideFeedback:
             deterministic: There is no other way.
         """
         seen = np.atleast_2d(np.asarray(observation, dtype=float))
-        plan = np.clip(self.torques - (seen[:, self._seen] - self.point) @ self.rows.T, -1.0, 1.0)
+        plan = self.plan(seen[:, self._seen], seen[:, 7])
         step = np.zeros(len(seen), int)
         if state is not None:
             begun = np.max(np.abs(seen[:, :1] + seen[:, 1:3]), axis=1) < _STANDS
             if episode_start is not None:
                 begun |= np.asarray(episode_start, dtype=bool)
-            plan = np.where(begun[:, None], plan, state[0])
+            plan = np.where(begun[:, None, None], plan, state[0])
             step = np.where(begun, 0, np.minimum(state[1] + 1, plan.shape[1] - 1))
-        action = np.take_along_axis(plan, step[:, None], axis=1).astype(np.float32)
-        return action.reshape(*np.shape(observation)[:-1], 1), (plan, step)
+        action = plan[np.arange(len(plan)), step].astype(np.float32)
+        return action.reshape(*np.shape(observation)[:-1], plan.shape[2]), (plan, step)
+
+
+class Schedule(StrideFeedback):
+    """The torques and the push-off of an optimal gait, played in each stride without feedback.
+
+    Args:
+        scene: A `Scene`, its name, or a mapping of its arguments; the one that the gait is of.
+        gait: The gait.
+    """
+
+    def __init__(self, scene: Scene | str | dict[str, Any], gait: OptimalGait) -> None:
+        self.scene = make_scene(scene)
+        count = len(gait.torques)
+        given = {
+            "hip": gait.torques,
+            "ankle": gait.ankle_torques or [0.0] * count,
+            "push_off": [gait.push_off] * count,
+        }
+        actions = np.array([given[name] for name in self.scene.actions], dtype=float).T
+        largest = np.array([self.scene.largest(name) for name in self.scene.actions])
+        point = np.array(gait.point)
+        rows = np.zeros((*actions.shape, len(point)))
+        super().__init__("schedule", self.scene.walker, point, actions / largest, rows)
 
 
 class LinearFeedback(StrideFeedback):
@@ -140,7 +176,7 @@ class LinearFeedback(StrideFeedback):
         pieces: int = 1,
         torque_weight: float = 100.0,
     ) -> None:
-        scene = make_scene(scene)
+        self.scene = scene = make_scene(scene)
         if pieces not in (1, 2) or (pieces == 2 and scene.control == "stride"):
             raise ValueError(
                 f'pieces must be 1, or 2 with control="tick", not {pieces!r} with '
@@ -190,7 +226,8 @@ class Optimal(StrideFeedback):
         *,
         torque_weight: float = 10.0,
     ) -> None:
-        name, scene = scene, make_scene(scene)
+        name, self.scene = scene, make_scene(scene)
+        scene = self.scene
         if gait is None:
             known = optimal.load(name if isinstance(name, str) else optimal.stored_name(scene))
             gait = max(known, key=lambda g: g.speed * (1.0 - scene.energy_weight * g.hip_cost))

@@ -1,38 +1,42 @@
-"""The stride map of a walker whose motors follow a controller: a policy, or any function.
+"""The stride map of a walker whose motors follow a controller: a policy, a feedback, any function.
 
-The controller observes the walker at the start of each control step, as in the environment, and
-its torques are held until the next. The map is exact in double precision. Where the controller has
-a derivative (the network of a trained policy has one) so has the map; else it is differentiated by
-differences. Everything is dimensionless, and strides lead from point to point of the section.
+A controller chooses at the start of each control step, as in the environment, and its torques are
+held until the next. The map is exact in double precision. Where the controller has a derivative
+(feedbacks and the networks of trained policies have one) so has the map; else it is differentiated
+by differences. Everything is dimensionless, and strides lead from point to point of the section.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike
-from types import MappingProxyType
-from typing import Any, Self
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import check_tolerance, one_slope, shown
+from gym_passive_walker.control.baselines import BASELINES, Schedule, StrideFeedback
 from gym_passive_walker.control.controllers import ControllerLike, SceneLike, acting
+from gym_passive_walker.control.optimum import OptimalGait
+from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs import task
 from gym_passive_walker.envs.scene import CALM, CHANNELS, Scene, make_scene
 from gym_passive_walker.envs.starts import Starts
-from gym_passive_walker.gaits.drive import PASSIVE, Drive, for_each, one_drive
-from gym_passive_walker.gaits.flow import MOTORS, ROWS, Walkers, go_on, new_records
-from gym_passive_walker.gaits.passage import Change, Passage, imbalance, product
-from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.gaits.actuation import PASSIVE, Actuation, for_each, one_actuation
+from gym_passive_walker.gaits.fixed_point import find_gait
+from gym_passive_walker.gaits.flow import MOTORS, ROWS, Flow, Walkers, go_on, new_records
+from gym_passive_walker.gaits.gait import Gait
+from gym_passive_walker.gaits.passage import imbalance, product
+from gym_passive_walker.gaits.stride import Stride, account, conservative_work
+from gym_passive_walker.gaits.stride_map import Samples, StrideMap
 from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.physics.hybrid import Outcome, State
 from gym_passive_walker.progress import progress
-from gym_passive_walker.walkers import WalkerLike, as_walker
+from gym_passive_walker.walkers import PARAMETERS, WalkerLike, as_walker
 
 _STATE = len(State._fields)
 _TOLD = (*ROWS, *MOTORS)
@@ -44,31 +48,70 @@ _RUNNING, _STRUCK = int(Outcome.RUNNING), int(Outcome.HEELSTRIKE)
 _SLOPE = 7  # its place in an observation
 _SHIFTS = 1e-6, 5e-4  # of a coordinate, for differences in double and in single precision
 _BOUNDS = np.array(task.BOUNDS)
+_SETTLING, _BESIDE = 100, 15  # strides and walkers before a search begins
+_FAR = 0.1  # how far from the start these are, as a share of it
+
+
+class _Seeds(NamedTuple):
+    """How walkers change along k tangents.
+
+    Attributes:
+        points: Of the section, (n, m, k).
+        moving: What else changes along a tangent, by its number.
+    """
+
+    points: NDArray[np.float64]
+    moving: dict[str, int]
+
+
+class _Step(NamedTuple):
+    """A control step of those walkers whose stride goes on.
+
+    Attributes:
+        on: Which these are, of n.
+        before: Where they were, what they hold and until when, (on, 1).
+        walked: What became of them.
+        held: What all n motors were given, with tangents, (n, motors, 1 + k).
+        rows: What `walked` tells, with tangents along the seeds, (on, rows, 1 + k).
+    """
+
+    on: NDArray[np.intp]
+    before: NDArray
+    walked: Flow
+    held: NDArray[np.float64]
+    rows: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class ControlledMap(Section):
+class ControlledMap(StrideMap):
     """The stride map of a walker under a controller; made by `stride_map`.
 
     Attributes:
-        walker: The walker.
-        slope: Slope in rad, where none is given to `apply` or `linearize`.
-        controller: What acts: an object with `predict(observation, state, episode_start,
-            deterministic)`, and perhaps `linearize(observation)`. What it remembers starts again
-            with each stride.
+        agent: The controller. It has `plan(points, slopes)`, actions (n, steps, actions) of a
+            stride from where that begins, and perhaps `plan_by`, their derivatives; or
+            `linearize(observation)`, actions with their derivatives; or `predict(observation,
+            state, episode_start, deterministic)`. What it remembers starts again with each stride.
         scene: Which motors it has, how strong they are, and how long it holds them.
-        tolerance: Error of the integration, relative to the largest angle or rate.
     """
 
-    slope: float
-    controller: Any
+    agent: Any
     scene: Scene
     tolerance: float = 1e-12
 
     @property
-    def name(self) -> str:
+    def controller(self) -> Any:
+        """The controller."""
+        return self.agent
+
+    @property
+    def controller_name(self) -> str:
         """What the controller is called."""
-        return str(getattr(self.controller, "name", type(self.controller).__name__))
+        return str(getattr(self.agent, "name", type(self.agent).__name__))
+
+    @property
+    def controlled(self) -> bool:
+        """It is."""
+        return True
 
     @property
     def passive(self) -> bool:
@@ -78,15 +121,38 @@ class ControlledMap(Section):
     @property
     def exact(self) -> bool:
         """Whether derivatives are exact: the controller has a derivative."""
-        return callable(getattr(self.controller, "linearize", None))
+        planned = hasattr(self.agent, "plan")
+        return callable(getattr(self.agent, "plan_by" if planned else "linearize", None))
 
-    def with_tolerance(self, tolerance: float) -> Self:
-        """The same map, followed with another tolerance."""
-        return replace(self, tolerance=tolerance)
+    @property
+    def _single(self) -> bool:
+        """Whether the controller observes in single precision."""
+        return not (self.exact or hasattr(self.agent, "plan") or isinstance(self.agent, _Function))
+
+    @property
+    def closes(self) -> float:
+        """The largest violation of the equations of a gait at which its strides close."""
+        return 1e-4 if self._single else 1e-9
+
+    @property
+    def hold(self) -> float:
+        """For how long torques are held."""
+        return self.scene.tick if self.scene.control == "tick" else math.inf
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """What may be varied, in the walker's units."""
+        return {name: getattr(self.walker, name) for name in PARAMETERS}
 
     @cached_property
-    def _walkers(self) -> Walkers:
-        using = tuple(_INPUTS[CHANNELS.index(name)] for name in self.scene.actions if name != "hip")
+    def _motors(self) -> list[int]:
+        """Which of CHANNELS each action is."""
+        return [CHANNELS.index(name) for name in self.scene.actions]
+
+    @cached_property
+    def walkers(self) -> Walkers:
+        """The walkers, and how exactly they are followed."""
+        using = tuple(_INPUTS[motor] for motor in self._motors if motor)
         return Walkers(
             walker=self.walker, using=using, tolerance=self.tolerance,
             parameters={} if self.values is None else {str(self.parameter): self.values},
@@ -107,97 +173,47 @@ class ControlledMap(Section):
         states = {slope: begun.state(slope) for slope in set(values)}
         return self.point(np.array([states[slope] for slope in values]))
 
-    def apply(
-        self, points: NDArray, slopes: ArrayLike | None = None, *, strides: int = 1
-    ) -> Passage:
-        """Take walkers through some strides.
+    def likely(self, slope: float) -> NDArray[np.float64]:
+        """Points near which a gait may be: where walks from the start and beside it have come to.
 
         Args:
-            points: Points of the section, (n, m).
-            slopes: Slope in rad, one for all or (n,); the map's own when None.
-            strides: Strides to take.
-        """
-        slopes = for_each(self.slope if slopes is None else slopes, len(points))
-        told, outcomes = self._strides(points, slopes, strides)
-        return Passage(**self._named(told[:, :, 0]), outcomes=outcomes)
-
-    def linearize(
-        self,
-        points: NDArray,
-        slopes: ArrayLike | None = None,
-        *,
-        strides: int = 1,
-        by: Sequence[str] = ("state",),
-        along: NDArray | None = None,
-    ) -> tuple[Passage, Change]:
-        """Take walkers through some strides, with derivatives.
-
-        Args:
-            points: Points of the section, (n, m).
-            slopes: Slope in rad, one for all or (n,); the map's own when None.
-            strides: Strides to take.
-            by: Columns of the derivatives, in order: "state" (one for each coordinate), "slope",
-                or a parameter of the walker, all else being held dimensionless.
-            along: Directions for "state" instead of the coordinates, (n, m, k).
+            slope: Slope in rad.
 
         Returns:
-            Where the strides lead, and the derivatives of all of it: exact, or by differences where
-            the controller has no derivative, to about eight digits of a function and three of
-            `predict`, which observes in single precision.
-
-        Raises:
-            ValueError: if a controller without derivative is asked for one by a parameter.
+            Points (n, m); the start is one of them, as a gait may be unstable.
         """
-        slopes = for_each(self.slope if slopes is None else slopes, len(points))
-        m = self.dimension
-        ways: Any = along
-        if ways is None:
-            ways = np.broadcast_to(np.eye(m), (len(points), m, m))
-        if not self.exact:
-            told, outcomes = self._by_differences(points, slopes, strides, by, ways)
-        else:
-            changes, moving, columns = [np.zeros((len(points), m, 0))], {}, 0
-            for name in by:
-                part = ways if name == "state" else np.zeros((len(points), m, 1))
-                if name != "state":
-                    moving[name] = columns
-                columns += part.shape[2]
-                changes.append(part)
-            seeds = np.concatenate(changes, axis=2)
-            told, outcomes = self._strides(points, slopes, strides, seeds, moving)
-        passage = Passage(**self._named(told[:, :, 0]), outcomes=outcomes)
-        return passage, Change(**self._named(told[:, :, 1:]))
+        begun = self.beginning(slope)
+        off = np.random.default_rng(0).uniform(-_FAR, _FAR, (_BESIDE, self.dimension))
+        points = np.concatenate([begun, begun * (1.0 + off)])
+        settled = self.apply(points, slope, strides=_SETTLING).ends
+        return np.concatenate([settled[np.isfinite(settled[:, 0])], points])
 
-    def _named(self, told: NDArray) -> dict[str, NDArray]:
-        """The fields of `Change` from (n, m + 6, ...)."""
-        m = self.dimension
-        names = ("durations", "lengths", "lost", "supplied", "knee_times", "imbalance")
-        return {"ends": told[:, :m]} | {name: told[:, m + i] for i, name in enumerate(names)}
-
-    def _strides(
+    def _follow(
         self,
         points: NDArray,
         slopes: NDArray,
+        lanes: NDArray,
         strides: int,
-        seeds: NDArray | None = None,
-        moving: Mapping[str, int] = MappingProxyType({}),
+        by: Sequence[str] = (),
+        along: NDArray | None = None,
     ) -> tuple[NDArray, NDArray[np.int8]]:
-        """What `Change` tells, values before tangents, (n, m + 6, 1 + k); and the outcomes.
-
-        Args:
-            points: Where they start, (n, m).
-            slopes: Slope in rad, (n,).
-            strides: How many.
-            seeds: How points change along k tangents, (n, m, k); none when None.
-            moving: What else changes along a tangent, by its number.
-        """
+        """What `Change` tells, values before derivatives, (1 + k, m + 6, n); and the outcomes."""
         m, n = self.dimension, len(points)
-        change = np.zeros((n, m, 0)) if seeds is None else seeds
-        total = np.zeros((n, m + 6, 1 + change.shape[2]))
-        outcomes = np.full(n, _STRUCK, np.int8)
-        with progress("strides under a controller", strides) as taken:
+        if refused := set(by) & {*Actuation._fields}:
+            raise ValueError(f"{', '.join(sorted(refused))} follow {self.controller_name}")
+        ways = np.broadcast_to(np.eye(m), (n, m, m)) if along is None else along
+        parts, moving, columns = [np.zeros((n, m, 0))], {}, 0
+        for name in by:
+            parts.append(ways if name == "point" else np.zeros((n, m, 1)))
+            if name != "point":
+                moving[name] = columns
+            columns += parts[-1].shape[2]
+        change = np.concatenate(parts, axis=2)
+        total = np.zeros((n, m + 6, 1 + columns))
+        outcomes = np.full(n, _STRUCK)
+        with np.errstate(all="ignore"), progress("strides under a controller", strides) as taken:
             for _ in range(strides):
-                told, ended = self._stride(points, slopes, change, moving)
+                told, ended = self._stride(points, slopes, lanes, _Seeds(change, moving))
                 outcomes = np.where(outcomes == _STRUCK, ended, outcomes)
                 total[:, m : m + 4] += told[:, m : m + 4]
                 total[:, :m], total[:, m + 4] = told[:, :m], told[:, m + 4]
@@ -205,157 +221,213 @@ class ControlledMap(Section):
                 taken()
                 if not (outcomes == _STRUCK).any():
                     break
-        with np.errstate(all="ignore"):
             lost, supplied, none = total[:, m + 2], total[:, m + 3], np.zeros((n, 1))
             total[:, m + 5] = imbalance(lost, supplied, none, total[:, m + 1])
-        return total, outcomes.astype(np.int8)
-
-    def _by_differences(
-        self, points: NDArray, slopes: NDArray, strides: int, by: Sequence[str], ways: NDArray
-    ) -> tuple[NDArray, NDArray[np.int8]]:
-        """As `_strides`, by central differences."""
-        if other := set(by) - {"state", "slope"}:
-            raise ValueError(
-                f"{self.name} has no derivative, so its map is differentiated by state and slope "
-                f"alone, not by {', '.join(sorted(other))}"
-            )
-        shift = _SHIFTS[not isinstance(self.controller, _Function)]
-        shifts: list[tuple[ArrayLike, float]] = []
-        for name in by:
-            if name == "slope":
-                shifts.append((0.0, shift))
-            else:
-                shifts += [(shift * ways[:, :, j], 0.0) for j in range(ways.shape[2])]
-        starts, grounds = [points], [slopes]
-        for of_point, of_slope in shifts:
-            starts += [points + of_point, points - of_point]
-            grounds += [slopes + of_slope, slopes - of_slope]
-        crowd = self._strides(np.concatenate(starts), np.concatenate(grounds), strides)
-        told, outcomes = (x.reshape(len(starts), len(points), *x.shape[1:]) for x in crowd)
-        changes = (told[1::2] - told[2::2]) / (2.0 * shift)
-        return np.concatenate([told[0], np.moveaxis(changes[..., 0], 0, -1)], axis=-1), outcomes[0]
-
-    def _observed(self, records: NDArray, slopes: NDArray) -> NDArray[np.float64]:
-        """What the controller observes of walkers, as in the environment, (n, size)."""
-        scene, record = self.scene, records[:, 0]
-        seen = np.zeros((len(records), task.SIZE + (scene.command is not None) + 2 * scene.preview))
-        links = np.array([phase.links for phase in self._walkers.system().phases])
-        seen[:, :_STATE] = np.clip(record["state"], -_BOUNDS[:_STATE], _BOUNDS[:_STATE])
-        seen[:, _STATE] = links[record["phase"]] == 2
-        seen[:, _STATE + 1] = np.clip(slopes, -_BOUNDS[_STATE + 1], _BOUNDS[_STATE + 1])
-        if scene.command is not None:
-            seen[:, task.SIZE] = np.mean(scene.command)
-        return seen
+        return total.transpose(2, 1, 0), outcomes.astype(np.int8)
 
     def _stride(
-        self, points: NDArray, slopes: NDArray, change: NDArray, moving: Mapping[str, int]
+        self, points: NDArray, slopes: NDArray, lanes: NDArray, seeds: _Seeds
     ) -> tuple[NDArray, NDArray]:
-        """One stride, control step by control step, as `_strides` but for the imbalance.
-
-        The chain rule leads from one control step to the next: through the observation and the
-        controller to the torques, and through the flow.
-        """
-        walkers, (n, m, width) = self._walkers, change.shape
-        motors = [CHANNELS.index(name) for name in self.scene.actions]
-        of_motors = [_INPUTS[channel] for channel in motors]
-        by = ("state", *of_motors, *moving, "start") if width else ()
-        by_slope = np.array([float(moving.get("slope") == j) for j in range(width)])
-        works = np.array(walkers.system().works)
-        change = self.state(change.swapaxes(1, 2)).swapaxes(1, 2)  # (n, 6, k)
-        start = change[:, :1].copy()
-        on = np.flatnonzero(self._sound(points))
-        records = new_records(self.state(np.where(np.isfinite(points), points, 0.0)), slopes)
+        """One stride, as `_follow` but for the imbalance, (n, m + 6, 1 + k); and the outcomes."""
+        (n, m, width), moving = seeds.points.shape, seeds.moving
+        if width and not self.exact:
+            return self._differences(points, slopes, lanes, seeds)
+        sine = np.zeros((n, 1 + width))
+        sine[:, 0] = np.sin(slopes)
+        if "slope" in moving:
+            sine[:, 1 + moving["slope"]] = np.cos(slopes)
+        works = np.array(self.walkers.system().works)
         told, books = np.full((n, m + 6, 1 + width), np.nan), np.zeros((n, 2, 1 + width))
-        told[on, m + 4] = 0.0  # unless the knee locks
         outcomes = np.full(n, int(Outcome.DIVERGED))
-        memory, step = None, 0
-        while len(on):
-            step += 1
-            held, memory = self._act(records, slopes, memory, step == 1, change, by_slope)
-            last = step * self._held_for >= self.scene.longest_stride
-            records["moved"], records["turned"] = 0.0, 0.0
-            records["end"] = self.scene.longest_stride if last else step * self._held_for
-            for channel, torque in zip(motors, held[:, :, 0].T, strict=True):
-                if channel < len(works):
-                    records["control"][:, 0, channel] = torque
-                else:
-                    records["push_off"][:, 0] = torque
-            walked = go_on(walkers, records[on], by, lanes=on, on_section=step == 1)
-            rows = walked.told(_TOLD)
-            parts = np.cumsum([1, _STATE, len(motors), len(moving)])
-            values, by_state, by_held, by_rest, by_start = np.split(rows, parts, axis=2)
-            if width:
-                tangents = by_state @ change[on] + by_held @ held[on, :, 1:] + by_start @ start[on]
-                for j, tangent in enumerate(moving.values()):
-                    tangents[:, :, tangent] += by_rest[:, :, j]
-                rows = np.concatenate([values, tangents], axis=2)
-            else:
-                rows = values
+        sound = self._sound(points)
+        told[sound, m + 4] = 0.0  # unless the knee locks
+        states = self.state(np.where(np.isfinite(points), points, 0.0))
+        for on, before, walked, held, rows in self._steps(states, slopes, lanes, sound, seeds):
             books[on, 0] += rows[:, _LOST].sum(axis=1)  # friction and knee: since the start
-            books[on, 0, 0] -= sum(records[name][on, 0] for name in ("friction_loss", "knee_loss"))
-            for j, channel in enumerate(motors):
+            books[on, 0, 0] -= before["friction_loss"][:, 0] + before["knee_loss"][:, 0]
+            for j, channel in enumerate(self._motors):
                 if channel < len(works):
                     books[on, 1] += works[channel] * product(held[on, j], rows[:, _MOVED[channel]])
-            records[on], change[on] = walked.here, rows[:, :_STATE, 1:]
             told[on[walked.locked], m + 4] = rows[walked.locked, _KNEE]
-            outcomes[on], struck = walked.outcomes, walked.struck
+            outcomes[on], struck = _ended(walked.outcomes), walked.struck
             there, ended = on[struck], rows[struck]
             told[there, : m + 2] = ended[:, [*self.coordinates, _TIME, _LENGTH]]
-            sine = np.concatenate(
-                [np.sin(slopes)[:, None], np.cos(slopes)[:, None] * by_slope], axis=1
-            )
             books[there, 1] += product(sine[there], ended[:, _LENGTH]) + ended[:, _PUSHED]
-            on = on[walked.outcomes == _RUNNING]
-            if last:
-                outcomes[on] = int(Outcome.STALLED)
-                break
         told[:, m + 2 : m + 4] = books
         told[outcomes != _STRUCK] = np.nan
         if not self.walker.knees:
             told[:, m + 4] = np.nan
         return told, outcomes
 
-    @property
-    def _held_for(self) -> float:
-        """How long the controller's actions are held."""
-        return self.scene.tick if self.scene.control == "tick" else math.inf
+    def _differences(
+        self, points: NDArray, slopes: NDArray, lanes: NDArray, seeds: _Seeds
+    ) -> tuple[NDArray, NDArray]:
+        """As `_stride`, by central differences along the tangents."""
+        change, n = seeds.points, len(points)
+        size = np.abs(change).max(axis=1)
+        size[:, list(seeds.moving.values())] += 1.0
+        steps = _SHIFTS[self._single] / np.where(size > 0.0, size, 1.0)  # (n, k)
+        told = []
+        for sign in (0.0, 1.0, -1.0):
+            shifts = sign * steps if sign else np.zeros((n, 1))
+            ways = change if sign else np.zeros((n, self.dimension, 1))
+            starts = points[:, None] + (ways * shifts[:, None]).swapaxes(1, 2)
+            grounds, count = np.repeat(slopes[:, None], shifts.shape[1], axis=1), shifts.shape[1]
+            for name, tangent in seeds.moving.items() if sign else ():
+                if name == "slope":
+                    grounds[:, tangent] += shifts[:, tangent]
+            crowd, every = self, np.repeat(lanes, count)
+            varied = [name for name in seeds.moving if name != "slope"]
+            if varied:
+                (name,) = varied
+                own = self.parameters[name] if self.values is None else self.values[lanes]
+                values = np.repeat(np.broadcast_to(own, n)[:, None], count, axis=1)
+                if sign:
+                    values[:, seeds.moving[name]] += shifts[:, seeds.moving[name]]
+                crowd, every = self.with_parameter(name, values.ravel()), np.arange(n * count)
+            nothing = _Seeds(np.zeros((n * count, self.dimension, 0)), {})
+            taken, outcomes = crowd._stride(
+                starts.reshape(-1, self.dimension), grounds.ravel(), every, nothing
+            )
+            told.append(taken[:, :, 0].reshape(n, count, self.dimension + 6).swapaxes(1, 2))
+            if not sign:
+                ended = outcomes
+        by = (told[1] - told[2]) / (2.0 * steps[:, None])
+        return np.concatenate([told[0], by], axis=2), ended
+
+    def _steps(
+        self,
+        states: NDArray,
+        slopes: NDArray,
+        lanes: NDArray,
+        sound: NDArray,
+        seeds: _Seeds | None = None,
+        *,
+        rises: ArrayLike = 0.0,
+        turns: ArrayLike = 0.0,
+        ahead: NDArray | None = None,
+    ) -> Iterator[_Step]:
+        """A stride, control step by control step.
+
+        The chain rule leads from one control step to the next: through the observation and the
+        controller to the torques, and through the flow.
+
+        Args:
+            states: Where strides start, (n, 6).
+            slopes: Slope in rad, (n,).
+            lanes: Which walkers these are, where they differ in a parameter.
+            sound: Which of them are walked.
+            seeds: Tangents; none when None.
+            rises: Heights of the next footholds.
+            turns: By how much these slope more steeply.
+            ahead: What is observed of the footholds ahead, (n, preview); smooth when None.
+        """
+        walkers, motors = self.walkers, self._motors
+        if seeds is None:
+            seeds = _Seeds(np.zeros((len(states), self.dimension, 0)), {})
+        moving, width = seeds.moving, seeds.points.shape[2]
+        uneven = bool(np.any(rises) or np.any(turns))
+        by = ("state", *(_INPUTS[motor] for motor in motors), *moving, "start") if width else ()
+        change = self.state(seeds.points.swapaxes(1, 2)).swapaxes(1, 2)  # (n, 6, k)
+        start = change[:, :1].copy()
+        records = new_records(states, slopes, rise=rises, turn=turns)
+        on, step, memory = np.flatnonzero(sound), 0, None
+        while len(on):
+            held, memory = self._act(records, slopes, memory, step, change, seeds, ahead)
+            step += 1
+            last = step * self.hold >= self.scene.longest_stride
+            records["moved"], records["turned"] = 0.0, 0.0
+            records["end"] = self.scene.longest_stride if last else step * self.hold
+            for motor, given in zip(motors, held[:, :, 0].T, strict=True):
+                if motor < records["control"].shape[2]:
+                    records["control"][:, 0, motor] = given
+                else:
+                    records["push_off"][:, 0] = given
+            before = records[on]
+            walked = go_on(
+                walkers, before, by, lanes=lanes[on], on_section=step == 1, uneven=uneven
+            )
+            rows = walked.told(_TOLD)
+            if width:
+                edges = np.cumsum([1, _STATE, len(motors), len(moving)])
+                values, by_state, by_held, by_rest, by_start = np.split(rows, edges, axis=2)
+                along = by_state @ change[on] + by_held @ held[on, :, 1:] + by_start @ start[on]
+                for j, tangent in enumerate(moving.values()):
+                    along[:, :, tangent] += by_rest[:, :, j]
+                rows = np.concatenate([values, along], axis=2)
+            yield _Step(on, before, walked, held, rows)
+            records[on], change[on] = walked.here, rows[:, :_STATE, 1:]
+            on = on[walked.outcomes == _RUNNING]
+            if last:
+                return
 
     def _act(
-        self,
-        records: NDArray,
-        slopes: NDArray,
-        memory: Any,
-        first: bool,
-        change: NDArray,
-        by_slope: NDArray,
-    ) -> tuple[NDArray[np.float64], Any]:
+        self, records: NDArray, slopes: NDArray, memory: Any, step: int, change: NDArray,
+        seeds: _Seeds, ahead: NDArray | None,
+    ) -> tuple[NDArray[np.float64], Any]:  # fmt: skip
         """What motors are given, with tangents, (n, motors, 1 + k); and what is remembered."""
-        n, largest = len(records), np.array([self.scene.largest(x) for x in self.scene.actions])
-        seen = self._observed(records, slopes)
-        if self.exact:
-            actions, by_seen = self.controller.linearize(seen)
+        agent, n, width = self.agent, len(records), change.shape[2]
+        largest = np.array([self.scene.largest(name) for name in self.scene.actions])
+        by_slope = np.zeros(width)
+        if "slope" in seeds.moving:
+            by_slope[seeds.moving["slope"]] = 1.0
+        tangents = np.zeros((n, len(largest), width))
+        if hasattr(agent, "plan"):
+            if step == 0:
+                points = self.point(records["state"][:, 0])
+                plan, by = np.asarray(agent.plan(points, slopes)), None
+                if width:
+                    by_point, by_ground = agent.plan_by(points, slopes)
+                    by = by_point @ seeds.points[:, None] + by_ground[..., None] * by_slope
+                memory = plan, by
+            plan, by = memory
+            now = min(step, plan.shape[1] - 1)
+            actions = plan[:, now]
+            if by is not None:
+                tangents = by[:, now]
         else:
-            begun = np.full(n, first)
-            if not isinstance(self.controller, _Function):
-                seen = seen.astype(np.float32)  # as the environment gives it
-            actions, memory = self.controller.predict(seen, memory, begun, deterministic=True)
+            seen = self._observed(records, slopes, ahead)
+            if self.exact:
+                actions, by_seen = agent.linearize(seen)
+                if width:
+                    inside = np.abs(records["state"][:, 0]) < _BOUNDS[:_STATE]
+                    tangents = (by_seen[:, :, :_STATE] * inside[:, None]) @ change
+                    tangents += by_seen[:, :, _SLOPE, None] * by_slope
+            else:
+                if self._single:
+                    seen = seen.astype(np.float32)  # as the environment gives it
+                begun = np.full(n, step == 0)
+                actions, memory = agent.predict(seen, memory, begun, deterministic=True)
         actions, shape = np.asarray(actions, dtype=float), (n, len(largest))
         if actions.size != n * len(largest) or not np.all(np.isfinite(actions)):
             raise ValueError(
-                f"{self.name} must return actions of shape {shape}, one for each of "
+                f"{self.controller_name} must return actions of shape {shape}, one for each of "
                 f"{', '.join(self.scene.actions)}, all finite, not {shown(actions)}"
             )
         actions = actions.reshape(shape)
         least = np.array([0.0 if name == "push_off" else -1.0 for name in self.scene.actions])
-        held = np.zeros((n, len(largest), 1 + len(by_slope)))
+        held = np.zeros((*shape, 1 + width))
         held[:, :, 0] = largest * np.clip(actions, least, 1.0)
-        if len(by_slope):
-            inside = np.abs(records["state"][:, 0]) < _BOUNDS[:_STATE]
-            tangents = (by_seen[:, :, :_STATE] * inside[:, None]) @ change
-            tangents += by_seen[:, :, _SLOPE, None] * by_slope
-            free = (actions > least) & (actions < 1.0)
-            held[:, :, 1:] = (largest * free)[:, :, None] * tangents
+        free = (actions > least) & (actions < 1.0)
+        held[:, :, 1:] = (largest * free)[:, :, None] * tangents
         return held, memory
+
+    def _observed(
+        self, records: NDArray, slopes: NDArray, ahead: NDArray | None
+    ) -> NDArray[np.float64]:
+        """What the controller observes of walkers, as in the environment, (n, size)."""
+        scene, record = self.scene, records[:, 0]
+        size = task.SIZE + (scene.command is not None)
+        seen = np.zeros((len(records), size + 2 * scene.preview))
+        links = np.array([phase.links for phase in self.walkers.system().phases])
+        seen[:, :_STATE] = np.clip(record["state"], -_BOUNDS[:_STATE], _BOUNDS[:_STATE])
+        seen[:, _STATE] = links[record["phase"]] == 2
+        seen[:, _SLOPE] = np.clip(slopes, -_BOUNDS[_SLOPE], _BOUNDS[_SLOPE])
+        if scene.command is not None:
+            seen[:, task.SIZE] = np.mean(scene.command)
+        if ahead is not None:
+            seen[:, size:] = ahead
+        return seen
 
     def _sound(self, points: NDArray) -> NDArray[np.bool_]:
         """Whether strides may begin at points: no knee bent backwards, no leg on the ground."""
@@ -363,31 +435,136 @@ class ControlledMap(Section):
             sound = (points[:, 0] > 0.0) & (points[:, 0] < 0.5 * math.pi)
             return sound & (points[:, 3] <= points[:, 2]) if self.walker.knees else sound
 
+    def stride(
+        self,
+        state: ArrayLike,
+        slope: ArrayLike | None = None,
+        *,
+        rise: ArrayLike = 0.0,
+        turn: ArrayLike = 0.0,
+        ahead: NDArray | None = None,
+    ) -> Stride:
+        """One stride with its ledger, in the walker's own units.
+
+        Args:
+            state: Section states, (6,) or (n, 6), in the walker's own units.
+            slope: Slope in rad, one for all or (n,); the map's own when None.
+            rise: Height of the next foothold, likewise, as for `gpw.stride`.
+            turn: By how much that slopes more steeply.
+            ahead: What the controller observes of the footholds ahead, (n, preview).
+        """
+        shape, starts = np.shape(state)[:-1], self.dimensionless(state)
+        slopes = np.array(self._slopes(slope, len(starts)))
+        units, system = self.units, self.walkers.system()
+        n, works = len(starts), np.zeros((2, 2, len(starts)))
+        ended = new_records(starts, slopes)
+        foothold = {"rises": np.divide(rise, units.length), "turns": turn, "ahead": ahead}
+        each, knees = np.arange(n), np.full(n, np.nan)
+        for on, before, walked, _, _ in self._steps(starts, slopes, each, each >= 0, **foothold):
+            record = walked.records[:, 0]
+            for motor, works_of in enumerate(system.works):
+                power = before["control"][:, 0, motor] * works_of
+                works[motor, 0, on] += power * record["moved"][:, motor]
+                works[motor, 1, on] += np.abs(power) * record["turned"][:, motor]
+            knees[on[walked.locked]] = record["knee_time"][walked.locked]
+            ended[on, 0] = record
+        record = ended[:, 0]
+        length, gravity, spring = (
+            record[x].copy() for x in ("step_length", "gravity_work", "spring_work")
+        )
+        record["outcome"] = _ended(record["outcome"])
+        if (lost := record["outcome"] != _STRUCK).any():
+            length[lost] = np.nan
+            gravity[lost], spring[lost] = conservative_work(
+                system, self.walkers.constants, record[lost]
+            )
+        works, pushed = works * units.energy, record["push_work"] * units.energy
+        if not shape:
+            works, pushed = works[..., 0], pushed[0]
+        return account(self.walker, record, (length, gravity, spring, knees), works, pushed, shape)
+
+    def look(
+        self,
+        states: NDArray,
+        slopes: ArrayLike,
+        times: NDArray,
+        rises: ArrayLike | None = None,
+        turns: ArrayLike | None = None,
+        ahead: NDArray | None = None,
+    ) -> Samples:
+        """As `sample`, from states (n, 6) just after a heelstrike; see `_steps` for the ground."""
+        n, k = times.shape
+        found = Samples(
+            np.full((n, k, _STATE), np.nan), np.zeros((n, k), np.int64), np.zeros((n, k, 2))
+        )
+        each, since, step = np.arange(n), 0.0, 0
+        rises, turns = (0.0 if x is None else x for x in (rises, turns))
+        uneven = bool(np.any(rises) or np.any(turns))
+        for on, before, walked, _, _ in self._steps(
+            states, for_each(slopes, n), each, each >= 0, rises=rises, turns=turns, ahead=ahead
+        ):
+            step += 1
+            until = np.where(walked.outcomes == _RUNNING, walked.records["time"][:, 0], np.inf)
+            here = (times[on] > since) | (step == 1)
+            rows, columns = np.nonzero(here & (times[on] <= until[:, None]))
+            since = step * self.hold
+            if not len(rows):
+                continue
+            records = before[rows]
+            records["end"][:, 0] = times[on[rows], columns]
+            seen = go_on(self.walkers, records, lanes=on[rows], on_section=step == 1, uneven=uneven)
+            found.states[on[rows], columns] = seen.states
+            found.stages[on[rows], columns] = seen.stages
+            found.torques[on[rows], columns] = records["control"][:, 0]
+        return found
+
+    def _until(self, state: NDArray, slope: float, time: float) -> Flow:
+        """One walker's stride up to a time, from a state (1, 6)."""
+        one = np.zeros(1, int)
+        for step, (_, before, walked, _, _) in enumerate(
+            self._steps(state, np.array([slope]), one, one == 0)
+        ):
+            if walked.outcomes[0] != _RUNNING or walked.records["time"][0, 0] >= time:
+                before["end"] = time
+                return go_on(self.walkers, before, on_section=step == 0)
+        raise ValueError(f"the stride does not come to the time {time:g}")
+
+
+def _ended(outcomes: NDArray) -> NDArray:
+    """How strides ended; one that is only out of time has stalled."""
+    return np.where(outcomes == _RUNNING, int(Outcome.STALLED), outcomes)
+
 
 def stride_map(
     walker: WalkerLike | None = None,
     slope: float | None = None,
     *,
-    controller: ControllerLike | Drive | Callable[[NDArray], ArrayLike] | None = None,
+    controller: ControllerLike | Actuation | OptimalGait | Callable | None = None,
     scene: SceneLike | None = None,
     tolerance: float = 1e-12,
-) -> StrideMap | ControlledMap:
-    """The stride map (the Poincare map) of a walker, passive or under a controller.
+) -> StrideMap:
+    """The stride map (the Poincaré map) of a walker, passive or under a controller.
+
+    Whatever takes a walker and a slope takes such a map: gaits, families, bifurcation diagrams,
+    basins, simulations and all other analyses.
 
     Example:
         >>> import gym_passive_walker as gpw
         >>> strides = gpw.stride_map(controller=gpw.load_policy("level-ppo"))
         >>> strides.exact  # its network has a derivative, and so has the map
         True
+        >>> gpw.find_gait(strides).stable
+        True
 
     Args:
         walker: The walker, in a form that `as_walker` takes; the scene's when None.
-        slope: Slope in rad; the scene's, or the middle of its range, when None.
-        controller: What acts: None for a passive walker; a `Drive`, the same in each stride; a
-            trained policy, a baseline, or the name of either; any object with
-            `predict(observation, state, episode_start, deterministic)`; or a function from
-            observations (n, 8) to actions (n, actions). What it remembers starts again with each
-            stride.
+        slope: Slope in rad; the scene's, or the middle of its range, when None. Without a scene it
+            may be left to the analysis.
+        controller: What works the motors: None for a passive walker; an `Actuation`, the same in
+            each stride; an `OptimalGait`, whose torques are played without feedback; a trained
+            policy, a baseline, or the name of either; any object with `predict(observation, state,
+            episode_start, deterministic)`; or a function from observations (n, 8) to actions
+            (n, actions). What it remembers starts again with each stride.
         scene: Which motors a controller has, how strong they are and how long its actions are
             held, in a form that `make_scene` takes; the policy's own or "level" when None. Its
             disturbances are left out.
@@ -401,29 +578,100 @@ def stride_map(
         ValueError: if the controller cannot act, or an argument is out of its range.
     """
     tolerance = check_tolerance(tolerance)
-    if controller is None or isinstance(controller, Drive):
+    if controller is None or isinstance(controller, Actuation):
         if scene is not None and walker is None:
             walker = make_scene(scene).walker
         if scene is not None and slope is None:
             slope = float(np.mean(make_scene(scene).slope))
-        if walker is None or slope is None:
-            raise ValueError("stride_map needs a walker and a slope, or a scene, or a policy")
-        own, drive = as_walker(walker), controller or PASSIVE
+        if walker is None:
+            raise ValueError("stride_map needs a walker, a scene, or a policy")
+        own, held = as_walker(walker), controller or PASSIVE
         return StrideMap.of(
-            own, slope=one_slope(slope), tolerance=tolerance, drive=one_drive(own, drive)
-        )
+            own, slope=None if slope is None else one_slope(slope), tolerance=tolerance,
+            controller=one_actuation(own, held),
+        )  # fmt: skip
     named: Any = controller
+    if isinstance(named, OptimalGait):
+        if scene is None:
+            raise ValueError("say of which scene this gait is, by scene=")
+        slope = named.slope if slope is None else slope
+        named = Schedule(make_scene(scene), named)
     if callable(named) and not hasattr(named, "predict"):
         named = _Function(named)
     if scene is None and not isinstance(named, str | PathLike):
         scene = getattr(named, "scene", "level")
-    changes = {} if walker is None else {"walker": as_walker(walker)}
+    changes: dict[str, Any] = {} if walker is None else {"walker": as_walker(walker)}
+    if isinstance(named, str) and named in BASELINES and slope is not None:
+        changes["slope"] = one_slope(slope)  # it is made for this slope
     acts, there = acting(named, scene, **changes)  # type: ignore[arg-type]
     there = calm(there, slope)
     return ControlledMap(
-        walker=there.walker, slope=float(np.mean(there.slope)), controller=acts, scene=there,
+        walker=there.walker, slope=float(np.mean(there.slope)), agent=acts, scene=there,
         tolerance=tolerance,
     )  # fmt: skip
+
+
+def closed_loop_gait(
+    policy: ControllerLike,
+    scene: SceneLike | None = None,
+    *,
+    slope: float | None = None,
+    period: int = 1,
+    guess: ArrayLike | None = None,
+) -> Gait:
+    """The periodic gait that a walker has under a policy: `find_gait` of its `stride_map`.
+
+    Example:
+        >>> import gym_passive_walker as gpw
+        >>> from gym_passive_walker.control.baselines import LinearFeedback
+        >>> gait = gpw.closed_loop_gait(LinearFeedback("steep"), "steep")
+        >>> gait.stable, round(gait.froude_speed, 3)
+        (True, 0.325)
+
+    Args:
+        policy: A baseline, a trained policy or its name, or a model of stable-baselines3.
+        scene: A `Scene`, its name, or a mapping of its arguments. None is the policy's own, or
+            "level" for one without a scene.
+        slope: Slope in rad; the scene's, or the middle of its range, if None.
+        period: Strides until the gait repeats.
+        guess: A section state to start from; None is where walks from the scene's start come to.
+
+    Raises:
+        GaitNotFound: if the walker falls at once, or no gait is found.
+        ValueError: if the policy cannot act, or an argument is out of its range.
+    """
+    if policy is None or isinstance(policy, Actuation):
+        raise ValueError(
+            "closed_loop_gait needs a policy, which observes its walker; find_gait(stride_map("
+            "walker, slope, controller=...)) finds the gaits of motors that do the same in each "
+            "stride"
+        )
+    strides = stride_map(None, slope, controller=policy, scene=scene)
+    return find_gait(strides, period=period, guess=guess)
+
+
+def acting_as(strides: StrideMap, slope: float) -> tuple[Policy, Scene]:
+    """What works a map's motors as a policy, and the scene in which it acts.
+
+    Args:
+        strides: A map whose walker is not passive.
+        slope: Slope in rad.
+    """
+    if isinstance(strides, ControlledMap):
+        return strides.agent, make_scene(strides.scene, walker=strides.walker, slope=slope)
+    held: dict[str, float] = dict(zip(CHANNELS, strides.actuation, strict=True))
+    used = tuple(name for name, value in held.items() if value)
+    largest: dict[str, Any] = {
+        f"max_{name}" + "_torque" * (name != "push_off"): abs(held[name]) for name in used
+    }
+    scene = make_scene(
+        walker=strides.walker, slope=slope, control="stride", actions=used, stub=strides.stub,
+        **largest,
+    )  # fmt: skip
+    shares = np.array([[np.sign(held[name]) for name in used]])
+    point = np.zeros(strides.dimension)
+    rows = np.zeros((1, len(used), len(point)))
+    return StrideFeedback(strides.controller_name, strides.walker, point, shares, rows), scene
 
 
 def calm(scene: Scene, slope: float | None = None) -> Scene:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
-from gym_passive_walker.gaits.drive import Drive
+from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.gaits.newton import fixed_point
@@ -87,7 +87,8 @@ def _sought(walker: Walker, slope: float, lost: float) -> PoweredGait:
     """
     for torque in _TORQUES:
         own = torque * units_of(walker).torque
-        gait = seek(walker, slope, drive=Drive(hip_torque=own)).gait
+        held = StrideMap.of(walker, controller=Actuation(hip_torque=own))
+        gait = seek(held, slope).gait
         if gait is not None:
             return PoweredGait(gait.state, own)
     raise GaitNotFound(
@@ -103,7 +104,7 @@ def _converged(walker: Walker, slope: float, state: NDArray, torque: float) -> N
     Raises:
         GaitNotFound: if Newton's method does not settle.
     """
-    strides = StrideMap.of(walker, drive=Drive(hip_torque=torque))
+    strides = StrideMap.of(walker, controller=Actuation(hip_torque=torque))
 
     def linearized(points: NDArray) -> tuple[NDArray, NDArray]:
         passage, change = strides.linearize(points, slope)

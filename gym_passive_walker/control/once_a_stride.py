@@ -1,6 +1,6 @@
 """One decision a stride: hip torque, ankle torque or push-off, chosen anew at each heelstrike.
 
-`DriveFeedback` answers to small deviations from any gait by the linearized stride map.
+`ActuationFeedback` answers to small deviations from any gait by the linearized stride map.
 `SpeedControl` needs no linearisation: the simplest walker's hip is an inverted pendulum, so its
 speed at mid-stance, where the stance leg is along the ground's normal, says all about its energy,
 and what a stride does to that is known in closed form up to where the foot lands. A push-off sets
@@ -24,13 +24,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.control.feedback import Method, gains
 from gym_passive_walker.envs.scene import Scene, SceneError, make_scene
-from gym_passive_walker.gaits.drive import USES, for_each
+from gym_passive_walker.gaits.actuation import USES, for_each
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride_map import StrideMap
 
 _PARTS = {channel: part for part, channel in USES.items()}
-"""The part of a `Drive` that each channel of a scene is."""
+"""The part of a `Actuation` that each channel of a scene is."""
 
 _RIGHT = 0.25 * math.pi  # stance angle of legs at right angles
 _ANGLES, _BISECTIONS = 200, 52
@@ -47,7 +47,7 @@ class OnceAStride:
         scene: A `Scene`, its name, or a mapping of its arguments, with control="stride".
 
     Attributes:
-        parts: What it chooses, parts of a `Drive` in the order of the scene's actions.
+        parts: What it chooses, parts of a `Actuation` in the order of the scene's actions.
 
     Raises:
         SceneError: if the scene's torques are held for ticks.
@@ -60,11 +60,12 @@ class OnceAStride:
                 f"{name} decides once a stride, and this scene's control is {scene.control!r}: "
                 'choose make_scene(scene, control="stride")'
             )
+        self.scene = scene
         self.walker, self.parts = scene.walker, tuple(_PARTS[name] for name in scene.actions)
         self.largest = np.array([scene.largest(name) for name in scene.actions])
         self._seen = Section(walker=scene.walker).coordinates
 
-    def drives(self, points: NDArray, slopes: ArrayLike) -> NDArray[np.float64]:
+    def given(self, points: NDArray, slopes: ArrayLike) -> NDArray[np.float64]:
         """What motors do in the strides that begin, dimensionless.
 
         Args:
@@ -76,6 +77,10 @@ class OnceAStride:
         """
         raise NotImplementedError
 
+    def plan(self, points: NDArray, slopes: ArrayLike) -> NDArray[np.float64]:
+        """Actions of strides that start at points (n, m), of one control step, (n, 1, parts)."""
+        return np.clip(self.given(points, slopes) / self.largest, -1.0, 1.0)[:, None]
+
     def predict(
         self,
         observation: ArrayLike,
@@ -85,12 +90,11 @@ class OnceAStride:
     ) -> tuple[NDArray[np.float32], Any]:
         """The action of a stride, from one observation or a batch."""
         seen = np.atleast_2d(np.asarray(observation, dtype=float))
-        shares = self.drives(seen[:, self._seen], seen[:, 7]) / self.largest
-        action = np.clip(shares, -1.0, 1.0).astype(np.float32)
+        action = self.plan(seen[:, self._seen], seen[:, 7])[:, 0].astype(np.float32)
         return action.reshape(*np.shape(observation)[:-1], len(self.parts)), state
 
 
-class DriveFeedback(OnceAStride):
+class ActuationFeedback(OnceAStride):
     """Linear feedback about a gait under motors, by all of the scene's actions.
 
     As "deadbeat", one action brings the simplest walker back to its gait in two strides and two
@@ -98,7 +102,7 @@ class DriveFeedback(OnceAStride):
 
     Args:
         scene: A `Scene`, its name, or a mapping of its arguments, with control="stride".
-        gait: The gait that is held, of the scene's walker; `find_gait(..., drive=...)`.
+        gait: The gait that is held, of the scene's walker; `find_gait` of a map of `stride_map`.
         method: "lqr" or "deadbeat"; see `feedback.gains`.
         torque_weight: Of "lqr"; likewise.
 
@@ -122,21 +126,28 @@ class DriveFeedback(OnceAStride):
         super().__init__({"lqr": "LQR", "deadbeat": "deadbeat"}.get(method, method), scene)
         if gait.walker != self.walker:
             raise SceneError("the scene's walker is not the one whose gait is to be held")
-        idle = [USES[part] for part, value in gait.drive._asdict().items()
+        held = gait.stride_map.actuation
+        idle = [USES[part] for part, value in held._asdict().items()
                 if value and part not in self.parts]  # fmt: skip
         if idle:
             raise SceneError(f"the gait needs the action {idle[0]!r}, which the scene has not")
-        strides = StrideMap.of(gait.walker, drive=gait.drive)
+        strides = gait.stride_map
         self.point, m = strides.points_at(gait.state)[0], strides.dimension
         _, change = strides.linearize(self.point[None], gait.slope, by=("state", *self.parts))
-        by_point, by_drive = change.ends[0, :, :m], change.ends[0, :, m:]
-        self.own = np.array([getattr(strides.drive, part) for part in self.parts])
-        self.rows = gains(by_point, by_drive, method, torque_weight=torque_weight)
-        self.closed_loop = by_point - by_drive @ self.rows
+        by_point, by_motors = change.ends[0, :, :m], change.ends[0, :, m:]
+        self.own = np.array([getattr(held, part) for part in self.parts])
+        self.rows = gains(by_point, by_motors, method, torque_weight=torque_weight)
+        self.closed_loop = by_point - by_motors @ self.rows
 
-    def drives(self, points: NDArray, slopes: ArrayLike) -> NDArray[np.float64]:
-        """The gait's own drive, less the answer to the deviation from it; the slope is ignored."""
+    def given(self, points: NDArray, slopes: ArrayLike) -> NDArray[np.float64]:
+        """What the gait's motors do, less the answer to the deviation; the slope is ignored."""
         return self.own - (points - self.point) @ self.rows.T
+
+    def plan_by(self, points: NDArray, slopes: ArrayLike) -> tuple[NDArray, NDArray]:
+        """Derivatives of actions by points, (n, 1, parts, m), and by the slope, (n, 1, parts)."""
+        plan = self.plan(points, slopes)
+        rows = -self.rows / self.largest[:, None]
+        return rows * (np.abs(plan) < 1.0)[..., None], np.zeros_like(plan)
 
 
 def _climb(angle: ArrayLike, slope: ArrayLike) -> NDArray[np.float64]:
@@ -226,7 +237,7 @@ class SpeedControl(OnceAStride):
             raise ValueError(f"decay must be a number from 0 to less than 1, not {decay!r}")
         self.speed, self.decay = float(speed), float(decay)
 
-    def drives(self, points: NDArray, slopes: ArrayLike) -> NDArray[np.float64]:
+    def given(self, points: NDArray, slopes: ArrayLike) -> NDArray[np.float64]:
         """Push-offs, or hip torques, of the strides that begin; 0 where a walker falls anyhow."""
         slopes = for_each(slopes, len(points))
         now = midstance_speed(points, slopes)

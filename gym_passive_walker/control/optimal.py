@@ -18,10 +18,11 @@ from gym_passive_walker.control.feedback import powered_gait
 from gym_passive_walker.control.optimum import OptimalGait, Problem, slope_of
 from gym_passive_walker.control.ticks import ticked_stride
 from gym_passive_walker.envs.scene import Scene, make_scene
-from gym_passive_walker.gaits.drive import PASSIVE, Drive, to_dimensionless, to_own
+from gym_passive_walker.gaits.actuation import PASSIVE, Actuation, to_dimensionless, to_own
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.gaits.search import seek
 from gym_passive_walker.gaits.section import Section
+from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.progress import progress
 from gym_passive_walker.units import units_of
 
@@ -154,9 +155,9 @@ def constant_gait(scene: Scene) -> OptimalGait:
         GaitNotFound: if there is none.
     """
     walker, slope = scene.walker, slope_of(scene)
-    state, drive = _driven(scene)
+    state, held = _driven(scene)
     point = Section(walker=walker).points_at(state)[0]
-    hip, ankle, push_off = to_dimensionless(units_of(walker), drive)
+    hip, ankle, push_off = to_dimensionless(units_of(walker), held)
     torques = np.array([[hip], [ankle]])
     walked = ticked_stride(walker, slope, point, torques, tick=math.inf, push_off=push_off)
     ticks = 1 if scene.control == "stride" else math.ceil(walked.duration / scene.tick)
@@ -164,8 +165,8 @@ def constant_gait(scene: Scene) -> OptimalGait:
     return problem.measured(problem.begun(point, [[hip], [ankle]], push_off))
 
 
-def _driven(scene: Scene) -> tuple[NDArray, Drive]:
-    """The state in which a gait starts that is passive or has one constant motor, and the drive.
+def _driven(scene: Scene) -> tuple[NDArray, Actuation]:
+    """The state in which a gait starts that is passive or has one constant motor, and what it does.
 
     Raises:
         GaitNotFound: if there is none.
@@ -178,17 +179,18 @@ def _driven(scene: Scene) -> tuple[NDArray, Drive]:
     if "hip" in scene.actions:
         try:
             powered = powered_gait(walker, slope)
-            return powered.state, Drive(hip_torque=powered.hip_torque)
+            return powered.state, Actuation(hip_torque=powered.hip_torque)
         except GaitNotFound as error:
             refused = error
     for channel, name in (("push_off", "push_off"), ("ankle", "ankle_torque")):
         if channel not in scene.actions:
             continue
         for share in _SHARES:
-            drive = Drive(**{name: share * scene.largest(channel)})
-            gait = seek(walker, slope, drive=to_own(units_of(walker), drive)).gait
+            held = Actuation(**{name: share * scene.largest(channel)})
+            own = to_own(units_of(walker), held)
+            gait = seek(StrideMap.of(walker, controller=own), slope).gait
             if gait is not None:
-                return gait.state, gait.drive
+                return gait.state, own
     raise refused or GaitNotFound(
         f"no passive gait at slope {slope:g}, and none with a constant "
         f"{' or '.join(scene.actions)} of {_SHARES[0]:g} to {_SHARES[-1]:g} of the largest; "

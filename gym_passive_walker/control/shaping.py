@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import check_state, number, one_slope
 from gym_passive_walker.envs.scene import Scene, SceneError, make_scene
-from gym_passive_walker.gaits.drive import drive_units
+from gym_passive_walker.gaits.actuation import actuation_units
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.samples import states_at
 from gym_passive_walker.physics.hybrid import Control, Ground, State
@@ -110,11 +110,11 @@ class PotentialShaping:
             slope: Slope of the ground in rad, a number or (n,).
 
         Returns:
-            Hip and ankle torque in the walker's own units, as `Drive` has them; numbers or (n,).
+            Torques of hip and ankle in the walker's own units, as of `Actuation`; numbers or (n,).
         """
         units, states = units_of(self.walker), check_state(state)
         hip, ankle = self.shares(units.to_dimensionless(states), slope)
-        own = drive_units(units)
+        own = actuation_units(units)
         return Control(hip * own.hip_torque, ankle * own.ankle_torque)
 
     def shares(self, states: NDArray, slope: ArrayLike) -> Control:

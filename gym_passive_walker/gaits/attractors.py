@@ -129,7 +129,7 @@ def stable_gaits(stride_map: StrideMap, slope: float, points: NDArray) -> list[G
         left = points[periods == period]
         while len(left):
             guess = stride_map.states_at(left[:1])
-            gaits = find_gaits(stride_map.walker, slope, period=period, guess=guess)[:1]
+            gaits = find_gaits(stride_map, slope, period=period, guess=guess)[:1]
             if not gaits:
                 break
             found += [gait for gait in gaits if gait.stable]

@@ -21,7 +21,6 @@ from gym_passive_walker.arguments import (
     check_tolerance,
     instance,
     number,
-    one_slope,
     real_array,
     shown,
     whole,
@@ -36,10 +35,11 @@ from gym_passive_walker.gaits.attractors import (
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.posture import heelstrike
-from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.gaits.search import seek
+from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
-from gym_passive_walker.walkers import Walker, WalkerLike, as_walker, describe, name_of
+from gym_passive_walker.walkers import Walker, describe, name_of
 
 _CHUNK = 1 << 16  # cells walked together
 _PUSHES = 512  # tried at a time
@@ -136,8 +136,8 @@ def _slice(
 
 
 def basin_of_attraction(
-    walker: WalkerLike,
-    slope: float,
+    walker: MapLike,
+    slope: float | None = None,
     *,
     stance_angles: ArrayLike | None = None,
     stance_rates: ArrayLike | None = None,
@@ -150,8 +150,9 @@ def basin_of_attraction(
     """Where walks lead from a slice of the section, cell by cell as lanes.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes.
-        slope: Slope in rad.
+        walker: The walker, in a form that `as_walker` takes; or a map of `stride_map`, whose
+            controller then works its motors.
+        slope: Slope in rad; the map's own when None.
         stance_angles: Stance angles in rad; from near 0 to 2.2 times the long gait's if None.
         stance_rates: Stance rates; from 2.2 times the long gait's to near 0 if None.
         resolution: How many angles and rates, where they are not given.
@@ -169,16 +170,20 @@ def basin_of_attraction(
         GaitNotFound: if the walker has no gait at this slope and something above rests on one.
         ValueError: if an argument is out of range.
     """
-    walker, slope = as_walker(walker), one_slope(slope)
-    tolerance, near = check_tolerance(tolerance), number(near, "near", above=0.0)
+    stride_map = map_of(walker, tolerance=check_tolerance(tolerance))
+    walker, slope = stride_map.walker, stride_map.chosen(slope)
+    near = number(near, "near", above=0.0)
     resolution = whole(resolution, "resolution", 1, _FINEST)
     strides = whole(strides, "strides")
     if ratios is not None:
         allowed = "two numbers, thigh and shank rate over the stance rate"
         if real_array(ratios, "ratios", allowed).shape != (2,):
             raise ValueError(f"ratios must be {allowed}, not {shown(ratios)}")
-    stride_map = StrideMap.of(walker, tolerance=tolerance)
-    known = find_gaits(walker, slope)
+    if stride_map.controlled:  # two that walk alike are not looked for
+        sought = seek(stride_map, slope).gait
+        known = [sought] if sought else []
+    else:
+        known = find_gaits(stride_map, slope)
     gait = known[0] if known else None
     if gait is None and (stance_angles is None or stance_rates is None or ratios is None):
         raise GaitNotFound(
@@ -225,8 +230,8 @@ def _others(stride_map: StrideMap, slope: float, points: NDArray, stable: list[G
 
 
 def largest_push(
-    walker: WalkerLike,
-    slope: float,
+    walker: MapLike,
+    slope: float | None = None,
     *,
     gait: Gait | None = None,
     strides: int = 300,
@@ -239,8 +244,9 @@ def largest_push(
     there is none among them; the edge is then narrowed down.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes.
-        slope: Slope in rad.
+        walker: The walker, in a form that `as_walker` takes; or a map of `stride_map`, whose
+            controller then works its motors.
+        slope: Slope in rad; the map's own when None.
         gait: The gait that is pushed; the long-step gait if None.
         strides: A push is survived if the walker makes so many strides after it, or is back on
             the gait before.
@@ -251,14 +257,14 @@ def largest_push(
     Returns:
         The largest changes, in the walker's own units; 0 for a gait that is not walked on at all.
     """
-    walker, slope = as_walker(walker), one_slope(slope)
-    strides, tolerance = whole(strides, "strides"), check_tolerance(tolerance)
+    stride_map = map_of(walker, tolerance=check_tolerance(tolerance))
+    slope, strides = stride_map.chosen(slope), whole(strides, "strides")
     accuracy = number(accuracy, "accuracy", least=_FINEST_PUSH, most=1.0)
     if gait is None:
-        gait = find_gait(walker, slope)
+        gait = find_gait(stride_map, slope)
     instance(gait, Gait, "gait", "gpw.find_gait returns")
-    stride_map = StrideMap.of(walker, tolerance=tolerance)
-    attractors = Attractors(stride_map, [gait] if gait.stable else [], 1e-5)
+    near = 1e-5 if stride_map.exact else 1e-3
+    attractors = Attractors(stride_map, [gait] if gait.stable else [], near)
     start = stride_map.points_at(gait.state)
     size = abs(float(start[0, 1]))
 

@@ -27,13 +27,12 @@ from gym_passive_walker.arguments import (
     whole,
 )
 from gym_passive_walker.gaits.attractors import period_of
-from gym_passive_walker.gaits.drive import to_own
 from gym_passive_walker.gaits.family import GaitFamily, gait_family
 from gym_passive_walker.gaits.gait import GaitKind
-from gym_passive_walker.gaits.stride_map import StrideMap, map_of
+from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
-from gym_passive_walker.walkers import Walker, WalkerLike, name_of
+from gym_passive_walker.walkers import Walker, name_of
 
 _FINEST_SLOPE = 1e-15  # rad
 _NUDGE = 1e-4  # off the gait, which a walker would otherwise stay on though it be unstable
@@ -136,12 +135,11 @@ def beginnings(
                 f"{states.shape}"
             )
         return stride_map.points_at(np.broadcast_to(states, (len(slopes), 6)))
-    if not isinstance(stride_map, StrideMap):  # under a controller
+    if stride_map.controlled:
         return stride_map.beginning(slopes)
     low, high = float(slopes.min()), float(slopes.max())
-    drive = to_own(stride_map.units, stride_map.drive)
     low, high = low - 1e-9 * abs(low), high + 1e-9 * abs(high)
-    family = gait_family(stride_map.walker, low, high, kind, drive=drive)
+    family = gait_family(stride_map, low, high, kind)
     points = stride_map.points_at(nearest_on(family, slopes))
     points[:, 0] *= 1.0 + _NUDGE
     return points
@@ -163,7 +161,7 @@ def _settle(
 
 
 def bifurcation_diagram(
-    walker: WalkerLike | StrideMap,
+    walker: MapLike,
     slopes: ArrayLike,
     *,
     settle: int = 1000,
@@ -222,7 +220,7 @@ def bifurcation_diagram(
 
 
 def crisis_slope(
-    walker: WalkerLike | StrideMap,
+    walker: MapLike,
     low: float,
     high: float,
     *,

@@ -22,7 +22,6 @@ from gym_passive_walker.gaits.sensitivity import (
     place_near,
     sensitivity,
 )
-from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.walkers import WalkerError
 
 _PIECES = (1, 4, 16)  # in which a gait is followed to another walker, as long as need be
@@ -93,7 +92,7 @@ class Candidates:
         self._start, self._parameters, self._names = start, tuple(parameters), tuple(names)
         self._low, self._width, self._multipliers = box[:, 0], box[:, 1] - box[:, 0], multipliers
         self._sizes = [size_of(name, start.walker, start.slope) for name in parameters]
-        stride_map = StrideMap.of(start.walker)
+        stride_map = start.stride_map
         place = Place(stride_map, start.slope, logarithms(stride_map.points_at(start.state))[0])
         self._here = sensitivity(place, self._parameters)
         self._last: tuple[bytes, Judged | None] = b"", None
@@ -140,7 +139,8 @@ class Candidates:
         """The gait at some parameters that is near to a guess."""
         changed = dict(zip(self._parameters, values.tolist(), strict=True))
         slope = changed.pop(SLOPE, self._start.slope)
-        place = place_near(replace(self._start.walker, **changed), slope, guess)
+        walker = replace(self._start.walker, **changed)
+        place = place_near(self._start.stride_map.with_walker(walker), slope, guess)
         return place if place and np.abs(place.u - guess).max() < _LEAP else None
 
     def _judged(self, gait: Sensitivity) -> Judged:

@@ -20,14 +20,13 @@ from gym_passive_walker.gaits.newton import newton
 from gym_passive_walker.gaits.stride_map import StrideMap
 
 _CORRECTIONS = 7  # of a guess, before it is given up
-_CLOSED = 1e-9  # largest violation of a gait
 
 
 class Axis(NamedTuple):
     """What is varied along a curve: slopes downhill by their logarithm, all else by its share.
 
     Attributes:
-        parameter: "slope", a part of the drive, or a parameter of the walker.
+        parameter: "slope", a part of `Actuation`, or a parameter of the walker.
         low: Where the range starts; of no account for slopes downhill.
         high: Where it ends.
         slope: Slope in rad, where something else is varied.
@@ -140,6 +139,7 @@ class Curve:
             bend: How far from the guess the gait may be expected.
         """
         across = np.eye(len(guess))[-1] if tangent is None else tangent
+        closes = self.stride_map.closes
 
         def equations(ys: NDArray) -> tuple[NDArray, NDArray, NDArray]:
             stride_map, slopes, _ = self._setting(ys)
@@ -155,10 +155,11 @@ class Curve:
             )
 
         found = newton(
-            equations, (guess + bend)[None], accuracy=accuracy, iterations=_CORRECTIONS,
+            equations, (guess + bend)[None], iterations=_CORRECTIONS,
+            accuracy=accuracy if self.stride_map.exact else closes,
             longest=1.0, damped=False,
         )  # fmt: skip
-        if found.sizes[0] > _CLOSED:
+        if found.sizes[0] > closes or not np.isfinite(found.derivatives[0]).all():
             return None
         # One step more squares what is left of the error, and costs no stride.
         y = found.points[0] - np.linalg.solve(found.derivatives[0], found.values[0])

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.arguments import gait_kind, number, one_slope, shown, truth, whole
+from gym_passive_walker.arguments import gait_kind, number, shown, truth, whole
 from gym_passive_walker.gaits.candidates import Candidates, Judged
 from gym_passive_walker.gaits.circle import spectral_radius
 from gym_passive_walker.gaits.fixed_point import find_gait
@@ -21,7 +21,8 @@ from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
 from gym_passive_walker.gaits.programme import Programme
 from gym_passive_walker.gaits.quantities import QUANTITIES, SPECTRAL_RADIUS
 from gym_passive_walker.gaits.sensitivity import SLOPE
-from gym_passive_walker.walkers import PARAMETERS, Walker, WalkerLike, as_walker, describe
+from gym_passive_walker.gaits.stride_map import MapLike, map_of
+from gym_passive_walker.walkers import PARAMETERS, Walker, describe
 
 Range = float | tuple[float | None, float | None]
 """What a quantity has to be: a value, or one from low to high, either of them None."""
@@ -61,12 +62,12 @@ class Design:
 
 
 def optimise_walker(
-    walker: WalkerLike,
+    walker: MapLike,
     objective: str,
     parameters: Sequence[str],
     bounds: Sequence[tuple[float, float]],
     *,
-    slope: float,
+    slope: float | None = None,
     kind: GaitKind = "long",
     constraints: Mapping[str, Range] | None = None,
     maximise: bool = False,
@@ -77,7 +78,8 @@ def optimise_walker(
     The optimum is a local one, reached from the walker's own gait by its exact derivatives.
 
     Args:
-        walker: The walker to begin with, in a form that `as_walker` takes.
+        walker: The walker to begin with, in a form that `as_walker` takes; or a map of
+            `stride_map`, whose controller then works its motors.
         objective: What is to be least: "cost_of_transport", "slope", "speed", "froude_speed",
             "step_length", "step_period", "stance_angle" as of `Gait`; "leg_length", "total_mass" as
             of `Walker`; "clearance", the least height of the passing swing foot as of
@@ -85,7 +87,7 @@ def optimise_walker(
             or "spectral_radius", the modulus of the largest multiplier.
         parameters: What may change: "slope", and numerical parameters of `Walker`.
         bounds: Lowest and highest value of each of them, in the walker's own units.
-        slope: Slope in rad; if it may change, that to begin with.
+        slope: Slope in rad; if it may change, that to begin with. The map's own when None.
         kind: Which gait, "long" or "short".
         constraints: For any of the objectives a value, or lowest and highest value of which one
             may be None. The spectral radius has a highest value only.
@@ -100,7 +102,8 @@ def optimise_walker(
             where the search ends.
         ValueError: if an argument is none of those above.
     """
-    walker, slope = as_walker(walker), one_slope(slope)
+    stride_map = map_of(walker, tolerance=1e-13)
+    walker, slope = stride_map.walker, stride_map.chosen(slope)
     _known(objective)
     maximise, iterations = truth(maximise, "maximise"), whole(iterations, "iterations")
     kind = gait_kind(kind)
@@ -111,7 +114,7 @@ def optimise_walker(
     names = {objective, *ranges}
     if "knee_margin" in names and not walker.knees:
         raise ValueError("knee_margin is of walkers with knees, and this one has none")
-    before = find_gait(walker, slope, kind)
+    before = find_gait(stride_map, slope, kind)
     candidates = Candidates(
         before,
         parameters,

@@ -19,10 +19,10 @@ from gym_passive_walker.gaits.curve import Axis, Curve, Point, doubling_test, lo
 from gym_passive_walker.gaits.family import gait_family
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
 from gym_passive_walker.gaits.log_chart import logarithms
-from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.gaits.stride_map import MapLike, map_of
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
-from gym_passive_walker.walkers import Walker, WalkerLike, as_walker, describe, name_of
+from gym_passive_walker.walkers import Walker, describe, name_of
 
 FEIGENBAUM = 4.669201609102990
 """What the ratios of successive distances between doublings tend to (Feigenbaum, 1978)."""
@@ -80,7 +80,7 @@ class Cascade(Table):
 
 
 def doubling_cascade(
-    walker: WalkerLike,
+    walker: MapLike,
     slope_min: float,
     slope_max: float,
     *,
@@ -90,7 +90,7 @@ def doubling_cascade(
     """Locate a gait's successive period doublings.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes.
+        walker: The walker, in a form that `as_walker` takes, or a map of `stride_map`.
         slope_min: A slope in rad where the period-one gait is followed from.
         slope_max: Steepest slope looked at.
         kind: Which gait.
@@ -102,20 +102,19 @@ def doubling_cascade(
     Raises:
         GaitNotFound: if there is no gait in the range, or its period does not double there.
     """
-    walker = as_walker(walker)
+    stride_map = map_of(walker, tolerance=1e-12)
     doublings = whole(doublings, "doublings")
-    family = gait_family(walker, slope_min, slope_max, kind)
+    family = gait_family(stride_map, slope_min, slope_max, kind)
     if not family.period_doublings:
         raise GaitNotFound(
-            f"the {kind}-step gait of {describe(walker)} does not double its period from "
-            f"{slope_min} to {slope_max} rad"
+            f"the {kind}-step gait of {describe(stride_map.walker)} does not double its period "
+            f"from {slope_min} to {slope_max} rad"
         )
     slope = family.period_doublings[0]
     nearest = int(np.argmin(np.abs(family.slope - slope)))
-    stride_map = StrideMap.of(walker, tolerance=1e-12)
-    curve = Curve(stride_map, Axis())
+    curve = Curve(stride_map, Axis("slope", slope_min, slope_max))
     u = logarithms(stride_map.points_at(family.state[nearest]))[0]
-    here = curve.correct(np.append(u, np.log(slope)))
+    here = curve.correct(np.append(u, curve.axis.coordinate(slope)))
     slopes: list[float] = []
     gaits: list[Gait] = []
     with progress("period doublings", doublings) as located:
@@ -126,9 +125,9 @@ def doubling_cascade(
             if len(slopes) == doublings:
                 break
             curve = replace(curve, period=2 * curve.period)
-            here = _next_doubling(curve, here, np.log(slope_max))
+            here = _next_doubling(curve, here, curve.axis.coordinate(slope_max))
     periods = tuple(gait.period for gait in gaits)
-    return Cascade(walker, periods, tuple(slopes), tuple(gaits))
+    return Cascade(stride_map.walker, periods, tuple(slopes), tuple(gaits))
 
 
 def _next_doubling(curve: Curve, birth: Point, high: float) -> Point | None:

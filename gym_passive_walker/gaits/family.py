@@ -3,30 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.arguments import gait_kind, instance, number, one_slope, shown
+from gym_passive_walker.gaits.actuation import Actuation, one_actuation
 from gym_passive_walker.gaits.continuation import follow
 from gym_passive_walker.gaits.curve import Axis, Curve, Point, locate
-from gym_passive_walker.gaits.drive import PASSIVE, Drive, drive_units, one_drive
 from gym_passive_walker.gaits.ends import BOUND, STANCE_STOPS, End, margins
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.log_chart import logarithms
 from gym_passive_walker.gaits.search import glance, seek
-from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import (
-    PARAMETERS,
-    Walker,
-    WalkerLike,
-    as_walker,
-    describe,
-    name_of,
-)
+from gym_passive_walker.walkers import Walker, describe, name_of
 
 _TOLERANCE = 1e-12
 _FINEST = 1e-3  # resolution
@@ -38,8 +32,8 @@ class GaitFamily(Table):
     """A curve of gaits, in order along the curve; arrays have one entry per gait.
 
     Attributes:
-        walker: Who walks (at the first gait, if a parameter of the walker is varied).
-        parameter: "slope", or the part of the drive or the walker's parameter that is varied.
+        walker: The walker (at the first gait, if a parameter of the walker is varied).
+        parameter: "slope", or the part of `Actuation` or the walker's parameter that is varied.
         period: Strides until each motion repeats.
         value: The varied quantity.
         slope: Slope in rad.
@@ -53,7 +47,7 @@ class GaitFamily(Table):
         halts: Values where the stance leg stops in mid-stride, to about 1e-5 of them. On one side
             of each it barely passes the vertical; on the other it turns back for a while first.
         ends: The first and the last gait's end of the curve, with the reason of each.
-        drive: What motors do, but for what is varied.
+        stride_map: Whose gaits, but for what is varied.
     """
 
     walker: Walker
@@ -70,7 +64,12 @@ class GaitFamily(Table):
     period_doublings: tuple[float, ...]
     halts: tuple[float, ...]
     ends: tuple[End, End]
-    drive: Drive = PASSIVE
+    stride_map: StrideMap
+
+    @property
+    def controller(self) -> Any:
+        """What works the motors, but for what is varied; None if they are passive."""
+        return self.stride_map.controller
 
     @property
     def speed(self) -> NDArray[np.float64]:
@@ -95,7 +94,9 @@ class GaitFamily(Table):
         marks = {
             "folds": self.folds, "period doublings": self.period_doublings, "halts": self.halts
         }  # fmt: skip
+        name = self.stride_map.controller_name
         return {
+            **({"controller": name} if name else {}),
             "walker": name_of(self.walker),
             "gaits": f"{len(self)} of period {self.period}, {self.stable.sum()} stable",
             self.parameter: f"{self.value.min():.6g} to {self.value.max():.6g}",
@@ -122,7 +123,7 @@ class GaitFamily(Table):
 
 
 def _family(
-    walker: Walker,
+    stride_map: StrideMap,
     axis: Axis,
     gait: Gait,
     value: float,
@@ -130,9 +131,9 @@ def _family(
     resolution: float,
 ) -> GaitFamily:
     """The family of a gait at a value of what is varied, both ways from it."""
-    period = gait.period
-    curve = Curve(StrideMap.of(walker, tolerance=_TOLERANCE, drive=gait.drive), axis, period)
-    u = logarithms(StrideMap.of(gait.walker).points_at(gait.state))[0]
+    period, walker = gait.period, stride_map.walker
+    curve = Curve(stride_map.with_tolerance(_TOLERANCE), axis, period)
+    u = logarithms(gait.stride_map.points_at(gait.state))[0]
     start = curve.correct(np.append(u, axis.coordinate(value)))
     if start is None:
         raise GaitNotFound(f"the gait of {describe(walker)} at {value} could not be followed")
@@ -140,8 +141,8 @@ def _family(
     up = follow(curve, start, low, high, resolution)
     down = follow(curve, start._replace(tangent=-start.tangent), low, high, resolution)
     along = down.points[:0:-1] + up.points
-    stride_map, points, slopes, values = curve.gaits_at(along)
-    passage, units = stride_map.apply(points, slopes, strides=period), stride_map.units
+    there, points, slopes, values = curve.gaits_at(along)
+    passage, units = there.apply(points, slopes, strides=period), there.units
     halts, ends = _halts(curve, along, (down.end, up.end))
     return GaitFamily(
         walker=walker,
@@ -149,7 +150,7 @@ def _family(
         period=period,
         value=values,
         slope=slopes,
-        state=stride_map.states_at(points),
+        state=there.states_at(points),
         stance_angle=points[:, 0],
         step_period=passage.durations / period * units.time,
         step_length=passage.lengths / period * units.length,
@@ -158,7 +159,7 @@ def _family(
         period_doublings=tuple(sorted(down.doublings + up.doublings)),
         halts=halts,
         ends=ends,
-        drive=gait.drive,
+        stride_map=stride_map,
     )
 
 
@@ -187,47 +188,46 @@ def _halts(
     return tuple(halts), ends
 
 
-def _some_gait(walker: Walker, slopes: NDArray, kind: GaitKind, drive: Drive) -> Gait:
+def _some_gait(stride_map: StrideMap, slopes: NDArray, kind: GaitKind) -> Gait:
     """The gait at the lowest of some slopes that has one; searched thoroughly only if need be."""
     for slope in slopes.tolist():
-        gait = glance(walker, slope, kind, drive)
+        gait = glance(stride_map, slope, kind)
         if gait is not None:
             return gait
     for slope in slopes[::4].tolist():
-        gait = seek(walker, slope, kind, drive=drive).gait
+        gait = seek(stride_map, slope, kind).gait
         if gait is not None:
             return gait
-    driven = "" if drive.passive else f" with {drive}"
+    name = stride_map.controller_name
     raise GaitNotFound(
-        f"no {kind}-step gait of {describe(walker)}{driven} at any of {len(slopes)} slopes from "
-        f"{min(slopes):.3g} to {max(slopes):.3g} rad"
+        f"no {kind}-step gait of {describe(stride_map.walker)}{f' under {name}' if name else ''} "
+        f"at any of {len(slopes)} slopes from {min(slopes):.3g} to {max(slopes):.3g} rad"
     )
 
 
 def gait_family(
-    walker: WalkerLike,
+    walker: MapLike,
     slope_min: float,
     slope_max: float,
     kind: GaitKind = "long",
     *,
     start: Gait | None = None,
     resolution: float = 0.05,
-    drive: Drive = PASSIVE,
 ) -> GaitFamily:
-    """Follow a gait over slopes, through folds and to its ends.
+    """Follow a gait over slopes, through folds and to its ends, by numerical continuation.
 
     Begins at the lowest slope of the range where such a gait is found. Some walkers have further
     gaits at steep slopes on a curve of their own: reach those with another `slope_min`.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes.
+        walker: The walker, in a form that `as_walker` takes; or a map of `stride_map`, whose
+            controller then works its motors at all slopes.
         slope_min: Lowest slope in rad; positive, unless motors drive the walker.
         slope_max: Highest slope in rad.
         kind: Which gait to begin with, "long" or "short".
-        start: A gait to begin with instead; of any period.
+        start: A gait to begin with instead; of any period and with its own controller.
         resolution: Longest step along the curve, in ln(angle), rates over angle and ln(slope); of a
             range that is not all downhill, in shares of it.
-        drive: What motors do in each stride, at all slopes alike; that of `start`, if there is one.
 
     Returns:
         The family: both directions from the gait it began with, in order along the curve.
@@ -235,77 +235,79 @@ def gait_family(
     Raises:
         GaitNotFound: if no gait to begin with is found in the range.
     """
-    walker = as_walker(walker)
+    stride_map = map_of(walker, tolerance=_TOLERANCE)
     low, high = one_slope(slope_min, "slope_min"), one_slope(slope_max, "slope_max")
     kind = gait_kind(kind)
     resolution = number(resolution, "resolution", least=_FINEST, most=1.0)
     if start is not None:
-        drive = instance(start, Gait, "start", "gpw.find_gait returns").drive
-    drive = one_drive(walker, drive)
-    if not low < high or (low <= 0.0 and drive.passive):
+        own = instance(start, Gait, "start", "gpw.find_gait returns").stride_map
+        stride_map = own.with_walker(stride_map.walker)
+    if not low < high or (low <= 0.0 and stride_map.passive):
         raise ValueError(
             f"slopes must be 0 < slope_min < slope_max, not {slope_min}, {slope_max}; only motors "
-            "(drive=) walk uphill"
+            "walk uphill: give stride_map(walker, controller=...)"
         )
     if start is None:
         slopes = np.geomspace(low, high, 16) if low > 0.0 else np.linspace(low, high, 16)
-        start = _some_gait(walker, slopes, kind, drive)
+        if stride_map.slope is not None and low <= stride_map.slope <= high:
+            slopes = np.append(stride_map.slope, slopes)  # where a controller is at home
+        start = _some_gait(stride_map, slopes, kind)
     elif not low <= start.slope <= high:
         raise ValueError(f"the gait to start with stands at slope {start.slope}, out of the range")
-    return _family(walker, Axis("slope", low, high), start, start.slope, (low, high), resolution)
+    axis = Axis("slope", low, high)
+    return _family(stride_map, axis, start, start.slope, (low, high), resolution)
 
 
-def _size(walker: Walker, parameter: str) -> float:
-    """What a parameter of a walker or of its drive is measured by, in the walker's own units."""
-    units = units_of(walker)
-    if parameter in Drive._fields:
-        return float(getattr(drive_units(units), parameter))
+def _size(stride_map: StrideMap, parameter: str) -> float:
+    """What a parameter of a walker or of its motors is measured by, in the walker's own units."""
+    walker, units = stride_map.walker, units_of(stride_map.walker)
     mass, springs = walker.total_mass, ("hip_stiffness", "knee_stiffness", "hip_friction")
     sizes = dict.fromkeys(springs, units.torque) | {"foot_angle": 1.0, "gravity": walker.gravity}
+    if parameter not in vars(walker):
+        return stride_map.unit(parameter)
     return sizes.get(parameter, mass if parameter.endswith("mass") else units.length)
 
 
 def parameter_family(
-    walker: WalkerLike,
+    walker: MapLike,
     parameter: str,
     low: float,
     high: float,
     *,
-    slope: float,
+    slope: float | None = None,
     kind: GaitKind = "long",
     resolution: float = 0.05,
-    drive: Drive = PASSIVE,
 ) -> GaitFamily:
-    """Follow a gait at a fixed slope as a parameter of the walker or of its drive changes.
+    """Follow a gait at a fixed slope as a parameter of the walker or of its motors changes.
 
     Args:
-        walker: The walker to begin with; its own parameter must lie in the range.
-        parameter: A numerical parameter of `Walker`, such as "shank_offset", or of `Drive`, such as
-            "push_off".
+        walker: The walker to begin with, or a map of `stride_map`; its own parameter must lie in
+            the range. As a parameter of the walker changes, what its motors do stays what it is
+            over the walker's units, which change with sizes and masses.
+        parameter: A numerical parameter of `Walker`, such as "shank_offset", or of `Actuation`,
+            such as "push_off".
         low: Lowest value.
         high: Highest value.
-        slope: Slope in rad.
+        slope: Slope in rad; the map's own when None.
         kind: Which gait to begin with.
         resolution: Longest step along the curve; the range counts as one.
-        drive: What motors do in each stride. As a parameter of the walker changes, it stays what it
-            is over the walker's units, which change with sizes and masses.
 
     Raises:
         GaitNotFound: if the walker has no such gait at this slope.
         ValueError: if there is no such parameter, or the range is empty or leaves it out.
     """
-    walker = as_walker(walker)
-    slope, resolution = one_slope(slope), number(resolution, "resolution", least=_FINEST, most=1.0)
+    stride_map = map_of(walker, tolerance=_TOLERANCE)
+    slope = stride_map.chosen(slope)
+    resolution = number(resolution, "resolution", least=_FINEST, most=1.0)
     low, high = number(low, "low"), number(high, "high")
     kind = gait_kind(kind)
-    known = (*PARAMETERS, *Drive._fields)
+    known = stride_map.parameters
     if not isinstance(parameter, str) or parameter not in known:
         raise ValueError(f"no parameter {shown(parameter)} to vary: choose from {', '.join(known)}")
-    drive, driven = one_drive(walker, drive), parameter in Drive._fields
-    here = getattr(drive if driven else walker, parameter)
+    here = known[parameter]
     if not low < high or not low <= here <= high:
         raise ValueError(f"{parameter} of this walker is {here}: give low <= {here} <= high")
-    size = max(abs(here), _size(walker, parameter))
+    size = max(abs(here), _size(stride_map, parameter))
     if not high - low <= _WIDEST * size:
         raise ValueError(
             f"high is too far from low: of {parameter} of this walker, a range may be "
@@ -313,13 +315,13 @@ def parameter_family(
         )
     for value in (low, high):
         try:
-            if driven:
-                one_drive(walker, drive._replace(**{parameter: value}))
+            if parameter in vars(stride_map.walker):
+                replace(stride_map.walker, **{parameter: value})
             else:
-                replace(walker, **{parameter: value})
+                held = stride_map.controller or Actuation()
+                one_actuation(stride_map.walker, held._replace(**{parameter: value}))
         except ValueError as error:
             raise ValueError(f"the range leaves what a walker can be: {error}") from error
-    start = find_gait(walker, slope, kind, drive=drive)
-    unit = getattr(drive_units(units_of(walker)), parameter) if driven else 1.0
-    axis = Axis(parameter, low, high, slope, unit)
-    return _family(walker, axis, start, here, (low, high), resolution)
+    start = find_gait(stride_map, slope, kind)
+    axis = Axis(parameter, low, high, slope, stride_map.unit(parameter))
+    return _family(stride_map, axis, start, here, (low, high), resolution)

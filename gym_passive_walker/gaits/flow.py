@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import LONGEST_STRIDE, advance, new_records
-from gym_passive_walker.gaits.drive import USES
+from gym_passive_walker.gaits.actuation import USES
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import Control, Ground, Outcome, State, System
@@ -431,6 +431,7 @@ def go_on(
     *,
     lanes: NDArray | slice = _ALL,
     on_section: bool = False,
+    uneven: bool = False,
 ) -> Flow:
     """Follow walkers from wherever they are, each to its `end`, its heelstrike or its fall.
 
@@ -445,6 +446,7 @@ def go_on(
             changes, or "end", the time to stop.
         lanes: Which walkers these are, where parameters are given for more.
         on_section: Whether a stride begins here.
+        uneven: Whether next footholds lie otherwise than these.
     """
     tangents = _tangents_by(walkers, by) if by else _NONE
     walked = np.zeros((len(records), 1 + len(tangents.names)), RECORD)
@@ -453,8 +455,8 @@ def go_on(
     if by:
         _seed(walked, tangents, by)
     return _followed(
-        walkers, walkers.system(by), tangents, walkers.bodies(tangents.names, lanes), walked,
-        lambda: records, on_section,
+        walkers, walkers.system((*by, *UNEVEN) if uneven else by), tangents,
+        walkers.bodies(tangents.names, lanes), walked, lambda: records, on_section,
     )  # fmt: skip
 
 

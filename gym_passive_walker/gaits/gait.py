@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.gaits.drive import PASSIVE, Drive, to_own
 from gym_passive_walker.gaits.equations import gait_equations
 from gym_passive_walker.gaits.log_chart import from_logarithms
 from gym_passive_walker.gaits.posture import half_swing
-from gym_passive_walker.gaits.stride import Stride, stride
+from gym_passive_walker.gaits.stride import Stride, together
 from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.shown import Shown
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker, name_of
@@ -40,38 +41,71 @@ class GaitNotFound(Exception):
 
 @dataclass(frozen=True, repr=False)
 class Gait(Shown):
-    """A periodic walk, in the walker's own units.
+    """A periodic walk (a limit cycle), passive or under a controller, in the walker's own units.
 
     Attributes:
-        walker: Who walks.
+        stride_map: Whose fixed point it is: its walker, and what works its motors.
         slope: Slope in rad.
         kind: "long" or "short" step. An untuned walker's slowest gaits, beyond the fold at the
             foot of its long-step curve, belong to that curve and are "long" like the rest of it.
         period: Strides until the motion repeats.
         state: Section state (6,): angles in rad and rates, just after heelstrike.
-        multipliers: Eigenvalues of the stride map's derivative over one period, largest modulus
-            first. One of a kneed walker's four, and of the simplest walker's three, is zero: the
-            walker forgets it at kneestrike (at heelstrike), where two rates become one.
-        stride: The first stride of the gait with its ledger.
-        step_period: Mean time of a stride.
-        step_length: Mean distance between contacts along the slope.
-        collision_loss: Mean energy lost at the strikes of a stride.
-        friction_loss: Mean energy lost to friction in a stride.
-        drive: What its motors do in each stride; `PASSIVE` without.
+        multipliers: Floquet multipliers, the eigenvalues of the stride map's derivative over one
+            period, largest modulus first. One of a kneed walker's four, and of the simplest
+            walker's three, is zero: the walker forgets it at kneestrike (at heelstrike), where two
+            rates become one.
+        violation: Largest distance between the period's end and its start, dimensionless.
+        strides: The strides of one period, a `Stride` of arrays.
     """
 
-    walker: Walker
+    stride_map: StrideMap
     slope: float
     kind: str
     period: int
     state: NDArray[np.float64]
     multipliers: NDArray[np.complex128]
-    stride: Stride
-    step_period: float
-    step_length: float
-    collision_loss: float
-    friction_loss: float
-    drive: Drive = PASSIVE
+    violation: float
+    strides: Stride
+
+    @property
+    def walker(self) -> Walker:
+        """The walker."""
+        return self.stride_map.walker
+
+    @property
+    def controller(self) -> Any:
+        """What works the motors: an `Actuation`, or what observes the walker; None if passive."""
+        return self.stride_map.controller
+
+    @cached_property
+    def stride(self) -> Stride:
+        """The first stride of the gait with its ledger."""
+        first = Stride(*(np.asarray(x)[0] for x in self.strides._replace(weight=[0.0])))
+        outcome = Outcome(int(first.outcome))
+        return first._replace(weight=self.strides.weight, outcome=outcome)  # type: ignore[arg-type]
+
+    def _mean(self, values: NDArray) -> float:
+        return sum(np.asarray(values).tolist()) / self.period
+
+    @property
+    def step_period(self) -> float:
+        """Mean time of a stride."""
+        return self._mean(self.strides.duration)
+
+    @property
+    def step_length(self) -> float:
+        """Mean distance between contacts along the slope."""
+        return self._mean(self.strides.step_length)
+
+    @property
+    def collision_loss(self) -> float:
+        """Mean energy lost at the strikes of a stride."""
+        return self._mean(self.strides.collision_loss)
+
+    @property
+    def friction_loss(self) -> float:
+        """Mean energy lost to friction in a stride."""
+        return self._mean(self.strides.friction_loss)
 
     @property
     def stance_angle(self) -> float:
@@ -88,11 +122,61 @@ class Gait(Shown):
         """Speed over sqrt(g l), the square root of the Froude number (Eq. 4.6)."""
         return self.speed / units_of(self.walker).speed
 
+    def _cost(self, energies: NDArray) -> float:
+        """Energies over weight times distance."""
+        return self._mean(energies) / (self.strides.weight * self.step_length)
+
+    @property
+    def gravity_cost(self) -> float:
+        """Gravity's work over weight times distance."""
+        return self._cost(self.strides.gravity_work)
+
+    @property
+    def hip_cost(self) -> float:
+        """Absolute work of the hip's motor, likewise."""
+        return self._cost(self.strides.hip_work_absolute)
+
+    @property
+    def net_hip_cost(self) -> float:
+        """Its net work."""
+        return self._cost(self.strides.hip_work)
+
+    @property
+    def positive_hip_cost(self) -> float:
+        """Its work where it drives."""
+        return self._cost(self.strides.hip_work_positive)
+
+    @property
+    def ankle_cost(self) -> float:
+        """Absolute work of the ankle's motor."""
+        return self._cost(self.strides.ankle_work_absolute)
+
+    @property
+    def net_ankle_cost(self) -> float:
+        """Its net work."""
+        return self._cost(self.strides.ankle_work)
+
+    @property
+    def push_off_cost(self) -> float:
+        """Work of the push-off."""
+        return self._cost(self.strides.push_off_work)
+
+    @property
+    def motor_cost(self) -> float:
+        """Absolute work of all motors."""
+        return self.hip_cost + self.ankle_cost + self.push_off_cost
+
     @property
     def cost_of_transport(self) -> float:
-        """Energy lost at collisions and to friction over weight times distance (Eq. 4.3)."""
+        """Energy spent over weight times distance (Eq. 4.3).
+
+        Gravity's work and the motors' absolute work. Of a passive gait it is what collisions and
+        friction take, which is the same and keeps its digits at small slopes.
+        """
+        if self.controller is not None:
+            return self.gravity_cost + self.motor_cost
         lost = self.collision_loss + self.friction_loss
-        return lost / (self.stride.weight * self.step_length)
+        return lost / (self.strides.weight * self.step_length)
 
     @property
     def kneestrike_time(self) -> float:
@@ -122,6 +206,7 @@ class Gait(Shown):
     def facts(self) -> dict[str, str]:
         """Its measures, dimensionless."""
         return {
+            **({"controller": name} if (name := self.stride_map.controller_name) else {}),
             "walker": name_of(self.walker),
             "slope": f"{self.slope:.6g} rad",
             "step": self.kind,
@@ -163,26 +248,22 @@ def measure(stride_map: StrideMap, u: NDArray, slope: float, period: int) -> Gai
         period: Strides until it repeats.
     """
     exact, walker = stride_map.with_tolerance(_EXACT), stride_map.walker
-    drive = to_own(exact.units, exact.drive)
-    map_derivative = gait_equations(exact, u[None], slope, period=period).map[0]
-    multipliers = multipliers_of(map_derivative)  # first of all: refuses where no stride exists
-    state = exact.states_at(from_logarithms(u[None]))[0]
-    walks = [stride(walker, slope, state, tolerance=_EXACT, **drive._asdict())]
+    gait = gait_equations(exact, u[None], slope, period=period)
+    multipliers = multipliers_of(gait.map[0])  # first of all: refuses where no stride exists
+    point = from_logarithms(u[None])
+    state = exact.states_at(point)[0]
+    walks = [exact.stride(state, slope)]
     for _ in range(period - 1):
-        last = walks[-1].state
-        walks.append(stride(walker, slope, last, tolerance=_EXACT, **drive._asdict()))
-    duration = sum(float(walk.duration) for walk in walks) / period
+        walks.append(exact.stride(walks[-1].state, slope))
+    strides = together(walks)
+    duration = sum(np.asarray(strides.duration).tolist()) / period
     return Gait(
-        walker=walker,
+        stride_map=replace(exact, slope=slope),
         slope=slope,
-        kind=_kind(walker, map_derivative, duration / exact.units.time),
+        kind=_kind(walker, gait.map[0], duration / exact.units.time),
         period=period,
         state=state,
         multipliers=multipliers,
-        stride=walks[0],
-        step_period=duration,
-        step_length=sum(float(walk.step_length) for walk in walks) / period,
-        collision_loss=sum(float(walk.collision_loss) for walk in walks) / period,
-        friction_loss=sum(float(walk.friction_loss) for walk in walks) / period,
-        drive=drive,
+        violation=float(np.abs(gait.passage.ends - point).max()),
+        strides=strides,
     )

@@ -6,7 +6,8 @@ from typing import Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
 
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.gaits.drive import PASSIVE, Drive
+from gym_passive_walker.gaits.actuation import PASSIVE, Actuation
+from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.walkers import Walker, WalkerLike, as_walker
 
 
@@ -15,8 +16,8 @@ class Periodic(Protocol):
     """What a `Gait` has that analyses of a walk need; a gait is made of strides, not they of it."""
 
     @property
-    def walker(self) -> Walker:
-        """The walker."""
+    def stride_map(self) -> Any:
+        """Its `StrideMap`."""
         ...
 
     @property
@@ -34,14 +35,9 @@ class Periodic(Protocol):
         """State just after heelstrike, shape (6,)."""
         ...
 
-    @property
-    def drive(self) -> Drive:
-        """What its motors do in each stride."""
-        ...
 
-
-GaitLike: TypeAlias = Periodic | WalkerLike
-"""What analyses of a walk take as their first argument."""
+GaitLike: TypeAlias = Periodic | Section | WalkerLike
+"""What analyses of a walk take as their first argument: a gait, a stride map, or a walker."""
 
 
 class Walk(NamedTuple):
@@ -51,15 +47,17 @@ class Walk(NamedTuple):
         walker: The walker.
         slope: Its slope in rad.
         state: Its state just after heelstrike, shape (6,) or (n, 6).
-        drive: Its motors.
+        actuation: Its motors, in the walker's own units, where they do the same in each stride.
         period: Strides until it repeats; 1 where that is not known.
+        controlled: Its stride map, where a controller works the motors; None without one.
     """
 
     walker: Walker
     slope: Any
     state: ArrayLike
-    drive: Drive
+    actuation: Actuation
     period: int
+    controlled: Any
 
 
 def walk_of(
@@ -68,23 +66,40 @@ def walk_of(
     state: ArrayLike | None,
     *motors: ArrayLike | None,
 ) -> Walk:
-    """Return a walk; what is None is the gait's own, and motors are 0 where there is no gait.
+    """Return a walk; what is None is the gait's or the map's own.
 
     Args:
-        walker: A gait, or a walker in a form that `as_walker` takes.
+        walker: A gait, a stride map, or a walker in a form that `as_walker` takes.
         slope: Slope in rad.
         state: State just after heelstrike.
-        *motors: Hip torque, ankle torque and push-off, or the first of them, as in `Drive`.
+        *motors: Hip torque, ankle torque and push-off, or the first of them, as in `Actuation`; 0
+            where there is neither a gait nor a map.
 
     Raises:
         WalkerError: if this is no walker.
+        ValueError: if motors are given where a controller works them.
     """
-    drive, period = PASSIVE, 1
+    own, period = PASSIVE, 1
+    strides: Any = None
     # A protocol takes long to look for, and walkers are followed in small steps.
-    if not isinstance(walker, Walker | str) and isinstance(walker, Periodic):
-        slope = walker.slope if slope is None else slope
-        state = walker.state if state is None else state
-        walker, drive, period = walker.walker, walker.drive, walker.period
-    given = [own if part is None else part for part, own in zip(motors, drive, strict=False)]
-    drive = Drive(*given, *drive[len(given) :])
-    return Walk(as_walker(walker), slope, state, drive, period)  # type: ignore[arg-type]
+    if not isinstance(walker, Walker | str):
+        if isinstance(walker, Periodic):
+            slope = walker.slope if slope is None else slope
+            state = walker.state if state is None else state
+            strides, period = walker.stride_map, walker.period
+        elif isinstance(walker, Section):
+            strides = walker
+    if strides is not None:
+        slope = strides.slope if slope is None else slope
+        walker = strides.walker
+        if strides.controlled:
+            if any(part is not None for part in motors):
+                raise ValueError(
+                    f"{strides.controller_name} works these motors: leave hip_torque, ankle_torque "
+                    "and push_off out"
+                )
+            return Walk(walker, slope, state, PASSIVE, period, strides)  # type: ignore[arg-type]
+        own = strides.controller or PASSIVE
+    given = [mine if part is None else part for part, mine in zip(motors, own, strict=False)]
+    actuation = Actuation(*given, *own[len(given) :])
+    return Walk(as_walker(walker), slope, state, actuation, period, None)  # type: ignore[arg-type]

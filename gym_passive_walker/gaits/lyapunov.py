@@ -13,13 +13,12 @@ from gym_passive_walker.arguments import check_tolerance, several_slopes, whole
 from gym_passive_walker.gaits.bifurcation import beginnings
 from gym_passive_walker.gaits.gait import GaitKind
 from gym_passive_walker.gaits.log_chart import by_logarithms, in_logarithms
-from gym_passive_walker.gaits.stride_map import StrideMap, map_of
+from gym_passive_walker.gaits.stride_map import MapLike, map_of
 from gym_passive_walker.progress import progress
-from gym_passive_walker.walkers import WalkerLike
 
 
 def lyapunov_exponents(
-    walker: WalkerLike | StrideMap,
+    walker: MapLike,
     slopes: ArrayLike,
     *,
     count: int = 1,

@@ -11,7 +11,6 @@ from gym_passive_walker.arguments import check_state, instance, one_slope
 from gym_passive_walker.gaits.forces import impulses
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.posture import landing_velocity, mass_matrix
-from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.walkers import WalkerLike, as_walker
 
 
@@ -105,7 +104,7 @@ def collision_matrix(walker: WalkerLike, stance_angle: float) -> NDArray[np.floa
 def measures(gait: Gait) -> Measures:
     """Every measure of a gait."""
     instance(gait, Gait, "gait", "gpw.find_gait returns")
-    stride_map = StrideMap.of(gait.walker, drive=gait.drive)
+    stride_map = gait.stride_map
     duration = float(gait.stride.duration) / stride_map.units.time
     verge = stride_map.before_strike(stride_map.points_at(gait.state)[0], gait.slope, duration)
     velocity = foot_velocity(gait.walker, stride_map.units.to_own(verge))

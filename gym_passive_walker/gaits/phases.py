@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -13,13 +14,14 @@ from gym_passive_walker.gaits.forces import Reactions, forces, impulses
 from gym_passive_walker.gaits.measures import foot_velocity
 from gym_passive_walker.gaits.passage import NoStride
 from gym_passive_walker.gaits.posture import foot_clearance
-from gym_passive_walker.gaits.samples import states_at
 from gym_passive_walker.gaits.series import Extreme, fit
 from gym_passive_walker.gaits.stride import Stride
+from gym_passive_walker.gaits.stride_map import Samples, StrideMap
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker
 
 _SHORTEST = 1e-12  # share of a stride below which a phase is none
+_PIECES = 10_000  # in which torques may be held
 
 
 class Impulse(NamedTuple):
@@ -63,6 +65,7 @@ class Phase(NamedTuple):
     """Quantities over one phase as series in time, in the walker's own units.
 
     Attributes:
+        locked: Whether the swing leg is straight.
         state: Angles and rates, six series.
         flexion: Thigh less shank angle.
         clearance: Height of the swing foot over the ground.
@@ -72,6 +75,7 @@ class Phase(NamedTuple):
         swing_knee: Likewise.
     """
 
+    locked: bool
     state: list[Chebyshev]
     flexion: Chebyshev
     clearance: Chebyshev
@@ -96,53 +100,54 @@ class Phase(NamedTuple):
 
 
 def phases_of(
-    walker: Walker,
-    slope: float,
-    start: NDArray,
-    end: Stride,
-    *,
-    offset: float,
-    hip_torque: float,
-    tolerance: float,
+    stride_map: StrideMap, slope: float, start: NDArray, end: Stride, *, offset: float
 ) -> list[Phase]:
-    """The phases of one stride, two with knees and one without.
+    """The phases of one stride: two with knees and one without, and more where torques change.
 
     Args:
-        walker: The walker.
+        stride_map: Whose stride.
         slope: Slope in rad.
         start: Where the stride starts, shape (6,).
         end: How it ends: with a heelstrike.
         offset: Time at its start.
-        hip_torque: Torque, as for `stride`.
-        tolerance: As for `stride`.
 
     Raises:
         NoStride: if one of two phases takes no time.
     """
-    own = units_of(walker)
+    walker, tolerance = stride_map.walker, stride_map.tolerance
+    own, first_state = units_of(walker), stride_map.dimensionless(start)
     units = np.repeat([1.0, own.rate, 1.0, own.length, own.force, own.energy], [3, 3, 1, 1, 2, 2])
 
+    def look(times: NDArray) -> Samples:
+        return stride_map.look(first_state, np.array([slope]), times[None] / own.time)
+
     def samples(times: NDArray) -> NDArray:
-        states, phases = states_at(
-            walker, slope, start, times, hip_torque=hip_torque, tolerance=tolerance
-        )
-        carried = forces(walker, slope, states, phases, hip_torque=hip_torque)
+        seen = look(times)
+        states, stages = own.to_own(seen.states[0]), seen.stages[0]
+        carried = forces(walker, slope, states, stages, hip_torque=hip, ankle_torque=ankle)
         knees = np.nan_to_num(np.stack([carried.stance_knee, carried.swing_knee]))
         flexion, clearance = states[:, 1] - states[:, 2], foot_clearance(walker, states)[0]
         ground = [carried.normal, carried.tangential]
         return np.column_stack([states, flexion, clearance, *ground, *knees])
 
-    instants = [0.0, float(end.duration)]
-    if walker.knees:
-        instants.insert(1, float(end.kneestrike_time))
+    duration = float(end.duration)
+    knee = float(end.kneestrike_time) if walker.knees else duration
+    shortest = _SHORTEST * duration
+    if walker.knees and duration - knee < shortest:
+        raise NoStride("kneestrike and heelstrike coincide: the swing leg is never straight")
+    instants = {0.0, knee, duration}
+    held = stride_map.hold * own.time
+    for count in range(1, math.ceil(min(duration / held, _PIECES))):
+        if min(abs(count * held - instant) for instant in (knee, duration)) > shortest:
+            instants.add(count * held)
     phases = []
-    for first, last in pairwise(instants):
-        if last - first < _SHORTEST * instants[-1]:
-            raise NoStride("kneestrike and heelstrike coincide: the swing leg is never straight")
+    for first, last in pairwise(sorted(instants)):
+        torques = look(np.array([0.5 * (first + last)])).torques[0, 0]
+        hip, ankle = float(torques[0]) * own.torque, float(torques[1]) * own.energy
         series = fit(samples, first, last, units=units, accuracy=10.0 * tolerance)
         for piece in series:
             piece.domain = piece.domain + offset
-        phases.append(Phase(series[:6], *series[6:]))
+        phases.append(Phase(first >= knee, series[:6], *series[6:]))
     return phases
 
 

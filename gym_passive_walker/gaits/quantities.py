@@ -104,7 +104,7 @@ def _clearance(gait: Sensitivity) -> Graded:
     stride_map, slope, u = gait.place
     walker, units = stride_map.walker, stride_map.units
     state = stride_map.states_at(from_logarithms(u[None]))[0]
-    lowest = reality_check(walker, slope, state).clearance
+    lowest = reality_check(stride_map, slope, state).clearance
     time = lowest.time / units.time
     knee = float(gait.passage.knee_times[0])
     # At its lowest the height does not change with time, so the gradient is that of the height at

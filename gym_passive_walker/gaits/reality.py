@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import check_state, check_tolerance, number, one_slope, whole
+from gym_passive_walker.gaits.actuation import one_actuation
 from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.gaits.passage import NoStride
 from gym_passive_walker.gaits.phases import (
@@ -29,7 +30,7 @@ from gym_passive_walker.gaits.phases import (
 )
 from gym_passive_walker.gaits.posture import foot_clearance
 from gym_passive_walker.gaits.series import Extreme, greatest, least, ratio_turns, turns
-from gym_passive_walker.gaits.stride import stride
+from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
@@ -246,8 +247,8 @@ def reality_check(
     """Measure what a walk takes of the ground and the knees that the model does not ask for.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes; or a `Gait`, whose slope, state and
-            motors are those of the walk where they are not given.
+        walker: The walker, in a form that `as_walker` takes; or a stride map or a `Gait`, whose
+            slope, state and motors are those of the walk where they are not given.
         slope: Slope in rad, positive downhill.
         state: Section state, just after heelstrike, shape (6,).
         strides: How many strides to look at; 1 by default, or the gait's period.
@@ -260,52 +261,54 @@ def reality_check(
 
     Raises:
         NoStride: if a stride does not end with a heelstrike, or has no time for its straight leg.
-        ValueError: if a number is not finite or out of its range, or the gait has an ankle torque
-            or a push-off, whose forces are not in these checks.
+        ValueError: if a number is not finite or out of its range, or a stride has a push-off,
+            whose impulse on the foot that leaves is not in these checks.
     """
-    walker, slope, state, motors, period = walk_of(walker, slope, state, hip_torque)
-    if motors.ankle_torque or motors.push_off:
-        raise ValueError(
-            "reality_check knows the forces of a hip torque alone, and this gait has an ankle "
-            f"torque of {motors.ankle_torque:g} and a push-off of {motors.push_off:g}"
-        )
+    walker, slope, state, motors, period, controlled = walk_of(walker, slope, state, hip_torque)
     slope, strides = one_slope(slope), period if strides is None else strides
     strides, friction = (
         whole(strides, "strides"),
         number(friction, "friction", least=0.0, most=math.inf),
     )
-    tolerance, state = check_tolerance(tolerance), check_state(state)
-    hip_torque = number(motors.hip_torque, "hip_torque")
-    if state.shape != (6,):
-        raise ValueError(f"reality_check takes one walker: state must be (6,), not {state.shape}")
+    tolerance, here = check_tolerance(tolerance), check_state(state)
+    number(motors.hip_torque, "hip_torque")
+    walks = controlled or StrideMap.of(walker, controller=one_actuation(walker, motors))
+    walks = walks.with_tolerance(tolerance)
+    if here.shape != (6,):
+        raise ValueError(f"reality_check takes one walker: state must be (6,), not {here.shape}")
     time = 0.0
     phases: list[Phase] = []
     knees, heels = [], []
     velocities, depths, clearances, flexions = [], [], [], []
     for count in range(1, strides + 1):
-        end = stride(walker, slope, state, hip_torque=hip_torque, tolerance=tolerance)
+        end = walks.stride(here, slope)
         if end.outcome != Outcome.HEELSTRIKE:
             raise NoStride(
                 f"stride {count} does not end with a heelstrike but with "
                 f"{Outcome(end.outcome).name}, so there is nothing to check"
             )
-        here = phases_of(
-            walker, slope, state, end, offset=time, hip_torque=hip_torque, tolerance=tolerance
-        )
-        velocity = float(foot_clearance(walker, state[None])[1][0])
+        if np.any(end.push_off_work):
+            raise ValueError(
+                "reality_check does not know the impulse of a push-off on the foot that leaves, "
+                f"and stride {count} ends with one"
+            )
+        parts = phases_of(walks, slope, here, end, offset=time)
+        velocity = float(foot_clearance(walker, here[None])[1][0])
         depth, clearance = _release_and_passing(
-            turns(phase.clearance for phase in here), rising=velocity >= 0.0
+            turns(phase.clearance for phase in parts), rising=velocity >= 0.0
         )
         velocities.append(Extreme(velocity, time))
         depths.append(depth)
         clearances.append(clearance)
         if walker.knees:
-            bends = state[4] >= state[5]
-            flexions.append(Extreme(0.0, time) if bends else least(turns([here[0].flexion])))
-            knees.append(kneestrike(walker, *here))
-        heels.append(heelstrike(walker, here[-1], end.state))
-        phases += here
-        time, state = time + float(end.duration), end.state
+            bends = here[4] >= here[5]
+            free = [phase for phase in parts if not phase.locked]
+            bent = turns(phase.flexion for phase in free)
+            flexions.append(Extreme(0.0, time) if bends else least(bent))
+            knees.append(kneestrike(walker, free[-1], parts[len(free)]))
+        heels.append(heelstrike(walker, parts[-1], end.state))
+        phases += parts
+        time, here = time + float(end.duration), end.state
 
     def worst(collisions: Iterable[Collision]) -> Impulse:
         return max(collisions, key=lambda c: c.ground.friction.value, default=NO_COLLISION).ground
@@ -322,7 +325,7 @@ def reality_check(
         stance_knee_torque=least(turns(p.stance_knee for p in phases if walker.knees)),
         stance_knee_at_kneestrike=least(collision.knee for collision in knees),
         stance_knee_at_heelstrike=least(collision.knee for collision in heels),
-        swing_knee_torque=least(turns(p.swing_knee for p in phases[1::2] if walker.knees)),
+        swing_knee_torque=least(turns(p.swing_knee for p in phases if p.locked and walker.knees)),
         least_normal_force=least(normal),
         greatest_normal_force=greatest(normal),
         stance_friction=greatest(e._replace(value=abs(e.value)) for e in ratios),

@@ -18,13 +18,12 @@ from gym_passive_walker.gaits.equations import gait_equations
 from gym_passive_walker.gaits.family import GaitFamily
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.log_chart import logarithms
-from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.walkers import WalkerLike, as_walker
 
 CUBE_ROOT = 0.943976
 """Stance angle over slope^(1/3) of the simplest walker's short-step gait as the slope vanishes."""
 
-_SMALL_SLOPE = 1e-8
+_SMALL_SLOPE, _EXACT = 1e-8, 1e-13  # the second a tolerance
 _LARGEST_ANGLE = 1e3  # over slope^(1/3), of a law that may be compared with
 
 
@@ -59,7 +58,7 @@ def local_exponents(family: GaitFamily) -> Exponents:
         raise ValueError(f"exponents are by the slope, and this family varies {family.parameter}")
     if family.period != 1:
         raise ValueError(f"these gaits repeat after {family.period} strides: give one of period 1")
-    stride_map, slope = StrideMap.of(family.walker), family.slope
+    stride_map, slope = family.stride_map.with_tolerance(_EXACT), family.slope
     u = logarithms(stride_map.points_at(family.state))
     gaits = gait_equations(stride_map, u, slope, by=("slope",))
     by_log_slope = np.ones(u.shape[1] + 1) * np.ones((len(u), 1))

@@ -16,15 +16,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import check_state
-from gym_passive_walker.gaits.drive import PASSIVE, Drive
 from gym_passive_walker.gaits.equations import gait_equations
 from gym_passive_walker.gaits.gait import Gait, GaitKind, measure
 from gym_passive_walker.gaits.log_chart import from_logarithms, logarithms
 from gym_passive_walker.gaits.newton import newton
 from gym_passive_walker.gaits.starts import returns, starts
-from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.physics.hybrid import Outcome
-from gym_passive_walker.walkers import Walker
 
 ACCURACY = 1e-12
 """Tolerance of the strides by which gaits are told apart."""
@@ -36,6 +34,7 @@ _APART = 0.03  # starts closer than this are tried once
 _LOOKS = 64  # at the swing leg during a stride
 _LARGEST = 1.4  # stance angle of a gait, in rad
 _ROUGHLY, _FINELY = 1e-6, 1e-14  # tolerances
+_ALIKE, _NEARLY = 1e-6, 1e-3  # gaits closer than this are one, exactly derived and by differences
 
 
 def _distinct(u: NDArray, others: list[NDArray], apart: float) -> NDArray:
@@ -97,6 +96,7 @@ def search(
     gaits: list[Gait] = []
     found: list[NDArray] = []
     roughly, finely = stride_map.with_tolerance(_ROUGHLY), stride_map.with_tolerance(_FINELY)
+    closes, alike = stride_map.closes, _ALIKE if stride_map.exact else _NEARLY
 
     def solutions(followed: StrideMap, guesses: NDArray, accuracy: float, limit: float) -> NDArray:
         def equations(u: NDArray) -> tuple[NDArray, NDArray]:
@@ -115,11 +115,11 @@ def search(
         chosen = candidates.best(batch)
         if len(chosen) == 0:
             break
-        rough = _distinct(solutions(roughly, chosen, 1e-5, 1e-5), found, 1e-3)
-        for point in _distinct(solutions(finely, rough, 1e-15, 1e-9), found, 1e-6):
-            if any(np.abs(point - other).max() < 1e-6 for other in found):
+        rough = _distinct(solutions(roughly, chosen, 1e-5, max(1e-5, closes)), found, 1e-3)
+        for point in _distinct(solutions(finely, rough, 1e-15, closes), found, alike):
+            if any(np.abs(point - other).max() < alike for other in found):
                 continue  # another stride of a gait found in this batch
-            orbit = _orbit(stride_map, point, slope, period)
+            orbit = _orbit(stride_map, point, slope, period, 0.1 * alike)
             if len(orbit) == period:
                 with suppress(np.linalg.LinAlgError):  # a rounding off, there may be no stride
                     gait = measure(stride_map, point, slope, period)
@@ -134,12 +134,14 @@ def search(
     return gaits, ends
 
 
-def _orbit(stride_map: StrideMap, u: NDArray, slope: float, period: int) -> list[NDArray]:
+def _orbit(
+    stride_map: StrideMap, u: NDArray, slope: float, period: int, alike: float
+) -> list[NDArray]:
     """The points that a gait passes through, from one of them on until it repeats."""
     orbit = [u]
     while len(orbit) < period:
         end = logarithms(stride_map.apply(from_logarithms(orbit[-1][None]), slope).ends)[0]
-        if period % len(orbit) == 0 and np.abs(end - u).max() < 1e-7:
+        if period % len(orbit) == 0 and np.abs(end - u).max() < alike:
             break
         orbit.append(end)
     return orbit
@@ -164,9 +166,9 @@ def begin(
         if np.any(states[:, 0] <= 0.0):
             raise ValueError("a guess must be a section state: its stance angle is positive")
         return logarithms(stride_map.points_at(states))
-    if slope <= 0.0 and stride_map.drive.passive:
+    if slope <= 0.0 and stride_map.passive:
         return np.empty((0, stride_map.dimension))
-    u = starts(stride_map, slope)
+    u = logarithms(stride_map.likely(slope)) if stride_map.controlled else starts(stride_map, slope)
     if period == 1:
         return u
     gaits, _ = search(stride_map, slope, u, 1, lambda gaits: len(gaits) >= 2)
@@ -191,24 +193,23 @@ class Sought(NamedTuple):
 
 
 def seek(
-    walker: Walker,
+    walker: MapLike,
     slope: float,
     kind: GaitKind = "long",
     *,
     period: int = 1,
     guess: ArrayLike | None = None,
-    drive: Drive = PASSIVE,
 ) -> Sought:
     """As `fixed_point.find_gait`, for whom no gait is an answer like any other."""
-    stride_map = StrideMap.of(walker, tolerance=ACCURACY, drive=drive)
+    stride_map = map_of(walker, tolerance=ACCURACY)
+    # Under a controller there is no telling which kind it holds.
+    any_kind = guess is not None or stride_map.controlled
 
     def wanted(gaits: list[Gait]) -> list[Gait]:
-        return [gait for gait in gaits if guess is not None or period > 1 or gait.kind == kind]
+        return [gait for gait in gaits if any_kind or period > 1 or gait.kind == kind]
 
     def enough(gaits: list[Gait]) -> bool:
-        return any(
-            guess is not None or gait.beyond_fold == (kind == "short") for gait in wanted(gaits)
-        )
+        return any(any_kind or gait.beyond_fold == (kind == "short") for gait in wanted(gaits))
 
     u = begin(stride_map, slope, period, guess)
     few = u[:: max(1, len(u) // _LATTICE)] if period == 1 and guess is None else u
@@ -221,12 +222,12 @@ def seek(
     return Sought(chosen[0 if kind == "long" else -1] if chosen else None, gaits, ends)
 
 
-def glance(walker: Walker, slope: float, kind: GaitKind, drive: Drive = PASSIVE) -> Gait | None:
+def glance(walker: MapLike, slope: float, kind: GaitKind) -> Gait | None:
     """A gait of a kind if a quick search finds one: for looking over many slopes."""
+    stride_map = map_of(walker, tolerance=ACCURACY)
 
     def enough(gaits: list[Gait]) -> bool:
-        return any(gait.kind == kind for gait in gaits)
+        return any(gait.kind == kind or stride_map.controlled for gait in gaits)
 
-    stride_map = StrideMap.of(walker, tolerance=ACCURACY, drive=drive)
     gaits, _ = search(stride_map, slope, begin(stride_map, slope), 1, enough, _BATCHES[:1])
-    return next((gait for gait in gaits if gait.kind == kind), None)
+    return next((gait for gait in gaits if enough([gait])), None)

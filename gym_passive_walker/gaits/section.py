@@ -66,6 +66,13 @@ class Section:
         """Points (..., m) of dimensionless section states (..., 6)."""
         return states[..., self.coordinates]
 
+    def dimensionless(self, states: ArrayLike) -> NDArray[np.float64]:
+        """Dimensionless states (n, 6) of any, on the section or off it, in the walker's units."""
+        given = self.units.to_dimensionless(np.atleast_2d(np.array(states, dtype=float)))
+        if not self.walker.knees:  # the shank goes with the thigh
+            given[:, 2], given[:, 5] = given[:, 1], given[:, 4]
+        return given
+
     def states_at(self, points: NDArray) -> NDArray[np.float64]:
         """States (n, 6) at points (n, m), in the walker's own units."""
         return self.units.to_own(self.state(points))

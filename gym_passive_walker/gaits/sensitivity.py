@@ -22,7 +22,7 @@ from gym_passive_walker.walkers import Walker
 
 SLOPE = "slope"
 
-_ACCURACY, _CLOSED = 1e-14, 1e-9  # violation that is aimed at, and the largest of a gait
+_ACCURACY = 1e-14  # violation that is aimed at
 _STEP = 2.5e-4  # between places looked at: longest change of a coordinate, or of what is varied
 _PLACES = np.array([-2.0, -1.0, 1.0, 2.0])
 _WEIGHTS = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0
@@ -67,22 +67,21 @@ class Sensitivity(NamedTuple):
     change: Change
 
 
-def place_near(walker: Walker, slope: float, guess: NDArray) -> Place | None:
+def place_near(stride_map: StrideMap, slope: float, guess: NDArray) -> Place | None:
     """The gait of one stride nearest to a guess, if Newton's method reaches one.
 
     Args:
-        walker: Who walks.
+        stride_map: Whose gait.
         slope: Slope in rad.
         guess: Logarithmic coordinates, (m,).
     """
-    stride_map = StrideMap.of(walker)
 
     def equations(u: NDArray) -> tuple[NDArray, NDArray]:
         gait = gait_equations(stride_map, u, slope)
         return gait.values, gait.derivatives
 
     found = newton(equations, guess[None], accuracy=_ACCURACY, damped=False)
-    return Place(stride_map, slope, found.points[0]) if found.sizes[0] < _CLOSED else None
+    return Place(stride_map, slope, found.points[0]) if found.sizes[0] < stride_map.closes else None
 
 
 def sensitivity(place: Place, by: Sequence[str]) -> Sensitivity:
@@ -90,8 +89,8 @@ def sensitivity(place: Place, by: Sequence[str]) -> Sensitivity:
 
     Args:
         place: The gait.
-        by: "slope", or parameters of the walker. As for `StrideMap.linearize`, all else is held
-            dimensionless.
+        by: "slope", or parameters of the walker or of its motors. As for `StrideMap.linearize`,
+            all else is held dimensionless.
 
     Raises:
         numpy.linalg.LinAlgError: at a fold, where the gait has none.
@@ -134,7 +133,7 @@ def change_along(gait: Sensitivity, sizes: Sequence[float], look: Look) -> NDArr
         if name == SLOPE:
             slopes = slope + step * _PLACES
         else:
-            values = getattr(stride_map.walker, name) + step * _PLACES
+            values = stride_map.parameters[name] / stride_map.unit(name) + step * _PLACES
             walkers = stride_map.with_parameter(name, values)
         columns.append(np.tensordot(_WEIGHTS, look(walkers, beside, slopes), axes=1) / step)
     return np.stack(columns, axis=-1)

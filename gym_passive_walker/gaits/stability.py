@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import check_state, check_tolerance, number, one_slope, shown
-from gym_passive_walker.gaits.drive import Drive, drive_units, one_drive
+from gym_passive_walker.gaits.actuation import Actuation, actuation_units, one_actuation
 from gym_passive_walker.gaits.flow import LONGEST_STRIDE
 from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.gaits.passage import NoStride, Passage
@@ -18,9 +19,6 @@ from gym_passive_walker.units import growth
 from gym_passive_walker.walkers import PARAMETERS
 
 __all__ = ["NoStride", "stride_jacobian"]
-
-_COLUMNS = ("state", "slope", *Drive._fields)
-"""What may be differentiated by besides parameters."""
 
 
 def stride_jacobian(
@@ -46,8 +44,8 @@ def stride_jacobian(
     reason: its swing rate is made new at each heelstrike.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes; or a `Gait`, whose slope, state and
-            motors are those of the walk where they are not given.
+        walker: The walker, in a form that `as_walker` takes; or a stride map or a `Gait`, whose
+            slope, state and motors are those of the walk where they are not given.
         slope: Slope in rad.
         state: Section state (6,), or several (n, 6); thigh and shank angle are taken as minus the
             stance angle.
@@ -68,27 +66,28 @@ def stride_jacobian(
         ValueError: if an argument is out of range.
     """
     tolerance = check_tolerance(number(tolerance, "tolerance"))
-    walker, slope, state, motors, _ = walk_of(
+    walker, slope, state, motors, _, controlled = walk_of(
         walker, slope, state, hip_torque, ankle_torque, push_off
     )
-    slope, drive = one_slope(slope), one_drive(walker, motors)
-    stride_map = StrideMap.of(walker, tolerance=tolerance, longest=LONGEST_STRIDE, drive=drive)
+    slope, motors = one_slope(slope), one_actuation(walker, motors)
+    stride_map = (controlled or StrideMap.of(walker, controller=motors)).with_tolerance(tolerance)
+    stride_map = replace(stride_map, longest=LONGEST_STRIDE)
     names = [wrt] if isinstance(wrt, str) else list(wrt) if np.iterable(wrt) else []
     if not names:
         raise ValueError(
             f"wrt must be the name of what to differentiate by, or some, not {shown(wrt)}"
         )
     for name in names:
-        if name not in _COLUMNS and name not in PARAMETERS:
+        allowed = ("state", "slope", *stride_map.parameters)
+        if name not in allowed:
             raise ValueError(
-                f"wrt: cannot differentiate by {shown(name)}: choose from {', '.join(_COLUMNS)}, "
-                f"{', '.join(PARAMETERS)}"
+                f"wrt: cannot differentiate by {shown(name)}: choose from {', '.join(allowed)}"
             )
     states, units = check_state(state), stride_map.units
-    points, driving = stride_map.points_at(states), drive_units(units)._asdict()
+    points, driving = stride_map.points_at(states), actuation_units(units)._asdict()
     moved = set(names)
-    # A parameter changes the units too, and with them the dimensionless state and drive.
-    driven = [name for name in Drive._fields if getattr(drive, name)]
+    # A parameter changes the units too, and with them the dimensionless state and torques.
+    driven = [name for name in Actuation._fields if getattr(motors, name)]
     moved |= {"state", *driven} if moved & set(PARAMETERS) else set()
     by = sorted(moved)
     passage, change = stride_map.linearize(points, slope, by=by)
@@ -110,9 +109,11 @@ def stride_jacobian(
         of_point = found["state"] @ (points * rated * grown.time)[:, :, None]
         of_rates = (passage.ends * rated * grown.time)[:, :, None]
         whole = found[name] + of_point - of_rates
-        shares = Drive(grown.torque, grown.energy, grown.energy + grown.time - grown.length)
+        shares = Actuation(grown.torque, grown.energy, grown.energy + grown.time - grown.length)
         for part in driven:
-            whole = whole - found[part] * (getattr(stride_map.drive, part) * getattr(shares, part))
+            whole = whole - found[part] * (
+                getattr(stride_map.actuation, part) * getattr(shares, part)
+            )
         return whole
 
     jacobian = np.concatenate([column(name) for name in names], axis=2) / time[:, None]

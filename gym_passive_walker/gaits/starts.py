@@ -51,12 +51,12 @@ def starts(stride_map: StrideMap, slope: float) -> NDArray:
     Returns:
         Logarithmic coordinates (n, m).
     """
-    drive = stride_map.drive
-    u, loss, pushed = _grid(stride_map.walker, drive.push_off)
+    held = stride_map.actuation
+    u, loss, pushed = _grid(stride_map.walker, held.push_off)
     # Over a step, the hip opens by four stance angles and the stance leg turns by two: by about two
     # and one for each unit of length.
     works = stride_map.system.works
-    given = 2.0 * works.hip * drive.hip_torque + works.ankle * drive.ankle_torque
+    given = 2.0 * works.hip * held.hip_torque + works.ankle * held.ankle_torque
     supply = math.sin(slope) + given + pushed
     if not np.any(supply > 0.0):
         return np.empty((0, stride_map.dimension))

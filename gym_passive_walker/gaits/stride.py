@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,10 +19,10 @@ from gym_passive_walker.arguments import (
     truth,
     whole,
 )
-from gym_passive_walker.gaits.drive import (
+from gym_passive_walker.gaits.actuation import (
     PASSIVE,
-    check_drive,
-    drive_shapes,
+    actuation_shapes,
+    check_actuation,
     to_dimensionless,
 )
 from gym_passive_walker.gaits.flow import LONGEST_STRIDE, Walkers, advance, flow
@@ -30,6 +30,7 @@ from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.physics.hybrid import Ground, Outcome, State, System
 from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
+from gym_passive_walker.walkers import Walker
 
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
 
@@ -170,8 +171,8 @@ def stride(
     """Follow walkers from one heelstrike to the next: the stride map.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes; or a `Gait`, whose slope, state and
-            motors are those of the walk where they are not given.
+        walker: The walker, in a form that `as_walker` takes; or a stride map or a `Gait`, whose
+            slope, state and motors are those of the walk where they are not given.
         slope: Slope in rad, positive downhill; a number or shape (n,).
         state: [stance, thigh, shank] angles in rad and their rates, just after heelstrike, shape
             (6,) or (n, 6). A straight-legged walker's shank is ignored.
@@ -198,24 +199,27 @@ def stride(
     Raises:
         ValueError: if a number is not finite or out of its range, or shapes do not fit.
     """
-    walker, slope, state, drive, _ = walk_of(
+    walker, slope, state, actuation, _, controlled = walk_of(
         walker, slope, state, hip_torque, ankle_torque, push_off
     )
     tolerance = check_tolerance(tolerance)
+    if controlled is not None:
+        strides = controlled.with_tolerance(tolerance)
+        return strides.stride(check_state(state), slope, rise=rise, turn=turn)
     states, slopes = check_state(state), check_slope(slope)  # type: ignore[arg-type]
-    drive = check_drive(walker, drive)
+    actuation = check_actuation(walker, actuation)
     longest, stub = number(longest, "longest", above=0.0), truth(stub, "stub")
     threads = None if threads is None else whole(threads, "threads")
     if not callable(carry):
         raise ValueError(f"carry must be a function, such as gpu.advance, not {shown(carry)}")
     ground = check_foothold(rise, turn)
     try:
-        around = (*drive_shapes(drive), *(part.shape for part in ground or ()))
+        around = (*actuation_shapes(actuation), *(part.shape for part in ground or ()))
         shape = np.broadcast_shapes(states.shape[:-1], slopes.shape, *around)
     except ValueError:
         raise ValueError(
-            f"slope {slopes.shape}, hip_torque {np.shape(drive.hip_torque)}, ankle_torque "
-            f"{np.shape(drive.ankle_torque)}, push_off {np.shape(drive.push_off)}, rise "
+            f"slope {slopes.shape}, hip_torque {np.shape(actuation.hip_torque)}, ankle_torque "
+            f"{np.shape(actuation.ankle_torque)}, push_off {np.shape(actuation.push_off)}, rise "
             f"{np.shape(rise)}, turn {np.shape(turn)} and states {states.shape[:-1]} do not fit "
             "together: give one of each, or the same number"
         ) from None
@@ -227,10 +231,10 @@ def stride(
     if shape:
         slopes = np.broadcast_to(slopes, shape).reshape(count)
     given: dict[str, Any] = {}
-    if drive is not PASSIVE:
+    if actuation is not PASSIVE:
         hip, ankle, push = (
             part if type(part) is float else np.broadcast_to(part, shape).ravel()
-            for part in to_dimensionless(units, drive)
+            for part in to_dimensionless(units, actuation)
         )
         held = np.empty((count, 2))
         held[:, 0], held[:, 1] = hip, ankle
@@ -239,7 +243,7 @@ def stride(
         rises, turns = (np.broadcast_to(part, shape).ravel() for part in ground)
         given |= {"rises": rises / units.length, "turns": turns}
     walked = flow(
-        Walkers(walker=walker, using=drive.using, tolerance=tolerance, stub=stub),
+        Walkers(walker=walker, using=actuation.using, tolerance=tolerance, stub=stub),
         flat.reshape(count, 6), slopes, until=longest, threads=threads, carry=carry, **given,
     )  # fmt: skip
     system, own, records = walked.system, walked.bodies, walked.records
@@ -251,23 +255,46 @@ def stride(
     lost = outcome != _STRUCK
     if lost.any():
         length[lost] = np.nan
-        gravity[lost], spring[lost] = _conservative_work(system, own, record[lost])
+        gravity[lost], spring[lost] = conservative_work(system, own, record[lost])
+    nothing = np.zeros(shape)[()]
+    works, pushed = ((nothing, nothing), (nothing, nothing)), nothing
+    if actuation is not PASSIVE:  # one walker waits for each of these
+        powers = (record["control"] * (np.array(system.works) * units.energy)).T
+        moved, turned = record["moved"].T, record["turned"].T
+        works = tuple(
+            (_shaped(power * net, shape), _shaped(np.abs(power) * absolute, shape))
+            for power, net, absolute in zip(powers, moved, turned, strict=True)
+        )
+    if actuation.using:
+        pushed = _shaped(record["push_work"] * units.energy, shape)
+    return account(walker, record, (length, gravity, spring, knee_time), works, pushed, shape)
+
+
+def account(
+    walker: Walker,
+    record: NDArray,
+    corrected: tuple[NDArray, ...],
+    works: Any,
+    pushed: NDArray,
+    shape: tuple[int, ...],
+) -> Stride:
+    """Strides in a walker's own units, from dimensionless records (n,) and what is not in them.
+
+    Args:
+        walker: The walker.
+        record: Where strides have ended, (n,).
+        corrected: Step lengths, works of gravity and of springs, and when knees locked, (n,) each.
+        works: Of hip and ankle, net and absolute, in the walker's units and of the shape.
+        pushed: Of push-offs, likewise.
+        shape: Of the strides: (n,), or () of one.
+    """
+    units, outcome = units_of(walker), record["outcome"]
+    length, gravity, spring, knee_time = corrected
+    hip, ankle = works
 
     def shaped(values: NDArray) -> NDArray:
-        return values.reshape(shape) if shape else values[0]
+        return _shaped(values, shape)
 
-    def works(control: int, share: float) -> tuple[NDArray, NDArray]:  # net and absolute
-        power = record["control"][:, control] * (share * units.energy)
-        net, absolute = power * record["moved"][:, control], np.abs(power)
-        return shaped(net), shaped(absolute * record["turned"][:, control])
-
-    nothing = np.zeros(shape)[()]
-    hip = ankle = nothing, nothing
-    push_off = nothing
-    if drive is not PASSIVE:  # one walker waits for each of these
-        hip = works(0, system.works.hip)
-    if drive.using:
-        ankle, push_off = works(1, system.works.ankle), shaped(record["push_work"] * units.energy)
     return Stride(
         state=units.to_own(record["state"]).reshape(*shape, 6),
         duration=shaped(record["time"] * units.time),
@@ -284,11 +311,24 @@ def stride(
         friction_loss=shaped(record["friction_loss"] * units.energy),
         ankle_work=ankle[0],
         ankle_work_absolute=ankle[1],
-        push_off_work=push_off,
+        push_off_work=pushed,
     )
 
 
-def _conservative_work(
+def _shaped(values: NDArray, shape: tuple[int, ...]) -> NDArray:
+    return values.reshape(shape) if shape else values[0]
+
+
+def together(strides: Sequence[Stride]) -> Stride:
+    """Single strides of one walker as one `Stride` of arrays."""
+    names = (name for name in Stride._fields if name not in ("weight", "outcome"))
+    return strides[0]._replace(
+        outcome=np.array([int(one.outcome) for one in strides]),
+        **{name: np.array([getattr(one, name) for one in strides]) for name in names},
+    )
+
+
+def conservative_work(
     system: System, own: NDArray, record: NDArray
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | float]:
     """Work of gravity and of springs on walkers that stand on the foot they began a stride with."""

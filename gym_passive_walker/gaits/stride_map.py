@@ -5,30 +5,54 @@ Everything is dimensionless (see `units`), and strides lead from point to point 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.gaits.drive import PASSIVE, Drive, for_each, to_dimensionless
+from gym_passive_walker.arguments import one_slope
+from gym_passive_walker.gaits.actuation import (
+    PASSIVE,
+    Actuation,
+    actuation_units,
+    for_each,
+    to_dimensionless,
+    to_own,
+)
 from gym_passive_walker.gaits.flow import Flow, Walkers, flow
 from gym_passive_walker.gaits.passage import Change, Passage, imbalance, product
-from gym_passive_walker.gaits.samples import before_impact
 from gym_passive_walker.gaits.section import Section
+from gym_passive_walker.gaits.stride import Stride, stride
 from gym_passive_walker.physics.hybrid import Outcome, System
 from gym_passive_walker.progress import progress
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import WalkerLike, as_walker
+from gym_passive_walker.walkers import PARAMETERS, Walker, WalkerLike, as_walker
 
 LONGEST = 20.0
 """Time in sqrt(l/g) after which a stride without heelstrike is given up; a usual one takes 3."""
 
+_VERGE = 1e-8  # of the time until a strike: its square is nothing
 _FEW = 16
 _FIELDS = [field.name for field in fields(Change)]
 _STRUCK, _STALLED = int(Outcome.HEELSTRIKE), int(Outcome.STALLED)
+
+
+class Samples(NamedTuple):
+    """Strides at k instants each, dimensionless.
+
+    Attributes:
+        states: (n, k, 6).
+        stages: `Stage` of the swing leg, (n, k).
+        torques: Of hip and ankle, (n, k, 2).
+    """
+
+    states: NDArray[np.float64]
+    stages: NDArray[np.int64]
+    torques: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -36,13 +60,13 @@ class StrideMap(Section):
     """The stride map of one walker, or of n that differ in one parameter; made by `of`.
 
     Attributes:
-        walker: Who walks.
+        walker: The walker.
         parameter: The walkers' parameter that differs, if any.
         values: Its value for each of n points, (n,).
         tolerance: Error relative to the largest angle or rate.
         longest: Time after which a stride is given up.
         stub: Whether a kneed walker's locked swing leg below the ground ends the stride.
-        drive: What its motors do in each stride, dimensionless. A part of it may be the `parameter`
+        actuation: What motors do in each stride, dimensionless. A part of it may be the `parameter`
             that differs.
         slope: Slope in rad where none is given to `apply`, `linearize` or an analysis.
     """
@@ -50,7 +74,7 @@ class StrideMap(Section):
     tolerance: float = 1e-13
     longest: float = LONGEST
     stub: bool = False
-    drive: Drive = PASSIVE
+    actuation: Actuation = PASSIVE
     slope: float | None = None
 
     @classmethod
@@ -61,14 +85,15 @@ class StrideMap(Section):
         tolerance: float = 1e-13,
         longest: float = LONGEST,
         stub: bool = False,
-        drive: Drive = PASSIVE,
+        controller: Actuation = PASSIVE,
         slope: float | None = None,
     ) -> Self:
-        """The stride map of a walker (see `as_walker`); a drive is in the walker's units."""
+        """The stride map of a walker (see `as_walker`); an actuation is in the walker's units."""
         walker = as_walker(walker)
+        passive = controller is PASSIVE
         return cls(
             walker=walker, tolerance=tolerance, longest=longest, stub=stub,
-            drive=drive if drive is PASSIVE else to_dimensionless(units_of(walker), drive),
+            actuation=PASSIVE if passive else to_dimensionless(units_of(walker), controller),
             slope=slope,
         )  # fmt: skip
 
@@ -76,27 +101,84 @@ class StrideMap(Section):
         """The same map, followed with another tolerance."""
         return replace(self, tolerance=tolerance)
 
+    def with_walker(self, walker: Walker) -> Self:
+        """The map of another walker whose dimensionless motors do the same."""
+        return self if walker is self.walker else replace(self, walker=walker)
+
     @cached_property
     def walkers(self) -> Walkers:
-        """Who walks, and how exactly they are followed."""
-        driven = self.parameter in Drive._fields
+        """The walkers, and how exactly they are followed."""
+        driven = self.parameter in Actuation._fields
         return Walkers(
             walker=self.walker,
             parameters={} if self.parameter is None or driven else {self.parameter: self.values},  # type: ignore[dict-item]
-            using=(*self.drive.using, *([self.parameter] if driven else [])),  # type: ignore[list-item]
+            using=(*self.actuation.using, *([self.parameter] if driven else [])),  # type: ignore[list-item]
             tolerance=self.tolerance,
             stub=self.stub,
         )
 
     @property
+    def controller(self) -> Any:
+        """What works the motors: an `Actuation` in the walker's units, or None."""
+        return None if self.passive else to_own(units_of(self.walker), self.actuation)
+
+    @property
+    def controller_name(self) -> str:
+        """What the controller is called; empty where there is none."""
+        return "" if self.passive else str(self.controller)
+
+    @property
+    def controlled(self) -> bool:
+        """Whether a controller observes the walker and works its motors."""
+        return False
+
+    @property
+    def exact(self) -> bool:
+        """Whether derivatives are exact."""
+        return True
+
+    @property
+    def closes(self) -> float:
+        """The largest violation of the equations of a gait at which its strides close."""
+        return 1e-9
+
+    @property
+    def hold(self) -> float:
+        """For how long torques are held; infinite where they do not change within a stride."""
+        return math.inf
+
+    @property
     def passive(self) -> bool:
         """Whether no motor drives the walkers."""
-        return self.parameter not in Drive._fields and self.drive.passive
+        return self.parameter not in Actuation._fields and self.actuation.passive
+
+    @property
+    def parameters(self) -> dict[str, float]:
+        """What may be varied, in the walker's units: of the walker, and of its motors."""
+        own = to_own(units_of(self.walker), self.actuation)
+        return {name: getattr(self.walker, name) for name in PARAMETERS} | own._asdict()
+
+    def unit(self, parameter: str) -> float:
+        """In what the map takes a parameter, in the walker's units."""
+        units = actuation_units(units_of(self.walker))._asdict()
+        return float(units.get(parameter, 1.0))
 
     @property
     def system(self) -> System:
         """Which equations the walker obeys."""
         return self.walkers.system()
+
+    def beginning(self, slopes: ArrayLike) -> NDArray[np.float64]:
+        """Where walks under a controller begin at some slopes, (n, m)."""
+        raise NotImplementedError
+
+    def likely(self, slope: float) -> NDArray[np.float64]:
+        """Points (n, m) near which a gait under a controller may be."""
+        raise NotImplementedError
+
+    def chosen(self, slope: float | None) -> float:
+        """One slope in rad; the map's own when None."""
+        return one_slope(self.slope if slope is None else slope)
 
     def _slopes(self, slopes: ArrayLike | None, count: int) -> NDArray[np.float64]:
         """Slopes of some points, (n,)."""
@@ -105,15 +187,15 @@ class StrideMap(Section):
             raise ValueError("this map has no slope of its own: give one")
         return for_each(slopes, count)
 
-    def _drives(self, count: int) -> NDArray[np.float64]:
-        """The drive of each of some points, (n, 3)."""
-        drive = self.drive
-        if self.parameter in Drive._fields:
-            drive = drive._replace(**{self.parameter: self.values})  # type: ignore[dict-item]
-        drives = np.empty((count, len(drive)))
-        for column, part in zip(drives.T, drive, strict=True):
-            column[:] = part
-        return drives
+    def _actuations(self, lanes: NDArray) -> NDArray[np.float64]:
+        """What motors do for each of some points, (n, 3)."""
+        actuation = self.actuation
+        if self.parameter in Actuation._fields:
+            actuation = actuation._replace(**{self.parameter: self.values})  # type: ignore[dict-item]
+        actuations = np.empty((len(lanes), len(actuation)))
+        for column, part in zip(actuations.T, actuation, strict=True):
+            column[:] = part[lanes] if np.ndim(part) else part
+        return actuations
 
     def apply(
         self, points: NDArray, slopes: ArrayLike | None = None, *, strides: int = 1
@@ -125,8 +207,8 @@ class StrideMap(Section):
             slopes: Slope in rad, one for all or (n,); the map's own when None.
             strides: Strides to take.
         """
-        slopes, drives = self._slopes(slopes, len(points)), self._drives(len(points))
-        told, outcomes = self._follow(points, slopes, drives, np.arange(len(points)), strides)
+        slopes = self._slopes(slopes, len(points))
+        told, outcomes = self._follow(points, slopes, np.arange(len(points)), strides)
         return Passage(**_named(told[0]), outcomes=outcomes)
 
     def linearize(
@@ -145,21 +227,21 @@ class StrideMap(Section):
             slopes: Slope in rad, one for all or (n,); the map's own when None.
             strides: Strides to take.
             by: Columns of the derivatives, in order: "state" (one for each coordinate), "slope",
-                a part of the drive, or a parameter of the walker, all else being held
+                a part of `Actuation`, or a parameter of the walker, all else being held
                 dimensionless.
             along: Directions for "state" instead of the coordinates, (n, m, k).
 
         Returns:
             The passage, and the derivatives of all in it.
         """
-        slopes, drives = self._slopes(slopes, len(points)), self._drives(len(points))
+        slopes = self._slopes(slopes, len(points))
         walking, outcomes = np.arange(len(points)), np.empty(len(points), np.int8)
         if len(points) > _FEW:
             # Without derivatives first: strides that fail cost as much as many that do not.
-            plain, outcomes = self._follow(points, slopes, drives, walking, strides)
+            plain, outcomes = self._follow(points, slopes, walking, strides)
             walking = np.flatnonzero(np.isfinite(plain[0, 0]))
         told, ended = self._follow(
-            points[walking], slopes[walking], drives[walking], walking, strides,
+            points[walking], slopes[walking], walking, strides,
             ["point" if name == "state" else name for name in by],
             None if along is None else along[walking],
         )  # fmt: skip
@@ -176,7 +258,6 @@ class StrideMap(Section):
         self,
         points: NDArray,
         slopes: NDArray,
-        drives: NDArray,
         lanes: NDArray,
         strides: int,
         by: Sequence[str] = (),
@@ -186,10 +267,11 @@ class StrideMap(Section):
         walking = np.flatnonzero(np.isfinite(points).all(axis=1))
         outcomes = np.full(len(points), Outcome.DIVERGED, np.int8)
         outcomes[walking] = _STRUCK
+        actuations = self._actuations(lanes[walking])
         with np.errstate(all="ignore"), progress("strides", strides) as taken:
             walked = flow(
                 self.walkers, self.state(points[walking]), slopes[walking],
-                controls=drives[walking, :2], push_offs=drives[walking, 2], until=self.longest,
+                controls=actuations[:, :2], push_offs=actuations[:, 2], until=self.longest,
                 by=by, along=None if along is None else along[walking], lanes=lanes[walking],
             )  # fmt: skip
             planes = walked.records.shape[1]
@@ -228,7 +310,46 @@ class StrideMap(Section):
         supplied += (works * product(records["control"], records["moved"])).sum(axis=2)
         knee_times[:] = records["knee_time"]
 
-    def sample(self, points: NDArray, slopes: ArrayLike, times: NDArray) -> Flow:
+    def stride(
+        self,
+        state: ArrayLike,
+        slope: ArrayLike | None = None,
+        *,
+        rise: ArrayLike = 0.0,
+        turn: ArrayLike = 0.0,
+    ) -> Stride:
+        """One stride with its ledger, in the walker's own units.
+
+        Args:
+            state: Section states, (6,) or (n, 6), in the walker's own units.
+            slope: Slope in rad; the map's own when None.
+            rise: Height of the next foothold, as for `gpw.stride`.
+            turn: By how much that slopes more steeply.
+        """
+        return stride(
+            self.walker, self.slope if slope is None else slope, state,
+            tolerance=self.tolerance, longest=self.longest, stub=self.stub, rise=rise, turn=turn,
+            **to_own(units_of(self.walker), self.actuation)._asdict(),
+        )  # fmt: skip
+
+    def look(
+        self,
+        states: NDArray,
+        slopes: ArrayLike,
+        times: NDArray,
+        rises: ArrayLike | None = None,
+        turns: ArrayLike | None = None,
+    ) -> Samples:
+        """As `sample`, from states (n, 6) just after a heelstrike, to footholds that may differ."""
+        actuations = self._actuations(np.arange(len(states)))
+        seen = flow(
+            self.walkers, states, slopes, controls=actuations[:, :2], save_at=times, rises=rises,
+            turns=turns,
+        )  # fmt: skip
+        torques = np.broadcast_to(actuations[:, None, :2], (*times.shape, 2))
+        return Samples(seen.states, seen.stages, torques)
+
+    def sample(self, points: NDArray, slopes: ArrayLike, times: NDArray) -> Samples:
         """Look at strides inside: every sample is as exact as the map itself.
 
         Args:
@@ -236,27 +357,41 @@ class StrideMap(Section):
             slopes: Slope in rad, one for all or (n,).
             times: Since the start, (n, k), in any order; later ones than a stride's end give the
                 state that it ends with.
-
-        Returns:
-            A `Flow` with `states` (n, k, 6) and `stages` (n, k).
         """
-        drives = self._drives(len(points))
-        return flow(self.walkers, self.state(points), slopes, controls=drives[:, :2], save_at=times)
+        return self.look(self.state(points), slopes, times)
+
+    def _until(self, state: NDArray, slope: float, time: float) -> Flow:
+        """One walker's stride up to a time, from a state (1, 6)."""
+        held = self._actuations(np.zeros(1, int))[:, :2]
+        return flow(self.walkers, state, slope, controls=held, until=np.array([time]))
 
     def before_strike(self, point: NDArray, slope: float, strike: float) -> NDArray[np.float64]:
         """The state (6,) on the verge of a strike, before the collision, exact to rounding.
+
+        A state is taken so short before the strike that its accelerations lead there.
 
         Args:
             point: Where the stride starts, (m,).
             slope: Slope in rad.
             strike: Time of the kneestrike or the heelstrike since the start.
         """
-        held = self._drives(1)[:, :2]
-        start, times = self.state(point[None]), np.array([strike])
-        return before_impact(self.walkers, start, slope, times, controls=held)[0]
+        return self.verge(self.state(point[None]), slope, strike)
+
+    def verge(self, state: NDArray, slope: float, strike: float) -> NDArray[np.float64]:
+        """As `before_strike`, from a state (1, 6)."""
+        time = strike * (1.0 - _VERGE)
+        verge, left = self._until(state, slope, time), strike - time
+        angles, rates = verge.states[0, :3], verge.states[0, 3:]
+        change = verge.accelerations[0] * left
+        return np.concatenate([angles + (rates + 0.5 * change) * left, rates + change])
 
 
-def map_of(walker: WalkerLike | StrideMap, *, tolerance: float) -> StrideMap:
+MapLike = WalkerLike | Section
+"""What analyses of a stride map take as their first argument: a map of `gpw.stride_map`, or a
+walker in a form that `as_walker` takes, which then is passive."""
+
+
+def map_of(walker: MapLike, *, tolerance: float) -> StrideMap:
     """A stride map as analyses take it: a map, or the passive one of a walker.
 
     Args:

@@ -15,10 +15,10 @@ from gym_passive_walker.arguments import (
     real_array,
     whole,
 )
-from gym_passive_walker.gaits.drive import Drive
+from gym_passive_walker.gaits.actuation import Actuation, to_dimensionless
 from gym_passive_walker.gaits.given import GaitLike, walk_of
-from gym_passive_walker.gaits.samples import states_inside
 from gym_passive_walker.gaits.stride import STATE_NAMES, stride
+from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.gaits.terrain import Terrain, TerrainLike, contacts, terrain_from
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.shown import Table
@@ -48,6 +48,7 @@ class Trajectory(Table):
         strides: Which stride a sample belongs to, from 0, shape (n,).
         phases: `Stage` of the swing leg, shape (n,).
         outcomes: How each stride ended, shape (strides made,); all but the last are HEELSTRIKE.
+        torques: Of hip and ankle, under which the walker came there, shape (n, 2).
         terrain: How footholds lie; smooth when None.
         key: Which of the terrain's walks it is.
     """
@@ -62,6 +63,7 @@ class Trajectory(Table):
     strides: NDArray[np.int64]
     phases: NDArray[np.int64]
     outcomes: NDArray[np.int64]
+    torques: NDArray[np.float64]
     terrain: Terrain | None = None
     key: int = 0
 
@@ -100,6 +102,8 @@ class Trajectory(Table):
             "contact_x": self.contact_x,
             "contact_y": self.contact_y,
             "tilt": self.tilts,
+            "hip_torque": self.torques[:, 0],
+            "ankle_torque": self.torques[:, 1],
         }
 
 
@@ -127,8 +131,8 @@ def simulate(
         ('heelstrike', 2000)
 
     Args:
-        walker: The walker, in a form that `as_walker` takes; or a `Gait`, whose slope, state and
-            motors are those of the walk where they are not given.
+        walker: The walker, in a form that `as_walker` takes; or a stride map or a `Gait`, whose
+            slope, state and motors are those of the walk where they are not given.
         slope: Slope in rad, positive downhill.
         state: Where it starts, just after heelstrike, shape (6,).
         strides: How many strides to follow; fewer are made if the walker falls.
@@ -148,7 +152,7 @@ def simulate(
     Raises:
         ValueError: if a number is not finite or out of its range, or a shape does not fit.
     """
-    walker, slope, state, motors, _ = walk_of(
+    walker, slope, state, motors, _, controlled = walk_of(
         walker, slope, state, hip_torque, ankle_torque, push_off
     )
     slope, state = one_slope(slope), check_state(state)
@@ -159,28 +163,23 @@ def simulate(
         raise ValueError(f"tolerance must be at most {COARSEST_SAMPLES}, not {tolerance}")
     allowed = f"a number, or one for each of the {strides} strides"
     parts = []
-    for name, part in zip(Drive._fields, motors, strict=True):
+    for name, part in zip(Actuation._fields, motors, strict=True):
         values = real_array(part, name, allowed)
         if values.shape not in ((), (1,), (strides,)):
             raise ValueError(f"{name} must be {allowed}, not of shape {values.shape}")
         parts.append(np.broadcast_to(values, (strides,)))
-    drives = np.stack(parts, axis=1)
     terrain = terrain_from(terrain)
     ground = ground_of(terrain, key, strides)
     rises = ground[:, 1] * walker.leg_length
     starts, walks = [state], []
-    for k, drive in enumerate(map(Drive._make, drives.tolist())):
-        walks.append(
-            stride(
-                walker,
-                slope + ground[k, 0],
-                starts[-1],
-                tolerance=tolerance,
-                rise=float(rises[k]),
-                turn=float(ground[k, 2]),
-                **drive._asdict(),
-            )
-        )
+    strides_of = controlled.with_tolerance(tolerance) if controlled else None
+    for k, held in enumerate(map(Actuation._make, np.stack(parts, axis=1).tolist())):
+        here = slope + ground[k, 0], starts[-1]
+        foothold = {"rise": float(rises[k]), "turn": float(ground[k, 2])}
+        if strides_of is None:
+            walks.append(stride(walker, *here, tolerance=tolerance, **foothold, **held._asdict()))
+        else:
+            walks.append(strides_of.stride(*here[::-1], **foothold))
         if walks[-1].outcome != Outcome.HEELSTRIKE:
             break
         starts.append(walks[-1].state)
@@ -191,10 +190,15 @@ def simulate(
     first, tilts = np.array(starts[:made]), ground[:made, 0]
     # Strikes seen from sample to sample differ by the tolerance: stop short of them by more.
     instants = np.linspace(0.0, 1.0 - 10.0 * tolerance - 1e-12, samples) * durations[:, None]
-    states, phases = states_inside(
-        walker, slope + tilts, first, drives[:made], instants, tolerance,
-        rises[:made] if ground.any() else None,
+    units = units_of(walker)
+    if strides_of is None:
+        held = to_dimensionless(units, Actuation(*(part[:made] for part in parts)))
+        strides_of = StrideMap(walker=walker, tolerance=tolerance, actuation=held)
+    seen = strides_of.look(
+        strides_of.dimensionless(first), slope + tilts, instants / units.time,
+        rises[:made] / units.length if ground.any() else None,
     )  # fmt: skip
+    states = units.to_own(seen.states)
     began = np.cumsum([0.0, *durations[:-1]])[:, None]
     rolled = walker.foot_radius * (first[:, :1] - states[:, :, 0])
     places = (
@@ -209,8 +213,9 @@ def simulate(
         contact_y=places.imag.ravel(),
         tilts=np.repeat(tilts, samples),
         strides=np.repeat(np.arange(made), samples),
-        phases=phases.ravel(),
+        phases=seen.stages.ravel(),
         outcomes=np.array([int(walk.outcome) for walk in walks]),
+        torques=(seen.torques * [units.torque, units.energy]).reshape(-1, 2),
         terrain=terrain,
         key=key,
     )

@@ -128,5 +128,6 @@ def _nearest(start: Gait, tuned: Walker, radius: float) -> Gait | None:
     if judged is None or circle(found.x)[0].min() < -_MET:
         return None
     place = judged.gait.place
-    exact = place_near(tune(place.walker), place.slope, place.u)  # tuned to the last digit
+    tuned_map = place.stride_map.with_walker(tune(place.walker))
+    exact = place_near(tuned_map, place.slope, place.u)  # tuned to the last digit
     return exact and measure(exact.stride_map, exact.u, exact.slope, 1)

@@ -13,12 +13,12 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.arguments import number
 from gym_passive_walker.extras import extra, need
 from gym_passive_walker.files import prepare, replacing
+from gym_passive_walker.gaits.given import GaitLike
 from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.gaits.trajectory import simulate
 from gym_passive_walker.progress import progress
 from gym_passive_walker.render.ground import ground_under
 from gym_passive_walker.render.screen import Screen
-from gym_passive_walker.walkers import WalkerLike, as_walker
 
 FPS = 30
 """Frames of a film's second."""
@@ -111,13 +111,13 @@ class Film:
 
 
 def film(
-    walker: WalkerLike,
+    walker: GaitLike,
     slope: float,
     state: ArrayLike,
     path: str | Path,
     *,
     strides: int = 10,
-    hip_torque: ArrayLike = 0.0,
+    hip_torque: ArrayLike | None = None,
     terrain: Terrain | None = None,
     key: int = 0,
     slower: float = 1.0,
@@ -125,7 +125,8 @@ def film(
     """Film a walk.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes.
+        walker: The walker, in a form that `as_walker` takes; or a stride map or a `Gait`, whose
+            motors are those of the walk.
         slope: Slope in rad, positive downhill.
         state: [stance, thigh, shank] angles in rad, then their rates, just after heelstrike, (6,).
         path: The film's file, .mp4 or .gif.
@@ -150,7 +151,7 @@ def film(
         terrain=terrain, key=key,
     )  # fmt: skip
     instants = np.arange(0.0, walk.times[-1], 1.0 / (FPS * slower))
-    screen = Screen(as_walker(walker))
+    screen = Screen(walk.walker)
     ground = ground_under(walk, screen.seen + walk.walker.leg_length)
     with Film(path, screen.size, FPS) as written, progress("frames", len(instants)) as drawn:
         for i in np.searchsorted(walk.times, instants):

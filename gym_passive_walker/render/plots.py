@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.gaits import ends
 from gym_passive_walker.gaits.attractors import UNSETTLED
-from gym_passive_walker.gaits.basin import Basin
+from gym_passive_walker.gaits.basin import Basin, basin_of_attraction
 from gym_passive_walker.gaits.bifurcation import BifurcationDiagram
 from gym_passive_walker.gaits.doubling import Cascade
 from gym_passive_walker.gaits.family import GaitFamily
@@ -36,7 +36,7 @@ from gym_passive_walker.render.axes import (
     panels,
     series,
 )
-from gym_passive_walker.render.portrait import angles_over_time, both, portrait_of
+from gym_passive_walker.render.portrait import TIME, angles_over_time, both, portrait_of
 from gym_passive_walker.render.strobe import strobe
 from gym_passive_walker.shown import picture
 from gym_passive_walker.units import units_of
@@ -51,6 +51,8 @@ MEASURES = {
     "largest_multiplier": "modulus of the largest multiplier",
 }
 """What a family can be drawn by, and its label."""
+
+_CELLS, _STRIDES = 61, 100  # of the basin of a controlled gait
 
 _OWN_UNITS = {
     "mass": "mass",
@@ -311,27 +313,51 @@ def _trajectory(walk: Trajectory, ax: Axes | None = None) -> Axes | NDArray:
 
 
 @picture.register(Gait)
-def _gait(gait: Gait, ax: Axes | None = None) -> Axes | NDArray:
-    walk = simulate(gait.walker, gait.slope, gait.state, max(2, gait.period), samples=400)
+def _gait(gait: Gait, ax: Axes | None = None, optimum: Any = None) -> Axes | NDArray:
+    """Portrait and multipliers; under a controller its torques (beside an optimum's), its basin."""
+    walk = simulate(gait, strides=max(2, gait.period), samples=400)
     if given(ax):
         portrait_of(ax, walk)
         legend(ax)
         return ax
     figure, axes = panels(2, 2, (9.2, 8.0), ax)
-    over_time, portrait, still, circle = axes
-    angles_over_time(over_time, walk)
+    first, portrait, third, circle = axes
     portrait_of(portrait, walk)
-    strobe(gait.walker, gait.slope, gait.state, strides=max(2, gait.period), ax=still)
-    still.set_title("")
-    multipliers(circle, gait.multipliers)
-    legend(over_time, columns=2)
     legend(portrait, columns=2)
+    multipliers(circle, gait.multipliers)
+    if gait.stride_map.controlled:
+        _torques(first, walk, gait, optimum)
+        basin_of_attraction(gait.stride_map, resolution=_CELLS, strides=_STRIDES).plot(ax=third)
+        third.set_title("")
+    else:
+        angles_over_time(first, walk)
+        legend(first, columns=2)
+        strobe(gait, strides=max(2, gait.period), ax=third)
+        third.set_title("")
+    name = gait.stride_map.controller_name
     figure.suptitle(
-        f"walker {name_of(gait.walker)}, slope {gait.slope:.4g} rad: {_gait_in_words(gait)}, "
-        f"{'stable' if gait.stable else 'unstable'}",
+        f"walker {name_of(gait.walker)}{f' under {name}' if name else ''}, slope {gait.slope:.4g} "
+        f"rad: {_gait_in_words(gait)}, {'stable' if gait.stable else 'unstable'}",
         fontsize="medium",
     )
     return np.array(axes)
+
+
+def _torques(ax: Axes, walk: Trajectory, gait: Gait, optimum: Any) -> None:
+    """The hip's torque over the first stride, beside that of an optimal gait."""
+    units, first = units_of(walk.walker), walk.strides == 0
+    times, torques = walk.times[first] / units.time, walk.torques[first, 0] / units.torque
+    name = gait.stride_map.controller_name
+    ax.step(times, torques, where="pre", color=BLUE, label=name)
+    if optimum is not None:
+        held = np.append(optimum.torques, optimum.torques[-1])
+        hold = min(gait.stride_map.hold, optimum.step_period)
+        edges = np.minimum(hold * np.arange(len(held)), optimum.step_period)
+        label = f"optimal at speed {optimum.speed:.3f} √(g l)"
+        ax.step(edges, held, where="post", color=BLACK, linestyle="--", label=label)
+    ax.axhline(0.0, color=GREY, linewidth=0.4)
+    ax.set(xlabel=TIME, ylabel="hip torque τ / (m g l)")
+    legend(ax, columns=2)
 
 
 def multipliers(ax: Axes, values: NDArray) -> None:

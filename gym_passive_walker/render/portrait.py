@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker.gaits.given import GaitLike
 from gym_passive_walker.gaits.trajectory import Trajectory, simulate
 from gym_passive_walker.render.axes import (
     BLACK,
@@ -25,7 +26,7 @@ from gym_passive_walker.render.axes import (
 )
 from gym_passive_walker.render.strobe import LEGS
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import WalkerLike, name_of
+from gym_passive_walker.walkers import name_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -101,13 +102,13 @@ def portrait_of(ax: Axes, walk: Trajectory) -> None:
 
 
 def phase_portrait(
-    walker: WalkerLike,
-    slope: float,
-    state: ArrayLike,
+    walker: GaitLike,
+    slope: float | None = None,
+    state: ArrayLike | None = None,
     *,
     strides: int = 2,
     samples: int = 400,
-    hip_torque: ArrayLike = 0.0,
+    hip_torque: ArrayLike | None = None,
     path: str | PathLike[str] | None = None,
 ) -> NDArray:
     """Angles of both legs over time, like the upper part of Fig. 4.3, and rates over angles.
@@ -115,7 +116,8 @@ def phase_portrait(
     Lines break where a collision changes the rates, which dots join.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes.
+        walker: The walker, in a form that `as_walker` takes; or a stride map or a `Gait`, whose
+            slope, state and motors are those of the walk where they are not given.
         slope: Slope in rad, positive downhill.
         state: [stance, thigh, shank] angles in rad, then their rates, just after heelstrike, (6,).
         strides: How many strides to follow.

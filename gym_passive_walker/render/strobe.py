@@ -11,8 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import check_state
 from gym_passive_walker.extras import need
+from gym_passive_walker.gaits.given import GaitLike, Periodic
 from gym_passive_walker.gaits.samples import states_at
 from gym_passive_walker.gaits.stride import stride
+from gym_passive_walker.gaits.stride_map import MapLike
 from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.gaits.trajectory import Trajectory, ground_of, simulate
 from gym_passive_walker.render import look
@@ -43,13 +45,13 @@ _FAINT = 0.3  # of a leg that stands, between its strikes: the swing leg is what
 
 
 def strobe(
-    walker: WalkerLike,
-    slope: float,
-    state: ArrayLike,
+    walker: GaitLike,
+    slope: float | None = None,
+    state: ArrayLike | None = None,
     *,
     strides: int = 2,
     flashes: int = 7,
-    hip_torque: ArrayLike = 0.0,
+    hip_torque: ArrayLike | None = None,
     terrain: Terrain | None = None,
     key: int = 0,
     ax: Axes | None = None,
@@ -58,7 +60,8 @@ def strobe(
     """A strobe picture of a walk, like the lower part of Fig. 4.3, its kneestrikes marked.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes.
+        walker: The walker, in a form that `as_walker` takes; or a stride map or a `Gait`, whose
+            slope, state and motors are those of the walk where they are not given.
         slope: Slope in rad, positive downhill.
         state: [stance, thigh, shank] angles in rad, then their rates, just after heelstrike, (6,).
         strides: How many strides to follow.
@@ -85,23 +88,28 @@ def strobe(
     )  # fmt: skip
     # A heelstrike is one posture, though the walk has it before and after.
     once = np.append(np.diff(walk.strides) == 0, True)
-    torques = np.broadcast_to(np.asarray(hip_torque, dtype=float), (strides,))
+    torques: list[float | None] = [None] * strides
+    if hip_torque is not None:
+        torques = np.broadcast_to(np.asarray(hip_torque, dtype=float), (strides,)).tolist()
+    strides_of = walker.stride_map if isinstance(walker, Periodic) else walker
     return strobe_of(
-        walker,
+        walk.walker,
         walk.states[once],
         walk.contact_x[once],
-        slope,
+        walk.slope,
         contact_y=walk.contact_y[once],
         tilts=walk.tilts[once],
         surface=ground_under(walk, walk.walker.leg_length),
         strides=walk.strides[once],
-        kneestrikes=_kneestrikes(walk, torques, flashes) if walk.walker.knees else (),
+        kneestrikes=_kneestrikes(walk, strides_of, torques, flashes) if walk.walker.knees else (),
         ax=ax,
         path=path,
     )
 
 
-def _kneestrikes(walk: Trajectory, torques: NDArray, samples: int) -> NDArray[np.float64]:
+def _kneestrikes(
+    walk: Trajectory, strides_of: MapLike, torques: list[float | None], samples: int
+) -> NDArray[np.float64]:
     """Hip, knee and foot of each swing leg whose knee strikes its stop, (k, 3, 2)."""
     walker, knees = walk.walker, []
     ground = ground_of(walk.terrain, walk.key, len(torques))
@@ -110,10 +118,10 @@ def _kneestrikes(walk: Trajectory, torques: NDArray, samples: int) -> NDArray[np
     ):
         start, slope = walk.states[first], walk.slope + tilt
         struck = stride(
-            walker, slope, start, hip_torque=torque, rise=rise * walker.leg_length, turn=turn
+            strides_of, slope, start, hip_torque=torque, rise=rise * walker.leg_length, turn=turn
         ).kneestrike_time
         if np.isfinite(struck):
-            there, _ = states_at(walker, slope, start, [struck], hip_torque=torque)
+            there, _ = states_at(strides_of, slope, start, [struck], hip_torque=torque)
             rolled = walker.foot_radius * (start[0] - there[0, 0])
             x = walk.contact_x[first] + rolled * math.cos(tilt)
             y = walk.contact_y[first] - rolled * math.sin(tilt)

@@ -8,7 +8,7 @@ from dataclasses import fields
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.gaits.drive import Drive
+from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.render.axes import ANGLE, SLOPE, SPEED
 from gym_passive_walker.sweeps.description import Given
 from gym_passive_walker.sweeps.tasks import task
@@ -39,7 +39,7 @@ _SIZES: dict[str, Callable[[Walker], float]] = {
     "(m √(g l))": lambda walker: units_of(walker).impulse,
     "(m l √(g l))": lambda walker: units_of(walker).torque * units_of(walker).time,
 }
-_OWN = {*(f.name for f in fields(Walker)), *Drive._fields}
+_OWN = {*(f.name for f in fields(Walker)), *Actuation._fields}
 _OWN_OF = {"gait": {"step_length", "step_period"}}
 """Which columns are in a walker's own units: its parameters and drive, and these results."""
 

@@ -13,19 +13,20 @@ import gymnasium as gym
 import numpy as np
 
 from gym_passive_walker.arguments import gait_kind, one_slope, unknown, whole
-from gym_passive_walker.control import robustness as robust
-from gym_passive_walker.control import walks
 from gym_passive_walker.control.controllers import acting, changed
 from gym_passive_walker.control.optimal import optimal_gait
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.scene import Scene
+from gym_passive_walker.evaluation import robustness as robust
+from gym_passive_walker.evaluation import walks
+from gym_passive_walker.gaits.actuation import Actuation, one_actuation
 from gym_passive_walker.gaits.basin import basin_of_attraction
 from gym_passive_walker.gaits.bifurcation import bifurcation_diagram
-from gym_passive_walker.gaits.drive import Drive, one_drive
 from gym_passive_walker.gaits.family import gait_family
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.reality import reality_check
 from gym_passive_walker.gaits.search import seek
+from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.walkers import Walker, as_walker
 
 Row = dict[str, Any]
@@ -44,9 +45,10 @@ def gait(
     push_off: float = 0.0,
 ) -> Row:
     """Whether there is a gait of a kind at a slope, whether it is stable, and its measures."""
-    drive = one_drive(walker, Drive(hip_torque, ankle_torque, push_off))
+    held = one_actuation(walker, Actuation(hip_torque, ankle_torque, push_off))
     sought = one_slope(slope), gait_kind(kind)
-    found = seek(walker, *sought, period=whole(period, "period"), drive=drive).gait
+    strides = StrideMap.of(walker, controller=held)
+    found = seek(strides, *sought, period=whole(period, "period")).gait
     names = ("stance_angle", "step_period", "step_length", "froude_speed", "cost_of_transport")
     return {
         "found": found is not None,

@@ -17,7 +17,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from gym_passive_walker.gaits.drive import Drive, check_drive
+from gym_passive_walker.gaits.actuation import Actuation, check_actuation
 from gym_passive_walker.gaits.flow import MOTORS, ROWS, Walkers, go_on, new_records
 from gym_passive_walker.physics.hybrid import Outcome, State
 from gym_passive_walker.walkers import PARAMETERS, Walker, WalkerError
@@ -195,8 +195,8 @@ def _walked(
         return values, jacobians, after, outcomes, margins
     own = inputs[lanes]
     _check(walker, manner.parameters, own[:, len(INPUTS) :])
-    motors = Drive(*own[:, _SIZE + 1 : _SIZE + 4].T)
-    check_drive(walker, motors)
+    motors = Actuation(*own[:, _SIZE + 1 : _SIZE + 4].T)
+    check_actuation(walker, motors)
     states, held = own[:, :_SIZE].copy(), dict(zip(HELD, own[:, _SIZE:].T, strict=False))
     if not walker.knees:
         states[:, 2], states[:, 5] = states[:, 1], states[:, 4]

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from gym_passive_walker.arguments import check_tolerance
 from gym_passive_walker.envs.task import ENERGIES, motor_charge
-from gym_passive_walker.gaits.drive import Drive, drive_units
+from gym_passive_walker.gaits.actuation import Actuation, actuation_units
 from gym_passive_walker.gaits.flow import LONGEST_STRIDE
 from gym_passive_walker.physics.hybrid import Control
 from gym_passive_walker.physics.systems import UNEVEN, system_of
@@ -149,7 +149,8 @@ def stride(
         WalkerError: if parameters describe no walker.
     """
     walk = _walk(
-        walker, slope, state, Drive(hip_torque, ankle_torque, push_off), (rise, turn), parameters,
+        walker, slope, state, Actuation(hip_torque, ankle_torque, push_off), (rise, turn),
+        parameters,
         end=longest, tolerance=tolerance, stub=stub, whole=True,
     )  # fmt: skip
     knee_loss, heel_loss, gravity, springs, friction, pushed = walk.energies(
@@ -213,7 +214,8 @@ def tick(
         stub: Whether a kneed walker's locked swing leg below the ground ends the walk.
     """
     walk = _walk(
-        walker, slope, state, Drive(hip_torque, ankle_torque, push_off), (rise, turn), parameters,
+        walker, slope, state, Actuation(hip_torque, ankle_torque, push_off), (rise, turn),
+        parameters,
         duration=duration, phase=phase, tolerance=tolerance, stub=stub,
     )  # fmt: skip
     moved, units = walk.moved, walk.units
@@ -270,7 +272,7 @@ def _walk(
     walker: WalkerLike,
     slope: Any,
     state: Any,
-    drive: Drive,
+    drive: Actuation,
     foothold: tuple[Any, Any],
     parameters: Mapping[str, Any] | None,
     *,
@@ -285,8 +287,8 @@ def _walk(
     walker, given = as_walker(walker), check_parameters(parameters)
     units = units_of(varied(walker, given) if given else walker)
     states, phases = as_tensor(state, "state"), torch.as_tensor(phase, dtype=torch.int64)
-    names, given_held = (*Drive._fields, *UNEVEN), (*drive, *foothold)
-    in_units = (*drive_units(units), units.length, 1.0)
+    names, given_held = (*Actuation._fields, *UNEVEN), (*drive, *foothold)
+    in_units = (*actuation_units(units), units.length, 1.0)
     controls = [
         as_tensor(x, name) / unit for name, x, unit in zip(names, given_held, in_units, strict=True)
     ]

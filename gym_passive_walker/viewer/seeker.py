@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.control.baselines import ConstantTorque
-from gym_passive_walker.control.closed_loop import closed_loop_gait
-from gym_passive_walker.envs.scene import SceneError, make_scene
+from gym_passive_walker.control.controlled import stride_map
+from gym_passive_walker.envs.scene import SceneError
+from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import GaitNotFound
-from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.policies import TrainedPolicy
+from gym_passive_walker.units import units_of
 from gym_passive_walker.viewer.walk import LiveWalk
 from gym_passive_walker.walkers import Walker
 
@@ -56,20 +56,10 @@ class Answer(NamedTuple):
 def answer(question: Question) -> Answer:
     """Find the gait: of period one, its step the long one where nobody works the hip."""
     walker, slope, torque, policy = question
+    controller = policy or Actuation(hip_torque=torque * units_of(walker).torque)
     try:
-        if policy is None and torque == 0.0:
-            gait = find_gait(walker, slope)
-            return Answer(question, gait.state, gait.multipliers)
-        if policy is None:
-            scene = make_scene(
-                walker=walker, slope=slope, control="stride", max_hip_torque=abs(torque)
-            )
-            under = closed_loop_gait(ConstantTorque(torque, scene), scene)
-        else:
-            scene = make_scene(policy.scene, walker=walker)
-            under = closed_loop_gait(policy, scene, slope=slope)
-        state = Section(walker=walker).states_at(under.point[None])[0]
-        return Answer(question, state, under.multipliers)
+        gait = find_gait(stride_map(walker, slope, controller=controller))
+        return Answer(question, gait.state, gait.multipliers)
     except (GaitNotFound, SceneError):
         return Answer(question, None, np.empty(0, complex))
 

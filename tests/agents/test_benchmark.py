@@ -4,6 +4,7 @@ import json
 import math
 from types import SimpleNamespace
 
+import gymnasium
 import numpy as np
 import pytest
 
@@ -14,8 +15,9 @@ from agents.commands import run_benchmark
 from agents.config import ConfigError, configure
 from gym_passive_walker import closed_loop_gait, find_gait
 from gym_passive_walker.control import optimal
-from gym_passive_walker.control.baselines import Optimal
-from gym_passive_walker.control.trials import kicks
+from gym_passive_walker.control.baselines import LinearFeedback, Optimal, Passive
+from gym_passive_walker.envs.scene import make_scene
+from tests.control.in_environment import walked
 
 
 def score(agent="ppo", seed=0, scene="level", **changes):
@@ -107,7 +109,7 @@ def test_work_is_driving_and_braking(optimal_score):
 def test_kicks_are_told_as_forward_and_backward(optimal_score):
     gait = closed_loop_gait(Optimal("level"), "level")
     told = optimal_score["kick_forward"], optimal_score["kick_backward"]
-    assert told == kicks(gait) and told[0] != told[1]
+    assert told == benchmark.kicks(gait) and told[0] != told[1]
 
 
 def test_a_passive_walker_costs_at_a_speed_what_its_slope_pays_whichever_gait_was_found_first():
@@ -193,7 +195,7 @@ def test_the_command_compares_and_prints(tmp_path, capsys):
         ("benchmark --tables", "no scores"),
         ("benchmark --agents dqn", "dqn"),
         ("gait nobody", "nobody"),
-        ("gait passive --scene level", "does not make"),
+        ("gait passive --scene level", "under passive"),
         ("evaluate --policy nobody", "nobody"),
         ("export nobody there", "nobody"),
         ("export level-ppo there", "copied"),
@@ -222,3 +224,69 @@ def test_a_document_without_marks_is_refused_before_anything_is_computed(tmp_pat
     for document in (page, tmp_path / "none.md"):
         with pytest.raises(ConfigError, match=document.name):
             run_benchmark(["--out", str(tmp_path), "--document", str(document)])
+
+
+def test_feedback_survives_harder_kicks_than_nothing():
+    nothing, held = (
+        benchmark.kicks(closed_loop_gait(p, "steep")) for p in (Passive(), LinearFeedback("steep"))
+    )
+    assert nothing.forward < held.forward and nothing.backward < held.backward
+
+
+def test_the_largest_kick_is_survived_and_a_larger_one_is_not():
+    """A kick forward makes the stance leg faster; one in a hundred is as finely as is looked."""
+    gait = closed_loop_gait(LinearFeedback("steep"), "steep")
+    found = benchmark.kicks(gait)
+    assert 0.0 < found.backward < found.forward < 1.0
+
+    def walks_on(share):
+        points = gait.stride_map.points_at(gait.state)
+        points[0, 1] *= 1.0 + share
+        return bool(np.isfinite(walked(gait.stride_map, points, 20).ends).all())
+
+    for way, largest in ((1.0, found.forward), (-1.0, found.backward)):
+        survived = [walks_on(way * share) for share in np.arange(0.01, largest + 0.015, 0.01)]
+        assert survived == [True] * (len(survived) - 1) + [False]
+
+
+def test_feedback_over_all_torques_goes_farther_on_rough_ground():
+    scene = make_scene("level")
+    nothing, optimal = (
+        benchmark.rough_strides(p, scene, walkers=30) for p in (Passive(), Optimal("level"))
+    )
+    assert nothing < 10 < 100 < optimal
+
+
+class Looking:
+    """A policy that pushes by the slope that it sees, and a little by chance of where it is."""
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        """Brake downhill, drive uphill."""
+        return np.clip(1.5 - 40.0 * observation[..., 7:], -1.0, 1.0), state
+
+
+@pytest.mark.parametrize(("policy", "name"), [(Passive(), "steep"), (Looking(), "lab")])
+def test_over_rough_ground_each_walker_goes_as_it_would_alone(policy, name):
+    """Each meets its own slopes, sees them, and makes no more strides once it has fallen."""
+    scene, walkers, seed = make_scene(name, control="stride"), 5, 3
+    rng, made = np.random.default_rng(seed), []
+    slopes = rng.normal(scene.slope, benchmark.ROUGHNESS, (400, walkers))
+    for i in range(walkers):
+        world = gymnasium.make("PassiveWalker-v0", scene=scene, max_episode_steps=-1).unwrapped
+        seen, _ = world.reset(seed=seed + i)
+        strides, fallen = 0, False
+        while not fallen and strides < 300:
+            seen, _, fallen, _, info = world.step(policy.predict(seen)[0])
+            if info.get("outcome") == "heelstrike":
+                seen = world.set_slope(slopes[strides, i])
+                strides += 1
+        made.append(strides)
+    assert benchmark.rough_strides(policy, scene, walkers=walkers, seed=seed) == np.mean(made)
+    assert len(set(made)) > 2
+
+
+def test_rough_ground_is_the_same_for_everyone():
+    first, again = (
+        benchmark.rough_strides(Passive(), make_scene("lab"), walkers=10) for _ in range(2)
+    )
+    assert first == again

@@ -12,10 +12,9 @@ import train
 from agents import evaluation, files, worlds
 from agents.config import Config
 from agents.learner import load_policy
-from gym_passive_walker import WALKERS
+from gym_passive_walker import WALKERS, Gait
 from gym_passive_walker.control import optimal
 from gym_passive_walker.control.baselines import Passive
-from gym_passive_walker.control.closed_loop import ClosedLoopGait
 
 TINY = ["--steps", "128", "--envs", "8", "--every", "64", "--quiet"]
 
@@ -52,18 +51,18 @@ def test_an_evaluation_tells_each_agents_own_episodes(trained):
 
 
 def test_a_gait_is_drawn_beside_the_optimal_gait_of_about_its_speed(tmp_path, monkeypatch):
-    drawn, plot = [], ClosedLoopGait.plot
+    drawn, plot = [], Gait.plot
 
     def draw(gait, ax, *, optimum):
         drawn.append((gait, optimum))
         return plot(gait, ax, optimum=optimum)
 
-    monkeypatch.setattr(ClosedLoopGait, "plot", draw)
+    monkeypatch.setattr(Gait, "plot", draw)
     line = ["gait", "constant", "--scene", "level", "--out", str(tmp_path / "gait.png")]
     assert train.main(line) == 0
     ((gait, beside),) = drawn
-    apart = [abs(other.speed - gait.speed) for other in optimal.load("level")]
-    assert abs(beside.speed - gait.speed) == min(apart) < 0.01
+    apart = [abs(other.speed - gait.froude_speed) for other in optimal.load("level")]
+    assert abs(beside.speed - gait.froude_speed) == min(apart) < 0.01
 
 
 def test_an_evaluation_can_be_repeated(trained, capsys):

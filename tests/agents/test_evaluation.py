@@ -12,7 +12,7 @@ from agents.evaluation import write_rows
 from agents.learner import LearnedPolicy, build, moments
 from agents.worlds import training_worlds
 from gym_passive_walker.control.baselines import Passive
-from gym_passive_walker.control.walks import WALKED_ON, Walks, evaluate, table
+from gym_passive_walker.evaluation.walks import WALKED_ON, Walks, evaluate, table
 
 
 def made_up(**changes):

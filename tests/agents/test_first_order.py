@@ -9,10 +9,10 @@ from agents.config import ConfigError, configure
 from agents.first_order import SHAC, backwards
 from agents.learner import build
 from agents.training import Run
-from gym_passive_walker.control.tape import Linear, Tape
-from gym_passive_walker.control.walks import WALKED_ON
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.evaluation.tape import Linear, Tape
+from gym_passive_walker.evaluation.walks import WALKED_ON
 from gym_passive_walker.torch import rollout
 
 

@@ -13,8 +13,8 @@ from agents.config import ConfigError, configure
 from agents.learner import build
 from agents.ppo_fast import advantages, carried, chances
 from agents.training import Run
-from gym_passive_walker.control.walks import WALKED_ON
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
+from gym_passive_walker.evaluation.walks import WALKED_ON
 from gym_passive_walker.policies.network import ACTIVATIONS
 from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
 

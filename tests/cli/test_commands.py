@@ -19,7 +19,7 @@ from gym_passive_walker.cli import COMMANDS, main, parser
 from gym_passive_walker.cli.arguments import A_WALKER
 from gym_passive_walker.cli.report import plain
 from gym_passive_walker.cli.sweeps import sweep
-from gym_passive_walker.control.walks import WALKED_ON
+from gym_passive_walker.evaluation.walks import WALKED_ON
 from gym_passive_walker.sweeps.description import Description
 from gym_passive_walker.walkers import ABOUT
 
@@ -109,16 +109,19 @@ def test_the_sweep_of_the_help_is_one():
 @pytest.mark.parametrize(
     ("words", "drive"),
     [
-        ("--push-off 0.001", gpw.Drive(push_off=0.001)),
-        ("--torque 0.001", gpw.Drive(hip_torque=0.001)),
-        ("--ankle-torque 0.001", gpw.Drive(ankle_torque=0.001)),
+        ("--push-off 0.001", gpw.Actuation(push_off=0.001)),
+        ("--torque 0.001", gpw.Actuation(hip_torque=0.001)),
+        ("--ankle-torque 0.001", gpw.Actuation(ankle_torque=0.001)),
     ],
 )
 def test_gaits_and_families_have_the_motors_that_are_asked_for(words, drive, told):
     gait, *_ = told("gait", "E", 0.01, *words.split())
-    assert gait["stance_angle"] == gpw.find_gaits("E", 0.01, drive=drive)[0].stance_angle
+    assert (
+        gait["stance_angle"]
+        == gpw.find_gaits(gpw.stride_map("E", 0.01, controller=drive))[0].stance_angle
+    )
     family = told("family", "E", 0.01, 0.011, *words.split())["gaits"]
-    exact = gpw.gait_family("E", 0.01, 0.011, drive=drive)
+    exact = gpw.gait_family(gpw.stride_map("E", controller=drive), 0.01, 0.011)
     assert family["stance_angle"] == exact.stance_angle.tolist()
 
 

@@ -1,27 +1,28 @@
-"""What a policy does to the walker."""
+"""What a policy does to the walker: its gait, its multipliers, its costs and its basin."""
 
 import numpy as np
 import pytest
 
 import agents
 import gym_passive_walker as gpw
+from gym_passive_walker import closed_loop_gait
 from gym_passive_walker.control.baselines import (
     ConstantTorque,
     LinearFeedback,
     Optimal,
     Passive,
 )
-from gym_passive_walker.control.closed_loop import closed_loop_gait, policy_strides
-from gym_passive_walker.gaits.drive import to_own
+from gym_passive_walker.gaits.actuation import to_own
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.units import units_of
+from tests.control.in_environment import COSTS, walked
 
 
 def test_without_a_motor_it_is_the_passive_gait():
     closed, passive = closed_loop_gait(Passive(), "lab"), gpw.find_gait("lab", 0.036)
-    assert closed.speed == pytest.approx(passive.froude_speed, rel=1e-6)
+    np.testing.assert_allclose(closed.state, passive.state, rtol=1e-9)
     assert np.abs(closed.multipliers) == pytest.approx(np.abs(passive.multipliers), abs=1e-4)
-    assert closed.cost_of_transport == pytest.approx(np.sin(0.036), rel=1e-5)
+    assert closed.cost_of_transport == pytest.approx(np.sin(0.036), rel=1e-9)
     assert closed.hip_cost == 0.0 and closed.stable
 
 
@@ -29,8 +30,9 @@ def test_without_a_motor_it_is_the_passive_gait():
 def test_feedback_has_the_multipliers_that_it_was_designed_for(scene):
     policy = LinearFeedback(scene)
     closed = closed_loop_gait(policy, scene)
+    assert closed.stride_map.exact
     designed = np.sort(np.abs(np.linalg.eigvals(policy.closed_loop)))[::-1]
-    assert np.abs(closed.multipliers) == pytest.approx(designed, abs=2e-3)
+    assert np.abs(closed.multipliers) == pytest.approx(designed, abs=1e-7)
 
 
 def test_an_unstable_gait_is_found_near_its_start():
@@ -41,56 +43,63 @@ def test_an_unstable_gait_is_found_near_its_start():
 
 def test_on_level_ground_the_motor_pays_for_everything():
     closed = closed_loop_gait(ConstantTorque(0.0025, "level"), "level")
-    assert closed.gravity_cost == pytest.approx(0.0, abs=1e-8)
+    assert closed.gravity_cost == pytest.approx(0.0, abs=1e-12)
     assert closed.cost_of_transport == pytest.approx(closed.hip_cost)
     assert closed.net_hip_cost < closed.positive_hip_cost < closed.hip_cost
     assert closed.hip_cost == pytest.approx(0.0051, abs=1e-4)
-    assert closed.torques == pytest.approx(0.0025)
+    assert closed.net_hip_cost * closed.strides.weight * closed.step_length == pytest.approx(
+        closed.collision_loss, rel=1e-9
+    )
 
 
-def test_the_portrait_goes_from_heelstrike_to_heelstrike():
-    closed = closed_loop_gait(Passive(), "lab")
-    assert closed.times[0] == 0.0
-    assert closed.times[-1] == pytest.approx(closed.step_period)
-    first, last = closed.states[0], closed.states[-1]
-    assert first[0] == -first[1] == pytest.approx(-last[0], abs=1e-6)
-    assert last[1] == pytest.approx(first[0], abs=1e-6)
+@pytest.mark.parametrize("name", ["level-ppo", "push-off-ppo", "rough-ppo", "lab-ppo"])
+def test_what_a_gait_costs_is_what_the_environment_says(name):
+    gait = gpw.find_gait(gpw.stride_map(controller=name))
+    strides, units = gait.stride_map, units_of(gait.walker)
+    seen = walked(strides, strides.points_at(gait.state))
+    assert seen.length[0] * units.length == pytest.approx(gait.step_length, rel=1e-5)
+    assert seen.duration[0] * units.time == pytest.approx(gait.step_period, rel=1e-5)
+    for cost in COSTS:
+        in_environment = seen.works[cost][0] / seen.length[0]
+        if strides.scene.energy == "absolute" or not cost.endswith("hip_cost"):
+            assert getattr(gait, cost) == pytest.approx(in_environment, rel=2e-4, abs=1e-7), cost
+    assert gait.motor_cost > 1e-3
 
 
 def test_feedback_widens_the_basin_of_a_gait():
-    areas = [
-        closed_loop_gait(policy, "steep").basin(resolution=24, reach=1.5).survived.mean()
-        for policy in (Passive(), LinearFeedback("steep"))
-    ]
+    """Of starts beside the gait, those from which the walker makes a hundred strides."""
+    areas = []
+    for policy in (Passive(), LinearFeedback("steep")):
+        strides = gpw.stride_map(controller=policy, scene="steep")
+        areas.append(gpw.basin_of_attraction(strides, resolution=24, strides=100).walks.mean())
     assert areas[0] < 0.01 < areas[1]
 
 
 def test_a_cell_of_a_basin_says_what_walking_from_it_does():
-    """Rows are rates and columns angles; the swing leg's rates go with the stance leg's."""
-    policy = LinearFeedback("steep")
-    gait = closed_loop_gait(policy, "steep")
-    basin = gait.basin(resolution=20, reach=1.4, strides=6)
-    assert not np.array_equal(basin.survived, basin.survived.T)
-    for row, rate in zip(basin.survived, basin.stance_rates, strict=True):
-        points = np.tile(gait.point * rate / gait.point[1], (20, 1))
-        points[:, 0] = basin.stance_angles
-        ends = policy_strides(policy, gait.scene, gait.slope, points, 6).ends
-        np.testing.assert_array_equal(row, np.isfinite(ends).all(axis=1))
+    """Rows are rates and columns angles; in the environment as on the map."""
+    strides = gpw.stride_map(controller=LinearFeedback("steep"), scene="steep")
+    basin = gpw.basin_of_attraction(strides, resolution=20, ratios=(0.14, 0.14), strides=6)
+    assert not np.array_equal(basin.walks, basin.walks.T)
+    units = units_of(strides.walker)
+    for row, rate in zip(basin.walks, basin.stance_rate * units.time, strict=True):
+        points = np.column_stack([basin.stance_angle, *np.full((3, 20), rate)])
+        points[:, 2:] *= 0.14
+        ends = walked(strides, points, 6).ends
+        settled = basin.strides[np.flatnonzero(basin.stance_rate * units.time == rate)[0]] < 6
+        walks = np.isfinite(ends).all(axis=1)
+        np.testing.assert_array_equal(row[~(settled & row)], walks[~(settled & row)])
 
 
 def test_a_gait_of_two_strides_is_the_passive_gait_of_two_strides():
     passive = gpw.find_gait("D", 0.016, period=2)
-    units = units_of(passive.walker)
-    start = Section(walker=passive.walker).points_at(passive.state)[0]
     scene = {"walker": "D", "slope": 0.016}
-    closed = closed_loop_gait(Passive(), scene, period=2, start=start)
-    assert closed.step_length * units.length == pytest.approx(passive.step_length, rel=1e-6)
-    assert closed.step_period * units.time == pytest.approx(passive.step_period, rel=1e-6)
+    closed = closed_loop_gait(Passive(), scene, period=2, guess=passive.state)
+    np.testing.assert_allclose(closed.step_length, passive.step_length, rtol=1e-9)
+    np.testing.assert_allclose(closed.step_period, passive.step_period, rtol=1e-9)
     known = np.sort(np.abs(passive.multipliers))
     np.testing.assert_allclose(np.sort(np.abs(closed.multipliers)), known, rtol=2e-2, atol=1e-3)
-    assert closed.speed == pytest.approx(passive.froude_speed, rel=1e-6)
-    assert closed.cost_of_transport == pytest.approx(np.sin(0.016), rel=1e-5)
-    assert closed.stable
+    assert closed.cost_of_transport == pytest.approx(np.sin(0.016), rel=1e-9)
+    assert closed.stable and closed.period == 2
 
 
 def test_a_gait_over_a_range_of_slopes_is_that_of_its_middle():
@@ -105,16 +114,17 @@ def test_what_a_gait_costs_does_not_hang_on_what_its_motor_is_charged_for():
     assert net.hip_cost == absolute.hip_cost > net.net_hip_cost == absolute.net_hip_cost
 
 
-def test_the_portrait_tells_the_torque_of_each_tick():
+def test_a_simulation_tells_the_torque_of_each_tick():
     policy = Optimal("level")
     closed = closed_loop_gait(policy, "level")
-    for time, torque in zip(closed.times[1:], closed.torques[1:], strict=True):
-        ticks = time / closed.scene.tick  # the last one reaches to the heelstrike
+    walk, units = gpw.simulate(closed, samples=200), units_of(closed.walker)
+    for time, torque in zip(walk.times[1:] / units.time, walk.torques[1:, 0], strict=True):
+        ticks = time / closed.stride_map.hold  # the last one reaches to the heelstrike
         tick = min(int(np.ceil(ticks - 1e-9)), len(policy.gait.torques)) - 1
-        assert torque == pytest.approx(policy.gait.torques[tick], abs=2e-4)
-    assert len(np.unique(closed.torques)) > 10
-    first, last = closed.states[0], closed.states[-1]
-    assert last[[1, 0]] == pytest.approx(first[:2], abs=1e-5)
+        assert torque / units.torque == pytest.approx(policy.gait.torques[tick], abs=1e-9)
+    assert len(np.unique(walk.torques[:, 0])) > 10
+    first, last = walk.states[0], walk.states[-1]
+    assert last[[1, 0]] == pytest.approx(first[:2], abs=1e-6)
 
 
 class Held:
@@ -131,61 +141,64 @@ class Held:
 
 
 @pytest.mark.parametrize(
-    ("name", "drive"),
+    ("name", "motors"),
     [
-        ("F", gpw.Drive(push_off=0.05)),
-        ("D", gpw.Drive(ankle_torque=0.01)),
-        ("E", gpw.Drive(hip_torque=0.004, ankle_torque=0.002, push_off=0.02)),
+        ("F", gpw.Actuation(push_off=0.05)),
+        ("D", gpw.Actuation(ankle_torque=0.01)),
+        ("E", gpw.Actuation(hip_torque=0.004, ankle_torque=0.002, push_off=0.02)),
     ],
 )
-def test_every_motor_pays_its_part(name, drive):
-    """Held all along, they are a driven gait's, whose books are known."""
+def test_every_motor_pays_its_part(name, motors):
+    """Held all along by a policy, they are those of an `Actuation`, whose books are known."""
     units = units_of(gpw.WALKERS[name])
-    own = to_own(units, drive)
-    gait = gpw.find_gait(name, 0.0, drive=own)
+    gait = gpw.find_gait(gpw.stride_map(name, 0.0, controller=to_own(units, motors)))
     scene = {
         "walker": name, "slope": 0.0, "control": "stride", "energy": "net",
         "actions": ("ankle", "push_off", "hip"), "max_hip_torque": 0.02,
         "max_ankle_torque": 0.02, "max_push_off": 0.1,
     }  # fmt: skip
-    policy = Held(drive.ankle_torque / 0.02, drive.push_off / 0.1, drive.hip_torque / 0.02)
-    start = Section(walker=gait.walker).points_at(gait.state)[0]
-    closed = closed_loop_gait(policy, scene, start=start)
-    walk, work = gait.stride, units.energy * gait.step_length / units.length
-    paid = {
-        "hip_cost": walk.hip_work_absolute, "net_hip_cost": walk.hip_work,
-        "ankle_cost": walk.ankle_work_absolute, "net_ankle_cost": walk.ankle_work,
-        "push_off_cost": walk.push_off_work,
-    }  # fmt: skip
-    for cost, of_stride in paid.items():
-        assert getattr(closed, cost) == pytest.approx(float(of_stride) / work, rel=1e-4, abs=1e-9)
-    motors = closed.hip_cost + closed.ankle_cost + closed.push_off_cost
-    assert closed.cost_of_transport == pytest.approx(motors + closed.gravity_cost)
-    assert closed.cost_of_transport > 1e-3
-    np.testing.assert_allclose(closed.torques, drive.hip_torque, atol=1e-8)
-    np.testing.assert_allclose(closed.ankle_torques, drive.ankle_torque, atol=1e-8)
-    first, last = closed.states[0], closed.states[-1]
-    assert last[[1, 0]] == pytest.approx(first[:2], abs=1e-5)
+    policy = Held(motors.ankle_torque / 0.02, motors.push_off / 0.1, motors.hip_torque / 0.02)
+    closed = closed_loop_gait(policy, scene, guess=gait.state)
+    for cost in COSTS:
+        of_held = getattr(gait, cost)
+        assert getattr(closed, cost) == pytest.approx(of_held, rel=1e-4, abs=1e-9), cost
+    assert closed.cost_of_transport == pytest.approx(closed.motor_cost + closed.gravity_cost)
+    assert closed.cost_of_transport == pytest.approx(gait.cost_of_transport, rel=1e-4)
+    walk = gpw.simulate(closed)
+    own = to_own(units, motors)
+    np.testing.assert_allclose(walk.torques[:, 0], own.hip_torque, atol=1e-8 * units.torque)
+    np.testing.assert_allclose(walk.torques[:, 1], own.ankle_torque, atol=1e-8 * units.energy)
 
 
 def test_legs_together_are_no_gait():
     """A stride as small as rounding closes whatever the policy does."""
     scene = {"walker": "B", "slope": 0.0, "control": "stride", "actions": ("push_off",)}
-    gait = gpw.find_gait("B", 0.01)
-    point = Section(walker=gait.walker).points_at(gait.state)[0]
-    with pytest.raises(gpw.GaitNotFound, match="longer steps"):
-        closed_loop_gait(Held(0.5), scene, start=1e-6 * point)
+    state = gpw.find_gait("B", 0.01).state
+    with pytest.raises(gpw.GaitNotFound, match="guess near the gait"):
+        closed_loop_gait(Held(0.5), scene, guess=1e-6 * state)
 
 
 def test_a_walker_that_only_falls_has_no_gait():
-    with pytest.raises(gpw.GaitNotFound, match="constant torque"):
+    with pytest.raises(gpw.GaitNotFound, match="under constant torque"):
         closed_loop_gait(ConstantTorque(-0.05, "level"), "level")
 
 
 def test_the_package_and_its_agents_tell_the_same_gait():
-    assert agents.closed_loop_gait is gpw.closed_loop_gait is closed_loop_gait
+    assert agents.closed_loop_gait is gpw.closed_loop_gait
 
 
 def test_periods_are_positive():
     with pytest.raises(ValueError, match="period must be a whole number from 1 on"):
         closed_loop_gait(Passive(), "lab", period=0)
+
+
+def test_a_schedule_of_torques_plays_an_optimal_gait():
+    """Without feedback its gait is the optimum's, and its multipliers are those kept there."""
+    optimum = gpw.optimal_gait("level", 0.16)
+    gait = gpw.find_gait(gpw.stride_map(controller=optimum, scene="level"))
+    point = Section(walker=gait.walker).points_at(gait.state)[0]
+    np.testing.assert_allclose(point, optimum.point, atol=1e-8)
+    assert gait.cost_of_transport == pytest.approx(optimum.cost_of_transport, rel=1e-7)
+    assert np.abs(gait.multipliers) == pytest.approx(optimum.multipliers, abs=1e-5)
+    with pytest.raises(ValueError, match="of which scene"):
+        gpw.stride_map(controller=optimum)

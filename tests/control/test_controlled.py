@@ -7,9 +7,9 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.control.baselines import LinearFeedback
-from gym_passive_walker.control.closed_loop import policy_strides
-from gym_passive_walker.gaits.drive import Drive
+from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.policies import shipped_policies
+from tests.control.in_environment import walked
 
 SINGLE = 2e-6  # what single precision of observations and actions comes to in a stride
 
@@ -26,13 +26,13 @@ def strides(request):
 
 def test_a_stride_of_the_map_is_one_of_the_environment(strides):
     beside = point_of(strides) * (1.0 + 0.01 * np.random.default_rng(0).uniform(-1, 1, (5, 1)))
-    walked = policy_strides(strides.controller, strides.scene, strides.slope, beside)
+    seen = walked(strides, beside)
     passage = strides.apply(beside)
     assert passage.alive.any()
-    np.testing.assert_allclose(passage.ends, walked.ends, atol=SINGLE)
+    np.testing.assert_allclose(passage.ends, seen.ends, atol=SINGLE)
     alive = passage.alive
-    np.testing.assert_allclose(passage.lengths[alive], walked.length[alive], atol=SINGLE)
-    np.testing.assert_allclose(passage.durations[alive], walked.duration[alive], atol=SINGLE)
+    np.testing.assert_allclose(passage.lengths[alive], seen.length[alive], atol=SINGLE)
+    np.testing.assert_allclose(passage.durations[alive], seen.duration[alive], atol=SINGLE)
 
 
 def test_derivatives_are_those_of_the_network(strides):
@@ -63,9 +63,9 @@ def test_derivatives_are_those_of_the_network(strides):
 
 def test_under_a_policy_the_books_close(strides):
     """What gravity and motors give, collisions take: on a gait both are the same."""
-    gait = gpw.closed_loop_gait(strides.controller)
-    passage = strides.apply(gait.point[None])
-    np.testing.assert_allclose(passage.ends[0], gait.point, atol=1e-11)
+    point = strides.points_at(gpw.closed_loop_gait(strides.controller).state)
+    passage = strides.apply(point)
+    np.testing.assert_allclose(passage.ends, point, atol=1e-11)
     assert abs(passage.imbalance[0]) < 1e-10
 
 
@@ -73,7 +73,8 @@ def test_multipliers_are_those_of_differences():
     strides = gpw.stride_map(controller="level-ppo")
     gait = gpw.closed_loop_gait(strides.controller)
     ways = 1e-6 * np.eye(strides.dimension)
-    ahead, behind = (strides.apply(gait.point + sign * ways).ends for sign in (1.0, -1.0))
+    point = strides.points_at(gait.state)
+    ahead, behind = (strides.apply(point + sign * ways).ends for sign in (1.0, -1.0))
     by_differences = np.linalg.eigvals((ahead - behind).T / 2e-6)
     largest = np.abs(by_differences).max()
     assert abs(gait.multipliers[0]) == pytest.approx(largest, abs=1e-6)
@@ -112,8 +113,8 @@ def test_actions_that_are_none_are_refused(wrong):
 
 
 def test_motors_that_do_the_same_in_each_stride_have_the_exact_map():
-    drive = Drive(hip_torque=0.1)
-    gait = gpw.find_gait("lab", 0.03, drive=drive)
+    drive = Actuation(hip_torque=0.1)
+    gait = gpw.find_gait(gpw.stride_map("lab", 0.03, controller=drive))
     strides = gpw.stride_map("lab", 0.03, controller=drive)
     point = strides.points_at(gait.state)
     np.testing.assert_allclose(strides.apply(point).ends, point, atol=1e-11)
@@ -121,14 +122,34 @@ def test_motors_that_do_the_same_in_each_stride_have_the_exact_map():
     assert np.abs(multipliers).max() == pytest.approx(abs(gait.multipliers[0]), rel=1e-6)
 
 
-def test_feedback_without_a_derivative_is_differentiated_by_differences():
+class Observing:
+    """A policy that is known by its actions alone."""
+
+    def __init__(self, policy, scene):
+        self.policy, self.scene = policy, scene
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        """As the policy."""
+        return self.policy.predict(observation, state, episode_start, deterministic)
+
+
+def test_a_policy_without_a_derivative_is_differentiated_by_differences():
     policy = LinearFeedback("steep")
-    strides = gpw.stride_map(controller=policy, scene="steep")
-    assert not strides.exact
-    _, change = strides.linearize(point_of(strides))
-    np.testing.assert_allclose(change.ends[0], policy.closed_loop, atol=5e-3)
-    with pytest.raises(ValueError, match="by state and slope alone, not by foot_radius"):
-        strides.linearize(point_of(strides), by=("foot_radius",))
+    exact = gpw.stride_map(controller=policy)
+    strides = gpw.stride_map(controller=Observing(policy, "steep"))
+    assert exact.exact and not strides.exact
+    point, by = point_of(exact), ("state", "slope", "foot_radius")
+    for count in (1, 2):
+        _, change = strides.linearize(point, by=by, strides=count)
+        _, expected = exact.linearize(point, by=by, strides=count)
+        for name in ("ends", "durations", "lengths", "lost", "supplied"):
+            scale = 1.0 + np.abs(getattr(expected, name)).max()
+            np.testing.assert_allclose(
+                getattr(change, name), getattr(expected, name), atol=5e-3 * scale, err_msg=name
+            )
+    np.testing.assert_allclose(exact.linearize(point)[1].ends[0], policy.closed_loop, atol=1e-8)
+    with pytest.raises(ValueError, match="push_off follow LQR"):
+        exact.linearize(point, by=("push_off",))
 
 
 def test_walkers_of_a_crowd_are_each_alone_and_falls_are_none():
@@ -155,12 +176,14 @@ def test_a_map_can_be_pickled_and_has_a_slope_of_its_own():
     point = point_of(strides)
     np.testing.assert_array_equal(again.apply(point).ends, strides.apply(point, 0.11).ends)
     assert strides.slope == 0.11 and gpw.stride_map(scene="lab").slope == 0.036
-    with pytest.raises(ValueError, match="needs a walker and a slope"):
-        gpw.stride_map("lab")
+    with pytest.raises(ValueError, match="needs a walker, a scene, or a policy"):
+        gpw.stride_map(slope=0.1)
+    with pytest.raises(ValueError, match="no slope of its own"):
+        gpw.stride_map("lab").apply(point)
     with pytest.raises(ValueError, match="a policy acts by predict"):
         gpw.stride_map(controller=3)
     with pytest.raises(ValueError, match="find_gait"):
-        gpw.closed_loop_gait(Drive(0.1))
+        gpw.closed_loop_gait(Actuation(0.1))
 
 
 def test_walks_under_a_policy_have_a_bifurcation_diagram_and_exponents():
@@ -171,15 +194,67 @@ def test_walks_under_a_policy_have_a_bifurcation_diagram_and_exponents():
     assert diagram.period.tolist() == [1, 1]
     for i, slope in enumerate(slopes):
         gait = gpw.closed_loop_gait(strides.controller, slope=float(slope))
-        assert diagram.stance_angle[i, -1] == pytest.approx(gait.point[0], abs=1e-6)
+        assert diagram.stance_angle[i, -1] == pytest.approx(gait.stance_angle, abs=1e-6)
     exponent = gpw.lyapunov_exponents(strides, slopes[1:], strides=60, settle=40)
     expected = gpw.closed_loop_gait(strides.controller).multipliers
     assert exponent[0, 0] == pytest.approx(np.log(abs(expected[0])), abs=0.05)
 
 
 def test_a_driven_walker_has_a_bifurcation_diagram_too():
-    strides = gpw.stride_map("lab", 0.03, controller=Drive(hip_torque=0.1))
+    strides = gpw.stride_map("lab", 0.03, controller=Actuation(hip_torque=0.1))
     diagram = gpw.bifurcation_diagram(strides, [0.03], settle=60, keep=8, longest_period=4)
-    gait = gpw.find_gait("lab", 0.03, drive=Drive(hip_torque=0.1))
+    gait = gpw.find_gait(gpw.stride_map("lab", 0.03, controller=Actuation(hip_torque=0.1)))
     assert diagram.period.tolist() == [1]
     assert diagram.stance_angle[0, -1] == pytest.approx(gait.stance_angle, rel=1e-8)
+
+
+@pytest.mark.parametrize("name", ["level-ppo", "rolling-ppo", "push-off-ppo"])
+def test_samples_and_ledgers_are_of_the_stride_that_the_map_takes(name):
+    """Inside a stride as at its end, alone as in a crowd."""
+    strides = gpw.stride_map(controller=name)
+    points = point_of(strides) * np.array([[1.0], [1.003]])
+    passage, walk = strides.apply(points), strides.stride(strides.states_at(points))
+    np.testing.assert_allclose(walk.state, strides.states_at(passage.ends), rtol=1e-12)
+    units = strides.units
+    np.testing.assert_allclose(walk.duration, passage.durations * units.time, rtol=1e-12)
+    lost = (walk.collision_loss + walk.friction_loss) / units.energy
+    np.testing.assert_allclose(lost, passage.lost, rtol=1e-12)
+    given = walk.gravity_work + walk.hip_work + walk.ankle_work + walk.push_off_work
+    states = strides.states_at(np.concatenate([points, passage.ends]))
+    alone = strides.stride(states[0])
+    assert alone.hip_work_absolute == pytest.approx(walk.hip_work_absolute[0], rel=1e-12)
+    assert np.all(np.abs(given - walk.collision_loss) < 0.1 * walk.collision_loss)
+    times = np.array([[0.0, 0.7, 1.3, 1.3000001, 99.0]]) * np.ones((2, 1))
+    seen = strides.sample(points, strides.slope, times)
+    np.testing.assert_array_equal(seen.states[:, 0], strides.state(points))
+    np.testing.assert_allclose(seen.states[:, 4], strides.state(passage.ends), rtol=1e-12)
+    rates = (seen.states[:, 3, :3] - seen.states[:, 2, :3]) / 1e-7
+    np.testing.assert_allclose(rates, seen.states[:, 2, 3:], atol=1e-5)
+    verge = strides.before_strike(points[0], strides.slope, float(passage.durations[0]))
+    assert verge[0] + verge[1] == pytest.approx(0.0, abs=1e-9)  # feet side by side on the ground
+
+
+def test_a_stride_of_a_map_on_other_ground_is_that_of_the_walker():
+    held = gpw.Actuation(hip_torque=0.1)
+    scene = {"walker": "lab", "slope": 0.036, "control": "stride"}
+    gait = gpw.find_gait(gpw.stride_map("lab", 0.036, controller=held))
+    torque = 0.1 / gait.stride_map.units.torque
+
+    def push(seen):
+        return np.full((len(seen), 1), torque / 0.03)
+
+    controlled = gpw.stride_map(controller=push, scene=scene)
+    foothold = {"rise": -0.004, "turn": 0.01}
+    known = gpw.stride(gait, **foothold, tolerance=1e-12)
+    walk = gpw.stride(controlled, state=gait.state, **foothold, tolerance=1e-12)
+    for name in ("state", "duration", "step_length", "hip_work", "heelstrike_loss"):
+        np.testing.assert_allclose(getattr(walk, name), getattr(known, name), rtol=1e-11)
+    ground = gpw.rough(height_std=0.002, slope_std=0.005)
+    walks = [
+        gpw.simulate(who, state=gait.state, strides=4, terrain=ground, key=5)
+        for who in (gait, controlled)
+    ]
+    np.testing.assert_allclose(walks[0].states, walks[1].states, rtol=1e-7, atol=1e-8)
+    np.testing.assert_allclose(walks[0].torques, walks[1].torques, rtol=1e-12)
+    with pytest.raises(ValueError, match="push works these motors"):
+        gpw.stride(controlled, state=gait.state, hip_torque=0.1)

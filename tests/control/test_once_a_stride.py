@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from gym_passive_walker import WALKERS, Drive, Outcome, find_gait, stride
+from gym_passive_walker import WALKERS, Actuation, Outcome, find_gait, stride, stride_map
 from gym_passive_walker.control.once_a_stride import (
-    DriveFeedback,
+    ActuationFeedback,
     SpeedControl,
     midstance_speed,
     placement,
 )
-from gym_passive_walker.control.walks import WALKED_ON, evaluate
 from gym_passive_walker.envs.scene import SceneError, make_scene
+from gym_passive_walker.evaluation.walks import WALKED_ON, evaluate
 from gym_passive_walker.gaits.samples import states_at
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.units import units_of
@@ -30,7 +30,9 @@ PUSH = 0.1877
 
 def kuo_gait():
     """His normal gait."""
-    return find_gait(KUO, 0.0, drive=Drive(push_off=PUSH * units_of(KUO).impulse))
+    return find_gait(
+        stride_map(KUO, 0.0, controller=Actuation(push_off=PUSH * units_of(KUO).impulse))
+    )
 
 
 def scene(walker, action, slope=0.0, **others):
@@ -49,7 +51,7 @@ def walk(policy, slopes, points, count):
     units, section = units_of(walker), Section(walker=walker)
     scale = {"hip_torque": units.torque, "push_off": units.impulse}
     for _ in range(count):
-        chosen = policy.drives(path[-1], slopes).T
+        chosen = policy.given(path[-1], slopes).T
         own = {
             part: scale[part] * values for part, values in zip(policy.parts, chosen, strict=True)
         }
@@ -81,7 +83,7 @@ def test_speed_keeps_with_the_push_off_v_tan_alpha():
         assert midstance_speed(path[1], 0.0) == pytest.approx(speed, abs=1e-12)
         angle = path[1][:, 0]
         before = np.sqrt(speed**2 + 2.0 * (1.0 - np.cos(angle)))
-        push = policy.drives(point[None], 0.0)[:, 0]
+        push = policy.given(point[None], 0.0)[:, 0]
         np.testing.assert_allclose(push, before * np.tan(angle), rtol=0.0, atol=1e-12)
 
 
@@ -89,7 +91,7 @@ def test_kuo_s_gait_is_what_speed_control_keeps():
     gait = kuo_gait()
     point = points_of(KUO, gait.state)
     policy = SpeedControl(scene(KUO, "push_off"), midstance_speed(point, 0.0)[0])
-    assert policy.drives(point, 0.0)[0, 0] == pytest.approx(PUSH, abs=1e-12)
+    assert policy.given(point, 0.0)[0, 0] == pytest.approx(PUSH, abs=1e-12)
 
 
 @pytest.mark.parametrize("stiffness", [0.0, 1.0, 2.5127, 6.0])
@@ -106,7 +108,10 @@ def test_the_spring_sets_the_period_of_small_steps(stiffness):
     walker = replace(D, hip_stiffness=stiffness * D.gravity)
     units = units_of(walker)
     near, far = (
-        find_gait(walker, 0.0, drive=Drive(push_off=push * units.impulse)).step_period / units.time
+        find_gait(
+            stride_map(walker, 0.0, controller=Actuation(push_off=push * units.impulse))
+        ).step_period
+        / units.time
         for push in (1e-4, 4e-4)
     )
     # Corrections go with the square of the step, and that with the push-off.
@@ -145,7 +150,7 @@ def survivors(policy, points, slopes):
     section, going = Section(walker=D), np.arange(len(points))
     for slope in slopes:
         here = np.broadcast_to(slope, slopes.shape[1:])[going] if slopes.ndim > 1 else slope
-        torque = 0.0 if policy is None else policy.drives(points, here)[:, 0]
+        torque = 0.0 if policy is None else policy.given(points, here)[:, 0]
         walked = stride(D, here, section.states_at(points), hip_torque=torque * units_of(D).torque)
         on = walked.outcome == Outcome.HEELSTRIKE
         going, points = going[on], section.points_at(walked.state[on])
@@ -178,7 +183,7 @@ def test_the_quickest_answer_to_a_kick_takes_the_least_work():
         path, work = walk(policy, 0.009, start, 30), 0.0
         for points, after in pairwise(path):
             # The hip opens from two of one angle behind to two of the next in front.
-            work = work + abs(policy.drives(points, 0.009)[:, 0]) * (points[:, 0] + after[:, 0])
+            work = work + abs(policy.given(points, 0.009)[:, 0]) * (points[:, 0] + after[:, 0])
         works.append(work)
     assert np.all(np.diff(works, axis=0) > 0.0)
 
@@ -200,7 +205,7 @@ def test_one_motor_is_back_on_the_gait_in_two_strides_and_two_motors_are_in_one(
     walker, slope, gait = (
         (D, 0.009, find_gait(D, 0.009)) if actions == "hip" else (KUO, 0.0, kuo_gait())
     )
-    policy = DriveFeedback(scene(walker, actions, slope, max_hip_torque=1.0), gait)
+    policy = ActuationFeedback(scene(walker, actions, slope, max_hip_torque=1.0), gait)
     power = np.linalg.matrix_power(policy.closed_loop, strides)
     assert np.abs(power).max() < 1e-9 < 1e-3 < np.abs(gait.multipliers[0])
     left = []
@@ -226,7 +231,7 @@ def test_who_decides_once_a_stride_walks_in_the_environment(action):
     policies = {SpeedControl(chosen, speed): chosen}
     near = make_scene(chosen, perturbation=0.002)
     methods = ("lqr",) if action == "push_off" else ("lqr", "deadbeat")
-    policies |= {DriveFeedback(near, gait, m, torque_weight=1.0): near for m in methods}
+    policies |= {ActuationFeedback(near, gait, m, torque_weight=1.0): near for m in methods}
     for policy, where in policies.items():
         arena = gymnasium.make_vec(
             "PassiveWalker-v0", num_envs=8, scene=where, max_episode_steps=50
@@ -268,8 +273,8 @@ def test_what_is_no_decision_of_a_stride_is_refused():
     with pytest.raises(ValueError, match="decay"):
         SpeedControl(scene(D, "hip"), 0.2, decay=1.0)
     with pytest.raises(SceneError, match="whose gait"):
-        DriveFeedback(scene(D, "hip"), gait)
+        ActuationFeedback(scene(D, "hip"), gait)
     with pytest.raises(SceneError, match="push_off"):
-        DriveFeedback(scene(KUO, "hip"), gait)
+        ActuationFeedback(scene(KUO, "hip"), gait)
     with pytest.raises(ValueError, match="method"):
-        DriveFeedback(scene(KUO, "push_off"), gait, "best")  # type: ignore[arg-type]
+        ActuationFeedback(scene(KUO, "push_off"), gait, "best")  # type: ignore[arg-type]

@@ -12,10 +12,10 @@ from gym_passive_walker.control import optimal
 from gym_passive_walker.control.baselines import ConstantTorque, LinearFeedback, Optimal
 from gym_passive_walker.control.optimum import Problem
 from gym_passive_walker.control.ticks import ticked_stride
-from gym_passive_walker.control.walks import WALKED_ON, evaluate
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.gaits.drive import Drive, to_own
+from gym_passive_walker.evaluation.walks import WALKED_ON, evaluate
+from gym_passive_walker.gaits.actuation import Actuation, to_own
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.units import units_of
 
@@ -96,7 +96,7 @@ def test_the_toe_clears_the_ground_where_the_scene_asks_for_it(point):
     found = optimal.optimal_gait("level", 0.10, start=stiff(point))
     assert not found.stubs
     assert found.motor_cost > 0.00318
-    closed = closed_loop_gait(Optimal("level", found), "level", start=found.point)
+    closed = closed_loop_gait(Optimal("level", found), "level")
     assert closed.hip_cost == pytest.approx(found.hip_cost, rel=1e-3)
 
 
@@ -141,7 +141,9 @@ def test_a_gait_is_found_from_its_neighbour():
 
 def test_the_optimum_costs_less_than_a_constant_torque():
     constant = closed_loop_gait(ConstantTorque(0.0025, "level"), "level")
-    assert optimal.least_cost(optimal.load("level"), constant.speed) < 0.7 * constant.hip_cost
+    assert (
+        optimal.least_cost(optimal.load("level"), constant.froude_speed) < 0.7 * constant.hip_cost
+    )
 
 
 def test_a_passive_gait_is_its_own_optimum_without_a_motor():
@@ -196,7 +198,7 @@ def test_the_motor_of_an_optimal_gait_is_charged_as_its_scene_says(energy):
 def test_the_optimal_policy_plays_its_gait_and_returns_to_it():
     policy = Optimal("level")
     closed = closed_loop_gait(policy, "level")
-    assert closed.speed == pytest.approx(policy.gait.speed, rel=1e-4)
+    assert closed.froude_speed == pytest.approx(policy.gait.speed, rel=1e-6)
     assert closed.hip_cost == pytest.approx(policy.gait.hip_cost, rel=1e-3)
     assert closed.stable
     arena = gym.make_vec("PassiveWalker-v0", num_envs=8)
@@ -246,7 +248,7 @@ def test_gaits_at_many_speeds_are_of_one_slope_too():
 
 def test_the_simplest_walker_s_optimal_push_off_makes_good_its_heelstrike():
     """On level ground P = v tan(alpha), 2 alpha between the legs (Kuo 2002)."""
-    gait = gpw.find_gait("D", 0.0, drive=Drive(push_off=0.05))
+    gait = gpw.find_gait(gpw.stride_map("D", 0.0, controller=Actuation(push_off=0.05)))
     found = optimal.optimal_gait("push-off", gait.froude_speed)
     assert found.speed == pytest.approx(gait.froude_speed, rel=1e-9)
     angle, rate = found.point[:2]
@@ -265,7 +267,7 @@ def test_with_every_motor_a_gait_closes_and_its_books_do():
     found = optimal.optimal_gait(scene, 0.15)
     walker, units = scene.walker, units_of(scene.walker)
     state = Section(walker=walker).states_at(np.array([found.point]))[0]
-    drive = to_own(units, Drive(found.torques[0], found.ankle_torques[0], found.push_off))
+    drive = to_own(units, Actuation(found.torques[0], found.ankle_torques[0], found.push_off))
     walked = gpw.stride(walker, slope, state, **drive._asdict())
     np.testing.assert_allclose(walked.state, state, atol=1e-8)
     work = units.energy * found.step_length

@@ -11,7 +11,7 @@ from gym_passive_walker.control.feedback import powered_gait
 from gym_passive_walker.control.optimum import Problem
 from gym_passive_walker.control.ticks import ticked_stride, ticked_strides
 from gym_passive_walker.envs.scene import make_scene
-from gym_passive_walker.gaits.drive import Drive
+from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.flow import Walkers, go_on, new_records
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stability import NoStride
@@ -173,7 +173,9 @@ def test_under_one_torque_a_stride_in_ticks_has_the_stride_map_s_derivatives():
     walkers = Walkers(walker=gpw.WALKERS["lab"], parameters={"foot_radius": radii}, tolerance=1e-13)
     held = np.full((3, TICKS), 0.002)
     ticked = ticked_strides(walkers, slopes, points, held, tick=TICK, by=by)
-    strides = replace(StrideMap.of("lab"), drive=Drive(0.002)).with_parameter("foot_radius", radii)
+    strides = replace(StrideMap.of("lab"), actuation=Actuation(0.002)).with_parameter(
+        "foot_radius", radii
+    )
     passage, change = strides.linearize(points, slopes, by=("state", "hip_torque", *by))
     expected = [change.ends, change.durations[:, None], change.lengths[:, None]]
     expected = np.concatenate([*expected, change.knee_times[:, None]], axis=1)

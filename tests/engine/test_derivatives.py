@@ -11,7 +11,7 @@ import pytest
 from gym_passive_walker import WALKERS, Outcome, stride_jacobian
 from gym_passive_walker.control.ticks import ticked_stride
 from gym_passive_walker.engine.run import Seeds, advance, new_records
-from gym_passive_walker.gaits.drive import Drive
+from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.bodies import body_from
 from gym_passive_walker.physics.systems import body_of, system_of
@@ -230,7 +230,7 @@ def test_who_asks_for_derivatives_is_told_the_same(name):
     strides = StrideMap.of(walker)
     point = strides.points_at(gait.state)
     m, coordinates = strides.dimension, strides.coordinates
-    driven = replace(strides, drive=Drive(hip_torque=0.003))
+    driven = replace(strides, actuation=Actuation(hip_torque=0.003))
     _, change = driven.linearize(point, gait.slope, by=("state", "slope", "hip_torque"))
     found = end(name, start(name), np.eye(6))[1:]
     rows = [0, 1, 2, 3, 4, 5] if name in KNEED else [0, 1, 2, 4, 5]

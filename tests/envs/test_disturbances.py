@@ -310,7 +310,7 @@ def test_a_policy_s_gait_is_that_of_the_calm_scene_at_the_middle_of_its_command(
     rough = {**EVERYTHING, "command": (0.1, 0.3)}
     gait = gpw.closed_loop_gait(Obedient(), {"walker": "lab", "slope": 0.036, **rough})
     calm = {"walker": "lab", "slope": 0.036, "command": 0.2}
-    np.testing.assert_array_equal(gait.point, gpw.closed_loop_gait(Obedient(), calm).point)
+    np.testing.assert_array_equal(gait.state, gpw.closed_loop_gait(Obedient(), calm).state)
 
 
 @pytest.mark.parametrize("name", [*EVERYTHING, "terrain"])

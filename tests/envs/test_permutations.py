@@ -9,7 +9,7 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.control.baselines import LinearFeedback
-from gym_passive_walker.control.closed_loop import policy_strides
+from gym_passive_walker.control.controlled import stride_map
 from gym_passive_walker.control.ticks import ticked_strides
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
@@ -291,8 +291,9 @@ def test_strides_under_a_policy_and_of_ticks_are_each_walker_s_own_in_any_order(
     starts = policy.gait.state[[0, 3, 4, 5]] * [1.0, *[scene.walker.time_unit] * 3]
     points = starts * (1.0 + 0.01 * np.random.default_rng(0).uniform(-1.0, 1.0, (6, 4)))
     order = np.array([2, 5, 0, 1, 4, 3])
-    whole, mixed = (policy_strides(policy, scene, 0.11, x, 3) for x in (points, points[order]))
-    for name in ("ends", "length", "duration"):
+    strides = stride_map(controller=policy)
+    whole, mixed = (strides.apply(x, strides=3) for x in (points, points[order]))
+    for name in ("ends", "lengths", "durations"):
         np.testing.assert_array_equal(getattr(mixed, name), getattr(whole, name)[order])
     torques = 0.003 * np.random.default_rng(1).uniform(-1.0, 1.0, (6, 8))
     walkers, slopes = Walkers(walker=scene.walker), np.linspace(0.1, 0.11, 6)

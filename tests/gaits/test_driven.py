@@ -9,33 +9,35 @@ import pytest
 
 from gym_passive_walker import (
     WALKERS,
-    Drive,
+    Actuation,
     GaitNotFound,
     find_gait,
     find_gaits,
     gait_family,
     parameter_family,
     stride,
+    stride_map,
 )
 from gym_passive_walker.control.feedback import powered_gait
 from gym_passive_walker.units import units_of
 
 LEVEL = {
-    "A": Drive(push_off=0.05), "C": Drive(push_off=0.05), "E": Drive(ankle_torque=0.01),
-    "D": Drive(ankle_torque=0.01), "F": Drive(push_off=0.05), "B": Drive(hip_torque=0.01),
+    "A": Actuation(push_off=0.05), "C": Actuation(push_off=0.05), "E": Actuation(ankle_torque=0.01),
+    "D": Actuation(ankle_torque=0.01), "F": Actuation(push_off=0.05),
+    "B": Actuation(hip_torque=0.01),
 }  # fmt: skip
 
 
-def own(name: str, drive: Drive) -> Drive:
+def own(name: str, drive: Actuation) -> Actuation:
     """A dimensionless drive in a walker's own units."""
     units = units_of(WALKERS[name])
     scale = (units.torque, units.energy, units.impulse)
-    return Drive(*(part * unit for part, unit in zip(drive, scale, strict=True)))
+    return Actuation(*(part * unit for part, unit in zip(drive, scale, strict=True)))
 
 
 @pytest.mark.parametrize("name", LEVEL)
 def test_on_level_ground_motors_pay_for_what_strikes_lose(name):
-    gait = find_gaits(name, 0.0, drive=own(name, LEVEL[name]))[0]
+    gait = find_gaits(stride_map(name, 0.0, controller=own(name, LEVEL[name])))[0]
     walk, units = gait.stride, units_of(gait.walker)
     np.testing.assert_allclose(walk.state, gait.state, rtol=1e-10)
     paid = walk.hip_work + walk.ankle_work + walk.push_off_work
@@ -46,19 +48,24 @@ def test_on_level_ground_motors_pay_for_what_strikes_lose(name):
 @pytest.mark.parametrize("name", ["A", "D"])
 def test_a_drive_that_does_nothing_leaves_the_passive_gait(name):
     slope = 0.009
-    passive, driven = (find_gait(name, slope, drive=d) for d in (Drive(), Drive(0.0, 0.0, 0.0)))
+    passive, driven = (
+        find_gait(stride_map(name, slope, controller=d))
+        for d in (Actuation(), Actuation(0.0, 0.0, 0.0))
+    )
     np.testing.assert_array_equal(passive.state, driven.state)
-    assert driven.drive.passive
+    assert driven.controller is None
 
 
 @pytest.mark.parametrize(("torque", "steepest"), [(0.02, -0.0180160), (0.05, -0.0418362)])
 def test_a_family_climbs_as_steep_as_its_torque_allows_and_turns_back_there(torque, steepest):
-    family = gait_family("C", -0.05, 0.01, drive=own("C", Drive(hip_torque=torque)))
+    family = gait_family(
+        stride_map("C", controller=own("C", Actuation(hip_torque=torque))), -0.05, 0.01
+    )
     assert family.folds[0] == pytest.approx(steepest, abs=1e-6)
     assert family.slope.min() == pytest.approx(steepest, abs=1e-5)
-    assert family.drive.hip_torque > 0.0
+    assert family.controller.hip_torque > 0.0
     # It is the same curve as is found at one slope alone.
-    near = find_gait("C", -0.01, drive=family.drive)
+    near = find_gait(stride_map("C", -0.01, controller=family.controller))
     upper = (family.slope > -0.0175) & (family.stance_angle > 0.12)  # this side of the fold
     expected = np.interp(-0.01, family.slope[upper], family.stance_angle[upper])
     assert near.stance_angle == pytest.approx(expected, rel=1e-2)
@@ -69,7 +76,11 @@ def test_walkers_push_off_from_soft_to_hard():
     walker = replace(WALKERS["D"], hip_stiffness=2.5127 * 9.81)
     unit = units_of(walker).impulse
     family = parameter_family(
-        walker, "push_off", 0.1 * unit, 0.3 * unit, slope=0.0, drive=Drive(push_off=0.1877 * unit)
+        stride_map(walker, controller=Actuation(push_off=0.1877 * unit)),
+        "push_off",
+        0.1 * unit,
+        0.3 * unit,
+        slope=0.0,
     )
     assert np.all(np.diff(family.stance_angle) >= 0.0)
     ends = family.value[[0, -1]] / unit
@@ -101,12 +112,12 @@ def test_a_powered_gait_is_found_where_the_way_to_it_is_lost():
 
 
 def test_who_cannot_climb_is_told_so():
-    with pytest.raises(GaitNotFound, match="with Drive"):
-        find_gait("C", -0.1, drive=own("C", Drive(hip_torque=0.01)))
+    with pytest.raises(GaitNotFound, match="under Actuation"):
+        find_gait(stride_map("C", -0.1, controller=own("C", Actuation(hip_torque=0.01))))
     with pytest.raises(ValueError, match="only motors"):
         gait_family("C", -0.01, 0.01)
-    with pytest.raises(ValueError, match="one drive, of single numbers"):
-        find_gait("C", 0.01, drive=Drive(hip_torque=[0.1, 0.2]))
+    with pytest.raises(ValueError, match="one Actuation, of single numbers"):
+        find_gait(stride_map("C", 0.01, controller=Actuation(hip_torque=[0.1, 0.2])))
 
 
 @pytest.mark.parametrize("period", [1, 2])
@@ -115,7 +126,9 @@ def test_what_is_found_under_a_push_off_steps_and_repeats(name, period):
     """Legs that hardly open lose at each strike what the push-off gives, and walk nowhere."""
     units = units_of(WALKERS[name])
     for push in (0.001, 0.01, 0.05, 0.2):
-        for gait in find_gaits(name, 0.0, period=period, drive=Drive(push_off=push)):
+        for gait in find_gaits(
+            stride_map(name, 0.0, controller=Actuation(push_off=push)), period=period
+        ):
             assert gait.stance_angle > 0.1 * np.sqrt(push / units.impulse)
             assert gait.cost_of_transport < 0.01
             end = gait.stride.state
@@ -126,13 +139,16 @@ def test_what_is_found_under_a_push_off_steps_and_repeats(name, period):
 
 
 def test_a_guess_with_legs_together_leads_to_no_gait():
-    drive = Drive(push_off=0.05)
-    gait = find_gaits("B", 0.0, drive=drive)[0]
+    drive = Actuation(push_off=0.05)
+    gait = find_gaits(stride_map("B", 0.0, controller=drive))[0]
     for shrunk in (1e-3, 1e-5, 1e-7):
         state = gait.state * shrunk
-        assert all(g.stance_angle > 0.01 for g in find_gaits("B", 0.0, guess=state, drive=drive))
+        assert all(
+            g.stance_angle > 0.01
+            for g in find_gaits(stride_map("B", 0.0, controller=drive), guess=state)
+        )
     with pytest.raises(GaitNotFound, match="only a long-step gait"):
-        find_gait("B", 0.0, "short", drive=drive)
+        find_gait(stride_map("B", 0.0, controller=drive), None, "short")
 
 
 @pytest.mark.parametrize(
@@ -140,10 +156,10 @@ def test_a_guess_with_legs_together_leads_to_no_gait():
     [("F", -0.0005, 0.5, 2), ("A", -8e-5, 0.1, 2), ("C", -0.001, 0.5, 2), ("E", -4.8e-5, 0.1, 4)],
 )
 def test_push_offs_carry_uphill_as_far_as_the_family_goes(name, slope, push, count):
-    drive = Drive(push_off=push)
-    gaits = find_gaits(name, slope, drive=drive)
+    drive = Actuation(push_off=push)
+    gaits = find_gaits(stride_map(name, slope, controller=drive))
     assert len(gaits) == count
-    family = gait_family(name, -0.05, 0.02, drive=drive)
+    family = gait_family(stride_map(name, controller=drive), -0.05, 0.02)
     assert family.slope.min() < slope
     same = gait_family(name, -0.05, 0.02, start=gaits[0])
     assert same.folds[0] == pytest.approx(family.folds[0], rel=1e-6)
@@ -153,7 +169,7 @@ def test_push_offs_carry_uphill_as_far_as_the_family_goes(name, slope, push, cou
 
 def test_a_family_ends_on_the_level_where_its_steps_vanish():
     """Uphill, the shortest steps are as long as the slope is steep."""
-    family = gait_family("B", -0.05, 0.02, drive=Drive(push_off=0.1))
+    family = gait_family(stride_map("B", controller=Actuation(push_off=0.1)), -0.05, 0.02)
     assert family.ends[0].reason == "the step length goes to zero"
     assert family.ends[0].value == pytest.approx(0.0, abs=1e-12)
     ratio = family.stance_angle[:3] / family.slope[:3]

@@ -48,7 +48,7 @@ def found_beside(gait, name, column, distance):
         slope += distance
     else:
         walker = replace(walker, **{name: getattr(walker, name) + distance})
-    beside = place_near(walker, slope, guess)
+    beside = place_near(StrideMap.of(walker), slope, guess)
     assert beside is not None
     return sensitivity(beside, gait.by)
 
@@ -139,7 +139,7 @@ def test_where_the_knee_stop_turns_the_swing_foot_up_its_height_is_followed_ther
 
 def test_there_is_no_gait_near_to_a_guess_far_from_any():
     gait = gait_of("lab")
-    assert place_near(WALKERS["lab"], 0.001, gait.place.u) is None
+    assert place_near(StrideMap.of("lab"), 0.001, gait.place.u) is None
 
 
 def test_all_roots_lie_inside_a_circle_just_where_its_conditions_are_positive():

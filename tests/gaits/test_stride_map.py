@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, Outcome, find_gait, stride, stride_jacobian
-from gym_passive_walker.gaits.drive import Drive
+from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.log_chart import (
     by_logarithms,
     from_logarithms,
@@ -43,7 +43,7 @@ def beside_each(name, count):
 def test_a_passage_tells_what_a_stride_tells(name):
     walker_map, slope, points = beside(name)
     torque = 0.001
-    passage = replace(walker_map, drive=Drive(torque)).apply(points, slope)
+    passage = replace(walker_map, actuation=Actuation(torque)).apply(points, slope)
     units, state = walker_map.units, walker_map.states_at(points)[0]
     walked = stride(name, slope, state, hip_torque=torque * units.torque, tolerance=1e-14)
     np.testing.assert_allclose(walker_map.states_at(passage.ends)[0], walked.state, rtol=1e-13)
@@ -58,7 +58,7 @@ def test_a_passage_tells_what_a_stride_tells(name):
 def test_derivatives_are_those_of_all_that_is_told(name):
     walker_map, slope, points = beside(name)
     by = ("state", "slope", "hip_torque", "shank_length", "thigh_length")
-    driven = replace(walker_map, drive=Drive(0.001))
+    driven = replace(walker_map, actuation=Actuation(0.001))
     _, change = driven.linearize(points, slope, strides=2, by=by)
     m = walker_map.dimension
 
@@ -67,7 +67,9 @@ def test_derivatives_are_those_of_all_that_is_told(name):
         lengths = {name: shift[i] for name, i in (("shank_length", m + 2), ("thigh_length", m + 3))}
         walker = WALKERS[name]
         walker = replace(walker, **{n: getattr(walker, n) + dx for n, dx in lengths.items()})
-        shifted = replace(StrideMap.of(walker, tolerance=1e-14), drive=Drive(0.001 + shift[m + 1]))
+        shifted = replace(
+            StrideMap.of(walker, tolerance=1e-14), actuation=Actuation(0.001 + shift[m + 1])
+        )
         return shifted.apply(points + shift[:m], slope + shift[m], strides=2)
 
     step = 1e-4
@@ -133,7 +135,9 @@ def test_who_falls_takes_nothing_from_the_others(count):
     torques[6] = -0.01  # brakes, and falls back in its fourth stride
     along = np.random.default_rng(2).standard_normal((count, 4, 2))
     by = ("state", "slope", "shank_length", "hip_torque")
-    crowd = replace(walker_map.with_parameter("shank_length", lengths), drive=Drive(torques))
+    crowd = replace(
+        walker_map.with_parameter("shank_length", lengths), actuation=Actuation(torques)
+    )
     for strides in (1, 3, 12):
         asked = {"strides": strides, "by": by, "along": along}
         told = crowd.linearize(points, slopes, **asked)
@@ -141,7 +145,7 @@ def test_who_falls_takes_nothing_from_the_others(count):
         np.testing.assert_array_equal(plain.outcomes, told[0].outcomes)
         for i in range(count):
             own = StrideMap.of(replace(WALKERS["lab"], shank_length=lengths[i]), tolerance=1e-14)
-            own = replace(own, drive=Drive(torques[i]))
+            own = replace(own, actuation=Actuation(torques[i]))
             asked = {"strides": strides, "by": by, "along": along[i : i + 1]}
             alone = own.linearize(points[i : i + 1], slopes[i], **asked)
             for mine, its in zip(told, alone, strict=True):
@@ -167,7 +171,9 @@ def test_a_toe_may_be_made_to_stub():
         walker_map = StrideMap.of("C", tolerance=1e-10, stub=stub)
         units, states = walker_map.units, walker_map.states_at(points)
         walked = stride("C", 0.03, states, hip_torque=torque * units.torque, stub=stub)
-        outcomes.append(replace(walker_map, drive=Drive(torque)).apply(points, 0.03).outcomes)
+        outcomes.append(
+            replace(walker_map, actuation=Actuation(torque)).apply(points, 0.03).outcomes
+        )
         np.testing.assert_array_equal(outcomes[-1], walked.outcome)
     assert Outcome.STUBBED_TOE in outcomes[1] and Outcome.STUBBED_TOE not in outcomes[0]
 

@@ -553,7 +553,7 @@ def test_every_option_of_gait_is_heard(capsys, tmp_path, monkeypatch):
         "deadbeat --scene lab",
         "lqr --scene lab",
         "lqr --scene steep --slope 0.1101",
-        "lqr --scene steep --period 2",
+        "lqr --scene steep --slope 0.115 --period 2",
     ):
         assert printed(f"gait {words}", capsys) != base
     drawn = []

@@ -19,6 +19,20 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*:ResourceWarning")
 
 BUMPY = "--terrain rough:height_std=0.02"
 NEAR = "--state 0.3 -0.3 -0.3 -1.2 -0.8 -1.0"
+
+
+def motors(before, after="", walker="E", at="0.01"):
+    """What works the motors of a command, of point feet and of the lab walker."""
+    base, lab = f"{walker} {at} {after}".strip(), f"lab {before} {after}".strip()
+    return {
+        "torque": (base, f"{base} --torque 0.001"),
+        "ankle_torque": (base, f"{base} --ankle-torque 0.001"),
+        "push_off": (base, f"{base} --push-off 0.01"),
+        "controller": (lab, f"{lab} --controller lab-ppo"),
+        "scene": (f"{lab} --controller lab-ppo", f"{lab} --controller lab-ppo --scene steep"),
+    }
+
+
 TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
     "walkers": ("", {}),
     "gait": (
@@ -28,9 +42,7 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
             "slope": "C 0.04",
             "tune": "C 0.03 --tune",
             "period": ("D 0.016", "D 0.016 --period 2"),
-            "torque": ("E 0.01", "E 0.01 --torque 0.001"),
-            "ankle_torque": ("E 0.01", "E 0.01 --ankle-torque 0.001"),
-            "push_off": ("E 0.01", "E 0.01 --push-off 0.001"),
+            **motors("0.036"),
         },
     ),
     "family": (
@@ -41,9 +53,7 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
             "high": "D 0.008 0.012",
             "tune": ("C 0.02 0.03", "C 0.02 0.03 --tune"),
             "kind": "D 0.008 0.01 --kind short",
-            "torque": ("E 0.008 0.01", "E 0.008 0.01 --torque 0.001"),
-            "ankle_torque": ("E 0.008 0.01", "E 0.008 0.01 --ankle-torque 0.001"),
-            "push_off": ("E 0.008 0.01", "E 0.008 0.01 --push-off 0.001"),
+            **motors("0.0359 0.0361", at="0.008 0.01"),
         },
     ),
     "bifurcation": (
@@ -60,6 +70,7 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
             "settle": "D 0.012 0.0155 --slopes 2 --settle 10 --keep 33",
             "keep": "D 0.012 0.0155 --slopes 2 --settle 9 --keep 34",
             "kind": "D 0.012 0.0155 --slopes 2 --settle 9 --keep 33 --kind short",
+            **motors("0.035 0.036", "--slopes 2 --settle 9 --keep 33", "D", "0.008 0.01"),
         },
     ),
     "basin": (
@@ -73,6 +84,7 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
             ),
             "resolution": "D 0.009 --resolution 6 --strides 30",
             "strides": "D 0.009 --resolution 5 --strides 3",
+            **motors("0.036", "--resolution 5 --strides 20"),
         },
     ),
     "check": (
@@ -83,6 +95,7 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
             "tune": "C 0.03 --tune",
             "kind": "C 0.03 --kind short",
             "friction": "C 0.03 --friction 0.01",
+            **{k: v for k, v in motors("0.036").items() if k != "push_off"},
         },
     ),
     "robustness": (
@@ -113,7 +126,7 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
             ),
             "strides": "lab 0.036 --strides 3 --out w.csv",
             "state": f"lab 0.036 --strides 2 --out w.csv {NEAR}",
-            "torque": "lab 0.036 --strides 2 --out w.csv --torque 0.1",
+            **motors("0.036", "--strides 2 --out w.csv"),
             "terrain": "lab 0.036 --strides 2 --out w.csv --terrain stairs:rise=-0.001",
             "key": (
                 "lab 0.036 --strides 2 --out w.csv --terrain rough:height_std=1e-3",
@@ -135,7 +148,7 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
             ),
             "strides": "lab 0.036 --strides 2 --out w.png",
             "state": f"lab 0.036 --strides 1 --out w.png {NEAR}",
-            "torque": "lab 0.036 --strides 1 --out w.png --torque 0.5",
+            **motors("0.036", "--strides 2 --out w.png", "D"),
             "terrain": "lab 0.036 --strides 1 --out w.png --terrain stairs:rise=-0.02",
             "key": (
                 f"lab 0.036 --strides 1 --out w.png {BUMPY}",
@@ -159,7 +172,7 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
             ),
             "strides": "D 0.009 --strides 2 --slower 0.1 --out w.gif",
             "state": f"D 0.009 --strides 1 --slower 0.1 --out w.gif {NEAR}",
-            "torque": "D 0.009 --strides 1 --slower 0.1 --out w.gif --torque 0.5",
+            **motors("0.036", "--strides 2 --slower 0.1 --out w.gif", "D"),
             "terrain": "D 0.009 --strides 1 --slower 0.1 --out w.gif --terrain stairs:rise=-0.02",
             "key": (
                 f"D 0.009 --strides 1 --slower 0.1 --out w.gif {BUMPY}",

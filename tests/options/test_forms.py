@@ -138,7 +138,7 @@ def test_a_controller_is_what_acts_its_name_or_its_folder():
         assert scene == make_scene("level")
         assert np.array_equal(policy.predict(seen)[0], gpw.load_policy(folder).predict(seen)[0])
     named = gpw.closed_loop_gait("lqr", "steep")
-    assert np.array_equal(named.point, gpw.closed_loop_gait(STEEP.value(), "steep").point)
+    assert np.array_equal(named.state, gpw.closed_loop_gait(STEEP.value(), "steep").state)
     with pytest.raises(ValueError, match="level-ppo"):
         gpw.closed_loop_gait("nobody")
 
@@ -152,10 +152,10 @@ def test_a_gait_is_a_walker_on_its_slope_in_its_state():
 
 
 def test_a_gait_keeps_its_period_and_its_motors():
-    driven = gpw.find_gait("E", 0.01, drive=gpw.Drive(hip_torque=0.001))
+    driven = gpw.find_gait(gpw.stride_map("E", 0.01, controller=gpw.Actuation(hip_torque=0.001)))
     assert gpw.stride(driven).hip_work == pytest.approx(driven.stride.hip_work, rel=1e-9) != 0.0
     assert gpw.stride(driven, hip_torque=0.0).hip_work == 0.0
-    pushed = gpw.find_gait("D", 0.009, drive=gpw.Drive(push_off=0.01))
+    pushed = gpw.find_gait(gpw.stride_map("D", 0.009, controller=gpw.Actuation(push_off=0.01)))
     assert gpw.simulate(pushed, strides=2).ending == "heelstrike"
     with pytest.raises(ValueError, match="push-off"):
         gpw.reality_check(pushed)

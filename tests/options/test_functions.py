@@ -117,10 +117,10 @@ OPTIONS = {
             policy=Later(lambda: LinearFeedback("steep", torque_weight=1.0)),
             scene=Later(lambda: make_scene("steep", max_hip_torque=0.02)),
             slope=0.1101,
-            period=To(2, expect=lambda a, b: (a.period, b.period) == (1, 2)),
-            start=To(
-                Later(lambda: gpw.closed_loop_gait(STEEP.value(), "steep").point * 1.001),
-                look=lambda found: found.point,
+            period=To(2, dict(slope=0.115), expect=lambda a, b: (a.period, b.period) == (1, 2)),
+            guess=To(
+                Later(lambda: gpw.closed_loop_gait(STEEP.value(), "steep").state * 1.001),
+                look=lambda found: found.state,
             ),
         ),
     ),
@@ -174,7 +174,6 @@ OPTIONS = {
             kind=To("short", expect=lambda a, b: b.kind == "short"),
             period=To(2, dict(slope=0.016), expect=lambda a, b: b.period == 2),
             guess=Later(lambda: 1.001 * gait("D", 0.009).state),
-            drive=gpw.Drive(push_off=0.01),
         ),
     ),
     "find_gaits": Call(
@@ -185,7 +184,6 @@ OPTIONS = {
             slope=0.01,
             period=To(2, dict(slope=0.016)),
             guess=Later(lambda: 1.001 * gait("D", 0.009).state),
-            drive=gpw.Drive(push_off=0.01),
         ),
     ),
     "foot_velocity": Call(
@@ -206,7 +204,6 @@ OPTIONS = {
             kind="short",
             start=Later(lambda: gait("D", 0.0085)),
             resolution=To(0.02, expect=lambda a, b: len(b) > len(a)),
-            drive=gpw.Drive(push_off=0.001),
         ),
     ),
     "lab_walker_from_parts": Call(gpw.lab_walker_from_parts, {}, {}),
@@ -314,7 +311,6 @@ OPTIONS = {
             slope=0.021,
             kind="short",
             resolution=To(0.01, expect=lambda a, b: len(b) > len(a)),
-            drive=gpw.Drive(hip_torque=0.001),
         ),
     ),
     "reality_check": Call(
@@ -451,7 +447,7 @@ OPTIONS = {
         dict(
             walker="C",
             slope=0.03,
-            controller=gpw.Drive(0.1),
+            controller=gpw.Actuation(0.1),
             scene=To("lab", dict(walker=None, slope=None, controller="constant")),
             tolerance=1e-6,
         ),

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from agents.benchmark import rough_strides
 from gym_passive_walker.control import baselines, once_a_stride
 from gym_passive_walker.control.feedback import gains
 from gym_passive_walker.control.shaping import Shaped
 from gym_passive_walker.control.ticks import ticked_stride
-from gym_passive_walker.control.trials import rough_strides
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.render.axes import OWN
@@ -26,7 +26,7 @@ from gym_passive_walker.walkers import name_of
 from tests.options.heard import Call, Later, To, cases, check, missing
 
 RESULTS = set(
-    "Basin BifurcationDiagram Cascade ClosedLoopGait Design Extreme FootVelocity Gait GaitFamily "
+    "Basin BifurcationDiagram Cascade Design Extreme FootVelocity Gait GaitFamily "
     "GaitNotFound Impulse Measures OptimalGait Outcome PolicyError Push RealityCheck Robustness "
     "Stride Swept TrainedPolicy Trajectory TuningErrors WalkerError".split()
 )
@@ -60,7 +60,7 @@ def shaped(**parameters):
 
 
 def drives(**parameters):
-    drive = gpw.Drive(**parameters)
+    drive = gpw.Actuation(**parameters)
     return gpw.stride("D", 0.009, gait().state, **drive._asdict())
 
 
@@ -89,10 +89,6 @@ def acts(policy):
 
 def made(of):
     return lambda **arguments: acts(of(**arguments))
-
-
-def in_two(resolution, **rest):
-    return closed().basin(resolution=resolution, **rest).survived
 
 
 LAB = dict(
@@ -161,8 +157,8 @@ OPTIONS = {
     "Terrain.ground": Call(
         gpw.rough(0.01, 0.01).ground, dict(keys=3, places=[1, 2]), dict(keys=4, places=[2, 3])
     ),
-    "Drive": Call(
-        drives, {}, dict(hip_torque=0.001, ankle_torque=0.001, push_off=0.001), of=gpw.Drive
+    "Actuation": Call(
+        drives, {}, dict(hip_torque=0.001, ankle_torque=0.001, push_off=0.001), of=gpw.Actuation
     ),
     "Part": Call(
         weighs,
@@ -211,16 +207,6 @@ OPTIONS = {
         dict(observation=np.full((1, 8), 0.1)),
         of=gpw.TrainedPolicy.linearize,
     ),
-    "ClosedLoopGait.basin": Call(
-        in_two,
-        dict(resolution=6, strides=3),
-        dict(
-            resolution=7,
-            reach=1.1,
-            strides=To(20, dict(resolution=12), expect=lambda a, b: b.sum() < a.sum()),
-        ),
-        of=gpw.ClosedLoopGait.basin,
-    ),
     "ConstantTorque": Call(
         made(baselines.ConstantTorque),
         dict(torque=0.01, scene="level"),
@@ -242,8 +228,8 @@ OPTIONS = {
         ),
         of=baselines.Optimal,
     ),
-    "DriveFeedback": Call(
-        made(once_a_stride.DriveFeedback),
+    "ActuationFeedback": Call(
+        made(once_a_stride.ActuationFeedback),
         dict(scene=PUSHING, gait=Later(gait)),
         dict(
             scene=Later(lambda: make_scene("push-off", slope=0.009, max_push_off=0.05)),
@@ -251,7 +237,16 @@ OPTIONS = {
             method="lqr",
             torque_weight=To(1.0, dict(method="lqr")),
         ),
-        of=once_a_stride.DriveFeedback,
+        of=once_a_stride.ActuationFeedback,
+    ),
+    "Schedule": Call(
+        made(baselines.Schedule),
+        dict(scene="level", gait=Later(lambda: baselines.optimal.load("level")[0])),
+        dict(
+            scene=Later(lambda: make_scene("level", max_hip_torque=0.07)),
+            gait=Later(lambda: baselines.optimal.load("level")[1]),
+        ),
+        of=baselines.Schedule,
     ),
     "SpeedControl": Call(
         made(once_a_stride.SpeedControl),
@@ -366,8 +361,7 @@ SHOWN = {  # for each class with a picture: an example, and what its picture can
         {"markersize": 9.0},
     ),
     "Cascade": (lambda: gpw.doubling_cascade("D", 0.01, 0.0195, doublings=3), {"linewidth": 9.0}),
-    "ClosedLoopGait": (closed, {"optimum": Later(lambda: baselines.optimal.load("level")[0])}),
-    "Gait": (gait, {}),
+    "Gait": (closed, {"optimum": Later(lambda: baselines.optimal.load("level")[0])}),
     "GaitFamily": (
         lambda: gpw.gait_family("D", 0.008, 0.01),
         {"by": "froude_speed", "linewidth": 9.0},

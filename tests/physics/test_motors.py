@@ -7,7 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gym_passive_walker import WALKERS, Drive, Outcome, Walker, find_gaits, stride, stride_jacobian
+from gym_passive_walker import (
+    WALKERS,
+    Actuation,
+    Outcome,
+    Walker,
+    find_gaits,
+    stride,
+    stride_jacobian,
+    stride_map,
+)
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import State
@@ -108,7 +117,7 @@ def test_motors_at_rest_change_no_bit_of_a_walk(gait):
     np.testing.assert_array_equal(*ends)
 
 
-@pytest.mark.parametrize("wrt", Drive._fields)
+@pytest.mark.parametrize("wrt", Actuation._fields)
 @pytest.mark.parametrize("name", ["lab", "A", "D", "E"])
 def test_the_derivative_by_a_motor_is_that_of_the_map(name, wrt):
     gait, walker = LONG_GAITS[name], fitted(WALKERS[name], 0.005, 0.001, 0.003)
@@ -147,7 +156,9 @@ def test_kuo_s_walker_walks_on_level_ground_at_his_speed():
     """Kuo 2002, normal gait: to the digits of his program, and what theory says of its push-off."""
     walker = replace(WALKERS["D"], hip_stiffness=2.5127 * 9.81)
     units = units_of(walker)
-    gait = find_gaits(walker, 0.0, drive=Drive(push_off=0.1877 * units.impulse))[0]
+    gait = find_gaits(
+        stride_map(walker, 0.0, controller=Actuation(push_off=0.1877 * units.impulse))
+    )[0]
     assert gait.stance_angle == pytest.approx(0.355460, abs=1e-6)
     assert gait.state[3] * units.time == pytest.approx(-0.505619, abs=1e-6)
     assert gait.speed == pytest.approx(1.2527, abs=5e-5)
@@ -166,7 +177,9 @@ def test_a_push_off_costs_a_quarter_of_what_a_hip_would_at_small_steps():
     for push in (0.02, 0.1, 0.2):
         walker = replace(WALKERS["D"], hip_stiffness=2.0 * 9.81)
         units = units_of(walker)
-        gait = find_gaits(walker, 0.0, drive=Drive(push_off=push * units.impulse))[0]
+        gait = find_gaits(
+            stride_map(walker, 0.0, controller=Actuation(push_off=push * units.impulse))
+        )[0]
         angle, speed = gait.stance_angle, -gait.state[3] * units.time
         without = 0.5 * (speed * np.sin(2.0 * angle)) ** 2
         share = gait.stride.push_off_work / units.energy / without
@@ -188,7 +201,7 @@ def test_a_motor_that_cannot_be_is_refused(arguments, sentence):
     with pytest.raises(ValueError, match=sentence):
         stride("C", gait.slope, gait.state, **arguments)
     with pytest.raises(ValueError, match=sentence):
-        find_gaits("C", gait.slope, drive=Drive(**arguments))
+        find_gaits(stride_map("C", gait.slope, controller=Actuation(**arguments)))
 
 
 def test_the_books_close_for_any_walker_with_all_motors_on():

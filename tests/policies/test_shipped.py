@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.control.policy import steps
+from gym_passive_walker.evaluation.steps import steps
 from gym_passive_walker.policies import policy_folder, shipped_policies
 
 SCENES = ("level", "steep", "rolling", "commanded", "rough", "pushed", "push-off")
@@ -60,7 +60,7 @@ def test_a_policy_has_a_gait_of_its_own():
     policy = gpw.load_policy("level-ppo")
     gait = gpw.closed_loop_gait(policy, "level")
     assert gait.stable
-    assert gait.speed == pytest.approx(0.154, abs=0.001)
+    assert gait.froude_speed == pytest.approx(0.154, abs=0.001)
     assert gait.cost_of_transport == pytest.approx(0.0161, abs=0.0002)
 
 

@@ -11,7 +11,7 @@ torch = pytest.importorskip("torch")
 
 from torch import Tensor, nn  # noqa: E402
 
-from gym_passive_walker.control.walks import WALKED_ON, Walks, evaluate  # noqa: E402
+from gym_passive_walker.evaluation.walks import WALKED_ON, Walks, evaluate  # noqa: E402
 
 pytestmark = pytest.mark.learning
 

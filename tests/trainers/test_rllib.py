@@ -11,7 +11,7 @@ pytest.importorskip("torch")
 from agents import rllib
 from agents.config import configure
 from gym_passive_walker.control.baselines import Passive
-from gym_passive_walker.control.walks import HUNDRED, WALKED_ON, evaluate
+from gym_passive_walker.evaluation.walks import HUNDRED, WALKED_ON, evaluate
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # Ray's own
 

@@ -15,13 +15,17 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.arguments import KEPT, number, seed_number, whole
 from gym_passive_walker.control.baselines import Passive
+from gym_passive_walker.control.controlled import acting_as
 from gym_passive_walker.control.controllers import ControllerLike, SceneLike, acting
-from gym_passive_walker.control.policy import Policy, steps
+from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.evaluation.steps import steps
 from gym_passive_walker.gaits.first_passage import SETTLING as FORGETTING
 from gym_passive_walker.gaits.first_passage import FirstPassage, survivors, walks
 from gym_passive_walker.gaits.flow import Walkers
+from gym_passive_walker.gaits.gait import Gait
+from gym_passive_walker.gaits.stride_map import MapLike, StrideMap
 from gym_passive_walker.gaits.terrain import Terrain, rough
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.systems import body_of
@@ -135,7 +139,7 @@ class Robustness(Table):
 
 
 def robustness(
-    who: WalkerLike | ControllerLike,
+    who: MapLike | Gait | ControllerLike,
     scene: SceneLike | None = None,
     *,
     slope: float | None = None,
@@ -155,8 +159,9 @@ def robustness(
         True
 
     Args:
-        who: A passive walker, in a form that `as_walker` takes; or a controller: a feedback or a
-            trained policy, the name of one, or anything with `predict`.
+        who: A passive walker, in a form that `as_walker` takes; a map of `stride_map`, or a `Gait`
+            of one; or a controller: a feedback or a trained policy, the name of one, or anything
+            with `predict`.
         scene: Where it walks: a `Scene`, its name or a mapping of its arguments. A learned policy's
             own when None. A passive walker needs none, but its slope; without one it may scuff.
         slope: Slope in rad instead of the scene's; the middle of a range when None.
@@ -175,6 +180,14 @@ def robustness(
         ValueError: if an argument is out of its range, or the walker does not come to walk the
             same stride again and again.
     """
+    strides_of = who.stride_map if isinstance(who, Gait) else who
+    if isinstance(strides_of, StrideMap):
+        if scene is not None:
+            raise ValueError("a stride map has its own walker and motors: leave the scene out")
+        slope = strides_of.chosen(slope)
+        who = strides_of.walker
+        if not strides_of.passive:
+            who, scene = acting_as(strides_of, slope)
     passive = is_walker(who)
     if passive:
         policy, tried, name = Passive(), _scene_of(who, scene, slope), "nobody acts"

@@ -10,10 +10,10 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.control.baselines import Passive
-from gym_passive_walker.control.robustness import AFTER, _largest, _Tries, robustness
 from gym_passive_walker.engine.run import LONGEST_STRIDE, advance, new_records
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.evaluation.robustness import AFTER, _largest, _Tries, robustness
 from gym_passive_walker.physics.hybrid import State
 from gym_passive_walker.physics.systems import bodies, body_of
 from gym_passive_walker.units import units_of

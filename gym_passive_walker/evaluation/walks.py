@@ -11,8 +11,9 @@ import numpy as np
 from gymnasium.vector import VectorEnv
 from numpy.typing import NDArray
 
-from gym_passive_walker.control.policy import Policy, steps
+from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
+from gym_passive_walker.evaluation.steps import steps
 from gym_passive_walker.progress import progress
 
 HUNDRED = 100

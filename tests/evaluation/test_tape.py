@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gym_passive_walker.control.tape import Tape
 from gym_passive_walker.envs.scene import SceneError, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.evaluation.tape import Tape
 
 COUNT, STEPS, WIDTH = 6, 75, 1e-6
 STRIDES = {"control": "stride", "max_hip_torque": 0.005}

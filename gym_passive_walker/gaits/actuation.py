@@ -1,4 +1,4 @@
-"""What drives a walker from stride to stride: motors that do the same in each of them."""
+"""Motors that do the same in each stride: what they hold, and the push-off at its end."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gym_passive_walker.units import Units
 from gym_passive_walker.walkers import Walker
 
 
-class Drive(NamedTuple):
+class Actuation(NamedTuple):
     """What motors do all along: in the walker's own units where people say it, else dimensionless.
 
     Attributes:
@@ -41,49 +41,58 @@ class Drive(NamedTuple):
         return "ankle", "push_off"
 
 
-def _single(drive: Drive) -> bool:
+def _single(actuation: Actuation) -> bool:
     """Whether its parts are plain numbers, which need not wait for arrays."""
-    return type(drive[0]) is type(drive[1]) is type(drive[2]) is float
+    return type(actuation[0]) is type(actuation[1]) is type(actuation[2]) is float
 
 
-PASSIVE = Drive()
+PASSIVE = Actuation()
 """No motors."""
 
 USES = {"hip_torque": "hip", "ankle_torque": "ankle", "push_off": "push_off"}
-"""What of the engine each part of a drive is."""
+"""What of the engine each part of an actuation is."""
 
 
-def drive_units(units: Units) -> Drive:
-    """The dimensionless units of a drive in a walker's own."""
-    return Drive(units.torque, units.energy, units.impulse)
+def actuation_units(units: Units) -> Actuation:
+    """The dimensionless units of an actuation in a walker's own."""
+    return Actuation(units.torque, units.energy, units.impulse)
 
 
-def to_dimensionless(units: Units, drive: Drive) -> Drive:
-    """A drive in a walker's own units without them."""
-    return Drive(*(part / unit for part, unit in zip(drive, drive_units(units), strict=True)))
+def to_dimensionless(units: Units, actuation: Actuation) -> Actuation:
+    """A actuation in a walker's own units without them."""
+    return Actuation(
+        *(part / unit for part, unit in zip(actuation, actuation_units(units), strict=True))
+    )
 
 
-def to_own(units: Units, drive: Drive) -> Drive:
-    """A dimensionless drive in a walker's own units."""
-    return Drive(*(part * unit for part, unit in zip(drive, drive_units(units), strict=True)))
+def to_own(units: Units, actuation: Actuation) -> Actuation:
+    """A dimensionless actuation in a walker's own units."""
+    return Actuation(
+        *(part * unit for part, unit in zip(actuation, actuation_units(units), strict=True))
+    )
 
 
-def check_drive(walker: Walker, drive: Drive) -> Drive:
-    """A drive whose parts are numbers, or arrays of them, that the walker's feet can bear.
+def check_actuation(walker: Walker, actuation: Actuation) -> Actuation:
+    """A actuation whose parts are numbers, or arrays of them, that the walker's feet can bear.
 
     Raises:
         ValueError: if they are not; the message says what is allowed.
     """
-    if type(drive) is Drive and _single(drive) and sum(map(abs, drive)) < math.inf:
-        if drive == PASSIVE:
+    if type(actuation) is Actuation and _single(actuation) and sum(map(abs, actuation)) < math.inf:
+        if actuation == PASSIVE:
             return PASSIVE
-        if drive.push_off >= 0.0 and (drive.ankle_torque == 0.0 or walker.foot_radius == 0.0):
-            return drive
-    if len(drive) != len(Drive._fields) or isinstance(drive, str):
-        raise ValueError(f"a drive is a Drive(hip_torque, ankle_torque, push_off), not {drive!r}")
+        if actuation.push_off >= 0.0 and (
+            actuation.ankle_torque == 0.0 or walker.foot_radius == 0.0
+        ):
+            return actuation
+    if len(actuation) != len(Actuation._fields) or isinstance(actuation, str):
+        raise ValueError(
+            f"an actuation is a Actuation(hip_torque, ankle_torque, push_off), not {actuation!r}"
+        )
     allowed = "a number or an array of them"
     hip, ankle, push = (
-        real_array(part, name, allowed) for name, part in zip(Drive._fields, drive, strict=True)
+        real_array(part, name, allowed)
+        for name, part in zip(Actuation._fields, actuation, strict=True)
     )
     if walker.foot_radius != 0.0 and np.any(ankle):
         raise ValueError(
@@ -92,24 +101,24 @@ def check_drive(walker: Walker, drive: Drive) -> Drive:
         )
     if np.any(np.less(push, 0.0)):
         raise ValueError("push_off must not be negative: the ground cannot pull")
-    return Drive(hip, ankle, push)
+    return Actuation(hip, ankle, push)
 
 
-def drive_shapes(drive: Drive) -> list[tuple[int, ...]]:
+def actuation_shapes(actuation: Actuation) -> list[tuple[int, ...]]:
     """The shapes of its parts."""
-    return [] if _single(drive) else [np.shape(part) for part in drive]
+    return [] if _single(actuation) else [np.shape(part) for part in actuation]
 
 
-def one_drive(walker: Walker, drive: Drive) -> Drive:
-    """A drive of single numbers.
+def one_actuation(walker: Walker, actuation: Actuation) -> Actuation:
+    """A actuation of single numbers.
 
     Raises:
         ValueError: if a part is none.
     """
-    checked = check_drive(walker, drive)
+    checked = check_actuation(walker, actuation)
     if any(np.ndim(part) for part in checked):
-        raise ValueError(f"a gait has one drive, of single numbers, not {drive!r}")
-    return Drive(*(float(part) for part in checked))
+        raise ValueError(f"a stride map has one Actuation, of single numbers, not {actuation!r}")
+    return Actuation(*(float(part) for part in checked))
 
 
 def for_each(value: ArrayLike, count: int) -> NDArray[np.float64]:

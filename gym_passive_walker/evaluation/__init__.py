@@ -1,0 +1,1 @@
+"""How well what acts walks: episodes, robustness, and steps noted to be differentiated."""

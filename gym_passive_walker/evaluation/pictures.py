@@ -1,0 +1,76 @@
+"""What `plot` draws of how much a walk bears."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker.evaluation.robustness import Robustness
+from gym_passive_walker.render.axes import (
+    BLACK,
+    BLUE,
+    VERMILION,
+    given,
+    legend,
+    panels,
+)
+from gym_passive_walker.shown import picture
+from gym_passive_walker.walkers import name_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+@picture.register(Robustness)
+def _robustness(found: Robustness, ax: Axes | None = None) -> Axes | NDArray:
+    """Survival on rough ground, answers to a step, pushes by phase, and what else was measured."""
+    if given(ax):
+        _pushes(ax, found)
+        return ax
+    figure, axes = panels(2, 2, (9.2, 8.2), ax)
+    survival, answers, pushes, told = axes
+    strides = np.arange(1, len(found.survivors) + 1)
+    lasting = found.first_passage.mean
+    survival.semilogy(strides, np.maximum(found.survivors, 1e-12), color=BLUE, label="walkers")
+    if np.isfinite(lasting):
+        began = min(10, len(strides) - 1)
+        falling = found.survivors[began] * (1.0 - 1.0 / lasting) ** (strides - strides[began])
+        survival.semilogy(strides, falling, "--", color=BLACK, label=f"1 in {lasting:.4g} falls")
+    least = found.survivors[found.survivors > 0.0].min(initial=1.0)
+    survival.set(
+        xlabel=f"strides on ground whose heights differ by {found.roughness:.3g} l",
+        ylabel="share that still walks", ylim=(0.7 * least, 1.3),
+    )  # fmt: skip
+    legend(survival, columns=2)
+    shown = found.answers[:15]
+    answers.bar(np.arange(1, len(shown) + 1), shown, color=BLUE)
+    answers.axhline(0.0, color=BLACK, linewidth=0.6)
+    answers.set(
+        xlabel="stride after a step in the ground", ylabel="change of the period (√(l/g) per l)"
+    )
+    _pushes(pushes, found)
+    told.axis("off")
+    columns = zip(*found.facts().items(), strict=True)
+    for place, column in zip((0.0, 0.42), columns, strict=True):
+        style = {"va": "top", "fontsize": "small", "linespacing": 1.6}
+        told.text(place, 1.0, "\n".join(column), transform=told.transAxes, **style)
+    figure.suptitle(
+        f"Walker {name_of(found.walker)} at slope {found.slope:.4g} rad, {found.who}",
+        fontsize="medium",
+    )
+    return np.array(axes)
+
+
+def _pushes(ax: Axes, found: Robustness) -> None:
+    """The largest pushes both ways, over the stride."""
+    share = found.phases * 100.0
+    ax.plot(share, found.forward, "o-", color=BLUE, label="forward")
+    ax.plot(share, found.backward, "s--", color=VERMILION, label="backward")
+    ax.set(
+        xlabel="time of the push (% of the period)",
+        ylabel="largest impulse (m √(g l))",
+        ylim=(0, None),
+    )
+    legend(ax, columns=2)

@@ -1,0 +1,52 @@
+"""Steps of many environments under a policy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+from gymnasium.vector import VectorEnv
+from numpy.typing import NDArray
+
+from gym_passive_walker.control.policy import Policy
+
+
+class Step(NamedTuple):
+    """A step of n walkers under a policy.
+
+    Attributes:
+        actions: What the policy did, (n, 1).
+        observations: What it sees next, (n, 8); what is written into them it does see.
+        rewards: Shape (n,).
+        terminated: Whose episode has ended, (n,).
+        truncated: Whose time is up, (n,).
+        struck: Whose stride has ended with a heelstrike, (n,).
+        infos: As of the vector environment.
+    """
+
+    actions: NDArray[np.float32]
+    observations: NDArray[np.float32]
+    rewards: NDArray[np.float64]
+    terminated: NDArray[np.bool_]
+    truncated: NDArray[np.bool_]
+    struck: NDArray[np.bool_]
+    infos: dict[str, Any]
+
+
+def steps(policy: Policy, worlds: VectorEnv, observations: NDArray[np.float32]) -> Iterator[Step]:
+    """Let a policy act, deterministically, for as long as someone looks on.
+
+    Args:
+        policy: Who acts.
+        worlds: A native batch that has just been reset, in its usual "NextStep" mode.
+        observations: What the reset returned.
+    """
+    memory, first = None, np.ones(worlds.num_envs, bool)
+    nobody = np.zeros(worlds.num_envs, bool)
+    while True:
+        actions, memory = policy.predict(observations, memory, first, deterministic=True)
+        observations, rewards, terminated, truncated, infos = worlds.step(actions)
+        first = terminated | truncated
+        struck = infos.get("_step_length", nobody)
+        yield Step(actions, observations, rewards, terminated, truncated, struck, infos)

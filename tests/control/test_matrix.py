@@ -1,0 +1,184 @@
+"""Every analysis of everything that walks: pair by pair it works, or an error says why not.
+
+`docs/matrix.md` shows the table; ``python -m tests.control.test_matrix`` writes it.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.control.baselines import LinearFeedback
+
+PAGE = Path(__file__).parents[2] / "docs" / "matrix.md"
+BEGIN, END = "<!-- pairs: begin -->", "<!-- pairs: end -->"
+LAB = {"walker": "lab", "slope": 0.036}
+
+
+def brake(observation):
+    """A function of observations: a torque against the stance angle's deviation."""
+    return 0.4 * (observation[:, :1] - 0.243)
+
+
+class Pushes:
+    """An object with `predict` and a scene, as users write them."""
+
+    scene = LAB
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        """A little torque, always the same."""
+        return np.full((len(observation), 1), 0.05, np.float32), state
+
+
+WALKS = {
+    "nothing: passive": lambda: gpw.stride_map("lab", 0.036),
+    "`Actuation`": lambda: gpw.stride_map("lab", 0.036, controller=gpw.Actuation(hip_torque=0.05)),
+    "`OptimalGait`": lambda: gpw.stride_map(
+        controller=gpw.control.optimal.load("level")[-5], scene="level"
+    ),
+    "feedback": lambda: gpw.stride_map(controller=LinearFeedback("lab")),
+    "policy": lambda: gpw.stride_map(controller="lab-ppo"),
+    "object with `predict`": lambda: gpw.stride_map(controller=Pushes()),
+    "function": lambda: gpw.stride_map(controller=brake, scene=LAB),
+}
+"""What works the motors, and its stride map."""
+
+
+def near(value, share=0.02):
+    return value * (1.0 - share), value * (1.0 + share)
+
+
+def in_torch(found):
+    """Strides of torch know motors that are held, and controllers that are modules."""
+    torch = pytest.importorskip("torch")
+    from gym_passive_walker.torch import stride
+
+    strides = found.stride_map
+    if strides.controlled:
+        raise ValueError(
+            "a stride of torch has held motors: walk under a module by "
+            "gym_passive_walker.torch.rollout"
+        )
+    held = strides.controller or gpw.Actuation()
+    state = torch.tensor(found.state, dtype=torch.float64, requires_grad=True)
+    return stride(found.walker, found.slope, state, **held._asdict()).state
+
+
+def watched(found):
+    """A frame of a film."""
+    from gym_passive_walker.render.strobe import strobe
+
+    return strobe(found, strides=1)
+
+
+@cache
+def gait(name):
+    return gpw.find_gait(WALKS[name]())
+
+
+def of(name):
+    return gait(name).stride_map.with_tolerance(1e-10)
+
+
+ANALYSES = {
+    "gait, multipliers": gait,
+    "family in slope": lambda n: gpw.gait_family(
+        of(n), gait(n).slope - 1e-3, gait(n).slope + 1e-3, start=gait(n), resolution=0.5
+    ),
+    "family in a parameter": lambda n: gpw.parameter_family(
+        of(n), "foot_radius", *near(gait(n).walker.foot_radius), resolution=0.5
+    ),
+    "bifurcation diagram": lambda n: gpw.bifurcation_diagram(
+        of(n), [max(gait(n).slope, 1e-3)], start=gait(n).state, settle=5, keep=6, longest_period=2
+    ),
+    "period-doubling cascade": lambda n: gpw.doubling_cascade(
+        of(n), *near(max(gait(n).slope, 1e-3)), doublings=1
+    ),
+    "crisis": lambda n: gpw.crisis_slope(
+        of(n),
+        max(gait(n).slope, 1e-3),
+        0.4,
+        start=gait(n).state,
+        strides=20,
+        walkers=2,
+        accuracy=0.05,
+    ),
+    "Lyapunov exponents": lambda n: gpw.lyapunov_exponents(
+        of(n), [max(gait(n).slope, 1e-3)], start=gait(n).state, strides=4, settle=2
+    ),
+    "basin": lambda n: gpw.basin_of_attraction(of(n), resolution=5, strides=20),
+    "largest push": lambda n: gpw.largest_push(
+        of(n), gait=gait(n), strides=10, accuracy=0.02, tolerance=1e-8
+    ),
+    "robustness": lambda n: gpw.robustness(gait(n), walkers=4, strides=5, starts=4),
+    "simulation": lambda n: gpw.simulate(gait(n), strides=2, samples=10),
+    "simulation on rough ground": lambda n: gpw.simulate(
+        gait(n), strides=2, samples=10, terrain=gpw.rough(0.001)
+    ),
+    "reality check": lambda n: gpw.reality_check(gait(n)),
+    "Jacobian": lambda n: gpw.stride_jacobian(gait(n), wrt=("state", "slope", "shank_com")),
+    "design": lambda n: gpw.optimise_walker(
+        of(n), "cost_of_transport", ["shank_com"], [near(gait(n).walker.shank_com)], iterations=2
+    ),
+    "pictures": lambda n: watched(gait(n)),
+    "torch": lambda n: in_torch(gait(n)),
+}
+
+
+def tried(analysis, name):
+    """A cell of the table: whether it works, or why not."""
+    try:
+        result = ANALYSES[analysis](name)
+    except (ValueError, gpw.GaitNotFound) as error:
+        return str(error)
+    assert result is not None
+    return ""
+
+
+REASONS = {
+    "does not double its period": "works",  # there is no doubling in this range, and it says so
+    "a stride of torch has held motors": "by `rollout`",
+}
+
+
+def cell(analysis, name):
+    said = ANALYSES_CACHE.setdefault((analysis, name), tried(analysis, name))
+    if not said:
+        return "yes"
+    known = [mark for words, mark in REASONS.items() if words in said]
+    assert known, f"{analysis} of {name}: {said}"
+    return "yes" if known[0] == "works" else known[0]
+
+
+ANALYSES_CACHE: dict = {}
+
+
+@pytest.mark.parametrize("name", WALKS)
+@pytest.mark.parametrize("analysis", [a for a in ANALYSES if a != "torch"])
+def test_every_analysis_takes_everything_that_walks(analysis, name):
+    assert cell(analysis, name) == "yes"
+
+
+def table() -> str:
+    """The pairs as a table in Markdown."""
+    head = ["", *WALKS]
+    rows = [[analysis, *(cell(analysis, name) for name in WALKS)] for analysis in ANALYSES]
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+@pytest.mark.slow
+def test_the_table_of_the_documentation_is_what_the_pairs_say():
+    text = PAGE.read_text(encoding="utf-8")
+    written = text.split(BEGIN)[1].split(END)[0].strip()
+    assert written == table()
+
+
+if __name__ == "__main__":
+    text = PAGE.read_text(encoding="utf-8")
+    before, rest = text.split(BEGIN)
+    PAGE.write_text(f"{before}{BEGIN}\n{table()}\n{END}{rest.split(END)[1]}", encoding="utf-8")
