@@ -338,11 +338,7 @@ class ControlledMap(StrideMap):
             last = step * self.hold >= self.scene.longest_stride
             records["moved"], records["turned"] = 0.0, 0.0
             records["end"] = self.scene.longest_stride if last else step * self.hold
-            for motor, given in zip(motors, held[:, :, 0].T, strict=True):
-                if motor < records["control"].shape[2]:
-                    records["control"][:, 0, motor] = given
-                else:
-                    records["push_off"][:, 0] = given
+            self.command(records, held[:, :, 0])
             before = records[on]
             walked = go_on(
                 walkers, before, by, lanes=lanes[on], on_section=step == 1, uneven=uneven
@@ -360,6 +356,30 @@ class ControlledMap(StrideMap):
             on = on[walked.outcomes == _RUNNING]
             if last:
                 return
+
+    def act(
+        self, records: NDArray, slopes: NDArray, memory: Any, step: int
+    ) -> tuple[NDArray[np.float64], Any]:
+        """What the controller gives motors for a control step, (n, actions); and its memory.
+
+        Args:
+            records: Where walkers are, (n, 1).
+            slopes: Slope in rad, (n,).
+            memory: What the last call returned.
+            step: How many control steps the stride has had.
+        """
+        nothing = _Seeds(np.zeros((len(records), self.dimension, 0)), {})
+        change = np.zeros((len(records), _STATE, 0))
+        held, memory = self._act(records, slopes, memory, step, change, nothing, None)
+        return held[:, :, 0], memory
+
+    def command(self, records: NDArray, held: NDArray) -> None:
+        """Have walkers hold what `act` gave their motors."""
+        for motor, given in zip(self._motors, held.T, strict=True):
+            if motor < records["control"].shape[2]:
+                records["control"][:, 0, motor] = given
+            else:
+                records["push_off"][:, 0] = given
 
     def _act(
         self, records: NDArray, slopes: NDArray, memory: Any, step: int, change: NDArray,

@@ -49,9 +49,8 @@ def gentle_slope(walker: Walker, *wanted: float) -> float:
 
 @cache
 def offered_policies() -> dict[str, TrainedPolicy]:
-    """Shipped policies that need nothing but a hip torque and what the viewer shows them."""
-    loaded = {name: load_policy(name) for name in shipped_policies()}
-    return {name: policy for name, policy in loaded.items() if LiveWalk.takes(policy)}
+    """Shipped policies."""
+    return {name: load_policy(name) for name in shipped_policies()}
 
 
 class Player:

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import one_slope
-from gym_passive_walker.engine.compiled import compiled
-from gym_passive_walker.envs import task
+from gym_passive_walker.control.controlled import ControlledMap, stride_map
 from gym_passive_walker.envs.starts import checked_state, gait_near
 from gym_passive_walker.gaits.flow import Walkers, go_on, new_records
 from gym_passive_walker.physics import legs
@@ -60,7 +59,7 @@ class LiveWalk:
     Args:
         walker: Who walks.
         slope: Slope in rad, positive downhill.
-        policy: A trained policy that works the hip.
+        policy: A trained policy that works the motors.
         start: Section state to start from, in the walker's own units, (6,); None is the passive
             gait of this slope, or of the nearest one that has one.
 
@@ -68,7 +67,7 @@ class LiveWalk:
         walker: Who walks.
         slope: Slope in rad.
         torque: Hip torque held now, in units of m g l.
-        policy: Who works the hip; None holds the torque.
+        policy: What works the motors; None holds the torque.
         outcome: How the walk has ended; RUNNING while it goes on.
         strides: Heelstrikes since it began.
         last: The last stride; None if something was changed in it.
@@ -107,7 +106,6 @@ class LiveWalk:
         self.outcome, self.strides, self.last = Outcome.RUNNING, 0, None
         self.trail: deque[Sample] = deque(maxlen=_TRAIL)
         self._origin = self.walker.foot_radius * state[0]
-        self._memory, self._first = None, np.ones(1, bool)
         self._open_stride()
         self._sample()
 
@@ -131,22 +129,27 @@ class LiveWalk:
         if self.outcome != Outcome.RUNNING:
             return
         left = duration / self._units.time
-        stub = self.policy is not None and self.policy.scene.stub and self.walker.knees
-        walkers = Walkers(walker=self.walker, tolerance=_TOLERANCE, stub=stub)
+        works, controlled = np.array(self._system.works), self._controlled
+        walkers = (
+            Walkers(walker=self.walker, tolerance=_TOLERANCE)
+            if controlled is None
+            else controlled.walkers
+        )
         while left > _INSTANT and self.outcome == Outcome.RUNNING:
             record = self._record
             before = float(record["time"])
-            if self.policy is not None and before > self._decision - _INSTANT:
-                self._decide(self.policy, before)
+            if controlled is None:
+                record["control"][0] = self.torque
+            elif before > self._decision - _INSTANT:
+                self._decide(controlled, before)
             if before > self._sampling - _INSTANT:
                 self._sample()
             record["end"] = min(before + left, self._decision, self._sampling)
-            record["control"][0] = self.torque
             record["moved"] = record["turned"] = 0.0
             self._records = go_on(walkers, self._records, on_section=self._on_section).here
             record = self._record
             self._on_section = False
-            self._work += abs(self.torque) * float(record["turned"][0]) * self._system.works.hip
+            self._work += float(np.abs(record["control"] * works) @ record["turned"])
             left -= float(record["time"]) - before
             if record["outcome"] == Outcome.HEELSTRIKE:
                 self._end_stride()
@@ -172,25 +175,21 @@ class LiveWalk:
         """
         self.slope = one_slope(slope)
         self._record["ground"][:2] = math.sin(self.slope), math.cos(self.slope)
+        self._know()
         self._disturb()
 
     def hold(self, torque: float) -> None:
-        """Hold another torque, in units of m g l; the policy lets go of the hip."""
-        self.policy, self.torque = None, torque
-        self._look_now()
-        self._disturb()
+        """Hold another torque at the hip, in units of m g l; the policy lets go of all motors."""
+        self.hand_over(None)
+        self.torque = torque
 
     def hand_over(self, policy: TrainedPolicy | None) -> None:
-        """Let a policy work the hip from now on, or nobody."""
+        """Let a policy work the motors from now on, or nothing."""
         self.policy, self.torque = policy, 0.0
-        self._memory, self._first = None, np.ones(1, bool)
+        self._record["control"], self._record["push_off"] = 0.0, 0.0
+        self._know()
         self._look_now()
         self._disturb()
-
-    @staticmethod
-    def takes(policy: TrainedPolicy) -> bool:
-        """Whether a policy acts by the hip alone, and sees no ground ahead."""
-        return policy.scene.actions == ("hip",) and not policy.scene.preview
 
     def begin_as(self, walker: Walker, slope: float) -> None:
         """Begin again as another walker, at its gait on a slope in rad.
@@ -233,7 +232,12 @@ class LiveWalk:
     def _know(self) -> None:
         """What the engine needs to know of the walker."""
         self._system, self._units = system_of(self.walker), units_of(self.walker)
-        self._bodies = bodies(self.walker)
+        self._bodies, self._controlled = bodies(self.walker), None
+        if self.policy is not None:
+            self._controlled = cast(
+                ControlledMap,
+                stride_map(self.walker, self.slope, controller=self.policy, tolerance=_TOLERANCE),
+            )
 
     @property
     def _record(self) -> np.void:
@@ -244,6 +248,7 @@ class LiveWalk:
         record = self._record
         record["time"] = record["knee_time"] = record["knee_loss"] = record["heel_loss"] = 0.0
         self._on_section, self._undisturbed, self._work = True, True, 0.0
+        self._memory, self._steps = None, 0
         self._look_now()
 
     def _end_stride(self) -> None:
@@ -255,7 +260,8 @@ class LiveWalk:
         length, period = float(record["step_length"]), float(record["time"])
         self.last = None
         if self._undisturbed:
-            cost = (float(record["gravity_work"]) + self._work) / length
+            work = self._work + float(record["push_work"])
+            cost = (float(record["gravity_work"]) + work) / length
             self.last = LastStride(length, period, length / period, cost)
         self._open_stride()
 
@@ -267,18 +273,15 @@ class LiveWalk:
         """Something was changed: this stride is no measure of the walker."""
         self._undisturbed = False
 
-    def _decide(self, policy: TrainedPolicy, time: float) -> None:
-        """Ask the policy for the torque of its next tick, as the environment would."""
-        command = policy.scene.command
-        ledger = np.zeros(1, task.LEDGER)
-        seen = np.full(task.SIZE + (command is not None), np.mean(command or 0.0), np.float32)
-        ledger["slope"] = self.slope
-        task.observe(self._records, ledger, compiled(self._system.name), seen)
-        action, self._memory = policy.predict(seen[None], self._memory, self._first)
-        self._first = np.zeros(1, bool)
-        scene = policy.scene
-        self.torque = scene.max_hip_torque * float(np.clip(action, -1.0, 1.0)[0, 0])
-        self._decision = time + scene.tick if scene.control == "tick" else math.inf
+    def _decide(self, controlled: ControlledMap, time: float) -> None:
+        """Ask the policy what its motors do in the next control step, as the environment would."""
+        held, self._memory = controlled.act(
+            self._records, np.array([self.slope]), self._memory, self._steps
+        )
+        controlled.command(self._records, held)
+        self._steps += 1
+        self.torque = float(self._record["control"][0])
+        self._decision = time + controlled.hold
 
     def _sample(self) -> None:
         record = self._record

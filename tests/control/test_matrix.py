@@ -1,6 +1,6 @@
 """Every analysis of everything that walks: pair by pair it works, or an error says why not.
 
-`docs/matrix.md` shows the table; ``python -m tests.control.test_matrix`` writes it.
+`docs/analyses.md` shows the table; ``python -m tests.control.test_matrix`` writes it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import pytest
 import gym_passive_walker as gpw
 from gym_passive_walker.control.baselines import LinearFeedback
 
-PAGE = Path(__file__).parents[2] / "docs" / "matrix.md"
+PAGE = Path(__file__).parents[2] / "docs" / "analyses.md"
 BEGIN, END = "<!-- pairs: begin -->", "<!-- pairs: end -->"
 LAB = {"walker": "lab", "slope": 0.036}
 

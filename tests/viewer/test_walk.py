@@ -170,13 +170,13 @@ def test_knees_that_come_or_go_begin_a_walk_anew():
     assert walk.outcome == Outcome.RUNNING
 
 
-@pytest.mark.parametrize("name", ["level-ppo", "steep-ppo"])
+@pytest.mark.parametrize("name", ["level-ppo", "steep-ppo", "push-off-ppo", "commanded-ppo"])
 def test_a_policy_walks_in_frames_as_in_its_environment(name):
     """Torques are held for ticks, whatever the frames do."""
     policy = load_policy(name)
-    env = gym.make(
-        "PassiveWalker-v0", **vars(policy.scene) | {"perturbation": 0.0, "tolerance": 1e-10}
-    )
+    command = policy.scene.command and float(np.mean(policy.scene.command))
+    calm = {"perturbation": 0.0, "tolerance": 1e-10, "command": command}
+    env = gym.make("PassiveWalker-v0", **vars(policy.scene) | calm)
     seen, _ = env.reset(seed=0)
     walk = LiveWalk(
         env.unwrapped.walker, env.unwrapped.slope, policy=policy, start=env.unwrapped.state
