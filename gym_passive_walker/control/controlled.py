@@ -33,7 +33,7 @@ from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.passage import imbalance, product
 from gym_passive_walker.gaits.stride import Stride, account, conservative_work
 from gym_passive_walker.gaits.stride_map import Samples, StrideMap
-from gym_passive_walker.gaits.terrain import Terrain
+from gym_passive_walker.gaits.terrain import Terrain, TerrainLike, terrain_from
 from gym_passive_walker.physics.hybrid import Outcome, State
 from gym_passive_walker.progress import progress
 from gym_passive_walker.walkers import PARAMETERS, WalkerLike, as_walker
@@ -212,8 +212,8 @@ class ControlledMap(StrideMap):
         total = np.zeros((n, m + 6, 1 + columns))
         outcomes = np.full(n, _STRUCK)
         with np.errstate(all="ignore"), progress("strides under a controller", strides) as taken:
-            for _ in range(strides):
-                told, ended = self._stride(points, slopes, lanes, _Seeds(change, moving))
+            for place in np.tile(np.arange(len(self.ground)), strides).tolist():
+                told, ended = self._stride(points, slopes, lanes, _Seeds(change, moving), place)
                 outcomes = np.where(outcomes == _STRUCK, ended, outcomes)
                 total[:, m : m + 4] += told[:, m : m + 4]
                 total[:, :m], total[:, m + 4] = told[:, :m], told[:, m + 4]
@@ -226,23 +226,36 @@ class ControlledMap(StrideMap):
         return total.transpose(2, 1, 0), outcomes.astype(np.int8)
 
     def _stride(
-        self, points: NDArray, slopes: NDArray, lanes: NDArray, seeds: _Seeds
+        self, points: NDArray, slopes: NDArray, lanes: NDArray, seeds: _Seeds, place: int
     ) -> tuple[NDArray, NDArray]:
         """One stride, as `_follow` but for the imbalance, (n, m + 6, 1 + k); and the outcomes."""
         (n, m, width), moving = seeds.points.shape, seeds.moving
         if width and not self.exact:
-            return self._differences(points, slopes, lanes, seeds)
+            return self._differences(points, slopes, lanes, seeds, place)
+        tilt, rise, turn = self.ground[place]
+        slopes = slopes + tilt
         sine = np.zeros((n, 1 + width))
         sine[:, 0] = np.sin(slopes)
         if "slope" in moving:
             sine[:, 1 + moving["slope"]] = np.cos(slopes)
+        cosine = np.zeros_like(sine)
+        cosine[:, 0] = np.cos(slopes)
+        if "slope" in moving:
+            cosine[:, 1 + moving["slope"]] = -np.sin(slopes)
         works = np.array(self.walkers.system().works)
         told, books = np.full((n, m + 6, 1 + width), np.nan), np.zeros((n, 2, 1 + width))
         outcomes = np.full(n, int(Outcome.DIVERGED))
         sound = self._sound(points)
         told[sound, m + 4] = 0.0  # unless the knee locks
-        states = self.state(np.where(np.isfinite(points), points, 0.0))
-        for on, before, walked, held, rows in self._steps(states, slopes, lanes, sound, seeds):
+        states = self.state(np.where(np.isfinite(points), points, 0.5), place)
+        change = self.state_by(points, seeds.points, place)
+        if self.terrain is not None:
+            for name, tangent in moving.items():
+                if name != "slope":
+                    change[:, :, tangent] += self.state_by_parameter(points, name, place)
+        for on, before, walked, held, rows in self._steps(
+            states, slopes, lanes, sound, seeds, change, rises=rise, turns=turn
+        ):
             books[on, 0] += rows[:, _LOST].sum(axis=1)  # friction and knee: since the start
             books[on, 0, 0] -= before["friction_loss"][:, 0] + before["knee_loss"][:, 0]
             for j, channel in enumerate(self._motors):
@@ -253,6 +266,15 @@ class ControlledMap(StrideMap):
             there, ended = on[struck], rows[struck]
             told[there, : m + 2] = ended[:, [*self.coordinates, _TIME, _LENGTH]]
             books[there, 1] += product(sine[there], ended[:, _LENGTH]) + ended[:, _PUSHED]
+            if self.terrain is not None:
+                heights = np.zeros_like(books[there, 1])
+                own = self._heights(walked, place)[
+                    struck
+                ]  # by states and motors it does not change
+                heights[:, 0] = own[:, 0]
+                for j, tangent in enumerate(moving.values()):
+                    heights[:, 1 + tangent] = own[:, 1 + _STATE + len(self._motors) + j]
+                books[there, 1] -= product(cosine[there], heights)
         told[:, m + 2 : m + 4] = books
         told[outcomes != _STRUCK] = np.nan
         if not self.walker.knees:
@@ -260,7 +282,7 @@ class ControlledMap(StrideMap):
         return told, outcomes
 
     def _differences(
-        self, points: NDArray, slopes: NDArray, lanes: NDArray, seeds: _Seeds
+        self, points: NDArray, slopes: NDArray, lanes: NDArray, seeds: _Seeds, place: int
     ) -> tuple[NDArray, NDArray]:
         """As `_stride`, by central differences along the tangents."""
         change, n = seeds.points, len(points)
@@ -287,7 +309,7 @@ class ControlledMap(StrideMap):
                 crowd, every = self.with_parameter(name, values.ravel()), np.arange(n * count)
             nothing = _Seeds(np.zeros((n * count, self.dimension, 0)), {})
             taken, outcomes = crowd._stride(
-                starts.reshape(-1, self.dimension), grounds.ravel(), every, nothing
+                starts.reshape(-1, self.dimension), grounds.ravel(), every, nothing, place
             )
             told.append(taken[:, :, 0].reshape(n, count, self.dimension + 6).swapaxes(1, 2))
             if not sign:
@@ -302,6 +324,7 @@ class ControlledMap(StrideMap):
         lanes: NDArray,
         sound: NDArray,
         seeds: _Seeds | None = None,
+        change: NDArray | None = None,
         *,
         rises: ArrayLike = 0.0,
         turns: ArrayLike = 0.0,
@@ -318,6 +341,7 @@ class ControlledMap(StrideMap):
             lanes: Which walkers these are, where they differ in a parameter.
             sound: Which of them are walked.
             seeds: Tangents; none when None.
+            change: Of the states along these, (n, 6, k).
             rises: Heights of the next footholds.
             turns: By how much these slope more steeply.
             ahead: What is observed of the footholds ahead, (n, preview); smooth when None.
@@ -328,7 +352,7 @@ class ControlledMap(StrideMap):
         moving, width = seeds.moving, seeds.points.shape[2]
         uneven = bool(np.any(rises) or np.any(turns))
         by = ("state", *(_INPUTS[motor] for motor in motors), *moving, "start") if width else ()
-        change = self.state(seeds.points.swapaxes(1, 2)).swapaxes(1, 2)  # (n, 6, k)
+        change = np.zeros((len(states), _STATE, 0)) if change is None else change
         start = change[:, :1].copy()
         records = new_records(states, slopes, rise=rises, turn=turns)
         on, step, memory = np.flatnonzero(sound), 0, None
@@ -540,13 +564,13 @@ class ControlledMap(StrideMap):
 
     def _until(self, state: NDArray, slope: float, time: float) -> Flow:
         """One walker's stride up to a time, from a state (1, 6)."""
-        one = np.zeros(1, int)
-        for step, (_, before, walked, _, _) in enumerate(
-            self._steps(state, np.array([slope]), one, one == 0)
-        ):
+        one, (tilt, rise, turn) = np.zeros(1, int), self.ground[0]
+        steps = self._steps(state, np.array([slope + tilt]), one, one == 0, rises=rise, turns=turn)
+        for step, (_, before, walked, _, _) in enumerate(steps):
             if walked.outcomes[0] != _RUNNING or walked.records["time"][0, 0] >= time:
                 before["end"] = time
-                return go_on(self.walkers, before, on_section=step == 0)
+                uneven = self.terrain is not None
+                return go_on(self.walkers, before, on_section=step == 0, uneven=uneven)
         raise ValueError(f"the stride does not come to the time {time:g}")
 
 
@@ -561,6 +585,7 @@ def stride_map(
     *,
     controller: ControllerLike | Actuation | OptimalGait | Callable | None = None,
     scene: SceneLike | None = None,
+    terrain: TerrainLike | None = None,
     tolerance: float = 1e-12,
 ) -> StrideMap:
     """The stride map (the Poincaré map) of a walker, passive or under a controller.
@@ -588,6 +613,9 @@ def stride_map(
         scene: Which motors a controller has, how strong they are and how long its actions are
             held, in a form that `make_scene` takes; the policy's own or "level" when None. Its
             disturbances are left out.
+        terrain: How footholds lie, in a form that `terrain_from` takes; smooth when None, as the
+            scene's own is left out. One that repeats, such as `stairs` and `waves`: random ground
+            is for `simulate` and `robustness`.
         tolerance: Error of the integration, relative to the largest angle or rate.
 
     Returns:
@@ -597,7 +625,7 @@ def stride_map(
     Raises:
         ValueError: if the controller cannot act, or an argument is out of its range.
     """
-    tolerance = check_tolerance(tolerance)
+    tolerance, ground = check_tolerance(tolerance), _repeating(terrain)
     if controller is None or isinstance(controller, Actuation):
         if scene is not None and walker is None:
             walker = make_scene(scene).walker
@@ -608,7 +636,7 @@ def stride_map(
         own, held = as_walker(walker), controller or PASSIVE
         return StrideMap.of(
             own, slope=None if slope is None else one_slope(slope), tolerance=tolerance,
-            controller=one_actuation(own, held),
+            controller=one_actuation(own, held), terrain=ground,
         )  # fmt: skip
     named: Any = controller
     if isinstance(named, OptimalGait):
@@ -627,8 +655,25 @@ def stride_map(
     there = calm(there, slope)
     return ControlledMap(
         walker=there.walker, slope=float(np.mean(there.slope)), agent=acts, scene=there,
-        tolerance=tolerance,
+        tolerance=tolerance, terrain=ground,
     )  # fmt: skip
+
+
+def _repeating(terrain: TerrainLike | None) -> Terrain | None:
+    """Ground of a stride map; None where it is smooth.
+
+    Raises:
+        ValueError: if it is random, or does not repeat.
+    """
+    ground = terrain_from(terrain)
+    if ground is None or ground.smooth:
+        return None
+    if ground.random or not ground.repeats:
+        raise ValueError(
+            "a stride map is of ground that repeats, as stairs and waves do; walk over random "
+            "footholds by simulate(..., terrain=) or robustness"
+        )
+    return ground
 
 
 def closed_loop_gait(

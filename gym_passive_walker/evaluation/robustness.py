@@ -184,6 +184,8 @@ def robustness(
     if isinstance(strides_of, StrideMap):
         if scene is not None:
             raise ValueError("a stride map has its own walker and motors: leave the scene out")
+        if strides_of.terrain is not None:
+            raise ValueError("robustness tries ground of its own: give a map of smooth ground")
         slope = strides_of.chosen(slope)
         who = strides_of.walker
         if not strides_of.passive:

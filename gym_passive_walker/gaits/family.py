@@ -242,7 +242,8 @@ def gait_family(
     if start is not None:
         own = instance(start, Gait, "start", "gpw.find_gait returns").stride_map
         stride_map = own.with_walker(stride_map.walker)
-    if not low < high or (low <= 0.0 and stride_map.passive):
+    uphill = not stride_map.passive or stride_map.terrain is not None
+    if not low < high or (low <= 0.0 and not uphill):
         raise ValueError(
             f"slopes must be 0 < slope_min < slope_max, not {slope_min}, {slope_max}; only motors "
             "walk uphill: give stride_map(walker, controller=...)"

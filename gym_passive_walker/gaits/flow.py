@@ -332,10 +332,16 @@ class Flow:
         guard = next(guard for guard in phase.guards if guard.outcome == outcome)
         return np.imag(guard.falls(body, ahead, ground)) / _INFINITESIMAL
 
-    def next_stride(self, on: NDArray[np.bool_]) -> Flow:
+    def next_stride(
+        self, on: NDArray[np.bool_], ground: tuple[NDArray, float, float] | None = None
+    ) -> Flow:
         """The next stride of some walkers, (n,), whose last has ended with a heelstrike.
 
         Tangents go on from this one: they are of all strides since the first.
+
+        Args:
+            on: Which walkers.
+            ground: Slopes of their footholds, and rise and turn of the next; as before when None.
         """
         records, bodies = self.records, self.bodies
         if not on.all():
@@ -343,6 +349,12 @@ class Flow:
         for name in _OF_ONE_STRIDE:
             records[name] = 0.0
         records["outcome"] = 0
+        if ground is not None:
+            slopes, *foothold = ground
+            turned = np.stack([np.sin(slopes), np.cos(slopes)], axis=-1)
+            records["ground"][:, 0, :2], records["ground"][:, 0, 2:] = turned, foothold
+            ways = turned[:, None, ::-1] * [1.0, -1.0]
+            records["ground"][:, 1:, :2] = self.tangents.slopes[:, None] * ways
         return _followed(
             self.walkers, self.system, self.tangents, bodies, records, None, on_section=True
         )
@@ -390,7 +402,7 @@ def flow(
             followed to k times, side by side. Later ones than its stride's end give the state that
             it ends with; one that is not finite gives nothing.
         by: Along what tangents lead, in order; see `go_on`.
-        along: Directions for "point" instead of the coordinates, (n, m, k).
+        along: Directions for "point" instead of the coordinates, (n, m, k); of states, (n, 6, k).
         lanes: Which walkers these are, where parameters are given for more.
         threads: How many threads to use; all of numba's when None. It changes no result.
         carry: What carries records on: `engine.run.advance`, or `gpu.advance` on a device.
@@ -467,7 +479,9 @@ def _tangents_by(walkers: Walkers, by: Sequence[str], along: NDArray | None = No
     tangents = _tangents(walkers.walker, tuple(by), along.shape[2])
     states = np.zeros((len(along), *tangents.states.shape))
     of_point = [i for i, name in enumerate(tangents.names) if name == "point"]
-    states[:, of_point] = walkers.section.state(along.swapaxes(1, 2))
+    of_state = along.shape[1] == _SIZE
+    ways = along.swapaxes(1, 2)
+    states[:, of_point] = ways if of_state else walkers.section.state(ways)
     return tangents._replace(states=states)
 
 

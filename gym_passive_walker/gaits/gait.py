@@ -48,7 +48,8 @@ class Gait(Shown):
         slope: Slope in rad.
         kind: "long" or "short" step. An untuned walker's slowest gaits, beyond the fold at the
             foot of its long-step curve, belong to that curve and are "long" like the rest of it.
-        period: Strides until the motion repeats.
+        period: Strides until the motion repeats; of a terrain that repeats after several, times
+            as many.
         state: Section state (6,): angles in rad and rates, just after heelstrike.
         multipliers: Floquet multipliers, the eigenvalues of the stride map's derivative over one
             period, largest modulus first. One of a kneed walker's four, and of the simplest
@@ -85,7 +86,7 @@ class Gait(Shown):
         return first._replace(weight=self.strides.weight, outcome=outcome)  # type: ignore[arg-type]
 
     def _mean(self, values: NDArray) -> float:
-        return sum(np.asarray(values).tolist()) / self.period
+        return sum(np.asarray(values).tolist()) / len(self.strides.duration)
 
     @property
     def step_period(self) -> float:
@@ -252,11 +253,8 @@ def measure(stride_map: StrideMap, u: NDArray, slope: float, period: int) -> Gai
     multipliers = multipliers_of(gait.map[0])  # first of all: refuses where no stride exists
     point = from_logarithms(u[None])
     state = exact.states_at(point)[0]
-    walks = [exact.stride(state, slope)]
-    for _ in range(period - 1):
-        walks.append(exact.stride(walks[-1].state, slope))
-    strides = together(walks)
-    duration = sum(np.asarray(strides.duration).tolist()) / period
+    strides = together(exact.walk(state, slope, period))
+    duration = sum(np.asarray(strides.duration).tolist()) / len(strides.duration)
     return Gait(
         stride_map=replace(exact, slope=slope),
         slope=slope,

@@ -49,7 +49,8 @@ class Walk(NamedTuple):
         state: Its state just after heelstrike, shape (6,) or (n, 6).
         actuation: Its motors, in the walker's own units, where they do the same in each stride.
         period: Strides until it repeats; 1 where that is not known.
-        controlled: Its stride map, where a controller works the motors; None without one.
+        controlled: Its stride map, where a controller works the motors or the ground is uneven;
+            None without either.
     """
 
     walker: Walker
@@ -92,11 +93,11 @@ def walk_of(
     if strides is not None:
         slope = strides.slope if slope is None else slope
         walker = strides.walker
-        if strides.controlled:
+        if strides.controlled or strides.terrain is not None:
             if any(part is not None for part in motors):
                 raise ValueError(
-                    f"{strides.controller_name} works these motors: leave hip_torque, ankle_torque "
-                    "and push_off out"
+                    f"{strides.controller_name or 'this map'} works these motors: leave hip_torque,"
+                    " ankle_torque and push_off out"
                 )
             return Walk(walker, slope, state, PASSIVE, period, strides)  # type: ignore[arg-type]
         own = strides.controller or PASSIVE

@@ -265,6 +265,8 @@ def reality_check(
             whose impulse on the foot that leaves is not in these checks.
     """
     walker, slope, state, motors, period, controlled = walk_of(walker, slope, state, hip_torque)
+    if controlled is not None and controlled.terrain is not None:
+        raise ValueError("reality_check looks at walks on smooth ground, not on a terrain")
     slope, strides = one_slope(slope), period if strides is None else strides
     strides, friction = (
         whole(strides, "strides"),

@@ -166,7 +166,7 @@ def begin(
         if np.any(states[:, 0] <= 0.0):
             raise ValueError("a guess must be a section state: its stance angle is positive")
         return logarithms(stride_map.points_at(states))
-    if slope <= 0.0 and stride_map.passive:
+    if slope <= 0.0 and stride_map.passive and stride_map.terrain is None:
         return np.empty((0, stride_map.dimension))
     u = logarithms(stride_map.likely(slope)) if stride_map.controlled else starts(stride_map, slope)
     if period == 1:

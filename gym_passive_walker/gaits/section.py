@@ -48,8 +48,8 @@ class Section:
             return units_of(self.walker)
         return units_of(varied(self.walker, {self.parameter: self.values}))
 
-    def state(self, points: NDArray) -> NDArray:
-        """Dimensionless states (..., 6) at points (..., m)."""
+    def state(self, points: NDArray, place: int = 0) -> NDArray:
+        """Dimensionless states (..., 6) at points (..., m); a map knows its ground by the place."""
         states = np.empty((*points.shape[:-1], 6), points.dtype)
         states[..., 0] = points[..., 0]
         states[..., 1] = states[..., 2] = -points[..., 0]

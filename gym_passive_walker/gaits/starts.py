@@ -58,6 +58,11 @@ def starts(stride_map: StrideMap, slope: float) -> NDArray:
     works = stride_map.system.works
     given = 2.0 * works.hip * held.hip_torque + works.ankle * held.ankle_torque
     supply = math.sin(slope) + given + pushed
+    if stride_map.terrain is not None:
+        rise = float(stride_map.ground[:, 1].mean())
+        supply = supply - rise * math.cos(slope) / step_lengths(
+            stride_map.walker, np.exp(u[0, :, 0])
+        )
     if not np.any(supply > 0.0):
         return np.empty((0, stride_map.dimension))
     found = []

@@ -27,6 +27,7 @@ from gym_passive_walker.gaits.flow import Flow, Walkers, flow
 from gym_passive_walker.gaits.passage import Change, Passage, imbalance, product
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride import Stride, stride
+from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.physics.hybrid import Outcome, System
 from gym_passive_walker.progress import progress
 from gym_passive_walker.units import units_of
@@ -69,6 +70,9 @@ class StrideMap(Section):
         actuation: What motors do in each stride, dimensionless. A part of it may be the `parameter`
             that differs.
         slope: Slope in rad where none is given to `apply`, `linearize` or an analysis.
+        terrain: How footholds lie, where the ground is not smooth. The map leads from the first
+            foothold through all of them until they repeat: of ground that repeats after L strides,
+            one application is L strides, and a gait of period 1 repeats after as many.
     """
 
     tolerance: float = 1e-13
@@ -76,6 +80,7 @@ class StrideMap(Section):
     stub: bool = False
     actuation: Actuation = PASSIVE
     slope: float | None = None
+    terrain: Terrain | None = None
 
     @classmethod
     def of(
@@ -87,6 +92,7 @@ class StrideMap(Section):
         stub: bool = False,
         controller: Actuation = PASSIVE,
         slope: float | None = None,
+        terrain: Terrain | None = None,
     ) -> Self:
         """The stride map of a walker (see `as_walker`); an actuation is in the walker's units."""
         walker = as_walker(walker)
@@ -94,7 +100,7 @@ class StrideMap(Section):
         return cls(
             walker=walker, tolerance=tolerance, longest=longest, stub=stub,
             actuation=PASSIVE if passive else to_dimensionless(units_of(walker), controller),
-            slope=slope,
+            slope=slope, terrain=terrain,
         )  # fmt: skip
 
     def with_tolerance(self, tolerance: float) -> Self:
@@ -162,6 +168,56 @@ class StrideMap(Section):
         """In what the map takes a parameter, in the walker's units."""
         units = actuation_units(units_of(self.walker))._asdict()
         return float(units.get(parameter, 1.0))
+
+    @cached_property
+    def ground(self) -> NDArray[np.float64]:
+        """Of each foothold until they repeat: its slope, and rise and turn of the next, (L, 3)."""
+        if self.terrain is None:
+            return np.zeros((1, 3))
+        return self.terrain.ground(0, np.arange(len(self.terrain.rises)))
+
+    def _trailing(self, angles: NDArray, place: int) -> tuple[NDArray, NDArray]:
+        """Angles of straight legs behind stance angles, (...), and their derivatives.
+
+        Both feet touch the ground at a heelstrike: the foot behind stands as much lower as this
+        foothold was above it.
+
+        Args:
+            angles: Of the stance leg, from this foothold's normal.
+            place: The foothold's number.
+        """
+        _, rise, turn = self.ground[place - 1]
+        leg = self.walkers.system().Body(*self.walkers.constants[:, 0].T).leg
+        leg = leg.reshape(-1, *[1] * (angles.ndim - 1)) if angles.ndim else leg[0]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            behind = -np.arccos(np.cos(angles - turn) + rise / leg)
+            return behind + turn, np.sin(angles - turn) / np.sin(behind)
+
+    def state(self, points: NDArray, place: int = 0) -> NDArray:
+        """Dimensionless states (..., 6) at points (..., m), on a foothold by its number."""
+        states = super().state(points)
+        if self.terrain is not None:
+            states[..., 1] = states[..., 2] = self._trailing(points[..., 0], place)[0]
+        return states
+
+    def state_by(self, points: NDArray, changes: NDArray, place: int = 0) -> NDArray:
+        """How states (n, 6, k) change as points (n, m) do by changes (n, m, k)."""
+        states = super().state(changes.swapaxes(1, 2)).swapaxes(1, 2)
+        if self.terrain is not None:
+            ahead = self._trailing(points[:, 0], place)[1][:, None] * changes[:, 0]
+            states[:, 1], states[:, 2] = ahead, ahead
+        return states
+
+    def state_by_parameter(self, points: NDArray, name: str, place: int = 0) -> NDArray:
+        """How states (n, 6) at points (n, m) change with a parameter of the walker."""
+        states = np.zeros((len(points), 6))
+        if self.terrain is not None:
+            bodies, rise = self.walkers.bodies((name,)), self.ground[place - 1, 1]
+            where = self.walkers.system((name,)).Body._fields.index("leg")
+            leg, change = bodies[:, 0, where], bodies[:, -1, where]
+            behind = self._trailing(points[:, 0], place)[0] - self.ground[place - 1, 2]
+            states[:, 1] = states[:, 2] = rise * change / (leg**2 * np.sin(behind))
+        return states
 
     @property
     def system(self) -> System:
@@ -267,20 +323,40 @@ class StrideMap(Section):
         walking = np.flatnonzero(np.isfinite(points).all(axis=1))
         outcomes = np.full(len(points), Outcome.DIVERGED, np.int8)
         outcomes[walking] = _STRUCK
-        actuations = self._actuations(lanes[walking])
+        actuations, ground, first = self._actuations(lanes[walking]), self.ground, {}
+        charted: list[str] = []
+        if self.terrain is not None:
+            first = {"rises": ground[0, 1], "turns": ground[0, 2]}
+            # Where the leg behind stands changes with the points, and with the length of legs.
+            charted = [name for name in by if name in PARAMETERS]
+            here, count = points[walking], 0
+            if "point" in by:
+                ways = np.eye(self.dimension) if along is None else along[walking]
+                count = ways.shape[-1]
+                ways = np.broadcast_to(ways, (len(walking), self.dimension, count))
+            else:
+                ways, by = np.zeros((len(walking), self.dimension, 0)), ["point", *by]
+            columns = [self.state_by_parameter(here, name)[:, :, None] for name in charted]
+            along = np.zeros((len(points), 6, count + len(charted)))
+            along[walking] = np.concatenate([self.state_by(here, ways), *columns], axis=2)
+        slopes = slopes[walking]
         with np.errstate(all="ignore"), progress("strides", strides) as taken:
             walked = flow(
-                self.walkers, self.state(points[walking]), slopes[walking],
+                self.walkers, self.state(points[walking]), slopes + ground[0, 0], **first,
                 controls=actuations[:, :2], push_offs=actuations[:, 2], until=self.longest,
                 by=by, along=None if along is None else along[walking], lanes=lanes[walking],
             )  # fmt: skip
             planes = walked.records.shape[1]
             totals, on = np.zeros((5, len(walking), planes)), np.ones(len(walking), bool)
-            for stride in range(strides):
+            for stride in range(strides * len(ground)):
                 if stride:
-                    walked = walked.next_stride(on)
-                self._add(totals, walked)
-                taken()
+                    tilt, *foothold = ground[stride % len(ground)]
+                    slopes = slopes[on]
+                    uneven = self.terrain is not None
+                    walked = walked.next_stride(on, (slopes + tilt, *foothold) if uneven else None)
+                self._add(totals, walked, stride % len(ground))
+                if (stride + 1) % len(ground) == 0:
+                    taken()
                 outcomes[walking] = ended = _outcomes(walked)
                 on = ended == _STRUCK
                 if not on.all():
@@ -294,9 +370,19 @@ class StrideMap(Section):
         ends = self.point(records["state"]).transpose(2, 0, 1)
         rows = np.concatenate([ends, totals, unbalanced[None]])
         told[:, :, walking] = rows.transpose(2, 0, 1)
+        if charted:
+            first_column = 1 + list(by).index("point")
+            end = first_column + count
+            chart, told = (
+                told[end : end + len(charted)],
+                np.delete(told, np.s_[end : end + len(charted)], axis=0),
+            )
+            names = [x for name in by for x in ([name] * count if name == "point" else [name])]
+            for name, change in zip(charted, chart, strict=True):
+                told[1 + names.index(name)] += change
         return told, outcomes
 
-    def _add(self, totals: NDArray, walked: Flow) -> None:
+    def _add(self, totals: NDArray, walked: Flow, place: int) -> None:
         """Add strides to what was told of those before."""
         durations, lengths, lost, supplied, knee_times = totals
         records = walked.records
@@ -304,11 +390,38 @@ class StrideMap(Section):
         durations += records["time"]
         lengths += length
         lost += records["knee_loss"] + records["heel_loss"] + records["friction_loss"]
+        if self.terrain is not None:
+            # The strike has turned the ground to that of the foothold it came to.
+            turn, cosine = self.ground[place, 2], records["ground"][..., 1]
+            turned = sine * math.cos(turn) - cosine * math.sin(turn)
+            cosine = cosine * math.cos(turn) + sine * math.sin(turn)
+            sine = turned
+            supplied -= product(cosine, self._heights(walked, place))
         supplied += product(sine, length)
         supplied += records["push_work"]
         works = np.array(walked.system.works)  # a hip's not on feet of vanishing mass
         supplied += (works * product(records["control"], records["moved"])).sum(axis=2)
         knee_times[:] = records["knee_time"]
+
+    def _heights(self, walked: Flow, place: int) -> NDArray[np.float64]:
+        """By how much feet touch the next foothold higher than this one, (n, 1 + k)."""
+        _, rise, turn = self.ground[place]
+        radii = walked.bodies[..., walked.system.Body._fields.index("foot_radius")]
+        heights = np.zeros(walked.records.shape)
+        heights[:, : radii.shape[1]] = radii * (1.0 - math.cos(turn))
+        heights[:, 0] += rise
+        return heights
+
+    def walk(self, state: NDArray, slope: float, count: int) -> list[Stride]:
+        """Strides of `count` applications, one after the other, from a section state (6,)."""
+        strides: list[Stride] = []
+        for tilt, rise, turn in np.tile(self.ground, (count, 1)).tolist():
+            here = state if not strides else strides[-1].state
+            foothold = {} if self.terrain is None else {
+                "rise": rise * self.walker.leg_length, "turn": turn
+            }  # fmt: skip
+            strides.append(self.stride(here, slope + tilt, **foothold))
+        return strides
 
     def stride(
         self,
@@ -358,12 +471,19 @@ class StrideMap(Section):
             times: Since the start, (n, k), in any order; later ones than a stride's end give the
                 state that it ends with.
         """
-        return self.look(self.state(points), slopes, times)
+        if self.terrain is None:
+            return self.look(self.state(points), slopes, times)
+        tilt, rise, turn = self.ground[0]
+        here = for_each(slopes, len(points)) + tilt
+        return self.look(self.state(points), here, times, rise, turn)
 
     def _until(self, state: NDArray, slope: float, time: float) -> Flow:
         """One walker's stride up to a time, from a state (1, 6)."""
-        held = self._actuations(np.zeros(1, int))[:, :2]
-        return flow(self.walkers, state, slope, controls=held, until=np.array([time]))
+        held, (tilt, rise, turn) = self._actuations(np.zeros(1, int))[:, :2], self.ground[0]
+        foothold = {} if self.terrain is None else {"rises": rise, "turns": turn}
+        return flow(
+            self.walkers, state, slope + tilt, controls=held, until=np.array([time]), **foothold
+        )
 
     def before_strike(self, point: NDArray, slope: float, strike: float) -> NDArray[np.float64]:
         """The state (6,) on the verge of a strike, before the collision, exact to rounding.

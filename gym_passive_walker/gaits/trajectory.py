@@ -168,8 +168,9 @@ def simulate(
         if values.shape not in ((), (1,), (strides,)):
             raise ValueError(f"{name} must be {allowed}, not of shape {values.shape}")
         parts.append(np.broadcast_to(values, (strides,)))
-    terrain = terrain_from(terrain)
-    ground = ground_of(terrain, key, strides)
+    own: Terrain | None = None if controlled is None else controlled.terrain
+    made = own if terrain is None else terrain_from(terrain)
+    ground = ground_of(made, key, strides)
     rises = ground[:, 1] * walker.leg_length
     starts, walks = [state], []
     strides_of = controlled.with_tolerance(tolerance) if controlled else None
@@ -216,7 +217,7 @@ def simulate(
         phases=seen.stages.ravel(),
         outcomes=np.array([int(walk.outcome) for walk in walks]),
         torques=(seen.torques * [units.torque, units.energy]).reshape(-1, 2),
-        terrain=terrain,
+        terrain=made,
         key=key,
     )
 

@@ -258,3 +258,86 @@ def test_a_stride_of_a_map_on_other_ground_is_that_of_the_walker():
     np.testing.assert_allclose(walks[0].torques, walks[1].torques, rtol=1e-12)
     with pytest.raises(ValueError, match="push works these motors"):
         gpw.stride(controlled, state=gait.state, hip_torque=0.1)
+
+
+STAIRS = {
+    "stairs down": ("lab", 0.02, gpw.stairs(-0.004)),
+    "stairs up": ("C", 0.05, gpw.stairs(0.002)),
+    "waves": ("lab", 0.036, gpw.waves(0.002, 3)),
+    "slopes by turns": ("A", 0.03, gpw.Terrain(rises=(0.001, -0.001), slopes=(0.0, 0.004))),
+}
+
+
+@pytest.mark.parametrize("name", STAIRS)
+@pytest.mark.parametrize("controller", [None, Actuation(hip_torque=0.02)])
+def test_a_gait_on_steps_repeats_as_its_ground_does_and_its_books_close(name, controller):
+    """Stride by stride on each foothold, as `gpw.stride` takes them."""
+    walker, slope, ground = STAIRS[name]
+    strides = gpw.stride_map(walker, slope, controller=controller, terrain=ground)
+    gait = gpw.find_gait(strides)
+    assert gait.violation < 1e-12
+    units, state = gait.stride_map.units, gait.state
+    held = controller or Actuation()
+    for tilt, rise, turn in ground.ground(0, np.arange(len(ground.rises))).tolist():
+        foothold = {"rise": rise * units.length, "turn": turn}
+        walk = gpw.stride(
+            walker, slope + tilt, state, **foothold, **held._asdict(), tolerance=1e-13
+        )
+        state = walk.state
+    np.testing.assert_allclose(state, gait.state, rtol=1e-10, atol=1e-12)
+    spent = gait.strides.gravity_work + gait.strides.hip_work
+    assert sum(spent) == pytest.approx(sum(gait.strides.collision_loss), rel=1e-10)
+    passage = strides.apply(strides.points_at(gait.state), strides=2)
+    assert abs(passage.imbalance[0]) < 1e-10
+    assert gpw.simulate(gait, strides=3 * len(ground.rises)).ending == "heelstrike"
+
+
+@pytest.mark.parametrize("name", STAIRS)
+@pytest.mark.parametrize("controller", ["nothing", "policy"])
+def test_derivatives_on_steps_are_those_of_differences(name, controller):
+    """By the point, whose leg behind stands on the foothold before; the slope; and a length."""
+    walker, slope, ground = STAIRS[name]
+    scene = {"walker": walker, "slope": slope, "control": "stride", "max_hip_torque": 0.01}
+    who = {"controller": lambda seen: np.zeros((len(seen), 1)), "scene": scene}
+    strides = gpw.stride_map(walker, slope, terrain=ground)
+    if controller == "policy":
+        feedback = LinearFeedback(scene)
+        strides = gpw.stride_map(controller=feedback, scene=scene, terrain=ground)
+        zero = gpw.stride_map(**who, terrain=ground)
+        assert not zero.exact and strides.exact
+    point = strides.points_at(gpw.find_gait(gpw.stride_map(walker, slope, terrain=ground)).state)
+    by, m = ("foot_radius", "state", "slope"), strides.dimension
+    _, change = strides.linearize(point, by=by, strides=2)
+    radius = strides.walker.foot_radius
+
+    def told(shift):
+        own = strides.with_parameter("foot_radius", np.array([radius + shift[0]]))
+        taken = own.apply(point + shift[1 : m + 1], slope + shift[m + 1], strides=2)
+        return np.concatenate([taken.ends[0], taken.durations, taken.lost, taken.supplied])
+
+    exact = np.concatenate([change.ends[0], change.durations, change.lost, change.supplied])
+    for j, way in enumerate(1e-6 * np.eye(m + 2)):
+        difference = (told(way) - told(-way)) / 2e-6
+        scale = 1.0 + np.abs(exact[:, j]).max()
+        np.testing.assert_allclose(exact[:, j], difference, atol=2e-6 * scale, err_msg=str(j))
+
+
+def test_ground_that_does_not_repeat_has_no_stride_map():
+    for ground in (gpw.rough(0.001), gpw.footholds([0.0, 0.01], [0.0, 0.0])):
+        with pytest.raises(ValueError, match="ground that repeats"):
+            gpw.stride_map("lab", 0.03, terrain=ground)
+    strides = gpw.stride_map("lab", 0.03, terrain=gpw.stairs(-0.001))
+    with pytest.raises(ValueError, match="smooth ground"):
+        gpw.reality_check(gpw.find_gait(strides))
+    with pytest.raises(ValueError, match="smooth ground"):
+        gpw.robustness(strides)
+
+
+def test_stairs_down_carry_a_passive_walker_over_the_level():
+    """A step down of h each L is a slope of h / L, but for the feet that stand at two heights."""
+    ground = gpw.stairs(-0.01)
+    gait = gpw.find_gait(gpw.stride_map("C", 0.0, terrain=ground))
+    alike = gpw.find_gait("C", 0.01 * gait.stride_map.units.length / gait.step_length)
+    assert gait.stance_angle == pytest.approx(alike.stance_angle, rel=0.2)
+    family = gpw.gait_family(gpw.stride_map("C", terrain=ground), -0.005, 0.005)
+    assert family.slope.min() == -0.005 and family.slope.max() == 0.005
