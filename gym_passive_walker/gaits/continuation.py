@@ -18,6 +18,7 @@ from gym_passive_walker.progress import progress
 
 _FIRST_STEP, _SHORTEST_STEP = 0.02, 1e-7
 _VANISHING = 10.0  # rate over angle of a walker that rocks rather than steps
+_ROUGHLY = 1e-5  # violation of gaits until all of a curve are known
 _MOST_POINTS = 4000
 _LAST = 40  # points that tell of an end
 _CROWDED = 1e-3
@@ -32,7 +33,13 @@ def _glides(curve: Curve, point: Point) -> bool:
 
 
 def points_along(
-    curve: Curve, start: Point, *, first: float, longest: float, shortest: float = _SHORTEST_STEP
+    curve: Curve,
+    start: Point,
+    *,
+    first: float,
+    longest: float,
+    shortest: float = _SHORTEST_STEP,
+    accuracy: float = 1e-10,
 ) -> Iterator[Point]:
     """Points of the curve one after the other, from a start along its tangent, until it is lost.
 
@@ -42,11 +49,13 @@ def points_along(
         first: Length of the first step.
         longest: Longest step.
         shortest: Step below which the curve counts as lost.
+        accuracy: Violation of each gait, before a last step of Newton's method squares it.
     """
     here, step, curvature = start, min(first, longest), np.zeros(len(start.y))
     for _ in range(_MOST_POINTS):
         ahead = here.y + step * here.tangent
-        there = curve.correct(ahead, here.tangent, bend=0.5 * step**2 * curvature)
+        bend = 0.5 * step**2 * curvature
+        there = curve.correct(ahead, here.tangent, accuracy, bend)
         # A turn too sharp for this step, or a leap to another branch: try a shorter one.
         if there is None or there.tangent @ here.tangent < 0.8:
             step *= 0.4
@@ -70,14 +79,17 @@ class Branch(NamedTuple):
 def follow(curve: Curve, start: Point, low: float, high: float, resolution: float) -> Branch:
     """Follow the curve from a point along its tangent to an end."""
     points, folds, doublings = [start], [], []
+    at_bound: list[Point] = []
+    end: End | None
 
     def crossings(there: Point, test: Callable[[Point], float]) -> list[float]:
         crossed = test(points[-1]) * test(there) < 0.0
         located = locate(curve, points[-1], there, test) if crossed else None
         return [curve.value_at(located)] if located else []
 
+    steps = points_along(curve, start, first=_FIRST_STEP, longest=resolution, accuracy=_ROUGHLY)
     with progress("gaits along a curve") as followed:
-        for there in points_along(curve, start, first=_FIRST_STEP, longest=resolution):
+        for there in steps:
             followed()
             here, p = points[-1], there.y[-1]
             if abs(there.y[1]) > _VANISHING:
@@ -92,13 +104,18 @@ def follow(curve: Curve, start: Point, low: float, high: float, resolution: floa
                 end = End(float(curve.axis.value(bound)), BOUND)
                 if last is not None:
                     doublings += crossings(last, doubling_test)
-                    points.append(last)
+                    at_bound.append(last)
                 break
             folds += crossings(there, lambda point: float(point.tangent[-1]))
             doublings += crossings(there, doubling_test)
             points.append(there)
         else:
-            end = reason_of(*curve.gaits_at(points[-_LAST:]), curve.period)
+            end = None
+    if curve.stride_map.exact and len(points) > 1:
+        points = [start, *curve.polished(points[1:])]
+    points += at_bound
+    if end is None:
+        end = reason_of(*curve.gaits_at(points[-_LAST:]), curve.period)
     return Branch(_thinned(points), folds, doublings, end)
 
 

@@ -24,7 +24,9 @@ def add_arguments(
         a_walker: Reads a walker.
         walkers: What it reads, in words.
     """
-    policies = f"who works the hip: {', '.join(shipped_policies())}, or an exported policy's folder"
+    policies = (
+        f"what works the motors: {', '.join(shipped_policies())}, or an exported policy's folder"
+    )
     add = command.add_argument
     add("walker", nargs="?", type=a_walker, metavar="WALKER", help=walkers)
     add("slope", nargs="?", type=float, metavar="SLOPE", help="in rad, downhill")

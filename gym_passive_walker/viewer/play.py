@@ -66,7 +66,7 @@ def play(
     Args:
         walker: The walker (see `as_walker`); None is the policy's own, or the laboratory's.
         slope: Slope in rad; None is the policy's own, or a gentle one.
-        policy: A trained policy that works the hip, or what `load_policy` takes.
+        policy: A trained policy that works the motors, or what `load_policy` takes.
         start: Section state to start from, in the walker's own units, (6,); None is a gait.
         seconds: When to close the window; None leaves that to the user.
         film: File to record all frames in, MP4 or GIF.

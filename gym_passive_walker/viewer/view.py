@@ -115,7 +115,7 @@ class View:
     def _settings(self, player: Player) -> None:
         """The sliders; the one that keys move is marked."""
         walk = player.walk
-        actor = "" if walk.policy is None else f", {walk.policy.name} at the hip"
+        actor = "" if walk.policy is None else f", {walk.policy.name} at the motors"
         self._sheet.write(f"walker {player.name}{actor}", (SLIDERS.left + 12, 8), size=22)
         for index, setting in enumerate(player.settings):
             row, knob = self._row(index), self.knob(player, index)
