@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 
 from gym_passive_walker.gaits.equations import gait_equations
 from gym_passive_walker.gaits.log_chart import from_logarithms
-from gym_passive_walker.gaits.newton import newton
+from gym_passive_walker.gaits.newton import newton, solved
 from gym_passive_walker.gaits.stride_map import StrideMap
 
 _CORRECTIONS = 7  # of a guess, before it is given up
@@ -143,17 +143,7 @@ class Curve:
         closes = self.stride_map.closes
 
         def equations(ys: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-            stride_map, slopes, _ = self._setting(ys)
-            gait = gait_equations(
-                stride_map, ys[:, :-1], slopes, period=self.period, by=(self.axis.parameter,)
-            )
-            gait.derivatives[0, :, -1] *= self.axis.rate(ys[0, -1]) / self.axis.unit
-            moved = (ys - guess) @ across
-            return (
-                np.append(gait.values, moved[:, None], axis=1),
-                np.append(gait.derivatives, across[None, None], axis=1),
-                gait.map,
-            )
+            return self._equations(ys, guess[None], across[None])
 
         found = newton(
             equations, (guess + bend)[None], iterations=_CORRECTIONS,
@@ -167,6 +157,24 @@ class Curve:
         new = np.linalg.svd(found.derivatives[0, :-1])[2][-1]
         return Point(y, new if new @ across >= 0.0 else -new, found.carried[0])
 
+    def _equations(
+        self, ys: NDArray, guesses: NDArray, across: NDArray
+    ) -> tuple[NDArray, NDArray, NDArray]:
+        """What vanishes on gaits (n, m + 1) that lie across directions from guesses, derived."""
+        stride_map, slopes, _ = self._setting(ys)
+        gaits = gait_equations(
+            stride_map, ys[:, :-1], slopes, period=self.period, by=(self.axis.parameter,)
+        )
+        rates = np.array([self.axis.rate(y) for y in ys[:, -1]]) / self.axis.unit
+        gaits.derivatives[:, :, -1] *= rates[:, None]
+        moved = ((ys - guesses) * across).sum(axis=1)
+        ways = np.broadcast_to(across[:, None], (len(ys), 1, ys.shape[1]))
+        return (
+            np.append(gaits.values, moved[:, None], axis=1),
+            np.append(gaits.derivatives, ways, axis=1),
+            gaits.map,
+        )
+
     def polished(self, points: list[Point]) -> list[Point]:
         """Gaits that are known roughly, to rounding: two steps of Newton's method for all at once.
 
@@ -174,22 +182,15 @@ class Curve:
             points: Gaits whose violation is small; each is moved across its tangent.
         """
         ys, across = (np.array([getattr(x, name) for x in points]) for name in ("y", "tangent"))
-        guess, maps, sizes = ys.copy(), np.empty(0), np.full(len(points), np.inf)
+        guess = ys.copy()
+        maps, sizes = np.empty((len(points), 0, 0)), np.full(len(points), np.inf)
+        here = np.zeros(len(points), bool)
         for _ in range(2):
             with np.errstate(all="ignore"):
-                stride_map, slopes, _ = self._setting(ys)
-                gaits = gait_equations(
-                    stride_map, ys[:, :-1], slopes, period=self.period, by=(self.axis.parameter,)
-                )
-                rates = np.array([self.axis.rate(y[-1]) for y in ys]) / self.axis.unit
-                gaits.derivatives[:, :, -1] *= rates[:, None]
-                moved = np.einsum("ni,ni->n", ys - guess, across)
-                values = np.append(gaits.values, moved[:, None], axis=1)
-                derivatives = np.append(gaits.derivatives, across[:, None], axis=1)
-                maps, sizes = gaits.map, np.abs(values).max(axis=1)
-                here = np.isfinite(sizes) & np.isfinite(derivatives).all(axis=(1, 2))
-                steps = np.linalg.solve(derivatives[here], values[here][:, :, None])[:, :, 0]
-                ys[here] -= steps
+                values, derivatives, maps = self._equations(ys, guess, across)
+                sizes = np.abs(values).max(axis=1)
+            here = np.isfinite(sizes) & np.isfinite(derivatives).all(axis=(1, 2))
+            ys[here] -= solved(derivatives[here], values[here])
         closed = here & (sizes < _CLOSED)
         return [
             Point(y, point.tangent, own) if good

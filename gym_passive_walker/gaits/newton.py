@@ -75,7 +75,7 @@ def newton(
         active = np.flatnonzero(np.isfinite(sizes) & (sizes > accuracy) & (damping > 1e-2))
         if len(active) == 0:
             break
-        step = _solved(derivatives[active], -values[active])
+        step = solved(derivatives[active], -values[active])
         length = np.abs(step).max(axis=1)
         share = np.minimum(1.0, longest / np.maximum(length, 1e-300))
         trial = points[active] + step * (damping[active] * share)[:, None]
@@ -86,7 +86,7 @@ def newton(
         if damped:
             # The step that would follow tells better than the equations, whose scales differ,
             # whether a solution is nearer: the natural test.
-            following = _size(_solved(derivatives[active], -new_values))
+            following = _size(solved(derivatives[active], -new_values))
             better = (new_sizes < old_sizes) | (np.isfinite(new_sizes) & (following < length))
         else:
             better = new_sizes <= 4.0 * old_sizes
@@ -143,7 +143,7 @@ def _size(values: NDArray) -> NDArray:
     return np.where(np.isfinite(sizes), sizes, np.inf)
 
 
-def _solved(derivatives: NDArray, values: NDArray) -> NDArray:
+def solved(derivatives: NDArray, values: NDArray) -> NDArray:
     """Solutions of the linear systems of all points; NaN where there is none."""
     with suppress(np.linalg.LinAlgError):  # raised if only one of them is singular
         return np.linalg.solve(derivatives, values[:, :, None])[:, :, 0]

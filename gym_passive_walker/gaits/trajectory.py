@@ -169,8 +169,8 @@ def simulate(
             raise ValueError(f"{name} must be {allowed}, not of shape {values.shape}")
         parts.append(np.broadcast_to(values, (strides,)))
     own: Terrain | None = None if controlled is None else controlled.terrain
-    made = own if terrain is None else terrain_from(terrain)
-    ground = ground_of(made, key, strides)
+    footholds = own if terrain is None else terrain_from(terrain)
+    ground = ground_of(footholds, key, strides)
     rises = ground[:, 1] * walker.leg_length
     starts, walks = [state], []
     strides_of = controlled.with_tolerance(tolerance) if controlled else None
@@ -217,7 +217,7 @@ def simulate(
         phases=seen.stages.ravel(),
         outcomes=np.array([int(walk.outcome) for walk in walks]),
         torques=(seen.torques * [units.torque, units.energy]).reshape(-1, 2),
-        terrain=made,
+        terrain=footholds,
         key=key,
     )
 
