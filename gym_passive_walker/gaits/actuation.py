@@ -59,7 +59,7 @@ def actuation_units(units: Units) -> Actuation:
 
 
 def to_dimensionless(units: Units, actuation: Actuation) -> Actuation:
-    """A actuation in a walker's own units without them."""
+    """An actuation in a walker's own units without them."""
     return Actuation(
         *(part / unit for part, unit in zip(actuation, actuation_units(units), strict=True))
     )
@@ -73,7 +73,7 @@ def to_own(units: Units, actuation: Actuation) -> Actuation:
 
 
 def check_actuation(walker: Walker, actuation: Actuation) -> Actuation:
-    """A actuation whose parts are numbers, or arrays of them, that the walker's feet can bear.
+    """An actuation whose parts are numbers, or arrays of them, that the walker's feet can bear.
 
     Raises:
         ValueError: if they are not; the message says what is allowed.
