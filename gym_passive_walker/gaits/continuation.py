@@ -7,6 +7,7 @@ ceases to be one.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
@@ -18,6 +19,7 @@ from gym_passive_walker.progress import progress
 
 _FIRST_STEP, _SHORTEST_STEP = 0.02, 1e-7
 _VANISHING = 10.0  # rate over angle of a walker that rocks rather than steps
+_ASTRAY = 0.3  # of a step: from where a gait is expected to where it may be
 _ROUGHLY = 1e-5  # violation of gaits until all of a curve are known
 _MOST_POINTS = 4000
 _LAST = 40  # points that tell of an end
@@ -52,12 +54,17 @@ def points_along(
         accuracy: Violation of each gait, before a last step of Newton's method squares it.
     """
     here, step, curvature = start, min(first, longest), np.zeros(len(start.y))
+    # Where torques change within a stride, the map may jump as a strike comes at such a moment.
+    pieces = math.isfinite(curve.stride_map.hold)
     for _ in range(_MOST_POINTS):
         ahead = here.y + step * here.tangent
         bend = 0.5 * step**2 * curvature
         there = curve.correct(ahead, here.tangent, accuracy, bend)
         # A turn too sharp for this step, or a leap to another branch: try a shorter one.
-        if there is None or there.tangent @ here.tangent < 0.8:
+        astray = there is None or there.tangent @ here.tangent < 0.8
+        if there is not None and pieces:
+            astray |= bool(np.linalg.norm(there.y - ahead - bend) > _ASTRAY * step)
+        if there is None or astray:
             step *= 0.4
             if step < shortest or (step < 0.02 * longest and _glides(curve, here)):
                 return

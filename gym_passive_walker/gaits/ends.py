@@ -8,6 +8,7 @@ extrapolating the rest.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -20,12 +21,14 @@ STANCE_STOPS = "the stance leg barely passes the vertical"
 TANGENTIAL = "heelstrike becomes tangential"
 BOUND = "end of the range asked for"
 VANISHED = "the step length goes to zero"
+STEP_ENDS = "a strike comes as a control step ends"
 LOST = "the family could not be followed further"
 
 _VERGE = 1e-9  # of a stride, before its heelstrike
 _LOOKS, _ROUGHLY = 96, 1e-9  # at the stance leg during a stride, and their tolerance
 _NEAR = 0.3  # a margin below this is about to be lost
 _TINY = 1e-3  # stance angle of steps that are about to vanish
+_AT_ONCE = 1e-3  # of a control step: a strike so near to its end comes with it
 _ENDLESS = 12.0  # time in sqrt(l/g) of a stride that hardly gets over the vertical
 
 
@@ -97,6 +100,12 @@ def reason_of(
         values: The varied quantity, (n,).
         period: Strides of each gait.
     """
+    if math.isfinite(stride_map.hold):
+        # There a controller observes the walker before the strike or after it.
+        last = stride_map.apply(points[-1:], slopes[-1:], strides=1)
+        steps = np.array([last.knee_times[0], last.durations[0]]) / stride_map.hold
+        if np.nanmin(np.abs(steps - np.round(steps))) < _AT_ONCE:
+            return End(float(values[-1]), STEP_ENDS)
     left = margins(stride_map, points, slopes, period)
     near = {
         reason: (_vanishing(margin, values), margin[-1])

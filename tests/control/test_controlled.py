@@ -341,3 +341,20 @@ def test_stairs_down_carry_a_passive_walker_over_the_level():
     assert gait.stance_angle == pytest.approx(alike.stance_angle, rel=0.2)
     family = gpw.gait_family(gpw.stride_map("C", terrain=ground), -0.005, 0.005)
     assert family.slope.min() == -0.005 and family.slope.max() == 0.005
+
+
+def test_a_policy_s_gaits_come_in_pieces_that_do_not_depend_on_where_they_were_begun():
+    """Where the knee locks as a control step ends, what the policy observes jumps."""
+    strides = gpw.stride_map(controller="rolling-ppo")
+    families = [
+        gpw.gait_family(
+            strides, 0.028, 0.036, start=gpw.find_gait(strides, slope), resolution=resolution
+        )
+        for slope, resolution in ((0.029, 0.02), (0.030, 0.011))
+    ]
+    edge = families[0].ends[1]
+    assert edge.reason == "a strike comes as a control step ends"
+    assert families[1].ends[1].value == pytest.approx(edge.value, abs=1e-7)
+    last = strides.stride(families[0].state[-1], edge.value)
+    steps = float(last.kneestrike_time) / strides.units.time / strides.hold
+    assert steps == pytest.approx(round(steps), abs=1e-3)
