@@ -26,7 +26,7 @@ from agents.training import Run
 from gym_passive_walker import GaitNotFound
 from gym_passive_walker.control import optimal
 from gym_passive_walker.control.baselines import BASELINES
-from gym_passive_walker.control.controlled import closed_loop_gait
+from gym_passive_walker.control.maps import closed_loop_gait
 from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs.scene import SCENES, Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv

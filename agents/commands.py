@@ -14,8 +14,8 @@ from agents.learner import LearnedPolicy, export, learned
 from gym_passive_walker import GaitNotFound
 from gym_passive_walker.control import optimal
 from gym_passive_walker.control.baselines import BASELINES
-from gym_passive_walker.control.controlled import closed_loop_gait
 from gym_passive_walker.control.controllers import acting
+from gym_passive_walker.control.maps import closed_loop_gait
 from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs.scene import SCENES, Scene, make_scene
 from gym_passive_walker.files import replacing

@@ -45,6 +45,7 @@ _CONCERNING = {
     "agents/worlds": "config training",
     "control/baselines": "baselines closed_loop optimal",
     "control/controlled": "controlled closed_loop matrix",
+    "control/maps": "controlled closed_loop matrix",
     "control/feedback": "baselines ticks",
     "control/once_a_stride": "once_a_stride",
     "control/optimal": "optimal",

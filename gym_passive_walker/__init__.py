@@ -11,7 +11,7 @@ import gym_passive_walker.console
 import gym_passive_walker.evaluation.pictures
 import gym_passive_walker.render
 import gym_passive_walker.sweeps.pictures  # noqa: F401
-from gym_passive_walker.control.controlled import closed_loop_gait, stride_map
+from gym_passive_walker.control.maps import closed_loop_gait, stride_map
 from gym_passive_walker.control.optimal import optimal_gait, optimal_gaits
 from gym_passive_walker.control.optimum import OptimalGait
 from gym_passive_walker.control.shaping import (

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.control.baselines import BASELINES
-from gym_passive_walker.control.controlled import stride_map
+from gym_passive_walker.control.maps import stride_map
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait

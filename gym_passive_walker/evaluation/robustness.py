@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.arguments import KEPT, number, seed_number, whole
 from gym_passive_walker.control.baselines import Passive
-from gym_passive_walker.control.controlled import acting_as
 from gym_passive_walker.control.controllers import ControllerLike, SceneLike, acting
+from gym_passive_walker.control.maps import acting_as
 from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.control.controlled import stride_map
+from gym_passive_walker.control.maps import stride_map
 from gym_passive_walker.envs.scene import SceneError
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.fixed_point import find_gait

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import one_slope
-from gym_passive_walker.control.controlled import ControlledMap, stride_map
+from gym_passive_walker.control.controlled import ControlledMap
+from gym_passive_walker.control.maps import stride_map
 from gym_passive_walker.envs.starts import checked_state, gait_near
 from gym_passive_walker.gaits.flow import Walkers, go_on, new_records
 from gym_passive_walker.physics import legs

@@ -9,7 +9,7 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.control.baselines import LinearFeedback
-from gym_passive_walker.control.controlled import stride_map
+from gym_passive_walker.control.maps import stride_map
 from gym_passive_walker.control.ticks import ticked_strides
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv

@@ -1,0 +1,214 @@
+"""The one way to a stride map: of a walker, passive or under a controller, on any ground."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from os import PathLike
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from gym_passive_walker.arguments import check_tolerance, one_slope
+from gym_passive_walker.control.baselines import BASELINES, Schedule, StrideFeedback
+from gym_passive_walker.control.controlled import ControlledMap
+from gym_passive_walker.control.controllers import ControllerLike, SceneLike, acting
+from gym_passive_walker.control.optimum import OptimalGait
+from gym_passive_walker.control.policy import Policy
+from gym_passive_walker.envs.scene import CALM, CHANNELS, Scene, make_scene
+from gym_passive_walker.gaits.actuation import PASSIVE, Actuation, one_actuation
+from gym_passive_walker.gaits.fixed_point import find_gait
+from gym_passive_walker.gaits.gait import Gait
+from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.gaits.terrain import Terrain, TerrainLike, terrain_from
+from gym_passive_walker.walkers import WalkerLike, as_walker
+
+
+def stride_map(
+    walker: WalkerLike | None = None,
+    slope: float | None = None,
+    *,
+    controller: ControllerLike | Actuation | OptimalGait | Callable | None = None,
+    scene: SceneLike | None = None,
+    terrain: TerrainLike | None = None,
+    tolerance: float = 1e-12,
+) -> StrideMap:
+    """The stride map (the Poincaré map) of a walker, passive or under a controller.
+
+    Whatever takes a walker and a slope takes such a map: gaits, families, bifurcation diagrams,
+    basins, simulations and all other analyses.
+
+    Example:
+        >>> import gym_passive_walker as gpw
+        >>> strides = gpw.stride_map(controller=gpw.load_policy("level-ppo"))
+        >>> strides.exact  # its network has a derivative, and so has the map
+        True
+        >>> gpw.find_gait(strides).stable
+        True
+
+    Args:
+        walker: The walker, in a form that `as_walker` takes; the scene's when None.
+        slope: Slope in rad; the scene's, or the middle of its range, when None. Without a scene it
+            may be left to the analysis.
+        controller: What works the motors: None for a passive walker; an `Actuation`, the same in
+            each stride; an `OptimalGait`, whose torques are played without feedback; a trained
+            policy, a baseline, or the name of either; any object with `predict(observation, state,
+            episode_start, deterministic)`; or a function from observations (n, 8) to actions
+            (n, actions). What it remembers starts again with each stride.
+        scene: Which motors a controller has, how strong they are and how long its actions are
+            held, in a form that `make_scene` takes; the policy's own or "level" when None. Its
+            disturbances are left out.
+        terrain: How footholds lie, in a form that `terrain_from` takes; smooth when None, as the
+            scene's own is left out. One that repeats, such as `stairs` and `waves`: random ground
+            is for `simulate` and `robustness`.
+        tolerance: Error of the integration, relative to the largest angle or rate.
+
+    Returns:
+        The map. Its `apply` and `linearize` take points of the section, which `points_at` makes of
+        states.
+
+    Raises:
+        ValueError: if the controller cannot act, or an argument is out of its range.
+    """
+    tolerance, ground = check_tolerance(tolerance), _repeating(terrain)
+    if controller is None or isinstance(controller, Actuation):
+        if scene is not None and walker is None:
+            walker = make_scene(scene).walker
+        if scene is not None and slope is None:
+            slope = float(np.mean(make_scene(scene).slope))
+        if walker is None:
+            raise ValueError("stride_map needs a walker, a scene, or a policy")
+        own, held = as_walker(walker), controller or PASSIVE
+        return StrideMap.of(
+            own, slope=None if slope is None else one_slope(slope), tolerance=tolerance,
+            controller=one_actuation(own, held), terrain=ground,
+        )  # fmt: skip
+    named: Any = controller
+    if isinstance(named, OptimalGait):
+        if scene is None:
+            raise ValueError("say of which scene this gait is, by scene=")
+        slope = named.slope if slope is None else slope
+        named = Schedule(make_scene(scene), named)
+    if callable(named) and not hasattr(named, "predict"):
+        named = _Function(named)
+    if scene is None and not isinstance(named, str | PathLike):
+        scene = getattr(named, "scene", "level")
+    changes: dict[str, Any] = {} if walker is None else {"walker": as_walker(walker)}
+    if isinstance(named, str) and named in BASELINES and slope is not None:
+        changes["slope"] = one_slope(slope)  # it is made for this slope
+    acts, there = acting(named, scene, **changes)  # type: ignore[arg-type]
+    there = calm(there, slope)
+    return ControlledMap(
+        walker=there.walker, slope=float(np.mean(there.slope)), agent=acts, scene=there,
+        tolerance=tolerance, terrain=ground,
+    )  # fmt: skip
+
+
+def _repeating(terrain: TerrainLike | None) -> Terrain | None:
+    """Ground of a stride map; None where it is smooth.
+
+    Raises:
+        ValueError: if it is random, or does not repeat.
+    """
+    ground = terrain_from(terrain)
+    if ground is None or ground.smooth:
+        return None
+    if ground.random or not ground.repeats:
+        raise ValueError(
+            "a stride map is of ground that repeats, as stairs and waves do; walk over random "
+            "footholds by simulate(..., terrain=) or robustness"
+        )
+    return ground
+
+
+def closed_loop_gait(
+    policy: ControllerLike,
+    scene: SceneLike | None = None,
+    *,
+    slope: float | None = None,
+    period: int = 1,
+    guess: ArrayLike | None = None,
+) -> Gait:
+    """The periodic gait that a walker has under a policy: `find_gait` of its `stride_map`.
+
+    Example:
+        >>> import gym_passive_walker as gpw
+        >>> from gym_passive_walker.control.baselines import LinearFeedback
+        >>> gait = gpw.closed_loop_gait(LinearFeedback("steep"), "steep")
+        >>> gait.stable, round(gait.froude_speed, 3)
+        (True, 0.325)
+
+    Args:
+        policy: A baseline, a trained policy or its name, or a model of stable-baselines3.
+        scene: A `Scene`, its name, or a mapping of its arguments. None is the policy's own, or
+            "level" for one without a scene.
+        slope: Slope in rad; the scene's, or the middle of its range, if None.
+        period: Strides until the gait repeats.
+        guess: A section state to start from; None is where walks from the scene's start come to.
+
+    Raises:
+        GaitNotFound: if the walker falls at once, or no gait is found.
+        ValueError: if the policy cannot act, or an argument is out of its range.
+    """
+    if policy is None or isinstance(policy, Actuation):
+        raise ValueError(
+            "closed_loop_gait needs a policy, which observes its walker; find_gait(stride_map("
+            "walker, slope, controller=...)) finds the gaits of motors that do the same in each "
+            "stride"
+        )
+    strides = stride_map(None, slope, controller=policy, scene=scene)
+    return find_gait(strides, period=period, guess=guess)
+
+
+def acting_as(strides: StrideMap, slope: float) -> tuple[Policy, Scene]:
+    """What works a map's motors as a policy, and the scene in which it acts.
+
+    Args:
+        strides: A map whose walker is not passive.
+        slope: Slope in rad.
+    """
+    if isinstance(strides, ControlledMap):
+        return strides.agent, make_scene(strides.scene, walker=strides.walker, slope=slope)
+    held: dict[str, float] = dict(zip(CHANNELS, strides.actuation, strict=True))
+    used = tuple(name for name, value in held.items() if value)
+    largest: dict[str, Any] = {
+        f"max_{name}" + "_torque" * (name != "push_off"): abs(held[name]) for name in used
+    }
+    scene = make_scene(
+        walker=strides.walker, slope=slope, control="stride", actions=used, stub=strides.stub,
+        **largest,
+    )  # fmt: skip
+    shares = np.array([[np.sign(held[name]) for name in used]])
+    point = np.zeros(strides.dimension)
+    rows = np.zeros((1, len(used), len(point)))
+    return StrideFeedback(strides.controller_name, strides.walker, point, shares, rows), scene
+
+
+def calm(scene: Scene, slope: float | None = None) -> Scene:
+    """A scene on smooth ground without disturbances, of one slope and one command.
+
+    Args:
+        scene: The scene. Motors are charged for absolute work, and an agent that sees the ground
+            ahead sees that it is smooth.
+        slope: Slope in rad; the scene's, or the middle of its range, when None.
+    """
+    slope = float(np.mean(scene.slope)) if slope is None else one_slope(slope)
+    command = None if scene.command is None else float(np.mean(scene.command))
+    smooth = {"terrain": Terrain(), "preview": scene.preview} if scene.preview else {}
+    alike = {"energy": "absolute", "perturbation": 0.0, "randomise": {}}
+    return make_scene(scene, **alike, **CALM | smooth | {"slope": slope, "command": command})
+
+
+class _Function:
+    """A controller that is a function of observations, in double precision."""
+
+    double = True
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self.function, self.name = function, getattr(function, "__name__", "function")
+
+    def predict(
+        self, observation: NDArray, state: Any = None, *_: Any, **__: Any
+    ) -> tuple[NDArray[np.float64], Any]:
+        """Its actions."""
+        return np.asarray(self.function(observation), dtype=float), state
