@@ -47,7 +47,7 @@ RECOVERY = 20
 """Strides after which a walker counts as recovered."""
 
 ROUGHNESS = 0.01
-"""Standard deviation in rad of the slopes of rough ground, drawn anew at each stride."""
+"""Standard deviation in rad of the slopes of rough ground, drawn for each stride."""
 
 FARTHEST = 300
 """Strides after which a walk over rough ground is broken off."""
@@ -251,7 +251,7 @@ def rough_strides(policy: Policy, scene: Scene, *, walkers: int = 100, seed: int
         going &= strides < FARTHEST
         if not going.any():
             break
-        slopes = rng.normal(middle, ROUGHNESS, walkers)  # as many each time, whoever strikes
+        slopes = rng.normal(middle, ROUGHNESS, walkers)  # as many each time, however many strike
         step.observations[:] = several.set_slopes(slopes, step.struck)
     return float(strides.mean())
 

@@ -134,6 +134,11 @@ class ControlledMap(StrideMap):
         return self.scene.tick if self.scene.control == "tick" else math.inf
 
     @property
+    def preview(self) -> int:
+        """How many footholds ahead the controller observes."""
+        return self.scene.preview
+
+    @property
     def parameters(self) -> dict[str, float]:
         """What may be varied, in the walker's units."""
         return {name: getattr(self.walker, name) for name in PARAMETERS}
@@ -205,8 +210,12 @@ class ControlledMap(StrideMap):
         change = np.concatenate(parts, axis=2)
         total = np.zeros((n, m + 6, 1 + columns))
         outcomes = np.full(n, _STRUCK)
-        with np.errstate(all="ignore"), progress("strides under a controller", strides) as taken:
-            for place in np.tile(np.arange(len(self.ground)), strides).tolist():
+        places = np.tile(np.arange(len(self.ground)), strides).tolist()
+        with (
+            np.errstate(all="ignore"),
+            progress("strides under a controller", len(places)) as taken,
+        ):
+            for place in places:
                 told, ended = self._stride(points, slopes, lanes, _Seeds(change, moving), place)
                 outcomes = np.where(outcomes == _STRUCK, ended, outcomes)
                 total[:, m : m + 4] += told[:, m : m + 4]
@@ -228,14 +237,11 @@ class ControlledMap(StrideMap):
             return self._differences(points, slopes, lanes, seeds, place)
         tilt, rise, turn = self.ground[place]
         slopes = slopes + tilt
-        sine = np.zeros((n, 1 + width))
-        sine[:, 0] = np.sin(slopes)
+        sine, cosine = np.zeros((2, n, 1 + width))
+        sine[:, 0], cosine[:, 0] = np.sin(slopes), np.cos(slopes)
         if "slope" in moving:
-            sine[:, 1 + moving["slope"]] = np.cos(slopes)
-        cosine = np.zeros_like(sine)
-        cosine[:, 0] = np.cos(slopes)
-        if "slope" in moving:
-            cosine[:, 1 + moving["slope"]] = -np.sin(slopes)
+            tangent = 1 + moving["slope"]
+            sine[:, tangent], cosine[:, tangent] = cosine[:, 0], -sine[:, 0]
         works = np.array(self.walkers.system().works)
         told, books = np.full((n, m + 6, 1 + width), np.nan), np.zeros((n, 2, 1 + width))
         outcomes = np.full(n, int(Outcome.DIVERGED))
@@ -248,8 +254,9 @@ class ControlledMap(StrideMap):
                 if name != "slope":
                     change[:, :, tangent] += self.state_by_parameter(points, name, place)
         for on, before, walked, held, rows in self._steps(
-            states, slopes, lanes, sound, seeds, change, rises=rise, turns=turn
-        ):
+            states, slopes, lanes, sound, seeds, change, rises=rise, turns=turn,
+            ahead=self.ahead(place),
+        ):  # fmt: skip
             books[on, 0] += rows[:, _LOST].sum(axis=1)  # friction and knee: since the start
             books[on, 0, 0] -= before["friction_loss"][:, 0] + before["knee_loss"][:, 0]
             for j, channel in enumerate(self._motors):
@@ -262,9 +269,8 @@ class ControlledMap(StrideMap):
             books[there, 1] += product(sine[there], ended[:, _LENGTH]) + ended[:, _PUSHED]
             if self.terrain is not None:
                 heights = np.zeros_like(books[there, 1])
-                own = self._heights(walked, place)[
-                    struck
-                ]  # by states and motors it does not change
+                # They do not change with states and motors.
+                own = self._heights(walked, place)[struck]
                 heights[:, 0] = own[:, 0]
                 for j, tangent in enumerate(moving.values()):
                     heights[:, 1 + tangent] = own[:, 1 + _STATE + len(self._motors) + j]
@@ -338,7 +344,7 @@ class ControlledMap(StrideMap):
             change: Of the states along these, (n, 6, k).
             rises: Heights of the next footholds.
             turns: By how much these slope more steeply.
-            ahead: What is observed of the footholds ahead, (n, preview); smooth when None.
+            ahead: What is observed of the footholds ahead, as of `look`; smooth when None.
         """
         walkers, motors = self.walkers, self._motors
         if seeds is None:
@@ -464,7 +470,8 @@ class ControlledMap(StrideMap):
         if scene.command is not None:
             seen[:, task.SIZE] = np.mean(scene.command)
         if ahead is not None:
-            seen[:, size:] = ahead
+            bounds = np.tile([task.HIGHEST, task.STEEPEST], scene.preview)
+            seen[:, size:] = np.clip(ahead, -bounds, bounds)
         return seen
 
     def _sound(self, points: NDArray) -> NDArray[np.bool_]:
@@ -478,21 +485,14 @@ class ControlledMap(StrideMap):
         state: ArrayLike,
         slope: ArrayLike | None = None,
         *,
-        rise: ArrayLike = 0.0,
-        turn: ArrayLike = 0.0,
+        rise: ArrayLike | None = None,
+        turn: ArrayLike | None = None,
         ahead: NDArray | None = None,
     ) -> Stride:
-        """One stride with its ledger, in the walker's own units.
-
-        Args:
-            state: Section states, (6,) or (n, 6), in the walker's own units.
-            slope: Slope in rad, one for all or (n,); the map's own when None.
-            rise: Height of the next foothold, likewise, as for `gpw.stride`.
-            turn: By how much that slopes more steeply.
-            ahead: What the controller observes of the footholds ahead, (n, preview).
-        """
+        """One stride with its ledger, in the walker's own units; see `StrideMap.stride`."""
         shape, starts = np.shape(state)[:-1], self.dimensionless(state)
-        slopes = np.array(self._slopes(slope, len(starts)))
+        own, rise, turn, ahead = self._footing(slope, rise, turn, ahead)
+        slopes = for_each(own, len(starts))
         units, system = self.units, self.walkers.system()
         n, works = len(starts), np.zeros((2, 2, len(starts)))
         ended = new_records(starts, slopes)
@@ -559,7 +559,10 @@ class ControlledMap(StrideMap):
     def _until(self, state: NDArray, slope: float, time: float) -> Flow:
         """One walker's stride up to a time, from a state (1, 6)."""
         one, (tilt, rise, turn) = np.zeros(1, int), self.ground[0]
-        steps = self._steps(state, np.array([slope + tilt]), one, one == 0, rises=rise, turns=turn)
+        steps = self._steps(
+            state, np.array([slope + tilt]), one, one == 0, rises=rise, turns=turn,
+            ahead=self.ahead(0),
+        )  # fmt: skip
         for step, (_, before, walked, _, _) in enumerate(steps):
             if walked.outcomes[0] != _RUNNING or walked.records["time"][0, 0] >= time:
                 before["end"] = time

@@ -217,7 +217,8 @@ def gait_family(
     """Follow a gait over slopes, through folds and to its ends, by numerical continuation.
 
     Begins at the lowest slope of the range where such a gait is found. Some walkers have further
-    gaits at steep slopes on a curve of their own: reach those with another `slope_min`.
+    gaits at steep slopes on a curve of their own: reach those with another `slope_min`. Under a
+    controller it begins at the map's own slope, if that lies in the range and has a gait.
 
     Args:
         walker: The walker, in a form that `as_walker` takes; or a map of `stride_map`, whose
@@ -250,8 +251,8 @@ def gait_family(
         )
     if start is None:
         slopes = np.geomspace(low, high, 16) if low > 0.0 else np.linspace(low, high, 16)
-        if stride_map.slope is not None and low <= stride_map.slope <= high:
-            slopes = np.append(stride_map.slope, slopes)  # where a controller is at home
+        if stride_map.controlled and low <= stride_map.chosen(None) <= high:
+            slopes = np.append(stride_map.chosen(None), slopes)  # where a controller is at home
         start = _some_gait(stride_map, slopes, kind)
     elif not low <= start.slope <= high:
         raise ValueError(f"the gait to start with stands at slope {start.slope}, out of the range")

@@ -182,7 +182,8 @@ def stride(
         ankle_torque: Torque between ground and stance leg held through the stride, positive when it
             tips the walker forward; likewise. On point feet alone.
         push_off: Impulse of the ground along the stance leg just before heelstrike; likewise.
-        rise: Height of the next foothold over this one, along this one's normal; likewise.
+        rise: Height of the next foothold over this one, along this one's normal; likewise. A map
+            with a terrain begins on its first foothold where neither this nor `turn` is given.
         turn: By how much the next foothold slopes more steeply downhill, in rad; likewise. The
             state after the stride is over that one, angles from its normal.
         tolerance: Error relative to the largest angle or (dimensionless) rate. The next state's
@@ -204,8 +205,13 @@ def stride(
     )
     tolerance = check_tolerance(tolerance)
     if controlled is not None:
-        strides = controlled.with_tolerance(tolerance)
-        return strides.stride(check_state(state), slope, rise=rise, turn=turn)
+        if longest != LONGEST_STRIDE or stub or carry is not advance:
+            raise ValueError(
+                "a stride map with a controller or a terrain has its own rules: "
+                "leave longest, stub and carry out"
+            )
+        given = {} if check_foothold(rise, turn) is None else {"rise": rise, "turn": turn}
+        return controlled.with_tolerance(tolerance).stride(check_state(state), slope, **given)
     states, slopes = check_state(state), check_slope(slope)  # type: ignore[arg-type]
     actuation = check_actuation(walker, actuation)
     longest, stub = number(longest, "longest", above=0.0), truth(stub, "stub")

@@ -38,6 +38,7 @@ LONGEST = 20.0
 
 _VERGE = 1e-8  # of the time until a strike: its square is nothing
 _FEW = 16
+_NO_SLOPE = "this map has no slope of its own: give one"
 _FIELDS = [field.name for field in fields(Change)]
 _STRUCK, _STALLED = int(Outcome.HEELSTRIKE), int(Outcome.STALLED)
 
@@ -154,6 +155,11 @@ class StrideMap(Section):
         return math.inf
 
     @property
+    def preview(self) -> int:
+        """How many footholds ahead a controller observes."""
+        return 0
+
+    @property
     def passive(self) -> bool:
         """Whether no motor drives the walkers."""
         return self.parameter not in Actuation._fields and self.actuation.passive
@@ -175,6 +181,10 @@ class StrideMap(Section):
         if self.terrain is None:
             return np.zeros((1, 3))
         return self.terrain.ground(0, np.arange(len(self.terrain.rises)))
+
+    def ahead(self, place: int) -> NDArray[np.float64]:
+        """What a controller observes on a foothold of those ahead, (2 `preview`,)."""
+        return self.ground[(place + np.arange(self.preview)) % len(self.ground), 1:].ravel()
 
     def _trailing(self, angles: NDArray, place: int) -> tuple[NDArray, NDArray]:
         """Angles of straight legs behind stance angles, (...), and their derivatives.
@@ -240,7 +250,7 @@ class StrideMap(Section):
         """Slopes of some points, (n,)."""
         slopes = self.slope if slopes is None else slopes
         if slopes is None:
-            raise ValueError("this map has no slope of its own: give one")
+            raise ValueError(_NO_SLOPE)
         return for_each(slopes, count)
 
     def _actuations(self, lanes: NDArray) -> NDArray[np.float64]:
@@ -417,30 +427,51 @@ class StrideMap(Section):
         strides: list[Stride] = []
         for tilt, rise, turn in np.tile(self.ground, (count, 1)).tolist():
             here = state if not strides else strides[-1].state
-            foothold = {} if self.terrain is None else {
-                "rise": rise * self.walker.leg_length, "turn": turn
-            }  # fmt: skip
-            strides.append(self.stride(here, slope + tilt, **foothold))
+            foothold = {"rise": rise * self.walker.leg_length, "turn": turn}
+            seen = self.ahead(len(strides))
+            strides.append(self.stride(here, slope + tilt, **foothold, ahead=seen))
         return strides
+
+    def _footing(
+        self,
+        slope: ArrayLike | None,
+        rise: ArrayLike | None,
+        turn: ArrayLike | None,
+        ahead: NDArray | None,
+    ) -> tuple[Any, ArrayLike, ArrayLike, NDArray]:
+        """Slope, rise (in the walker's units) and turn of a stride, and what is seen ahead."""
+        slopes: Any = self.slope if slope is None else slope
+        if slopes is None:
+            raise ValueError(_NO_SLOPE)
+        turned = 0.0
+        if rise is None and turn is None and self.terrain is not None:
+            tilt, up, turned = self.ground[0].tolist()
+            slopes, rise = np.add(slopes, tilt), up * self.walker.leg_length
+        seen = self.ahead(0) if ahead is None else ahead
+        return slopes, 0.0 if rise is None else rise, turned if turn is None else turn, seen
 
     def stride(
         self,
         state: ArrayLike,
         slope: ArrayLike | None = None,
         *,
-        rise: ArrayLike = 0.0,
-        turn: ArrayLike = 0.0,
+        rise: ArrayLike | None = None,
+        turn: ArrayLike | None = None,
+        ahead: NDArray | None = None,
     ) -> Stride:
         """One stride with its ledger, in the walker's own units.
 
         Args:
             state: Section states, (6,) or (n, 6), in the walker's own units.
             slope: Slope in rad; the map's own when None.
-            rise: Height of the next foothold, as for `gpw.stride`.
+            rise: Height of the next foothold, as for `gpw.stride`. Where neither this nor `turn` is
+                given, the stride begins on the first foothold of the map's terrain.
             turn: By how much that slopes more steeply.
+            ahead: What a controller observes of the footholds ahead, as of `look`.
         """
+        slope, rise, turn, _ = self._footing(slope, rise, turn, ahead)
         return stride(
-            self.walker, self.slope if slope is None else slope, state,
+            self.walker, slope, state,
             tolerance=self.tolerance, longest=self.longest, stub=self.stub, rise=rise, turn=turn,
             **to_own(units_of(self.walker), self.actuation)._asdict(),
         )  # fmt: skip
@@ -452,8 +483,13 @@ class StrideMap(Section):
         times: NDArray,
         rises: ArrayLike | None = None,
         turns: ArrayLike | None = None,
+        ahead: NDArray | None = None,
     ) -> Samples:
-        """As `sample`, from states (n, 6) just after a heelstrike, to footholds that may differ."""
+        """As `sample`, from states (n, 6) just after a heelstrike, to footholds that may differ.
+
+        What a controller observes of the footholds ahead is (n, 2 `preview`) numbers, or (2
+        `preview`,) for all: the rise to each, and its turn.
+        """
         actuations = self._actuations(np.arange(len(states)))
         seen = flow(
             self.walkers, states, slopes, controls=actuations[:, :2], save_at=times, rises=rises,
@@ -475,7 +511,7 @@ class StrideMap(Section):
             return self.look(self.state(points), slopes, times)
         tilt, rise, turn = self.ground[0]
         here = for_each(slopes, len(points)) + tilt
-        return self.look(self.state(points), here, times, rise, turn)
+        return self.look(self.state(points), here, times, rise, turn, self.ahead(0))
 
     def _until(self, state: NDArray, slope: float, time: float) -> Flow:
         """One walker's stride up to a time, from a state (1, 6)."""

@@ -172,6 +172,9 @@ def simulate(
     footholds = own if terrain is None else terrain_from(terrain)
     ground = ground_of(footholds, key, strides)
     rises = ground[:, 1] * walker.leg_length
+    preview = 0 if controlled is None else controlled.preview
+    beyond = ground_of(footholds, key, strides + preview)[:, 1:]
+    ahead = np.array([beyond[k : k + preview].ravel() for k in range(strides)])
     starts, walks = [state], []
     strides_of = controlled.with_tolerance(tolerance) if controlled else None
     for k, held in enumerate(map(Actuation._make, np.stack(parts, axis=1).tolist())):
@@ -180,7 +183,7 @@ def simulate(
         if strides_of is None:
             walks.append(stride(walker, *here, tolerance=tolerance, **foothold, **held._asdict()))
         else:
-            walks.append(strides_of.stride(*here[::-1], **foothold))
+            walks.append(strides_of.stride(*here[::-1], **foothold, ahead=ahead[k]))
         if walks[-1].outcome != Outcome.HEELSTRIKE:
             break
         starts.append(walks[-1].state)
@@ -197,7 +200,7 @@ def simulate(
         strides_of = StrideMap(walker=walker, tolerance=tolerance, actuation=held)
     seen = strides_of.look(
         strides_of.dimensionless(first), slope + tilts, instants / units.time,
-        rises[:made] / units.length if ground.any() else None,
+        rises[:made] / units.length if ground.any() else None, ahead=ahead[:made],
     )  # fmt: skip
     states = units.to_own(seen.states)
     began = np.cumsum([0.0, *durations[:-1]])[:, None]

@@ -7,8 +7,12 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.control.baselines import LinearFeedback
+from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.evaluation.steps import steps
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.policies import shipped_policies
+from gym_passive_walker.units import units_of
 from tests.control.in_environment import walked
 
 SINGLE = 2e-6  # what single precision of observations and actions comes to in a stride
@@ -358,3 +362,74 @@ def test_a_policy_s_gaits_come_in_pieces_that_do_not_depend_on_where_they_were_b
     last = strides.stride(families[0].state[-1], edge.value)
     steps = float(last.kneestrike_time) / strides.units.time / strides.hold
     assert steps == pytest.approx(round(steps), abs=1e-3)
+
+
+def in_environment(policy, scene, state, count):
+    """States after each stride of one walker in the environment, (count, 6)."""
+    worlds, ends = PassiveWalkerVectorEnv(1, scene, max_episode_steps=-1), []
+    seen, _ = worlds.reset(seed=0, options={"state": state[None], "slope": scene.slope})
+    for step in steps(policy, worlds, seen):
+        assert not step.terminated[0]
+        if step.struck[0]:
+            ends.append(worlds.states[0].copy())
+            if len(ends) == count:
+                return np.array(ends)
+    raise AssertionError("steps ended by themselves")
+
+
+@pytest.fixture(scope="module")
+def seeing():
+    """A policy that sees the footholds ahead, and a state to start from."""
+    policy = gpw.load_policy("rough-ppo")
+    return policy, gpw.find_gait(policy.scene.walker, policy.scene.slope).state
+
+
+def test_a_policy_that_sees_the_ground_ahead_is_shown_it(seeing):
+    """On a list of footholds and over stairs, as in the environment."""
+    policy, state = seeing
+    scene = policy.scene
+    rough = gpw.footholds(0.003 * np.random.default_rng(3).normal(size=8))
+    strides = gpw.stride_map(controller=policy)
+    walk = gpw.simulate(strides, state=state, strides=7, samples=20, terrain=rough)
+    expected = in_environment(policy, make_scene(scene, terrain=rough), state, 7)
+    np.testing.assert_allclose(walk.states[20::20], expected[:-1], atol=1e-6)
+    blind = strides.stride(state, rise=0.003, ahead=np.zeros(4)).state
+    assert np.abs(strides.stride(state, rise=0.003, ahead=np.ones(4)).state - blind).max() > 1e-3
+
+    stairs = gpw.stairs(0.002)
+    climbing = gpw.stride_map(controller=policy, terrain=stairs)
+    begun = strides.stride(state).state  # such as stands on a step is not known before
+    ends = in_environment(policy, make_scene(scene, terrain=stairs), begun, 3)
+    np.testing.assert_allclose(
+        [stride.state for stride in climbing.walk(begun, scene.slope, count=3)], ends, atol=1e-6
+    )
+
+
+@pytest.mark.parametrize("controller", [None, "rough-ppo"])
+def test_a_stride_of_a_map_with_terrain_is_over_its_footholds(controller, seeing):
+    """Given or not, the foothold is where the terrain has it, and so does the strike come."""
+    policy, state = seeing
+    scene, rise = policy.scene, 0.002
+    walker = scene.walker
+    strides = gpw.stride_map(walker, scene.slope, controller=controller, terrain=gpw.stairs(rise))
+    tilt, own, turn = strides.ground[0]
+    over = {"rise": own * walker.leg_length, "turn": turn}
+    first = strides.walk(state, scene.slope, count=1)[0]
+    for other in (
+        strides.stride(state),
+        gpw.stride(strides, None, state),
+        strides.stride(state, scene.slope + tilt, **over),
+    ):
+        np.testing.assert_allclose(other.state, first.state, atol=1e-9)
+    assert np.abs(strides.stride(state, turn=0.0).state - first.state).max() > 1e-4
+    point, strike = strides.points_at(state), first.duration / units_of(walker).time
+    before = strides.before_strike(point[0], scene.slope, strike)
+    late = strides.sample(point, scene.slope, np.array([[strike * (1.0 - 1e-9)]]))
+    np.testing.assert_allclose(before, late.states[0, 0], atol=1e-6)
+
+
+def test_a_map_keeps_its_own_rules(seeing):
+    strides = gpw.stride_map(controller=seeing[0])
+    for given in ({"longest": 3.0}, {"stub": True}):
+        with pytest.raises(ValueError, match="leave longest, stub"):
+            gpw.stride(strides, None, seeing[1], **given)
