@@ -35,6 +35,7 @@ __all__ = [
     "flow",
     "go_on",
     "new_records",
+    "rows_of",
 ]
 
 _SIZE = len(State._fields)
@@ -67,6 +68,18 @@ def _place(name: str) -> int:
 
 
 _PLACES = {name: _place(name) for name in (*ROWS, *MOTORS)}
+
+
+def rows_of(records: NDArray, names: Sequence[str] = ROWS) -> NDArray[np.float64]:
+    """Some of ROWS and MOTORS of records (n, 1 + k): values before tangents, 0 where one fell.
+
+    Returns:
+        Shape (n, names, 1 + k).
+    """
+    numbers = records.view(float).reshape(*records.shape, -1)
+    rows = numbers.swapaxes(1, 2)[:, [_PLACES[name] for name in names]]
+    rows[records["outcome"][:, 0] > _STRUCK, :, 1:] = 0.0
+    return rows
 
 
 class Tangents(NamedTuple):
@@ -263,8 +276,7 @@ class Flow:
         Returns:
             Shape (n, names, 1 + k).
         """
-        numbers = self.records.view(float).reshape(*self.records.shape, -1)
-        return self._until_falls(numbers.swapaxes(1, 2)[:, [_PLACES[name] for name in names]])
+        return rows_of(self.records, names)
 
     @cached_property
     def distance(self) -> NDArray[np.float64]:
@@ -274,11 +286,9 @@ class Flow:
         stances[:, 1:] = self.tangents.states[..., 0]
         before = _places(self.system.Body, self.bodies, stances)
         after = _places(self.system.Body, self.bodies, self.records["state"][..., 0])
-        return self._until_falls(legs.travelled(before, after, self.outcomes[:, None] == _STRUCK))
-
-    def _until_falls(self, numbers: NDArray) -> NDArray:
-        numbers[self.outcomes > _STRUCK, ..., 1:] = 0.0
-        return numbers
+        travelled = legs.travelled(before, after, self.outcomes[:, None] == _STRUCK)
+        travelled[self.outcomes > _STRUCK, 1:] = 0.0
+        return travelled
 
     @property
     def accelerations(self) -> NDArray[np.float64]:
