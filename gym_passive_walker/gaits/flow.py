@@ -27,6 +27,7 @@ from gym_passive_walker.walkers import Walker
 
 __all__ = [
     "LONGEST_STRIDE",
+    "MIRRORED",
     "MOTORS",
     "ROWS",
     "Flow",
@@ -40,7 +41,9 @@ __all__ = [
 
 _SIZE = len(State._fields)
 _STRUCK = int(Outcome.HEELSTRIKE)  # greater outcomes are falls: no strike but this ends a flow
-_MIRRORED = np.array([1.0, -1.0, -1.0])  # angles of a state on the section, by the stance angle's
+MIRRORED = np.array([1.0, -1.0, -1.0])
+"""Angles of a state on the section, by the stance angle's."""
+
 _INFINITESIMAL = 1e-100  # imaginary part that carries a derivative: its square is nothing
 _ALL = slice(None)
 _OF_ONE_STRIDE = ("time", "step", "knee_time", "knee_loss", "friction_loss", "moved", "turned")
@@ -280,13 +283,14 @@ class Flow:
 
     @cached_property
     def distance(self) -> NDArray[np.float64]:
-        """How far hips have come along the slope, with tangents: 0 where one fell, (n, 1 + k)."""
+        """How far hips have come along the ground they stood on, with tangents, (n, 1 + k)."""
         stances = np.empty(self.records.shape)
         stances[:, :1] = self.before["state"][..., 0]
         stances[:, 1:] = self.tangents.states[..., 0]
         before = _places(self.system.Body, self.bodies, stances)
-        after = _places(self.system.Body, self.bodies, self.records["state"][..., 0])
-        travelled = legs.travelled(before, after, self.outcomes[:, None] == _STRUCK)
+        states, turns = self.records["state"], self.records["ground"][..., 3]
+        old = np.where(self.struck[:, None], states[..., 1] - turns, states[..., 0])
+        travelled = _places(self.system.Body, self.bodies, old) - before
         travelled[self.outcomes > _STRUCK, 1:] = 0.0
         return travelled
 
@@ -510,7 +514,7 @@ def _seed(records: NDArray, tangents: Tangents, by: Collection[str]) -> None:
         turn = records["ground"][:, :1, 1::-1] * [1.0, -1.0]
         changes["ground"][..., :2] = tangents.slopes[:, None] * turn
     if "start" in by:
-        changes["start"] = tangents.starts[:, None] * _MIRRORED
+        changes["start"] = tangents.starts[:, None] * MIRRORED
     if "end" in by:
         changes["end"] = tangents.ends
 
