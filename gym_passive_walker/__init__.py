@@ -11,6 +11,7 @@ import gym_passive_walker.console
 import gym_passive_walker.evaluation.pictures
 import gym_passive_walker.render
 import gym_passive_walker.sweeps.pictures  # noqa: F401
+from gym_passive_walker import math
 from gym_passive_walker.control.maps import closed_loop_gait, stride_map
 from gym_passive_walker.control.optimal import optimal_gait, optimal_gaits
 from gym_passive_walker.control.optimum import OptimalGait
@@ -20,6 +21,7 @@ from gym_passive_walker.control.shaping import (
     virtual_gravity,
 )
 from gym_passive_walker.envs.registration import register as _register
+from gym_passive_walker.envs.transitions import Transition
 from gym_passive_walker.evaluation.robustness import Robustness, robustness
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.basin import Basin, Push, basin_of_attraction, largest_push
@@ -99,6 +101,7 @@ __all__ = [
     "Terrain",
     "TrainedPolicy",
     "Trajectory",
+    "Transition",
     "TuningErrors",
     "Walker",
     "WalkerError",
@@ -124,6 +127,7 @@ __all__ = [
     "load_policy",
     "local_exponents",
     "lyapunov_exponents",
+    "math",
     "measures",
     "optimal_gait",
     "optimal_gaits",

@@ -15,7 +15,7 @@ from gym_passive_walker.control.controlled import ControlledMap
 from gym_passive_walker.control.controllers import ControllerLike, SceneLike, acting
 from gym_passive_walker.control.optimum import OptimalGait
 from gym_passive_walker.control.policy import Policy
-from gym_passive_walker.envs.scene import CALM, CHANNELS, Scene, make_scene
+from gym_passive_walker.envs.scene import CALM, CHANNELS, Scene, make_scene, plain
 from gym_passive_walker.gaits.actuation import PASSIVE, Actuation, one_actuation
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait
@@ -194,6 +194,7 @@ def calm(scene: Scene, slope: float | None = None) -> Scene:
     """
     slope = float(np.mean(scene.slope)) if slope is None else one_slope(slope)
     command = None if scene.command is None else float(np.mean(scene.command))
+    plain(scene, "controllers of stride maps have", "observation")
     smooth = {"terrain": Terrain(), "preview": scene.preview} if scene.preview else {}
     alike = {"energy": "absolute", "perturbation": 0.0, "randomise": {}}
     return make_scene(scene, **alike, **CALM | smooth | {"slope": slope, "command": command})

@@ -96,6 +96,12 @@ class Expression:
     def __neg__(self) -> Expression:
         return self.args[0] if self.op == "neg" else self._with("neg", self)
 
+    def __pow__(self, power: Any) -> Expression:
+        if power not in range(1, 9):
+            return NotImplemented
+        half = self ** (power // 2) if power > 1 else self.number(1.0)
+        return half * half * self if power % 2 else half * half
+
     def __abs__(self) -> Expression:
         return self._with("abs", self.args[0] if self.op == "neg" else self)
 
@@ -121,7 +127,9 @@ class Expression:
         return self._with("not", self)
 
     def __bool__(self) -> bool:
-        raise TypeError("an expression is neither true nor false yet: use choose(), & and |")
+        raise TypeError(
+            "an expression is neither true nor false yet: use choose() or gpw.math.where(), & and |"
+        )
 
 
 def read(known: dict, *place: Any) -> Expression:

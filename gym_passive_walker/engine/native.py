@@ -24,6 +24,7 @@ _NUMBERS = ("%x", "%y")
 _COMPARED = {"<": "olt", "<=": "ole", ">": "ogt", ">=": "oge"}
 _ARITHMETIC = {"mul": "fmul", "div": "fdiv", "add": "fadd", "sub": "fsub"}
 _INTRINSICS = {"abs": "fabs", "sqrt": "sqrt"}
+_OF_THE_SYSTEM = ("exp", "tanh")  # functions of its library, of single numbers
 
 
 class Module:
@@ -232,9 +233,11 @@ class Emitter:
 
     Attributes:
         rounding: What rounding may do, to numbers about one.
+        fuses: Whether a product that only a sum needs is rounded together with it.
     """
 
     rounding = 2e-15
+    fuses = True
 
     def __init__(
         self, owner: Function, uses: Counter[Expression], *, vector: bool, lane: bool
@@ -297,6 +300,9 @@ class Emitter:
         values = [self(a) for a in args]
         if op in _INTRINSICS:
             return self._call(_INTRINSICS[op], *values)
+        if op in _OF_THE_SYSTEM:
+            self.owner.module.declared.add(f"declare double @{op}(double)")
+            return self.owner.new(f"call double @{op}(double {values[0]})")
         if op in ("neg", "flip"):
             return self._negative(*values) if op == "neg" else self._flipped(*values)
         return self.owner.new(self._operation(op, *values))
@@ -331,7 +337,7 @@ class Emitter:
         return self.owner.new(self._operation(x.op, self(a), self(b)))
 
     def _fusible(self, x: Expression) -> bool:
-        return x.op == "mul" and self.uses[x] == 1
+        return self.fuses and x.op == "mul" and self.uses[x] == 1
 
     def _negative(self, x: str) -> str:
         return self.owner.new(f"fneg {self.number} {x}")

@@ -17,12 +17,14 @@ from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import in_parts, options, workspace
 from gym_passive_walker.envs import fates, saved, task, ticks
+from gym_passive_walker.envs.custom import RULES, Custom
 from gym_passive_walker.envs.disturbances import Contact, Disturbances, disturbed
 from gym_passive_walker.envs.interface import refuse
 from gym_passive_walker.envs.one_thread import Token
 from gym_passive_walker.envs.reality import ROOM
 from gym_passive_walker.envs.scene import Scene, SceneError
 from gym_passive_walker.envs.starts import DRAWS, Starts, checked_state
+from gym_passive_walker.envs.transitions import STOPPED
 from gym_passive_walker.physics.hybrid import System
 from gym_passive_walker.physics.systems import UNEVEN, bodies, kind_of, system_of
 from gym_passive_walker.walkers import Walker
@@ -70,6 +72,7 @@ class Saved(NamedTuple):
         walkers: As in `Batch`.
         randoms: States of its generators; empty if there were none.
         befell: As returned by `Disturbances.checked`; None in a scene without disturbances.
+        transitions: Of `Custom`; None without rules of one's own.
     """
 
     records: NDArray
@@ -77,6 +80,7 @@ class Saved(NamedTuple):
     walkers: list[Walker]
     randoms: list[dict[str, Any]]
     befell: tuple[NDArray, NDArray] | None
+    transitions: NDArray | None
 
 
 class Batch:
@@ -98,6 +102,7 @@ class Batch:
         ledger: Shape (count,) of `task.LEDGER`.
         randoms: Each walker's own source of random numbers.
         seen: Numbers in an observation.
+        custom: The user's own rules; None where there are none.
         disturbances: What befalls walkers; None where nothing does.
         token: Held by the thread that uses the batch; see `one_thread`.
 
@@ -124,6 +129,11 @@ class Batch:
                 )
         self.scene, self.count, self.token = scene, count, Token()
         self.seen = task.SIZE + (scene.command is not None) + 2 * scene.preview
+        self.custom = Custom(scene, count) if any(getattr(scene, name) for name in RULES) else None
+        self._plain: NDArray[np.float32] | None = None  # what is seen where that is not asked for
+        if self.custom and self.custom.seen:
+            self._plain = np.empty(count * self.seen, np.float32)
+            self.seen = self.custom.seen
         self.threads = None if threads is None else whole(threads, "threads")
         self.walkers = [scene.walker] * count if walkers is None else list(walkers)
         if len({kind_of(walker) for walker in self.walkers}) > 1:
@@ -155,9 +165,15 @@ class Batch:
         self.door = self._door()
 
     @property
+    def own_seen(self) -> int | None:
+        """Numbers in an observation of the user's own; None where there is none."""
+        return self.custom.seen if self.custom else None
+
+    @property
     def starts_alike(self) -> bool:
         """Whether compiled code alone may begin episodes: all walkers start alike, as they are."""
-        return self._alike_starts and not self.scene.randomise and not self.disturbances
+        alike = self._alike_starts and not self.scene.randomise
+        return alike and not self.disturbances and not self.custom
 
     def _machinery(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
         """Compiled phases, what the engine is told, and where one thread works."""
@@ -169,11 +185,14 @@ class Batch:
     def _door(self) -> ticks.Door:
         """Where compiled code finds the walkers."""
         phases, told, tiles, courses = self.machinery
-        return ticks.Door(
+        door = ticks.Door(
             self.scene, self.count, records=self.records, bodies=self.bodies, radii=self._radii,
             ledger=self.ledger, rules=self.rules, phases=phases, options=told, tiles=tiles,
             courses=courses,
         )  # fmt: skip
+        if self.custom and not self.disturbances:
+            door.judge_by(self.custom)
+        return door
 
     @property
     def _constants(self) -> NDArray[np.float64]:
@@ -221,10 +240,15 @@ class Batch:
         for i, walker in varied.items():
             self.walkers[i], self._constants[i : i + 1] = walker, bodies(walker)
             self._radii[i : i + 1] = _radii([walker])
-        ticks.begin(self.door.where, where, False, slopes, gaits, draws, observations)
+        plain = observations if self._plain is None else self._plain
+        ticks.begin(self.door.where, where, False, slopes, gaits, draws, plain)
         if self.disturbances:
             self.disturbances.begin(where, self.randoms, self.records, self.ledger)
-            self.disturbances.observe(self.ledger, where, observations)
+            self.disturbances.observe(self.ledger, where, plain)
+        if self.custom:
+            self.custom.begin(self, where)
+            if self.custom.seen:
+                self.custom.observe(observations, where)
 
     def _prepare(self) -> None:
         """Make known what calm walkers start by."""
@@ -312,6 +336,8 @@ class Batch:
         ground = np.stack([np.sin(checked), np.cos(checked)], axis=-1)
         self.ledger["slope"][lanes] = checked[lanes]
         self.records["ground"][lanes, 0, :2] = ground[lanes]
+        if self.custom:
+            self.custom.notes["slope"][lanes] = checked[lanes]
 
     def put_in_the_way(
         self,
@@ -359,8 +385,21 @@ class Batch:
             raise ValueError(f"motors are charged for {allowed} or None, not {energy!r}")
         self.rules["charged"] = task.ENERGIES.index(energy)
 
+    def reward_terms(self, lane: int) -> dict[str, float]:
+        """Of what a walker's last reward is made, by name; it is their sum."""
+        if self.custom and "reward" in self.custom.rules:
+            return self.custom.terms(lane)
+        row, scene = self.ledger[lane], self.scene
+        terms = {"distance": row["distance"], "energy": -scene.energy_weight * row["energy"]}
+        if scene.command is not None:
+            terms["command"] = row["reward"] - sum(terms.values())
+        return {name: float(term) for name, term in terms.items()}
+
     def observe(self, observations: NDArray[np.float32]) -> None:
         """Write all walkers' observations, flat: shape (count * seen,)."""
+        if self.custom and self.custom.seen:
+            self.custom.observe(observations)
+            return
         task.observe(self.records, self.ledger, self.machinery[0], observations)
         if self.disturbances:
             self.disturbances.observe(self.ledger, np.arange(self.count), observations)
@@ -395,6 +434,34 @@ class Batch:
         Raises:
             ValueError: if an action is no finite number; nothing has changed then.
         """
+        custom, plain = self.custom, observations if self._plain is None else self._plain
+        if not custom:
+            return self._step(actions, observations, rewards, terminated, truncated, again=again)
+        if self.disturbances:
+            custom.before(self)
+        results = rewards, terminated, truncated
+        strides, endings = self._step(actions, plain, *results, again=False)
+        if self.disturbances:
+            endings += custom.after(self, rewards, terminated)
+        if not custom.native:
+            endings += custom.judge(self, rewards, terminated)
+        if custom.seen:
+            custom.observe(observations)
+        if again:
+            self._begin_again(observations)
+        return strides, endings
+
+    def _step(
+        self,
+        actions: NDArray[np.floating],
+        observations: NDArray[np.float32],
+        rewards: NDArray[np.float64],
+        terminated: NDArray[np.bool_],
+        truncated: NDArray[np.bool_],
+        *,
+        again: bool,
+    ) -> tuple[int, int]:
+        """A step by the environment's own rules; see `step`."""
         door, at_once = self.door, again and self.starts_alike
         door.actions[...] = actions
         if self.count < _CROWD and not self.disturbances:
@@ -417,7 +484,8 @@ class Batch:
 
         def job(a: int, b: int) -> None:
             desk = self.machinery[2:] if (a, b) == (0, self.count) else workspace()
-            seen = observations[a * self.seen : b * self.seen]
+            size = len(observations) // self.count
+            seen = observations[a * size : b * size]
             results = seen, rewards[a:b], terminated[a:b], truncated[a:b]
             if self.disturbances:
                 own = self.bodies[a:b] if len(self.bodies) > 1 else self.bodies
@@ -437,7 +505,7 @@ class Batch:
         self, action: NDArray[np.floating], observation: NDArray[np.float32]
     ) -> tuple[int, int]:
         """A step of a batch of one; what `step` fills besides is left at the door."""
-        if self.disturbances:
+        if self.disturbances or (self.custom and (self.custom.seen or not self.custom.native)):
             return self.step(action, observation, *self.door.results)
         self.door.actions[...] = action
         wrong, strides, endings = ticks.step_here.compiled(self.door.where, observation)
@@ -487,6 +555,8 @@ class Batch:
     def get_state(self) -> dict[str, Any]:
         """All that decides what comes next; a copy."""
         befell = self.disturbances.get_state() if self.disturbances else {}
+        if self.custom:
+            befell["transitions"] = self.custom.notes.copy()
         return {
             "scene": self._described,
             "records": self.records.copy(),
@@ -498,7 +568,8 @@ class Batch:
 
     @cached_property
     def _limits(self) -> saved.RowLimits:
-        return saved.RowLimits(self.rules[0], len(self.machinery[0]))
+        last = STOPPED - (self.scene.terminated is None)
+        return saved.RowLimits(self.rules[0], len(self.machinery[0]), last)
 
     @cached_property
     def _described(self) -> str:
@@ -520,6 +591,8 @@ class Batch:
         names = ["scene", "records", "ledger", "walkers", "random", *further]
         if self.disturbances:
             names += ["fates", "pending"]
+        if self.custom:
+            names.append("transitions")
         given = saved.entries(state, names)
         records = saved.like(given["records"], "records", self.records)
         ledger = saved.like(given["ledger"], "ledger", self.ledger)
@@ -532,7 +605,10 @@ class Batch:
         )
         kind = type(self.randoms[0].bit_generator) if self.randoms else np.random.PCG64
         randoms = saved.check_randoms(given["random"], self.count, kind)
-        return Saved(records, ledger, walkers, randoms, befell)
+        transitions = None
+        if self.custom:
+            transitions = saved.like(given["transitions"], "transitions", self.custom.notes)
+        return Saved(records, ledger, walkers, randoms, befell, transitions)
 
     def put_back(self, state: Saved) -> None:
         """Go back to a state that was `checked`."""
@@ -542,6 +618,8 @@ class Batch:
             self._constants[:], self._radii[:] = bodies(*self.walkers), _radii(self.walkers)
         if self.disturbances and state.befell:
             self.disturbances.put_back(state.befell)
+        if self.custom and state.transitions is not None:
+            self.custom.notes[:] = state.transitions
         for random, saved_state in zip(self.randoms, state.randoms, strict=False):
             random.bit_generator.state = saved_state
 

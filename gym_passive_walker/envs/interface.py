@@ -28,12 +28,20 @@ OUTCOMES = (
     None,
     *(outcome.name.lower() for outcome in Outcome if outcome),
     *(REASONS[check] for check in CHECKS),
+    "stopped",  # by a rule of one's own; see `custom.STOPPED`
 )
 """Names of outcomes, by their number."""
 
 
-def observation_space(scene: Scene) -> Any:
-    """What an agent sees: the same for every walker, and a few numbers more in some scenes."""
+def observation_space(scene: Scene, seen: int | None = None) -> Any:
+    """What an agent sees: the same for every walker, and a few numbers more in some scenes.
+
+    Args:
+        scene: The scene.
+        seen: How many numbers an observation of the user's own has, if there is one.
+    """
+    if seen is not None:
+        return spaces.Box(-np.inf, np.inf, (seen,), np.float32)
     commanded = scene.command is not None
     ahead = np.tile([task.HIGHEST, task.STEEPEST], scene.preview)
     low = np.concatenate([task.LOWEST, [0.0] * commanded, -ahead])

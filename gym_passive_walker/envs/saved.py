@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.envs import fates, task
-from gym_passive_walker.envs.checks import CHECKS
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.physics.hybrid import Control, Outcome
 from gym_passive_walker.walkers import PARAMETERS, Walker
@@ -99,7 +98,14 @@ def over(ledger: NDArray) -> NDArray[np.bool_]:
 
 def described(scene: Scene) -> str:
     """A scene as a text that says all of it."""
-    return json.dumps(asdict(scene), default=lambda value: value.item())
+    return json.dumps(asdict(scene), default=_described)
+
+
+def _described(value: Any) -> Any:
+    """A number of NumPy's, or a function by its name, for JSON."""
+    if callable(value):
+        return f"{value.__module__}:{getattr(value, '__qualname__', type(value).__qualname__)}"
+    return value.item()
 
 
 def check_scene(given: Any, own: str) -> None:
@@ -272,12 +278,13 @@ class RowLimits:
     Args:
         rules: The scene's, one row of `task.RULES`.
         phases: How many the walkers' system has.
+        last: The greatest number of an outcome.
     """
 
-    def __init__(self, rules: NDArray, phases: int) -> None:
+    def __init__(self, rules: NDArray, phases: int, last: int) -> None:
         longest, limit = float(rules["longest_stride"]), min(float(rules["step_limit"]), _MANY)
         time, largest = (0.0, longest), rules["largest"]
-        torque, reason = largest[: len(Control._fields)], (0, len(Outcome) + len(CHECKS) - 1)
+        torque, reason = largest[: len(Control._fields)], (0, last)
         self._records = Limits(
             "records", RECORD, phase=(0, phases - 1), outcome=(RESTING, len(Outcome) - 1),
             steps=(0, _MANY), time=time, knee_time=time, end=time, step=(0.0, _FINITE),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
@@ -24,6 +24,7 @@ from gym_passive_walker.envs.checks import (
     checked_reality,
     spread,
 )
+from gym_passive_walker.envs.custom import RULES, checked_rule
 from gym_passive_walker.envs.task import CHANNELS, ENERGIES, SIZE
 from gym_passive_walker.gaits.terrain import Terrain, terrain_from
 from gym_passive_walker.loading import is_file
@@ -95,6 +96,10 @@ class Scene:
         knee_latch: What a latch of the stance knee holds against flexion, as a torque in m g l, and
             in a strike as an impulse in m l sqrt(g l); 0 is a knee that is pressed on its stop.
         scuff_depth: How far below the ground the swing foot may pass, in leg lengths.
+        reward: What a step is worth instead: a function of a `Transition`, or weights of
+            `custom.TERMS` by name: ``{"distance": 1.0, "energy": -10.0}``.
+        observation: What agents see instead: a function of a `Transition` that gives numbers.
+        terminated: What ends episodes besides falls: a function of a `Transition`.
     """
 
     walker: Walker = "C"  # type: ignore[assignment]
@@ -125,6 +130,9 @@ class Scene:
     friction: float = 0.8
     knee_latch: float = 0.0
     scuff_depth: float = 0.01
+    reward: Callable[[Any], Any] | dict[str, float] | None = None
+    observation: Callable[[Any], Any] | None = None
+    terminated: Callable[[Any], Any] | None = None
 
     def __post_init__(self) -> None:
         """Check every argument, and choose what was left open."""
@@ -178,6 +186,8 @@ class Scene:
         bound("scuff_depth", 0.0, 1.0)
         if self.start is not None:
             put("start", self._checked_start())
+        for name in RULES:
+            put(name, checked_rule(name, getattr(self, name)))
 
     def _checked_slope(self) -> float | tuple[float, float]:
         """A slope, or a range of them."""
@@ -345,6 +355,25 @@ def by_hip_alone(scene: Scene, who: str) -> Scene:
         raise SceneError(
             f"{who} by the hip alone, and this scene's actions are {scene.actions}: choose "
             'make_scene(scene, actions=("hip",))'
+        )
+    return scene
+
+
+def plain(scene: Scene, who: str, *names: str) -> Scene:
+    """A scene whose rules are the environment's own, as some methods need them.
+
+    Args:
+        scene: The scene.
+        who: What needs it, and how, to begin a sentence.
+        *names: Of RULES, those that matter to it.
+
+    Raises:
+        SceneError: if one of them is the user's.
+    """
+    if found := [name for name in names if getattr(scene, name) is not None]:
+        raise SceneError(
+            f"{who} the environment's own {' and '.join(found)}, and this scene has another: "
+            f"choose make_scene(scene, {', '.join(f'{name}=None' for name in found)})"
         )
     return scene
 

@@ -16,13 +16,15 @@ from gym_passive_walker.engine.jit import Kernel, inlined, jitted, uniform, view
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import COURSE, RECORD, TILE
 from gym_passive_walker.engine.run import OPTIONS
-from gym_passive_walker.envs import task
+from gym_passive_walker.envs import task, transitions
+from gym_passive_walker.envs.custom import Custom
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.starts import DRAWS, Starts, between
+from gym_passive_walker.envs.transitions import NOTE
 
 STAYS = (
     "records", "bodies", "radii", "ledger", "rules", "phases", "options", "tiles", "courses",
-    "actions", "rewards", "terminated", "truncated", "generators", "nodes", "states",
+    "actions", "rewards", "terminated", "truncated", "generators", "nodes", "states", "notes",
 )  # fmt: skip
 """Arrays of a batch that stay where they are."""
 
@@ -30,8 +32,10 @@ PLACES = np.dtype(
     [(name, "i8") for name in STAYS]
     + [(f"of_{name}", "i8") for name in STAYS]  # how many entries each has
     + [("constants", "i8"), ("low", "f8"), ("high", "f8"), ("perturbation", "f8")]
+    + [("noted", "i8"), ("paid", "i8"), ("ends", "i8"), ("native", "i8")]
 )
-"""Where they are, and what starts go by besides: constants of a body, and the range of slopes."""
+"""Where they are, and what starts go by besides: constants of a body, and the range of slopes; and
+what rules of the user's own need and where their native functions lie: see `transitions.after`."""
 
 _NUMBER, _WORD, _TRUTH = np.dtype("f8"), np.dtype("i8"), np.dtype("?")
 _ALL = 1 << 62
@@ -115,11 +119,20 @@ def tick(where, first, last, tiles, courses, observations, rewards, terminated, 
     options = view(here.options, (1,), OPTIONS)
     actions = view(here.actions, (here.of_actions,), _NUMBER)
     each = rules[0].actions
-    return task.step(
+    own = actions[first * each : last * each]
+    notes = view(here.notes, (here.of_notes,), NOTE)[first:last]
+    if here.of_notes > 0:
+        transitions.before(records, notes, here.noted)
+    wrong, strides, endings = task.step(
         records, bodies, ledger, rules, phases, options, view(tiles, (1,), TILE),
-        view(courses, (1,), COURSE), actions[first * each : last * each], observations,
-        rewards, terminated, truncated,
+        view(courses, (1,), COURSE), own, observations, rewards, terminated, truncated,
     )  # fmt: skip
+    if here.of_notes > 0 and wrong < 0:
+        endings += transitions.after(
+            records, ledger, rules, phases, own, notes, here.noted, here.paid, here.ends,
+            here.native != 0, rewards, terminated,
+        )  # fmt: skip
+    return wrong, strides, endings
 
 
 @Kernel
@@ -226,6 +239,13 @@ class Door:
             self._randoms = randoms
             found = [_capsule(random.bit_generator.capsule, b"BitGenerator") for random in randoms]
             self._put(generators=np.array(found, np.int64))
+
+    def judge_by(self, custom: Custom) -> None:
+        """Judge steps by rules of the user's own from now on."""
+        self._put(notes=custom.notes)
+        self._places["noted"], self._places["native"] = custom.noted, custom.native
+        self._places["paid"] = custom.address("reward")
+        self._places["ends"] = custom.address("terminated")
 
     def begin_at(self, starts: Starts) -> None:
         """Begin all episodes there, from now on."""

@@ -81,10 +81,6 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             "render_fps": self.scene.frames_per_second,
             "autoreset_mode": self.autoreset_mode,
         }
-        self.single_observation_space = interface.observation_space(self.scene)
-        self.single_action_space = interface.action_space(self.scene.actions)
-        self.observation_space = batch_space(self.single_observation_space, num_envs)
-        self.action_space = batch_space(self.single_action_space, num_envs)
         self.batch = Batch(
             self.scene,
             num_envs,
@@ -93,6 +89,10 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             step_limit=interface.step_limit(max_episode_steps),
             threads=threads,
         )
+        self.single_observation_space = interface.observation_space(self.scene, self.batch.own_seen)
+        self.single_action_space = interface.action_space(self.scene.actions)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self.action_space = batch_space(self.single_action_space, num_envs)
         self.token = self.batch.token
         self._shape = num_envs, len(self.scene.actions)
         self._everyone = np.ones(num_envs, bool)
@@ -223,6 +223,11 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         observations = np.empty((self.num_envs, self.batch.seen), np.float32)
         self.batch.observe(observations.reshape(-1))
         return observations
+
+    @property
+    def reward_terms(self) -> list[dict[str, float]]:
+        """Of what each environment's last reward is made, by name; it is their sum."""
+        return [self.batch.reward_terms(i) for i in range(self.num_envs)]
 
     @property
     def charged_for(self) -> str:

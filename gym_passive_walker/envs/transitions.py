@@ -1,0 +1,263 @@
+"""The result of a control step, as users' functions receive it, recorded for each walker.
+
+Fields that no function reads are not recorded.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gym_passive_walker.engine.jit import Kernel, address, call, inlined
+from gym_passive_walker.engine.lanes import RESTING
+from gym_passive_walker.envs import task
+from gym_passive_walker.envs.checks import CHECKS
+from gym_passive_walker.physics.hybrid import Outcome, State
+
+STOPPED = len(Outcome) + len(CHECKS)
+"""Outcome of an episode that the scene's own `terminated` ends."""
+
+_HEELSTRIKE, _PUSH_OFF = int(Outcome.HEELSTRIKE), task.CHANNELS.index("push_off")
+_ACTIONS = len(task.CHANNELS)
+
+
+class Transition(NamedTuple):
+    """The result of one control step of an environment, dimensionless.
+
+    Each field is a number; for a batch of n walkers it is an array or a tensor (n,). Lengths are
+    in leg lengths l, times in sqrt(l/g), energies and torques in m g l.
+
+    Attributes:
+        before: State as the step began: angles `stance`, `thigh` and `shank` in rad, angular
+            velocities `stance_rate`, `thigh_rate` and `shank_rate`.
+        state: State as it ended; after a heelstrike the legs have exchanged their roles.
+        knee_locked: Whether the swing leg is straight.
+        distance: Distance of the hip along the slope; a stride that falls loses its distance.
+        duration: Duration of the step.
+        time: Time since the episode began.
+        energy: Energy that the actuators are charged for.
+        hip_work: Net work of the hip torque.
+        hip_work_absolute: Integral of the absolute power of the hip torque.
+        ankle_work: Net work of the ankle torque.
+        ankle_work_absolute: Integral of the absolute power of the ankle torque.
+        push_off_work: Work of the push-off.
+        collision_loss: Energy lost at kneestrike and heelstrike.
+        heelstrike: Whether the step ended with a heelstrike.
+        step_length: Distance from contact to contact at a heelstrike; 0 at other steps.
+        step_period: Time of the stride at its heelstrike; 0 at other steps.
+        fell: Whether the environment terminates the episode: a fall, a stubbed toe, a stride
+            longer than allowed.
+        strides: Heelstrikes since the episode began.
+        steps: Control steps since the episode began.
+        slope: Slope of the ground in rad.
+        rise: Height of the next foothold above the present one.
+        turn: Slope of the next foothold less that of the present one, in rad.
+        push: Impulse of all pushes on the hip in the step, over m sqrt(g l).
+        command: Commanded speed over sqrt(g l); 0 without a command.
+        action: Action, clipped to its bounds: a number for each of the scene's actions.
+        last_action: Action of the previous step; zeros in the first step of an episode.
+        reward: The environment's own reward.
+    """
+
+    before: State
+    state: State
+    knee_locked: Any
+    distance: Any
+    duration: Any
+    time: Any
+    energy: Any
+    hip_work: Any
+    hip_work_absolute: Any
+    ankle_work: Any
+    ankle_work_absolute: Any
+    push_off_work: Any
+    collision_loss: Any
+    heelstrike: Any
+    step_length: Any
+    step_period: Any
+    fell: Any
+    strides: Any
+    steps: Any
+    slope: Any
+    rise: Any
+    turn: Any
+    push: Any
+    command: Any
+    action: tuple[Any, ...]
+    last_action: tuple[Any, ...]
+    reward: Any
+
+
+TRUTHS = ("knee_locked", "heelstrike", "fell")
+"""Boolean fields; recorded as 1 or 0."""
+
+WIDE = {"before": 6, "state": 6, "action": _ACTIONS, "last_action": _ACTIONS}
+"""Fields of several numbers."""
+
+OF_LEDGER = (
+    "distance", "energy", "heelstrike", "fell", "step_length", "step_period", "strides", "steps",
+    "slope", "reward",
+)  # fmt: skip
+"""Fields of the ledger; compiled rewards and terminations read them there."""
+
+PARTS = (
+    OF_LEDGER,
+    ("before", "state", "knee_locked", "rise", "turn"),
+    ("action", "last_action"),
+    ("hip_work", "hip_work_absolute", "ankle_work", "ankle_work_absolute", "push_off_work"),
+    ("duration", "time", "collision_loss"),
+)
+"""Groups of fields that are recorded together: the bits of `noted`."""
+
+NOTE = np.dtype(
+    [(name, "f8", (WIDE[name],) if name in WIDE else ()) for name in Transition._fields]
+    + [
+        ("began", "f8"),  # the time of its stride as the step began
+        ("lost", "f8"),  # what its kneestrike had cost by then
+        ("paid", "f8"),  # result of `reward`
+        ("ends", "f8"),  # result of `terminated`
+    ]
+)
+"""Layout of the recorded transition of one walker, and of the results of its functions."""
+
+_ROW, _NOTE = task.LEDGER.itemsize, NOTE.itemsize
+_LEDGER, _STATES, _ACTS, _WORKS, _TIMES = (1 << part for part in range(len(PARTS)))
+
+
+@Kernel
+def begin(records, ledger, phases, lanes, notes):
+    """Clear the transitions of walkers whose episodes begin."""
+    for j in range(len(lanes)):
+        i = lanes[j]
+        note, record = notes[i], records[i, 0]
+        for k in range(6):
+            note.before[k] = record.state[k]
+            note.state[k] = record.state[k]
+        for k in range(_ACTIONS):
+            note.action[k], note.last_action[k] = 0.0, 0.0
+        note.knee_locked = 1.0 if phases[record.phase].links == 2 else 0.0
+        note.distance, note.duration, note.time, note.energy = 0.0, 0.0, 0.0, 0.0
+        note.reward, note.hip_work, note.hip_work_absolute = 0.0, 0.0, 0.0
+        note.ankle_work, note.ankle_work_absolute, note.push_off_work = 0.0, 0.0, 0.0
+        note.collision_loss, note.heelstrike, note.fell = 0.0, 0.0, 0.0
+        note.step_length, note.step_period = 0.0, 0.0
+        note.strides, note.steps, note.push, note.slope = 0.0, 0.0, 0.0, ledger[i].slope
+        note.rise, note.turn = record.ground[2], record.ground[3]
+
+
+@Kernel
+def before(records, notes, noted):
+    """Record the states before a step, for the groups of PARTS in `noted`."""
+    if noted & (_STATES | _TIMES) == 0:
+        return
+    for i in range(len(records)):
+        note, record = notes[i], records[i, 0]
+        for k in range(6):
+            note.before[k] = record.state[k]
+        note.began, note.lost = record.time, record.knee_loss
+
+
+@inlined
+def note_ledger(note, row, struck):
+    """See OF_LEDGER."""
+    note.distance, note.energy, note.reward = row.distance, row.energy, row.reward
+    note.heelstrike, note.fell = 1.0 if struck else 0.0, 1.0 if row.ending != 0 else 0.0
+    note.step_length = row.step_length if struck else 0.0
+    note.step_period = row.step_period if struck else 0.0
+    note.strides, note.steps, note.slope = row.strides, row.steps, row.slope
+
+
+@Kernel
+def after(
+    records, ledger, rules, phases, actions, notes, noted, paid, ends, at_once, rewards, terminated
+):  # fmt: skip
+    """Record a step, and evaluate the compiled functions of reward and termination.
+
+    Args:
+        records: See `task.step`.
+        ledger: See `task.step`.
+        rules: See `task.step`.
+        phases: See `task.step`.
+        actions: Actions of the agents, flat.
+        notes: Transitions (n,) of NOTE to fill.
+        noted: Bits of the groups of PARTS to record.
+        paid: Address of the compiled reward; 0 without one.
+        ends: Address of the compiled termination; 0 without one.
+        at_once: Whether to enter the results here rather than by `enter`.
+        rewards: Rewards (n,) to fill, if `at_once`.
+        terminated: Terminations (n,) to fill, if `at_once`.
+
+    Returns:
+        Number of episodes that end.
+    """
+    count, endings, rows, at = rules[0].actions, 0, address(ledger), address(notes)
+    for i in range(len(records)):
+        record, row = records[i, 0], ledger[i]
+        if record.outcome == RESTING:
+            continue
+        note, struck = notes[i], row.outcome == _HEELSTRIKE
+        if noted & _LEDGER:
+            note_ledger(note, row, struck)
+        if noted & _STATES:
+            for k in range(6):
+                note.state[k] = record.state[k]
+            note.knee_locked = 1.0 if phases[record.phase].links == 2 else 0.0
+            note.rise, note.turn = record.ground[2], record.ground[3]
+        if noted & _ACTS:
+            for j in range(count):
+                note.last_action[j] = note.action[j]
+                least = 0.0 if rules[0].channels[j] == _PUSH_OFF else -1.0
+                note.action[j] = max(task.clipped(actions[i * count + j], 1.0), least)
+        if noted & _WORKS:
+            work, moved = record.control[0] * rules[0].works[0], record.moved[0]
+            note.hip_work, note.hip_work_absolute = work * moved, abs(work) * record.turned[0]
+            work, moved = record.control[1] * rules[0].works[1], record.moved[1]
+            note.ankle_work, note.ankle_work_absolute = work * moved, abs(work) * record.turned[1]
+            pushes = struck and rules[0].largest[_PUSH_OFF] != 0.0
+            note.push_off_work = record.push_work if pushes else 0.0
+        if noted & _TIMES:
+            note.duration = (row.step_period if struck else record.time) - note.began
+            note.time = row.clock + record.time
+            lost = row.collision_cost * row.step_length if struck else record.knee_loss
+            note.collision_loss = lost - note.lost
+        if paid != 0:
+            call(paid, rows + i * _ROW, at + i * _NOTE, 0, 0, 0.0, 0.0)
+        if ends != 0:
+            call(ends, rows + i * _ROW, at + i * _NOTE, 0, 0, 0.0, 0.0)
+        if at_once:
+            endings += entered(row, note, i, paid != 0, ends != 0, rewards, terminated)
+    return endings
+
+
+@inlined
+def entered(row, note, i, pays, stops, rewards, terminated):
+    """See `enter`."""
+    if pays:
+        row.total += note.paid - row.reward
+        row.reward = note.paid
+        rewards[i] = note.paid
+    if not stops or note.ends == 0.0 or row.ending != 0:
+        return 0
+    row.ending = STOPPED
+    if row.outcome == 0:
+        row.outcome = STOPPED
+    terminated[i] = True
+    return 1 - row.truncated
+
+
+@Kernel
+def enter(records, ledger, notes, pays, stops, rewards, terminated):
+    """Enter rewards and terminations in `notes`; returns the number of episodes that end."""
+    endings = 0
+    for i in range(len(ledger)):
+        if records[i, 0].outcome != RESTING:
+            endings += entered(ledger[i], notes[i], i, pays, stops, rewards, terminated)
+    return endings
+
+
+@Kernel
+def look(notes, function, numbers):
+    """Write observations (n, size) by a compiled function."""
+    for i in range(len(notes)):
+        call(function, address(notes[i:]), address(numbers[i]), 0, 0, 0.0, 0.0)

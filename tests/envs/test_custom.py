@@ -1,0 +1,347 @@
+"""Rewards, observations and endings of one's own: the same everywhere, and heard."""
+
+import pickle
+import warnings
+
+import gymnasium
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.envs.checks import SceneError
+from gym_passive_walker.envs.custom import TERMS, Rule, of_notes
+from gym_passive_walker.envs.registration import ID
+from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
+from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.envs.transitions import NOTE, TRUTHS, WIDE, Transition
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+
+COUNT, STEPS = 5, 40
+SCENES = {
+    "level": {},
+    "push-off": {"actions": ("hip", "push_off"), "slope": 0.02, "energy": "positive"},
+    "rough": {"scene": "rough", "pushes": {"rate": 0.3, "impulse": (-0.02, 0.02)}},
+    "point feet": {"walker": "E", "slope": 0.009, "actions": ("hip", "ankle", "push_off")},
+    "strides": {"scene": "steep"},
+    "commanded": {"command": (0.1, 0.2)},
+}
+
+
+def own(step):
+    """The environment's own reward."""
+    return step.distance - 10.0 * step.energy
+
+
+def flat(step):
+    """All numbers of a transition, in order."""
+    return [x for part in step for x in (part if isinstance(part, tuple) else (part,))]
+
+
+def everything(step):
+    """All of it as an observation."""
+    return tuple(gpw.math.where(x, 1.0, 0.0) if is_truth(x) else x for x in flat(step))
+
+
+def is_truth(x):
+    return getattr(x, "op", "") in ("<", "<=", ">", ">=") or np.asarray(x).dtype == bool
+
+
+def scene_of(name, **rules):
+    arguments = dict(SCENES[name])
+    return make_scene(arguments.pop("scene", "level"), **arguments, **rules)
+
+
+def walked(scene, steps=STEPS, seed=2, **options):
+    """Observations, rewards, endings and infos of some walkers."""
+    env = PassiveWalkerVectorEnv(COUNT, scene, **options)
+    told = [(env.reset(seed=seed)[0],)]
+    shares = np.random.default_rng(1).uniform(-0.5, 0.7, (steps, *env.action_space.shape))
+    for share in shares:
+        told.append(env.step(share))
+    return told, env
+
+
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+@pytest.mark.parametrize("name", ["level", "push-off", "strides"])
+def test_the_own_reward_as_a_function_has_the_same_bits(name, mode):
+    plain, _ = walked(scene_of(name), autoreset_mode=mode)
+    weights = {"distance": 1.0, "energy": -10.0}
+    for rule in (own, weights):
+        found, env = walked(scene_of(name, reward=rule), autoreset_mode=mode)
+        for expected, told in zip(plain[1:], found[1:], strict=True):
+            for part in range(4):
+                np.testing.assert_array_equal(told[part], expected[part])
+            assert told[4].keys() == expected[4].keys()
+        assert env.batch.custom.native
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_what_native_code_is_told_is_what_arrays_and_single_walkers_are(name):
+    """Every field, compiled, with arrays, and walker by walker; through falls and new episodes."""
+    native, env = walked(scene_of(name, observation=everything, reward=own))
+    assert all(rule.native for rule in env.batch.custom.rules.values())
+    told = []
+
+    def recorded(step):
+        told.append(np.stack([np.asarray(x, float) for x in flat(step)], axis=-1))
+        return np.zeros(len(step.distance))
+
+    with pytest.warns(UserWarning, match="with arrays"):
+        walked(scene_of(name, reward=recorded))
+    own_steps = told[-STEPS:]
+    for (seen, *_), expected in zip(native[1:], own_steps, strict=True):
+        # Where an episode has just begun there is nothing to tell of a step.
+        same = np.isclose(seen, expected, rtol=1e-6, atol=1e-6).all(axis=1)
+        begun = seen[:, list(Transition._fields).index("steps") + 10] == 0.0
+        assert (same | begun).all()
+
+
+def test_fields_are_those_of_the_infos_and_close_their_books():
+    scene = scene_of("push-off", reward=own, observation=everything)
+    env = PassiveWalkerVectorEnv(COUNT, scene, autoreset_mode="Disabled")
+    env.reset(seed=0)
+    lost, time, strikes = np.zeros(COUNT), np.zeros(COUNT), 0
+    for k in range(30):
+        share = np.full((COUNT, 2), 0.1 * (k % 3))
+        before = env.batch.records["state"][:, 0].copy()
+        _, rewards, ended, _, infos = env.step(share)
+        step = of_notes(env.batch.custom.notes, 2)
+        time, lost = time + step.duration, lost + step.collision_loss
+        np.testing.assert_array_equal(np.transpose(step.before), before)
+        np.testing.assert_array_equal(step.distance, infos["distance"])
+        np.testing.assert_array_equal(step.energy, infos["energy"])
+        np.testing.assert_array_equal(rewards, own(step))
+        np.testing.assert_allclose(step.time, time, rtol=1e-12)
+        np.testing.assert_allclose(np.transpose(step.action), share)
+        charged = 0.5 * (step.hip_work_absolute + step.hip_work) + step.push_off_work
+        np.testing.assert_allclose(step.energy, charged, rtol=1e-12, atol=1e-15)
+        struck = infos.get("_step_length", np.zeros(COUNT, bool))
+        np.testing.assert_array_equal(step.heelstrike, struck)
+        if struck.any():
+            strikes += struck.sum()
+            np.testing.assert_array_equal(step.step_length[struck], infos["step_length"][struck])
+            np.testing.assert_array_equal(step.step_period[struck], infos["step_period"][struck])
+            cost = infos["collision_cost"] * infos["step_length"]
+            np.testing.assert_allclose(lost[struck], cost[struck], rtol=1e-12)
+            lost[struck] = 0.0
+        if ended.any():
+            break
+    assert strikes
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_walk_on_tensors_is_judged_alike(name):
+    """Reward of all fields, observation and ending, of the environment and of `torch.rollout`."""
+    torch = pytest.importorskip("torch")
+    from gym_passive_walker.torch import rollout
+
+    def reward(step):
+        return sum(0.1 * (i + 1) * x for i, x in enumerate(everything(step)))
+
+    def observation(step):
+        return (*step.state, step.slope, *step.last_action, step.time, step.collision_loss)
+
+    def late(step):
+        return (step.steps > 12) & step.knee_locked
+
+    scene = scene_of(name, reward=reward, observation=observation, terminated=late)
+    scene = make_scene(scene, pushes={})
+    size, torques = 9 + len(scene.actions), 0.05 * np.random.default_rng(0).normal(size=(40, 3))
+    policy = lambda seen: torch.tanh(seen @ torch.from_numpy(torques[:size, : len(scene.actions)]))  # noqa: E731
+    walk = rollout(policy, scene, 30, count=COUNT, seed=3)
+    env = PassiveWalkerVectorEnv(COUNT, scene, autoreset_mode="Disabled")
+    seen, _ = env.reset(seed=3)
+    for k in range(30):
+        np.testing.assert_allclose(walk.observations[k], seen, atol=2e-6)
+        seen, rewards, ended, *_ = env.step(policy(walk.observations[k]).numpy())
+        np.testing.assert_allclose(walk.rewards[k], rewards, rtol=1e-6, atol=5e-6)
+        if ended.any():
+            break
+    np.testing.assert_array_equal(walk.outcomes[k] > 1, ended)
+
+
+def late(step):
+    """An ending by the clock."""
+    return step.time > 1.05
+
+
+def test_an_ending_of_ones_own_ends_episodes_wherever_they_are_walked():
+    env = gymnasium.make(ID, terminated=late, max_episode_steps=50)
+    env.reset(seed=0)
+    for k in range(11):
+        _, _, ended, cut, info = env.step(np.zeros(1, np.float32))
+        assert ended == (k == 10) and not cut
+    assert info["outcome"] == "stopped"
+    with pytest.raises(Exception, match="call reset"):
+        env.step(np.zeros(1, np.float32))
+    told, _ = walked(make_scene(terminated=late), steps=25)
+    ended = np.array([step[2] for step in told[1:]])
+    assert ended[10].all() and ended[22].all() and ended.sum() == 2 * COUNT
+    assert list(told[11][4]["outcome"]) == ["stopped"] * COUNT
+    sb3 = PassiveWalkerVecEnv(2, make_scene(terminated=late))
+    sb3.reset()
+    for _ in range(11):
+        _, _, dones, infos = sb3.step(np.zeros((2, 1), np.float32))
+    assert dones.all() and all(info["outcome"] == "stopped" for info in infos)
+    assert not any(info["TimeLimit.truncated"] for info in infos)
+
+
+def shown(step):
+    """What an agent sees: rates, and what it did last."""
+    return *step.state[3:], *step.last_action, *step.action
+
+
+def test_an_observation_of_ones_own_has_its_space_and_begins_without_actions():
+    env = gymnasium.make(ID, observation=shown)
+    assert env.observation_space == gymnasium.spaces.Box(-np.inf, np.inf, (5,), np.float32)
+    first, _ = env.reset(seed=0)
+    assert (first[3:] == 0.0).all() and (first[:3] != 0.0).all()
+    for share in (0.5, -0.25, 3.0):
+        seen, *_ = env.step(np.array([share], np.float32))
+    assert seen[3:].tolist() == [-0.25, 1.0]
+    assert (env.reset()[0][3:] == 0.0).all()
+    sb3 = PassiveWalkerVecEnv(3, "level", observation=shown)
+    assert sb3.reset().shape == (3, 5)
+    env = PassiveWalkerVectorEnv(3, make_scene(observation=shown), autoreset_mode="Disabled")
+    env.reset(seed=0)
+    env.step(np.full((3, 1), 0.5))
+    seen, _ = env.reset(options={"reset_mask": np.array([True, False, False])})
+    np.testing.assert_array_equal(seen[:, 4], [0.0, 0.5, 0.5])
+
+
+def changes(step):
+    """A reward that remembers the action before."""
+    return -((step.action[0] - step.last_action[0]) ** 2)
+
+
+def test_a_state_that_is_put_back_goes_on_with_its_last_action():
+    scene = make_scene(reward=changes, observation=shown, terminated=late)
+    env, twin = (PassiveWalkerVectorEnv(COUNT, scene) for _ in range(2))
+    env.reset(seed=0), twin.reset(seed=5)
+    env.step(np.full((COUNT, 1), 0.4))
+    twin.set_state(env.get_state())
+    for share in np.linspace(-1.0, 1.0, 20):
+        for found, expected in zip(
+            twin.step(np.full((COUNT, 1), share))[:4], env.step(np.full((COUNT, 1), share))[:4],
+            strict=True,
+        ):  # fmt: skip
+            np.testing.assert_array_equal(found, expected)
+    state = env.get_state()
+    state["ledger"]["ending"] = 15
+    with pytest.raises(ValueError, match="ending"):
+        twin.set_state(state)
+    with pytest.raises(ValueError, match="another reward"):
+        PassiveWalkerVectorEnv(COUNT, make_scene(scene, reward=own)).set_state(env.get_state())
+
+
+def test_environments_with_functions_are_pickled_and_made_from_their_spec():
+    env = gymnasium.make(ID, reward=changes, observation=shown, terminated=late)
+    again = gymnasium.make(env.spec)
+    copy = pickle.loads(pickle.dumps(env.unwrapped))
+    told = []
+    for world in (env, again, copy):
+        world.reset(seed=1)
+        told.append([world.step(np.array([s], np.float32))[:2] for s in (0.1, 0.7)])
+    for other in told[1:]:
+        assert all(
+            (a[0] == b[0]).all() and a[1] == b[1] for a, b in zip(told[0], other, strict=True)
+        )
+    assert told[0][1][1] == pytest.approx(-0.36)
+    by_weights = gymnasium.make(ID, reward={"alive": 1.0})
+    assert gymnasium.make(type(env.spec).from_json(by_weights.spec.to_json())).reset(seed=0)
+
+
+def test_terms_are_what_they_say():
+    env = gymnasium.make(
+        ID, reward=dict.fromkeys(TERMS, 1.0), actions=("hip", "push_off")
+    ).unwrapped
+    env.reset(seed=0)
+    env.step(np.array([0.5, 0.25], np.float32))
+    _, reward, *_ = env.step(np.array([0.0, 0.5], np.float32))
+    terms = env.reward_terms
+    assert reward == pytest.approx(sum(terms.values()))
+    assert terms["alive"] == 1.0 and terms["fell"] == 0.0 and terms["action"] == 0.25
+    assert terms["action_change"] == pytest.approx(0.25 + 0.0625)
+    plain = gymnasium.make(ID).unwrapped
+    plain.reset(seed=0)
+    _, reward, *_ = plain.step(np.array([0.5], np.float32))
+    assert sum(plain.reward_terms.values()) == pytest.approx(reward)
+    assert plain.reward_terms.keys() == {"distance", "energy"}
+
+
+def with_numpy(step):
+    """Of arrays."""
+    return np.exp(-np.asarray(step.distance))
+
+
+def with_branches(step):
+    """Of one walker's numbers alone."""
+    return 1.0 if step.distance > 0.01 else step.state.stance
+
+
+@pytest.mark.parametrize(
+    ("rule", "how"), [(with_numpy, "with arrays"), (with_branches, "walker by")]
+)
+def test_what_cannot_be_compiled_is_called_and_says_so_once(rule, how):
+    scene = make_scene(reward=rule, terminated=lambda step: step.distance > 10.0)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        told, _ = walked(scene)
+    assert [how in str(warning.message) for warning in said] == [True]
+    plain, _ = walked(make_scene())
+    for (_, rewards, *_), (_, _, _, _, infos) in zip(told[1:], plain[1:], strict=True):
+        mine = infos["_distance"]
+        if rule is with_numpy:
+            np.testing.assert_allclose(rewards[mine], np.exp(-infos["distance"][mine]))
+        assert (rewards[~mine] == 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("rules", "said"),
+    [
+        ({"reward": {"distanc": 1.0}}, r"distanc \(distance\?\)"),
+        ({"reward": {}}, "weights of some of distance, energy"),
+        ({"reward": {"alive": np.nan}}, r"reward\['alive'\] must be"),
+        ({"reward": 3.0}, "reward must be a function of a step, or weights by name, not 3.0"),
+        ({"observation": {"state": 1.0}}, "observation must be a function of a step, not"),
+        ({"terminated": "never"}, "terminated must be a function of a step, not 'never'"),
+        ({"reward": lambda step: step.nothing}, "has no attribute 'nothing'"),
+        ({"reward": lambda step: (step.distance, step.energy)}, "reward fails: .*2 numbers"),
+        ({"observation": lambda step: ()}, "observation fails: .*0 numbers"),
+        ({"reward": lambda step: "much"}, "reward fails"),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::UserWarning")
+def test_what_is_no_rule_is_refused_in_a_sentence(rules, said):
+    with pytest.raises(SceneError, match=said):
+        gymnasium.make(ID, **rules)
+
+
+def test_who_needs_the_own_rules_says_so():
+    with pytest.raises(SceneError, match=r"environment's own observation.*observation=None"):
+        gpw.stride_map(controller="level-ppo", scene=make_scene(observation=shown))
+
+
+@pytest.mark.parametrize("function", [f for f in gpw.math.__all__ if f not in ("where",)])
+def test_functions_are_the_same_of_numbers_arrays_tensors_and_in_native_code(function):
+    torch = pytest.importorskip("torch")
+    values = np.linspace(0.1, 2.0, 7)
+    given = getattr(gpw.math, function)
+    of = (lambda x: given(x, 0.7)) if function in ("minimum", "maximum") else given
+    expected = np.array([of(float(x)) for x in values])
+    np.testing.assert_allclose(of(values), expected, rtol=1e-15)
+    np.testing.assert_allclose(of(torch.from_numpy(values)).numpy(), expected, rtol=1e-15)
+    notes = np.zeros(len(values), NOTE)
+    notes["time"] = values
+    rule = Rule("observation", lambda step: of(step.time), 1)
+    numbers = np.empty((len(values), 1))
+    from gym_passive_walker.envs.transitions import look
+
+    look(notes, rule.native, numbers)
+    np.testing.assert_allclose(numbers[:, 0], expected, rtol=1e-15)
+
+
+def test_every_field_of_a_transition_is_described_and_kept():
+    assert set(TRUTHS) | set(WIDE) <= set(Transition._fields) <= set(NOTE.names)
+    for name in Transition._fields:
+        assert f"        {name}: " in Transition.__doc__
