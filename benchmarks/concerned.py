@@ -82,7 +82,6 @@ _CONCERNING = {
     "gaits/lyapunov": "bifurcation",
     "gaits/measures": "measures",
     "gaits/phases": "reality",
-    "gaits/posture": "measures reality",
     "gaits/reality": "reality",
     "gaits/scaling": "scaling",
     "gaits/search": "gaits families",

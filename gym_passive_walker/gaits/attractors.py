@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.gaits.fixed_point import find_gaits
 from gym_passive_walker.gaits.gait import Gait
-from gym_passive_walker.gaits.log_chart import logarithms
+from gym_passive_walker.gaits.section import logarithms
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.progress import progress

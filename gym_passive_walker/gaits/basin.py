@@ -34,8 +34,7 @@ from gym_passive_walker.gaits.attractors import (
 )
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
-from gym_passive_walker.gaits.posture import heelstrike
-from gym_passive_walker.gaits.search import seek
+from gym_passive_walker.gaits.search import heelstrike, seek
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.gaits.circle import coefficients, inside
 from gym_passive_walker.gaits.gait import Gait
-from gym_passive_walker.gaits.log_chart import logarithms
 from gym_passive_walker.gaits.passage import NoStride
 from gym_passive_walker.gaits.quantities import QUANTITIES, Graded, size_of
+from gym_passive_walker.gaits.section import logarithms
 from gym_passive_walker.gaits.sensitivity import (
     SLOPE,
     Place,

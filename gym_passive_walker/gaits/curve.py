@@ -14,9 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 
-from gym_passive_walker.gaits.equations import gait_equations
-from gym_passive_walker.gaits.log_chart import from_logarithms
+from gym_passive_walker.gaits.gait import gait_equations
 from gym_passive_walker.gaits.newton import newton, solved
+from gym_passive_walker.gaits.section import from_logarithms
 from gym_passive_walker.gaits.stride_map import StrideMap
 
 _CORRECTIONS = 7  # of a guess, before it is given up

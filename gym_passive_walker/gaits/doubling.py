@@ -18,7 +18,7 @@ from gym_passive_walker.gaits.continuation import points_along
 from gym_passive_walker.gaits.curve import Axis, Curve, Point, doubling_test, locate
 from gym_passive_walker.gaits.family import gait_family
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
-from gym_passive_walker.gaits.log_chart import logarithms
+from gym_passive_walker.gaits.section import logarithms
 from gym_passive_walker.gaits.stride_map import MapLike, map_of
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table

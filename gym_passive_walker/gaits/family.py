@@ -15,8 +15,8 @@ from gym_passive_walker.gaits.curve import Axis, Curve, Point, locate
 from gym_passive_walker.gaits.ends import BOUND, STANCE_STOPS, End, margins
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, multipliers_of
-from gym_passive_walker.gaits.log_chart import logarithms
 from gym_passive_walker.gaits.search import glance, seek
+from gym_passive_walker.gaits.section import logarithms
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.arguments import check_tolerance, several_slopes, whole
 from gym_passive_walker.gaits.bifurcation import beginnings
 from gym_passive_walker.gaits.gait import GaitKind
-from gym_passive_walker.gaits.log_chart import by_logarithms, in_logarithms
+from gym_passive_walker.gaits.section import by_logarithms, in_logarithms
 from gym_passive_walker.gaits.stride_map import MapLike, map_of
 from gym_passive_walker.progress import progress
 

@@ -10,7 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.arguments import check_state, instance, one_slope
 from gym_passive_walker.gaits.forces import impulses
 from gym_passive_walker.gaits.gait import Gait
-from gym_passive_walker.gaits.posture import landing_velocity, mass_matrix
+from gym_passive_walker.physics import legs
+from gym_passive_walker.physics.hybrid import State
+from gym_passive_walker.physics.systems import body_of, system_of
+from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import WalkerLike, as_walker
 
 
@@ -63,8 +66,8 @@ def foot_velocity(walker: WalkerLike, state: ArrayLike) -> FootVelocity:
     """
     walker = as_walker(walker)
     states = check_state(state)
-    velocity = landing_velocity(walker, states.reshape(-1, 6)).reshape(*states.shape[:-1], 2)
-    return FootVelocity(-velocity[..., 0], velocity[..., 1])
+    back, up = legs.striking_velocity(body_of(walker), State(*np.moveaxis(states, -1, 0)))
+    return FootVelocity(-back * walker.leg_length, up * walker.leg_length)
 
 
 def collision_matrix(walker: WalkerLike, stance_angle: float) -> NDArray[np.float64]:
@@ -89,12 +92,18 @@ def collision_matrix(walker: WalkerLike, stance_angle: float) -> NDArray[np.floa
     if walker.massless_legs:
         leg = np.array([-np.sin(stance_angle), np.cos(stance_angle)])
         return walker.total_mass * np.outer(leg, leg)
-    mass = mass_matrix(walker, stance_angle)
-    count = len(mass)
-    jumps = np.eye(3)[:count]
+    system = system_of(walker)
+    assert system.mass_matrix is not None
+    links = system.phases[0].links
+    state = State(stance_angle, -stance_angle, -stance_angle, 0.0, 0.0, 0.0)
+    mass = np.zeros((links, links))
+    mass[np.triu_indices(links)] = system.mass_matrix(body_of(walker), state)
+    mass += np.triu(mass, 1).T
+    mass = mass * walker.total_mass * units_of(walker).length ** 2
+    jumps = np.eye(3)[:links]
     if not walker.knees:
         jumps[1, 2] = 1.0
-    angles = np.tile([stance_angle, -stance_angle, -stance_angle], (count, 1))
+    angles = np.tile([stance_angle, -stance_angle, -stance_angle], (links, 1))
     given = impulses(walker, angles, jumps)
     momentum = np.stack([given.tangential, given.normal])
     matrix = walker.total_mass * np.eye(2) - momentum @ np.linalg.solve(mass, momentum.T)

@@ -13,14 +13,16 @@ from numpy.typing import NDArray
 from gym_passive_walker.gaits.forces import Reactions, forces, impulses
 from gym_passive_walker.gaits.measures import foot_velocity
 from gym_passive_walker.gaits.passage import NoStride
-from gym_passive_walker.gaits.posture import foot_clearance
 from gym_passive_walker.gaits.series import Extreme, fit
 from gym_passive_walker.gaits.stride import Stride
 from gym_passive_walker.gaits.stride_map import Samples, StrideMap
+from gym_passive_walker.physics.hybrid import State
+from gym_passive_walker.physics.systems import body_of, system_of
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker
 
 _SHORTEST = 1e-12  # share of a stride below which a phase is none
+_INFINITESIMAL = 1e-100  # imaginary part that carries a derivative: its square is nothing
 _PIECES = 10_000  # in which torques may be held
 
 
@@ -97,6 +99,18 @@ class Phase(NamedTuple):
     def state_at(self, time: float) -> NDArray[np.float64]:
         """The state (6,)."""
         return np.array([series(time) for series in self.state])
+
+
+def foot_clearance(walker: Walker, states: NDArray) -> tuple[NDArray, NDArray]:
+    """Height of the swing foot over the ground, and the height's rate, at states (n, 6).
+
+    The foot is a whole circle here.
+    """
+    # Angles that move by infinitesimal rates move the height by as much of its own rate.
+    angles, rates = states[:, :3] + 1j * _INFINITESIMAL * states[:, 3:], states[:, 3:]
+    moving = State(*angles.T, *rates.T)
+    clearance = system_of(walker).foot_clearance(body_of(walker), moving) * walker.leg_length
+    return np.real(clearance), np.imag(clearance) / _INFINITESIMAL
 
 
 def phases_of(

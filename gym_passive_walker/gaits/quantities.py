@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.gaits.log_chart import from_logarithms
 from gym_passive_walker.gaits.reality import reality_check
+from gym_passive_walker.gaits.section import from_logarithms
 from gym_passive_walker.gaits.sensitivity import SLOPE, Sensitivity, change_along
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.hybrid import State

@@ -24,11 +24,11 @@ from gym_passive_walker.gaits.phases import (
     Collision,
     Impulse,
     Phase,
+    foot_clearance,
     heelstrike,
     kneestrike,
     phases_of,
 )
-from gym_passive_walker.gaits.posture import foot_clearance
 from gym_passive_walker.gaits.series import Extreme, greatest, least, ratio_turns, turns
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.hybrid import Outcome

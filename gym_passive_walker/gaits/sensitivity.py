@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.gaits.equations import gait_equations
+from gym_passive_walker.gaits.gait import gait_equations
 from gym_passive_walker.gaits.newton import newton
 from gym_passive_walker.gaits.passage import Change, Passage
 from gym_passive_walker.gaits.stride_map import StrideMap

@@ -12,7 +12,7 @@ from gym_passive_walker import (
     stride,
 )
 from gym_passive_walker.gaits.attractors import FELL, UNSETTLED
-from gym_passive_walker.gaits.log_chart import logarithms
+from gym_passive_walker.gaits.section import logarithms
 from gym_passive_walker.gaits.stride_map import StrideMap
 
 

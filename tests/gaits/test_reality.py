@@ -16,8 +16,7 @@ from gym_passive_walker import (
     tune,
 )
 from gym_passive_walker.gaits.forces import forces
-from gym_passive_walker.gaits.phases import Impulse
-from gym_passive_walker.gaits.posture import foot_clearance
+from gym_passive_walker.gaits.phases import Impulse, foot_clearance
 from gym_passive_walker.gaits.samples import states_at
 from gym_passive_walker.gaits.stability import NoStride
 

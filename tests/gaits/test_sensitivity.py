@@ -8,8 +8,8 @@ import pytest
 from gym_passive_walker import WALKERS, find_gait, reality_check, tune
 from gym_passive_walker.gaits.circle import coefficients, inside, spectral_radius
 from gym_passive_walker.gaits.gait import multipliers_of
-from gym_passive_walker.gaits.log_chart import from_logarithms, logarithms
 from gym_passive_walker.gaits.quantities import QUANTITIES, size_of
+from gym_passive_walker.gaits.section import from_logarithms, logarithms
 from gym_passive_walker.gaits.sensitivity import (
     Place,
     map_change,
