@@ -73,7 +73,6 @@ _CONCERNING = {
     "gaits/basin": "basin",
     "gaits/bifurcation": "bifurcation",
     "gaits/continuation": "families",
-    "gaits/curve": "families",
     "gaits/doubling": "bifurcation",
     "gaits/family": "families driven",
     "gaits/first_passage": "first_passage",

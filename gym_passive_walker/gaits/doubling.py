@@ -14,8 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.arguments import whole
-from gym_passive_walker.gaits.continuation import points_along
-from gym_passive_walker.gaits.curve import Axis, Curve, Point, doubling_test, locate
+from gym_passive_walker.gaits.continuation import (
+    Axis,
+    Curve,
+    Point,
+    doubling_test,
+    locate,
+    points_along,
+)
 from gym_passive_walker.gaits.family import gait_family
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
 from gym_passive_walker.gaits.section import logarithms

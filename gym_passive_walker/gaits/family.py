@@ -10,9 +10,17 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.arguments import gait_kind, instance, number, one_slope, shown
 from gym_passive_walker.gaits.actuation import Actuation, one_actuation
-from gym_passive_walker.gaits.continuation import follow
-from gym_passive_walker.gaits.curve import Axis, Curve, Point, locate
-from gym_passive_walker.gaits.ends import BOUND, STANCE_STOPS, End, margins
+from gym_passive_walker.gaits.continuation import (
+    BOUND,
+    STANCE_STOPS,
+    Axis,
+    Curve,
+    End,
+    Point,
+    follow,
+    locate,
+    margins,
+)
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.search import glance, seek
@@ -123,12 +131,7 @@ class GaitFamily(Table):
 
 
 def _family(
-    stride_map: StrideMap,
-    axis: Axis,
-    gait: Gait,
-    value: float,
-    bounds: tuple[float, float],
-    resolution: float,
+    stride_map: StrideMap, axis: Axis, gait: Gait, value: float, resolution: float
 ) -> GaitFamily:
     """The family of a gait at a value of what is varied, both ways from it."""
     period, walker = gait.period, stride_map.walker
@@ -137,9 +140,8 @@ def _family(
     start = curve.correct(np.append(u, axis.coordinate(value)))
     if start is None:
         raise GaitNotFound(f"the gait of {describe(walker)} at {value} could not be followed")
-    low, high = (axis.coordinate(bound) for bound in bounds)
-    up = follow(curve, start, low, high, resolution)
-    down = follow(curve, start._replace(tangent=-start.tangent), low, high, resolution)
+    up = follow(curve, start, resolution)
+    down = follow(curve, start._replace(tangent=-start.tangent), resolution)
     along = down.points[:0:-1] + up.points
     there, points, slopes, values = curve.gaits_at(along)
     passage, units = there.apply(points, slopes, strides=period), there.units
@@ -168,14 +170,13 @@ def _halts(
 ) -> tuple[tuple[float, ...], tuple[End, End]]:
     """Where the stance leg stops in mid-stride, and the ends, said to lie beyond if they do."""
 
-    def pace(points: list[Point]) -> NDArray:
-        gaits = curve.gaits_at(points)
-        return margins(gaits.stride_map, gaits.points, gaits.slopes, curve.period).pace
+    def pace(point: Point) -> float:
+        return float(margins(curve, [point]).pace[0])
 
-    paces = pace(points)
+    paces = margins(curve, points).pace
     halts = []
     for i in np.flatnonzero(paces[:-1] * paces[1:] < 0.0):
-        located = locate(curve, points[i], points[i + 1], lambda point: float(pace([point])[0]))
+        located = locate(curve, points[i], points[i + 1], pace)
         if located:
             halts.append(curve.value_at(located))
 
@@ -256,8 +257,7 @@ def gait_family(
         start = _some_gait(stride_map, slopes, kind)
     elif not low <= start.slope <= high:
         raise ValueError(f"the gait to start with stands at slope {start.slope}, out of the range")
-    axis = Axis("slope", low, high)
-    return _family(stride_map, axis, start, start.slope, (low, high), resolution)
+    return _family(stride_map, Axis("slope", low, high), start, start.slope, resolution)
 
 
 def _size(stride_map: StrideMap, parameter: str) -> float:
@@ -326,4 +326,4 @@ def parameter_family(
             raise ValueError(f"the range leaves what a walker can be: {error}") from error
     start = find_gait(stride_map, slope, kind)
     axis = Axis(parameter, low, high, slope, stride_map.unit(parameter))
-    return _family(stride_map, axis, start, here, (low, high), resolution)
+    return _family(stride_map, axis, start, here, resolution)
