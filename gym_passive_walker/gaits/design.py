@@ -1,7 +1,7 @@
 """Design by gradient: walkers that do something best, of all within bounds.
 
-Every walker tried is judged by its gait and the gait's derivatives (see `candidates`); SciPy's
-SLSQP (D. Kraft, 1988) chooses the next.
+Every walker tried is judged by its gait and the gait's derivatives; SciPy's SLSQP (D. Kraft, 1988)
+chooses the next (see `design_nlp`).
 """
 
 from __future__ import annotations
@@ -14,12 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.arguments import gait_kind, number, shown, truth, whole
-from gym_passive_walker.gaits.candidates import Candidates, Judged
-from gym_passive_walker.gaits.circle import spectral_radius
+from gym_passive_walker.gaits.design_nlp import Candidates, Judged, Programme
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
-from gym_passive_walker.gaits.programme import Programme
-from gym_passive_walker.gaits.quantities import QUANTITIES, SPECTRAL_RADIUS
+from gym_passive_walker.gaits.objectives import QUANTITIES, SPECTRAL_RADIUS, spectral_radius
 from gym_passive_walker.gaits.sensitivity import SLOPE
 from gym_passive_walker.gaits.stride_map import MapLike, map_of
 from gym_passive_walker.walkers import PARAMETERS, Walker, describe
@@ -115,15 +113,11 @@ def optimise_walker(
     if "knee_margin" in names and not walker.knees:
         raise ValueError("knee_margin is of walkers with knees, and this one has none")
     before = find_gait(stride_map, slope, kind)
+    judged_by = sorted(names - {SPECTRAL_RADIUS})
     candidates = Candidates(
-        before,
-        parameters,
-        box,
-        sorted(names - {SPECTRAL_RADIUS}),
-        multipliers=SPECTRAL_RADIUS in names,
+        before, parameters, box, judged_by, multipliers=SPECTRAL_RADIUS in names
     )
     programme = Programme(candidates, objective, -1.0 if maximise else 1.0, ranges)
-    first = candidates.at(candidates.first)
     found = programme.solve(iterations)
     missed = programme.missed(found.x)
     last = candidates.at(found.x[: len(parameters)])
@@ -138,17 +132,17 @@ def optimise_walker(
         objective=objective,
         before=before,
         after=measure(place.stride_map, place.u, place.slope, 1),
-        values={name: (_value(first, name), _value(last, name)) for name in sorted(names)},
+        values={
+            name: (_value(programme.first, name), _value(last, name)) for name in sorted(names)
+        },
         tried=candidates.tried,
         converged=bool(found.success),
         message=str(found.message),
     )
 
 
-def _value(judged: Judged | None, name: str) -> float:
+def _value(judged: Judged, name: str) -> float:
     """One of a candidate's quantities."""
-    if judged is None:
-        return np.nan
     if name == SPECTRAL_RADIUS:
         return spectral_radius(judged.gait.map)
     return float(judged.quantities[name][0])

@@ -25,6 +25,7 @@ from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.search import glance, seek
 from gym_passive_walker.gaits.section import logarithms
+from gym_passive_walker.gaits.sensitivity import size_of
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
@@ -260,16 +261,6 @@ def gait_family(
     return _family(stride_map, Axis("slope", low, high), start, start.slope, resolution)
 
 
-def _size(stride_map: StrideMap, parameter: str) -> float:
-    """What a parameter of a walker or of its motors is measured by, in the walker's own units."""
-    walker, units = stride_map.walker, units_of(stride_map.walker)
-    mass, springs = walker.total_mass, ("hip_stiffness", "knee_stiffness", "hip_friction")
-    sizes = dict.fromkeys(springs, units.torque) | {"foot_angle": 1.0, "gravity": walker.gravity}
-    if parameter not in vars(walker):
-        return stride_map.unit(parameter)
-    return sizes.get(parameter, mass if parameter.endswith("mass") else units.length)
-
-
 def parameter_family(
     walker: MapLike,
     parameter: str,
@@ -309,7 +300,9 @@ def parameter_family(
     here = known[parameter]
     if not low < high or not low <= here <= high:
         raise ValueError(f"{parameter} of this walker is {here}: give low <= {here} <= high")
-    size = max(abs(here), _size(stride_map, parameter))
+    own = parameter in vars(stride_map.walker)
+    unit = stride_map.unit(parameter)
+    size = max(abs(here), size_of(parameter, stride_map.walker, slope) if own else unit)
     if not high - low <= _WIDEST * size:
         raise ValueError(
             f"high is too far from low: of {parameter} of this walker, a range may be "
@@ -317,7 +310,7 @@ def parameter_family(
         )
     for value in (low, high):
         try:
-            if parameter in vars(stride_map.walker):
+            if own:
                 replace(stride_map.walker, **{parameter: value})
             else:
                 held = stride_map.controller or Actuation()
@@ -325,5 +318,4 @@ def parameter_family(
         except ValueError as error:
             raise ValueError(f"the range leaves what a walker can be: {error}") from error
     start = find_gait(stride_map, slope, kind)
-    axis = Axis(parameter, low, high, slope, stride_map.unit(parameter))
-    return _family(stride_map, axis, start, here, resolution)
+    return _family(stride_map, Axis(parameter, low, high, slope, unit), start, here, resolution)

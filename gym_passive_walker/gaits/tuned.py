@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 from scipy.stats.qmc import Halton
 
 from gym_passive_walker.arguments import number, one_slope
-from gym_passive_walker.gaits.candidates import Candidates
+from gym_passive_walker.gaits.design_nlp import CIRCLE, Candidates, slsqp
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound, measure
 from gym_passive_walker.gaits.search import glance, seek
 from gym_passive_walker.gaits.sensitivity import place_near
@@ -95,18 +94,18 @@ def _nearest(start: Gait, tuned: Walker, radius: float) -> Gait | None:
     width = box[:, 1] - box[:, 0]
     goal = (_place(tuned) - box[:, 0]) / width
 
-    # Offsets of tuned walkers are linear in the centres of mass.
     def tied(x: NDArray) -> NDArray:
         here = box[:, 0] + width * x
         walker = replace(tuned, **dict(zip(_MOVED, here[:4].tolist(), strict=True)))
         return (here[4:] - _place(tune(walker))[4:]) / length
 
+    # Offsets of tuned walkers are linear in the centres of mass.
     ties = np.stack([tied(x) - tied(np.zeros(6)) for x in np.eye(6)], axis=1)
 
     def circle(x: NDArray) -> tuple[NDArray, NDArray]:
         judged = candidates.at(x)
         if judged is None:
-            return -np.ones(5), np.zeros((5, 6))
+            return -np.ones(CIRCLE), np.zeros((CIRCLE, 6))
         values, by = judged.inside(radius)
         return values, by[:, :6]
 
@@ -116,13 +115,9 @@ def _nearest(start: Gait, tuned: Walker, radius: float) -> Gait | None:
             return np.inf, np.zeros(6)
         return float(away @ away), 2.0 * away * width / length
 
-    found = minimize(
-        distance, candidates.first, jac=True, method="SLSQP", bounds=[(0.0, 1.0)] * 6,
-        constraints=[
-            {"type": "eq", "fun": tied, "jac": lambda x: ties},
-            {"type": "ineq", "fun": lambda x: circle(x)[0], "jac": lambda x: circle(x)[1]},
-        ],
-        options={"maxiter": 200, "ftol": 1e-10},
+    found = slsqp(
+        distance, candidates.first, [(0.0, 1.0)] * 6,
+        equal=lambda x: (tied(x), ties), beyond=circle, iterations=200,
     )  # fmt: skip
     judged = candidates.at(found.x)
     if judged is None or circle(found.x)[0].min() < -_MET:
