@@ -28,6 +28,7 @@ from gym_passive_walker.gaits.bifurcation import (
     bifurcation_diagram,
     crisis_slope,
 )
+from gym_passive_walker.gaits.dense_stride import Extreme, Impulse
 from gym_passive_walker.gaits.design import Design, optimise_walker
 from gym_passive_walker.gaits.doubling import Cascade, doubling_cascade
 from gym_passive_walker.gaits.family import GaitFamily, gait_family, parameter_family
@@ -42,14 +43,12 @@ from gym_passive_walker.gaits.measures import (
     foot_velocity,
     measures,
 )
-from gym_passive_walker.gaits.phases import Impulse
 from gym_passive_walker.gaits.reality import RealityCheck, reality_check
 from gym_passive_walker.gaits.scaling import (
     exponent_crossings,
     local_exponents,
     transition_slope,
 )
-from gym_passive_walker.gaits.series import Extreme
 from gym_passive_walker.gaits.stability import stride_jacobian
 from gym_passive_walker.gaits.stride import Stride, stride
 from gym_passive_walker.gaits.terrain import Terrain, footholds, rough, stairs, waves

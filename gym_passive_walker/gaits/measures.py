@@ -62,7 +62,7 @@ def foot_velocity(walker: WalkerLike, state: ArrayLike) -> FootVelocity:
     Args:
         walker: The walker, in a form that `as_walker` takes.
         state: States just *before* heelstrike, shape (6,) or (n, 6): the stance angle negative and
-            the swing angle its opposite. `samples.just_before` finds them.
+            the swing angle its opposite. `StrideMap.before_strike` finds them.
     """
     walker = as_walker(walker)
     states = check_state(state)

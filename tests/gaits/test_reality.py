@@ -15,9 +15,8 @@ from gym_passive_walker import (
     stride,
     tune,
 )
+from gym_passive_walker.gaits.dense_stride import Impulse, foot_clearance, states_at
 from gym_passive_walker.gaits.forces import forces
-from gym_passive_walker.gaits.phases import Impulse, foot_clearance
-from gym_passive_walker.gaits.samples import states_at
 from gym_passive_walker.gaits.stability import NoStride
 
 SLOPE = 0.036
