@@ -27,6 +27,7 @@ from gym_passive_walker.gaits.bifurcation import (
     BifurcationDiagram,
     bifurcation_diagram,
     crisis_slope,
+    lyapunov_exponents,
 )
 from gym_passive_walker.gaits.dense_stride import Extreme, Impulse
 from gym_passive_walker.gaits.design import Design, optimise_walker
@@ -35,7 +36,6 @@ from gym_passive_walker.gaits.family import GaitFamily, gait_family, parameter_f
 from gym_passive_walker.gaits.first_passage import leading_eigenvalue
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
-from gym_passive_walker.gaits.lyapunov import lyapunov_exponents
 from gym_passive_walker.gaits.measures import (
     FootVelocity,
     Measures,

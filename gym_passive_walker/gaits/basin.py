@@ -25,26 +25,28 @@ from gym_passive_walker.arguments import (
     shown,
     whole,
 )
-from gym_passive_walker.gaits.attractors import (
-    FELL,
-    UNSETTLED,
-    Attractors,
-    stable_gaits,
-    walk_until_settled,
-)
+from gym_passive_walker.gaits.bifurcation import period_of
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.search import heelstrike, seek
+from gym_passive_walker.gaits.section import logarithms
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
+from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
 from gym_passive_walker.walkers import Walker, describe, name_of
+
+FELL, UNSETTLED = -1, -2
+"""Instead of a gait's index: the walker fell, or still walks on none of the gaits."""
 
 _CHUNK = 1 << 16  # cells walked together
 _PUSHES = 512  # tried at a time
 _FINEST_PUSH = 1e-15  # of the gait's stance rate
 _FINEST = 10_000  # angles, by as many rates
 _EXACT, _ROUGHLY = 1e-13, 1e-8  # tolerances, on a gait and where walks are only looked over
+_LONGEST_PERIOD = 12
+_SETTLING = 500  # strides taken before a walk is looked at
+_WALKED, _ALONG = 1e-9, 1e-12  # tolerances of such walks, and along gaits
 _SPAN = 2.2  # a default slice reaches from 0 to so many times the gait's angle and rate
 
 
@@ -113,6 +115,121 @@ class Push(NamedTuple):
 
     forward: float
     backward: float
+
+
+class Attractors:
+    """Points of the stable gaits at a slope, to tell which one a walk is about to settle on.
+
+    Args:
+        stride_map: Whose gaits.
+        gaits: The gaits, of any period.
+        near: Distance in logarithmic coordinates that counts as close.
+    """
+
+    def __init__(self, stride_map: StrideMap, gaits: list[Gait], near: float) -> None:
+        self.near = near
+        self.points: list[NDArray] = []
+        self.owner: list[int] = []
+        finely = stride_map.with_tolerance(_ALONG)
+        for index, gait in enumerate(gaits):
+            point = finely.points_at(gait.state)
+            for _ in range(gait.period):
+                self.points.append(logarithms(point)[0])
+                self.owner.append(index)
+                point = finely.apply(point, gait.slope).ends
+
+    def of(self, points: NDArray) -> NDArray[np.int8]:
+        """Index of the gait that each point (n, m) is close to; UNSETTLED if to none."""
+        index = np.full(len(points), UNSETTLED, np.int8)
+        u = logarithms(points)
+        for point, owner in zip(self.points, self.owner, strict=True):
+            index[np.abs(u - point).max(axis=1) < self.near] = owner
+        return index
+
+
+class Settled(NamedTuple):
+    """What has become of n walks.
+
+    Attributes:
+        index: The gait that a walk has come close to, FELL or UNSETTLED, (n,).
+        outcome: How its last stride ended, an `Outcome`, (n,).
+        strides: Strides completed, (n,).
+        points: The last point of the section that it came to, (n, m).
+    """
+
+    index: NDArray[np.int8]
+    outcome: NDArray[np.int8]
+    strides: NDArray[np.int32]
+    points: NDArray[np.float64]
+
+
+def walk_until_settled(
+    stride_map: StrideMap, points: NDArray, slope: float, gaits: Attractors, most: int
+) -> Settled:
+    """Let walkers walk until each has fallen, or has come close to a stable gait.
+
+    Args:
+        stride_map: Who walks.
+        points: Where they start, (n, m).
+        slope: Slope in rad.
+        gaits: The gaits to come close to.
+        most: Strides after which a walk counts as unsettled.
+    """
+    count = len(points)
+    settled = Settled(
+        np.full(count, UNSETTLED, np.int8),
+        np.full(count, Outcome.HEELSTRIKE, np.int8),
+        np.zeros(count, np.int32),
+        points.copy(),
+    )
+    walking = np.arange(count)
+    with progress("strides until all have settled", most) as taken:
+        for _ in range(most):
+            passage = stride_map.apply(settled.points[walking], slope)
+            on = passage.alive
+            settled.outcome[walking] = passage.outcomes
+            settled.index[walking[~on]] = FELL
+            walking, ends = walking[on], passage.ends[on]
+            settled.points[walking] = ends
+            settled.strides[walking] += 1
+            settled.index[walking] = index = gaits.of(ends)
+            walking = walking[index == UNSETTLED]
+            if len(walking) == 0:
+                break
+            taken()
+    return settled
+
+
+def stable_gaits(stride_map: StrideMap, slope: float, points: NDArray) -> list[Gait]:
+    """The stable gaits of any period that walks settle on.
+
+    Args:
+        stride_map: Who walks.
+        slope: Slope in rad.
+        points: Where they start, (n, m).
+
+    Returns:
+        Gaits, those of short period first; none for a walk that is still unsettled or chaotic.
+    """
+    roughly = stride_map.with_tolerance(_WALKED)
+    points = roughly.apply(points, slope, strides=_SETTLING).ends
+    points = points[np.isfinite(points[:, 0])]
+    angles, here = [], points
+    for _ in range(2 * _LONGEST_PERIOD):
+        here = roughly.apply(here, slope).ends
+        angles.append(here[:, 0])
+    periods = period_of(np.array(angles).T, _LONGEST_PERIOD, 1e-4)
+    found: list[Gait] = []
+    for period in sorted(set(periods[periods > 0].tolist())):
+        left = points[periods == period]
+        while len(left):
+            guess = stride_map.states_at(left[:1])
+            gaits = find_gaits(stride_map, slope, period=period, guess=guess)[:1]
+            if not gaits:
+                break
+            found += [gait for gait in gaits if gait.stable]
+            left = left[Attractors(stride_map, gaits, 1e-2).of(left) == UNSETTLED]
+    return found
 
 
 def _slice(

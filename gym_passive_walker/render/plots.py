@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.gaits import continuation
-from gym_passive_walker.gaits.attractors import UNSETTLED
-from gym_passive_walker.gaits.basin import Basin, basin_of_attraction
+from gym_passive_walker.gaits.basin import UNSETTLED, Basin, basin_of_attraction
 from gym_passive_walker.gaits.bifurcation import BifurcationDiagram
 from gym_passive_walker.gaits.doubling import Cascade
 from gym_passive_walker.gaits.family import GaitFamily
