@@ -30,7 +30,7 @@ from gym_passive_walker.gaits.bifurcation import (
     lyapunov_exponents,
 )
 from gym_passive_walker.gaits.dense_stride import Extreme, Impulse
-from gym_passive_walker.gaits.design import Design, optimise_walker
+from gym_passive_walker.gaits.design import Design, optimise_walker, tune_to_walk
 from gym_passive_walker.gaits.doubling import Cascade, doubling_cascade
 from gym_passive_walker.gaits.family import GaitFamily, gait_family, parameter_family
 from gym_passive_walker.gaits.first_passage import leading_eigenvalue
@@ -53,7 +53,6 @@ from gym_passive_walker.gaits.stability import stride_jacobian
 from gym_passive_walker.gaits.stride import Stride, stride
 from gym_passive_walker.gaits.terrain import Terrain, footholds, rough, stairs, waves
 from gym_passive_walker.gaits.trajectory import Trajectory, simulate
-from gym_passive_walker.gaits.tuned import tune_to_walk
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.policies import PolicyError, TrainedPolicy, load_policy
 from gym_passive_walker.sweeps.run import Swept, sweep

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -192,12 +193,9 @@ def _halts(
 
 def _some_gait(stride_map: StrideMap, slopes: NDArray, kind: GaitKind) -> Gait:
     """The gait at the lowest of some slopes that has one; searched thoroughly only if need be."""
-    for slope in slopes.tolist():
-        gait = glance(stride_map, slope, kind)
-        if gait is not None:
-            return gait
-    for slope in slopes[::4].tolist():
-        gait = seek(stride_map, slope, kind).gait
+    quick = (glance(stride_map, slope, kind) for slope in slopes.tolist())
+    thorough = (seek(stride_map, slope, kind).gait for slope in slopes[::4].tolist())
+    for gait in chain(quick, thorough):
         if gait is not None:
             return gait
     name = stride_map.controller_name

@@ -57,8 +57,8 @@ def find_gaits(
         Zero, one or two gaits for walkers like the published ones; up to four under a push-off
         uphill. Under a controller, those that walks near the passive gait lead to.
     """
-    stride_map, slope = _asked(walker, slope)
-    period = whole(period, "period")
+    stride_map = map_of(walker, tolerance=ACCURACY)
+    slope, period = stride_map.chosen(slope), whole(period, "period")
     starts = begin(stride_map, slope, period, guess)
     # Uphill, a push-off makes up for the losses of steps of two sizes, each long and short.
     most = 4 if stride_map.actuation.push_off else 2
@@ -104,8 +104,8 @@ def find_gait(
             one here; and the exception has both as `slope` and `walker`. To look for them may take
             some seconds.
     """
-    stride_map, slope = _asked(walker, slope)
-    kind, period = gait_kind(kind), whole(period, "period")
+    stride_map = map_of(walker, tolerance=ACCURACY)
+    slope, kind, period = stride_map.chosen(slope), gait_kind(kind), whole(period, "period")
     gait, gaits, ends = seek(stride_map, slope, kind, period=period, guess=guess)
     if gait is not None:
         return gait
@@ -131,12 +131,6 @@ def find_gait(
         with said(f"no {kind}-step gait at slope {slope:g} rad: looking for what would help"):
             advice, near, alike = _advice(stride_map.walker, slope, kind)
     raise GaitNotFound(f"{none} {advice}", slope=near, walker=alike)
-
-
-def _asked(walker: MapLike, slope: float | None) -> tuple[StrideMap, float]:
-    """The map, and the slope, of which a gait is asked for."""
-    stride_map = map_of(walker, tolerance=ACCURACY)
-    return stride_map, stride_map.chosen(slope)
 
 
 def _advice(

@@ -117,13 +117,6 @@ def measures(gait: Gait) -> Measures:
     duration = float(gait.stride.duration) / stride_map.units.time
     verge = stride_map.before_strike(stride_map.points_at(gait.state)[0], gait.slope, duration)
     velocity = foot_velocity(gait.walker, stride_map.units.to_own(verge))
-    return Measures(
-        step_period=gait.step_period,
-        step_length=gait.step_length,
-        speed=gait.speed,
-        froude_speed=gait.froude_speed,
-        cost_of_transport=gait.cost_of_transport,
-        kneestrike_loss=gait.kneestrike_loss,
-        heelstrike_loss=gait.heelstrike_loss,
-        foot_velocity=FootVelocity(float(velocity.tangential), float(velocity.normal)),
-    )
+    landing = FootVelocity(float(velocity.tangential), float(velocity.normal))
+    own = {name: getattr(gait, name) for name in Measures._fields[:-1]}
+    return Measures(**own, foot_velocity=landing)

@@ -267,11 +267,8 @@ def reality_check(
     walker, slope, state, motors, period, controlled = walk_of(walker, slope, state, hip_torque)
     if controlled is not None and controlled.terrain is not None:
         raise ValueError("reality_check looks at walks on smooth ground, not on a terrain")
-    slope, strides = one_slope(slope), period if strides is None else strides
-    strides, friction = (
-        whole(strides, "strides"),
-        number(friction, "friction", least=0.0, most=math.inf),
-    )
+    slope, strides = one_slope(slope), whole(period if strides is None else strides, "strides")
+    friction = number(friction, "friction", least=0.0, most=math.inf)
     tolerance, here = check_tolerance(tolerance), check_state(state)
     number(motors.hip_torque, "hip_torque")
     walks = controlled or StrideMap.of(walker, controller=one_actuation(walker, motors))

@@ -239,8 +239,7 @@ def search(
     def solutions(followed: StrideMap, guesses: NDArray, accuracy: float, limit: float) -> NDArray:
         def equations(u: NDArray) -> tuple[NDArray, NDArray]:
             sane = np.where(u[:, :1] < math.log(_LARGEST), u, np.nan)
-            gait = gait_equations(followed, sane, slope, period=period)
-            return gait.values, gait.derivatives
+            return gait_equations(followed, sane, slope, period=period)[:2]
 
         solved = newton(equations, guesses, accuracy=accuracy, patience=patience)
         return solved.points[solved.sizes < limit]
@@ -343,18 +342,19 @@ def seek(
     # Under a controller there is no telling which kind it holds.
     any_kind = guess is not None or stride_map.controlled
 
-    def wanted(gaits: list[Gait]) -> list[Gait]:
-        return [gait for gait in gaits if any_kind or period > 1 or gait.kind == kind]
+    def wanted(gait: Gait) -> bool:
+        return any_kind or period > 1 or gait.kind == kind
 
     def enough(gaits: list[Gait]) -> bool:
-        return any(any_kind or gait.beyond_fold == (kind == "short") for gait in wanted(gaits))
+        short = kind == "short"
+        return any(any_kind or (wanted(x) and x.beyond_fold == short) for x in gaits)
 
     u = begin(stride_map, slope, period, guess)
     few = u[:: max(1, len(u) // _LATTICE)] if period == 1 and guess is None else u
     gaits, ends = search(stride_map, slope, few, period, enough, _BATCHES[:1], _PATIENCE)
     if not enough(gaits):  # starts that were left out or not waited for may lead to it
         gaits, ends = search(stride_map, slope, u, period, enough)
-    chosen = wanted(gaits)
+    chosen = [gait for gait in gaits if wanted(gait)]
     if period > 1 and guess is None:  # gaits of several strides are born in pairs, at folds
         chosen = [gait for gait in chosen if enough([gait])] or chosen
     return Sought(chosen[0 if kind == "long" else -1] if chosen else None, gaits, ends)

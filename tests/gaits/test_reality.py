@@ -17,7 +17,7 @@ from gym_passive_walker import (
 )
 from gym_passive_walker.gaits.dense_stride import Impulse, foot_clearance, states_at
 from gym_passive_walker.gaits.forces import forces
-from gym_passive_walker.gaits.stability import NoStride
+from gym_passive_walker.gaits.passage import NoStride
 
 SLOPE = 0.036
 START = np.array([0.25, -0.25, -0.25, -1.06, -0.35, -1.5])
