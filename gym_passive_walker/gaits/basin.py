@@ -147,25 +147,9 @@ class Attractors:
         return index
 
 
-class Settled(NamedTuple):
-    """What has become of n walks.
-
-    Attributes:
-        index: The gait that a walk has come close to, FELL or UNSETTLED, (n,).
-        outcome: How its last stride ended, an `Outcome`, (n,).
-        strides: Strides completed, (n,).
-        points: The last point of the section that it came to, (n, m).
-    """
-
-    index: NDArray[np.int8]
-    outcome: NDArray[np.int8]
-    strides: NDArray[np.int32]
-    points: NDArray[np.float64]
-
-
 def walk_until_settled(
     stride_map: StrideMap, points: NDArray, slope: float, gaits: Attractors, most: int
-) -> Settled:
+) -> tuple[NDArray[np.int8], NDArray[np.int8], NDArray[np.int32], NDArray[np.float64]]:
     """Let walkers walk until each has fallen, or has come close to a stable gait.
 
     Args:
@@ -174,30 +158,32 @@ def walk_until_settled(
         slope: Slope in rad.
         gaits: The gaits to come close to.
         most: Strides after which a walk counts as unsettled.
+
+    Returns:
+        Of each walk the gait that it has come close to, FELL or UNSETTLED; how its last stride
+        ended, an `Outcome`; the strides completed, (n,) each; and its last point, (n, m).
     """
-    count = len(points)
-    settled = Settled(
+    count, here = len(points), points.copy()
+    settled, outcome = (
         np.full(count, UNSETTLED, np.int8),
         np.full(count, Outcome.HEELSTRIKE, np.int8),
-        np.zeros(count, np.int32),
-        points.copy(),
     )
-    walking = np.arange(count)
+    strides, walking = np.zeros(count, np.int32), np.arange(count)
     with progress("strides until all have settled", most) as taken:
         for _ in range(most):
-            passage = stride_map.apply(settled.points[walking], slope)
+            passage = stride_map.apply(here[walking], slope)
             on = passage.alive
-            settled.outcome[walking] = passage.outcomes
-            settled.index[walking[~on]] = FELL
-            walking, ends = walking[on], passage.ends[on]
-            settled.points[walking] = ends
-            settled.strides[walking] += 1
-            settled.index[walking] = index = gaits.of(ends)
-            walking = walking[index == UNSETTLED]
+            outcome[walking] = passage.outcomes
+            settled[walking[~on]] = FELL
+            walking = walking[on]
+            here[walking] = passage.ends[on]
+            strides[walking] += 1
+            settled[walking] = gaits.of(here[walking])
+            walking = walking[settled[walking] == UNSETTLED]
             if len(walking) == 0:
                 break
             taken()
-    return settled
+    return settled, outcome, strides, here
 
 
 def stable_gaits(stride_map: StrideMap, slope: float, points: NDArray) -> list[Gait]:
@@ -340,8 +326,9 @@ def _others(stride_map: StrideMap, slope: float, points: NDArray, stable: list[G
     """Stable gaits besides those known, from a sample of a slice."""
     sample = points[:: max(1, len(points) // 4096)]
     roughly = stride_map.with_tolerance(_ROUGHLY)
-    settled = walk_until_settled(roughly, sample, slope, Attractors(roughly, stable, 1e-2), 60)
-    left = settled.points[settled.index == UNSETTLED]
+    attractors = Attractors(roughly, stable, 1e-2)
+    settled, _, _, points = walk_until_settled(roughly, sample, slope, attractors, 60)
+    left = points[settled == UNSETTLED]
     return stable_gaits(stride_map, slope, left) if len(left) else []
 
 
@@ -387,8 +374,7 @@ def largest_push(
     def survived(changes: NDArray) -> NDArray[np.bool_]:
         points = np.repeat(start, len(changes), axis=0)
         points[:, 1] += changes
-        settled = walk_until_settled(stride_map, points, slope, attractors, strides)
-        return settled.index != FELL
+        return walk_until_settled(stride_map, points, slope, attractors, strides)[0] != FELL
 
     def limit(direction: float) -> float:
         share = np.arange(1, _PUSHES + 1) / _PUSHES

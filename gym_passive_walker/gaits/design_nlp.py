@@ -198,21 +198,6 @@ def slsqp(
     )  # fmt: skip
 
 
-class Side(NamedTuple):
-    """A quantity that must lie on one side of a bound, or on it.
-
-    Attributes:
-        name: The quantity.
-        bound: The bound.
-        scale: What its distance from the bound is multiplied by: one over what counts as a large
-            difference, negative if it must not be more.
-    """
-
-    name: str
-    bound: float
-    scale: float
-
-
 class Programme:
     """Objective and constraints as SciPy takes them, of z: a candidate's shares x and a radius.
 
@@ -236,28 +221,30 @@ class Programme:
         self, candidates: Candidates, objective: str, sign: float, ranges: Mapping[str, tuple]
     ) -> None:
         self.candidates, self.objective, self.sign = candidates, objective, sign
-        self.sought = objective == SPECTRAL_RADIUS
+        self.count, self.sought = len(candidates.first), objective == SPECTRAL_RADIUS
         self.radius = ranges.get(SPECTRAL_RADIUS, (None, None))[1]
         first = candidates.at(candidates.first)
         if first is None:
             raise GaitNotFound("the gait to begin with could not be followed")
         self.first = first
         self.unit = 1.0 if self.sought else abs(first.quantities[objective][0]) or 1.0
-        self.equal: list[Side] = []
-        self.beyond: list[Side] = []
+        # Name and bound of a quantity, and what its distance from the bound is multiplied by: one
+        # over what counts as a large difference, negative if it must not be more.
+        self.equal: list[tuple[str, float, float]] = []
+        self.beyond: list[tuple[str, float, float]] = []
         for name, (low, high) in ranges.items():
             if name == SPECTRAL_RADIUS:
                 continue
             size = max(abs(x or 0.0) for x in (low, high, first.quantities[name][0])) or 1.0
             if low == high:
-                self.equal.append(Side(name, low, 1.0 / size))
+                self.equal.append((name, low, 1.0 / size))
             else:
-                sides = Side(name, low, 1.0 / size), Side(name, high, -1.0 / size)
-                self.beyond += [side for side in sides if side.bound is not None]
+                sides = (name, low, 1.0 / size), (name, high, -1.0 / size)
+                self.beyond += [side for side in sides if side[1] is not None]
 
     def cost(self, z: NDArray) -> tuple[float, NDArray]:
         """The objective and its gradient; infinite where there is no gait."""
-        judged = self._judged(z)
+        judged = self.candidates.at(z[: self.count])
         if judged is None:
             return np.inf, np.zeros(len(z))
         if self.sought:
@@ -273,21 +260,18 @@ class Programme:
         """What must not be negative, and its derivatives."""
         return self._stacked(z, self.beyond, circle=self.sought or self.radius is not None)
 
-    def _judged(self, z: NDArray) -> Judged | None:
-        return self.candidates.at(z[: len(self.candidates.first)])
-
     def _stacked(
-        self, z: NDArray, sides: list[Side], circle: bool = False
+        self, z: NDArray, sides: list[tuple[str, float, float]], circle: bool = False
     ) -> tuple[NDArray, NDArray]:
-        count, k = len(sides), len(self.candidates.first)
+        count = len(sides)
         values = -np.ones(count + CIRCLE * circle)
         derivatives = np.zeros((len(values), len(z)))
-        judged = self._judged(z)
+        judged = self.candidates.at(z[: self.count])
         if judged is None:  # no step of a line search ends here
             return values, derivatives
         for i, (name, bound, scale) in enumerate(sides):
             value, gradient = judged.quantities[name]
-            values[i], derivatives[i, :k] = scale * (value - bound), scale * gradient
+            values[i], derivatives[i, : self.count] = scale * (value - bound), scale * gradient
         if circle:
             values[count:], by = judged.inside(z[-1] if self.sought else self.radius)
             derivatives[count:] = by[:, : len(z)]  # by the radius as well if it is part of z
@@ -295,7 +279,7 @@ class Programme:
 
     def solve(self, iterations: int) -> Any:
         """What SciPy finds."""
-        start, bounds = self.candidates.first, [(0.0, 1.0)] * len(self.candidates.first)
+        start, bounds = self.candidates.first, [(0.0, 1.0)] * self.count
         if self.sought:
             start = np.append(start, _MARGIN * spectral_radius(self.first.gait.map))
             bounds.append((_LEAST_RADIUS, _LARGEST_RADIUS))
