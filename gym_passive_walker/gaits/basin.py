@@ -186,19 +186,28 @@ def walk_until_settled(
     return settled, outcome, strides, here
 
 
-def stable_gaits(stride_map: StrideMap, slope: float, points: NDArray) -> list[Gait]:
-    """The stable gaits of any period that walks settle on.
+def other_attractors(
+    stride_map: StrideMap, slope: float, points: NDArray, known: list[Gait]
+) -> list[Gait]:
+    """The stable gaits of any period, besides those known, that walks from a slice settle on.
 
     Args:
         stride_map: Who walks.
         slope: Slope in rad.
-        points: Where they start, (n, m).
+        points: Those of the slice, (n, m), of which a sample is taken.
+        known: Stable gaits.
 
     Returns:
         Gaits, those of short period first; none for a walk that is still unsettled or chaotic.
     """
+    sample = points[:: max(1, len(points) // 4096)]
+    roughly = stride_map.with_tolerance(_ROUGHLY)
+    attractors = Attractors(roughly, known, 1e-2)
+    settled, _, _, points = walk_until_settled(roughly, sample, slope, attractors, 60)
+    if not np.any(settled == UNSETTLED):
+        return []
     roughly = stride_map.with_tolerance(_WALKED)
-    points = roughly.apply(points, slope, strides=_SETTLING).ends
+    points = roughly.apply(points[settled == UNSETTLED], slope, strides=_SETTLING).ends
     points = points[np.isfinite(points[:, 0])]
     angles, here = [], points
     for _ in range(2 * _LONGEST_PERIOD):
@@ -300,7 +309,7 @@ def basin_of_attraction(
     grid = np.meshgrid(angles, rates * stride_map.units.time)
     points = _slice(stride_map, gait, grid[0].ravel(), grid[1].ravel(), ratios)
     stable = [x for x in known if x.stable]
-    stable += _others(stride_map, slope, points, stable)
+    stable += other_attractors(stride_map, slope, points, stable)
     attractors = Attractors(stride_map, stable, near)
     parts = []
     with progress("cells of the basin", len(points)) as walked:
@@ -320,16 +329,6 @@ def _axis(given: ArrayLike | None, otherwise: NDArray, name: str) -> NDArray[np.
     if values.ndim != 1 or len(values) == 0:
         raise ValueError(f"{name} must be {allowed}, not of shape {values.shape}")
     return values
-
-
-def _others(stride_map: StrideMap, slope: float, points: NDArray, stable: list[Gait]) -> list[Gait]:
-    """Stable gaits besides those known, from a sample of a slice."""
-    sample = points[:: max(1, len(points) // 4096)]
-    roughly = stride_map.with_tolerance(_ROUGHLY)
-    attractors = Attractors(roughly, stable, 1e-2)
-    settled, _, _, points = walk_until_settled(roughly, sample, slope, attractors, 60)
-    left = points[settled == UNSETTLED]
-    return stable_gaits(stride_map, slope, left) if len(left) else []
 
 
 def largest_push(

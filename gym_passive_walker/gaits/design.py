@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -196,19 +195,14 @@ def _ranges(constraints: Mapping[str, Range]) -> dict[str, tuple[float | None, f
     return ranges
 
 
-def _strings(value: Any) -> bool:
-    """Whether something is a row of strings, at least one."""
-    if isinstance(value, str | bytes) or not isinstance(value, Sequence) or not value:
-        return False
-    return all(isinstance(name, str) for name in value)
-
-
 def _box(
     walker: Walker, slope: float, parameters: Sequence[str], bounds: Sequence[tuple[float, float]]
 ) -> NDArray[np.float64]:
     """Bounds of the parameters, checked, (k, 2)."""
     allowed = _OF_THE_SIMPLEST if walker.massless_legs else (SLOPE, *PARAMETERS)
-    if not _strings(parameters) or len(set(parameters)) < len(parameters):
+    listed = isinstance(parameters, Sequence) and not isinstance(parameters, str | bytes)
+    names = list(parameters) if listed else []
+    if not all(isinstance(name, str) for name in names) or not 0 < len(names) == len(set(names)):
         raise ValueError(
             f"parameters must be different names, a list of them, not {shown(parameters)}"
         )
