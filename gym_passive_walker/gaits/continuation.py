@@ -162,12 +162,9 @@ class Curve:
         """
         across = np.eye(len(guess))[-1] if tangent is None else tangent
         closes = self.stride_map.closes
-
-        def equations(ys: NDArray) -> tuple[NDArray, NDArray, NDArray]:
-            return self._equations(ys, guess[None], across[None])
-
         found = newton(
-            equations, (guess + bend)[None], iterations=_CORRECTIONS,
+            lambda ys: self._equations(ys, guess[None], across[None]),
+            (guess + bend)[None], iterations=_CORRECTIONS,
             accuracy=accuracy if self.stride_map.exact else closes,
             longest=1.0, damped=False,
         )  # fmt: skip

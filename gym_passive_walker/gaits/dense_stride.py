@@ -63,12 +63,12 @@ def states_at(
     Returns:
         States (n, 6) and stages (n,).
     """
-    walk = walk_of(walker, slope, state, hip_torque, ankle_torque)
-    held = Actuation(*map(float, walk.actuation))
-    strides = (walk.controlled or StrideMap.of(walk.walker, controller=held)).with_tolerance(
-        tolerance
+    walker, slope, state, motors, _, controlled = walk_of(
+        walker, slope, state, hip_torque, ankle_torque
     )
-    units = units_of(strides.walker)
+    held = Actuation(*map(float, motors))
+    strides = controlled or StrideMap.of(walker, controller=held)
+    strides, units = strides.with_tolerance(tolerance), units_of(walker)
     instants = np.asarray(times, dtype=float)[None] / units.time
     seen = strides.look(strides.dimensionless(state), np.array([slope], dtype=float), instants)
     return units.to_own(seen.states[0]), seen.stages[0]
