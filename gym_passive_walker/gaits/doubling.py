@@ -121,19 +121,17 @@ def doubling_cascade(
     curve = Curve(stride_map, Axis("slope", slope_min, slope_max))
     u = logarithms(stride_map.points_at(family.state[nearest]))[0]
     here = curve.correct(np.append(u, curve.axis.coordinate(slope)))
-    slopes: list[float] = []
     gaits: list[Gait] = []
     with progress("period doublings", doublings) as located:
         while here is not None:
-            slopes.append(curve.value_at(here))
-            gaits.append(measure(stride_map, here.y[:-1], slopes[-1], curve.period))
+            gaits.append(measure(stride_map, here.y[:-1], curve.value_at(here), curve.period))
             located()
-            if len(slopes) == doublings:
+            if len(gaits) == doublings:
                 break
             curve = replace(curve, period=2 * curve.period)
             here = _next_doubling(curve, here, curve.axis.coordinate(slope_max))
-    periods = tuple(gait.period for gait in gaits)
-    return Cascade(stride_map.walker, periods, tuple(slopes), tuple(gaits))
+    periods, slopes = (tuple(getattr(gait, name) for gait in gaits) for name in ("period", "slope"))
+    return Cascade(stride_map.walker, periods, slopes, tuple(gaits))
 
 
 def _next_doubling(curve: Curve, birth: Point, high: float) -> Point | None:

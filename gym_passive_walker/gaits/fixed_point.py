@@ -240,17 +240,12 @@ def _followed(gait: Gait, place: Callable[[float], tuple[Walker, float]]) -> tup
     for _ in range(_TRIES):
         if share == 1.0 or step <= _LAST:
             break
-        there = _beside(gait, *place(min(share + step, 1.0)))
-        if there is None:
-            step *= 0.5
+        further = min(share + step, 1.0)
+        walker, slope = place(further)
+        u = logarithms(gait.stride_map.points_at(gait.state))
+        found, _ = search(StrideMap.of(walker, tolerance=ACCURACY), slope, u, 1, bool, (1,))
+        if found and found[0].kind == gait.kind:
+            gait, share = found[0], further
         else:
-            gait, share = there, min(share + step, 1.0)
+            step *= 0.5
     return share, gait
-
-
-def _beside(gait: Gait, walker: Walker, slope: float) -> Gait | None:
-    """What becomes of a gait in a place nearby, if it stays of its kind."""
-    stride_map = StrideMap.of(walker, tolerance=ACCURACY)
-    u = logarithms(StrideMap.of(gait.walker).points_at(gait.state))
-    gaits, _ = search(stride_map, slope, u, 1, bool, (1,))
-    return gaits[0] if gaits and gaits[0].kind == gait.kind else None
