@@ -9,7 +9,7 @@ by differences. Everything is dimensionless, and strides lead from point to poin
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -18,25 +18,24 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import shown
+from gym_passive_walker.control.ticks import INPUTS, TOLD, Choice, Steps, follow, hold
 from gym_passive_walker.envs import task
 from gym_passive_walker.envs.scene import CHANNELS, Scene
 from gym_passive_walker.envs.starts import Starts
 from gym_passive_walker.gaits.actuation import Actuation, for_each
-from gym_passive_walker.gaits.flow import MOTORS, ROWS, Flow, Walkers, go_on, new_records
+from gym_passive_walker.gaits.flow import Flow, Walkers, go_on, new_records
 from gym_passive_walker.gaits.passage import imbalance, product
-from gym_passive_walker.gaits.stride import Stride, account, conservative_work
+from gym_passive_walker.gaits.stride import Stride, account
 from gym_passive_walker.gaits.stride_map import Samples, StrideMap
 from gym_passive_walker.physics.hybrid import Outcome, State
 from gym_passive_walker.progress import progress
 from gym_passive_walker.walkers import PARAMETERS
 
 _STATE = len(State._fields)
-_TOLD = (*ROWS, *MOTORS)
-_TIME, _LENGTH, _KNEE, _PUSHED = map(_TOLD.index, ("time", "step_length", "knee_time", "push_work"))
-_LOST = [_TOLD.index(name) for name in ("knee_loss", "heel_loss", "friction_loss")]
-_MOVED = [_TOLD.index(name) for name in ("moved", "ankle_moved")]
-_INPUTS = ("hip_torque", "ankle_torque", "push_off")  # of the flow, for each of CHANNELS
-_RUNNING, _STRUCK = int(Outcome.RUNNING), int(Outcome.HEELSTRIKE)
+_TIME, _LENGTH, _KNEE, _PUSHED = map(TOLD.index, ("time", "step_length", "knee_time", "push_work"))
+_LOST = [TOLD.index(name) for name in ("knee_loss", "heel_loss", "friction_loss")]
+_MOVED = [TOLD.index(name) for name in ("moved", "ankle_moved")]
+_RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
 _SLOPE = 7  # its place in an observation
 _SHIFTS = 1e-6, 5e-4  # of a coordinate, for differences in double and in single precision
 _BOUNDS = np.array(task.BOUNDS)
@@ -54,24 +53,6 @@ class _Seeds(NamedTuple):
 
     points: NDArray[np.float64]
     moving: dict[str, int]
-
-
-class _Step(NamedTuple):
-    """A control step of those walkers whose stride goes on.
-
-    Attributes:
-        on: Which these are, of n.
-        before: Where they were, what they hold and until when, (on, 1).
-        walked: What became of them.
-        held: What all n motors were given, with tangents, (n, motors, 1 + k).
-        rows: What `walked` tells, with tangents along the seeds, (on, rows, 1 + k).
-    """
-
-    on: NDArray[np.intp]
-    before: NDArray
-    walked: Flow
-    held: NDArray[np.float64]
-    rows: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -151,7 +132,7 @@ class ControlledMap(StrideMap):
     @cached_property
     def walkers(self) -> Walkers:
         """The walkers, and how exactly they are followed."""
-        using = tuple(_INPUTS[motor] for motor in self._motors if motor)
+        using = tuple(INPUTS[motor] for motor in self._motors if motor)
         return Walkers(
             walker=self.walker, using=using, tolerance=self.tolerance,
             parameters={} if self.values is None else {str(self.parameter): self.values},
@@ -219,63 +200,68 @@ class ControlledMap(StrideMap):
                 told, ended = self._stride(points, slopes, lanes, _Seeds(change, moving), place)
                 outcomes = np.where(outcomes == _STRUCK, ended, outcomes)
                 total[:, m : m + 4] += told[:, m : m + 4]
-                total[:, :m], total[:, m + 4] = told[:, :m], told[:, m + 4]
+                total[:, :m], total[:, m + 4 :] = told[:, :m], told[:, m + 4 :]
                 points, change = told[:, :m, 0], told[:, :m, 1:]
                 taken()
                 if not (outcomes == _STRUCK).any():
                     break
-            lost, supplied, none = total[:, m + 2], total[:, m + 3], np.zeros((n, 1))
-            total[:, m + 5] = imbalance(lost, supplied, none, total[:, m + 1])
+            rows = total[:, m + 2], total[:, m + 3], total[:, m + 5], total[:, m + 1]
+            total[:, m + 5] = imbalance(*rows)
         return total.transpose(2, 1, 0), outcomes.astype(np.int8)
 
     def _stride(
         self, points: NDArray, slopes: NDArray, lanes: NDArray, seeds: _Seeds, place: int
     ) -> tuple[NDArray, NDArray]:
-        """One stride, as `_follow` but for the imbalance, (n, m + 6, 1 + k); and the outcomes."""
+        """One stride, as `_follow` but for the imbalance, (n, m + 6, 1 + k); and the outcomes.
+
+        Where the imbalance goes is the push-off.
+        """
         (n, m, width), moving = seeds.points.shape, seeds.moving
         if width and not self.exact:
             return self._differences(points, slopes, lanes, seeds, place)
         tilt, rise, turn = self.ground[place]
-        slopes = slopes + tilt
-        sine, cosine = np.zeros((2, n, 1 + width))
-        sine[:, 0], cosine[:, 0] = np.sin(slopes), np.cos(slopes)
-        if "slope" in moving:
-            tangent = 1 + moving["slope"]
-            sine[:, tangent], cosine[:, tangent] = cosine[:, 0], -sine[:, 0]
-        works = np.array(self.walkers.system().works)
-        told, books = np.full((n, m + 6, 1 + width), np.nan), np.zeros((n, 2, 1 + width))
-        outcomes = np.full(n, int(Outcome.DIVERGED))
-        sound = self._sound(points)
-        told[sound, m + 4] = 0.0  # unless the knee locks
+        slopes, sound = slopes + tilt, self._sound(points)
         states = self.state(np.where(np.isfinite(points), points, 0.5), place)
         change = self.state_by(points, seeds.points, place)
         if self.terrain is not None:
             for name, tangent in moving.items():
                 if name != "slope":
                     change[:, :, tangent] += self.state_by_parameter(points, name, place)
-        for on, before, walked, held, rows in self._steps(
-            states, slopes, lanes, sound, seeds, change, rises=rise, turns=turn,
+        steps = self._steps(
+            states, slopes, lanes, np.flatnonzero(sound), seeds, change, rises=rise, turns=turn,
             ahead=self.ahead(place),
-        ):  # fmt: skip
-            books[on, 0] += rows[:, _LOST].sum(axis=1)  # friction and knee: since the start
-            books[on, 0, 0] -= before["friction_loss"][:, 0] + before["knee_loss"][:, 0]
-            for j, channel in enumerate(self._motors):
-                if channel < len(works):
-                    books[on, 1] += works[channel] * product(held[on, j], rows[:, _MOVED[channel]])
-            told[on[walked.locked], m + 4] = rows[walked.locked, _KNEE]
-            outcomes[on], struck = _ended(walked.outcomes), walked.struck
-            there, ended = on[struck], rows[struck]
-            told[there, : m + 2] = ended[:, [*self.coordinates, _TIME, _LENGTH]]
-            books[there, 1] += product(sine[there], ended[:, _LENGTH]) + ended[:, _PUSHED]
-            if self.terrain is not None:
-                heights = np.zeros_like(books[there, 1])
-                # They do not change with states and motors.
-                own = self._heights(walked, place)[struck]
-                heights[:, 0] = own[:, 0]
-                for j, tangent in enumerate(moving.values()):
-                    heights[:, 1 + tangent] = own[:, 1 + _STATE + len(self._motors) + j]
-                books[there, 1] -= product(cosine[there], heights)
-        told[:, m + 2 : m + 4] = books
+        )  # fmt: skip
+        of, rows, struck = steps.walkers, steps.rows, steps.outcomes == _STRUCK
+        there, ended = of[struck], rows[struck]
+        told, outcomes = np.full((n, m + 6, 1 + width), np.nan), np.full(n, int(Outcome.DIVERGED))
+        told[sound, m + 2 :], outcomes[sound] = 0.0, _STALLED
+        over = steps.outcomes != _RUNNING
+        outcomes[of[over]] = steps.outcomes[over]
+        told[there, : m + 2] = ended[:, [*self.coordinates, _TIME, _LENGTH]]
+        told[of[steps.locked], m + 4] = rows[steps.locked, _KNEE]
+        lost, supplied = told[:, m + 2], told[:, m + 3]
+        lost_since = rows[:, _LOST].sum(axis=1)  # friction and knee: since the stride began
+        lost_since[:, 0] -= steps.before["friction_loss"][:, 0] + steps.before["knee_loss"][:, 0]
+        np.add.at(lost, of, lost_since)
+        works = self.walkers.system().works
+        for j, channel in enumerate(self._motors):
+            if channel < len(works):
+                work = product(steps.held[:, j], rows[:, _MOVED[channel]])
+                np.add.at(supplied, of, works[channel] * work)
+            else:
+                told[there, m + 5] = steps.held[struck, j]
+        sine, cosine = np.zeros((2, n, 1 + width))
+        sine[:, 0], cosine[:, 0] = np.sin(slopes), np.cos(slopes)
+        if "slope" in moving:
+            tangent = 1 + moving["slope"]
+            sine[:, tangent], cosine[:, tangent] = cosine[:, 0], -sine[:, 0]
+        supplied[there] += product(sine[there], ended[:, _LENGTH]) + ended[:, _PUSHED]
+        if self.terrain is not None:
+            heights, columns = np.zeros((len(there), 1 + width)), [0, *moving.values()]
+            columns[1:] = [1 + tangent for tangent in columns[1:]]
+            bodies = self.walkers.bodies(tuple(moving), lanes[there])
+            heights[:, columns] = self._heights(bodies, (len(there), len(columns)), place)
+            supplied[there] -= product(cosine[there], heights)
         told[outcomes != _STRUCK] = np.nan
         if not self.walker.knees:
             told[:, m + 4] = np.nan
@@ -322,64 +308,49 @@ class ControlledMap(StrideMap):
         states: NDArray,
         slopes: NDArray,
         lanes: NDArray,
-        sound: NDArray,
+        chosen: NDArray | None = None,
         seeds: _Seeds | None = None,
         change: NDArray | None = None,
         *,
         rises: ArrayLike = 0.0,
         turns: ArrayLike = 0.0,
         ahead: NDArray | None = None,
-    ) -> Iterator[_Step]:
+    ) -> Steps:
         """A stride, control step by control step.
-
-        The chain rule leads from one control step to the next: through the observation and the
-        controller to the torques, and through the flow.
 
         Args:
             states: Where strides start, (n, 6).
             slopes: Slope in rad, (n,).
             lanes: Which walkers these are, where they differ in a parameter.
-            sound: Which of them are walked.
+            chosen: Which of them are followed; all when None.
             seeds: Tangents; none when None.
             change: Of the states along these, (n, 6, k).
             rises: Heights of the next footholds.
             turns: By how much these slope more steeply.
             ahead: What is observed of the footholds ahead, as of `look`; smooth when None.
         """
-        walkers, motors = self.walkers, self._motors
-        if seeds is None:
-            seeds = _Seeds(np.zeros((len(states), self.dimension, 0)), {})
-        moving, width = seeds.moving, seeds.points.shape[2]
-        uneven = bool(np.any(rises) or np.any(turns))
-        by = ("state", *(_INPUTS[motor] for motor in motors), *moving, "start") if width else ()
-        change = np.zeros((len(states), _STATE, 0)) if change is None else change
-        start = change[:, :1].copy()
-        records = new_records(states, slopes, rise=rises, turn=turns)
-        on, step, memory = np.flatnonzero(sound), 0, None
-        while len(on):
-            held, memory = self._act(records, slopes, memory, step, change, seeds, ahead)
-            step += 1
-            last = step * self.hold >= self.scene.longest_stride
-            records["moved"], records["turned"] = 0.0, 0.0
-            records["end"] = self.scene.longest_stride if last else step * self.hold
-            self.command(records, held[:, :, 0])
-            before = records[on]
-            walked = go_on(
-                walkers, before, by, lanes=lanes[on], on_section=step == 1, uneven=uneven
-            )
-            rows = walked.told(_TOLD)
-            if width:
-                edges = np.cumsum([1, _STATE, len(motors), len(moving)])
-                values, by_state, by_held, by_rest, by_start = np.split(rows, edges, axis=2)
-                along = by_state @ change[on] + by_held @ held[on, :, 1:] + by_start @ start[on]
-                for j, tangent in enumerate(moving.values()):
-                    along[:, :, tangent] += by_rest[:, :, j]
-                rows = np.concatenate([values, along], axis=2)
-            yield _Step(on, before, walked, held, rows)
-            records[on], change[on] = walked.here, rows[:, :_STATE, 1:]
-            on = on[walked.outcomes == _RUNNING]
-            if last:
-                return
+        seeds = seeds or self._no_seeds(len(states))
+        memory: Any = None
+
+        def choose(chosen: NDArray, records: NDArray, number: int) -> Choice:
+            nonlocal memory
+            own = _Seeds(seeds.points[chosen], seeds.moving)
+            seen = ahead[chosen] if np.ndim(ahead) == 2 else ahead  # type: ignore[index]
+            choice, memory = self._choice(records, slopes[chosen], memory, number, own, seen)
+            return choice
+
+        moving = seeds.moving
+        return follow(
+            self.walkers, new_records(states, slopes, rise=rises, turn=turns), choose,
+            motors=[INPUTS[motor] for motor in self._motors], tick=self.hold,
+            longest=self.scene.longest_stride, lanes=lanes, chosen=chosen,
+            change=change if seeds.points.shape[2] else None, moving=tuple(moving),
+            columns=tuple(moving.values()), uneven=bool(np.any(rises) or np.any(turns)),
+        )  # fmt: skip
+
+    def _no_seeds(self, count: int) -> _Seeds:
+        """No tangents."""
+        return _Seeds(np.zeros((count, self.dimension, 0)), {})
 
     def act(
         self, records: NDArray, slopes: NDArray, memory: Any, step: int
@@ -392,30 +363,24 @@ class ControlledMap(StrideMap):
             memory: What the last call returned.
             step: How many control steps the stride has had.
         """
-        nothing = _Seeds(np.zeros((len(records), self.dimension, 0)), {})
-        change = np.zeros((len(records), _STATE, 0))
-        held, memory = self._act(records, slopes, memory, step, change, nothing, None)
-        return held[:, :, 0], memory
+        nothing = self._no_seeds(len(records))
+        choice, memory = self._choice(records, slopes, memory, step, nothing, None)
+        return choice.held, memory
 
     def command(self, records: NDArray, held: NDArray) -> None:
         """Have walkers hold what `act` gave their motors."""
         for motor, given in zip(self._motors, held.T, strict=True):
-            if motor < records["control"].shape[2]:
-                records["control"][:, 0, motor] = given
-            else:
-                records["push_off"][:, 0] = given
+            hold(records, motor, given)
 
-    def _act(
-        self, records: NDArray, slopes: NDArray, memory: Any, step: int, change: NDArray,
-        seeds: _Seeds, ahead: NDArray | None,
-    ) -> tuple[NDArray[np.float64], Any]:  # fmt: skip
-        """What motors are given, with tangents, (n, motors, 1 + k); and what is remembered."""
-        agent, n, width = self.agent, len(records), change.shape[2]
-        largest = np.array([self.scene.largest(name) for name in self.scene.actions])
-        by_slope = np.zeros(width)
+    def _choice(
+        self, records: NDArray, slopes: NDArray, memory: Any, step: int, seeds: _Seeds,
+        ahead: NDArray | None,
+    ) -> tuple[Choice, Any]:  # fmt: skip
+        """What motors are given; and what is remembered."""
+        agent, n, width = self.agent, len(records), seeds.points.shape[2]
+        by_slope, by_state, along = np.zeros(width), None, None
         if "slope" in seeds.moving:
             by_slope[seeds.moving["slope"]] = 1.0
-        tangents = np.zeros((n, len(largest), width))
         if hasattr(agent, "plan"):
             if step == 0:
                 points = self.point(records["state"][:, 0])
@@ -426,22 +391,21 @@ class ControlledMap(StrideMap):
                 memory = plan, by
             plan, by = memory
             now = min(step, plan.shape[1] - 1)
-            actions = plan[:, now]
-            if by is not None:
-                tangents = by[:, now]
+            actions, along = plan[:, now], None if by is None else by[:, now]
         else:
             seen = self._observed(records, slopes, ahead)
             if self.exact:
                 actions, by_seen = agent.linearize(seen)
-                if width:
-                    inside = np.abs(records["state"][:, 0]) < _BOUNDS[:_STATE]
-                    tangents = (by_seen[:, :, :_STATE] * inside[:, None]) @ change
-                    tangents += by_seen[:, :, _SLOPE, None] * by_slope
+                inside = np.abs(records["state"][:, 0]) < _BOUNDS[:_STATE]
+                by_state = by_seen[:, :, :_STATE] * inside[:, None]
+                along = by_seen[:, :, _SLOPE, None] * by_slope
             else:
                 if self._single:
                     seen = seen.astype(np.float32)  # as the environment gives it
                 begun = np.full(n, step == 0)
                 actions, memory = agent.predict(seen, memory, begun, deterministic=True)
+        largest = np.array([self.scene.largest(name) for name in self.scene.actions])
+        least = np.array([0.0 if name == "push_off" else -1.0 for name in self.scene.actions])
         actions, shape = np.asarray(actions, dtype=float), (n, len(largest))
         if actions.size != n * len(largest) or not np.all(np.isfinite(actions)):
             raise ValueError(
@@ -449,12 +413,10 @@ class ControlledMap(StrideMap):
                 f"{', '.join(self.scene.actions)}, all finite, not {shown(actions)}"
             )
         actions = actions.reshape(shape)
-        least = np.array([0.0 if name == "push_off" else -1.0 for name in self.scene.actions])
-        held = np.zeros((*shape, 1 + width))
-        held[:, :, 0] = largest * np.clip(actions, least, 1.0)
-        free = (actions > least) & (actions < 1.0)
-        held[:, :, 1:] = (largest * free)[:, :, None] * tangents
-        return held, memory
+        free = (largest * ((actions > least) & (actions < 1.0)))[:, :, None]
+        held = largest * np.clip(actions, least, 1.0)
+        by_state, along = (x if x is None else free * x for x in (by_state, along))
+        return Choice(held, by_state, along), memory
 
     def _observed(
         self, records: NDArray, slopes: NDArray, ahead: NDArray | None
@@ -493,33 +455,22 @@ class ControlledMap(StrideMap):
         shape, starts = np.shape(state)[:-1], self.dimensionless(state)
         own, rise, turn, ahead = self._footing(slope, rise, turn, ahead)
         slopes = for_each(own, len(starts))
-        units, system = self.units, self.walkers.system()
-        n, works = len(starts), np.zeros((2, 2, len(starts)))
-        ended = new_records(starts, slopes)
-        foothold = {"rises": np.divide(rise, units.length), "turns": turn, "ahead": ahead}
-        each, knees = np.arange(n), np.full(n, np.nan)
-        for on, before, walked, _, _ in self._steps(starts, slopes, each, each >= 0, **foothold):
-            record = walked.records[:, 0]
-            for motor, works_of in enumerate(system.works):
-                power = before["control"][:, 0, motor] * works_of
-                works[motor, 0, on] += power * record["moved"][:, motor]
-                works[motor, 1, on] += np.abs(power) * record["turned"][:, motor]
-            knees[on[walked.locked]] = record["knee_time"][walked.locked]
-            ended[on, 0] = record
-        record = ended[:, 0]
-        length, gravity, spring = (
-            record[x].copy() for x in ("step_length", "gravity_work", "spring_work")
-        )
-        record["outcome"] = _ended(record["outcome"])
-        if (lost := record["outcome"] != _STRUCK).any():
-            length[lost] = np.nan
-            gravity[lost], spring[lost] = conservative_work(
-                system, self.walkers.constants, record[lost]
-            )
-        works, pushed = works * units.energy, record["push_work"] * units.energy
+        units, system, n = self.units, self.walkers.system(), len(starts)
+        steps = self._steps(
+            starts, slopes, np.arange(n), rises=np.divide(rise, units.length), turns=turn,
+            ahead=ahead,
+        )  # fmt: skip
+        works, ended = np.zeros((2, 2, n)), new_records(starts, slopes)
+        before, after = steps.before[:, 0], steps.after[:, 0]
+        for motor, unit in enumerate(system.works):
+            power = before["control"][:, motor] * (unit * units.energy)
+            np.add.at(works[motor, 0], steps.walkers, power * after["moved"][:, motor])
+            np.add.at(works[motor, 1], steps.walkers, np.abs(power) * after["turned"][:, motor])
+        ended[steps.walkers, 0] = after  # the last of a walker's steps stays
+        record, pushed = ended[:, 0], ended["push_work"][:, 0] * units.energy
         if not shape:
             works, pushed = works[..., 0], pushed[0]
-        return account(self.walker, record, (length, gravity, spring, knees), works, pushed, shape)
+        return account(self.walker, system, self.walkers.constants, record, works, pushed, shape)
 
     def look(
         self,
@@ -531,46 +482,45 @@ class ControlledMap(StrideMap):
         ahead: NDArray | None = None,
     ) -> Samples:
         """As `sample`, from states (n, 6) just after a heelstrike; see `_steps` for the ground."""
-        n, k = times.shape
+        (n, k), each = times.shape, np.arange(len(states))
+        rises, turns = (0.0 if x is None else x for x in (rises, turns))
+        uneven = bool(np.any(rises) or np.any(turns))
+        slopes = for_each(slopes, n)
+        steps = self._steps(states, slopes, each, rises=rises, turns=turns, ahead=ahead)
         found = Samples(
             np.full((n, k, _STATE), np.nan), np.zeros((n, k), np.int64), np.zeros((n, k, 2))
         )
-        each, since, step = np.arange(n), 0.0, 0
-        rises, turns = (0.0 if x is None else x for x in (rises, turns))
-        uneven = bool(np.any(rises) or np.any(turns))
-        for on, before, walked, _, _ in self._steps(
-            states, for_each(slopes, n), each, each >= 0, rises=rises, turns=turns, ahead=ahead
-        ):
-            step += 1
-            until = np.where(walked.outcomes == _RUNNING, walked.records["time"][:, 0], np.inf)
-            here = (times[on] > since) | (step == 1)
-            rows, columns = np.nonzero(here & (times[on] <= until[:, None]))
-            since = step * self.hold
-            if not len(rows):
+        rows, columns = np.nonzero(np.isfinite(times))
+        wanted = times[rows, columns]
+        step = self._step_at(steps, rows, wanted)
+        for first in (True, False):
+            some = (steps.numbers[step] == 0) == first
+            if not some.any():
                 continue
-            records = before[rows]
-            records["end"][:, 0] = times[on[rows], columns]
-            seen = go_on(self.walkers, records, lanes=on[rows], on_section=step == 1, uneven=uneven)
-            found.states[on[rows], columns] = seen.states
-            found.stages[on[rows], columns] = seen.stages
-            found.torques[on[rows], columns] = records["control"][:, 0]
+            here, records = (rows[some], columns[some]), steps.before[step[some]]
+            records["end"][:, 0] = wanted[some]
+            seen = go_on(self.walkers, records, lanes=here[0], on_section=first, uneven=uneven)
+            found.states[here], found.stages[here] = seen.states, seen.stages
+            found.torques[here] = records["control"][:, 0]
         return found
+
+    def _step_at(self, steps: Steps, walkers: NDArray, times: NDArray) -> NDArray[np.intp]:
+        """In which control steps some walkers are at some times, (k,): the last one at the end."""
+        count = int(steps.numbers.max()) + 1
+        place = np.zeros((int(steps.walkers.max()) + 1, count), np.intp)
+        place[steps.walkers, steps.numbers] = np.arange(len(steps.walkers))
+        last = np.zeros(len(place), np.intp)
+        np.maximum.at(last, steps.walkers, steps.numbers)
+        number = np.searchsorted(self.hold * np.arange(1, count + 1), times)
+        return place[walkers, np.minimum(number, last[walkers])]
 
     def _until(self, state: NDArray, slope: float, time: float) -> Flow:
         """One walker's stride up to a time, from a state (1, 6)."""
         one, (tilt, rise, turn) = np.zeros(1, int), self.ground[0]
         steps = self._steps(
-            state, np.array([slope + tilt]), one, one == 0, rises=rise, turns=turn,
-            ahead=self.ahead(0),
-        )  # fmt: skip
-        for step, (_, before, walked, _, _) in enumerate(steps):
-            if walked.outcomes[0] != _RUNNING or walked.records["time"][0, 0] >= time:
-                before["end"] = time
-                uneven = self.terrain is not None
-                return go_on(self.walkers, before, on_section=step == 0, uneven=uneven)
-        raise ValueError(f"the stride does not come to the time {time:g}")
-
-
-def _ended(outcomes: NDArray) -> NDArray:
-    """How strides ended; one that is only out of time has stalled."""
-    return np.where(outcomes == _RUNNING, int(Outcome.STALLED), outcomes)
+            state, np.array([slope + tilt]), one, rises=rise, turns=turn, ahead=self.ahead(0)
+        )
+        at = self._step_at(steps, one, np.array([time]))
+        before, uneven = steps.before[at], self.terrain is not None
+        before["end"] = time
+        return go_on(self.walkers, before, on_section=bool(steps.numbers[at] == 0), uneven=uneven)

@@ -240,9 +240,7 @@ class Problem:
         if not self.clears:
             return np.empty(0), np.empty((0, len(z)))
         walkers = Walkers(walker=self.scene.walker, using=("ankle_torque",) * (self.motors == 2))
-        state, by = before_kneestrike(
-            walkers, self.slope, z[: self.m], self.torques(z), tick=self.tick, walked=walked
-        )
+        state, by = before_kneestrike(walkers, walked)
         return _AHEAD @ state[:2] - _CLEAR, _AHEAD @ self._by_unknowns(by[:2])
 
     def _evaluate(self, z: NDArray) -> tuple[float, NDArray, NDArray, NDArray, NDArray, NDArray]:

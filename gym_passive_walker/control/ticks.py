@@ -1,20 +1,23 @@
-"""Strides under a torque that changes from tick to tick, with their exact derivatives.
+"""Strides in control steps: what motors do is chosen as each begins, and held until it ends.
 
-Everything here is dimensionless. A point of the section is [stance angle, stance rate, thigh rate,
-shank rate] for a kneed walker and [angle, stance rate, swing rate] for a straight-legged one.
+A stride is walked first without tangents. Where each control step begins is then known, so all of
+them are followed side by side, each with the tangents of its own state and motors; the chain rule
+makes those of the stride of them. That takes as long however many torques there are. Everything
+here is dimensionless.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.engine.layout import RECORD
-from gym_passive_walker.gaits.flow import MOTORS, ROWS, Flow, Walkers, go_on, new_records
+from gym_passive_walker.gaits.flow import MOTORS, ROWS, Walkers, go_on, new_records, rows_of
 from gym_passive_walker.gaits.passage import NoStride
 from gym_passive_walker.physics.hybrid import Outcome, State
 from gym_passive_walker.walkers import Walker
@@ -22,25 +25,260 @@ from gym_passive_walker.walkers import Walker
 LONGEST = 20.0
 """Time after which a stride is given up."""
 
-_TOLD = (*ROWS, *MOTORS)
+TOLD = (*ROWS, *MOTORS)
+"""What is told of a control step, in order; see `flow.ROWS`."""
+
+INPUTS = ("hip_torque", "ankle_torque", "push_off")
+"""What motors hold, as the flow calls it, for each of a scene's channels."""
+
 _DURATION, _LENGTH, _KNEE, _PUSHED = map(
-    _TOLD.index, ("time", "step_length", "knee_time", "push_work")
+    TOLD.index, ("time", "step_length", "knee_time", "push_work")
 )
-_OF_HIP = list(map(_TOLD.index, ("moved", "turned")))
-_OF_BOTH = list(map(_TOLD.index, ("moved", "ankle_moved", "turned", "ankle_turned")))
-_MOTORS = ("hip_torque", "ankle_torque")
-_TOGETHER = 128  # walkers whose ticks are followed side by side
+_TURNED = [[TOLD.index(motor + way) for motor in ("", "ankle_")] for way in ("moved", "turned")]
+_TOGETHER = 2048, 128  # walkers that are followed at once, without tangents and with them
 _STATE = len(State._fields)
 _RUNNING, _STRUCK = int(Outcome.RUNNING), int(Outcome.HEELSTRIKE)
-_SAMPLES = 200  # of a stride, for a picture
-_VERGE = 1e-8  # of a stride, before its end: the heelstrike has not yet come
+_VERGE = 1e-8  # of the time until a kneestrike: it has not yet come
+
+
+class Choice(NamedTuple):
+    """What n walkers' motors are given for a control step, and how that changes.
+
+    Attributes:
+        held: Torques and push-offs, (n, motors).
+        by_state: Their derivatives by the states in which the step begins, (n, motors, 6); None
+            where it is chosen without them.
+        along: How else they change along tangents, (n, motors, k); None if they do not.
+    """
+
+    held: NDArray[np.float64]
+    by_state: NDArray[np.float64] | None = None
+    along: NDArray[np.float64] | None = None
+
+
+class Steps(NamedTuple):
+    """The control steps of strides, those with which they begin before those that come after.
+
+    Attributes:
+        walkers: Whose steps these are, (s,).
+        numbers: The how-manieth of its stride each is, from 0, (s,).
+        before: Where each begins, what is held and until when: records, (s, 1).
+        after: Where it ends, (s, 1).
+        change: How states with which they begin change along tangents, (s, 6, k).
+        held: What motors hold, values before tangents, (s, motors, 1 + k).
+        rows: What `TOLD` has come to, likewise, (s, rows, 1 + k).
+    """
+
+    walkers: NDArray[np.intp]
+    numbers: NDArray[np.intp]
+    before: NDArray
+    after: NDArray
+    change: NDArray[np.float64]
+    held: NDArray[np.float64]
+    rows: NDArray[np.float64]
+
+    @property
+    def outcomes(self) -> NDArray[np.int64]:
+        """How each ended, an `Outcome`; RUNNING where its time was up."""
+        return self.after["outcome"][:, 0]
+
+    @property
+    def locked(self) -> NDArray[np.bool_]:
+        """In which a knee locked."""
+        return _locked(self.before, self.after)
+
+
+def follow(
+    crowd: Walkers,
+    records: NDArray,
+    choose: Callable[[NDArray, NDArray, int], Choice],
+    *,
+    motors: Sequence[str],
+    tick: float,
+    longest: float = LONGEST,
+    lanes: NDArray | None = None,
+    change: NDArray | None = None,
+    moving: Sequence[str] = (),
+    columns: Sequence[int] = (),
+    uneven: bool = False,
+    chosen: NDArray | None = None,
+    in_turn: bool = False,
+) -> Steps:
+    """Take walkers through a stride each, control step by control step.
+
+    Args:
+        crowd: The walkers.
+        records: Where strides begin, (n, 1).
+        choose: Function of which walkers (c,), their records (c, 1) and the control step's number,
+            that says what their motors are given; of all walkers also once some strides have ended.
+        motors: Which of INPUTS the motors are.
+        tick: How long a control step is.
+        longest: When a stride is given up.
+        lanes: Which of the crowd walkers are, where these differ in a parameter.
+        change: Of the states along k tangents, (n, 6, k); None without tangents.
+        moving: What else changes along tangents, one each: "slope", or parameters of the walkers.
+        columns: Along which.
+        uneven: Whether next footholds lie otherwise than these.
+        chosen: Which walkers are followed; all when None.
+        in_turn: Whether control steps are followed one after the other with their tangents.
+    """
+    again = partial(
+        follow, crowd, records, choose, motors=motors, tick=tick, longest=longest, lanes=lanes,
+        change=change, moving=moving, columns=columns, uneven=uneven,
+    )  # fmt: skip
+    chosen = np.arange(len(records)) if chosen is None else chosen
+    lanes = np.arange(len(records)) if lanes is None else lanes
+    width = 0 if change is None else change.shape[2]
+    if len(chosen) > (most := _TOGETHER[width > 0]):
+        parts = [chosen[i : i + most] for i in range(0, len(chosen), most)]
+        return _beside([again(chosen=part, in_turn=in_turn) for part in parts])
+    by = ("state", *motors, *moving, "start") if width else ()
+    told, places = records[chosen], [INPUTS.index(motor) for motor in motors]
+    if not len(chosen):
+        shapes = ((_STATE, width), (len(motors), 1 + width), (len(TOLD), 1 + width))
+        empty = (np.empty((0, *shape)) for shape in shapes)
+        return Steps._make([chosen, chosen, records[:0], records[:0], *empty])
+    on, taken, choices = np.arange(len(chosen)), [], []
+    while len(on):
+        number = len(taken)
+        choice = choose(chosen, told, number)
+        for place, held in zip(places, choice.held.T, strict=True):
+            hold(told, place, held)
+        last = (number + 1) * tick >= longest
+        told["end"] = longest if last else (number + 1) * tick
+        told["moved"], told["turned"] = 0.0, 0.0
+        before = told[on]
+        walked = go_on(
+            crowd, before, by if in_turn else (), lanes=lanes[chosen[on]],
+            on_section=number == 0, uneven=uneven,
+        )  # fmt: skip
+        taken.append((on, before, walked.records))
+        choices.append(choice._make(x if x is None else x[on] for x in choice))
+        told[on] = walked.here
+        on = on[walked.outcomes == _RUNNING]
+        if last:
+            break
+    walkers, before, after = (_joined(parts) for parts in zip(*taken, strict=True))
+    edges = np.cumsum([0, *(len(on) for on, _, _ in taken)])
+    numbers = np.repeat(np.arange(len(taken)), np.diff(edges))
+    held = np.concatenate([choice.held for choice in choices])[:, :, None]
+    plain, astray = after[:, :1], walkers[:0]
+    if change is None:
+        rows, states = rows_of(after, TOLD), np.zeros((len(walkers), _STATE, 0))
+        return Steps(chosen[walkers], numbers, before, plain, states, held, rows)
+    if not in_turn:
+        after, alike = _side_by_side(
+            crowd, before, plain, by, lanes[chosen[walkers]], edges[1], uneven
+        )
+        astray, plain = np.unique(walkers[~alike]), after[:, :1]
+    states, along, rows = _chained(after, walkers, edges, choices, change[chosen], columns)
+    steps = Steps(
+        chosen[walkers], numbers, before, plain, states,
+        np.concatenate([held, along], axis=2), rows,
+    )  # fmt: skip
+    if not len(astray):
+        return steps
+    kept = ~np.isin(walkers, astray)
+    return _beside(
+        [steps._make(of[kept] for of in steps), again(chosen=chosen[astray], in_turn=True)]
+    )
+
+
+def _chained(
+    after: NDArray,
+    walkers: NDArray,
+    edges: NDArray,
+    choices: Sequence[Choice],
+    change: NDArray,
+    columns: Sequence[int],
+) -> tuple[NDArray, NDArray, NDArray]:
+    """Tangents of control steps' states and motors, and what they tell, by the chain rule.
+
+    Args:
+        after: Their ends, with tangents by the steps' own state and motors, (s, 1 + k).
+        walkers: Whose they are, (s,).
+        edges: Where those of each number begin, and the end of all.
+        choices: What motors were given in those of each number.
+        change: Of walkers' states as strides begin, (n, 6, k); those at their ends afterwards.
+        columns: Along which tangents something else changes.
+    """
+    columns, (width, motors) = list(columns), (change.shape[2], choices[0].held.shape[1])
+    values, by_state, by_held, by_rest, by_start = np.split(
+        rows_of(after, TOLD), np.cumsum([1, _STATE, motors, len(columns)]), axis=2
+    )
+    starts = change[walkers, :1]
+    states, along = (np.zeros((len(walkers), size, width)) for size in (_STATE, motors))
+    for choice, (low, high) in zip(choices, pairwise(edges), strict=True):
+        here, now = walkers[low:high], slice(low, high)
+        states[now] = change[here]
+        if choice.by_state is not None:
+            along[now] += choice.by_state @ states[now]
+        if choice.along is not None:
+            along[now] += choice.along
+        ends = by_state[now, :_STATE] @ states[now] + by_held[now, :_STATE] @ along[now]
+        ends[:, :, columns] += by_rest[now, :_STATE]
+        change[here] = ends
+    rows = by_state @ states + by_held @ along + by_start @ starts
+    rows[:, :, columns] += by_rest
+    return states, along, np.concatenate([values, rows], axis=2)
+
+
+def _side_by_side(
+    crowd: Walkers,
+    before: NDArray,
+    plain: NDArray,
+    by: Sequence[str],
+    lanes: NDArray,
+    first: int,
+    uneven: bool,
+) -> tuple[NDArray, NDArray[np.bool_]]:
+    """Control steps with their tangents, all followed at once, (s, 1 + k); and of which they hold.
+
+    Values with tangents and without may differ by a rounding, which may move a strike from one
+    control step to the next.
+    """
+    after = _joined([
+        go_on(crowd, before[some], by, lanes=lanes[some], on_section=begins, uneven=uneven).records
+        for begins, some in ((True, slice(first)), (False, slice(first, None)))
+        if len(before[some])
+    ])  # fmt: skip
+    alike = after["outcome"][:, 0] == plain["outcome"][:, 0]
+    return after, alike & (_locked(before, after) == _locked(before, plain))
+
+
+def _locked(before: NDArray, after: NDArray) -> NDArray[np.bool_]:
+    """In which control steps a knee locked, by the records before and after, (s,)."""
+    return after["knee_time"][:, 0] != before["knee_time"][:, 0]
+
+
+def _joined(parts: Sequence[NDArray]) -> NDArray[Any]:
+    """Arrays one after the other; records as plain numbers, whose types NumPy compares fast."""
+    if parts[0].dtype != RECORD:
+        return np.concatenate(parts)
+    return np.concatenate([part.view(float) for part in parts]).view(RECORD)
+
+
+def _beside(parts: Sequence[Steps]) -> Steps:
+    """Steps of walkers and of others, in the order of `Steps`."""
+    every = Steps._make(_joined(part) for part in zip(*parts, strict=True))
+    order = np.argsort(every.numbers, kind="stable")
+    return every._make(part[order] for part in every)
+
+
+def hold(records: NDArray, motor: int, given: ArrayLike) -> None:
+    """Have one of INPUTS of walkers (n, 1) hold what it is given."""
+    if motor < records["control"].shape[2]:
+        records["control"][:, 0, motor] = given
+    else:
+        records["push_off"][:, 0] = given
 
 
 class TickedStride(NamedTuple):
     """Strides of n walkers under N torques, with their derivatives; NaN where a walker fell.
 
-    Of a single stride (see `ticked_stride`) nothing has the axis of walkers. Where torques are of
-    hip and ankle, (n, 2, N), so are `swing` and `turn`; T is how many there are for a walker.
+    Of a single stride (see `ticked_stride`) nothing but `steps` has the axis of walkers. Where
+    torques are of hip and ankle, (n, 2, N), so are `swing` and `turn`; T is how many there are for
+    a walker.
 
     Attributes:
         end: Where each ends on the section, (n, m).
@@ -54,6 +292,7 @@ class TickedStride(NamedTuple):
             torques, the push-off if there is one, and what else was asked for,
             (n, m + 4 + 2 T, m + T + others).
         outcomes: How each ended, an `Outcome`, (n,).
+        steps: Their control steps.
     """
 
     end: NDArray[np.float64]
@@ -65,6 +304,7 @@ class TickedStride(NamedTuple):
     kneestrike: NDArray[np.float64]
     by: NDArray[np.float64]
     outcomes: NDArray[np.int64]
+    steps: Steps
 
     @property
     def by_point(self) -> NDArray[np.float64]:
@@ -91,13 +331,13 @@ def ticked_stride(
     stub: bool = False,
     tolerance: float = 1e-12,
 ) -> TickedStride:
-    """Follow one walker through a stride, each torque held for a tick; see `ticked_strides`.
+    """Follow one walker through a stride, each torque held for a control step.
 
     Args:
         walker: The walker.
         slope: Slope in rad.
         point: Start on the section, (m,).
-        torques: Torques of the hip (N,), or of hip and ankle (2, N).
+        torques: Torques of the hip (N,), or of hip and ankle (2, N); see `ticked_strides`.
         tick: How long a torque is held.
         push_off: Impulse just before heelstrike, if there is one.
         stub: Whether a stubbed toe ends the stride.
@@ -110,56 +350,12 @@ def ticked_stride(
     walkers = Walkers(walker=walker, tolerance=tolerance, stub=stub, using=motors)
     points, held = (np.asarray(x, dtype=float)[None] for x in (point, torques))
     pushed = None if push_off is None else np.array([push_off])
-    walked = ticked_strides(walkers, slope, points, held, tick=tick, push_offs=pushed)
-    walked = TickedStride(*(x[0] for x in walked))
+    *parts, steps = ticked_strides(walkers, slope, points, held, tick=tick, push_offs=pushed)
+    walked = TickedStride._make([*(part[0] for part in parts), steps])
     outcome = Outcome(int(walked.outcomes))
     if outcome != Outcome.HEELSTRIKE:
         raise NoStride(f"this stride does not end with a heelstrike but with {outcome.name}")
     return walked
-
-
-def before_kneestrike(
-    walkers: Walkers,
-    slope: float,
-    point: NDArray,
-    torques: NDArray,
-    *,
-    tick: float,
-    walked: TickedStride,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The state of one walker on the verge of kneestrike, with its derivatives.
-
-    Args:
-        walkers: The walker, as in `ticked_strides`.
-        slope: Slope in rad.
-        point: Start on the section, (m,).
-        torques: Torques of the hip (N,), or of hip and ankle (2, N).
-        tick: How long a torque is held.
-        walked: The stride, from `ticked_stride`, in which the knee locks.
-
-    Returns:
-        The dimensionless state (6,), and its derivatives by the columns of `walked.by`,
-        (6, m + T + others).
-    """
-    held = np.reshape(torques, (1, -1, np.shape(torques)[-1]))
-    _, motors, count = held.shape
-    m, end = len(point), (1.0 - _VERGE) * float(walked.kneestrike)
-    records = new_records(walkers.section.state(point[None]), slope)
-    change = np.zeros((_STATE, walked.by.shape[-1]))
-    change[:, :m] = walkers.section.state(np.eye(m)).T
-    for k in range(count):
-        until = end if k == count - 1 else min((k + 1) * tick, end)
-        hold(records, held[:, :, k], until)
-        followed = go_on(walkers, records, ("state", *_MOTORS[:motors], "end"), on_section=k == 0)
-        value, by_state, by_motors, by_end = np.split(
-            followed.told(State._fields)[0], np.cumsum([1, _STATE, motors]), axis=1
-        )
-        change = by_state @ change
-        change[:, m + k : m + motors * count : count] += by_motors
-        records = followed.here
-        if until == end:
-            break
-    return value[:, 0], change + (1.0 - _VERGE) * by_end @ walked.by[-1:]
 
 
 def ticked_strides(
@@ -172,11 +368,7 @@ def ticked_strides(
     push_offs: NDArray | None = None,
     by: Sequence[str] = (),
 ) -> TickedStride:
-    """Follow walkers through a stride each, every torque held for a tick.
-
-    A tick is followed with its derivatives by the state in which it begins and by its own torque;
-    the chain rule makes those of the stride of them, so that a tick costs the same however many
-    there are.
+    """Follow walkers through a stride each, every torque held for a control step.
 
     Args:
         walkers: Who walks; they are `using` ankle torque and push-off if there are any.
@@ -189,17 +381,39 @@ def ticked_strides(
         by: Columns of derivatives behind those by coordinates and motors: "slope", or parameters
             of the walker.
     """
-    n, m = points.shape
-    held = torques if torques.ndim == 3 else torques[:, None]
-    size = held.shape[1] * held.shape[2]
-    pushes = 0.0 if push_offs is None else push_offs
-    records = new_records(walkers.section.state(points), slopes, push_off=pushes)
-    columns = by if push_offs is None else ("push_off", *by)
-    parts = [
-        _ticked(walkers, records, held, np.arange(i, min(i + _TOGETHER, n)), tick, columns)
-        for i in range(0, n, _TOGETHER)
-    ]
-    told, outcomes = map(np.concatenate, zip(*parts, strict=True))
+    section, (n, m) = walkers.section, points.shape
+    given = torques if torques.ndim == 3 else torques[:, None]
+    motors, count = given.shape[1:]
+    size, pushes = motors * count, push_offs is not None
+    width = m + size + pushes + len(by)
+    using = (*INPUTS[:motors], *INPUTS[2:] * pushes)
+
+    def choose(chosen: NDArray, records: NDArray, number: int) -> Choice:
+        now = min(number, count - 1)
+        held, along = given[chosen, :, now], np.zeros((len(chosen), len(using), width))
+        along[:, range(motors), m + now + count * np.arange(motors)] = 1.0
+        if push_offs is not None:
+            held = np.column_stack([held, push_offs[chosen]])
+            along[:, -1, m + size] = 1.0
+        return Choice(held, along=along)
+
+    change = np.zeros((n, _STATE, width))
+    change[:, :, :m] = section.state(np.eye(m)).T
+    steps = follow(
+        walkers, new_records(section.state(points), slopes), choose, motors=using, tick=tick,
+        change=change, moving=by, columns=range(width - len(by), width),
+    )  # fmt: skip
+    told, outcomes = np.zeros((n, m + 4 + 2 * size, 1 + width)), np.full(n, int(Outcome.STALLED))
+    angles = told[:, m + 2 : -2].reshape(n, 2, motors, count, -1)  # a view: swing and turn
+    turned = steps.rows[:, np.array(_TURNED)[:, :motors]]
+    held_in = np.minimum(steps.numbers, count - 1)
+    np.add.at(angles, (steps.walkers, slice(None), slice(None), held_in), turned)  # type: ignore[arg-type]
+    struck, over = steps.outcomes == _STRUCK, steps.outcomes != _RUNNING
+    ended = [*section.coordinates, _DURATION, _LENGTH]
+    told[steps.walkers[struck], : m + 2] = steps.rows[struck][:, ended]
+    told[steps.walkers[struck], -2] = steps.rows[struck, _PUSHED]
+    told[steps.walkers[steps.locked], -1] = steps.rows[steps.locked, _KNEE]
+    outcomes[steps.walkers[over]] = steps.outcomes[over]
     told[outcomes != _STRUCK] = np.nan
     values, shape = told[:, :, 0], torques.shape
     return TickedStride(
@@ -212,175 +426,30 @@ def ticked_strides(
         kneestrike=values[:, -1],
         by=told[:, :, 1:],
         outcomes=outcomes,
+        steps=steps,
     )
 
 
-def _ticked(
-    walkers: Walkers,
-    records: NDArray,
-    held: NDArray,
-    chosen: NDArray,
-    tick: float,
-    others: Sequence[str],
-    *,
-    in_turn: bool = False,
-) -> tuple[NDArray, NDArray]:
-    """What `TickedStride` tells of some walkers, values before derivatives; and the outcomes.
-
-    Where every tick begins is known once all have been walked without derivatives; then all of
-    them are followed side by side, or on request with their derivatives one after the other.
-    """
-    section, (_, motors, count) = walkers.section, held.shape
-    n, m, size = len(chosen), section.dimension, motors * count
-    columns = ("state", *_MOTORS[:motors], *others, "start")
-    ticks = _through_ticks(walkers, records, held, chosen, tick, columns if in_turn else ())
-    lanes = np.searchsorted(chosen, np.concatenate([lanes for lanes, _, _ in ticks]))
-    if in_turn:
-        moved = np.concatenate([ended.told(_TOLD) for _, _, ended in ticks])
-        astray = lanes[:0]
-    else:
-        moved, alike = _side_by_side(walkers, ticks, columns)
-        astray = np.unique(lanes[~alike])
-    tick_of = np.repeat(np.arange(len(ticks)), [len(lanes) for lanes, _, _ in ticks])
-    edges = np.searchsorted(tick_of, np.arange(len(ticks) + 1))
-    by_state, by_motors, by_others, by_start = np.split(
-        moved[:, :, 1:], np.cumsum([_STATE, motors, len(others)]), axis=2
-    )
-
-    # How a walker changes with all that came before a tick; the chain rule goes through them.
-    before = np.empty((len(lanes), _STATE, m + size + len(others)))
-    change = np.zeros((n, *before.shape[1:]))
-    change[:, :, :m] = section.state(np.eye(m)).T
-    for k, (low, high) in enumerate(pairwise(edges)):
-        here, state = lanes[low:high], np.s_[low:high, :_STATE]
-        before[low:high] = change[here]
-        after = by_state[state] @ before[low:high]
-        after[:, :, m + k : m + size : count] += by_motors[state]
-        after[:, :, m + size :] += by_others[state]
-        change[here] = after
-    width = 1 + before.shape[2]
-    rows = np.empty((len(lanes), len(_TOLD), width))
-    rows[:, :, 0], by_all = moved[:, :, 0], rows[:, :, 1:]
-    np.matmul(by_state, before, out=by_all)
-    every = np.arange(len(lanes))
-    for j in range(motors):
-        by_all[every, :, m + j * count + tick_of] += by_motors[:, :, j]
-    by_all[:, :, m + size :] += by_others
-    by_all[:, :, 0] += by_start[:, :, 0]
-
-    told = np.full((n, m + 4 + 2 * size, width), np.nan)
-    angles = told[:, m + 2 : -2].reshape(n, 2, motors, count, -1)  # a view: swing and turn
-    angles[:], told[:, -2:] = 0.0, 0.0
-    works = _OF_BOTH if motors == 2 else _OF_HIP
-    angles[lanes, :, :, tick_of] = rows[:, works].reshape(len(lanes), 2, motors, -1)
-    ended, locked = (
-        np.concatenate([getattr(ended, name) for _, _, ended in ticks])
-        for name in ("outcomes", "locked")
-    )
-    struck, over = ended == _STRUCK, ended != _RUNNING
-    told[lanes[struck], : m + 2] = rows[struck][:, [*section.coordinates, _DURATION, _LENGTH]]
-    told[lanes[struck], -2] = rows[struck, _PUSHED]
-    told[lanes[locked], -1] = rows[locked, _KNEE]
-    outcomes = np.full(n, Outcome.STALLED, np.int64)
-    outcomes[lanes[over]] = ended[over]
-    if len(astray):
-        again = _ticked(walkers, records, held, chosen[astray], tick, others, in_turn=True)
-        told[astray], outcomes[astray] = again
-    return told, outcomes
-
-
-def _through_ticks(
-    walkers: Walkers,
-    records: NDArray,
-    held: NDArray,
-    lanes: NDArray,
-    tick: float,
-    by: Sequence[str] = (),
-) -> list[tuple[NDArray, NDArray, Flow]]:
-    """Carry walkers through tick after tick: which they were, from where, what became of them."""
-    ticks, last = [], held.shape[2] - 1
-    records = records[lanes]
-    for k in range(last + 1):
-        hold(records, held[lanes, :, k], LONGEST if k == last else (k + 1) * tick)
-        ended = go_on(walkers, records, by, lanes=lanes, on_section=k == 0)
-        ticks.append((lanes, records, ended))
-        on = ended.outcomes == _RUNNING
-        lanes, records = lanes[on], ended.here[on]
-        if len(lanes) == 0:
-            break
-    return ticks
-
-
-def _side_by_side(
-    walkers: Walkers, ticks: list[tuple[NDArray, NDArray, Flow]], by: Sequence[str]
-) -> tuple[NDArray, NDArray[np.bool_]]:
-    """What is told of ticks with their derivatives, all followed at once; and of which it holds.
-
-    Values with derivatives and without may differ by a rounding, which may move a strike from one
-    tick to the next.
-    """
-    told, alike = [], []
-    for first, some in ((True, ticks[:1]), (False, ticks[1:])):
-        if not some:
-            continue
-        # As plain numbers: NumPy is slow to see that records are alike.
-        before = np.concatenate([records.view(float) for _, records, _ in some]).view(RECORD)
-        lanes = np.concatenate([lanes for lanes, _, _ in some])
-        part = go_on(walkers, before, by, lanes=lanes, on_section=first)
-        ended, locked = (
-            np.concatenate([getattr(ended, name) for _, _, ended in some])
-            for name in ("outcomes", "locked")
-        )
-        told.append(part.told(_TOLD))
-        alike.append((part.outcomes == ended) & (part.locked == locked))
-    return np.concatenate(told), np.concatenate(alike)
-
-
-def hold(records: NDArray, torques: ArrayLike, until: float) -> None:
-    """Have walkers (n, 1) hold torques until a time; work is counted anew.
+def before_kneestrike(
+    walkers: Walkers, walked: TickedStride
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The state of one walker on the verge of kneestrike, with its derivatives.
 
     Args:
-        records: The walkers.
-        torques: Of the hip, one for all; or of their first motors, (n, motors).
-        until: The time.
-    """
-    motors = np.shape(torques)[1] if np.ndim(torques) else 1
-    records["control"][:, 0, :motors], records["end"][:, 0] = torques, until
-    records["moved"], records["turned"] = 0.0, 0.0
-
-
-def course(
-    walker: Walker,
-    slope: float,
-    point: NDArray,
-    torques: NDArray,
-    *,
-    tick: float,
-    duration: float,
-) -> tuple[NDArray, NDArray, NDArray]:
-    """What a walker passes through in a stride under given torques, for pictures.
-
-    Args:
-        walker: The walker.
-        slope: Slope in rad.
-        point: Where the stride starts on the section, (m,).
-        torques: Torques of hip and ankle, (2, N).
-        tick: How long a torque is held.
-        duration: When the stride ends.
+        walkers: The walker, as in `ticked_strides`.
+        walked: The stride, from `ticked_stride`, in which the knee locks.
 
     Returns:
-        Times (k,), from the start to just before heelstrike; states with dimensionless rates
-        (k, 6); and the torques under which the walker came to each, (2, k).
+        The dimensionless state (6,), and its derivatives by the columns of `walked.by`.
     """
-    using = ("ankle_torque",) * bool(np.any(torques[1]))
-    walkers = Walkers(walker=walker, using=using, tolerance=1e-10)
-    edges = tick * np.arange(1, torques.shape[1])
-    times = np.union1d(np.linspace(0.0, duration * (1.0 - _VERGE), _SAMPLES), edges)
-    records = new_records(walkers.section.state(point[None]), slope)
-    states, held = [records["state"][0, 0].copy()], [torques[:, 0]]
-    for before, time in pairwise(times):
-        held.append(torques[:, np.searchsorted(edges, before, side="right")])
-        hold(records, held[-1][None], time)
-        records = go_on(walkers, records, on_section=before == 0.0).here
-        states.append(records["state"][0, 0])
-    return times, np.array(states), np.transpose(held)
+    steps, motors = walked.steps, walked.swing.ndim
+    (now,) = np.flatnonzero(steps.locked)
+    records = steps.before[[now]]
+    records["end"] = (1.0 - _VERGE) * walked.kneestrike
+    by = ("state", *INPUTS[:motors], "end")
+    verge = go_on(walkers, records, by, on_section=steps.numbers[now] == 0)
+    value, by_state, by_held, by_end = np.split(
+        verge.told(State._fields)[0], np.cumsum([1, _STATE, motors]), axis=1
+    )
+    change = by_state @ steps.change[now] + by_held @ steps.held[now, :motors, 1:]
+    return value[:, 0], change + (1.0 - _VERGE) * by_end @ walked.by[-1:]

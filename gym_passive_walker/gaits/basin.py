@@ -141,7 +141,8 @@ class Attractors:
     def of(self, points: NDArray) -> NDArray[np.int8]:
         """Index of the gait that each point (n, m) is close to; UNSETTLED if to none."""
         index = np.full(len(points), UNSETTLED, np.int8)
-        u = logarithms(points)
+        with np.errstate(invalid="ignore"):  # one that stands on a step may lean back
+            u = logarithms(points)
         for point, owner in zip(self.points, self.owner, strict=True):
             index[np.abs(u - point).max(axis=1) < self.near] = owner
         return index

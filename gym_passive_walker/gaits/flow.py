@@ -27,6 +27,7 @@ from gym_passive_walker.walkers import Walker
 
 __all__ = [
     "LONGEST_STRIDE",
+    "MIRRORED",
     "MOTORS",
     "ROWS",
     "Flow",
@@ -35,11 +36,14 @@ __all__ = [
     "flow",
     "go_on",
     "new_records",
+    "rows_of",
 ]
 
 _SIZE = len(State._fields)
 _STRUCK = int(Outcome.HEELSTRIKE)  # greater outcomes are falls: no strike but this ends a flow
-_MIRRORED = np.array([1.0, -1.0, -1.0])  # angles of a state on the section, by the stance angle's
+MIRRORED = np.array([1.0, -1.0, -1.0])
+"""Angles of a state on the section, by the stance angle's."""
+
 _INFINITESIMAL = 1e-100  # imaginary part that carries a derivative: its square is nothing
 _ALL = slice(None)
 _OF_ONE_STRIDE = ("time", "step", "knee_time", "knee_loss", "friction_loss", "moved", "turned")
@@ -67,6 +71,18 @@ def _place(name: str) -> int:
 
 
 _PLACES = {name: _place(name) for name in (*ROWS, *MOTORS)}
+
+
+def rows_of(records: NDArray, names: Sequence[str] = ROWS) -> NDArray[np.float64]:
+    """Some of ROWS and MOTORS of records (n, 1 + k): values before tangents, 0 where one fell.
+
+    Returns:
+        Shape (n, names, 1 + k).
+    """
+    numbers = records.view(float).reshape(*records.shape, -1)
+    rows = numbers.swapaxes(1, 2)[:, [_PLACES[name] for name in names]]
+    rows[records["outcome"][:, 0] > _STRUCK, :, 1:] = 0.0
+    return rows
 
 
 class Tangents(NamedTuple):
@@ -263,22 +279,20 @@ class Flow:
         Returns:
             Shape (n, names, 1 + k).
         """
-        numbers = self.records.view(float).reshape(*self.records.shape, -1)
-        return self._until_falls(numbers.swapaxes(1, 2)[:, [_PLACES[name] for name in names]])
+        return rows_of(self.records, names)
 
     @cached_property
     def distance(self) -> NDArray[np.float64]:
-        """How far hips have come along the slope, with tangents: 0 where one fell, (n, 1 + k)."""
+        """How far hips have come along the ground they stood on, with tangents, (n, 1 + k)."""
         stances = np.empty(self.records.shape)
         stances[:, :1] = self.before["state"][..., 0]
         stances[:, 1:] = self.tangents.states[..., 0]
         before = _places(self.system.Body, self.bodies, stances)
-        after = _places(self.system.Body, self.bodies, self.records["state"][..., 0])
-        return self._until_falls(legs.travelled(before, after, self.outcomes[:, None] == _STRUCK))
-
-    def _until_falls(self, numbers: NDArray) -> NDArray:
-        numbers[self.outcomes > _STRUCK, ..., 1:] = 0.0
-        return numbers
+        states, turns = self.records["state"], self.records["ground"][..., 3]
+        old = np.where(self.struck[:, None], states[..., 1] - turns, states[..., 0])
+        travelled = _places(self.system.Body, self.bodies, old) - before
+        travelled[self.outcomes > _STRUCK, 1:] = 0.0
+        return travelled
 
     @property
     def accelerations(self) -> NDArray[np.float64]:
@@ -500,7 +514,7 @@ def _seed(records: NDArray, tangents: Tangents, by: Collection[str]) -> None:
         turn = records["ground"][:, :1, 1::-1] * [1.0, -1.0]
         changes["ground"][..., :2] = tangents.slopes[:, None] * turn
     if "start" in by:
-        changes["start"] = tangents.starts[:, None] * _MIRRORED
+        changes["start"] = tangents.starts[:, None] * MIRRORED
     if "end" in by:
         changes["end"] = tangents.ends
 

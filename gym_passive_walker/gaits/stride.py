@@ -252,20 +252,11 @@ def stride(
         Walkers(walker=walker, using=actuation.using, tolerance=tolerance, stub=stub),
         flat.reshape(count, 6), slopes, until=longest, threads=threads, carry=carry, **given,
     )  # fmt: skip
-    system, own, records = walked.system, walked.bodies, walked.records
-    record = records[:, 0]
-    outcome, length = record["outcome"], record["step_length"]
-    gravity, spring, knee_time = (record[x] for x in ("gravity_work", "spring_work", "knee_time"))
-    knee_time[knee_time <= 0.0] = np.nan
-    outcome[outcome == _RUNNING] = _STALLED
-    lost = outcome != _STRUCK
-    if lost.any():
-        length[lost] = np.nan
-        gravity[lost], spring[lost] = conservative_work(system, own, record[lost])
+    record = walked.records[:, 0]
     nothing = np.zeros(shape)[()]
     works, pushed = ((nothing, nothing), (nothing, nothing)), nothing
     if actuation is not PASSIVE:  # one walker waits for each of these
-        powers = (record["control"] * (np.array(system.works) * units.energy)).T
+        powers = (record["control"] * (np.array(walked.system.works) * units.energy)).T
         moved, turned = record["moved"].T, record["turned"].T
         works = tuple(
             (_shaped(power * net, shape), _shaped(np.abs(power) * absolute, shape))
@@ -273,30 +264,38 @@ def stride(
         )
     if actuation.using:
         pushed = _shaped(record["push_work"] * units.energy, shape)
-    return account(walker, record, (length, gravity, spring, knee_time), works, pushed, shape)
+    return account(walker, walked.system, walked.bodies, record, works, pushed, shape)
 
 
 def account(
     walker: Walker,
+    system: System,
+    bodies: NDArray,
     record: NDArray,
-    corrected: tuple[NDArray, ...],
     works: Any,
     pushed: NDArray,
     shape: tuple[int, ...],
 ) -> Stride:
-    """Strides in a walker's own units, from dimensionless records (n,) and what is not in them.
+    """Strides in a walker's own units, from dimensionless records (n,) and works of motors.
 
     Args:
         walker: The walker.
-        record: Where strides have ended, (n,).
-        corrected: Step lengths, works of gravity and of springs, and when knees locked, (n,) each.
+        system: Which equations it obeys.
+        bodies: Constants, as of `Walkers.bodies`.
+        record: Where strides have ended, (n,); changed here.
         works: Of hip and ankle, net and absolute, in the walker's units and of the shape.
         pushed: Of push-offs, likewise.
         shape: Of the strides: (n,), or () of one.
     """
-    units, outcome = units_of(walker), record["outcome"]
-    length, gravity, spring, knee_time = corrected
-    hip, ankle = works
+    units, (hip, ankle) = units_of(walker), works
+    outcome, length = record["outcome"], record["step_length"]
+    gravity, spring, knee_time = (record[x] for x in ("gravity_work", "spring_work", "knee_time"))
+    knee_time[knee_time <= 0.0] = np.nan
+    outcome[outcome == _RUNNING] = _STALLED
+    lost = outcome != _STRUCK
+    if lost.any():
+        length[lost] = np.nan
+        gravity[lost], spring[lost] = conservative_work(system, bodies, record[lost])
 
     def shaped(values: NDArray) -> NDArray:
         return _shaped(values, shape)

@@ -406,18 +406,18 @@ class StrideMap(Section):
             turned = sine * math.cos(turn) - cosine * math.sin(turn)
             cosine = cosine * math.cos(turn) + sine * math.sin(turn)
             sine = turned
-            supplied -= product(cosine, self._heights(walked, place))
+            supplied -= product(cosine, self._heights(walked.bodies, records.shape, place))
         supplied += product(sine, length)
         supplied += records["push_work"]
         works = np.array(walked.system.works)  # a hip's not on feet of vanishing mass
         supplied += (works * product(records["control"], records["moved"])).sum(axis=2)
         knee_times[:] = records["knee_time"]
 
-    def _heights(self, walked: Flow, place: int) -> NDArray[np.float64]:
-        """By how much feet touch the next foothold higher than this one, (n, 1 + k)."""
+    def _heights(self, bodies: NDArray, shape: tuple[int, ...], place: int) -> NDArray[np.float64]:
+        """By how much feet touch the next foothold higher than this one, of a shape (n, 1 + k)."""
         _, rise, turn = self.ground[place]
-        radii = walked.bodies[..., walked.system.Body._fields.index("foot_radius")]
-        heights = np.zeros(walked.records.shape)
+        radii = bodies[..., self.walkers.system().Body._fields.index("foot_radius")]
+        heights = np.zeros(shape)
         heights[:, : radii.shape[1]] = radii * (1.0 - math.cos(turn))
         heights[:, 0] += rise
         return heights

@@ -171,15 +171,6 @@ def progress(body, stance):
     return -(body.foot_radius * stance + body.leg * sine)
 
 
-def travelled(before, after, struck):
-    """How far the hip has come on smooth ground, by its `progress` before and after.
-
-    Before the legs changed roles (`struck`), the hip was as far ahead of the old foot as it is
-    behind the new.
-    """
-    return (1.0 - 2.0 * struck) * after - before
-
-
 def step_length(body, start, end, landing=None, turn=0.0):
     """From one contact point to the next, along the ground of the first.
 

@@ -12,21 +12,21 @@ from typing import Any
 import gymnasium as gym
 import numpy as np
 
-from gym_passive_walker.arguments import gait_kind, one_slope, unknown, whole
+from gym_passive_walker.arguments import gait_kind, unknown, whole
 from gym_passive_walker.control.controllers import acting, changed
+from gym_passive_walker.control.maps import stride_map
 from gym_passive_walker.control.optimal import optimal_gait
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.evaluation import robustness as robust
 from gym_passive_walker.evaluation import walks
-from gym_passive_walker.gaits.actuation import Actuation, one_actuation
+from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.basin import basin_of_attraction
 from gym_passive_walker.gaits.bifurcation import bifurcation_diagram
 from gym_passive_walker.gaits.family import gait_family
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.reality import reality_check
 from gym_passive_walker.gaits.search import seek
-from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.walkers import Walker, as_walker
 
 Row = dict[str, Any]
@@ -36,18 +36,23 @@ _SCENE = tuple(f.name for f in fields(Scene))
 
 
 def gait(
-    walker: Walker,
-    slope: float,
+    walker: Walker | None = None,
+    slope: float | None = None,
     kind: str = "long",
     period: int = 1,
     hip_torque: float = 0.0,
     ankle_torque: float = 0.0,
     push_off: float = 0.0,
+    controller: str | None = None,
+    scene: Any = None,
+    terrain: Any = None,
 ) -> Row:
     """Whether there is a gait of a kind at a slope, whether it is stable, and its measures."""
-    held = one_actuation(walker, Actuation(hip_torque, ankle_torque, push_off))
-    sought = one_slope(slope), gait_kind(kind)
-    strides = StrideMap.of(walker, controller=held)
+    held = Actuation(hip_torque, ankle_torque, push_off)
+    if controller is not None and any(held):
+        raise ValueError(f"motors follow {controller}: leave torques and push-off out")
+    strides = stride_map(walker, slope, controller=controller or held, scene=scene, terrain=terrain)
+    sought = strides.chosen(slope), gait_kind(kind)
     found = seek(strides, *sought, period=whole(period, "period")).gait
     names = ("stance_angle", "step_period", "step_length", "froude_speed", "cost_of_transport")
     return {
@@ -58,9 +63,18 @@ def gait(
     }
 
 
-def family(walker: Walker, slope_min: float, slope_max: float, kind: str = "long") -> Row:
+def family(
+    slope_min: float,
+    slope_max: float,
+    walker: Walker | None = None,
+    kind: str = "long",
+    controller: str | None = None,
+    scene: Any = None,
+    terrain: Any = None,
+) -> Row:
     """How far a family of gaits goes, why no further, and where it is stable and fastest."""
-    found = gait_family(walker, slope_min, slope_max, kind)  # type: ignore[arg-type]
+    strides = stride_map(walker, controller=controller, scene=scene, terrain=terrain)
+    found = gait_family(strides, slope_min, slope_max, kind)  # type: ignore[arg-type]
     steady = found.slope[found.stable]
     ends = {
         f"{side}_{name}": value
@@ -79,11 +93,19 @@ def family(walker: Walker, slope_min: float, slope_max: float, kind: str = "long
 
 
 def bifurcation(
-    walker: Walker, slope: float, settle: int = 500, keep: int = 64, kind: str = "long"
+    slope: float,
+    walker: Walker | None = None,
+    settle: int = 500,
+    keep: int = 64,
+    kind: str = "long",
+    controller: str | None = None,
+    scene: Any = None,
+    terrain: Any = None,
 ) -> Row:
     """Where walks settle at a slope."""
+    strides = stride_map(walker, slope, controller=controller, scene=scene, terrain=terrain)
     found = bifurcation_diagram(
-        walker, [slope], settle=settle, keep=keep, kind=kind  # type: ignore[arg-type]
+        strides, [slope], settle=settle, keep=keep, kind=kind  # type: ignore[arg-type]
     )  # fmt: skip
     angles = found.stance_angle[0]
     return {
@@ -94,9 +116,18 @@ def bifurcation(
     }
 
 
-def basin(walker: Walker, slope: float, resolution: int = 100, strides: int = 300) -> Row:
+def basin(
+    walker: Walker | None = None,
+    slope: float | None = None,
+    resolution: int = 100,
+    strides: int = 300,
+    controller: str | None = None,
+    scene: Any = None,
+    terrain: Any = None,
+) -> Row:
     """The share of starts on a slice through the gait that walk on, and that settle on gaits."""
-    found = basin_of_attraction(walker, slope, resolution=resolution, strides=strides)
+    where = stride_map(walker, slope, controller=controller, scene=scene, terrain=terrain)
+    found = basin_of_attraction(where, slope, resolution=resolution, strides=strides)
     return {
         "gaits": len(found.gaits),
         "walks": float(found.walks.mean()),
@@ -104,19 +135,25 @@ def basin(walker: Walker, slope: float, resolution: int = 100, strides: int = 30
     }
 
 
-def reality(walker: Walker, slope: float, kind: str = "long", friction: float = 0.8) -> Row:
+def reality(
+    walker: Walker | None = None,
+    slope: float | None = None,
+    kind: str = "long",
+    friction: float = 0.8,
+    controller: str | None = None,
+    scene: Any = None,
+) -> Row:
     """Whether a gait could happen, item by item."""
-    gait = find_gait(walker, slope, kind)  # type: ignore[arg-type]
-    found = reality_check(
-        gait.walker, gait.slope, gait.state, strides=gait.period, friction=friction
-    )
+    strides = stride_map(walker, slope, controller=controller, scene=scene)
+    gait = find_gait(strides, slope, kind)  # type: ignore[arg-type]
+    found = reality_check(gait, friction=friction)
     items = {name.replace(" ", "_"): passed for name, passed in found.passed.items()}
     return {"holds": found.holds, **items}
 
 
 def robustness(
     changes: Mapping[str, Any],
-    policy: str | None = None,
+    controller: str | None = None,
     scene: str | None = None,
     roughness: float = 0.002,
     walkers: int | None = None,
@@ -125,13 +162,13 @@ def robustness(
     starts: int = 512,
     seed: int = 0,
 ) -> Row:
-    """How much a walk bears, of a passive walker or under a policy."""
+    """How much a walk bears, of a passive walker or under a controller."""
     options: Row = {"roughness": roughness, "walkers": walkers, "strides": strides}
     options |= {"spread": spread, "starts": starts, "seed": seed}
-    if policy is None and scene is None and changes.keys() == {"walker", "slope"}:
+    if controller is None and scene is None and changes.keys() == {"walker", "slope"}:
         found = robust.robustness(changes["walker"], slope=changes["slope"], **options)
     else:
-        who, where = acting(policy or "passive", scene, **changes)
+        who, where = acting(controller or "passive", scene, **changes)
         found = robust.robustness(who, where, **options)
     lasting = found.first_passage
     names = ("sensitivity", "step_up", "step_down", "recovered", "recovered_error", "recovery")
@@ -154,13 +191,13 @@ def optimal(changes: Mapping[str, Any], speed: float, scene: str = "level") -> R
 
 def evaluation(
     changes: Mapping[str, Any],
-    policy: str,
+    controller: str,
     scene: str | None = None,
     episodes: int = 20,
     seed: int = 0,
 ) -> Row:
-    """What a policy makes of some episodes, the first of which has the seed."""
-    who, where = acting(policy, scene, **changes)
+    """What a controller makes of some episodes, the first of which has the seed."""
+    who, where = acting(controller, scene, **changes)
     arena = gym.make_vec(ID, num_envs=episodes, scene=where)
     return walks.evaluate(who, arena, seed=seed).summary()
 
@@ -251,6 +288,9 @@ def task(analysis: str, given: Mapping[str, Any]) -> Callable[[], Any]:
         for name, each in takes.items()
         if each.default is Parameter.empty and name not in rest and "VAR" not in each.kind.name
     ]
+    if "walker" in takes and "controller" in takes and not {"controller", "scene"} & rest.keys():
+        for name in [n for n in ("walker", "slope") if n in takes and n not in rest]:
+            raise ValueError(f"{analysis} needs a {name}, or a controller that has one")
     if lacking:
         raise ValueError(f"{analysis} needs {', '.join(lacking)} besides")
     return partial(called, **rest)

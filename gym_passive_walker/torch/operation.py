@@ -18,12 +18,15 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from gym_passive_walker.gaits.actuation import Actuation, check_actuation
-from gym_passive_walker.gaits.flow import MOTORS, ROWS, Walkers, go_on, new_records
+from gym_passive_walker.gaits.flow import MIRRORED, MOTORS, ROWS, Walkers, go_on, new_records
 from gym_passive_walker.physics.hybrid import Outcome, State
 from gym_passive_walker.walkers import PARAMETERS, Walker, WalkerError
 
-HELD = ("slope", "hip_torque", "ankle_torque", "push_off", "rise", "turn", "end")
-"""What walkers meet: slope, motors, the next foothold, and when to stop."""
+HELD = (
+    "slope", "hip_torque", "ankle_torque", "push_off", "rise", "turn", "push", "start", "end",
+)  # fmt: skip
+"""What walkers meet: slope, motors, the next foothold, a push on the hip at the start, the stance
+angle with which the stride began, if that is before, and when to stop."""
 
 INPUTS = (*State._fields, *HELD)
 """Columns of an operation's input; parameters of the walker follow."""
@@ -32,6 +35,7 @@ RESULTS = (*ROWS, *MOTORS, "distance")
 """Columns of its result; see `gaits.flow.ROWS`, `MOTORS`, and how far the hip has come."""
 
 _SIZE = len(State._fields)
+_INFINITESIMAL = 1e-100  # imaginary part that carries a derivative: its square is nothing
 _RUNNING, _STRUCK, _STALLED, _DIVERGED = map(
     int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED, Outcome.DIVERGED)
 )
@@ -200,23 +204,33 @@ def _walked(
     states, held = own[:, :_SIZE].copy(), dict(zip(HELD, own[:, _SIZE:].T, strict=False))
     if not walker.knees:
         states[:, 2], states[:, 5] = states[:, 1], states[:, 4]
+    parameters = dict(zip(manner.parameters, own[:, len(INPUTS) :].T, strict=True))
+    walkers = Walkers(
+        walker=walker, parameters=parameters, tolerance=manner.tolerance, stub=manner.stub,
+        using=tuple(name for name in manner.using if name not in ("push", "start")),
+    )  # fmt: skip
+    pushed = "push" in manner.using
+    if pushed:
+        states, by_push = _pushed(walkers, states, phases[lanes], held["push"], manner.parameters)
     records = new_records(
         states, held["slope"], np.stack(motors[:2], axis=1),
         push_off=held["push_off"], rise=held["rise"], turn=held["turn"], end=held["end"],
     )  # fmt: skip
     records["phase"][:, 0] = phases[lanes]
-    parameters = dict(zip(manner.parameters, own[:, len(INPUTS) :].T, strict=True))
-    walkers = Walkers(
-        walker=walker, parameters=parameters, using=manner.using, tolerance=manner.tolerance,
-        stub=manner.stub,
-    )  # fmt: skip
-    walked = go_on(walkers, records, ("state", *manner.by), on_section=manner.whole)
+    if "start" in manner.using:
+        records["start"][:, 0] = held["start"][:, None] * MIRRORED
+    by = [name for name in manner.by if name != "push"]
+    walked = go_on(walkers, records, ("state", *by), on_section=manner.whole)
     told = np.concatenate([walked.told((*ROWS, *MOTORS)), walked.distance[:, None]], axis=1)
     names = (*INPUTS, *manner.parameters)
-    columns = [*range(_SIZE), *map(names.index, manner.by)]
+    columns = [*range(_SIZE), *map(names.index, by)]
     values[lanes] = told[:, :, 0]
     own_jacobians = np.zeros((len(lanes), len(RESULTS), inputs.shape[1]))
     own_jacobians[:, :, columns] = told[:, :, 1:]
+    if pushed:
+        moved = [*range(_SIZE), INPUTS.index("push"), *range(len(INPUTS), inputs.shape[1])]
+        own_jacobians[:, :, range(_SIZE)] = 0.0
+        own_jacobians[:, :, moved] += told[:, :, 1 : 1 + _SIZE] @ by_push
     jacobians[lanes] = own_jacobians
     after[lanes], outcomes[lanes] = walked["phase"][:, 0], walked.outcomes
     margins[lanes] = walked.margins
@@ -224,6 +238,35 @@ def _walked(
         stalled = going & (outcomes == _RUNNING)
         outcomes[stalled], margins[stalled], jacobians[stalled] = _STALLED, np.nan, 0.0
     return values, jacobians, after, outcomes, margins
+
+
+def _pushed(
+    walkers: Walkers, states: NDArray, phases: NDArray, pushes: NDArray, names: tuple[str, ...]
+) -> tuple[NDArray, NDArray]:
+    """States (n, 6) after pushes on the hip along the slope, and how these change.
+
+    Returns:
+        The states, and their derivatives by the states before, the push and what is named of
+        parameters, (n, 6, 7 + names).
+    """
+    bodies, (count, width) = walkers.bodies(names), (len(states), _SIZE + 1 + len(names))
+    given = np.zeros((count, width, _SIZE + 1), complex)
+    given[:] = np.concatenate([states, pushes[:, None]], axis=1)[:, None]
+    given[:, : _SIZE + 1] += 1j * _INFINITESIMAL * np.eye(_SIZE + 1)
+    constants = np.zeros((count, width, bodies.shape[2]), complex)
+    constants[:] = bodies[:, :1]
+    if bodies.shape[1] > 1:
+        constants[:, _SIZE + 1 :] += 1j * _INFINITESIMAL * bodies[:, 1:]
+    system, after = walkers.system(), given[..., :_SIZE].copy()
+    for number, phase in enumerate(system.phases):
+        here = phases == number
+        if phase.push is None or not here.any():
+            continue
+        *state, push = np.moveaxis(given[here], -1, 0)
+        body = system.Body(*np.moveaxis(constants[here], -1, 0))
+        stance, thigh, *shank = phase.push(body, State(*state), -push, 0.0)
+        after[here, :, 3:] += np.stack([stance, thigh, *(shank or [thigh])], axis=-1)
+    return np.real(after[:, 0]).copy(), np.imag(after).swapaxes(1, 2) / _INFINITESIMAL
 
 
 def _check(walker: Walker, names: tuple[str, ...], values: NDArray) -> None:

@@ -17,12 +17,14 @@ from torch import Tensor
 from gym_passive_walker.arguments import whole
 from gym_passive_walker.envs import task
 from gym_passive_walker.envs.batch import Batch
-from gym_passive_walker.envs.scene import Scene, by_hip_alone, make_scene, undisturbed
+from gym_passive_walker.envs.scene import CHANNELS, Scene, make_scene, undisturbed
 from gym_passive_walker.envs.vector_env import seed_randoms
+from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.physics.hybrid import Outcome
-from gym_passive_walker.physics.systems import system_of
+from gym_passive_walker.physics.systems import UNEVEN, system_of
 from gym_passive_walker.torch.operation import Manner, as_tensor, carry_on, check_parameters
 
+_INPUT: dict[str, str] = dict(zip(CHANNELS, Actuation._fields, strict=True))
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
 
 
@@ -31,10 +33,14 @@ class Standing(NamedTuple):
 
     Attributes:
         states: (n, 6).
-        slopes: In rad, (n,).
+        slopes: In rad, (n,); footholds of a terrain slope that much more or less.
         phases: Of their strides, (n,).
         times: Since their strides began, (n,).
+        starts: Stance angles with which their strides began, (n,).
         progress: How far the hip has come in the stride, (n,).
+        strides: That have ended in the episode, (n,).
+        keys: Of what is drawn for the walk: footholds, (n,).
+        commands: Speeds over sqrt(g l) that are commanded, (n,); 0 where none is.
         parameters: Values of the walkers' parameters that are not the scene's, (n,) each.
         outcome: How the episode ended, an `Outcome`; RUNNING while it goes on.
     """
@@ -43,7 +49,11 @@ class Standing(NamedTuple):
     slopes: Tensor
     phases: Tensor
     times: Tensor
+    starts: Tensor
     progress: Tensor
+    strides: Tensor
+    keys: Tensor
+    commands: Tensor
     parameters: dict[str, Tensor]
     outcome: Tensor
 
@@ -54,7 +64,11 @@ class Standing(NamedTuple):
 
     def detach(self) -> Standing:
         """The same without a past: gradients of what follows end here."""
-        return self._replace(states=self.states.detach(), progress=self.progress.detach())
+        return self._replace(
+            states=self.states.detach(),
+            starts=self.starts.detach(),
+            progress=self.progress.detach(),
+        )
 
 
 class Rollout(NamedTuple):
@@ -65,8 +79,8 @@ class Rollout(NamedTuple):
         rewards: (T, n); 0 after an episode has ended.
         distances: How far the hip came in each tick, (T, n); a stride that falls takes back what
             it brought.
-        energies: What the motor was charged for, (T, n).
-        observations: What the policy saw, (T, n, 8).
+        energies: What motors were charged for, (T, n).
+        observations: What the policy saw, (T, n, 8) or more, as in the environment.
         outcomes: How each tick ended, an `Outcome`, (T, n).
         going: Whose episode went on when each tick began, (T, n).
         margins: How fast strikes in it fell through zero, (T, n); see `Tick`.
@@ -99,15 +113,14 @@ def standing(
         seed: Of the first walker; the others' follow.
         parameters: Values of parameters of the walker in place of the scene's, numbers or (count,).
     """
-    scene, count = (
-        undisturbed(
-            by_hip_alone(make_scene(scene), "walks on the tape are driven"), "walks on the tape go"
-        ),
-        whole(count, "count"),
-    )
+    scene, count = _differentiable(make_scene(scene)), whole(count, "count")
     batch = Batch(scene, count)
     seed_randoms(batch, seed, range(count))
-    batch.start(np.arange(count), np.empty(count * task.SIZE, np.float32))
+    batch.start(np.arange(count), np.empty(count * batch.seen, np.float32))
+    slopes, keys, commands = batch.ledger["slope"], np.zeros(count, np.uint64), np.zeros(count)
+    if batch.disturbances:
+        fates = batch.disturbances.fates
+        slopes, keys, commands = fates["slope"], fates["key"], fates["command"]
     values = {
         name: torch.tensor([getattr(walker, name) for walker in batch.walkers])
         for name in scene.randomise
@@ -115,15 +128,31 @@ def standing(
     values = {name: value.double() for name, value in values.items()}
     given = check_parameters(parameters)
     zeros = torch.zeros(count, dtype=torch.float64)
+    states = torch.from_numpy(batch.records["state"][:, 0].copy())
     return Standing(
-        states=torch.from_numpy(batch.records["state"][:, 0].copy()),
-        slopes=torch.from_numpy(batch.ledger["slope"].copy()),
+        states=states,
+        slopes=torch.from_numpy(slopes.copy()),
         phases=torch.zeros(count, dtype=torch.int64),
         times=zeros,
+        starts=states[:, 0],
         progress=zeros,
+        strides=torch.zeros(count, dtype=torch.int64),
+        keys=torch.from_numpy(keys.view(np.int64).copy()),
+        commands=torch.from_numpy(commands.copy()),
         parameters=values | {name: value.expand(count) for name, value in given.items()},
         outcome=torch.zeros(count, dtype=torch.int64),
     )
+
+
+def _differentiable(scene: Scene) -> Scene:
+    """A scene on whose ground walks have gradients: footholds and commands may differ.
+
+    Raises:
+        SceneError: if there is noise, delay, or what else is not known beforehand.
+    """
+    known = {"terrain": None, "preview": 0, "command": None}
+    undisturbed(make_scene(scene, **known), "walks with gradients go")
+    return scene
 
 
 def rollout(
@@ -134,61 +163,105 @@ def rollout(
     count: int = 16,
     seed: int | None = None,
     start: Standing | None = None,
+    pushes: Any = None,
 ) -> Rollout:
     """Let walkers walk under a policy; what they return has its exact gradient.
 
     Args:
-        policy: Takes observations (n, 8), as of the environment but in float64, to actions (n,) or
-            (n, 1), which are clipped to [-1, 1].
-        scene: A scene, its name, or its arguments.
-        horizon: Ticks.
+        policy: Takes observations (n, 8) or more, as of the environment but in float64, to actions
+            (n, actions), or (n,) where there is one, which are clipped to their bounds.
+        scene: A scene, its name, or its arguments; without noise, delay and random pushes.
+        horizon: Control steps.
         count: How many walkers.
         seed: As of `standing`.
         start: Where they are, instead: from `standing` or from an earlier rollout's end.
+        pushes: Impulses on the hip along the slope as each control step begins, over m sqrt(g l),
+            positive downhill; a number, (horizon, 1) or (horizon, n). None when None.
 
     Raises:
         TypeError: if actions are not of float64.
-        ValueError: if the policy gives other than one action for each walker.
+        ValueError: if the policy gives other than an action for each motor of each walker.
     """
-    scene, horizon = make_scene(scene), whole(horizon, "horizon")
+    scene, horizon = _differentiable(make_scene(scene)), whole(horizon, "horizon")
     here = standing(scene, count, seed=seed) if start is None else start
+    impulses = None
+    if pushes is not None:
+        size = len(here.slopes)
+        impulses = as_tensor(pushes, "pushes")
+        if impulses.ndim > 2 or any(
+            given not in (1, wanted)
+            for given, wanted in zip(impulses.shape[::-1], (size, horizon), strict=False)
+        ):
+            raise ValueError(
+                f"pushes must be a number or of shape ({horizon}, {size}), with 1 for what is "
+                f"alike, not {tuple(impulses.shape)}"
+            )
+        impulses = impulses.expand(horizon, size)
     ticks = []
-    for _ in range(horizon):
-        told, here = _tick(policy, scene, here)
+    for k in range(horizon):
+        told, here = _tick(policy, scene, here, None if impulses is None else impulses[k])
         ticks.append(told)
     told = [torch.stack(columns) for columns in zip(*ticks, strict=True)]
     return Rollout._make([told[0].sum(0), *told, here])
 
 
+def _ground(scene: Scene, here: Standing, ahead: int = 0) -> Tensor:
+    """Slope, rise to the next and turn of footholds so many ahead of walkers' own, (n, 3)."""
+    if scene.terrain is None:
+        return torch.zeros((len(here.slopes), 3), dtype=torch.float64)
+    keys = here.keys.numpy().view(np.uint64)
+    return torch.from_numpy(scene.terrain.ground(keys, here.strides.numpy() + ahead))
+
+
 def observed(scene: Scene, here: Standing) -> Tensor:
-    """What the environment tells of walkers, (n, 8); see `envs.task.see`."""
+    """What the environment tells of walkers, (n, 8) or more; see `envs.task.see`."""
     bounds = torch.from_numpy(task.BOUNDS)
     locked = [float(phase.links == 2) for phase in system_of(scene.walker).phases]
     seen = torch.tensor(locked, dtype=torch.float64)[here.phases]
-    seen = torch.cat([here.states, seen[:, None], here.slopes[:, None]], 1)
-    return torch.maximum(torch.minimum(seen, bounds), -bounds)
+    slopes = here.slopes + _ground(scene, here)[:, 0]
+    seen = torch.cat([here.states, seen[:, None], slopes[:, None]], 1)
+    parts = [torch.maximum(torch.minimum(seen, bounds), -bounds)]
+    if scene.command is not None:
+        parts.append(here.commands[:, None])
+    most = torch.tensor([task.HIGHEST, task.STEEPEST], dtype=torch.float64)
+    for ahead in range(scene.preview):
+        parts.append(torch.clamp(_ground(scene, here, ahead)[:, 1:], -most, most))
+    return torch.cat(parts, 1)
 
 
 def _tick(
-    policy: Callable[[Tensor], Tensor], scene: Scene, here: Standing
+    policy: Callable[[Tensor], Tensor], scene: Scene, here: Standing, pushes: Tensor | None
 ) -> tuple[tuple[Tensor, ...], Standing]:
-    """One tick: reward, distance, energy, observation, outcome, going and margin; and the end."""
+    """One control step: what `Rollout` tells of it, in the order there; and where it ends."""
     seen, going = observed(scene, here), here.going
-    actions = as_tensor(policy(seen), "the policy's action")
-    if actions.shape not in ((len(seen),), (len(seen), 1)):
-        raise ValueError(
-            f"a policy gives one action for each of {len(seen)} walkers: shape ({len(seen)},) or "
-            f"({len(seen)}, 1), not {tuple(actions.shape)}"
-        )
-    torques = scene.max_hip_torque * actions.reshape(-1).clamp(-1.0, 1.0)
-    spans = torch.full_like(here.times, scene.tick if scene.control == "tick" else math.inf)
-    left = scene.longest_stride - here.times
-    none = [torch.zeros_like(torques)] * 4  # neither ankle nor push-off, nor steps in the ground
-    columns = [here.slopes, torques, *none, torch.minimum(spans, left), *here.parameters.values()]
-    parameters = tuple(here.parameters)
-    manner = Manner(
-        scene.walker, parameters, ("hip_torque", *parameters), (), scene.tolerance, scene.stub
+    actions, wanted = (
+        as_tensor(policy(seen), "the policy's action"),
+        (len(seen), len(scene.actions)),
     )
+    if actions.shape != wanted and (actions.shape != wanted[:1] or wanted[1] > 1):
+        raise ValueError(
+            f"a policy gives one action for each of {wanted[0]} walkers and each of its motors "
+            f"({', '.join(scene.actions)}): shape {wanted}, not {tuple(actions.shape)}"
+        )
+    held: dict[str, Tensor] = {name: torch.zeros_like(here.times) for name in CHANNELS}
+    for name, share in zip(scene.actions, actions.reshape(wanted).T, strict=True):
+        held[name] = scene.largest(name) * share.clamp(-1.0 * (name != "push_off"), 1.0)
+    spans = torch.full_like(here.times, scene.tick if scene.control == "tick" else math.inf)
+    left, (tilts, rises, turns) = scene.longest_stride - here.times, _ground(scene, here).T
+    columns = [
+        here.slopes + tilts, *held.values(), rises, turns,
+        torch.zeros_like(left) if pushes is None else pushes, here.starts,
+        torch.minimum(spans, left), *here.parameters.values(),
+    ]  # fmt: skip
+    motors = tuple(_INPUT[name] for name in scene.actions)
+    other = () if pushes is None else ("push",)
+    other += () if scene.command is None else ("start",)  # the step's length is needed
+    parameters, uneven = tuple(here.parameters), () if scene.terrain is None else UNEVEN
+    using = (*(motor for motor in motors if motor != "hip_torque"), *uneven, *other)
+    manner = Manner(
+        scene.walker, parameters, (*motors, *other, *parameters), using, scene.tolerance,
+        bool(scene.stub),
+    )  # fmt: skip
     inputs = torch.cat([here.states, torch.stack(columns, 1)], 1)
     moved = carry_on(inputs, here.phases, going, manner)
     struck = moved.outcomes == _STRUCK
@@ -198,17 +271,28 @@ def _tick(
     # What was paid in advance for a stride that does not come is taken back.
     distances = torch.where(walks, moved.result("distance"), 0.0 - here.progress)
     energies = torch.zeros_like(distances)
-    if system_of(scene.walker).works.hip:
-        held = torch.where(walks, torques, torques.detach())
-        charged = task.ENERGIES.index(scene.energy)
-        energies = task.motor_charge(charged, held, moved.result("moved"), moved.result("turned"))
+    charged, works = task.ENERGIES.index(scene.energy), system_of(scene.walker).works
+    for name, work, of in zip(CHANNELS, works, ("", "ankle_"), strict=False):
+        if name in scene.actions and work:
+            torques = torch.where(walks, held[name], held[name].detach())
+            angles = moved.result(f"{of}moved"), moved.result(f"{of}turned")
+            energies = energies + task.motor_charge(charged, torques, *angles)
+    if "push_off" in scene.actions:
+        energies = energies + torch.where(struck, moved.result("push_work"), 0.0)
     distances, energies = (torch.where(going, x, 0.0) for x in (distances, energies))
     rewards = task.reward(distances, energies, scene.energy_weight)
+    durations = here.times + moved.result("time")
+    if scene.command is not None:
+        length = moved.result("step_length")
+        missed = scene.command_weight * (length - here.commands * durations).abs()
+        rewards = rewards - torch.where(struck, torch.minimum(missed, length), 0.0)
     told = (rewards, distances, energies, seen, outcomes, going, moved.margins)
     return told, here._replace(
         states=moved.states,
         phases=moved.phases,
-        times=torch.where(struck, 0.0, here.times + moved.result("time").detach()),
+        times=torch.where(struck, 0.0, durations.detach()),
+        starts=torch.where(struck, moved.states[:, 0], here.starts),
         progress=torch.where(struck, 0.0, here.progress + distances),
+        strides=here.strides + struck,
         outcome=torch.where(going & ~walks, outcomes, here.outcome),
     )

@@ -149,7 +149,7 @@ def stride(
         WalkerError: if parameters describe no walker.
     """
     walk = _walk(
-        walker, slope, state, Actuation(hip_torque, ankle_torque, push_off), (rise, turn),
+        walker, slope, state, Actuation(hip_torque, ankle_torque, push_off), (rise, turn, 0.0),
         parameters,
         end=longest, tolerance=tolerance, stub=stub, whole=True,
     )  # fmt: skip
@@ -191,6 +191,7 @@ def tick(
     push_off: Any = 0.0,
     rise: Any = 0.0,
     turn: Any = 0.0,
+    push: Any = 0.0,
     parameters: Mapping[str, Any] | None = None,
     tolerance: float = 1e-10,
     stub: bool = False,
@@ -209,12 +210,14 @@ def tick(
         push_off: Impulse along the stance leg just before heelstrike, if that comes.
         rise: Height of the next foothold, as of `stride`.
         turn: By how much that slopes more steeply, in rad.
+        push: Impulse on the hip along the slope as the tick begins, positive downhill, a number or
+            (n,).
         parameters: As of `stride`, as are `tolerance`, `stub` and what is raised.
         tolerance: Error relative to the largest angle or rate.
         stub: Whether a kneed walker's locked swing leg below the ground ends the walk.
     """
     walk = _walk(
-        walker, slope, state, Actuation(hip_torque, ankle_torque, push_off), (rise, turn),
+        walker, slope, state, Actuation(hip_torque, ankle_torque, push_off), (rise, turn, push),
         parameters,
         duration=duration, phase=phase, tolerance=tolerance, stub=stub,
     )  # fmt: skip
@@ -272,8 +275,8 @@ def _walk(
     walker: WalkerLike,
     slope: Any,
     state: Any,
-    drive: Actuation,
-    foothold: tuple[Any, Any],
+    actuation: Actuation,
+    met: tuple[Any, Any, Any],
     parameters: Mapping[str, Any] | None,
     *,
     duration: Any = None,
@@ -287,8 +290,8 @@ def _walk(
     walker, given = as_walker(walker), check_parameters(parameters)
     units = units_of(varied(walker, given) if given else walker)
     states, phases = as_tensor(state, "state"), torch.as_tensor(phase, dtype=torch.int64)
-    names, given_held = (*Actuation._fields, *UNEVEN), (*drive, *foothold)
-    in_units = (*actuation_units(units), units.length, 1.0)
+    names, given_held = (*Actuation._fields, *UNEVEN, "push", "start"), (*actuation, *met, 0.0)
+    in_units = (*actuation_units(units), units.length, 1.0, units.impulse, 1.0)
     controls = [
         as_tensor(x, name) / unit for name, x, unit in zip(names, given_held, in_units, strict=True)
     ]

@@ -452,6 +452,7 @@ def test_every_option_of_torch_is_heard():
                 push_off=To(0.2, dict(duration=5.0)),
                 rise=To(-0.002, dict(duration=5.0)),
                 turn=To(0.004, dict(duration=5.0)),
+                push=0.1,
                 parameters={"hip_mass": 0.5},
                 tolerance=1e-5,
                 stub=To(
@@ -476,6 +477,7 @@ def test_every_option_of_torch_is_heard():
                 count=3,
                 seed=1,
                 start=doors.standing("level", 2, seed=5),
+                pushes=0.01,
             ),
         ),
     }

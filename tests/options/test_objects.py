@@ -435,6 +435,10 @@ def test_every_picture_is_tested():
 
 
 LEVEL = {"walker": D, "slope": 0.009}
+OF_E = {"walker": gpw.WALKERS["E"], "controller": "constant"}
+OF_LAB = {"walker": gpw.WALKERS["lab"], "slope": 0.036}
+PLAYED = {"control": "stride", "max_hip_torque": 0.0025}  # all of it
+STAIRS = {"stairs": {"rise": -1e-4}}
 WALKED = dict(walkers=4, strides=10, starts=8, spread=0.1)
 SWEPT = {
     "gait": Call(
@@ -448,12 +452,23 @@ SWEPT = {
             hip_torque=0.001,
             ankle_torque=0.001,
             push_off=0.001,
+            controller=To("constant", dict(walker=gpw.WALKERS["E"])),
+            scene=To({**PLAYED, "max_hip_torque": 0.001}, OF_E),
+            terrain=STAIRS,
         ),
     ),
     "family": Call(
         ANALYSES["family"],
         dict(walker=D, slope_min=0.01, slope_max=0.016),
-        dict(walker=gpw.WALKERS["E"], slope_min=0.011, slope_max=0.015, kind="short"),
+        dict(
+            walker=gpw.WALKERS["E"],
+            slope_min=0.011,
+            slope_max=0.015,
+            kind="short",
+            controller=To("constant", dict(walker=gpw.WALKERS["E"], scene=PLAYED)),
+            scene=To({**PLAYED, "max_hip_torque": 0.001}, OF_E),
+            terrain=STAIRS,
+        ),
     ),
     "bifurcation": Call(
         ANALYSES["bifurcation"],
@@ -464,12 +479,23 @@ SWEPT = {
             settle=6,
             keep=50,
             kind=To("short", dict(settle=0)),
+            controller=To("constant", dict(**OF_LAB, scene=PLAYED)),
+            scene=To({**PLAYED, "max_hip_torque": 0.001}, dict(**OF_LAB, controller="constant")),
+            terrain=STAIRS,
         ),
     ),
     "basin": Call(
         ANALYSES["basin"],
         dict(walker=D, slope=0.009, resolution=6, strides=10),
-        dict(walker=gpw.WALKERS["C"], slope=0.018, resolution=9, strides=100),
+        dict(
+            walker=gpw.WALKERS["C"],
+            slope=0.018,
+            resolution=9,
+            strides=100,
+            controller=To("lqr", dict(walker=gpw.WALKERS["E"], resolution=20)),
+            scene=To({**PLAYED, "max_hip_torque": 1e-4}, dict(OF_E, controller="lqr")),
+            terrain=To({"stairs": {"rise": -0.003}}, dict(resolution=20)),
+        ),
     ),
     "reality": Call(
         ANALYSES["reality"],
@@ -479,6 +505,10 @@ SWEPT = {
             slope=0.02,
             kind=To("short", dict(walker=gpw.WALKERS["C"], slope=0.001)),
             friction=0.01,
+            controller=To(
+                "constant", dict(walker=gpw.WALKERS["E"], slope=0.009, friction=0.0), same=True
+            ),
+            scene=To({"max_hip_torque": 0.03}, dict(controller="lab-ppo"), same=True),
         ),
     ),
     "robustness": Call(
@@ -486,8 +516,10 @@ SWEPT = {
         dict(changes=LEVEL, roughness=1e-4, **WALKED),
         dict(
             changes={"walker": D, "slope": 0.01},
-            policy=To("constant", dict(changes={"slope": 0.036, "walker": gpw.WALKERS["lab"]})),
-            scene=To("push-off", dict(policy="passive", changes={**LEVEL, "perturbation": 0.0})),
+            controller=To("constant", dict(changes={"slope": 0.036, "walker": gpw.WALKERS["lab"]})),
+            scene=To(
+                "push-off", dict(controller="passive", changes={**LEVEL, "perturbation": 0.0})
+            ),
             roughness=4e-4,
             walkers=To(9, dict(roughness=4e-4)),
             strides=To(40, dict(roughness=2e-4, walkers=40)),
@@ -503,11 +535,11 @@ SWEPT = {
     ),
     "evaluation": Call(
         ANALYSES["evaluation"],
-        dict(changes={}, policy="steep-ppo", episodes=2),
+        dict(changes={}, controller="steep-ppo", episodes=2),
         dict(
             changes={"slope": 0.112},
-            policy="passive",
-            scene=To("rough", dict(policy="passive")),
+            controller="passive",
+            scene=To("rough", dict(controller="passive")),
             episodes=3,
             seed=1,
         ),

@@ -101,10 +101,12 @@ def test_what_describes_no_sweep_is_refused_in_a_sentence(content, said):
     [
         ("gaits", {}, "choose from gait,"),
         ("nowhere:nothing", {}, "cannot be found"),
-        ("gait", {"slope": 0.03}, "gait needs walker"),
+        ("gait", {"slope": 0.03}, "gait needs a walker, or a controller"),
+        ("gait", {"walker": "lab"}, "gait needs a slope, or a controller"),
+        ("family", {"walker": "lab"}, "family needs slope_min, slope_max"),
         ("gait", {"slope": 0.03, "foot_radius": 0.1}, "foot_radius of which walker"),
         ("gait", {"walker": "lab", "slop": 0.03}, "slop \\(slope\\?\\)"),
-        ("evaluation", {"policy": "level-ppo", "max_hip": 1}, "max_hip_torque\\?"),
+        ("evaluation", {"controller": "level-ppo", "max_hip": 1}, "max_hip_torque\\?"),
     ],
 )
 def test_what_an_analysis_does_not_take_is_refused_in_a_sentence(analysis, given, said):
@@ -121,7 +123,7 @@ SMALL = {
     "robustness": {**LAB, "slope": 0.03, "walkers": 20, "strides": 10, "starts": 8},
     "reality": {**LAB, "slope": 0.03},
     "optimal": {"scene": "lab", "control": "stride", "slope": 0.03, "speed": 0.16},
-    "evaluation": {"policy": "level-ppo", "episodes": 2, "slope": 0.001},
+    "evaluation": {"controller": "level-ppo", "episodes": 2, "slope": 0.001},
 }
 
 
@@ -130,6 +132,15 @@ SMALL = {
 def test_each_analysis_gives_the_same_row_whenever_it_is_asked(name):
     rows = [flat(task(name, SMALL[name])()) for _ in range(2)]
     assert repr(rows[0]) == repr(rows[1]) and len(rows[0]) >= 3
+
+
+def test_a_controller_that_is_swept_is_that_of_the_stride_map():
+    of_policy = {"controller": "steep-ppo", "slope": 0.111}
+    found = gpw.find_gait(gpw.stride_map(controller="steep-ppo"), 0.111)
+    row = task("gait", of_policy)()
+    assert row["found"] and row["multiplier"] == pytest.approx(abs(found.multipliers[0]))
+    with pytest.raises(ValueError, match="motors follow steep-ppo"):
+        task("gait", {**of_policy, "hip_torque": 0.01})()
 
 
 def test_a_swept_gait_is_the_gait():

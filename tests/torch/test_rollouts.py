@@ -14,10 +14,10 @@ from gym_passive_walker.units import units_of
 COUNT = 6
 
 
-def network(seed=0, scale=1.0):
+def network(seed=0, scale=1.0, *, sees=8, actions=1):
     """A small smooth policy in float64."""
     torch.manual_seed(seed)
-    layers = (torch.nn.Linear(8, 16), torch.nn.Tanh(), torch.nn.Linear(16, 1))
+    layers = (torch.nn.Linear(sees, 16), torch.nn.Tanh(), torch.nn.Linear(16, actions))
     policy = torch.nn.Sequential(*layers).double()
     with torch.no_grad():
         for parameter in policy[2].parameters():
@@ -46,10 +46,20 @@ class Steady(torch.nn.Module):
     "scene",
     ["level", "steep", "rolling", "lab", {"walker": "A", "slope": 0.03},
      {"walker": "D", "slope": 0.009}, {"energy": "positive"}, {"longest_stride": 1.0},
-     {"randomise": {"foot_radius": 0.1}, "energy": "net"}],
+     {"randomise": {"foot_radius": 0.1}, "energy": "net"},
+     {"actions": ("hip", "push_off"), "slope": 0.02, "energy": "positive"},
+     {"walker": "E", "slope": 0.009, "actions": ("hip", "ankle", "push_off")},
+     "rough", {"scene": "rough", "terrain": {"rough": {"height_std": 0.01, "slope_std": 0.02}}},
+     {"walker": "lab-straight", "slope": 0.03, "terrain": {"stairs": {"rise": 0.003}},
+      "preview": 1},
+     {"command": (0.1, 0.2), "command_weight": 2.0}],
 )  # fmt: skip
 def test_rewards_observations_and_endings_are_the_environment_s(scene):
-    policy = network()
+    if "scene" in scene and not isinstance(scene, str):
+        scene = make_scene(scene["scene"], terrain=scene["terrain"])
+    scene = make_scene(scene)
+    size = 8 + (scene.command is not None) + 2 * scene.preview
+    policy = network(sees=size, actions=len(scene.actions))
     walked = rollout(policy, scene, 60, count=COUNT, seed=3)
     env = PassiveWalkerVectorEnv(COUNT, scene, autoreset_mode="Disabled")
     seen, _ = env.reset(seed=3)
@@ -57,7 +67,7 @@ def test_rewards_observations_and_endings_are_the_environment_s(scene):
     for k in range(60):
         np.testing.assert_array_equal(walked.going[k], going)
         np.testing.assert_allclose(walked.observations[k].detach()[going], seen[going], atol=1e-6)
-        actions = policy(walked.observations[k]).detach().numpy()
+        actions = policy(walked.observations[k].detach()).detach().numpy()
         seen, rewards, ended, _, told = env.step(actions)
         np.testing.assert_allclose(walked.rewards[k].detach(), rewards, rtol=0.0, atol=1e-7)
         np.testing.assert_allclose(
@@ -125,7 +135,7 @@ def test_a_walk_in_two_parts_is_the_walk():
     assert torch.equal(apart.rewards, second.rewards)
     assert apart.end.states.requires_grad and first.end.progress.requires_grad
     here = first.end.detach()
-    tensors = [*here[:5], *here.parameters.values(), here.outcome]
+    tensors = [*here[:6], *here.parameters.values(), here.outcome]
     assert not any(part.requires_grad for part in tensors)
 
 
@@ -151,3 +161,73 @@ def test_policies_of_other_numbers_are_refused():
         rollout(lambda seen: seen[:, :2], "level", 1)
     with pytest.raises(ValueError, match="horizon must be a whole number"):
         rollout(network(), "level", 0)
+
+
+DRIVEN = {
+    "walker": "E", "slope": 0.009, "actions": ("hip", "ankle", "push_off"), "tick": 0.4,
+    "tolerance": 1e-13, "perturbation": 0.003, "energy": "positive", "max_push_off": 0.02,
+    "max_hip_torque": 0.01, "max_ankle_torque": 0.01,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"terrain": {"rough": {"height_std": 0.001, "slope_std": 0.002}}, "preview": 1},
+     {"command": 0.2, "command_weight": 1.0}],
+)  # fmt: skip
+def test_every_motor_and_every_push_has_its_gradient_on_any_ground(changes):
+    """Through several strides, by what the motors are given and by pushes on the hip."""
+    scene, ticks = make_scene(DRIVEN | changes), 21
+    torch.manual_seed(2)
+    shares = 0.05 * torch.rand(3, dtype=torch.float64) + 0.01
+    pushes = 1e-4 * torch.randn(ticks, COUNT, dtype=torch.float64)
+
+    def returned(shares, pushes):
+        policy = lambda seen: shares + 1e-3 * seen[:, :3]  # noqa: E731
+        return rollout(policy, scene, ticks, count=COUNT, seed=1, pushes=pushes)
+
+    walked = returned(shares.requires_grad_(), pushes.requires_grad_())
+    assert walked.end.going.all() and walked.end.strides.sum() > COUNT
+    given = (shares, pushes)
+    gradients = torch.autograd.grad(walked.returns.sum(), given)
+    for part, gradient in enumerate(gradients):
+        assert (gradient.abs() > 1e-6).any()
+        for direction in torch.randn(2, *gradient.shape, dtype=torch.float64):
+            moved = [
+                1e-6 * direction if i == part else torch.zeros_like(x) for i, x in enumerate(given)
+            ]
+            with torch.no_grad():
+                ahead, behind = (
+                    returned(
+                        *(x + sign * by for x, by in zip(given, moved, strict=True))
+                    ).returns.sum()
+                    for sign in (1.0, -1.0)
+                )
+            difference = float((ahead - behind) / 2e-6)
+            assert difference == pytest.approx(float((gradient * direction).sum()), rel=1e-5)
+
+
+@pytest.mark.parametrize("walker", ["A", "lab", "lab-straight", "D"])
+def test_a_push_of_a_rollout_is_the_environment_s(walker):
+    scene = {"walker": walker, "slope": 0.02 if walker == "A" else 0.009, "perturbation": 0.0}
+    scene = make_scene(scene if walker != "lab" else scene | {"slope": 0.036})
+    pushes = torch.zeros((12, 1), dtype=torch.float64)
+    pushes[4] = 0.02
+    walked = rollout(lambda seen: 0.0 * seen[:, 0], scene, 12, count=1, seed=0, pushes=pushes)
+    idle = make_scene(scene, pushes={"rate": 0.0, "impulse": 0.0})
+    env = PassiveWalkerVectorEnv(1, idle)
+    env.reset(seed=0)
+    env.batch.put_in_the_way(impulses=[0.02], times=[4 * scene.tick])
+    for k in range(12):
+        _, rewards, *_ = env.step(np.zeros((1, 1), np.float32))
+        assert rewards[0] == pytest.approx(float(walked.rewards[k, 0]), abs=1e-9)
+    units = units_of(scene.walker)
+    found = units.to_dimensionless(env.batch.states)
+    np.testing.assert_allclose(walked.end.states, found, atol=1e-8)
+
+
+def test_what_is_no_push_or_not_known_beforehand_is_refused():
+    with pytest.raises(ValueError, match=r"pushes must be a number or of shape \(5, 16\)"):
+        rollout(lambda seen: seen[:, 0], "level", 5, pushes=np.zeros((4, 16)))
+    with pytest.raises(ValueError, match="walks with gradients go without pushes"):
+        rollout(network(), {"pushes": {"rate": 0.1, "impulse": 0.01}}, 5)

@@ -140,6 +140,28 @@ def test_a_tick_that_ends_with_heelstrike_has_the_push_off_s_gradient():
     assert torch.autograd.gradcheck(walk, inputs, **THOROUGHLY)
 
 
+@pytest.mark.parametrize("name", ["A", "D", "lab", "lab-straight"])
+def test_a_push_has_its_gradient_and_takes_what_walkers_are_made_of_with_it(name):
+    """In both phases of a stride, against differences, and by the momentum that it brings."""
+    slope, states = gait(name)
+    mass = "hip_mass" if gpw.WALKERS[name].massless_legs else "thigh_mass"
+    inputs = states, number([0.03, -0.02]), number(getattr(gpw.WALKERS[name], mass))
+    late = 0.8 * float(gpw.find_gait(name, slope).stride.duration)
+    for phase in (torch.tensor([0, 0]), tick(name, slope, states, 0.0, duration=late).phase):
+
+        def walk(states, push, value, phase=phase):
+            told = tick(
+                name, slope, states, 0.0, duration=0.1, phase=phase, push=push,
+                parameters={mass: value}, tolerance=1e-13,
+            )  # fmt: skip
+            return told.state, *told[2:5]
+
+        assert torch.autograd.gradcheck(walk, inputs, **THOROUGHLY)
+    still = tick(name, slope, states, 0.0, duration=1e-9)
+    pushed = tick(name, slope, states, 0.0, duration=1e-9, push=0.01)
+    assert (pushed.state[:, 3] < still.state[:, 3]).all()  # the stance leg goes downhill faster
+
+
 def test_round_feet_bear_no_ankle_torque_in_torch_either():
     slope, states = gait("lab")
     with pytest.raises(ValueError, match="ankle_torque needs point feet"):
