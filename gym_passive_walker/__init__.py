@@ -29,14 +29,15 @@ from gym_passive_walker.gaits.bifurcation import (
     BifurcationDiagram,
     bifurcation_diagram,
     crisis_slope,
+    lyapunov_exponents,
 )
-from gym_passive_walker.gaits.design import Design, optimise_walker
+from gym_passive_walker.gaits.dense_stride import Extreme, Impulse
+from gym_passive_walker.gaits.design import Design, optimise_walker, tune_to_walk
 from gym_passive_walker.gaits.doubling import Cascade, doubling_cascade
 from gym_passive_walker.gaits.family import GaitFamily, gait_family, parameter_family
 from gym_passive_walker.gaits.first_passage import leading_eigenvalue
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
-from gym_passive_walker.gaits.lyapunov import lyapunov_exponents
 from gym_passive_walker.gaits.measures import (
     FootVelocity,
     Measures,
@@ -44,19 +45,16 @@ from gym_passive_walker.gaits.measures import (
     foot_velocity,
     measures,
 )
-from gym_passive_walker.gaits.phases import Impulse
 from gym_passive_walker.gaits.reality import RealityCheck, reality_check
 from gym_passive_walker.gaits.scaling import (
     exponent_crossings,
     local_exponents,
     transition_slope,
 )
-from gym_passive_walker.gaits.series import Extreme
 from gym_passive_walker.gaits.stability import stride_jacobian
 from gym_passive_walker.gaits.stride import Stride, stride
 from gym_passive_walker.gaits.terrain import Terrain, footholds, rough, stairs, waves
 from gym_passive_walker.gaits.trajectory import Trajectory, simulate
-from gym_passive_walker.gaits.tuned import tune_to_walk
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.policies import PolicyError, TrainedPolicy, load_policy
 from gym_passive_walker.sweeps.run import Swept, sweep

@@ -20,8 +20,7 @@ from gym_passive_walker.cli.arguments import (
     walker_of,
 )
 from gym_passive_walker.cli.report import Report, listing, record, table
-from gym_passive_walker.gaits.attractors import FELL, UNSETTLED
-from gym_passive_walker.gaits.basin import basin_of_attraction
+from gym_passive_walker.gaits.basin import FELL, UNSETTLED, basin_of_attraction
 from gym_passive_walker.gaits.bifurcation import bifurcation_diagram
 from gym_passive_walker.gaits.family import gait_family
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits

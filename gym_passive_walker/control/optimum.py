@@ -23,7 +23,7 @@ from gym_passive_walker.control.ticks import TickedStride, before_kneestrike, ti
 from gym_passive_walker.envs.scene import CHANNELS, Scene
 from gym_passive_walker.gaits.flow import Walkers
 from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
-from gym_passive_walker.gaits.stability import NoStride
+from gym_passive_walker.gaits.passage import NoStride
 
 _ITERATIONS = 600
 _FIRST = 6  # iterations among all unknowns, before those are set aside that stay at their bounds

@@ -27,8 +27,8 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.arguments import check_state, number, one_slope
 from gym_passive_walker.envs.scene import Scene, SceneError, make_scene
 from gym_passive_walker.gaits.actuation import actuation_units
+from gym_passive_walker.gaits.dense_stride import states_at
 from gym_passive_walker.gaits.gait import Gait
-from gym_passive_walker.gaits.samples import states_at
 from gym_passive_walker.physics.hybrid import Control, Ground, State
 from gym_passive_walker.physics.systems import body_of, system_of
 from gym_passive_walker.units import units_of

@@ -25,27 +25,28 @@ from gym_passive_walker.arguments import (
     shown,
     whole,
 )
-from gym_passive_walker.gaits.attractors import (
-    FELL,
-    UNSETTLED,
-    Attractors,
-    stable_gaits,
-    walk_until_settled,
-)
+from gym_passive_walker.gaits.bifurcation import period_of
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
-from gym_passive_walker.gaits.posture import heelstrike
-from gym_passive_walker.gaits.search import seek
+from gym_passive_walker.gaits.search import heelstrike, seek
+from gym_passive_walker.gaits.section import logarithms
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
+from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
 from gym_passive_walker.walkers import Walker, describe, name_of
+
+FELL, UNSETTLED = -1, -2
+"""Instead of a gait's index: the walker fell, or still walks on none of the gaits."""
 
 _CHUNK = 1 << 16  # cells walked together
 _PUSHES = 512  # tried at a time
 _FINEST_PUSH = 1e-15  # of the gait's stance rate
 _FINEST = 10_000  # angles, by as many rates
 _EXACT, _ROUGHLY = 1e-13, 1e-8  # tolerances, on a gait and where walks are only looked over
+_LONGEST_PERIOD = 12
+_SETTLING = 500  # strides taken before a walk is looked at
+_WALKED, _ALONG = 1e-9, 1e-12  # tolerances of such walks, and along gaits
 _SPAN = 2.2  # a default slice reaches from 0 to so many times the gait's angle and rate
 
 
@@ -114,6 +115,117 @@ class Push(NamedTuple):
 
     forward: float
     backward: float
+
+
+class Attractors:
+    """Points of the stable gaits at a slope, to tell which one a walk is about to settle on.
+
+    Args:
+        stride_map: Whose gaits.
+        gaits: The gaits, of any period.
+        near: Distance in logarithmic coordinates that counts as close.
+    """
+
+    def __init__(self, stride_map: StrideMap, gaits: list[Gait], near: float) -> None:
+        self.near = near
+        self.points: list[NDArray] = []
+        self.owner: list[int] = []
+        finely = stride_map.with_tolerance(_ALONG)
+        for index, gait in enumerate(gaits):
+            point = finely.points_at(gait.state)
+            for _ in range(gait.period):
+                self.points.append(logarithms(point)[0])
+                self.owner.append(index)
+                point = finely.apply(point, gait.slope).ends
+
+    def of(self, points: NDArray) -> NDArray[np.int8]:
+        """Index of the gait that each point (n, m) is close to; UNSETTLED if to none."""
+        index = np.full(len(points), UNSETTLED, np.int8)
+        with np.errstate(invalid="ignore"):  # one that stands on a step may lean back
+            u = logarithms(points)
+        for point, owner in zip(self.points, self.owner, strict=True):
+            index[np.abs(u - point).max(axis=1) < self.near] = owner
+        return index
+
+
+def walk_until_settled(
+    stride_map: StrideMap, points: NDArray, slope: float, gaits: Attractors, most: int
+) -> tuple[NDArray[np.int8], NDArray[np.int8], NDArray[np.int32], NDArray[np.float64]]:
+    """Let walkers walk until each has fallen, or has come close to a stable gait.
+
+    Args:
+        stride_map: Who walks.
+        points: Where they start, (n, m).
+        slope: Slope in rad.
+        gaits: The gaits to come close to.
+        most: Strides after which a walk counts as unsettled.
+
+    Returns:
+        Of each walk the gait that it has come close to, FELL or UNSETTLED; how its last stride
+        ended, an `Outcome`; the strides completed, (n,) each; and its last point, (n, m).
+    """
+    count, here = len(points), points.copy()
+    settled, outcome = (
+        np.full(count, UNSETTLED, np.int8),
+        np.full(count, Outcome.HEELSTRIKE, np.int8),
+    )
+    strides, walking = np.zeros(count, np.int32), np.arange(count)
+    with progress("strides until all have settled", most) as taken:
+        for _ in range(most):
+            passage = stride_map.apply(here[walking], slope)
+            on = passage.alive
+            outcome[walking] = passage.outcomes
+            settled[walking[~on]] = FELL
+            walking = walking[on]
+            here[walking] = passage.ends[on]
+            strides[walking] += 1
+            settled[walking] = gaits.of(here[walking])
+            walking = walking[settled[walking] == UNSETTLED]
+            if len(walking) == 0:
+                break
+            taken()
+    return settled, outcome, strides, here
+
+
+def other_attractors(
+    stride_map: StrideMap, slope: float, points: NDArray, known: list[Gait]
+) -> list[Gait]:
+    """The stable gaits of any period, besides those known, that walks from a slice settle on.
+
+    Args:
+        stride_map: Who walks.
+        slope: Slope in rad.
+        points: Those of the slice, (n, m), of which a sample is taken.
+        known: Stable gaits.
+
+    Returns:
+        Gaits, those of short period first; none for a walk that is still unsettled or chaotic.
+    """
+    sample = points[:: max(1, len(points) // 4096)]
+    roughly = stride_map.with_tolerance(_ROUGHLY)
+    attractors = Attractors(roughly, known, 1e-2)
+    settled, _, _, points = walk_until_settled(roughly, sample, slope, attractors, 60)
+    if not np.any(settled == UNSETTLED):
+        return []
+    roughly = stride_map.with_tolerance(_WALKED)
+    points = roughly.apply(points[settled == UNSETTLED], slope, strides=_SETTLING).ends
+    points = points[np.isfinite(points[:, 0])]
+    angles, here = [], points
+    for _ in range(2 * _LONGEST_PERIOD):
+        here = roughly.apply(here, slope).ends
+        angles.append(here[:, 0])
+    periods = period_of(np.array(angles).T, _LONGEST_PERIOD, 1e-4)
+    found: list[Gait] = []
+    for period in sorted(set(periods[periods > 0].tolist())):
+        left = points[periods == period]
+        while len(left):
+            guess = stride_map.states_at(left[:1])
+            gaits = find_gaits(stride_map, slope, period=period, guess=guess)[:1]
+            if not gaits:
+                break
+            found += [gait for gait in gaits if gait.stable]
+            left = left[Attractors(stride_map, gaits, 1e-2).of(left) == UNSETTLED]
+    return found
 
 
 def _slice(
@@ -198,7 +310,7 @@ def basin_of_attraction(
     grid = np.meshgrid(angles, rates * stride_map.units.time)
     points = _slice(stride_map, gait, grid[0].ravel(), grid[1].ravel(), ratios)
     stable = [x for x in known if x.stable]
-    stable += _others(stride_map, slope, points, stable)
+    stable += other_attractors(stride_map, slope, points, stable)
     attractors = Attractors(stride_map, stable, near)
     parts = []
     with progress("cells of the basin", len(points)) as walked:
@@ -218,15 +330,6 @@ def _axis(given: ArrayLike | None, otherwise: NDArray, name: str) -> NDArray[np.
     if values.ndim != 1 or len(values) == 0:
         raise ValueError(f"{name} must be {allowed}, not of shape {values.shape}")
     return values
-
-
-def _others(stride_map: StrideMap, slope: float, points: NDArray, stable: list[Gait]) -> list[Gait]:
-    """Stable gaits besides those known, from a sample of a slice."""
-    sample = points[:: max(1, len(points) // 4096)]
-    roughly = stride_map.with_tolerance(_ROUGHLY)
-    settled = walk_until_settled(roughly, sample, slope, Attractors(roughly, stable, 1e-2), 60)
-    left = settled.points[settled.index == UNSETTLED]
-    return stable_gaits(stride_map, slope, left) if len(left) else []
 
 
 def largest_push(
@@ -271,8 +374,7 @@ def largest_push(
     def survived(changes: NDArray) -> NDArray[np.bool_]:
         points = np.repeat(start, len(changes), axis=0)
         points[:, 1] += changes
-        settled = walk_until_settled(stride_map, points, slope, attractors, strides)
-        return settled.index != FELL
+        return walk_until_settled(stride_map, points, slope, attractors, strides)[0] != FELL
 
     def limit(direction: float) -> float:
         share = np.arange(1, _PUSHES + 1) / _PUSHES

@@ -1,9 +1,10 @@
-"""What becomes of a gait that has lost its stability: settled walks, doublings, chaos, crisis.
+"""What becomes of a gait that has lost its stability: settled walks, chaos, crisis.
 
 A settled walk is found by walking; lanes take many slopes at once. The doublings themselves are
-not read off a diagram but located on the unstable gaits, by Newton's method with exact derivatives.
+not read off a diagram but located on the unstable gaits (see `doubling`).
 
 References:
+    G. Benettin, L. Galgani, A. Giorgilli, J.-M. Strelcyn, Meccanica 15 (1980) 9-20, for exponents.
     M. J. Feigenbaum, "Quantitative universality for a class of nonlinear transformations",
     J. Stat. Phys. 19 (1978) 25-52.
 """
@@ -26,9 +27,9 @@ from gym_passive_walker.arguments import (
     truth,
     whole,
 )
-from gym_passive_walker.gaits.attractors import period_of
 from gym_passive_walker.gaits.family import GaitFamily, gait_family
 from gym_passive_walker.gaits.gait import GaitKind
+from gym_passive_walker.gaits.section import by_logarithms, in_logarithms
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
@@ -84,6 +85,26 @@ class BifurcationDiagram(Table):
             "stride": np.tile(np.arange(keep), count),
             "stance_angle": self.stance_angle.ravel(),
         }
+
+
+def period_of(values: ArrayLike, longest: int, tolerance: float = 1e-6) -> NDArray[np.int64]:
+    """The smallest period with which sequences repeat; 0 where none does.
+
+    Args:
+        values: Sequences, shape (..., count), longer than `longest`.
+        longest: Longest period looked for.
+        tolerance: How nearly they repeat, relative to their size.
+    """
+    values = np.asarray(values, dtype=float)
+    if not 1 <= longest < values.shape[-1]:
+        raise ValueError(f"a period from 1 to below {values.shape[-1]}, not {longest}")
+    with np.errstate(invalid="ignore"):
+        size = tolerance * np.abs(values).max(axis=-1)
+        period = np.zeros(values.shape[:-1], dtype=np.int64)
+        for p in range(longest, 0, -1):
+            gap = np.abs(values[..., p:] - values[..., :-p]).max(axis=-1)
+            period[gap <= size] = p
+    return period
 
 
 def nearest_on(family: GaitFamily, slopes: NDArray) -> NDArray[np.float64]:
@@ -286,3 +307,61 @@ def _all_walk(stride_map: StrideMap, points: NDArray, slope: float, strides: int
         if not np.all(np.isfinite(points)):
             break
     return points
+
+
+def lyapunov_exponents(
+    walker: MapLike,
+    slopes: ArrayLike,
+    *,
+    count: int = 1,
+    strides: int = 2000,
+    settle: int = 500,
+    start: ArrayLike | None = None,
+    kind: GaitKind = "long",
+    tolerance: float = 1e-10,
+) -> NDArray[np.float64]:
+    """Lyapunov exponents of the settled walk, per stride, from exact derivatives of each stride.
+
+    A positive one means chaos: neighbouring walks part by its exponential at each stride. On a
+    stable gait of period n they are ln|multipliers| / n.
+
+    Args:
+        walker: The walker, or a map of `stride_map`, as for `bifurcation_diagram`.
+        slopes: Slopes in rad.
+        count: How many exponents, from the largest on; at most the section's dimension.
+        strides: Strides averaged over.
+        settle: Strides taken before.
+        start: A section state to begin with, or one for each slope; beside the gait if None.
+        kind: Which gait to begin beside.
+        tolerance: Of the integration.
+
+    Returns:
+        Shape (n, count), largest first; NaN where the walker falls.
+    """
+    stride_map = map_of(walker, tolerance=check_tolerance(tolerance))
+    values = several_slopes(slopes, downhill=stride_map.passive)
+    strides, settle = whole(strides, "strides"), whole(settle, "settle", 0)
+    m = stride_map.dimension
+    count = whole(count, "count", 1, m)
+    points = beginnings(stride_map, values, kind, start)
+    points = stride_map.apply(points, values, strides=settle).ends
+    exponents = np.full((len(values), count), np.nan)
+    walking = np.flatnonzero(np.isfinite(points[:, 0]))
+    points = points[walking]
+    frames = np.broadcast_to(np.eye(m)[:, :count], (len(points), m, count))
+    sums = np.zeros((len(points), count))
+    with progress("strides averaged over", strides) as averaged:
+        for _ in range(strides):
+            averaged()
+            if len(walking) == 0:
+                break
+            # In logarithmic coordinates, as rates are of another size than angles.
+            along = by_logarithms(points) @ frames
+            passage, change = stride_map.linearize(points, values[walking], along=along)
+            on = passage.alive
+            walking, points, sums = walking[on], passage.ends[on], sums[on]
+            frames, triangle = np.linalg.qr(in_logarithms(points, change.ends[on]))
+            with np.errstate(divide="ignore"):  # a direction that a strike forgets: minus infinity
+                sums = sums + np.log(np.abs(np.diagonal(triangle, axis1=1, axis2=2)))
+    exponents[walking] = sums / strides
+    return exponents

@@ -1,35 +1,46 @@
-"""Design by gradient: walkers that do something best, of all within bounds.
+"""Design by gradient: walkers that do something best within bounds, and tuned walkers that walk.
 
-Every walker tried is judged by its gait and the gait's derivatives (see `candidates`); SciPy's
-SLSQP (D. Kraft, 1988) chooses the next.
+Every walker tried is judged by its gait and the gait's derivatives; SciPy's SLSQP (D. Kraft, 1988)
+chooses the next (see `design_nlp`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats.qmc import Halton
 
-from gym_passive_walker.arguments import gait_kind, number, shown, truth, whole
-from gym_passive_walker.gaits.candidates import Candidates, Judged
-from gym_passive_walker.gaits.circle import spectral_radius
+from gym_passive_walker.arguments import gait_kind, number, one_slope, shown, truth, whole
+from gym_passive_walker.gaits.design_nlp import CIRCLE, Candidates, Judged, Programme, slsqp
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
-from gym_passive_walker.gaits.programme import Programme
-from gym_passive_walker.gaits.quantities import QUANTITIES, SPECTRAL_RADIUS
-from gym_passive_walker.gaits.sensitivity import SLOPE
+from gym_passive_walker.gaits.objectives import QUANTITIES, SPECTRAL_RADIUS, spectral_radius
+from gym_passive_walker.gaits.search import glance, seek
+from gym_passive_walker.gaits.sensitivity import SLOPE, place_near
 from gym_passive_walker.gaits.stride_map import MapLike, map_of
-from gym_passive_walker.walkers import PARAMETERS, Walker, describe
+from gym_passive_walker.progress import said
+from gym_passive_walker.walkers import (
+    PARAMETERS,
+    Walker,
+    WalkerLike,
+    as_walker,
+    describe,
+    tune,
+)
 
 Range = float | tuple[float | None, float | None]
 """What a quantity has to be: a value, or one from low to high, either of them None."""
 
-_MET = 1e-6  # by what share of its size a constraint may be missed
+_MET = 1e-6  # by what share of its size a constraint may be missed; multipliers, a circle
 _OF_THE_SIMPLEST = (SLOPE, "thigh_length", "shank_length", "hip_mass", "gravity")
 _OF_THE_SIMPLEST += ("hip_stiffness", "hip_friction")
+_MOVED = ("thigh_com", "thigh_gyration", "shank_com", "shank_gyration")
+_TUNED = (*_MOVED, "thigh_offset", "shank_offset")
+_SHARES = (0.05, 0.6)  # of a segment's length: where such designs are looked for
+_LOOKS = 128  # designs looked at
 
 
 @dataclass(frozen=True)
@@ -115,15 +126,11 @@ def optimise_walker(
     if "knee_margin" in names and not walker.knees:
         raise ValueError("knee_margin is of walkers with knees, and this one has none")
     before = find_gait(stride_map, slope, kind)
+    judged_by = sorted(names - {SPECTRAL_RADIUS})
     candidates = Candidates(
-        before,
-        parameters,
-        box,
-        sorted(names - {SPECTRAL_RADIUS}),
-        multipliers=SPECTRAL_RADIUS in names,
+        before, parameters, box, judged_by, multipliers=SPECTRAL_RADIUS in names
     )
     programme = Programme(candidates, objective, -1.0 if maximise else 1.0, ranges)
-    first = candidates.at(candidates.first)
     found = programme.solve(iterations)
     missed = programme.missed(found.x)
     last = candidates.at(found.x[: len(parameters)])
@@ -138,17 +145,17 @@ def optimise_walker(
         objective=objective,
         before=before,
         after=measure(place.stride_map, place.u, place.slope, 1),
-        values={name: (_value(first, name), _value(last, name)) for name in sorted(names)},
+        values={
+            name: (_value(programme.first, name), _value(last, name)) for name in sorted(names)
+        },
         tried=candidates.tried,
         converged=bool(found.success),
         message=str(found.message),
     )
 
 
-def _value(judged: Judged | None, name: str) -> float:
+def _value(judged: Judged, name: str) -> float:
     """One of a candidate's quantities."""
-    if judged is None:
-        return np.nan
     if name == SPECTRAL_RADIUS:
         return spectral_radius(judged.gait.map)
     return float(judged.quantities[name][0])
@@ -188,19 +195,14 @@ def _ranges(constraints: Mapping[str, Range]) -> dict[str, tuple[float | None, f
     return ranges
 
 
-def _strings(value: Any) -> bool:
-    """Whether something is a row of strings, at least one."""
-    if isinstance(value, str | bytes) or not isinstance(value, Sequence) or not value:
-        return False
-    return all(isinstance(name, str) for name in value)
-
-
 def _box(
     walker: Walker, slope: float, parameters: Sequence[str], bounds: Sequence[tuple[float, float]]
 ) -> NDArray[np.float64]:
     """Bounds of the parameters, checked, (k, 2)."""
     allowed = _OF_THE_SIMPLEST if walker.massless_legs else (SLOPE, *PARAMETERS)
-    if not _strings(parameters) or len(set(parameters)) < len(parameters):
+    listed = isinstance(parameters, Sequence) and not isinstance(parameters, str | bytes)
+    names = list(parameters) if listed else []
+    if not all(isinstance(name, str) for name in names) or not 0 < len(names) == len(set(names)):
         raise ValueError(
             f"parameters must be different names, a list of them, not {shown(parameters)}"
         )
@@ -225,3 +227,108 @@ def _box(
             )
         box.append((low, high))
     return np.array(box)
+
+
+def tune_to_walk(walker: WalkerLike, slope: float, *, radius: float = 0.8) -> Gait:
+    """The nearest tuned walker that walks, stably, at a slope; as its long-step gait.
+
+    `tune` moves offsets alone, and what it makes of a walker that walks may have no gait. Here the
+    centres of mass and the gyrations of thigh and shank change as well, as little as need be: by
+    the root of the sum of squares of all changes from `tune(walker)`. Lengths, masses and feet
+    stay. If `tune(walker)` walks so itself, it is the answer.
+
+    Args:
+        walker: The walker, in a form that `as_walker` takes.
+        slope: Slope in rad.
+        radius: The largest modulus that a multiplier may have. Nearer to 1 the walk is lost by ever
+            smaller changes of the design, which is hardly nearer for it; but at vanishing slopes
+            every tuned walker needs that.
+
+    Returns:
+        The gait; `gait.walker` is the design. It is nearest among those near it; the search, of
+        some seconds, begins at the nearest of 128 designs that walk so.
+
+    Raises:
+        GaitNotFound: if none of these walks.
+        WalkerError: if the walker cannot be tuned.
+    """
+    walker, slope = as_walker(walker), one_slope(slope)
+    radius = number(radius, "radius", above=0.0)
+    tuned = tune(walker)
+    gait = seek(tuned, slope).gait
+    if gait is not None and np.abs(gait.multipliers[0]) <= radius:
+        return gait
+    with said(f"tuned, this walker does not walk so at slope {slope:g} rad: looking for one"):
+        start = _start(tuned, slope, radius)
+        if start is not None:
+            return _nearest(start, tuned, radius) or start
+    raise GaitNotFound(
+        f"no tuned walker near {describe(walker)} has a long-step gait at slope {slope:g} "
+        f"rad with multipliers up to {radius:g}: none of {_LOOKS} with their segments' centres "
+        "of mass and gyrations elsewhere; change lengths, masses or the foot, or the slope"
+    )
+
+
+def _parts(walker: Walker) -> NDArray[np.float64]:
+    """What is moved, (6,)."""
+    return np.array([getattr(walker, name) for name in _TUNED])
+
+
+def _start(tuned: Walker, slope: float, radius: float) -> Gait | None:
+    """The gait of a tuned walker, the nearest of many that walk."""
+    if tuned.massless_legs:  # nothing to move
+        return None
+    lengths = np.repeat([tuned.thigh_length, tuned.shank_length], 2)
+    low, high = _SHARES
+    places = (low + (high - low) * Halton(4, scramble=False).random(_LOOKS)) * lengths
+    walkers = [
+        tune(replace(tuned, **dict(zip(_MOVED, place, strict=True)))) for place in places.tolist()
+    ]
+    walkers.sort(key=lambda walker: float(np.linalg.norm(_parts(walker) - _parts(tuned))))
+    for walker in walkers:
+        gait = glance(walker, slope, "long")
+        if gait is not None and np.abs(gait.multipliers[0]) <= radius:
+            return gait
+    return None
+
+
+def _nearest(start: Gait, tuned: Walker, radius: float) -> Gait | None:
+    """The tuned walker nearest to one, of those that a gait can be followed to."""
+    length = tuned.leg_length
+    box = length * np.array([[0.0 if name.endswith("gyration") else -1.0, 1.0] for name in _TUNED])
+    candidates = Candidates(start, _TUNED, box, (), multipliers=True)
+    width = box[:, 1] - box[:, 0]
+    goal = (_parts(tuned) - box[:, 0]) / width
+
+    def tied(x: NDArray) -> NDArray:
+        here = box[:, 0] + width * x
+        walker = replace(tuned, **dict(zip(_MOVED, here[:4].tolist(), strict=True)))
+        return (here[4:] - _parts(tune(walker))[4:]) / length
+
+    # Offsets of tuned walkers are linear in the centres of mass.
+    ties = np.stack([tied(x) - tied(np.zeros(6)) for x in np.eye(6)], axis=1)
+
+    def circle(x: NDArray) -> tuple[NDArray, NDArray]:
+        judged = candidates.at(x)
+        if judged is None:
+            return -np.ones(CIRCLE), np.zeros((CIRCLE, 6))
+        values, by = judged.inside(radius)
+        return values, by[:, :6]
+
+    def distance(x: NDArray) -> tuple[float, NDArray]:
+        away = (x - goal) * width / length
+        if candidates.at(x) is None:
+            return np.inf, np.zeros(6)
+        return float(away @ away), 2.0 * away * width / length
+
+    found = slsqp(
+        distance, candidates.first, [(0.0, 1.0)] * 6,
+        equal=lambda x: (tied(x), ties), beyond=circle, iterations=200,
+    )  # fmt: skip
+    judged = candidates.at(found.x)
+    if judged is None or circle(found.x)[0].min() < -_MET:
+        return None
+    place = judged.gait.place
+    tuned_map = place.stride_map.with_walker(tune(place.walker))
+    exact = place_near(tuned_map, place.slope, place.u)  # tuned to the last digit
+    return exact and measure(exact.stride_map, exact.u, exact.slope, 1)

@@ -14,11 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.arguments import whole
-from gym_passive_walker.gaits.continuation import points_along
-from gym_passive_walker.gaits.curve import Axis, Curve, Point, doubling_test, locate
+from gym_passive_walker.gaits.continuation import (
+    Axis,
+    Curve,
+    Point,
+    doubling_test,
+    locate,
+    points_along,
+)
 from gym_passive_walker.gaits.family import gait_family
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
-from gym_passive_walker.gaits.log_chart import logarithms
+from gym_passive_walker.gaits.section import logarithms
 from gym_passive_walker.gaits.stride_map import MapLike, map_of
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
@@ -115,19 +121,17 @@ def doubling_cascade(
     curve = Curve(stride_map, Axis("slope", slope_min, slope_max))
     u = logarithms(stride_map.points_at(family.state[nearest]))[0]
     here = curve.correct(np.append(u, curve.axis.coordinate(slope)))
-    slopes: list[float] = []
     gaits: list[Gait] = []
     with progress("period doublings", doublings) as located:
         while here is not None:
-            slopes.append(curve.value_at(here))
-            gaits.append(measure(stride_map, here.y[:-1], slopes[-1], curve.period))
+            gaits.append(measure(stride_map, here.y[:-1], curve.value_at(here), curve.period))
             located()
-            if len(slopes) == doublings:
+            if len(gaits) == doublings:
                 break
             curve = replace(curve, period=2 * curve.period)
             here = _next_doubling(curve, here, curve.axis.coordinate(slope_max))
-    periods = tuple(gait.period for gait in gaits)
-    return Cascade(stride_map.walker, periods, tuple(slopes), tuple(gaits))
+    periods, slopes = (tuple(getattr(gait, name) for gait in gaits) for name in ("period", "slope"))
+    return Cascade(stride_map.walker, periods, slopes, tuple(gaits))
 
 
 def _next_doubling(curve: Curve, birth: Point, high: float) -> Point | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -10,13 +11,22 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.arguments import gait_kind, instance, number, one_slope, shown
 from gym_passive_walker.gaits.actuation import Actuation, one_actuation
-from gym_passive_walker.gaits.continuation import follow
-from gym_passive_walker.gaits.curve import Axis, Curve, Point, locate
-from gym_passive_walker.gaits.ends import BOUND, STANCE_STOPS, End, margins
+from gym_passive_walker.gaits.continuation import (
+    BOUND,
+    STANCE_STOPS,
+    Axis,
+    Curve,
+    End,
+    Point,
+    follow,
+    locate,
+    margins,
+)
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, multipliers_of
-from gym_passive_walker.gaits.log_chart import logarithms
 from gym_passive_walker.gaits.search import glance, seek
+from gym_passive_walker.gaits.section import logarithms
+from gym_passive_walker.gaits.sensitivity import size_of
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
@@ -123,12 +133,7 @@ class GaitFamily(Table):
 
 
 def _family(
-    stride_map: StrideMap,
-    axis: Axis,
-    gait: Gait,
-    value: float,
-    bounds: tuple[float, float],
-    resolution: float,
+    stride_map: StrideMap, axis: Axis, gait: Gait, value: float, resolution: float
 ) -> GaitFamily:
     """The family of a gait at a value of what is varied, both ways from it."""
     period, walker = gait.period, stride_map.walker
@@ -137,9 +142,8 @@ def _family(
     start = curve.correct(np.append(u, axis.coordinate(value)))
     if start is None:
         raise GaitNotFound(f"the gait of {describe(walker)} at {value} could not be followed")
-    low, high = (axis.coordinate(bound) for bound in bounds)
-    up = follow(curve, start, low, high, resolution)
-    down = follow(curve, start._replace(tangent=-start.tangent), low, high, resolution)
+    up = follow(curve, start, resolution)
+    down = follow(curve, start._replace(tangent=-start.tangent), resolution)
     along = down.points[:0:-1] + up.points
     there, points, slopes, values = curve.gaits_at(along)
     passage, units = there.apply(points, slopes, strides=period), there.units
@@ -168,14 +172,13 @@ def _halts(
 ) -> tuple[tuple[float, ...], tuple[End, End]]:
     """Where the stance leg stops in mid-stride, and the ends, said to lie beyond if they do."""
 
-    def pace(points: list[Point]) -> NDArray:
-        gaits = curve.gaits_at(points)
-        return margins(gaits.stride_map, gaits.points, gaits.slopes, curve.period).pace
+    def pace(point: Point) -> float:
+        return float(margins(curve, [point]).pace[0])
 
-    paces = pace(points)
+    paces = margins(curve, points).pace
     halts = []
     for i in np.flatnonzero(paces[:-1] * paces[1:] < 0.0):
-        located = locate(curve, points[i], points[i + 1], lambda point: float(pace([point])[0]))
+        located = locate(curve, points[i], points[i + 1], pace)
         if located:
             halts.append(curve.value_at(located))
 
@@ -190,12 +193,9 @@ def _halts(
 
 def _some_gait(stride_map: StrideMap, slopes: NDArray, kind: GaitKind) -> Gait:
     """The gait at the lowest of some slopes that has one; searched thoroughly only if need be."""
-    for slope in slopes.tolist():
-        gait = glance(stride_map, slope, kind)
-        if gait is not None:
-            return gait
-    for slope in slopes[::4].tolist():
-        gait = seek(stride_map, slope, kind).gait
+    quick = (glance(stride_map, slope, kind) for slope in slopes.tolist())
+    thorough = (seek(stride_map, slope, kind).gait for slope in slopes[::4].tolist())
+    for gait in chain(quick, thorough):
         if gait is not None:
             return gait
     name = stride_map.controller_name
@@ -256,18 +256,7 @@ def gait_family(
         start = _some_gait(stride_map, slopes, kind)
     elif not low <= start.slope <= high:
         raise ValueError(f"the gait to start with stands at slope {start.slope}, out of the range")
-    axis = Axis("slope", low, high)
-    return _family(stride_map, axis, start, start.slope, (low, high), resolution)
-
-
-def _size(stride_map: StrideMap, parameter: str) -> float:
-    """What a parameter of a walker or of its motors is measured by, in the walker's own units."""
-    walker, units = stride_map.walker, units_of(stride_map.walker)
-    mass, springs = walker.total_mass, ("hip_stiffness", "knee_stiffness", "hip_friction")
-    sizes = dict.fromkeys(springs, units.torque) | {"foot_angle": 1.0, "gravity": walker.gravity}
-    if parameter not in vars(walker):
-        return stride_map.unit(parameter)
-    return sizes.get(parameter, mass if parameter.endswith("mass") else units.length)
+    return _family(stride_map, Axis("slope", low, high), start, start.slope, resolution)
 
 
 def parameter_family(
@@ -309,7 +298,9 @@ def parameter_family(
     here = known[parameter]
     if not low < high or not low <= here <= high:
         raise ValueError(f"{parameter} of this walker is {here}: give low <= {here} <= high")
-    size = max(abs(here), _size(stride_map, parameter))
+    own = parameter in vars(stride_map.walker)
+    unit = stride_map.unit(parameter)
+    size = max(abs(here), size_of(parameter, stride_map.walker, slope) if own else unit)
     if not high - low <= _WIDEST * size:
         raise ValueError(
             f"high is too far from low: of {parameter} of this walker, a range may be "
@@ -317,7 +308,7 @@ def parameter_family(
         )
     for value in (low, high):
         try:
-            if parameter in vars(stride_map.walker):
+            if own:
                 replace(stride_map.walker, **{parameter: value})
             else:
                 held = stride_map.controller or Actuation()
@@ -325,5 +316,4 @@ def parameter_family(
         except ValueError as error:
             raise ValueError(f"the range leaves what a walker can be: {error}") from error
     start = find_gait(stride_map, slope, kind)
-    axis = Axis(parameter, low, high, slope, stride_map.unit(parameter))
-    return _family(stride_map, axis, start, here, (low, high), resolution)
+    return _family(stride_map, Axis(parameter, low, high, slope, unit), start, here, resolution)

@@ -1,15 +1,40 @@
-"""Gaits: fixed points of the stride map, found without a guess, or a sentence on why not."""
+"""Gaits: fixed points of the stride map, found without a guess, or a sentence on why not.
+
+Where there is no gait, one that exists elsewhere is followed towards what was asked for until it
+is lost: so the message of `GaitNotFound` has the nearest slope, and the nearest walker, with a
+gait. What lies there is a fold, or an edge of the stride itself; where exactly, a `gait_family`
+tells.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
 from numpy.typing import ArrayLike
 
 from gym_passive_walker.arguments import gait_kind, whole
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound
-from gym_passive_walker.gaits.remedies import remedies
-from gym_passive_walker.gaits.search import ACCURACY, begin, search, seek
+from gym_passive_walker.gaits.search import ACCURACY, begin, glance, search, seek
+from gym_passive_walker.gaits.section import logarithms
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
-from gym_passive_walker.walkers import describe
+from gym_passive_walker.progress import said
+from gym_passive_walker.walkers import (
+    WALKERS,
+    Walker,
+    WalkerError,
+    blend,
+    describe,
+    tune,
+    tuning_errors,
+)
+
+_GENTLEST, _STEEPEST = 1e-4, 0.6  # slopes in rad looked at
+_RATIO, _MOST_RATIO = 1.2, 30.0  # of slopes looked at, and how far from the one asked for
+_FIRST, _LAST = 0.125, 1e-5  # share of the way in which a gait is followed at first, and at last
+_TRIES = 60  # on the way, so that it ends
+_TUNED = 1e-12  # tuning error of a tuned walker
 
 
 def find_gaits(
@@ -32,8 +57,8 @@ def find_gaits(
         Zero, one or two gaits for walkers like the published ones; up to four under a push-off
         uphill. Under a controller, those that walks near the passive gait lead to.
     """
-    stride_map, slope = _asked(walker, slope)
-    period = whole(period, "period")
+    stride_map = map_of(walker, tolerance=ACCURACY)
+    slope, period = stride_map.chosen(slope), whole(period, "period")
     starts = begin(stride_map, slope, period, guess)
     # Uphill, a push-off makes up for the losses of steps of two sizes, each long and short.
     most = 4 if stride_map.actuation.push_off else 2
@@ -79,8 +104,8 @@ def find_gait(
             one here; and the exception has both as `slope` and `walker`. To look for them may take
             some seconds.
     """
-    stride_map, slope = _asked(walker, slope)
-    kind, period = gait_kind(kind), whole(period, "period")
+    stride_map = map_of(walker, tolerance=ACCURACY)
+    slope, kind, period = stride_map.chosen(slope), gait_kind(kind), whole(period, "period")
     gait, gaits, ends = seek(stride_map, slope, kind, period=period, guess=guess)
     if gait is not None:
         return gait
@@ -92,16 +117,135 @@ def find_gait(
         f"{describe(stride_map.walker)} at slope {slope} rad{f' under {name}' if name else ''}"
         f"{others}. First strides of the {sum(ends.values())} starts ended so: {tried}."
     )
+    near, alike = None, None
     if not stride_map.passive:
-        raise GaitNotFound(
-            f"{none} Give a guess near the gait, or follow it from where there is one by "
-            "gait_family."
+        advice = "Give a guess near the gait, or follow it from where there is one by gait_family."
+    elif guess is not None:
+        advice = "Without `guess=` the search begins at starts of its own."
+    elif period > 1:
+        advice = (
+            "Gaits of several strides branch off where the gait of one doubles its period: "
+            "`doubling_cascade` locates where."
         )
-    remedy = remedies(stride_map.walker, slope, kind, period, guessed=guess is not None)
-    raise GaitNotFound(f"{none} {remedy.sentence}", slope=remedy.slope, walker=remedy.walker)
+    else:
+        with said(f"no {kind}-step gait at slope {slope:g} rad: looking for what would help"):
+            advice, near, alike = _advice(stride_map.walker, slope, kind)
+    raise GaitNotFound(f"{none} {advice}", slope=near, walker=alike)
 
 
-def _asked(walker: MapLike, slope: float | None) -> tuple[StrideMap, float]:
-    """The map, and the slope, of which a gait is asked for."""
-    stride_map = map_of(walker, tolerance=ACCURACY)
-    return stride_map, stride_map.chosen(slope)
+def _advice(
+    walker: Walker, slope: float, kind: GaitKind
+) -> tuple[str, float | None, Walker | None]:
+    """What would help a search for a gait of one stride that has found nothing.
+
+    Returns:
+        A sentence; the nearest slope in rad at which this walker has such a gait, and the nearest
+        walker that has one at this slope, if they are known.
+    """
+    near, alike = _nearest_slope(walker, slope, kind), None
+    if near is None:
+        found = ["it has none at slopes near this one either"]
+    elif near == slope:
+        found = ["a gait of slopes nearby can be followed to this one by `gait_family`"]
+    else:
+        found = [f"the nearest slope found that has one is {near:.5g} rad"]
+    if slope > 0.0:
+        nearest = _nearest_walker(walker, slope, kind)
+        if max(abs(error) for error in tuning_errors(walker)) > _TUNED:
+            has = "has one" if _tuned_walks(walker, slope, kind) else "has none either"
+            found.append(f"tuned by `tune` it {has} at this slope")
+        if nearest is not None:
+            name, share, alike = nearest
+            fate = "keep" if _tuned_walks(alike, slope, kind) else "lose"
+            found.append(
+                f"of the walkers between {name!r} in its size and this one, those up to "
+                f"{100 * share:.0f} % of the way have one, and `tune` would {fate} it there"
+            )
+    sentence = "; ".join(found)
+    return f"{sentence[0].upper()}{sentence[1:]}.", near, alike
+
+
+def _tuned_walks(walker: Walker, slope: float, kind: GaitKind) -> bool:
+    """Whether the walker, tuned, has a gait."""
+    try:
+        return glance(tune(walker), slope, kind) is not None
+    except WalkerError:  # it cannot be tuned
+        return False
+
+
+def _nearest_slope(walker: Walker, slope: float, kind: GaitKind) -> float | None:
+    """The slope nearest by its logarithm with a gait; for walks on the level or uphill, a slope."""
+    count = int(np.log(_MOST_RATIO) / np.log(_RATIO))
+    ways = _RATIO ** np.arange(1, count + 1)
+    if slope <= 0.0:
+        candidates = np.geomspace(_GENTLEST, _STEEPEST, 2 * count)
+    else:
+        candidates = slope * np.stack([ways, 1.0 / ways], axis=1).ravel()
+    for candidate in candidates[candidates < _STEEPEST].tolist():
+        gait = glance(walker, candidate, kind)
+        if gait is not None:
+            if slope <= 0.0:
+                return candidate
+            share, _ = _followed(gait, lambda s, c=candidate: (walker, c * (slope / c) ** s))
+            return slope if share == 1.0 else candidate * (slope / candidate) ** share
+    return None
+
+
+def _nearest_walker(
+    walker: Walker, slope: float, kind: GaitKind
+) -> tuple[str, float, Walker] | None:
+    """The walker that gaits of presets are followed to on the way to this one, and how far it is.
+
+    Returns:
+        The preset, the share of the way, and the walker there; None if none of its kind walks.
+    """
+    best = None
+    for name, preset in WALKERS.items():
+        if preset.knees != walker.knees or preset.massless_legs != walker.massless_legs:
+            continue
+        scaled = _in_size(preset, walker)
+        gait = glance(scaled, slope, kind)
+        if gait is None:
+            continue
+        share, there = _followed(gait, lambda s, a=scaled: (blend(a, walker, s), slope))
+        if best is None or share > best[1]:
+            best = name, share, there.walker
+    return best
+
+
+def _in_size(preset: Walker, walker: Walker) -> Walker:
+    """A preset with another walker's leg length, mass and gravity."""
+    length = walker.leg_length / preset.leg_length
+    mass = walker.total_mass / preset.total_mass
+    units = {"gravity": walker.gravity / preset.gravity, "foot_angle": 1.0}
+    values = {
+        name: value * units.get(name, mass if name.endswith("mass") else length)
+        for name, value in vars(preset).items()
+        if name != "knees"
+    }
+    return replace(preset, **values)
+
+
+def _followed(gait: Gait, place: Callable[[float], tuple[Walker, float]]) -> tuple[float, Gait]:
+    """A gait followed towards where there is none, as far as it goes.
+
+    Args:
+        gait: Where it begins.
+        place: Takes a share of the way, from 0 to 1, to a walker and a slope.
+
+    Returns:
+        The share of the way, and the gait there.
+    """
+    share, step = 0.0, _FIRST
+    for _ in range(_TRIES):
+        if share == 1.0 or step <= _LAST:
+            break
+        further = min(share + step, 1.0)
+        walker, slope = place(further)
+        u = logarithms(gait.stride_map.points_at(gait.state))
+        found, _ = search(StrideMap.of(walker, tolerance=ACCURACY), slope, u, 1, bool, (1,))
+        if found and found[0].kind == gait.kind:
+            gait, share = found[0], further
+        else:
+            step *= 0.5
+    return share, gait

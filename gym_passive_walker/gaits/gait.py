@@ -1,20 +1,27 @@
-"""What a gait is, and its measures."""
+"""What a gait is: a periodic walk, its measures, and the equations that it solves."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.gaits.equations import gait_equations
-from gym_passive_walker.gaits.log_chart import from_logarithms
-from gym_passive_walker.gaits.posture import half_swing
+from gym_passive_walker.gaits.passage import Change, Passage
+from gym_passive_walker.gaits.section import (
+    by_logarithms,
+    from_logarithms,
+    in_logarithms,
+    logarithms,
+)
 from gym_passive_walker.gaits.stride import Stride, together
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.physics.systems import body_of
 from gym_passive_walker.shown import Shown
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker, name_of
@@ -220,6 +227,58 @@ class Gait(Shown):
         }
 
 
+class Violation(NamedTuple):
+    """How far n points are from being gaits, exactly derived; NaN where strides fail.
+
+    Attributes:
+        values: What vanishes on a gait, (n, m).
+        derivatives: By the coordinates, and by what else was asked for, (n, m, columns).
+        map: Derivative of the strides' end by their start, (n, m, m): the multipliers' matrix.
+        passage: Where the strides lead.
+        change: Its derivatives, by the same columns.
+    """
+
+    values: NDArray[np.float64]
+    derivatives: NDArray[np.float64]
+    map: NDArray[np.float64]
+    passage: Passage
+    change: Change
+
+
+def gait_equations(
+    stride_map: StrideMap,
+    u: NDArray,
+    slopes: ArrayLike,
+    *,
+    period: int = 1,
+    by: Sequence[str] = (),
+) -> Violation:
+    """What vanishes on a gait, with its exact derivative.
+
+    The equation for the stance leg's rate is replaced by the balance of energy, which says the
+    same on a gait but keeps its digits at small slopes, where the map is nearly the identity along
+    one direction.
+
+    Args:
+        stride_map: Whose gait.
+        u: Points in logarithmic coordinates, (n, m).
+        slopes: Slope in rad, one for all or (n,).
+        period: Strides of the gait.
+        by: What to differentiate by besides the coordinates, as for `StrideMap.linearize`.
+    """
+    points, m = from_logarithms(u), u.shape[1]
+    passage, change = stride_map.linearize(
+        points, slopes, strides=period, by=("state", *by), along=by_logarithms(points)
+    )
+    values = logarithms(passage.ends) - u
+    values[:, 1] = passage.imbalance
+    derivatives = in_logarithms(passage.ends, change.ends)
+    map_derivatives = derivatives[:, :, :m].copy()
+    derivatives[:, :, :m] -= np.eye(m)
+    derivatives[:, 1] = change.imbalance
+    return Violation(values, derivatives, map_derivatives, passage, change)
+
+
 def _kind(walker: Walker, map_derivative: NDArray, duration: float) -> GaitKind:
     """Which gait this is, by the part of the curve of gaits that it lies on.
 
@@ -230,7 +289,16 @@ def _kind(walker: Walker, map_derivative: NDArray, duration: float) -> GaitKind:
     """
     if np.linalg.det(np.eye(len(map_derivative)) - map_derivative) > 0.0:
         return "long"
-    return "short" if duration < 1.1 * half_swing(walker) else "long"
+    return "short" if duration < 1.1 * _half_swing(walker) else "long"
+
+
+def _half_swing(walker: Walker) -> float:
+    """Half a period over sqrt(l/g) of the straight leg as it hangs from a resting hip."""
+    if walker.massless_legs:
+        return math.pi
+    body = body_of(walker)
+    weight = math.hypot(body.swing_along, body.swing_across)
+    return math.pi * (math.sqrt(body.swing_inertia / weight) if weight > 0.0 else 1.0)
 
 
 def multipliers_of(map_derivative: NDArray) -> NDArray[np.complex128]:

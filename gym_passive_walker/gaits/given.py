@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, Protocol, TypeAlias, runtime_checkable
+from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 from numpy.typing import ArrayLike, NDArray
 
@@ -40,34 +40,13 @@ GaitLike: TypeAlias = Periodic | Section | WalkerLike
 """What analyses of a walk take as their first argument: a gait, a stride map, or a walker."""
 
 
-class Walk(NamedTuple):
-    """A walk, not checked but for its walker.
-
-    Attributes:
-        walker: The walker.
-        slope: Its slope in rad.
-        state: Its state just after heelstrike, shape (6,) or (n, 6).
-        actuation: Its motors, in the walker's own units, where they do the same in each stride.
-        period: Strides until it repeats; 1 where that is not known.
-        controlled: Its stride map, where a controller works the motors or the ground is uneven;
-            None without either.
-    """
-
-    walker: Walker
-    slope: Any
-    state: ArrayLike
-    actuation: Actuation
-    period: int
-    controlled: Any
-
-
 def walk_of(
     walker: GaitLike,
     slope: ArrayLike | None,
     state: ArrayLike | None,
     *motors: ArrayLike | None,
-) -> Walk:
-    """Return a walk; what is None is the gait's or the map's own.
+) -> tuple[Walker, Any, ArrayLike, Actuation, int, Any]:
+    """Return a walk, not checked but for its walker; what is None is the gait's or the map's own.
 
     Args:
         walker: A gait, a stride map, or a walker in a form that `as_walker` takes.
@@ -75,6 +54,12 @@ def walk_of(
         state: State just after heelstrike.
         *motors: Hip torque, ankle torque and push-off, or the first of them, as in `Actuation`; 0
             where there is neither a gait nor a map.
+
+    Returns:
+        The walker, its slope in rad, its state just after heelstrike; its motors, in its own units,
+        where they do the same in each stride; the strides until the walk repeats, 1 where that is
+        not known; and its stride map, where a controller works the motors or the ground is uneven,
+        None without either.
 
     Raises:
         WalkerError: if this is no walker.
@@ -99,8 +84,8 @@ def walk_of(
                     f"{strides.controller_name or 'this map'} works these motors: leave hip_torque,"
                     " ankle_torque and push_off out"
                 )
-            return Walk(walker, slope, state, PASSIVE, period, strides)  # type: ignore[arg-type]
+            return walker, slope, state, PASSIVE, period, strides  # type: ignore[return-value]
         own = strides.controller or PASSIVE
     given = [mine if part is None else part for part, mine in zip(motors, own, strict=False)]
     actuation = Actuation(*given, *own[len(given) :])
-    return Walk(as_walker(walker), slope, state, actuation, period, None)  # type: ignore[arg-type]
+    return as_walker(walker), slope, state, actuation, period, None  # type: ignore[return-value]

@@ -10,7 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.arguments import check_state, instance, one_slope
 from gym_passive_walker.gaits.forces import impulses
 from gym_passive_walker.gaits.gait import Gait
-from gym_passive_walker.gaits.posture import landing_velocity, mass_matrix
+from gym_passive_walker.physics import legs
+from gym_passive_walker.physics.hybrid import State
+from gym_passive_walker.physics.systems import body_of, system_of
+from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import WalkerLike, as_walker
 
 
@@ -59,12 +62,12 @@ def foot_velocity(walker: WalkerLike, state: ArrayLike) -> FootVelocity:
     Args:
         walker: The walker, in a form that `as_walker` takes.
         state: States just *before* heelstrike, shape (6,) or (n, 6): the stance angle negative and
-            the swing angle its opposite. `samples.just_before` finds them.
+            the swing angle its opposite. `StrideMap.before_strike` finds them.
     """
     walker = as_walker(walker)
     states = check_state(state)
-    velocity = landing_velocity(walker, states.reshape(-1, 6)).reshape(*states.shape[:-1], 2)
-    return FootVelocity(-velocity[..., 0], velocity[..., 1])
+    back, up = legs.striking_velocity(body_of(walker), State(*np.moveaxis(states, -1, 0)))
+    return FootVelocity(-back * walker.leg_length, up * walker.leg_length)
 
 
 def collision_matrix(walker: WalkerLike, stance_angle: float) -> NDArray[np.float64]:
@@ -89,12 +92,18 @@ def collision_matrix(walker: WalkerLike, stance_angle: float) -> NDArray[np.floa
     if walker.massless_legs:
         leg = np.array([-np.sin(stance_angle), np.cos(stance_angle)])
         return walker.total_mass * np.outer(leg, leg)
-    mass = mass_matrix(walker, stance_angle)
-    count = len(mass)
-    jumps = np.eye(3)[:count]
+    system = system_of(walker)
+    assert system.mass_matrix is not None
+    links = system.phases[0].links
+    state = State(stance_angle, -stance_angle, -stance_angle, 0.0, 0.0, 0.0)
+    mass = np.zeros((links, links))
+    mass[np.triu_indices(links)] = system.mass_matrix(body_of(walker), state)
+    mass += np.triu(mass, 1).T
+    mass = mass * walker.total_mass * units_of(walker).length ** 2
+    jumps = np.eye(3)[:links]
     if not walker.knees:
         jumps[1, 2] = 1.0
-    angles = np.tile([stance_angle, -stance_angle, -stance_angle], (count, 1))
+    angles = np.tile([stance_angle, -stance_angle, -stance_angle], (links, 1))
     given = impulses(walker, angles, jumps)
     momentum = np.stack([given.tangential, given.normal])
     matrix = walker.total_mass * np.eye(2) - momentum @ np.linalg.solve(mass, momentum.T)
@@ -108,13 +117,6 @@ def measures(gait: Gait) -> Measures:
     duration = float(gait.stride.duration) / stride_map.units.time
     verge = stride_map.before_strike(stride_map.points_at(gait.state)[0], gait.slope, duration)
     velocity = foot_velocity(gait.walker, stride_map.units.to_own(verge))
-    return Measures(
-        step_period=gait.step_period,
-        step_length=gait.step_length,
-        speed=gait.speed,
-        froude_speed=gait.froude_speed,
-        cost_of_transport=gait.cost_of_transport,
-        kneestrike_loss=gait.kneestrike_loss,
-        heelstrike_loss=gait.heelstrike_loss,
-        foot_velocity=FootVelocity(float(velocity.tangential), float(velocity.normal)),
-    )
+    landing = FootVelocity(float(velocity.tangential), float(velocity.normal))
+    own = {name: getattr(gait, name) for name in Measures._fields[:-1]}
+    return Measures(**own, foot_velocity=landing)

@@ -8,7 +8,6 @@ strides are looked at again, and each of these liberties is measured.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -17,19 +16,20 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import check_state, check_tolerance, number, one_slope, whole
 from gym_passive_walker.gaits.actuation import one_actuation
-from gym_passive_walker.gaits.given import GaitLike, walk_of
-from gym_passive_walker.gaits.passage import NoStride
-from gym_passive_walker.gaits.phases import (
-    NO_COLLISION,
-    Collision,
+from gym_passive_walker.gaits.dense_stride import (
+    Extreme,
     Impulse,
     Phase,
-    heelstrike,
-    kneestrike,
+    collision,
+    foot_clearance,
+    greatest,
+    least,
     phases_of,
+    ratio_turns,
+    turns,
 )
-from gym_passive_walker.gaits.posture import foot_clearance
-from gym_passive_walker.gaits.series import Extreme, greatest, least, ratio_turns, turns
+from gym_passive_walker.gaits.given import GaitLike, walk_of
+from gym_passive_walker.gaits.passage import NoStride
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.shown import Table
@@ -267,11 +267,8 @@ def reality_check(
     walker, slope, state, motors, period, controlled = walk_of(walker, slope, state, hip_torque)
     if controlled is not None and controlled.terrain is not None:
         raise ValueError("reality_check looks at walks on smooth ground, not on a terrain")
-    slope, strides = one_slope(slope), period if strides is None else strides
-    strides, friction = (
-        whole(strides, "strides"),
-        number(friction, "friction", least=0.0, most=math.inf),
-    )
+    slope, strides = one_slope(slope), whole(period if strides is None else strides, "strides")
+    friction = number(friction, "friction", least=0.0, most=math.inf)
     tolerance, here = check_tolerance(tolerance), check_state(state)
     number(motors.hip_torque, "hip_torque")
     walks = controlled or StrideMap.of(walker, controller=one_actuation(walker, motors))
@@ -307,13 +304,15 @@ def reality_check(
             free = [phase for phase in parts if not phase.locked]
             bent = turns(phase.flexion for phase in free)
             flexions.append(Extreme(0.0, time) if bends else least(bent))
-            knees.append(kneestrike(walker, free[-1], parts[len(free)]))
-        heels.append(heelstrike(walker, parts[-1], end.state))
+            locked = parts[len(free)]
+            knees.append(collision(walker, free[-1], locked.state_at(locked.start)))
+        heels.append(collision(walker, parts[-1], end.state))
         phases += parts
         time, here = time + float(end.duration), end.state
 
-    def worst(collisions: Iterable[Collision]) -> Impulse:
-        return max(collisions, key=lambda c: c.ground.friction.value, default=NO_COLLISION).ground
+    def worst(collisions: list[tuple[Impulse, Extreme]]) -> Impulse:
+        none = Impulse(np.nan, np.nan, np.nan)
+        return max((x for x, _ in collisions), key=lambda x: x.friction.value, default=none)
 
     normal = turns(phase.normal for phase in phases)
     ratios = ratio_turns((phase.tangential, phase.normal) for phase in phases)
@@ -325,8 +324,8 @@ def reality_check(
         friction=friction,
         clearance=least(clearances),
         stance_knee_torque=least(turns(p.stance_knee for p in phases if walker.knees)),
-        stance_knee_at_kneestrike=least(collision.knee for collision in knees),
-        stance_knee_at_heelstrike=least(collision.knee for collision in heels),
+        stance_knee_at_kneestrike=least(stop for _, stop in knees),
+        stance_knee_at_heelstrike=least(stop for _, stop in heels),
         swing_knee_torque=least(turns(p.swing_knee for p in phases if p.locked and walker.knees)),
         least_normal_force=least(normal),
         greatest_normal_force=greatest(normal),

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.arguments import instance, number
-from gym_passive_walker.gaits.equations import gait_equations
 from gym_passive_walker.gaits.family import GaitFamily
 from gym_passive_walker.gaits.fixed_point import find_gait
-from gym_passive_walker.gaits.log_chart import logarithms
+from gym_passive_walker.gaits.gait import gait_equations
+from gym_passive_walker.gaits.section import logarithms
 from gym_passive_walker.walkers import WalkerLike, as_walker
 
 CUBE_ROOT = 0.943976

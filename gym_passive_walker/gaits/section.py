@@ -1,8 +1,11 @@
-"""The section just after heelstrike, and its one chart.
+"""The section just after heelstrike, and the coordinates of its points.
 
 On it the legs mirror each other and are straight, so a state is the stance angle and the rates: a
 point [angle, stance rate, thigh rate, shank rate] for a kneed walker, [angle, stance rate, swing
 rate] for the others. Points are dimensionless (see `units`).
+
+Searches and curves take logarithmic coordinates, u = (ln angle, rates / angle): steps of every size
+look alike in them, from slopes of 1e-8 on.
 """
 
 from __future__ import annotations
@@ -80,3 +83,29 @@ class Section:
     def points_at(self, states: ArrayLike) -> NDArray[np.float64]:
         """Points (n, m) of section states (n, 6) in the walker's own units."""
         return self.point(self.units.to_dimensionless(np.atleast_2d(states)))
+
+
+def from_logarithms(u: NDArray) -> NDArray[np.float64]:
+    """Points (n, m) at logarithmic coordinates (n, m)."""
+    angle = np.exp(u[:, :1])
+    return np.concatenate([angle, u[:, 1:] * angle], axis=1)
+
+
+def logarithms(points: NDArray) -> NDArray[np.float64]:
+    """Logarithmic coordinates (n, m) of points (n, m)."""
+    return np.concatenate([np.log(points[:, :1]), points[:, 1:] / points[:, :1]], axis=1)
+
+
+def by_logarithms(points: NDArray) -> NDArray[np.float64]:
+    """Derivative of points by their logarithmic coordinates, (n, m, m)."""
+    derivative = points[:, :1, None] * np.eye(points.shape[1])
+    derivative[:, :, 0] = points
+    return derivative
+
+
+def in_logarithms(points: NDArray, changes: NDArray) -> NDArray[np.float64]:
+    """Changes (n, m, k) of points (n, m), as changes of their logarithmic coordinates."""
+    angle = points[:, 0, None, None]
+    relative = changes / angle
+    relative[:, 1:] -= (points[:, 1:, None] / angle) * relative[:, :1]
+    return relative

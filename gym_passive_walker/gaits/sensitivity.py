@@ -14,10 +14,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.gaits.equations import gait_equations
+from gym_passive_walker.gaits.gait import gait_equations
 from gym_passive_walker.gaits.newton import newton
 from gym_passive_walker.gaits.passage import Change, Passage
 from gym_passive_walker.gaits.stride_map import StrideMap
+from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker
 
 SLOPE = "slope"
@@ -75,12 +76,10 @@ def place_near(stride_map: StrideMap, slope: float, guess: NDArray) -> Place | N
         slope: Slope in rad.
         guess: Logarithmic coordinates, (m,).
     """
-
-    def equations(u: NDArray) -> tuple[NDArray, NDArray]:
-        gait = gait_equations(stride_map, u, slope)
-        return gait.values, gait.derivatives
-
-    found = newton(equations, guess[None], accuracy=_ACCURACY, damped=False)
+    found = newton(
+        lambda u: gait_equations(stride_map, u, slope)[:2],
+        guess[None], accuracy=_ACCURACY, damped=False,
+    )  # fmt: skip
     return Place(stride_map, slope, found.points[0]) if found.sizes[0] < stride_map.closes else None
 
 
@@ -99,13 +98,25 @@ def sensitivity(place: Place, by: Sequence[str]) -> Sensitivity:
     m = len(u)
     gait = gait_equations(stride_map, u[None], slope, by=by)
     coordinates = -np.linalg.solve(gait.derivatives[0, :, :m], gait.derivatives[0, :, m:])
-    change = Change(
-        **{
-            name: value[..., :m] @ coordinates + value[..., m:]
-            for name, value in vars(gait.change).items()
-        }
-    )
-    return Sensitivity(place, tuple(by), coordinates, gait.map[0], gait.passage, change)
+    along = {
+        name: value[..., :m] @ coordinates + value[..., m:]
+        for name, value in vars(gait.change).items()
+    }
+    return Sensitivity(place, tuple(by), coordinates, gait.map[0], gait.passage, Change(**along))
+
+
+def size_of(name: str, walker: Walker, slope: float) -> float:
+    """What counts as a large change of a parameter or the slope."""
+    units = units_of(walker)
+    sizes = {
+        SLOPE: abs(slope),
+        "gravity": walker.gravity,
+        "foot_angle": 1.0,
+        "hip_stiffness": units.torque,
+        "knee_stiffness": units.torque,
+        "hip_friction": units.torque * units.time,
+    }
+    return sizes.get(name, walker.total_mass if name.endswith("mass") else walker.leg_length)
 
 
 Look = Callable[[StrideMap, NDArray, NDArray], NDArray]
@@ -144,22 +155,3 @@ def map_change(gait: Sensitivity, sizes: Sequence[float]) -> NDArray[np.float64]
     return change_along(
         gait, sizes, lambda walkers, u, slopes: gait_equations(walkers, u, slopes).map
     )
-
-
-def multiplier_changes(
-    map_derivative: NDArray, change: NDArray
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Multipliers, largest modulus first, and their derivatives, by left and right eigenvectors.
-
-    Args:
-        map_derivative: Of the stride map, (m, m).
-        change: Its derivatives, (m, m, k).
-
-    Returns:
-        Multipliers (m,), and derivatives (m, k); without meaning where two multipliers meet.
-    """
-    values, right = np.linalg.eig(map_derivative)
-    order = np.argsort(-np.abs(values), kind="stable")
-    values, right = values[order].astype(complex), right[:, order]
-    moved = np.einsum("ij,jkc,ki->ic", np.linalg.inv(right), change, right)
-    return values, moved.astype(complex)

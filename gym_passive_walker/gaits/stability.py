@@ -12,13 +12,11 @@ from gym_passive_walker.arguments import check_state, check_tolerance, number, o
 from gym_passive_walker.gaits.actuation import Actuation, actuation_units, one_actuation
 from gym_passive_walker.gaits.flow import LONGEST_STRIDE
 from gym_passive_walker.gaits.given import GaitLike, walk_of
-from gym_passive_walker.gaits.passage import NoStride, Passage
+from gym_passive_walker.gaits.passage import NoStride
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.units import growth
 from gym_passive_walker.walkers import PARAMETERS
-
-__all__ = ["NoStride", "stride_jacobian"]
 
 
 def stride_jacobian(
@@ -91,7 +89,13 @@ def stride_jacobian(
     moved |= {"state", *driven} if moved & set(PARAMETERS) else set()
     by = sorted(moved)
     passage, change = stride_map.linearize(points, slope, by=by)
-    _refuse_falls(passage)
+    fallen = np.flatnonzero(~passage.alive)
+    if len(fallen):
+        which = f"the stride from state {fallen[0]}" if len(points) > 1 else "this stride"
+        raise NoStride(
+            f"{which} does not end with a heelstrike but with "
+            f"{Outcome(passage.outcomes[fallen[0]]).name}, so the stride map has no derivative here"
+        )
     first = np.cumsum([0, *(points.shape[1] if name == "state" else 1 for name in by)])
     found = {name: change.ends[:, :, i:j] for name, i, j in zip(by, first, first[1:], strict=False)}
     rated = np.arange(points.shape[1]) > 0  # all coordinates but the angle
@@ -118,15 +122,3 @@ def stride_jacobian(
 
     jacobian = np.concatenate([column(name) for name in names], axis=2) / time[:, None]
     return jacobian.reshape(*states.shape[:-1], *jacobian.shape[1:])
-
-
-def _refuse_falls(passage: Passage) -> None:
-    """Raise NoStride if a stride has no heelstrike."""
-    fallen = np.flatnonzero(~passage.alive)
-    if len(fallen) == 0:
-        return
-    which = "this stride" if len(passage.alive) == 1 else f"the stride from state {fallen[0]}"
-    raise NoStride(
-        f"{which} does not end with a heelstrike but with "
-        f"{Outcome(passage.outcomes[fallen[0]]).name}, so the stride map has no derivative here"
-    )

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.gaits import ends
-from gym_passive_walker.gaits.attractors import UNSETTLED
-from gym_passive_walker.gaits.basin import Basin, basin_of_attraction
+from gym_passive_walker.gaits import continuation
+from gym_passive_walker.gaits.basin import UNSETTLED, Basin, basin_of_attraction
 from gym_passive_walker.gaits.bifurcation import BifurcationDiagram
 from gym_passive_walker.gaits.doubling import Cascade
 from gym_passive_walker.gaits.family import GaitFamily
@@ -64,11 +63,11 @@ _OWN_UNITS = {
 """By how parameters end; all others are lengths."""
 
 _ENDS = {
-    ends.KNEE_MEETS_HEEL: "X",
-    ends.TANGENTIAL: "v",
-    ends.STANCE_STOPS: "s",
-    ends.VANISHED: "o",
-    ends.LOST: "x",
+    continuation.KNEE_MEETS_HEEL: "X",
+    continuation.TANGENTIAL: "v",
+    continuation.STANCE_STOPS: "s",
+    continuation.VANISHED: "o",
+    continuation.LOST: "x",
 }
 """A marker for each reason for which a family ends, but the end of the range asked for."""
 
@@ -106,7 +105,7 @@ def draw_family(
         reason = end.reason.split(";")[0]
         if reason in _ENDS:
             ax.plot(family.value[at], value[at], _ENDS[reason], **point)
-    for marker, places in ((_ENDS[ends.STANCE_STOPS], halts), ("d", doublings)):
+    for marker, places in ((_ENDS[continuation.STANCE_STOPS], halts), ("d", doublings)):
         where = np.interp(places, along, family.value), np.interp(places, along, value)
         ax.plot(*where, marker, fillstyle="none", **point)
     ax.set(xlabel=varied_label(family.parameter), ylabel=MEASURES[by])
@@ -157,7 +156,7 @@ def family_key(ax: Axes, *families: GaitFamily) -> None:
         enter(f"end: {reason}", linestyle="", marker=_ENDS[reason])
     hollow = {"linestyle": "", "fillstyle": "none"}
     if any(family.halts for family in families):
-        enter(ends.STANCE_STOPS, marker=_ENDS[ends.STANCE_STOPS], **hollow)
+        enter(continuation.STANCE_STOPS, marker=_ENDS[continuation.STANCE_STOPS], **hollow)
     if any(family.period_doublings for family in families):
         enter("period doubles", marker="d", **hollow)
 

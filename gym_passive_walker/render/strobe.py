@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import check_state
 from gym_passive_walker.extras import need
+from gym_passive_walker.gaits.dense_stride import states_at
 from gym_passive_walker.gaits.given import GaitLike, Periodic
-from gym_passive_walker.gaits.samples import states_at
 from gym_passive_walker.gaits.stride import stride
 from gym_passive_walker.gaits.stride_map import MapLike
 from gym_passive_walker.gaits.terrain import Terrain

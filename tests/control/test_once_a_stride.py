@@ -19,7 +19,7 @@ from gym_passive_walker.control.once_a_stride import (
 )
 from gym_passive_walker.envs.scene import SceneError, make_scene
 from gym_passive_walker.evaluation.walks import WALKED_ON, evaluate
-from gym_passive_walker.gaits.samples import states_at
+from gym_passive_walker.gaits.dense_stride import states_at
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.units import units_of
 

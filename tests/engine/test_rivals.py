@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import Outcome, stride
-from gym_passive_walker.gaits.samples import states_at
+from gym_passive_walker.gaits.dense_stride import states_at
 from gym_passive_walker.physics.hybrid import SMOOTH, State, Watch
 from gym_passive_walker.physics.systems import body_of, system_of
 from gym_passive_walker.units import units_of

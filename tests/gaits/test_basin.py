@@ -11,8 +11,8 @@ from gym_passive_walker import (
     largest_push,
     stride,
 )
-from gym_passive_walker.gaits.attractors import FELL, UNSETTLED
-from gym_passive_walker.gaits.log_chart import logarithms
+from gym_passive_walker.gaits.basin import FELL, UNSETTLED
+from gym_passive_walker.gaits.section import logarithms
 from gym_passive_walker.gaits.stride_map import StrideMap
 
 

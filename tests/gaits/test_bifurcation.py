@@ -16,8 +16,7 @@ from gym_passive_walker import (
     stride,
     tune,
 )
-from gym_passive_walker.gaits.attractors import period_of
-from gym_passive_walker.gaits.bifurcation import nearest_on
+from gym_passive_walker.gaits.bifurcation import nearest_on, period_of
 from gym_passive_walker.gaits.doubling import FEIGENBAUM
 
 

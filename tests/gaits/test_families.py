@@ -16,7 +16,13 @@ from gym_passive_walker import (
     stride,
     tune,
 )
-from gym_passive_walker.gaits.ends import BOUND, KNEE_MEETS_HEEL, STANCE_STOPS, TANGENTIAL, VANISHED
+from gym_passive_walker.gaits.continuation import (
+    BOUND,
+    KNEE_MEETS_HEEL,
+    STANCE_STOPS,
+    TANGENTIAL,
+    VANISHED,
+)
 
 
 @pytest.fixture(scope="module")

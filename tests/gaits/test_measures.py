@@ -15,8 +15,8 @@ from gym_passive_walker import (
     stride,
     tune,
 )
-from gym_passive_walker.gaits.posture import foot_clearance, heelstrike
-from gym_passive_walker.gaits.samples import states_at
+from gym_passive_walker.gaits.dense_stride import foot_clearance, states_at
+from gym_passive_walker.gaits.search import heelstrike
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.units import units_of
 

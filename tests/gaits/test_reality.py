@@ -15,11 +15,9 @@ from gym_passive_walker import (
     stride,
     tune,
 )
+from gym_passive_walker.gaits.dense_stride import Impulse, foot_clearance, states_at
 from gym_passive_walker.gaits.forces import forces
-from gym_passive_walker.gaits.phases import Impulse
-from gym_passive_walker.gaits.posture import foot_clearance
-from gym_passive_walker.gaits.samples import states_at
-from gym_passive_walker.gaits.stability import NoStride
+from gym_passive_walker.gaits.passage import NoStride
 
 SLOPE = 0.036
 START = np.array([0.25, -0.25, -0.25, -1.06, -0.35, -1.5])

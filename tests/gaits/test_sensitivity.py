@@ -6,16 +6,20 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, find_gait, reality_check, tune
-from gym_passive_walker.gaits.circle import coefficients, inside, spectral_radius
 from gym_passive_walker.gaits.gait import multipliers_of
-from gym_passive_walker.gaits.log_chart import from_logarithms, logarithms
-from gym_passive_walker.gaits.quantities import QUANTITIES, size_of
+from gym_passive_walker.gaits.objectives import (
+    QUANTITIES,
+    coefficients,
+    inside,
+    spectral_radius,
+)
+from gym_passive_walker.gaits.section import from_logarithms, logarithms
 from gym_passive_walker.gaits.sensitivity import (
     Place,
     map_change,
-    multiplier_changes,
     place_near,
     sensitivity,
+    size_of,
 )
 from gym_passive_walker.gaits.stride_map import StrideMap
 
@@ -37,6 +41,15 @@ def gait_of(name):
     stride_map = StrideMap.of(walker)
     u = logarithms(stride_map.points_at(find_gait(walker, slope).state))[0]
     return sensitivity(Place(stride_map, slope, u), BY[name])
+
+
+def multiplier_changes(map_derivative, change):
+    """Multipliers, largest modulus first, and their derivatives, by left and right eigenvectors."""
+    values, right = np.linalg.eig(map_derivative)
+    order = np.argsort(-np.abs(values), kind="stable")
+    values, right = values[order].astype(complex), right[:, order]
+    moved = np.einsum("ij,jkc,ki->ic", np.linalg.inv(right), change, right)
+    return values, moved.astype(complex)
 
 
 def found_beside(gait, name, column, distance):

@@ -7,19 +7,20 @@ import pytest
 
 from gym_passive_walker import WALKERS, Outcome, find_gait, stride, stride_jacobian
 from gym_passive_walker.gaits.actuation import Actuation
-from gym_passive_walker.gaits.log_chart import (
+from gym_passive_walker.gaits.dense_stride import states_at
+from gym_passive_walker.gaits.newton import fixed_point, newton
+from gym_passive_walker.gaits.passage import Change
+from gym_passive_walker.gaits.section import (
     by_logarithms,
     from_logarithms,
     in_logarithms,
     logarithms,
 )
-from gym_passive_walker.gaits.newton import fixed_point, newton
-from gym_passive_walker.gaits.passage import Change
-from gym_passive_walker.gaits.samples import just_before, states_at
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.units import growth, units_of
 from gym_passive_walker.walkers import PARAMETERS
 from tests.physics.examples import LONG_GAITS
+from tests.verges import just_before
 
 NAMES = ["lab", "lab-straight", "B", "D"]
 TOLD = [field.name for field in fields(Change)]

@@ -19,8 +19,8 @@ from gym_passive_walker import (
     stride_jacobian,
 )
 from gym_passive_walker.engine.run import advance, new_records
+from gym_passive_walker.gaits.dense_stride import states_at
 from gym_passive_walker.gaits.forces import forces
-from gym_passive_walker.gaits.samples import states_at
 from gym_passive_walker.physics.hybrid import State
 from gym_passive_walker.physics.systems import FITTINGS, SYSTEMS, bodies, body_of, system_of
 from gym_passive_walker.units import units_of

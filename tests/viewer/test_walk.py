@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, Outcome, find_gait, load_policy, stride
-from gym_passive_walker.gaits.samples import just_before, states_at
+from gym_passive_walker.gaits.dense_stride import states_at
 from gym_passive_walker.viewer.walk import LiveWalk
 from tests.physics.bodies import kinetic_energy, potential_energy
 from tests.physics.examples import LONG_GAITS
+from tests.verges import just_before
 
 FRAME = 1 / 60
 

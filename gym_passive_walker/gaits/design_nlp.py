@@ -1,0 +1,295 @@
+"""Design as a nonlinear programme: candidates judged by their gaits, for SciPy's SLSQP."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+from gym_passive_walker.gaits.gait import Gait, GaitNotFound
+from gym_passive_walker.gaits.objectives import (
+    QUANTITIES,
+    SPECTRAL_RADIUS,
+    Graded,
+    coefficients,
+    inside,
+    spectral_radius,
+)
+from gym_passive_walker.gaits.passage import NoStride
+from gym_passive_walker.gaits.section import logarithms
+from gym_passive_walker.gaits.sensitivity import (
+    SLOPE,
+    Place,
+    Sensitivity,
+    map_change,
+    place_near,
+    sensitivity,
+    size_of,
+)
+from gym_passive_walker.progress import progress
+from gym_passive_walker.walkers import WalkerError
+
+_PIECES = (1, 4, 16)  # in which a gait is followed to another walker, as long as need be
+_LEAP = 0.3  # from where a gait is expected to where Newton's method finds one
+_LEAST_RADIUS, _LARGEST_RADIUS = 1e-3, 1e3
+_MARGIN = 1.05  # of the radius that the search for the least begins with, over the largest modulus
+CIRCLE = 5
+"""Conditions that multipliers lie inside a circle."""
+
+
+class Judged(NamedTuple):
+    """What is known of a candidate; gradients are by its k shares.
+
+    Attributes:
+        gait: Its gait.
+        quantities: What was asked for, by name, with gradients (k,).
+        cubic: Coefficients of the polynomial whose roots are the multipliers, (3,), and their
+            derivatives (3, k), as of `coefficients`; None if not asked for.
+    """
+
+    gait: Sensitivity
+    quantities: dict[str, Graded]
+    cubic: tuple[NDArray[np.float64], NDArray[np.float64]] | None
+
+    def inside(self, radius: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Conditions that all multipliers lie inside a circle, positive if so.
+
+        Returns:
+            Values (5,), and derivatives (5, k + 1) by the shares and the radius.
+        """
+        assert self.cubic is not None
+        values, by = inside(self.cubic[0], radius)
+        return values, np.column_stack([by[:, :3] @ self.cubic[1], by[:, 3]])
+
+
+class Candidates:
+    """Walkers alike but for some parameters, and the slope if that is among them.
+
+    A candidate is told by its shares x: how far each parameter is from its lower to its upper
+    bound. Each is judged by its gait, which is followed from that of the one before.
+
+    Args:
+        start: A gait to follow to all others.
+        parameters: What differs, k names.
+        box: Lower and upper bounds, (k, 2).
+        names: Quantities to judge by.
+        multipliers: Whether to judge by the multipliers, too.
+
+    Attributes:
+        first: The shares of the walker to start with.
+        tried: Candidates judged so far.
+    """
+
+    def __init__(
+        self,
+        start: Gait,
+        parameters: Sequence[str],
+        box: NDArray,
+        names: Sequence[str],
+        *,
+        multipliers: bool,
+    ) -> None:
+        self._start, self._parameters, self._names = start, tuple(parameters), tuple(names)
+        self._low, self._width, self._multipliers = box[:, 0], box[:, 1] - box[:, 0], multipliers
+        self._sizes = [size_of(name, start.walker, start.slope) for name in parameters]
+        stride_map = start.stride_map
+        place = Place(stride_map, start.slope, logarithms(stride_map.points_at(start.state))[0])
+        self._here = sensitivity(place, self._parameters)
+        self._last: tuple[bytes, Judged | None] = b"", None
+        self.tried = 0
+        self.first = (self._values(place) - self._low) / self._width
+
+    def at(self, x: NDArray) -> Judged | None:
+        """What is known of a candidate; None where its gait is lost, or it is no walker."""
+        if x.tobytes() != self._last[0]:
+            self.tried += 1
+            try:
+                judged = self._judged(self._low + self._width * x)
+            except (WalkerError, NoStride, np.linalg.LinAlgError):
+                judged = None
+            self._last = x.tobytes(), judged
+        return self._last[1]
+
+    def _values(self, place: Place) -> NDArray[np.float64]:
+        """The parameters at a place."""
+        own = {**vars(place.walker), SLOPE: place.slope}
+        return np.array([own[name] for name in self._parameters])
+
+    def _followed(self, values: NDArray) -> Sensitivity | None:
+        """The gait at some parameters, followed from the last one found."""
+        origin = self._values(self._here.place)
+        for pieces in _PIECES:
+            here = self._here
+            for share in np.arange(1, pieces + 1) / pieces:
+                goal = origin + share * (values - origin)
+                moved = goal - self._values(here.place)
+                place = self._beside(goal, here.place.u + here.coordinates @ moved)
+                if place is None:
+                    break
+                here = sensitivity(place, self._parameters)
+            else:
+                self._here = here
+                return here
+        return None
+
+    def _beside(self, values: NDArray, guess: NDArray) -> Place | None:
+        """The gait at some parameters that is near to a guess."""
+        changed = dict(zip(self._parameters, values.tolist(), strict=True))
+        slope = changed.pop(SLOPE, self._start.slope)
+        walker = replace(self._start.walker, **changed)
+        place = place_near(self._start.stride_map.with_walker(walker), slope, guess)
+        return place if place and np.abs(place.u - guess).max() < _LEAP else None
+
+    def _judged(self, values: NDArray) -> Judged | None:
+        gait = self._followed(values)
+        if gait is None:
+            return None
+        quantities = {}
+        for name in self._names:
+            value, gradient = QUANTITIES[name](gait)
+            quantities[name] = value, gradient * self._width
+        known, cubic = [*quantities.values()], None
+        if self._multipliers:
+            polynomial, derivatives = coefficients(gait.map, map_change(gait, self._sizes))
+            cubic = polynomial, derivatives * self._width
+            known.append(cubic)
+        if not all(np.isfinite(array).all() for pair in known for array in pair):
+            return None  # strides beside it fail
+        return Judged(gait, quantities, cubic)
+
+
+Valued = Callable[[NDArray], tuple[Any, NDArray]]
+"""Takes z to values and their derivatives by z."""
+
+
+def slsqp(
+    cost: Valued,
+    start: NDArray,
+    bounds: list[tuple[float, float]],
+    *,
+    equal: Valued,
+    beyond: Valued,
+    iterations: int,
+    callback: Callable[..., None] | None = None,
+) -> Any:
+    """What SciPy's SLSQP (D. Kraft, 1988) finds.
+
+    Args:
+        cost: What is to be least.
+        start: Where to begin, (n,).
+        bounds: Of each entry of z.
+        equal: What has to vanish; nothing if it has no values at the start.
+        beyond: Likewise, what must not be negative.
+        iterations: At most.
+        callback: Called after each.
+    """
+    constraints = [
+        {"type": kind, "fun": lambda z, f=f: f(z)[0], "jac": lambda z, f=f: f(z)[1]}
+        for kind, f in (("eq", equal), ("ineq", beyond))
+        if len(f(start)[0])
+    ]
+    return minimize(
+        cost, start, jac=True, method="SLSQP", bounds=bounds, constraints=constraints,
+        options={"maxiter": iterations, "ftol": 1e-10}, callback=callback,
+    )  # fmt: skip
+
+
+class Programme:
+    """Objective and constraints as SciPy takes them, of z: a candidate's shares x and a radius.
+
+    The least spectral radius is that of the smallest circle with all multipliers inside, so that
+    nothing here has corners. Where the radius is not sought, it is no part of z.
+
+    Args:
+        candidates: What to choose from.
+        objective: What is to be least.
+        sign: 1, or -1 if it is to be greatest.
+        ranges: Lowest and highest value of what is constrained; None for none.
+
+    Attributes:
+        first: The first candidate.
+
+    Raises:
+        GaitNotFound: if the first candidate's gait is lost to Newton's method.
+    """
+
+    def __init__(
+        self, candidates: Candidates, objective: str, sign: float, ranges: Mapping[str, tuple]
+    ) -> None:
+        self.candidates, self.objective, self.sign = candidates, objective, sign
+        self.count, self.sought = len(candidates.first), objective == SPECTRAL_RADIUS
+        self.radius = ranges.get(SPECTRAL_RADIUS, (None, None))[1]
+        first = candidates.at(candidates.first)
+        if first is None:
+            raise GaitNotFound("the gait to begin with could not be followed")
+        self.first = first
+        self.unit = 1.0 if self.sought else abs(first.quantities[objective][0]) or 1.0
+        # Name and bound of a quantity, and what its distance from the bound is multiplied by: one
+        # over what counts as a large difference, negative if it must not be more.
+        self.equal: list[tuple[str, float, float]] = []
+        self.beyond: list[tuple[str, float, float]] = []
+        for name, (low, high) in ranges.items():
+            if name == SPECTRAL_RADIUS:
+                continue
+            size = max(abs(x or 0.0) for x in (low, high, first.quantities[name][0])) or 1.0
+            if low == high:
+                self.equal.append((name, low, 1.0 / size))
+            else:
+                sides = (name, low, 1.0 / size), (name, high, -1.0 / size)
+                self.beyond += [side for side in sides if side[1] is not None]
+
+    def cost(self, z: NDArray) -> tuple[float, NDArray]:
+        """The objective and its gradient; infinite where there is no gait."""
+        judged = self.candidates.at(z[: self.count])
+        if judged is None:
+            return np.inf, np.zeros(len(z))
+        if self.sought:
+            return float(z[-1]), np.eye(len(z))[-1]
+        value, gradient = judged.quantities[self.objective]
+        return self.sign * value / self.unit, self.sign * gradient / self.unit
+
+    def equalities(self, z: NDArray) -> tuple[NDArray, NDArray]:
+        """What has to vanish, and its derivatives."""
+        return self._stacked(z, self.equal)
+
+    def inequalities(self, z: NDArray) -> tuple[NDArray, NDArray]:
+        """What must not be negative, and its derivatives."""
+        return self._stacked(z, self.beyond, circle=self.sought or self.radius is not None)
+
+    def _stacked(
+        self, z: NDArray, sides: list[tuple[str, float, float]], circle: bool = False
+    ) -> tuple[NDArray, NDArray]:
+        count = len(sides)
+        values = -np.ones(count + CIRCLE * circle)
+        derivatives = np.zeros((len(values), len(z)))
+        judged = self.candidates.at(z[: self.count])
+        if judged is None:  # no step of a line search ends here
+            return values, derivatives
+        for i, (name, bound, scale) in enumerate(sides):
+            value, gradient = judged.quantities[name]
+            values[i], derivatives[i, : self.count] = scale * (value - bound), scale * gradient
+        if circle:
+            values[count:], by = judged.inside(z[-1] if self.sought else self.radius)
+            derivatives[count:] = by[:, : len(z)]  # by the radius as well if it is part of z
+        return values, derivatives
+
+    def solve(self, iterations: int) -> Any:
+        """What SciPy finds."""
+        start, bounds = self.candidates.first, [(0.0, 1.0)] * self.count
+        if self.sought:
+            start = np.append(start, _MARGIN * spectral_radius(self.first.gait.map))
+            bounds.append((_LEAST_RADIUS, _LARGEST_RADIUS))
+        with progress(f"{self.objective}: iterations") as one_more:
+            return slsqp(
+                self.cost, start, bounds, equal=self.equalities, beyond=self.inequalities,
+                iterations=iterations, callback=lambda _: one_more(),
+            )  # fmt: skip
+
+    def missed(self, z: NDArray) -> float:
+        """By how much the constraints are missed at most, over their sizes."""
+        equal, beyond = self.equalities(z)[0], self.inequalities(z)[0]
+        return float(max(np.abs(equal).max(initial=0.0), (-beyond).max(initial=0.0)))
