@@ -84,7 +84,6 @@ _CONCERNING = {
     "gaits/phases": "reality",
     "gaits/posture": "measures reality",
     "gaits/reality": "reality",
-    "gaits/scaling": "scaling",
     "gaits/search": "gaits families",
     "gaits/series": "series reality",
     "gaits/stability": "jacobian",
@@ -93,6 +92,8 @@ _CONCERNING = {
     "policies/__init__": "network shipped",
     "policies/network": "network",
     "policies/tensors": "network",
+    "validation/scaling": "scaling",
+    "validation/wheel": "wheel",
 }
 """Tests of its own room that concern a module, the likeliest to notice first."""
 
@@ -106,6 +107,8 @@ _OPTIONS = {
 """Tests of the options of a room; functions and objects of the others are in `_PUBLIC`."""
 
 _PUBLIC = [f"tests/options/test_{of}.py" for of in ("functions", "objects", "forms")]
+_NOT_PUBLIC = ("validation",)
+"""Folders without options."""
 _BESIDES = {
     "agents/first_order": "reference first_order",
     "agents/ppo_fast": "reference ppo_fast",
@@ -129,7 +132,7 @@ def tests_of(file: str) -> list[str]:
     named += _EVERYWHERE.split() * (room == "envs")
     names = (name if "/" in name else f"{room}/{name}" for name in dict.fromkeys(named))
     tests = [f"tests/{Path(name).parent}/test_{Path(name).name}.py" for name in names]
-    options = [_OPTIONS[room]] if room in _OPTIONS else _PUBLIC
+    options = [_OPTIONS[room]] if room in _OPTIONS else _PUBLIC * (room not in _NOT_PUBLIC)
     if file == "train":
         tests, options = ["tests/agents/test_command_line.py"], [_OPTIONS["agents"]]
     # File by file: a folder would bring its files into another order.

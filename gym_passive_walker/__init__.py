@@ -31,7 +31,6 @@ from gym_passive_walker.gaits.bifurcation import (
 from gym_passive_walker.gaits.design import Design, optimise_walker
 from gym_passive_walker.gaits.doubling import Cascade, doubling_cascade
 from gym_passive_walker.gaits.family import GaitFamily, gait_family, parameter_family
-from gym_passive_walker.gaits.first_passage import leading_eigenvalue
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.lyapunov import lyapunov_exponents
@@ -44,11 +43,6 @@ from gym_passive_walker.gaits.measures import (
 )
 from gym_passive_walker.gaits.phases import Impulse
 from gym_passive_walker.gaits.reality import RealityCheck, reality_check
-from gym_passive_walker.gaits.scaling import (
-    exponent_crossings,
-    local_exponents,
-    transition_slope,
-)
 from gym_passive_walker.gaits.series import Extreme
 from gym_passive_walker.gaits.stability import stride_jacobian
 from gym_passive_walker.gaits.stride import Stride, stride
@@ -112,7 +106,6 @@ __all__ = [
     "controlled_symmetry",
     "crisis_slope",
     "doubling_cascade",
-    "exponent_crossings",
     "find_gait",
     "find_gaits",
     "foot_velocity",
@@ -120,9 +113,7 @@ __all__ = [
     "gait_family",
     "lab_walker_from_parts",
     "largest_push",
-    "leading_eigenvalue",
     "load_policy",
-    "local_exponents",
     "lyapunov_exponents",
     "measures",
     "optimal_gait",
@@ -138,7 +129,6 @@ __all__ = [
     "stride_jacobian",
     "stride_map",
     "sweep",
-    "transition_slope",
     "tune",
     "tune_to_walk",
     "tuning_errors",

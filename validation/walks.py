@@ -8,6 +8,7 @@ from typing import Literal
 
 import gym_passive_walker as gpw
 from gym_passive_walker import Gait, GaitFamily, RealityCheck, Walker
+from validation.scaling import local_exponents
 
 Kind = Literal["long", "short"]
 KINDS: tuple[Kind, Kind] = ("long", "short")
@@ -50,7 +51,7 @@ def numbers_of_gaits(walkers: Iterable[Walker | str], slopes: Iterable[float]) -
 
 def exponents(walker: Walker | str, slope: float, kind: Kind = "long") -> tuple[float, float]:
     """Exact local exponents of stance angle and speed with slope, of the gait at a slope."""
-    local = gpw.local_exponents(family(walker, slope, 1.01 * slope, kind))
+    local = local_exponents(family(walker, slope, 1.01 * slope, kind))
     return float(local.stance_angle[0]), float(local.speed[0])
 
 

@@ -35,11 +35,6 @@ PART = gpw.Part(mass=1.0, com=0.1, inertia=0.01)
 STEEP = Later(lambda: LinearFeedback("steep"))
 
 
-def of_a_square(x):
-    """A return map of one number, with chances."""
-    return (0.5 * x**2)[:, None], np.full((len(x), 1), 0.9)
-
-
 def mapped(**options):
     """A stride of a map, from where walks begin."""
     strides = gpw.stride_map(**options)
@@ -160,11 +155,6 @@ OPTIONS = {
             doublings=To(2, expect=lambda a, b: len(b.periods) == len(a.periods) + 1),
         ),
     ),
-    "exponent_crossings": Call(
-        gpw.exponent_crossings,
-        dict(family=Later(lambda: family("E", 0.0005, 0.05, "short"))),
-        dict(family=Later(lambda: family("F", 0.0005, 0.05, "short")), exponent=0.5),
-    ),
     "find_gait": Call(
         gpw.find_gait,
         dict(walker="D", slope=0.009),
@@ -219,23 +209,8 @@ OPTIONS = {
             tolerance=To(0.1, dict(accuracy=1e-7)),
         ),
     ),
-    "leading_eigenvalue": Call(
-        gpw.leading_eigenvalue,
-        dict(strides=of_a_square, low=0.0, high=1.0, nodes=8),
-        dict(
-            strides=lambda x: (of_a_square(x)[0], 0.5 * of_a_square(x)[1]),
-            low=-0.5,
-            high=1.2,
-            nodes=9,
-        ),
-    ),
     "load_policy": Call(
         gpw.load_policy, dict(name_or_folder="level-ppo"), dict(name_or_folder="lab-ppo")
-    ),
-    "local_exponents": Call(
-        gpw.local_exponents,
-        dict(family=Later(family)),
-        dict(family=Later(lambda: family("D", 0.003, 0.01))),
     ),
     "lyapunov_exponents": Call(
         gpw.lyapunov_exponents,
@@ -437,9 +412,6 @@ OPTIONS = {
             wrt="slope",
             tolerance=1e-6,
         ),
-    ),
-    "transition_slope": Call(
-        gpw.transition_slope, dict(walker="E"), dict(walker="D", cube_root=0.9)
     ),
     "stride_map": Call(
         mapped,
