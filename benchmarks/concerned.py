@@ -47,10 +47,8 @@ _CONCERNING = {
     "control/controlled": "controlled closed_loop matrix",
     "control/maps": "controlled closed_loop matrix",
     "control/feedback": "baselines ticks",
-    "control/once_a_stride": "once_a_stride",
     "control/optimal": "optimal",
     "control/optimum": "optimal ticks",
-    "control/shaping": "shaping",
     "control/ticks": "ticks optimal closed_loop",
     "envs/batch": "crowds changes vector_env starts walker_env task",
     "envs/checks": "scene",
@@ -69,6 +67,8 @@ _CONCERNING = {
     "evaluation/steps": "steps baselines benchmark",
     "evaluation/tape": "tape",
     "evaluation/walks": "agents/evaluation",
+    "examples/once_a_stride": "once_a_stride",
+    "examples/potential_shaping": "potential_shaping",
     "gaits/attractors": "basin bifurcation",
     "gaits/basin": "basin",
     "gaits/bifurcation": "bifurcation",
@@ -107,7 +107,7 @@ _OPTIONS = {
 """Tests of the options of a room; functions and objects of the others are in `_PUBLIC`."""
 
 _PUBLIC = [f"tests/options/test_{of}.py" for of in ("functions", "objects", "forms")]
-_NOT_PUBLIC = ("validation",)
+_NOT_PUBLIC = ("examples", "validation")
 """Folders without options."""
 _BESIDES = {
     "agents/first_order": "reference first_order",

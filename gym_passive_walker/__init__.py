@@ -14,11 +14,6 @@ import gym_passive_walker.sweeps.pictures  # noqa: F401
 from gym_passive_walker.control.maps import closed_loop_gait, stride_map
 from gym_passive_walker.control.optimal import optimal_gait, optimal_gaits
 from gym_passive_walker.control.optimum import OptimalGait
-from gym_passive_walker.control.shaping import (
-    PotentialShaping,
-    controlled_symmetry,
-    virtual_gravity,
-)
 from gym_passive_walker.envs.registration import register as _register
 from gym_passive_walker.evaluation.robustness import Robustness, robustness
 from gym_passive_walker.gaits.actuation import Actuation
@@ -84,7 +79,6 @@ __all__ = [
     "Outcome",
     "Part",
     "PolicyError",
-    "PotentialShaping",
     "Push",
     "RealityCheck",
     "Robustness",
@@ -103,7 +97,6 @@ __all__ = [
     "blend",
     "closed_loop_gait",
     "collision_matrix",
-    "controlled_symmetry",
     "crisis_slope",
     "doubling_cascade",
     "find_gait",
@@ -132,7 +125,6 @@ __all__ = [
     "tune",
     "tune_to_walk",
     "tuning_errors",
-    "virtual_gravity",
     "waves",
 ]
 

@@ -34,7 +34,6 @@ OF_A_DESIGN = {
 }  # fmt: skip
 LEGS = {"thigh": [gpw.Part(1.0, 0.1, 0.0, 0.01)], "shank": [gpw.Part(1.0, 0.1, 0.0, 0.01)]}
 LEGS |= {"thigh_length": 0.4, "shank_length": 0.4, "foot_radius": 0.1, "knee_angle": 0.0}
-A_LAW = {"walker": gpw.WALKERS["E"], "felt_slope": 0.05}
 PASSIVE = {"policy": Passive(), "scene": "lab"}
 
 
@@ -114,11 +113,6 @@ REFUSALS = [
     *((gpw.assemble, LEGS, name, (*NO_NUMBERS, nan, inf))
       for name in ("thigh_length", "shank_length", "foot_radius", "knee_angle", "gravity")),
     (gpw.assemble, LEGS, "knees", NO_TRUTHS),
-    (gpw.virtual_gravity, {"walker": "E"}, "angle", NO_ANGLES),
-    (gpw.controlled_symmetry, {"walker": "E"}, "slope", NO_ANGLES),
-    (gpw.PotentialShaping, A_LAW, "walker", NO_OBJECTS),
-    (gpw.PotentialShaping, A_LAW, "felt_slope", NO_ANGLES),
-    (gpw.PotentialShaping, A_LAW, "strength", (*NO_NUMBERS, nan, inf)),
     (gpw.Terrain, {}, "repeats", NO_TRUTHS),
     (gpw.Terrain, {}, "height_std", (*NO_NUMBERS, nan, inf, -1.0, 1e9)),
     (gpw.Terrain, {}, "slope_std", (*NO_NUMBERS, nan, inf, -1.0, 2.0)),

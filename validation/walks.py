@@ -16,12 +16,6 @@ KINDS: tuple[Kind, Kind] = ("long", "short")
 TUNED = {name: gpw.tune(walker) for name, walker in gpw.WALKERS.items()}
 """The source's walkers with their tuning made exact, as the table's rounded digits are not."""
 
-COMPASS = Walker(
-    thigh_length=0.5, thigh_mass=5.0, thigh_com=0.5, shank_length=0.5, shank_mass=0.0,
-    hip_mass=10.0, knees=False, gravity=9.8,
-)  # fmt: skip
-"""The compass walker of Goswami et al. 1998: half its mass in the legs."""
-
 # Why a family ends, in the words of `GaitFamily.ends`.
 KNEE_MEETS_HEEL = "kneestrike and heelstrike coincide"
 STANCE_STOPS = "the stance leg barely passes the vertical"

@@ -16,7 +16,6 @@ from gym_passive_walker.units import units_of
 from tests.options.heard import Call, Later, To, cases, check, missing
 
 LAB, C, D, F = (gpw.WALKERS[name] for name in ("lab", "C", "D", "F"))
-POINTED = replace(gpw.WALKERS["B"], knees=False, foot_radius=0.0)
 
 
 @cache
@@ -123,9 +122,6 @@ OPTIONS = {
         gpw.collision_matrix,
         dict(walker="lab", stance_angle=0.3),
         dict(walker="C", stance_angle=0.2),
-    ),
-    "controlled_symmetry": Call(
-        gpw.controlled_symmetry, dict(walker=POINTED, slope=0.03), dict(walker="D", slope=0.02)
     ),
     "crisis_slope": Call(
         gpw.crisis_slope,
@@ -446,9 +442,6 @@ OPTIONS = {
         dict(walker="lab-straight", slope=0.03, radius=0.7),
     ),
     "tuning_errors": Call(gpw.tuning_errors, dict(walker="lab"), dict(walker="lab-straight")),
-    "virtual_gravity": Call(
-        gpw.virtual_gravity, dict(walker=POINTED, angle=0.03), dict(walker="D", angle=0.02)
-    ),
     "waves": Call(gpw.waves, dict(height=0.1, strides=4), dict(height=0.2, strides=5)),
 }
 

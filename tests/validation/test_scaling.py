@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, find_gait, gait_family, parameter_family, tune
-from validation.scaling import exponent_crossings, local_exponents, transition_slope
+from validation.scaling import CUBE_ROOT, exponent_crossings, local_exponents, transition_slope
 
 
 def exponents(name, kind, slope=1e-7):
@@ -75,6 +75,8 @@ def test_the_ratio_of_transition_slopes_does_not_depend_on_the_cube_root_line():
     plain = transition_slope("E") / transition_slope("F")
     other = transition_slope("E", cube_root=2.0) / transition_slope("F", cube_root=2.0)
     assert other == pytest.approx(plain, rel=1e-12)
+    steeper = transition_slope("E", cube_root=2.0) / transition_slope("E")
+    assert steeper == pytest.approx((2.0 / CUBE_ROOT) ** 1.5, rel=1e-12)
 
 
 def test_exponents_of_something_else_than_slope_are_refused():
