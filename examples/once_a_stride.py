@@ -22,8 +22,9 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -31,8 +32,9 @@ from numpy.typing import ArrayLike, NDArray
 
 import gym_passive_walker as gpw
 from gym_passive_walker import Gait, console
+from gym_passive_walker.control.controllers import SceneLike
 from gym_passive_walker.control.feedback import Method, gains
-from gym_passive_walker.envs.scene import Scene, make_scene
+from gym_passive_walker.envs.scene import make_scene
 
 PARTS = {"hip": "hip_torque", "ankle": "ankle_torque", "push_off": "push_off"}
 """The part of an `Actuation` for each action of a scene."""
@@ -63,7 +65,7 @@ class OnceAStride:
 
     name = "feedback once a stride"
 
-    def __init__(self, scene: Scene | str | Mapping[str, Any], **changes: Any) -> None:
+    def __init__(self, scene: SceneLike, **changes: Any) -> None:
         self.scene = make_scene(scene, control="stride", **changes)
         self.strides = gpw.stride_map(self.scene.walker, tolerance=_TOLERANCE)
         self.parts = tuple(PARTS[name] for name in self.scene.actions)
@@ -118,7 +120,7 @@ class ActuationFeedback(OnceAStride):
 
     def __init__(
         self,
-        scene: Scene | str | Mapping[str, Any],
+        scene: SceneLike,
         gait: Gait,
         method: Method = "deadbeat",
         *,
@@ -222,9 +224,7 @@ class SpeedControl(OnceAStride):
 
     name = "speed control"
 
-    def __init__(
-        self, scene: Scene | str | Mapping[str, Any], speed: float, *, decay: float = 0.0
-    ) -> None:
+    def __init__(self, scene: SceneLike, speed: float, *, decay: float = 0.0) -> None:
         super().__init__(scene)
         if not self.scene.walker.massless_legs:
             raise ValueError("speed control is for the simplest walker, whose legs have no mass")
@@ -237,40 +237,35 @@ class SpeedControl(OnceAStride):
         slopes = np.broadcast_to(slopes, len(points))
         now = midstance_speed(points, slopes)
         wanted = self.speed + self.decay * (now - self.speed)
-        choose = self._push_offs if self.parts == ("push_off",) else self._hip_torques
-        return np.nan_to_num(choose(points, slopes, now, wanted))[:, None]
+        if self.parts == ("push_off",):
+            chosen = self._push_offs(points, slopes, wanted)
+        else:
+            chosen = self._hip_torques(points, slopes, placement(now, wanted, slopes))
+        return np.nan_to_num(chosen)[:, None]
 
-    def _push_offs(
-        self, points: NDArray, slopes: NDArray, now: NDArray, wanted: NDArray
-    ) -> NDArray:
+    def _push_offs(self, points: NDArray, slopes: NDArray, wanted: NDArray) -> NDArray:
         """What is missing of the angular velocity after a heelstrike without push-off."""
         angle, rate, _ = self.strides.apply(points, slopes).ends.T
         needed = np.sqrt(np.maximum(wanted * wanted + 2.0 * climb(angle, slopes), 0.0))
         push = (needed + rate) / np.sin(2.0 * angle)  # angular velocities are negative
         return np.clip(push, 0.0, self.largest[0])
 
-    def _hip_torques(
-        self, points: NDArray, slopes: NDArray, now: NDArray, wanted: NDArray
-    ) -> NDArray:
+    def _hip_torques(self, points: NDArray, slopes: NDArray, angles: NDArray) -> NDArray:
         """Torques that place the foot: the best of some, then Newton's method from there."""
-        angles, most = placement(now, wanted, slopes), self.largest[0]
+        most, under = self.largest[0], partial(self.strides.with_parameter, "hip_torque")
         tried = most * np.linspace(-1.0, 1.0, _TRIED) ** 3  # denser where torques are small
         starts, grounds = (np.repeat(x, _TRIED, axis=0) for x in (points, slopes))
-        ends = self._under(np.tile(tried, len(points))).apply(starts, grounds).ends
+        ends = under(np.tile(tried, len(points))).apply(starts, grounds).ends
         missed = np.abs(ends[:, 0].reshape(-1, _TRIED) - angles[:, None])
         missed[np.isnan(missed)] = np.inf
         torques = np.where(np.isinf(missed).all(axis=1), 0.0, tried[np.argmin(missed, axis=1)])
         last = torques
         for _ in range(_REFINED):
-            passage, change = self._under(torques).linearize(points, slopes, by=("hip_torque",))
+            passage, change = under(torques).linearize(points, slopes, by=("hip_torque",))
             step = (passage.ends[:, 0] - angles) / change.ends[:, 0, 0]
             further = np.clip(torques - step, -most, most)
             torques, last = np.where(passage.alive, further, 0.5 * (torques + last)), torques
-        return np.where(np.isnan(torques), 0.0, torques)
-
-    def _under(self, torques: NDArray) -> Any:
-        """The stride map under a hip torque for each walker."""
-        return self.strides.with_parameter("hip_torque", torques)
+        return torques
 
 
 def kuo_gait() -> Gait:
