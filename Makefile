@@ -35,7 +35,7 @@ test-matrix: $(VENV)/.installed-dev
 
 lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
-	$(BIN)/ruff check --extend-select D103 gym_passive_walker agents validation
+	$(BIN)/ruff check --extend-select D103 gym_passive_walker agents examples validation
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
 	$(BIN)/pyright --pythonpath $(BIN)/python

@@ -46,10 +46,8 @@ _CONCERNING = {
     "control/controlled": "controlled closed_loop matrix",
     "control/maps": "controlled closed_loop matrix",
     "control/feedback": "baselines ticks",
-    "control/once_a_stride": "once_a_stride",
     "control/optimal": "optimal",
     "control/optimum": "optimal ticks",
-    "control/shaping": "shaping",
     "control/ticks": "ticks optimal closed_loop",
     "envs/batch": "crowds changes vector_env starts walker_env task",
     "envs/checks": "scene",
@@ -68,6 +66,8 @@ _CONCERNING = {
     "evaluation/steps": "steps baselines benchmark",
     "evaluation/tape": "tape",
     "evaluation/walks": "agents/evaluation",
+    "examples/once_a_stride": "once_a_stride",
+    "examples/potential_shaping": "potential_shaping",
     "gaits/basin": "basin bifurcation",
     "gaits/bifurcation": "bifurcation basin",
     "gaits/continuation": "families",
@@ -79,7 +79,6 @@ _CONCERNING = {
     "gaits/gait": "gaits",
     "gaits/measures": "measures",
     "gaits/reality": "reality",
-    "gaits/scaling": "scaling",
     "gaits/search": "gaits families",
     "gaits/stability": "jacobian",
     "gaits/stride_map": "stride_map",
@@ -87,6 +86,8 @@ _CONCERNING = {
     "policies/__init__": "network shipped",
     "policies/network": "network",
     "policies/tensors": "network",
+    "validation/scaling": "scaling",
+    "validation/wheel": "wheel",
 }
 """Tests of its own room that concern a module, the likeliest to notice first."""
 
@@ -100,6 +101,8 @@ _OPTIONS = {
 """Tests of the options of a room; functions and objects of the others are in `_PUBLIC`."""
 
 _PUBLIC = [f"tests/options/test_{of}.py" for of in ("functions", "objects", "forms")]
+_NOT_PUBLIC = ("examples", "validation")
+"""Folders without options."""
 _BESIDES = {
     "agents/first_order": "reference first_order",
     "agents/ppo_fast": "reference ppo_fast",
@@ -123,7 +126,7 @@ def tests_of(file: str) -> list[str]:
     named += _EVERYWHERE.split() * (room == "envs")
     names = (name if "/" in name else f"{room}/{name}" for name in dict.fromkeys(named))
     tests = [f"tests/{Path(name).parent}/test_{Path(name).name}.py" for name in names]
-    options = [_OPTIONS[room]] if room in _OPTIONS else _PUBLIC
+    options = [_OPTIONS[room]] if room in _OPTIONS else _PUBLIC * (room not in _NOT_PUBLIC)
     if file == "train":
         tests, options = ["tests/agents/test_command_line.py"], [_OPTIONS["agents"]]
     # File by file: a folder would bring its files into another order.

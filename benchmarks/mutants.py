@@ -18,6 +18,8 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = "gym_passive_walker"
+BESIDE = ("agents", "examples", "validation")
+"""Folders of the repository that faults may be in too."""
 FAULTS = Path(__file__).parent / "faults"
 BLIND = FAULTS / "blind"
 
@@ -139,7 +141,7 @@ class Finder(ast.NodeVisitor):
 
 def path_of(file: str) -> Path:
     """A module's path within the tree."""
-    beside = file == "train" or file.startswith("agents/")
+    beside = file == "train" or file.startswith(tuple(f"{folder}/" for folder in BESIDE))
     return Path("" if beside else PACKAGE) / f"{file}.py"
 
 

@@ -32,7 +32,7 @@ import pytest
 
 from benchmarks.concerned import CHANGED, tests_of
 from benchmarks.equivalent_mutants import EQUIVALENT
-from benchmarks.mutants import BLIND, FAULTS, PACKAGE, ROOT, Mutant, faults, path_of, sample
+from benchmarks.mutants import BESIDE, BLIND, FAULTS, PACKAGE, ROOT, Mutant, faults, path_of, sample
 from benchmarks.report import DOCS, keep, machine, table
 
 PAGE = DOCS / "stability.md"
@@ -60,7 +60,7 @@ class Copy:
     def __init__(self, tree: Path) -> None:
         self.tree, self.cache, self.filled = tree, tree / "cache", tree / "filled"
         left = shutil.ignore_patterns("__pycache__", "_build", "jupyter_execute")
-        for name in (PACKAGE, "agents", "tests", "benchmarks", "docs"):
+        for name in (PACKAGE, *BESIDE, "tests", "benchmarks", "docs"):
             shutil.copytree(ROOT / name, tree / name, ignore=left)
         for name in ("pyproject.toml", "train.py", "README.md"):
             shutil.copy(ROOT / name, tree)

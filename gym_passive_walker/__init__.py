@@ -15,11 +15,6 @@ from gym_passive_walker import math
 from gym_passive_walker.control.maps import closed_loop_gait, stride_map
 from gym_passive_walker.control.optimal import optimal_gait, optimal_gaits
 from gym_passive_walker.control.optimum import OptimalGait
-from gym_passive_walker.control.shaping import (
-    PotentialShaping,
-    controlled_symmetry,
-    virtual_gravity,
-)
 from gym_passive_walker.envs.registration import register as _register
 from gym_passive_walker.envs.transitions import Transition
 from gym_passive_walker.evaluation.robustness import Robustness, robustness
@@ -35,7 +30,6 @@ from gym_passive_walker.gaits.dense_stride import Extreme, Impulse
 from gym_passive_walker.gaits.design import Design, optimise_walker, tune_to_walk
 from gym_passive_walker.gaits.doubling import Cascade, doubling_cascade
 from gym_passive_walker.gaits.family import GaitFamily, gait_family, parameter_family
-from gym_passive_walker.gaits.first_passage import leading_eigenvalue
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.measures import (
@@ -46,11 +40,6 @@ from gym_passive_walker.gaits.measures import (
     measures,
 )
 from gym_passive_walker.gaits.reality import RealityCheck, reality_check
-from gym_passive_walker.gaits.scaling import (
-    exponent_crossings,
-    local_exponents,
-    transition_slope,
-)
 from gym_passive_walker.gaits.stability import stride_jacobian
 from gym_passive_walker.gaits.stride import Stride, stride
 from gym_passive_walker.gaits.terrain import Terrain, footholds, rough, stairs, waves
@@ -90,7 +79,6 @@ __all__ = [
     "Outcome",
     "Part",
     "PolicyError",
-    "PotentialShaping",
     "Push",
     "RealityCheck",
     "Robustness",
@@ -110,10 +98,8 @@ __all__ = [
     "blend",
     "closed_loop_gait",
     "collision_matrix",
-    "controlled_symmetry",
     "crisis_slope",
     "doubling_cascade",
-    "exponent_crossings",
     "find_gait",
     "find_gaits",
     "foot_velocity",
@@ -121,9 +107,7 @@ __all__ = [
     "gait_family",
     "lab_walker_from_parts",
     "largest_push",
-    "leading_eigenvalue",
     "load_policy",
-    "local_exponents",
     "lyapunov_exponents",
     "math",
     "measures",
@@ -140,11 +124,9 @@ __all__ = [
     "stride_jacobian",
     "stride_map",
     "sweep",
-    "transition_slope",
     "tune",
     "tune_to_walk",
     "tuning_errors",
-    "virtual_gravity",
     "waves",
 ]
 

@@ -14,7 +14,7 @@ from gym_passive_walker import console
 
 ROOT = Path(__file__).parents[1]
 SOURCES = [ROOT / "train.py"]
-for folder in ("gym_passive_walker", "agents", "benchmarks", "validation"):
+for folder in ("gym_passive_walker", "agents", "benchmarks", "examples", "validation"):
     SOURCES += sorted((ROOT / folder).glob("**/*.py"))
 
 

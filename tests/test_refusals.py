@@ -34,8 +34,6 @@ OF_A_DESIGN = {
 }  # fmt: skip
 LEGS = {"thigh": [gpw.Part(1.0, 0.1, 0.0, 0.01)], "shank": [gpw.Part(1.0, 0.1, 0.0, 0.01)]}
 LEGS |= {"thigh_length": 0.4, "shank_length": 0.4, "foot_radius": 0.1, "knee_angle": 0.0}
-A_LAW = {"walker": gpw.WALKERS["E"], "felt_slope": 0.05}
-A_MAP = {"strides": lambda x: (x[:, None], np.full((len(x), 1), 0.5)), "low": 0.0, "high": 1.0}
 PASSIVE = {"policy": Passive(), "scene": "lab"}
 
 
@@ -110,28 +108,16 @@ REFUSALS = [
     (gpw.collision_matrix, {"walker": "lab"}, "stance_angle", (*NO_ANGLES, 5.0)),
     (gpw.foot_velocity, {"walker": "lab"}, "state", (*NO_STATES, None)),
     (gpw.measures, {}, "gait", NO_OBJECTS),
-    (gpw.local_exponents, {}, "family", NO_OBJECTS),
-    (gpw.exponent_crossings, {}, "family", NO_OBJECTS),
-    (gpw.transition_slope, {"walker": "E"}, "cube_root", (*NO_NUMBERS, nan, inf, 0.0, 1e300)),
     (gpw.tune_to_walk, {"walker": "C", "slope": 0.03}, "radius", (*NO_NUMBERS, nan, inf, 0.0)),
     (gpw.blend, {"a": "C", "b": "lab"}, "fraction", (*NO_NUMBERS, nan, inf, -inf)),
     *((gpw.assemble, LEGS, name, (*NO_NUMBERS, nan, inf))
       for name in ("thigh_length", "shank_length", "foot_radius", "knee_angle", "gravity")),
     (gpw.assemble, LEGS, "knees", NO_TRUTHS),
-    (gpw.virtual_gravity, {"walker": "E"}, "angle", NO_ANGLES),
-    (gpw.controlled_symmetry, {"walker": "E"}, "slope", NO_ANGLES),
-    (gpw.PotentialShaping, A_LAW, "walker", NO_OBJECTS),
-    (gpw.PotentialShaping, A_LAW, "felt_slope", NO_ANGLES),
-    (gpw.PotentialShaping, A_LAW, "strength", (*NO_NUMBERS, nan, inf)),
     (gpw.Terrain, {}, "repeats", NO_TRUTHS),
     (gpw.Terrain, {}, "height_std", (*NO_NUMBERS, nan, inf, -1.0, 1e9)),
     (gpw.Terrain, {}, "slope_std", (*NO_NUMBERS, nan, inf, -1.0, 2.0)),
     (gpw.waves, {"height": 0.01, "strides": 5}, "height", (*NO_NUMBERS, nan, inf, 1e9)),
     (gpw.waves, {"height": 0.01, "strides": 5}, "strides", (*NO_COUNTS, 1, 10**9)),
-    (gpw.leading_eigenvalue, A_MAP, "strides", NO_OBJECTS),
-    (gpw.leading_eigenvalue, A_MAP, "low", (*NO_NUMBERS, nan, inf, -inf, 1.0)),
-    (gpw.leading_eigenvalue, A_MAP, "high", (*NO_NUMBERS, nan, inf, 0.0)),
-    (gpw.leading_eigenvalue, A_MAP, "nodes", (*NO_COUNTS, 0, 10**9)),
     (gpw.closed_loop_gait, PASSIVE, "policy", NO_OBJECTS),
     (gpw.closed_loop_gait, PASSIVE, "guess", (nan, "no", [nan] * 6, [1.0] * 5, {}, object())),
     (gpw.closed_loop_gait, PASSIVE, "period", (*NO_COUNTS, 0)),

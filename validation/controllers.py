@@ -12,9 +12,15 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import root_scalar
 
 import gym_passive_walker as gpw
-from gym_passive_walker import WALKERS, Actuation, Gait, PotentialShaping
+from examples.potential_shaping import (
+    COMPASS,
+    PotentialShaping,
+    controlled_symmetry,
+    virtual_gravity,
+)
+from gym_passive_walker import WALKERS, Actuation, Gait
 from validation.rows import Row, listed, number
-from validation.walks import COMPASS, gait
+from validation.walks import gait
 
 _KUO = "Kuo 2002"
 _STIFFNESS, _PUSH_OFF = 2.5127, 0.1877
@@ -48,7 +54,7 @@ def _field_at(angle: float, speed: float) -> Gait:
 
     def walks(stiffness: float) -> Gait:
         walker = replace(WALKERS["D"], hip_stiffness=stiffness * _G)
-        return gpw.find_gait(*gpw.virtual_gravity(walker, field).passive_twin)
+        return gpw.find_gait(*virtual_gravity(walker, field).passive_twin)
 
     found = root_scalar(lambda k: walks(k).stance_angle - angle, bracket=(0.2, 6.0), xtol=1e-13)
     return walks(found.root)
@@ -167,30 +173,30 @@ def _apart(shaping: PotentialShaping, slope: float, walks: Gait) -> float:
 def shaped_potentials() -> Iterator[Row]:
     """Controlled symmetry and virtual gravity, of the compass walker."""
     own = math.radians(3.0)
-    shaping, walks = gpw.controlled_symmetry(COMPASS, own), gait(COMPASS, own)
+    shaping, walks = controlled_symmetry(COMPASS, own), gait(COMPASS, own)
     slopes = [math.radians(x) for x in (-10.0, -3.0, 0.0, 8.0)]
     where = "at −10°, −3°, 0°, 8°"
     off = max(_apart(shaping, slope, walks) for slope in slopes)
     why = "Closed loop, integrated by SciPy: largest difference in time, angle, velocity of a foot."
     said = f"Spong, Bullo 2005 | the gait of 3° under their torques {where}: difference | 0"
     yield number(said, off, within=1e-12, digits=2, remark=why)
-    works = [shaping.work(walks, slope) for slope in slopes]
+    paid = [shaping.cost(walks, slope) for slope in slopes]
     errors = [
-        abs(work.net_cost - math.sin(own) + math.sin(slope))
-        for work, slope in zip(works, slopes, strict=True)
+        abs(cost.net - math.sin(own) + math.sin(slope))
+        for cost, slope in zip(paid, slopes, strict=True)
     ]
     yield number(
         f"Spong, Bullo 2005 | net work over weight × distance {where}, less sin 3° − sin γ | 0",
         max(errors), within=1e-12, digits=2,
-        remark=f"Absolute work: {listed((work.absolute_cost for work in works), '.4f')}.",
+        remark=f"Absolute work: {listed((cost.absolute for cost in paid), '.4f')}.",
     )  # fmt: skip
     angles = (0.02, own, 0.08)
     offs, costs, periods = [], [], []
     for angle in angles:
-        law = gpw.virtual_gravity(COMPASS, angle)
+        law = virtual_gravity(COMPASS, angle)
         level = gpw.find_gait(*law.passive_twin)
         offs.append(_apart(law, 0.0, level))
-        costs.append(law.work(level, 0.0))
+        costs.append(law.cost(level, 0.0))
         periods.append(level.step_period / gait(COMPASS, angle).step_period)
     virtual = "virtual slopes 0.02, 3°, 0.08 on level ground"
     said = f"Asano, Yamakita 2001 | {virtual}: closed loop less its passive twin | 0"
@@ -201,9 +207,7 @@ def shaped_potentials() -> Iterator[Row]:
     )
     said = f"Asano, Yamakita 2001 | {virtual}: period over that of the slope, less √cos φ | 0"
     yield number(said, error, within=1e-12, digits=2)
-    error = max(
-        abs(cost.net_cost - math.tan(angle)) for cost, angle in zip(costs, angles, strict=True)
-    )
+    error = max(abs(cost.net - math.tan(angle)) for cost, angle in zip(costs, angles, strict=True))
     said = f"Asano, Yamakita 2001 | {virtual}: net cost of transport less tan φ | 0"
-    why = f"Absolute work: {listed((cost.absolute_cost for cost in costs), '.4f')}."
+    why = f"Absolute work: {listed((cost.absolute for cost in costs), '.4f')}."
     yield number(said, error, within=1e-12, digits=2, remark=why)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from examples.potential_shaping import COMPASS
 from gym_passive_walker import WALKERS
 from validation.rows import Row, number
-from validation.walks import COMPASS, Kind, gait
+from validation.walks import Kind, gait
 
 _SIMPLEST = "Garcia et al. 1998"
 _COMPASS = "Goswami et al. 1998"

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from examples.once_a_stride import SpeedControl, midstance_speed, speed_of
 from gym_passive_walker import WALKERS, Outcome
-from gym_passive_walker.control.once_a_stride import SpeedControl, midstance_speed
 from gym_passive_walker.control.ticks import Walkers, ticked_strides
 from validation.rows import Row, claim, listed, number
 from validation.walks import gait
@@ -20,12 +20,8 @@ _BHOUNSULE = "Bhounsule, Zamani 2017"
 
 def _law(decay: float) -> SpeedControl:
     """The simplest walker's hip torque by Bhounsule's and Zamani's law."""
-    start = _starts([1.0])
-    scene = {
-        "walker": "D", "slope": _SLOPE, "control": "stride", "actions": ("hip",),
-        "max_hip_torque": 2.0,
-    }  # fmt: skip
-    return SpeedControl(scene, float(midstance_speed(start, _SLOPE)[0]), decay=decay)
+    scene = {"walker": "D", "slope": _SLOPE, "actions": "hip", "max_hip_torque": 2.0}
+    return SpeedControl(scene, speed_of(gait("D", _SLOPE)), decay=decay)
 
 
 def _struck(angle: ArrayLike, rate: ArrayLike) -> NDArray:
@@ -60,7 +56,7 @@ def _walk(
     speeds, works = np.full((2, len(slopes), n), np.nan)
     for k, slope in enumerate(slopes):
         here = np.broadcast_to(slope, n)[going]
-        torque = np.zeros((len(points), 1)) if law is None else law.given(points, here)
+        torque = np.zeros((len(points), 1)) if law is None else law.actuation(points, here)
         walked = ticked_strides(who, here, points, torque, tick=math.inf)
         speeds[k, going] = midstance_speed(points, here)
         works[k, going] = (np.abs(torque) * walked.turn)[:, 0]

@@ -9,6 +9,7 @@ import numpy as np
 import gym_passive_walker as gpw
 from gym_passive_walker import WALKERS
 from validation.rows import Row, claim, listed, number
+from validation.scaling import exponent_crossings, transition_slope
 from validation.walks import KINDS, TUNED, exponents, family, gait, sliding
 
 _SHARE = {"E": 0.1 / 0.8, "F": 0.05 / 0.9}
@@ -71,9 +72,9 @@ def _laws(name: str) -> Iterator[Row]:
 
 def _transition() -> Iterator[Row]:
     """Where the short step's laws give way to each other."""
-    slopes = {name: gpw.transition_slope(name) for name in "EF"}
+    slopes = {name: transition_slope(name) for name in "EF"}
     factors = [slopes[name] / _SHARE[name] ** 1.5 for name in "EF"]
-    half = [gpw.exponent_crossings(family(name, _LOW, 0.3, "short"))[0] for name in "EF"]
+    half = [exponent_crossings(family(name, _LOW, 0.3, "short"))[0] for name in "EF"]
     yield claim(
         "Fig. 4.5 | where the linear law of E, and of F, meets the simplest walker's cube "
         "root | proportional to 0.044, 0.013",

@@ -9,6 +9,7 @@ import numpy as np
 import gym_passive_walker as gpw
 from gym_passive_walker import WALKERS, Walker
 from validation.rows import Row, claim, listed, number
+from validation.scaling import exponent_crossings
 from validation.walks import (
     BOUND,
     KINDS,
@@ -188,7 +189,7 @@ def observations() -> Iterator[Row]:
         "Fig. 4.9 (4) | slope where C's long step turns to proportion: its power of γ is 2/3 "
         "| 0.00015"
     )
-    yield number(said, float(gpw.exponent_crossings(family(TUNED["C"], _LOW, 0.3))[0]), digits=4)
+    yield number(said, float(exponent_crossings(family(TUNED["C"], _LOW, 0.3))[0]), digits=4)
     bends = [exponents(TUNED["C"], slope)[0] for slope in (1e-3, 1e-2)]
     said = (
         "Fig. 4.9 (4) | C's long step nearly goes with γ^(1/3) over the figure's slopes: "

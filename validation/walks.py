@@ -8,18 +8,13 @@ from typing import Literal
 
 import gym_passive_walker as gpw
 from gym_passive_walker import Gait, GaitFamily, RealityCheck, Walker
+from validation.scaling import local_exponents
 
 Kind = Literal["long", "short"]
 KINDS: tuple[Kind, Kind] = ("long", "short")
 
 TUNED = {name: gpw.tune(walker) for name, walker in gpw.WALKERS.items()}
 """The source's walkers with their tuning made exact, as the table's rounded digits are not."""
-
-COMPASS = Walker(
-    thigh_length=0.5, thigh_mass=5.0, thigh_com=0.5, shank_length=0.5, shank_mass=0.0,
-    hip_mass=10.0, knees=False, gravity=9.8,
-)  # fmt: skip
-"""The compass walker of Goswami et al. 1998: half its mass in the legs."""
 
 # Why a family ends, in the words of `GaitFamily.ends`.
 KNEE_MEETS_HEEL = "kneestrike and heelstrike coincide"
@@ -50,7 +45,7 @@ def numbers_of_gaits(walkers: Iterable[Walker | str], slopes: Iterable[float]) -
 
 def exponents(walker: Walker | str, slope: float, kind: Kind = "long") -> tuple[float, float]:
     """Exact local exponents of stance angle and speed with slope, of the gait at a slope."""
-    local = gpw.local_exponents(family(walker, slope, 1.01 * slope, kind))
+    local = local_exponents(family(walker, slope, 1.01 * slope, kind))
     return float(local.stance_angle[0]), float(local.speed[0])
 
 

@@ -1,4 +1,12 @@
-"""A rimless wheel on rough ground: a walker without a swing leg, whose falls can be foretold."""
+"""A rimless wheel on rough ground: a walker without a swing leg, with a one-dimensional return map.
+
+It falls in each stride with the same chance 1 - lambda in the long run, where lambda is the leading
+eigenvalue of the return map in which falls are absorbing.
+
+References:
+    K. Byl, R. Tedrake, "Metastable walking machines", Int. J. Robotics Research 28 (2009)
+    1040-1064.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +16,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker import WALKERS, leading_eigenvalue, stride
+from gym_passive_walker import WALKERS, stride
 from validation.rows import Row, number
 from validation.walks import gait
 
@@ -55,6 +63,32 @@ def wheels(deviation: float) -> Callable[[NDArray], tuple[NDArray, NDArray]]:
         return following, density * half[:, None] * weights
 
     return strides
+
+
+def leading_eigenvalue(
+    strides: Callable[[NDArray], tuple[NDArray, NDArray]], low: float, high: float, nodes: int = 60
+) -> float:
+    """Leading eigenvalue of a return map of one coordinate in which falls are absorbing.
+
+    The probability of survival is a smooth function of the coordinate at which a stride begins. It
+    is approximated by the polynomial through its values at Chebyshev points.
+
+    Args:
+        strides: Function of that coordinate, (n,). It returns the coordinates at which the next
+            strides may begin and their probabilities, both (n, k). Probabilities that add up to
+            less than 1 leave falls.
+        low: Least coordinate.
+        high: Greatest coordinate.
+        nodes: Number of Chebyshev points.
+    """
+    points, degree = np.polynomial.chebyshev.chebpts1(nodes), nodes - 1
+    following, chances = strides(low + 0.5 * (high - low) * (points + 1.0))
+    reached = np.polynomial.chebyshev.chebvander(
+        2.0 * (following - low) / (high - low) - 1.0, degree
+    )
+    basis = np.polynomial.chebyshev.chebvander(points, degree)
+    passing = np.einsum("nk,nkj->nj", chances, reached) @ np.linalg.inv(basis)
+    return float(np.abs(np.linalg.eigvals(passing)).max())
 
 
 def lasts(degrees: float, nodes: int = 80) -> float:

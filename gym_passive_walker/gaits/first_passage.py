@@ -3,20 +3,18 @@
 A walker on rough ground falls sooner or later. Once it has forgotten how it began, each stride ends
 in a fall with the same small chance 1 - lambda, where lambda is the leading eigenvalue of the
 return map with falls absorbing (Byl and Tedrake 2009, Metastable walking machines): it lasts
-1 / (1 - lambda) strides on average. Of a return map of one number lambda is found by quadrature;
-else by letting enough walkers walk until they fall.
+1 / (1 - lambda) strides on average. That mean is estimated from a crowd that walks until it falls.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import number, shown, whole
 from gym_passive_walker.gaits.flow import Walkers, flow
 from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.progress import progress
@@ -24,7 +22,6 @@ from gym_passive_walker.progress import progress
 SETTLING = 10
 """Strides after which walkers have forgotten how they began."""
 
-_NODES = 10_000  # of a polynomial through a return map
 _CONFIDENT = 1.959963984540054  # standard errors on both sides of 95 of 100
 _NONE_SEEN = 2.995732273553991  # falls expected at most, 95 times of 100, where none was seen
 
@@ -153,37 +150,3 @@ def survivors(crowd: Iterator[int], walkers: int, strides: int) -> NDArray[np.in
             left[1 + stride] = still
             taken()
     return left
-
-
-def leading_eigenvalue(
-    strides: Callable[[NDArray], tuple[NDArray, NDArray]], low: float, high: float, nodes: int = 60
-) -> float:
-    """Leading eigenvalue of a return map of one number with falls absorbing.
-
-    The chance to last is a smooth function of the number that strides begin with: a polynomial
-    through its values at Chebyshev points.
-
-    Args:
-        strides: Function of that number, (n,): with what numbers the next strides may begin, and
-            with what chance, both (n, k). Chances that add up to less than 1 leave falls.
-        low: Least number with which strides begin.
-        high: Greatest.
-        nodes: How many points.
-
-    Raises:
-        ValueError: if an argument is out of its range.
-    """
-    low, high, nodes = number(low, "low"), number(high, "high"), whole(nodes, "nodes", 1, _NODES)
-    if not callable(strides):
-        raise ValueError(
-            f"strides must be a function of the numbers begun with, not {shown(strides)}"
-        )
-    if not low < high:
-        raise ValueError(f"low must be below high, not {low}, {high}")
-    points = np.cos(math.pi * (np.arange(nodes) + 0.5) / nodes)
-    following, chances = strides(low + 0.5 * (high - low) * (points + 1.0))
-    where = 2.0 * (following - low) / (high - low) - 1.0
-    basis = np.polynomial.chebyshev.chebvander(points, nodes - 1)
-    reached = np.polynomial.chebyshev.chebvander(where, nodes - 1)
-    passing = np.einsum("nk,nkj->nj", chances, reached) @ np.linalg.inv(basis)
-    return float(np.abs(np.linalg.eigvals(passing)).max())

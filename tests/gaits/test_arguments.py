@@ -29,7 +29,6 @@ OF_A_WALKER = {
     "stride_jacobian": lambda walker: gpw.stride_jacobian(walker, 0.036, STATE),
     "reality_check": lambda walker: gpw.reality_check(walker, 0.036, STATE),
     "collision_matrix": lambda walker: gpw.collision_matrix(walker, 0.1),
-    "transition_slope": gpw.transition_slope,
     "tune": gpw.tune,
     "tuning_errors": gpw.tuning_errors,
     "blend": lambda walker: gpw.blend("C", walker, 0.5),

@@ -99,7 +99,6 @@ def test_every_public_function_takes_a_walker_in_each_form(name, form, folder):
         lambda walker: (
             gym.make_vec("PassiveWalker-v0", 2, walkers=[walker, walker]).unwrapped.scene.walker
         ),
-        lambda walker: gpw.PotentialShaping(walker, 0.05).walker,
         lambda walker: task("gait", {"walker": walker, "slope": 0.01}).keywords["walker"],
         lambda walker: as_walker(
             Description(analysis="gait", over={"slope": [0.01]}, given={"walker": walker}).tasks[0][
@@ -107,9 +106,9 @@ def test_every_public_function_takes_a_walker_in_each_form(name, form, folder):
             ]
         ),
     ],
-    ids=["make_scene", "make", "make_vec", "walkers", "shaping", "task", "sweep"],
+    ids=["make_scene", "make", "make_vec", "walkers", "task", "sweep"],
 )
-def test_environments_laws_and_sweeps_take_a_walker_in_each_form(walker_in, form, folder):
+def test_environments_and_sweeps_take_a_walker_in_each_form(walker_in, form, folder):
     assert walker_in(formed("E", form, folder)) == gpw.WALKERS["E"]
 
 

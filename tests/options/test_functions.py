@@ -16,7 +16,6 @@ from gym_passive_walker.units import units_of
 from tests.options.heard import Call, Later, To, cases, check, missing
 
 LAB, C, D, F = (gpw.WALKERS[name] for name in ("lab", "C", "D", "F"))
-POINTED = replace(gpw.WALKERS["B"], knees=False, foot_radius=0.0)
 
 
 @cache
@@ -33,11 +32,6 @@ STATE = Later(lambda: 1.01 * gait().state)
 OF_D = Later(lambda: gait("D", 0.009).state)
 PART = gpw.Part(mass=1.0, com=0.1, inertia=0.01)
 STEEP = Later(lambda: LinearFeedback("steep"))
-
-
-def of_a_square(x):
-    """A return map of one number, with chances."""
-    return (0.5 * x**2)[:, None], np.full((len(x), 1), 0.9)
 
 
 def mapped(**options):
@@ -129,9 +123,6 @@ OPTIONS = {
         dict(walker="lab", stance_angle=0.3),
         dict(walker="C", stance_angle=0.2),
     ),
-    "controlled_symmetry": Call(
-        gpw.controlled_symmetry, dict(walker=POINTED, slope=0.03), dict(walker="D", slope=0.02)
-    ),
     "crisis_slope": Call(
         gpw.crisis_slope,
         dict(walker="D", low=0.0185, high=0.0195, strides=200, walkers=4, accuracy=1e-5),
@@ -159,11 +150,6 @@ OPTIONS = {
             kind=To("short", refused="short-step"),
             doublings=To(2, expect=lambda a, b: len(b.periods) == len(a.periods) + 1),
         ),
-    ),
-    "exponent_crossings": Call(
-        gpw.exponent_crossings,
-        dict(family=Later(lambda: family("E", 0.0005, 0.05, "short"))),
-        dict(family=Later(lambda: family("F", 0.0005, 0.05, "short")), exponent=0.5),
     ),
     "find_gait": Call(
         gpw.find_gait,
@@ -219,23 +205,8 @@ OPTIONS = {
             tolerance=To(0.1, dict(accuracy=1e-7)),
         ),
     ),
-    "leading_eigenvalue": Call(
-        gpw.leading_eigenvalue,
-        dict(strides=of_a_square, low=0.0, high=1.0, nodes=8),
-        dict(
-            strides=lambda x: (of_a_square(x)[0], 0.5 * of_a_square(x)[1]),
-            low=-0.5,
-            high=1.2,
-            nodes=9,
-        ),
-    ),
     "load_policy": Call(
         gpw.load_policy, dict(name_or_folder="level-ppo"), dict(name_or_folder="lab-ppo")
-    ),
-    "local_exponents": Call(
-        gpw.local_exponents,
-        dict(family=Later(family)),
-        dict(family=Later(lambda: family("D", 0.003, 0.01))),
     ),
     "lyapunov_exponents": Call(
         gpw.lyapunov_exponents,
@@ -438,9 +409,6 @@ OPTIONS = {
             tolerance=1e-6,
         ),
     ),
-    "transition_slope": Call(
-        gpw.transition_slope, dict(walker="E"), dict(walker="D", cube_root=0.9)
-    ),
     "stride_map": Call(
         mapped,
         dict(walker="lab", slope=0.036),
@@ -474,9 +442,6 @@ OPTIONS = {
         dict(walker="lab-straight", slope=0.03, radius=0.7),
     ),
     "tuning_errors": Call(gpw.tuning_errors, dict(walker="lab"), dict(walker="lab-straight")),
-    "virtual_gravity": Call(
-        gpw.virtual_gravity, dict(walker=POINTED, angle=0.03), dict(walker="D", angle=0.02)
-    ),
     "waves": Call(gpw.waves, dict(height=0.1, strides=4), dict(height=0.2, strides=5)),
 }
 

@@ -1,4 +1,4 @@
-"""What objects are made of and asked for makes a difference: walkers, ground, laws, policies."""
+"""What objects are made of and asked for makes a difference: walkers, ground, policies."""
 
 from __future__ import annotations
 
@@ -11,9 +11,8 @@ import pytest
 
 import gym_passive_walker as gpw
 from agents.benchmark import rough_strides
-from gym_passive_walker.control import baselines, once_a_stride
+from gym_passive_walker.control import baselines
 from gym_passive_walker.control.feedback import gains
-from gym_passive_walker.control.shaping import Shaped
 from gym_passive_walker.control.ticks import ticked_stride
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.gaits.section import Section
@@ -41,11 +40,6 @@ def gait(walker="D", slope=0.009, **options):
 
 
 @cache
-def law():
-    return gpw.PotentialShaping(walker=D, felt_slope=0.009, strength=1.0)
-
-
-@cache
 def closed():
     return gpw.closed_loop_gait(baselines.LinearFeedback("steep"), "steep")
 
@@ -53,10 +47,6 @@ def closed():
 def walks(**parameters):
     """The stride of a walker of these parameters."""
     return gpw.stride(gpw.Walker(**parameters), 0.03, [0.3, -0.3, -0.4, -1.3, -0.6, -0.3])
-
-
-def shaped(**parameters):
-    return gpw.PotentialShaping(**parameters).torques([0.2, -0.2, -0.2, -0.3, -0.2, -0.2], 0.0)
 
 
 def drives(**parameters):
@@ -105,8 +95,6 @@ LAB = dict(
     foot_radius=0.2,
     foot_angle=0.2,
 )
-SEEN = dict(state=[0.2, -0.2, -0.2, -0.3, -0.2, -0.2], slope=0.01)
-OTHERWISE = dict(state=[0.1, -0.2, -0.2, -0.3, -0.2, -0.2], slope=0.02)
 TICKS = dict(
     walker=D,
     slope=0.009,
@@ -114,7 +102,6 @@ TICKS = dict(
     torques=np.zeros(3),
     tick=1.0,
 )
-PUSHING = Later(lambda: make_scene("push-off", slope=0.009))
 
 OPTIONS = {
     "Walker.titled": Call(
@@ -166,30 +153,6 @@ OPTIONS = {
         dict(mass=2.0, com=0.2, offset=0.1, inertia=0.1),
         of=gpw.Part,
     ),
-    "PotentialShaping": Call(
-        shaped,
-        dict(walker=D, felt_slope=0.01),
-        dict(walker=replace(D, gravity=1.6), felt_slope=0.02, strength=0.9),
-        of=gpw.PotentialShaping,
-    ),
-    "PotentialShaping.torques": Call(
-        lambda **asked: law().torques(**asked), SEEN, OTHERWISE, of=gpw.PotentialShaping.torques
-    ),
-    "PotentialShaping.shares": Call(
-        lambda states, slope: law().shares(np.array([states]), slope),
-        dict(states=SEEN["state"], slope=0.01),
-        dict(states=OTHERWISE["state"], slope=0.02),
-        of=gpw.PotentialShaping.shares,
-    ),
-    "PotentialShaping.power": Call(
-        lambda **asked: law().power(**asked), SEEN, OTHERWISE, of=gpw.PotentialShaping.power
-    ),
-    "PotentialShaping.work": Call(
-        lambda gait, slope: law().work(gait, slope),
-        dict(gait=Later(gait), slope=0.0),
-        dict(gait=Later(lambda: gait(kind="short")), slope=0.01),
-        of=gpw.PotentialShaping.work,
-    ),
     "TrainedPolicy.predict": Call(
         lambda observation, **asked: gpw.load_policy("level-ppo").predict(observation, **asked),
         dict(observation=np.zeros(8)),
@@ -228,17 +191,6 @@ OPTIONS = {
         ),
         of=baselines.Optimal,
     ),
-    "ActuationFeedback": Call(
-        made(once_a_stride.ActuationFeedback),
-        dict(scene=PUSHING, gait=Later(gait)),
-        dict(
-            scene=Later(lambda: make_scene("push-off", slope=0.009, max_push_off=0.05)),
-            gait=Later(lambda: gait(kind="short")),
-            method="lqr",
-            torque_weight=To(1.0, dict(method="lqr")),
-        ),
-        of=once_a_stride.ActuationFeedback,
-    ),
     "Schedule": Call(
         made(baselines.Schedule),
         dict(scene="level", gait=Later(lambda: baselines.optimal.load("level")[0])),
@@ -247,38 +199,6 @@ OPTIONS = {
             gait=Later(lambda: baselines.optimal.load("level")[1]),
         ),
         of=baselines.Schedule,
-    ),
-    "SpeedControl": Call(
-        made(once_a_stride.SpeedControl),
-        dict(scene=PUSHING, speed=0.1),
-        dict(scene=Later(lambda: make_scene("push-off", max_push_off=0.3)), speed=0.11, decay=0.5),
-        of=once_a_stride.SpeedControl,
-    ),
-    "Shaped": Call(
-        made(Shaped),
-        dict(
-            shaping=Later(law),
-            scene=Later(
-                lambda: make_scene(
-                    walker="D",
-                    actions=("hip", "ankle"),
-                    slope=0.01,
-                    start=[0.2, -0.2, -0.2, -0.2, 0, 0],
-                )
-            ),
-        ),
-        dict(
-            shaping=Later(lambda: gpw.PotentialShaping(walker=D, felt_slope=0.012)),
-            scene=Later(
-                lambda: make_scene(
-                    walker="D",
-                    actions=("ankle", "hip"),
-                    slope=0.01,
-                    start=[0.2, -0.2, -0.2, -0.2, 0, 0],
-                )
-            ),
-        ),
-        of=Shaped,
     ),
     "gains": Call(
         gains,
@@ -399,15 +319,14 @@ def public():
 
 
 def test_every_argument_of_every_public_object_is_tested():
-    of_policies = [*vars(baselines).values(), *vars(once_a_stride).values()]
     found = {
         each.__name__
-        for each in of_policies
+        for each in vars(baselines).values()
         if inspect.isclass(each)
         and hasattr(each, "predict")
-        and each.__module__ in (baselines.__name__, once_a_stride.__name__)
-    } - {"OnceAStride", "StrideFeedback"}
-    of_functions = {"gains", "ticked_stride", "rough_strides", "strobe", "phase_portrait", "Shaped"}
+        and each.__module__ == baselines.__name__
+    } - {"StrideFeedback"}
+    of_functions = {"gains", "ticked_stride", "rough_strides", "strobe", "phase_portrait"}
     assert not missing(OPTIONS, public() | found | of_functions)
 
 

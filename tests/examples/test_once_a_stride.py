@@ -10,29 +10,25 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from gym_passive_walker import WALKERS, Actuation, Outcome, find_gait, stride, stride_map
-from gym_passive_walker.control.once_a_stride import (
+from examples import once_a_stride
+from examples.once_a_stride import (
     ActuationFeedback,
     SpeedControl,
+    kuo_gait,
     midstance_speed,
     placement,
+    speed_of,
 )
-from gym_passive_walker.envs.scene import SceneError, make_scene
+from gym_passive_walker import WALKERS, Actuation, Outcome, find_gait, stride, stride_map
+from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.evaluation.walks import WALKED_ON, evaluate
 from gym_passive_walker.gaits.dense_stride import states_at
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.units import units_of
 
 D = WALKERS["D"]
-KUO = replace(D, hip_stiffness=2.5127 * D.gravity)
+KUO = kuo_gait().walker
 PUSH = 0.1877
-
-
-def kuo_gait():
-    """His normal gait."""
-    return find_gait(
-        stride_map(KUO, 0.0, controller=Actuation(push_off=PUSH * units_of(KUO).impulse))
-    )
 
 
 def scene(walker, action, slope=0.0, **others):
@@ -47,11 +43,11 @@ def points_of(walker, states):
 
 def walk(policy, slopes, points, count):
     """Points of walkers under a policy after each of some strides, (count + 1, n, 3)."""
-    walker, path = policy.walker, [points]
+    walker, path = policy.scene.walker, [points]
     units, section = units_of(walker), Section(walker=walker)
     scale = {"hip_torque": units.torque, "push_off": units.impulse}
     for _ in range(count):
-        chosen = policy.given(path[-1], slopes).T
+        chosen = policy.actuation(path[-1], slopes).T
         own = {
             part: scale[part] * values for part, values in zip(policy.parts, chosen, strict=True)
         }
@@ -66,7 +62,6 @@ def test_mid_stance_speed_is_the_hip_s_where_the_leg_stands_along_the_normal():
     times = np.linspace(0.0, 0.7 * gait.step_period, 2001)
     states, _ = states_at(D, 0.009, gait.state, times, tolerance=1e-13)
     passes = np.interp(0.0, -states[:, 0], -states[:, 3]) * units_of(D).time
-    print(states[[0, -1], 0])
     assert speed == pytest.approx(passes, rel=1e-6)
     assert np.isnan(midstance_speed(np.array([[0.3, -0.1, -0.1], [0.1, 0.5, 0.5]]), 0.0)).all()
 
@@ -83,15 +78,15 @@ def test_speed_keeps_with_the_push_off_v_tan_alpha():
         assert midstance_speed(path[1], 0.0) == pytest.approx(speed, abs=1e-12)
         angle = path[1][:, 0]
         before = np.sqrt(speed**2 + 2.0 * (1.0 - np.cos(angle)))
-        push = policy.given(point[None], 0.0)[:, 0]
+        push = policy.actuation(point[None], 0.0)[:, 0]
         np.testing.assert_allclose(push, before * np.tan(angle), rtol=0.0, atol=1e-12)
 
 
 def test_kuo_s_gait_is_what_speed_control_keeps():
     gait = kuo_gait()
     point = points_of(KUO, gait.state)
-    policy = SpeedControl(scene(KUO, "push_off"), midstance_speed(point, 0.0)[0])
-    assert policy.given(point, 0.0)[0, 0] == pytest.approx(PUSH, abs=1e-12)
+    policy = SpeedControl(scene(KUO, "push_off"), speed_of(gait))
+    assert policy.actuation(point, 0.0)[0, 0] == pytest.approx(PUSH, abs=1e-12)
 
 
 @pytest.mark.parametrize("stiffness", [0.0, 1.0, 2.5127, 6.0])
@@ -150,7 +145,7 @@ def survivors(policy, points, slopes):
     section, going = Section(walker=D), np.arange(len(points))
     for slope in slopes:
         here = np.broadcast_to(slope, slopes.shape[1:])[going] if slopes.ndim > 1 else slope
-        torque = 0.0 if policy is None else policy.given(points, here)[:, 0]
+        torque = 0.0 if policy is None else policy.actuation(points, here)[:, 0]
         walked = stride(D, here, section.states_at(points), hip_torque=torque * units_of(D).torque)
         on = walked.outcome == Outcome.HEELSTRIKE
         going, points = going[on], section.points_at(walked.state[on])
@@ -183,7 +178,7 @@ def test_the_quickest_answer_to_a_kick_takes_the_least_work():
         path, work = walk(policy, 0.009, start, 30), 0.0
         for points, after in pairwise(path):
             # The hip opens from two of one angle behind to two of the next in front.
-            work = work + abs(policy.given(points, 0.009)[:, 0]) * (points[:, 0] + after[:, 0])
+            work = work + abs(policy.actuation(points, 0.009)[:, 0]) * (points[:, 0] + after[:, 0])
         works.append(work)
     assert np.all(np.diff(works, axis=0) > 0.0)
 
@@ -260,21 +255,47 @@ def test_one_observation_is_decided_as_in_a_batch():
         np.testing.assert_array_equal(alone, action)
 
 
-def test_what_is_no_decision_of_a_stride_is_refused():
+def test_the_map_under_linear_feedback_is_exact_and_has_the_closed_loop_s_derivative():
+    gait = find_gait(D, 0.009)
+    policy = ActuationFeedback(scene(D, "hip", 0.009, max_hip_torque=1.0), gait, "lqr")
+    strides = stride_map(controller=policy)
+    assert strides.exact and strides.slope == 0.009
+    _, change = strides.linearize(policy.point[None])
+    np.testing.assert_allclose(change.ends[0], policy.closed_loop, rtol=0.0, atol=1e-9)
+    held = find_gait(strides, guess=gait.state)
+    np.testing.assert_allclose(held.state, gait.state, rtol=0.0, atol=1e-9)
+
+
+def test_speed_control_of_the_hip_leaves_no_multiplier():
+    """The speed is back after one stride, and with it the placement of the foot."""
+    gait = find_gait(D, 0.009)
+    policy = SpeedControl(scene(D, "hip", 0.009, max_hip_torque=1.0), speed_of(gait))
+    held = find_gait(stride_map(controller=policy), guess=gait.state)
+    assert abs(held.multipliers[0]) < 0.01 < 0.5 < abs(gait.multipliers[0])
+
+
+def test_a_scene_of_control_steps_becomes_one_of_strides():
+    policy = SpeedControl({"walker": D, "control": "tick"}, 0.2)
+    assert policy.scene.control == "stride"
+
+
+def test_controllers_that_cannot_act_are_refused():
     gait = kuo_gait()
-    with pytest.raises(SceneError, match='control="stride"'):
-        SpeedControl({"walker": D}, 0.2)
-    with pytest.raises(SceneError, match="simplest walker"):
+    with pytest.raises(ValueError, match="simplest walker"):
         SpeedControl(scene("E", "hip"), 0.2)
-    with pytest.raises(SceneError, match="push_off"):
+    with pytest.raises(ValueError, match="push_off"):
         SpeedControl(scene(D, ("hip", "push_off")), 0.2)
-    with pytest.raises(ValueError, match="speed must be positive"):
-        SpeedControl(scene(D, "hip"), -0.2)
-    with pytest.raises(ValueError, match="decay"):
-        SpeedControl(scene(D, "hip"), 0.2, decay=1.0)
-    with pytest.raises(SceneError, match="whose gait"):
-        ActuationFeedback(scene(D, "hip"), gait)
-    with pytest.raises(SceneError, match="push_off"):
+    with pytest.raises(ValueError, match="push_off"):
         ActuationFeedback(scene(KUO, "hip"), gait)
     with pytest.raises(ValueError, match="method"):
         ActuationFeedback(scene(KUO, "push_off"), gait, "best")  # type: ignore[arg-type]
+
+
+def test_the_example_prints_its_table(capsys):
+    once_a_stride.main()
+    rows = [line.rsplit(maxsplit=2) for line in capsys.readouterr().out.splitlines()[3:]]
+    multipliers = {name: float(multiplier) for name, multiplier, _ in rows}
+    assert len(multipliers) == 7
+    assert multipliers["D, passive"] == pytest.approx(0.58911, abs=1e-5)
+    assert multipliers["D, hip torque: deadbeat"] == 0.0
+    assert multipliers["Kuo, hip, push-off: deadbeat"] == 0.0

@@ -9,17 +9,18 @@ import numpy as np
 import pytest
 from scipy.integrate import simpson
 
-from gym_passive_walker import WALKERS, Outcome, Walker, find_gait
-from gym_passive_walker.control.shaping import Shaped, controlled_symmetry, virtual_gravity
-from gym_passive_walker.envs.scene import SceneError, make_scene
+from examples import potential_shaping
+from examples.potential_shaping import (
+    COMPASS,
+    HeldTorques,
+    PotentialShaping,
+    controlled_symmetry,
+    virtual_gravity,
+)
+from gym_passive_walker import WALKERS, Outcome, find_gait, stride_map
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import WalkerError
 from tests.physics import bodies, oracle
 
-COMPASS = Walker(
-    thigh_length=0.5, thigh_mass=5.0, thigh_com=0.5, shank_length=0.5, shank_mass=0.0,
-    hip_mass=10.0, knees=False, gravity=9.8,
-)  # fmt: skip
 LEGS = {"compass": COMPASS, "E": WALKERS["E"], "F": WALKERS["F"], "D": WALKERS["D"]}
 HEAVY = {name: walker for name, walker in LEGS.items() if not walker.massless_legs}
 
@@ -121,7 +122,7 @@ def test_a_virtual_slope_carries_a_walker_over_level_ground(name, angle):
     assert phase.times[-1] / units.time == pytest.approx(gait.step_period / units.time, abs=1e-12)
     off = units.to_dimensionless(after_heelstrike(walker, phase) - gait.state)
     assert np.abs(off).max() < 1e-12
-    assert shaping.work(gait, 0.0).net_cost == pytest.approx(np.tan(angle), rel=1e-12)
+    assert shaping.cost(gait, 0.0).net == pytest.approx(np.tan(angle), rel=1e-12)
 
 
 @pytest.mark.parametrize("slope", [-0.05, 0.0, 0.02])
@@ -129,25 +130,25 @@ def test_a_virtual_slope_carries_a_walker_over_level_ground(name, angle):
 def test_motors_pay_what_gravity_does_not(name, slope):
     walker, own = LEGS[name], 0.009
     shaping, gait = controlled_symmetry(walker, own), find_gait(walker, own)
-    work = shaping.work(gait, slope)
+    cost = shaping.cost(gait, slope)
     paid = np.sin(own) - np.sin(slope)
-    assert work.net_cost == pytest.approx(paid, rel=1e-12)
-    assert work.absolute_cost >= abs(paid)
+    assert cost.net == pytest.approx(paid, rel=1e-12)
+    assert cost.absolute >= abs(cost.net)
     # The same from the closed loop's own motion, by another rule.
     phase = closed_loop(shaping, slope, gait.state)
     times = np.linspace(0.0, phase.times[-1], 4001)
     walked = phase.state(times).T
     for power, net, absolute in zip(
         shaping.power(walked, slope),
-        (work.hip, work.ankle),
-        (work.hip_absolute, work.ankle_absolute),
+        (cost.hip, cost.ankle),
+        (cost.hip_absolute, cost.ankle_absolute),
         strict=True,
     ):
-        scale = work.weight * work.step_length
+        scale = walker.total_mass * walker.gravity * gait.step_length
         assert power.shape == times.shape
-        assert net / scale == pytest.approx(simpson(power, x=times) / scale, abs=1e-11)
+        assert net == pytest.approx(simpson(power, x=times) / scale, abs=1e-11)
         # Where power changes sign its size has a corner, which a fixed rule rounds off.
-        assert absolute / scale == pytest.approx(simpson(abs(power), x=times) / scale, abs=1e-7)
+        assert absolute == pytest.approx(simpson(abs(power), x=times) / scale, abs=1e-7)
 
 
 def test_nothing_is_asked_of_motors_where_ground_and_gravity_felt_agree():
@@ -161,11 +162,8 @@ def test_the_shorter_the_ticks_the_nearer_the_law():
     shaping, gait = controlled_symmetry(walker, own), find_gait(walker, own)
     start, errors = tuple(units_of(walker).to_dimensionless(gait.state)), []
     for tick in (0.02, 0.01, 0.005):
-        scene = make_scene(
-            walker=walker, slope=slope, tick=tick, actions=("hip", "ankle"), perturbation=0.0,
-            max_hip_torque=0.2, max_ankle_torque=0.2, start=start,
-        )  # fmt: skip
-        policy, env = Shaped(shaping, scene), gymnasium.make("PassiveWalker-v0", scene=scene)
+        policy = HeldTorques(shaping, slope=slope, tick=tick, perturbation=0.0, start=start)
+        env = gymnasium.make("PassiveWalker-v0", **policy.scene)
         seen, info = env.reset(seed=0)
         while not info.get("strides"):
             seen, _, terminated, _, info = env.step(policy.predict(seen)[0])
@@ -177,14 +175,13 @@ def test_the_shorter_the_ticks_the_nearer_the_law():
 
 def test_shaped_walkers_do_not_mind_a_new_slope_at_each_episode():
     shaping = controlled_symmetry(COMPASS, 0.05)
-    scene = make_scene(
-        walker=COMPASS, slope=(-0.1, 0.1), tick=0.02, actions=("hip", "ankle"), perturbation=0.01,
-        max_hip_torque=0.2, max_ankle_torque=0.3,
+    policy = HeldTorques(
+        shaping, slope=(-0.1, 0.1), tick=0.02, perturbation=0.01,
         start=tuple(units_of(COMPASS).to_dimensionless(find_gait(COMPASS, 0.05).state)),
     )  # fmt: skip
-    worlds = gymnasium.make_vec("PassiveWalker-v0", num_envs=8, scene=scene)
+    worlds = gymnasium.make_vec("PassiveWalker-v0", num_envs=8, **policy.scene)
     seen, _ = worlds.reset(seed=3)
-    policy, strides = Shaped(shaping, scene), np.zeros(8, int)
+    strides = np.zeros(8, int)
     assert np.ptp(seen[:, 7]) > 0.05
     while strides.min() < 10:
         seen, _, terminated, _, infos = worlds.step(policy.predict(seen)[0])
@@ -192,16 +189,38 @@ def test_shaped_walkers_do_not_mind_a_new_slope_at_each_episode():
         strides = infos["strides"]
 
 
-def test_who_cannot_be_shaped_is_told_why():
-    with pytest.raises(WalkerError, match="lock the knees"):
-        controlled_symmetry("C", 0.0)
-    with pytest.raises(WalkerError, match="choose foot_radius=0"):
-        virtual_gravity("A", 0.01)
-    shaping = controlled_symmetry("E", 0.01)
-    with pytest.raises(SceneError, match="hip and ankle"):
-        Shaped(shaping, {"walker": "E"})
-    with pytest.raises(SceneError, match="not the one"):
-        Shaped(shaping, {"walker": "F", "actions": ("hip", "ankle")})
+@pytest.mark.parametrize("name", ["compass", "D"])
+def test_the_stride_map_of_held_torques_has_the_twin_s_multipliers(name):
+    walker, own = LEGS[name], 0.009
+    shaping, gait = controlled_symmetry(walker, own), find_gait(LEGS[name], own)
+    errors = []
+    for tick in (0.02, 0.01):
+        held = HeldTorques(shaping, slope=0.0, tick=tick)
+        walks = find_gait(stride_map(controller=held.act, scene=held.scene), guess=gait.state)
+        assert walks.stance_angle == pytest.approx(gait.stance_angle, rel=1e-2)
+        errors.append(abs(walks.multipliers[0] - gait.multipliers[0]))
+    assert errors[1] < 0.6 * errors[0] < 0.02
+
+
+def test_walkers_that_cannot_be_shaped_are_refused():
+    for name in ("C", "A"):  # knees; round feet
+        with pytest.raises(ValueError, match="knees=False and foot_radius=0"):
+            controlled_symmetry(WALKERS[name], 0.0)
+    with pytest.raises(ValueError, match="on the line of the leg"):
+        virtual_gravity(replace(COMPASS, thigh_offset=0.01), 0.01)
     with pytest.raises(ValueError, match="passive twin"):
-        shaping.work(find_gait("E", 0.02), 0.0)
-    assert replace(shaping, walker=WALKERS["F"]).walker == WALKERS["F"]
+        controlled_symmetry(WALKERS["E"], 0.01).cost(find_gait("E", 0.02), 0.0)
+
+
+def test_a_law_may_feel_a_gravity_of_any_strength():
+    weak = PotentialShaping(COMPASS, 0.05, 0.5)
+    assert weak.passive_twin == (replace(COMPASS, gravity=4.9), 0.05)
+    phase = closed_loop(weak, 0.0, find_gait(*weak.passive_twin).state)
+    assert phase.times[-1] == pytest.approx(find_gait(*weak.passive_twin).step_period, rel=1e-12)
+
+
+def test_the_example_prints_its_tables(capsys):
+    potential_shaping.main()
+    said = capsys.readouterr().out
+    assert "            0.0    0.05234         0.05252" in said
+    assert "         the law             0.23280                       0.5800" in said

@@ -3,16 +3,8 @@
 import numpy as np
 import pytest
 
-from gym_passive_walker import (
-    WALKERS,
-    exponent_crossings,
-    find_gait,
-    gait_family,
-    local_exponents,
-    parameter_family,
-    transition_slope,
-    tune,
-)
+from gym_passive_walker import WALKERS, find_gait, gait_family, parameter_family, tune
+from validation.scaling import CUBE_ROOT, exponent_crossings, local_exponents, transition_slope
 
 
 def exponents(name, kind, slope=1e-7):
@@ -83,11 +75,13 @@ def test_the_ratio_of_transition_slopes_does_not_depend_on_the_cube_root_line():
     plain = transition_slope("E") / transition_slope("F")
     other = transition_slope("E", cube_root=2.0) / transition_slope("F", cube_root=2.0)
     assert other == pytest.approx(plain, rel=1e-12)
+    steeper = transition_slope("E", cube_root=2.0) / transition_slope("E")
+    assert steeper == pytest.approx((2.0 / CUBE_ROOT) ** 1.5, rel=1e-12)
 
 
 def test_exponents_of_something_else_than_slope_are_refused():
-    with pytest.raises(ValueError, match="varies hip_mass"):
+    with pytest.raises(ValueError, match="over slopes"):
         local_exponents(parameter_family("E", "hip_mass", 0.0, 0.1, slope=0.01))
     doubled = gait_family("D", 0.0155, 0.0165, start=find_gait("D", 0.016, period=2))
-    with pytest.raises(ValueError, match="give one of period 1"):
+    with pytest.raises(ValueError, match="period-one"):
         local_exponents(doubled)
