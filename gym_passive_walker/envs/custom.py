@@ -8,7 +8,6 @@ not accept arrays, walker by walker.
 from __future__ import annotations
 
 import warnings
-from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from gym_passive_walker.arguments import number, shown, unknown
 from gym_passive_walker.engine import compiled
 from gym_passive_walker.engine.expressions import Expression, choose
-from gym_passive_walker.engine.native import Emitter, Function, Memory, Module, uses
+from gym_passive_walker.engine.native import Memory, Module, uses
 from gym_passive_walker.envs import task, transitions
 from gym_passive_walker.envs.checks import SceneError
 from gym_passive_walker.envs.transitions import (
@@ -101,15 +100,6 @@ def checked_rule(name: str, given: Any) -> Any:
     return given
 
 
-class _Plain(Function):
-    """Compiled code that rounds each operation, as Python does (no fused multiply-add)."""
-
-    def _emitter(self, uses: Counter[Expression], *, vector: bool, lane: bool) -> Emitter:
-        emitter = super()._emitter(uses, vector=vector, lane=lane)
-        emitter.fuses = False
-        return emitter
-
-
 class Rule:
     """A user's function, compiled where possible.
 
@@ -175,6 +165,13 @@ class Rule:
 
     def _compile(self) -> None:
         """Compile the function, and find the fields that it reads."""
+        module = Module(fuses=False)
+        self.write(module)
+        engine = compiled.loaded(compiled.object_code(module))
+        self.native = engine.get_function_address("rule")
+
+    def write(self, module: Module) -> None:
+        """Add the function, by the name "rule", to a module that rounds each operation."""
         known: dict = {}
         self.size = len(self._traced(_read(Memory(NOTE, 1, known), None, self.actions)))
         self._check_size(self.size)
@@ -198,12 +195,9 @@ class Rule:
             parts = [*PARTS] if noting else [(), *PARTS[1:]]  # the ledger itself is read
             self.noted = sum(1 << i for i, part in enumerate(parts) if read & {*part})
 
-        module = Module()
-        function = _Plain(module, "rule", layouts)
+        function = module.function("rule", layouts)
         function.once(code)
         function.end()
-        engine = compiled.loaded(compiled.object_code(module))
-        self.native = engine.get_function_address("rule")
 
     def __call__(self, notes: NDArray) -> NDArray[np.float64]:
         """Results (n, size) for transitions (n,), by arrays or walker by walker."""
