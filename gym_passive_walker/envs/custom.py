@@ -47,9 +47,20 @@ TERMS: dict[str, Callable[[Transition], Any]] = {
     "collision_loss": lambda step: step.collision_loss,
     "push_off_work": lambda step: step.push_off_work,
 }
-"""Terms of a weighted reward: distance of the hip, energy charged, 1 for each step without a
-fall, 1 for a fall, distance by which a stride misses its command, squares of the actions, squares
-of their changes, energy lost at impacts, work of the push-off."""
+"""Terms of a weighted reward; `ABOUT_TERMS` says what each one is."""
+
+ABOUT_TERMS = {
+    "distance": "distance of the hip along the slope / l",
+    "energy": "energy that the actuators are charged for / (m g l)",
+    "alive": "1 for each step without a fall",
+    "fell": "1 for a fall",
+    "command": "| step length - command * step period | / l of each stride",
+    "action": "sum of the squares of the actions",
+    "action_change": "sum of the squares of the changes of the actions",
+    "collision_loss": "energy lost at impacts / (m g l)",
+    "push_off_work": "work of the push-off / (m g l)",
+}
+"""Terms of a weighted reward, in words."""
 
 
 _ALL = (1 << len(PARTS)) - 1
@@ -340,13 +351,13 @@ class Custom:
         else:
             rows[lanes] = rule(notes)
 
-    def terms(self, lane: int) -> dict[str, float]:
-        """Terms of a walker's last reward by name; a function has the one term "reward"."""
-        note, rule = self.notes[lane : lane + 1], self.rules["reward"]
-        if isinstance(rule.function, Weighted):
-            step = of_notes(note, self._actions)
-            return {name: np.ravel(x)[0].item() for name, x in rule.function.terms(step).items()}
-        return {"reward": note["paid"][0].item()}
+    def terms(self) -> dict[str, NDArray[np.float64]]:
+        """Terms (count,) of the last rewards by name; a function has the one term "function"."""
+        function = self.rules["reward"].function
+        if not isinstance(function, Weighted):
+            return {"function": self.notes["paid"].copy()}
+        terms = function.terms(of_notes(self.notes, self._actions))
+        return {name: np.array(np.broadcast_to(x, len(self.notes))) for name, x in terms.items()}
 
 
 RULES = ("reward", "observation", "terminated")
