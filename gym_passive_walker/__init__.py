@@ -18,6 +18,7 @@ from gym_passive_walker.control.optimum import OptimalGait
 from gym_passive_walker.envs.explain import explain
 from gym_passive_walker.envs.registration import register as _register
 from gym_passive_walker.envs.transitions import Transition
+from gym_passive_walker.evaluation.gauntlet import Gauntlet, gauntlet
 from gym_passive_walker.evaluation.robustness import Robustness, robustness
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.basin import Basin, Push, basin_of_attraction, largest_push
@@ -79,6 +80,7 @@ __all__ = [
     "Gait",
     "GaitFamily",
     "GaitNotFound",
+    "Gauntlet",
     "Impulse",
     "Measures",
     "OptimalGait",
@@ -111,6 +113,7 @@ __all__ = [
     "foot_velocity",
     "footholds",
     "gait_family",
+    "gauntlet",
     "interpolate",
     "lab_walker_from_parts",
     "largest_push",

@@ -63,10 +63,15 @@ def _entries(text: str) -> str:
     lines = []
     for line in text.splitlines():
         stripped = line.strip()
-        if re.fullmatch(r"(Args|Attributes|Returns|Raises|Yields|Example|Examples|Note):", stripped):
+        if re.fullmatch(
+            r"(Args|Attributes|Returns|Raises|Yields|Example|Examples|Note):", stripped
+        ):
             lines.append("")
         elif stripped.startswith((">>>", "...")) or re.match(r"\*{0,2}\w+: ", stripped):
-            lines += ["", "" if stripped.startswith((">>>", "...")) else stripped.partition(": ")[2]]
+            lines += [
+                "",
+                "" if stripped.startswith((">>>", "...")) else stripped.partition(": ")[2],
+            ]
         else:
             lines.append(stripped)
     return "\n".join(lines)

@@ -1,4 +1,4 @@
-"""The command that tries how much a walk bears."""
+"""Commands that test a walk under disturbances."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from gym_passive_walker.cli.arguments import A_WALKER
 from gym_passive_walker.cli.report import Report, listing, table
 from gym_passive_walker.control.baselines import BASELINES
 from gym_passive_walker.envs.scene import SCENES
+from gym_passive_walker.evaluation.gauntlet import gauntlet as tested
 from gym_passive_walker.evaluation.robustness import robustness as tried
 from gym_passive_walker.policies import shipped_policies
 from gym_passive_walker.render.axes import OWN, figure_of, picture_path, save
@@ -17,6 +18,29 @@ from gym_passive_walker.walkers import is_walker
 
 _MEASURES = ("step_length", "period", "roughness", "sensitivity", "step_up", "step_down")
 _MEASURES += ("initial_error", "recovered", "recovered_error", "recovery")
+
+
+def gauntlet(command: ArgumentParser) -> Callable[[Namespace], Report]:
+    """Test a controller under fixed disturbances, terrains and bodies; one score card.
+
+    passive-walker gauntlet level-ppo
+    passive-walker gauntlet linear --scene steep --walkers 256
+    """
+    add = command.add_argument
+    known = ", ".join([*shipped_policies(), *BASELINES])
+    add("controller", metavar="CONTROLLER", help=f"{known}, or the folder of an exported policy")
+    add("--scene", choices=list(SCENES), help="that the tests change (the policy's own)")
+    add("--walkers", type=int, default=64, metavar="N", help="walks in each test (%(default)s)")
+
+    def run(arguments: Namespace) -> Report:
+        found = tested(arguments.controller, arguments.scene, walkers=arguments.walkers)
+        columns = found.columns()
+        rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]
+        low, high = found.score_interval
+        data = {"controller": found.controller, "score": found.score, "low": low, "high": high}
+        return Report(str(found), {**data, "tests": rows})
+
+    return run
 
 
 def robustness(command: ArgumentParser) -> Callable[[Namespace], Report]:

@@ -36,6 +36,14 @@ def motors(before, after="", walker="E", at="0.01"):
 TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
     "walkers": ("", {}),
     "scene": ("level", {"scene": "rough"}),
+    "gauntlet": (
+        "steep-ppo --walkers 2",
+        {
+            "controller": "steep-sac --walkers 2",
+            "scene": ("linear --scene steep --walkers 2", "linear --scene push-off --walkers 2"),
+            "walkers": "steep-ppo --walkers 3",
+        },
+    ),
     "gait": (
         "C 0.03",
         {

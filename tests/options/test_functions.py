@@ -56,6 +56,11 @@ def shorter(before, after):
 
 OPTIONS = {
     "as_walker": Call(gpw.as_walker, dict(walker="lab"), dict(walker="C")),
+    "gauntlet": Call(
+        gpw.gauntlet,
+        dict(controller="steep-ppo", walkers=2),
+        dict(controller="steep-sac", scene={"control": "stride", "slope": 0.1}, walkers=3),
+    ),
     "explain": Call(explained, dict(env="level"), dict(env="rough")),
     "assemble": Call(
         gpw.assemble,

@@ -25,7 +25,7 @@ from gym_passive_walker.walkers import name_of
 from tests.options.heard import Call, Later, To, cases, check, missing
 
 RESULTS = set(
-    "Basin BifurcationDiagram Cascade Design Extreme FootVelocity Gait GaitFamily "
+    "Basin BifurcationDiagram Cascade Design Extreme FootVelocity Gait GaitFamily Gauntlet "
     "GaitNotFound Impulse Measures OptimalGait Outcome PolicyError Push RealityCheck Robustness "
     "Stride Swept TrainedPolicy Trajectory Transition TuningErrors WalkerError".split()
 )

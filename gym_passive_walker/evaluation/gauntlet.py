@@ -1,0 +1,197 @@
+"""A fixed set of tests for a controller: disturbances, terrain and other bodies, one score card."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import binomtest
+
+from gym_passive_walker.arguments import whole
+from gym_passive_walker.control.controllers import ControllerLike, SceneLike, acting
+from gym_passive_walker.envs.scene import Scene, make_scene
+from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
+from gym_passive_walker.evaluation.walks import WALKED_ON, Walks, evaluate
+from gym_passive_walker.progress import progress
+from gym_passive_walker.shown import Table
+from gym_passive_walker.walkers import name_of
+
+TIME = 100.0
+"""Time limit of a walk in sqrt(l/g): some 33 strides."""
+
+SEED = 7_202_611
+"""Seed of the first walk of every test; those that follow have the next ones."""
+
+
+def _rough(height: float) -> dict[str, Any]:
+    return {"terrain": {"rough": {"height_std": height}}}
+
+
+def _pushes(impulse: float) -> dict[str, Any]:
+    return {"pushes": {"rate": 0.1, "impulse": (-impulse, impulse)}}
+
+
+TESTS: dict[str, dict[str, Any]] = {
+    "own scene": {},
+    "rough, 0.001 l": _rough(0.001),
+    "rough, 0.002 l": _rough(0.002),
+    "rough, 0.004 l": _rough(0.004),
+    "waves, 0.005 l": {"terrain": {"waves": {"height": 0.005, "strides": 6}}},
+    "pushes, 0.02": _pushes(0.02),
+    "pushes, 0.05": _pushes(0.05),
+    "observation noise, 0.01": {"observation_noise": 0.01},
+    "observation noise, 0.03": {"observation_noise": 0.03},
+    "action noise, 0.2": {"action_noise": 0.2},
+    "action delay, 1": {"action_delay": 1},
+    "bodies, 5 %": {"domain_randomization": {"hip_mass": 0.05, "foot_radius": 0.05}},
+    "bodies, 20 %": {"domain_randomization": {"hip_mass": 0.2, "foot_radius": 0.2}},
+    "starts, 20 %": {"reset_noise_scale": 0.2},
+}
+"""Changes of the controller's scene in each test. Heights are in leg lengths l, pushes on the hip
+in m sqrt(g l), ten in a time of 100 sqrt(l/g); noise is a standard deviation."""
+
+
+@dataclass(frozen=True, repr=False)
+class Gauntlet(Table):
+    """Results of `gauntlet`; print it for a table.
+
+    Attributes:
+        controller: Name of the controller.
+        scene: The scene that the tests change.
+        walks: Episodes of each test, by its name.
+    """
+
+    controller: str
+    scene: Scene
+    walks: Mapping[str, Walks]
+
+    @property
+    def survival(self) -> NDArray[np.float64]:
+        """Share of the walks of each test that reach the time limit, (tests,)."""
+        return np.array([_survivors(walks) / len(walks) for walks in self.walks.values()])
+
+    @property
+    def interval(self) -> NDArray[np.float64]:
+        """95 % intervals of `survival` (Wilson), (tests, 2)."""
+        return np.array([_interval(_survivors(w), len(w)) for w in self.walks.values()])
+
+    @property
+    def score(self) -> float:
+        """Mean survival over the tests, from 0 to 1."""
+        return float(self.survival.mean())
+
+    @property
+    def score_interval(self) -> tuple[float, float]:
+        """95 % interval of the score (Wilson, over the walks of all tests)."""
+        counts = [len(walks) for walks in self.walks.values()]
+        low, high = _interval(sum(map(_survivors, self.walks.values())), sum(counts))
+        return low, high
+
+    def facts(self) -> dict[str, str]:
+        """Controller, walker and score."""
+        low, high = self.score_interval
+        return {
+            "controller": self.controller,
+            "walker": name_of(self.scene.walker),
+            "score": f"{self.score:.3f} ({low:.3f} to {high:.3f})",
+        }
+
+    def columns(self) -> dict[str, NDArray]:
+        """A row for each test; medians of distance / l and of the cost of transport."""
+        with np.errstate(all="ignore"):
+            costs = [w.cost_of_transport[np.isfinite(w.cost_of_transport)] for w in self._each]
+        return {
+            "test": np.array(list(self.walks)),
+            "survival": self.survival,
+            "low": self.interval[:, 0],
+            "high": self.interval[:, 1],
+            "distance": np.array([np.median(walks.distance) for walks in self._each]),
+            "cost_of_transport": np.array([np.median(c) if len(c) else np.nan for c in costs]),
+        }
+
+    @property
+    def _each(self) -> list[Walks]:
+        return list(self.walks.values())
+
+    def __str__(self) -> str:
+        columns, facts = self.columns(), self.facts()
+        width = max(map(len, columns["test"]))
+        count = len(self._each[0])
+        lines = [
+            f"{facts['controller']}, walker {facts['walker']!r}: {count} walks of "
+            f"{TIME:g} sqrt(l/g) in each test",
+            f"{'test':{width}}  survival  95 % interval  distance / l  cost of transport",
+        ]
+        for test, share, low, high, distance, cost in zip(*columns.values(), strict=True):
+            spent = "-" if np.isnan(cost) else f"{cost:.4f}"
+            lines.append(
+                f"{test:{width}}  {share:8.1%}  {low:5.1%} to {high:5.1%}  {distance:12.1f}  "
+                f"{spent:>17}"
+            )
+        return "\n".join([*lines, f"{'score':{width}}  {facts['score']}"])
+
+
+def gauntlet(
+    controller: ControllerLike, scene: SceneLike | None = None, *, walkers: int = 64
+) -> Gauntlet:
+    """Test a controller under fixed disturbances, terrains and bodies.
+
+    Each test changes one thing in the controller's scene (`TESTS`). Seeds are fixed, so the result
+    depends on the controller and on the number of walkers alone.
+
+    Args:
+        controller: A trained policy, its name or its folder; the name of a feedback; or an object
+            with `predict(observation, state, episode_start, deterministic)`.
+        scene: Scene that the tests change; the controller's own if None.
+        walkers: Walks in each test.
+
+    Returns:
+        The `Gauntlet`.
+
+    Raises:
+        ValueError: if there is no such controller, it has no scene, or the number is not positive.
+
+    Example:
+        >>> import gym_passive_walker as gpw
+        >>> gpw.gauntlet("level-ppo", walkers=4).walks["own scene"].endings[0]
+        'walked on'
+    """
+    count = whole(walkers, "walkers", 1, 100_000)
+    _, own = acting(controller, scene)
+    walks: dict[str, Walks] = {}
+    with progress("tests", len(TESTS)) as done:
+        for name, changes in TESTS.items():
+            there = make_scene(own, **changes)
+            policy, _ = acting(controller, there)
+            walks[name] = evaluate(policy, _arena(there, count), seed=SEED)
+            done()
+    title = controller if isinstance(controller, str) else _title(controller)
+    return Gauntlet(title, own, walks)
+
+
+def _arena(scene: Scene, count: int) -> PassiveWalkerVectorEnv:
+    """Walkers whose episodes end after TIME."""
+    steps = TIME / scene.tick if scene.control == "tick" else TIME / 3.0
+    return PassiveWalkerVectorEnv(count, scene, max_episode_steps=max(1, round(steps)))
+
+
+def _title(controller: Any) -> str:
+    """Name of a controller that is given as an object or a folder."""
+    acts = hasattr(controller, "predict")
+    return getattr(controller, "name", None) or (
+        type(controller).__name__ if acts else str(controller)
+    )
+
+
+def _survivors(walks: Walks) -> int:
+    """Walks that reach the time limit."""
+    return walks.endings.count(WALKED_ON)
+
+
+def _interval(hits: int, count: int) -> tuple[float, float]:
+    """95 % interval of a share (Wilson)."""
+    found = binomtest(hits, count).proportion_ci(method="wilson")
+    return float(found.low), float(found.high)
