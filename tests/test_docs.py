@@ -63,3 +63,9 @@ def test_the_how_to_shows_a_walker_that_has_no_gait(capsys):
     (code,) = re.findall(r"```python\n(try:.*?)```", page, re.S)
     exec(compile(code, "howto.md", "exec"), {"gpw": gpw})
     assert "no long-step gait" in capsys.readouterr().out
+
+
+def test_the_citation_has_the_package_s_version():
+    for page in ("CITATION.cff", "docs/citing.md"):
+        (version,) = re.findall(r"^ *version *[:=] *{?([\d.]+)", (DOCS / page).read_text(), re.M)
+        assert version == gpw.__version__, page
