@@ -121,7 +121,6 @@ NOTE = np.dtype(
 )
 """Layout of the recorded transition of one walker, and of the results of its functions."""
 
-_ROW, _NOTE = task.LEDGER.itemsize, NOTE.itemsize
 _LEDGER, _STATES, _ACTS, _WORKS, _TIMES = (1 << part for part in range(len(PARTS)))
 
 
@@ -191,7 +190,7 @@ def after(
     Returns:
         Number of episodes that end.
     """
-    count, endings, rows, at = rules[0].actions, 0, address(ledger), address(notes)
+    count, endings = rules[0].actions, 0
     for i in range(len(records)):
         record, row = records[i, 0], ledger[i]
         if record.outcome == RESTING:
@@ -222,9 +221,9 @@ def after(
             lost = row.collision_cost * row.step_length if struck else record.knee_loss
             note.collision_loss = lost - note.lost
         if paid != 0:
-            call(paid, rows + i * _ROW, at + i * _NOTE, 0, 0, 0.0, 0.0)
+            call(paid, address(ledger[i:]), address(notes[i:]), 0, 0, 0.0, 0.0)
         if ends != 0:
-            call(ends, rows + i * _ROW, at + i * _NOTE, 0, 0, 0.0, 0.0)
+            call(ends, address(ledger[i:]), address(notes[i:]), 0, 0, 0.0, 0.0)
         if at_once:
             endings += entered(row, note, i, paid != 0, ends != 0, rewards, terminated)
     return endings
