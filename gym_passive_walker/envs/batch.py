@@ -148,6 +148,8 @@ class Batch:
             shared.setdefault((walker, slope), Starts(scene, walker, slope))
             for walker, slope in zip(self.walkers, slope_of, strict=True)
         ]
+        own = self.custom is not None and (self.custom.seen or not self.custom.native)
+        self._apart = own or disturbed(scene)  # a step is more than one call of compiled code
         self._alike_starts = len(shared) == 1
         self._alike = walkers is None and not scene.randomise
         self.disturbances: Disturbances | None = None
@@ -458,9 +460,10 @@ class Batch:
         Raises:
             ValueError: if an action is no finite number; nothing has changed then.
         """
-        custom, plain = self.custom, observations if self._plain is None else self._plain
-        if not custom:
+        custom, plain = self.custom, self._plain
+        if not (custom and self._apart):
             return self._step(actions, observations, rewards, terminated, truncated, again=again)
+        plain = observations if plain is None else plain
         if self.disturbances:
             custom.before(self)
         results = rewards, terminated, truncated
@@ -529,7 +532,7 @@ class Batch:
         self, action: NDArray[np.floating], observation: NDArray[np.float32]
     ) -> tuple[int, int]:
         """A step of a batch of one; what `step` fills besides is left at the door."""
-        if self.disturbances or (self.custom and (self.custom.seen or not self.custom.native)):
+        if self._apart:
             return self.step(action, observation, *self.door.results)
         self.door.actions[...] = action
         wrong, strides, endings = ticks.step_here.compiled(self.door.where, observation)

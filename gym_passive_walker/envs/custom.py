@@ -280,6 +280,8 @@ class Custom:
         notes: Transitions of the last step, (count,) of NOTE.
         rules: Functions by name: "reward", "observation", "terminated".
         noted: Groups of `transitions.PARTS` to record, as bits.
+        native: Whether reward and termination are compiled.
+        seen: Size of the observation; None with the environment's own.
     """
 
     def __init__(self, scene: Any, count: int) -> None:
@@ -291,21 +293,12 @@ class Custom:
                 self.rules[name] = Rule(name, rule_of(given), self._actions)
         self._judged = [name for name in ("reward", "terminated") if name in self.rules]
         self._slow = [name for name in self._judged if not self.rules[name].native]
+        self.native = not self._slow
+        self.seen = self.rules["observation"].size if "observation" in self.rules else None
         self.noted = 0
         for rule in self.rules.values():
             weighted = isinstance(rule.function, Weighted)  # `terms` reads the ledger's fields
             self.noted |= rule.noted | int(weighted)
-
-    @property
-    def seen(self) -> int | None:
-        """Size of the observation; None with the environment's own."""
-        rule = self.rules.get("observation")
-        return rule and rule.size
-
-    @property
-    def native(self) -> bool:
-        """Whether reward and termination are compiled."""
-        return not self._slow
 
     def address(self, name: str) -> int:
         """Address of a compiled function; 0 if there is none."""

@@ -173,7 +173,7 @@ def _before(system: System, outcome: Outcome, record: Memory, body: Memory) -> N
             push_off = record["push_off"]
             back, up, stance_knee, _ = pushed_off(constants, state, push_off, ground)
             pushes = push_off > 0.0
-            _note(body, friction=choose(pushes, _ratio(back, up), 0.0))
+            _note(body, friction=_ratio(back, choose(pushes, up, 1.0)))
             if "knee_along" in constants._fields:
                 _note(body, stance_knee_impulse=choose(pushes, stance_knee, np.inf))
         state, velocity = landing(constants, state, push_off, ground)

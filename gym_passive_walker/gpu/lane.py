@@ -41,6 +41,11 @@ def carry(records, bodies, phase, number, tiles, courses, options):
     leave(records[0], bodies[0], tiles, phase, 0, event, options)
 
 
+def entry(array, i):
+    """Where an entry of an array lies."""
+    return jit.address(array[i:])
+
+
 class Machinery:
     """A system's traced code and the engine's bookkeeping, for a device.
 
@@ -87,7 +92,7 @@ class Machinery:
         call = _compiled(source, f"<the equations {system}>")
         own = {getattr(jit, name): primitives.BY_NAME[name] for name in ("address", "fma")}
         own[jit.call] = call
-        self.bound = Bound(own).instead({lanes.carry: carry})
+        self.bound = Bound(own).instead({lanes.carry: carry, jit.entry: entry})
 
 
 def _compiled(source: Source, name: str) -> Any:
