@@ -1,8 +1,8 @@
 """Mathematical functions for users' own rewards, observations and terminations.
 
 They accept numbers, NumPy arrays, torch tensors and the symbolic numbers that the compiler traces,
-so that one definition runs on all of them. The operators + - * / **, abs(), comparisons, and & | ~
-for "and", "or", "not" are available too.
+so that one definition runs on all of them. Arithmetic operators, `abs`, comparisons, and `&`, `|`,
+`~` for "and", "or", "not" are available too.
 """
 
 from __future__ import annotations

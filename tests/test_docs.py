@@ -17,8 +17,36 @@ DOCS = Path(__file__).parent.parent
 PAGES = sorted(
     str(page.relative_to(DOCS))
     for page in [DOCS / "README.md", *(DOCS / "docs").glob("*.md")]
-    if "```python" in page.read_text() and page.name != "extending.md"  # has a test of its own
-)
+    if "```python" in page.read_text() and page.name not in ("extending.md", "howto.md")
+)  # these two have tests of their own
+
+
+RECIPES = {
+    section.partition("\n")[0]: "\n".join(re.findall(r"```python\n(.*?)```", section, re.S))
+    for section in re.split(r"^## ", (DOCS / "docs" / "howto.md").read_text(), flags=re.M)[1:]
+    if "```python" in section
+}
+"""The code of each section of the how-to, by its title."""
+
+NEEDS = {
+    "import torch": "torch",
+    "stable_baselines3": "stable_baselines3",
+    "torchrl": "torchrl",
+    "RecordVideo": "moviepy",
+}
+"""Libraries of extras, by a word in the recipes that need them."""
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # torchrl warns of what it uses itself
+@pytest.mark.parametrize("recipe", RECIPES)
+def test_a_recipe_runs_by_itself(recipe, monkeypatch, tmp_path, capsys):
+    code = RECIPES[recipe]
+    for word, library in NEEDS.items():
+        if word in code:
+            pytest.importorskip(library)
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    monkeypatch.chdir(tmp_path)
+    exec(compile(code, recipe, "exec"), {"__name__": "__main__"})
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -63,3 +91,9 @@ def test_the_how_to_shows_a_walker_that_has_no_gait(capsys):
     (code,) = re.findall(r"```python\n(try:.*?)```", page, re.S)
     exec(compile(code, "howto.md", "exec"), {"gpw": gpw})
     assert "no long-step gait" in capsys.readouterr().out
+
+
+def test_the_citation_has_the_package_s_version():
+    for page in ("CITATION.cff", "docs/citing.md"):
+        (version,) = re.findall(r"^ *version *[:=] *{?([\d.]+)", (DOCS / page).read_text(), re.M)
+        assert version == gpw.__version__, page

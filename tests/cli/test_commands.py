@@ -197,7 +197,14 @@ def test_a_table_is_printed_whatever_happens_to_its_picture(monkeypatch, tmp_pat
 
 @pytest.mark.parametrize(
     "page",
-    ["README.md", "docs/commands.md", "docs/tutorial.md", "docs/walkers.md", "docs/viewer.md"],
+    [
+        "README.md",
+        "docs/commands.md",
+        "docs/tutorial.md",
+        "docs/tutorial-gaits.md",
+        "docs/walkers.md",
+        "docs/viewer.md",
+    ],
 )
 def test_what_the_pages_type_is_understood(page, mine):
     text = (Path(__file__).parents[2] / page).read_text()
