@@ -38,14 +38,14 @@ class Brush:
         self.camera, self._slope, self._origin = np.zeros(2), 0.0, np.zeros(2)
         self._fonts: dict[int, Any] = {}
 
-    def begin(self) -> None:
-        """Begin a frame: fonts are opened again, as other code may have shut pygame down."""
+    def open_fonts(self) -> None:
+        """Open fonts, again where other code may have shut pygame down."""
         self.pygame.font.init()
         self._fonts.clear()
 
     def look_at(self, camera: NDArray, slope: float, origin: tuple[float, float]) -> None:
         """Begin a frame, with a place on the slope at a pixel, gravity down."""
-        self.begin()
+        self.open_fonts()
         self.camera, self._slope, self._origin = camera, slope, np.array(origin)
 
     def at(self, points: ArrayLike) -> NDArray[np.float64]:

@@ -67,9 +67,9 @@ def play(
     if picture is not None and Path(picture).suffix.lower() not in _PICTURES:
         raise ValueError(f"a picture's name must end in one of {', '.join(_PICTURES)}: {picture}")
     picture = None if picture is None else prepare(picture)
-    player = Player(LiveWalk(Setup(walker, slope, 0.0 if policy is None else policy), start))
-    view = View()
+    walk = LiveWalk(Setup(walker, slope, 0.0 if policy is None else policy), start)
     _open_display()
+    player, view = Player(walk), View()
     player.record(film)
     try:
         window = pygame.display.set_mode(SIZE)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from itertools import count
 from pathlib import Path
@@ -15,14 +16,13 @@ from pygame.event import Event
 
 from gym_passive_walker.envs.starts import REFERENCE_SLOPES
 from gym_passive_walker.gaits.fixed_point import find_gait
-from gym_passive_walker.gaits.gait import GaitNotFound
+from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.policies import TrainedPolicy, load_policy, shipped_policies
 from gym_passive_walker.render.film import Film
 from gym_passive_walker.render.pose import level
-from gym_passive_walker.viewer.gait_search import Found, GaitSearch
 from gym_passive_walker.viewer.sliders import sliders_of
-from gym_passive_walker.viewer.walk import LiveWalk
+from gym_passive_walker.viewer.walk import LiveWalk, Setup
 from gym_passive_walker.walkers import WALKERS, Walker
 
 KEYS = (
@@ -101,12 +101,23 @@ class Player:
         self.film: Film | None = None
         self._held: int | None = None  # the slider that the mouse holds
         self._pointer = (-1, -1)  # where the mouse was last seen
-        self._search = GaitSearch()
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="gaits")
+        self._sought, self._search = walk.setup, self._thread.submit(walk.setup.gait)
+        self._found: tuple[Gait | None, Setup | None] = None, None
 
     @property
-    def found(self) -> Found | None:
-        """The gait of the setup now, or the last one found while the search continues."""
-        return self._search.look(self.walk.setup)
+    def gait(self) -> tuple[Gait | None, bool]:
+        """The periodic gait found last, and whether it is that of the setup now; never waits.
+
+        After a change of the setup, a search in the background begins.
+        """
+        if self._search.done():
+            self._found = self._search.result(), self._sought
+            if self._sought != self.walk.setup:
+                self._sought = self.walk.setup
+                self._search = self._thread.submit(self._sought.gait)
+        gait, setup = self._found
+        return gait, setup == self.walk.setup
 
     @property
     def name(self) -> str:
@@ -139,14 +150,16 @@ class Player:
         elif event.type == pygame.KEYDOWN:
             self._press(event.key, bool(event.mod & pygame.KMOD_SHIFT))
         elif event.type == pygame.MOUSEBUTTONDOWN and event.button == pygame.BUTTON_LEFT:
-            grabbed = (i for i, slider in enumerate(self.sliders) if slider.grabbed_at(event.pos))
-            self._held = next(grabbed, None)
-            self._move_held(event.pos[0])
-            if self._held is None and SCENE.collidepoint(event.pos):
+            for index, slider in enumerate(self.sliders):
+                if slider.grabbed_at(event.pos):
+                    self._held = index
+                    self.set(index, slider.value_at(event.pos[0]))
+            if SCENE.collidepoint(event.pos):
                 self.drag = np.zeros(2)
         elif event.type == pygame.MOUSEMOTION:
             self._pointer, (right, down) = event.pos, event.rel
-            self._move_held(event.pos[0])
+            if self._held is not None:
+                self.set(self._held, self.sliders[self._held].value_at(event.pos[0]))
             if self.drag is not None:
                 self.drag = self.drag + np.array([right, -down])
         elif event.type == pygame.MOUSEBUTTONUP and event.button == pygame.BUTTON_LEFT:
@@ -196,10 +209,9 @@ class Player:
 
     def begin_again(self) -> None:
         """Begin at the gait of the setup if it is known, else at the nearest passive gait."""
-        setup, found = self.walk.setup, self.found
-        gait = found.gait if found is not None and found.setup == setup else None
-        start = None if gait is None else gait.state
-        self._try(lambda: self.walk.begin(setup, start))
+        gait, known = self.gait
+        start = gait.state if known and gait is not None else None
+        self._try(lambda: self.walk.begin(self.walk.setup, start))
 
     def nudge(self, steps: int) -> None:
         """Move the selected slider by thousandths of its range."""
@@ -251,12 +263,7 @@ class Player:
     def close(self) -> None:
         """Finish the video and the search for gaits."""
         self.record(None)
-        self._search.close()
-
-    def _move_held(self, x: int) -> None:
-        """Move the slider that the mouse holds, if it holds one."""
-        if self._held is not None:
-            self.set(self._held, self.sliders[self._held].value_at(x))
+        self._thread.shutdown(wait=False, cancel_futures=True)
 
     def _try(self, change: Callable[[], object], message: str = "") -> None:
         """Change something and show a message, or show why it is not possible."""

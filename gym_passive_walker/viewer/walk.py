@@ -15,9 +15,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.control.controlled import ControlledMap
 from gym_passive_walker.control.maps import stride_map
+from gym_passive_walker.envs.scene import SceneError
 from gym_passive_walker.envs.starts import checked_state, gait_near
 from gym_passive_walker.gaits.actuation import Actuation
+from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.flow import go_on, new_records
+from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import Outcome, State
@@ -55,12 +58,19 @@ class Setup(NamedTuple):
             acts = Actuation(hip_torque=acts * units_of(self.walker).torque)
         return stride_map(self.walker, self.slope, controller=acts, tolerance=tolerance)
 
+    def gait(self) -> Gait | None:
+        """Search for the periodic gait of period one (the long-step one); None if there is none."""
+        try:
+            return find_gait(self.stride_map())
+        except (GaitNotFound, SceneError):
+            return None
+
 
 class Sample(NamedTuple):
-    """A point of a walk: heelstrikes before it, number of the phase, dimensionless state (6,)."""
+    """A point of a walk: heelstrikes before it, is the shank free, dimensionless state (6,)."""
 
     strides: int
-    phase: int
+    free: bool
     state: NDArray[np.float64]
 
 
@@ -171,11 +181,9 @@ class LiveWalk:
         if setup.walker.knees != self.setup.walker.knees:
             self.begin(setup)
             return
-        strides, record, state, contact = (
-            setup.stride_map(_TOLERANCE), self._record, self.state, self.contact
-        )  # fmt: skip
+        strides, before = setup.stride_map(_TOLERANCE), self.setup
+        record, state, contact = self._record, self.state, self.contact
         slower = self.map.units.time / strides.units.time
-        handed_over = setup.controller != self.setup.controller
         self.setup, self.map = setup, strides
         record["state"] = strides.units.to_dimensionless(state)
         record["ground"][:2] = math.sin(setup.slope), math.cos(setup.slope)
@@ -183,7 +191,7 @@ class LiveWalk:
             record[name] *= slower
         self._sampling, self._decision = self._sampling * slower, self._decision * slower
         self._origin = contact + setup.walker.foot_radius * state[0]
-        if handed_over:
+        if setup.controller != before.controller:
             record["control"], record["push_off"] = 0.0, 0.0
             self._wait_for_decision()
         self._undisturbed = False
@@ -230,5 +238,6 @@ class LiveWalk:
 
     def _sample(self) -> None:
         record = self._record
-        self.trail.append(Sample(self.strides, int(record["phase"]), record["state"].copy()))
+        free = self.map.system.phases[record["phase"]].links == 3
+        self.trail.append(Sample(self.strides, free, record["state"].copy()))
         self._sampling = float(record["time"]) + _SAMPLE
