@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gym_passive_walker.extras import extra
 from gym_passive_walker.files import prepare, replacing
 from gym_passive_walker.policies import TrainedPolicy, load_policy
 from gym_passive_walker.render.film import film_path
+from gym_passive_walker.render.screen import load_pygame, open_window
 from gym_passive_walker.viewer.walk import LiveWalk, Setup
 from gym_passive_walker.walkers import WalkerLike, as_walker
 
@@ -50,12 +49,10 @@ def play(
         ImportError: if pygame is not installed, or moviepy for a film.
         OSError: if the machine has no display, or the film or picture cannot be written.
     """
-    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "hide")
-    with extra("render"):
-        import pygame
+    pygame = load_pygame()
+    from gym_passive_walker.viewer.player import FPS, SIZE, Player, gentle_slope
+    from gym_passive_walker.viewer.view import View
 
-        from gym_passive_walker.viewer.player import FPS, SIZE, Player, gentle_slope
-        from gym_passive_walker.viewer.view import View
     if isinstance(policy, str | Path):
         policy = load_policy(policy)
     if walker is None:
@@ -68,12 +65,9 @@ def play(
         raise ValueError(f"a picture's name must end in one of {', '.join(_PICTURES)}: {picture}")
     picture = None if picture is None else prepare(picture)
     walk = LiveWalk(Setup(walker, slope, 0.0 if policy is None else policy), start)
-    _open_display()
-    player, view = Player(walk), View()
+    window, player, view = open_window(pygame, SIZE), Player(walk), View()
     player.record(film)
     try:
-        window = pygame.display.set_mode(SIZE)
-        pygame.display.set_caption("passive walker")
         clock, shown = pygame.time.Clock(), 0.0
         while player.running and (seconds is None or shown < seconds):
             elapsed = min(clock.tick(FPS) / 1000.0, _LONGEST_FRAME)
@@ -98,25 +92,3 @@ def play(
     finally:
         player.close()
         pygame.display.quit()
-
-
-def _open_display() -> None:
-    """Connect to the machine's display.
-
-    Raises:
-        OSError: if there is none.
-    """
-    import pygame
-
-    try:
-        pygame.display.init()
-        if pygame.display.get_driver() == "offscreen" and "SDL_VIDEODRIVER" not in os.environ:
-            raise pygame.error("SDL would draw off the screen")
-    except pygame.error as error:
-        pygame.display.quit()
-        raise OSError(
-            None,
-            f"this machine has no display for a window ({error}): `passive-walker video` "
-            "films a walk without one; SDL_VIDEODRIVER=dummy lets this command write a film or a "
-            "picture",
-        ) from None

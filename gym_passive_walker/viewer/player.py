@@ -11,12 +11,9 @@ from pathlib import Path
 import numpy as np
 import pygame
 from numpy.typing import NDArray
-from pygame import Rect
-from pygame.event import Event
 
 from gym_passive_walker.envs.starts import REFERENCE_SLOPES
-from gym_passive_walker.gaits.fixed_point import find_gait
-from gym_passive_walker.gaits.gait import Gait, GaitNotFound
+from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.policies import TrainedPolicy, load_policy, shipped_policies
 from gym_passive_walker.render.film import Film
@@ -47,7 +44,7 @@ FPS = 60
 SIZE = 1280, 720
 """Width and height of the window in pixels."""
 
-SCENE = Rect(0, 0, 800, 450)
+SCENE = pygame.Rect(0, 0, 800, 450)
 """Where the window shows the walker; dragging there pushes it."""
 
 PUSH = 0.0005
@@ -60,13 +57,9 @@ _COARSE = 20  # times as much, with Shift
 
 def gentle_slope(walker: Walker, *wanted: float) -> float:
     """A slope in rad with a stable gait, if one is found: one of those wanted, or a gentle one."""
-    for slope in (*wanted, *REFERENCE_SLOPES):
-        try:
-            if find_gait(walker, slope).stable:
-                return slope
-        except GaitNotFound:
-            continue
-    return REFERENCE_SLOPES[0]
+    slopes = (*wanted, *REFERENCE_SLOPES)
+    gaits = ((slope, Setup(walker, slope).gait()) for slope in slopes)
+    return next((slope for slope, gait in gaits if gait and gait.stable), REFERENCE_SLOPES[0])
 
 
 @cache
@@ -120,12 +113,6 @@ class Player:
         return gait, setup == self.walk.setup
 
     @property
-    def name(self) -> str:
-        """The walker's name, if it is a preset."""
-        presets = (name for name, walker in WALKERS.items() if walker == self.walk.setup.walker)
-        return next(presets, "changed")
-
-    @property
     def ended(self) -> str:
         """How the walk has ended; empty while it continues."""
         if self.walk.outcome == Outcome.RUNNING:
@@ -143,7 +130,7 @@ class Player:
         if not self.paused:
             self.walk.advance(self.pace * elapsed)
 
-    def handle(self, event: Event) -> None:
+    def handle(self, event: pygame.event.Event) -> None:
         """Do what an event asks for; others do nothing."""
         if event.type == pygame.QUIT:
             self.running = False
@@ -186,14 +173,12 @@ class Player:
                 self.pace = min(2.0 * self.pace, _FASTEST)
             case pygame.K_r:
                 self.begin_again()
-            case pygame.K_UP:
-                self.selected = (self.selected - 1) % len(self.sliders)
-            case pygame.K_DOWN:
-                self.selected = (self.selected + 1) % len(self.sliders)
-            case pygame.K_LEFT:
-                self.nudge(-_COARSE if shift else -1)
-            case pygame.K_RIGHT:
-                self.nudge(_COARSE if shift else 1)
+            case pygame.K_UP | pygame.K_DOWN:
+                further = 1 if key == pygame.K_DOWN else -1
+                self.selected = (self.selected + further) % len(self.sliders)
+            case pygame.K_LEFT | pygame.K_RIGHT:
+                steps = _COARSE if shift else 1
+                self.nudge(steps if key == pygame.K_RIGHT else -steps)
             case pygame.K_HOME:
                 self.set(self.selected, self.sliders[self.selected].home)
             case pygame.K_w:
@@ -226,9 +211,9 @@ class Player:
 
     def next_walker(self, further: int) -> None:
         """Continue as another preset; after a fall, begin again on a slope where it walks."""
-        names, setup = list(WALKERS), self.walk.setup
-        place = names.index(self.name) if self.name in names else -1
-        walker = WALKERS[names[(place + further) % len(names)]]
+        presets, setup = list(WALKERS.values()), self.walk.setup
+        place = presets.index(setup.walker) if setup.walker in presets else -1
+        walker = presets[(place + further) % len(presets)]
         if self.walk.outcome == Outcome.RUNNING:
             self._try(lambda: self.walk.change(setup._replace(walker=walker)))
         else:
@@ -243,10 +228,8 @@ class Player:
         names, controllers, setup = list(offers), list(offers.values()), self.walk.setup
         now = 0.0 if isinstance(setup.controller, float) else setup.controller
         name = names[(controllers.index(now) + further) % len(names)]
-        self._try(
-            lambda: self.walk.change(setup._replace(controller=offers[name])),
-            f"{name} at the motors",
-        )
+        setup = setup._replace(controller=offers[name])
+        self._try(lambda: self.walk.change(setup), f"{name} at the motors")
 
     def record(self, path: Path | None) -> None:
         """Finish the video, if there is one, and record the following frames; not if None."""

@@ -9,8 +9,7 @@ from pygame import Rect
 
 from gym_passive_walker.units import units_of
 from gym_passive_walker.viewer.walk import LiveWalk, Setup
-from gym_passive_walker.walkers import Walker
-from gym_passive_walker.walkers.walker import PARAMETERS
+from gym_passive_walker.walkers import PARAMETERS, Walker
 
 PANEL = Rect(800, 0, 480, 560)
 """Where the sliders are."""

@@ -16,6 +16,7 @@ from gym_passive_walker.render.screen import Screen
 from gym_passive_walker.viewer.player import KEYS, SCENE, SIZE, Player
 from gym_passive_walker.viewer.sliders import KNOB, PANEL
 from gym_passive_walker.viewer.walk import LiveWalk
+from gym_passive_walker.walkers import WALKERS
 
 PORTRAIT = Rect(0, 450, 420, 270)
 GAIT = Rect(420, 450, 380, 270)
@@ -75,8 +76,10 @@ class View:
 
 def _draw_sliders(brush: Brush, player: Player) -> None:
     """Draw the sliders, marking the one that keys move, and the message below them."""
-    policy = player.walk.map.controller_name if player.walk.map.controlled else ""
-    title = f"walker {player.name}" + f", {policy} at the motors" * bool(policy)
+    names = {preset: name for name, preset in WALKERS.items()}
+    title = f"walker {names.get(player.walk.setup.walker, 'changed')}"
+    if player.walk.map.controlled:
+        title += f", {player.walk.map.controller_name} at the motors"
     brush.write(title, (PANEL.left + 12, 8), "topleft", look.HIP, size=22)
     for slider in player.sliders:
         row, selected = slider.row, slider is player.sliders[player.selected]
@@ -105,12 +108,14 @@ def _draw_gait(brush: Brush, walk: LiveWalk, gait: Gait | None, known: bool) -> 
     brush.write(title, corner, "topleft", look.HIP)
     values = np.empty(0, complex) if gait is None else np.asarray(gait.multipliers)
     draw_multipliers(brush, square, values, pale=not known)
-    verdict, colour = "searching", look.GROUND_LINE
-    if known and gait is None:
+    if not known:
+        verdict, colour = "searching", look.GROUND_LINE
+    elif gait is None:
         verdict, colour = "no gait found", look.WARNING
-    elif known and gait is not None:
-        stable = ("stable", look.LEGS[0]), ("unstable (ring)", look.WARNING)
-        verdict, colour = stable[not gait.stable]
+    elif gait.stable:
+        verdict, colour = "stable", look.LEGS[0]
+    else:
+        verdict, colour = "unstable (ring)", look.WARNING
     x = square.right + 16
     brush.write(verdict, (x, square.top), "topleft", colour)
     pairs = [value for value in values if value.imag >= 0.0] if known else []

@@ -28,7 +28,6 @@ from gym_passive_walker.policies import TrainedPolicy
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker
 
-_TOLERANCE = 1e-10
 _SAMPLE = 0.015  # sqrt(l/g) between two samples of the trail: its curve has no visible corners
 _TRAIL = 800  # samples: about four strides
 _INSTANT = 1e-9  # sqrt(l/g): times closer than this are equal
@@ -47,7 +46,7 @@ class Setup(NamedTuple):
     slope: float
     controller: TrainedPolicy | float = 0.0
 
-    def stride_map(self, tolerance: float = 1e-12) -> StrideMap:
+    def stride_map(self) -> StrideMap:
         """The stride map of the walker under the controller.
 
         Raises:
@@ -56,7 +55,7 @@ class Setup(NamedTuple):
         acts: Any = self.controller
         if isinstance(acts, float):
             acts = Actuation(hip_torque=acts * units_of(self.walker).torque)
-        return stride_map(self.walker, self.slope, controller=acts, tolerance=tolerance)
+        return stride_map(self.walker, self.slope, controller=acts)
 
     def gait(self) -> Gait | None:
         """Search for the periodic gait of period one (the long-step one); None if there is none."""
@@ -107,7 +106,7 @@ class LiveWalk:
 
     def begin(self, setup: Setup, start: ArrayLike | None = None) -> None:
         """Begin again with a setup; an error, as of the class, leaves the walk as it is."""
-        walker, strides = setup.walker, setup.stride_map(_TOLERANCE)
+        walker, strides = setup.walker, setup.stride_map()
         if start is None:
             state = gait_near(walker, setup.slope)
         else:
@@ -181,7 +180,7 @@ class LiveWalk:
         if setup.walker.knees != self.setup.walker.knees:
             self.begin(setup)
             return
-        strides, before = setup.stride_map(_TOLERANCE), self.setup
+        strides, before = setup.stride_map(), self.setup
         record, state, contact = self._record, self.state, self.contact
         slower = self.map.units.time / strides.units.time
         self.setup, self.map = setup, strides
@@ -211,8 +210,8 @@ class LiveWalk:
         """Measure the stride, and stand on the other leg: the hip is midway between the feet."""
         record, system = self._record, self.map.system
         body = system.Body(*self.map.walkers.constants[0, 0])
-        ahead = -float(legs.progress(body, record["state"][0]))
-        self._origin += 2.0 * self.setup.walker.leg_length * ahead
+        progress = float(legs.progress(body, record["state"][0]))
+        self._origin -= 2.0 * self.setup.walker.leg_length * progress
         self.strides, self.last = self.strides + 1, None
         if self._undisturbed:
             length, period = float(record["step_length"]), float(record["time"])
