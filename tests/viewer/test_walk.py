@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import replace
 
 import gymnasium as gym
@@ -9,7 +10,9 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, Outcome, find_gait, load_policy, stride
+from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.gaits.dense_stride import states_at
+from gym_passive_walker.policies import TrainedPolicy
 from gym_passive_walker.viewer.walk import LiveWalk, Setup
 from tests.physics.bodies import kinetic_energy, potential_energy
 from tests.physics.examples import LONG_GAITS
@@ -197,3 +200,24 @@ def test_a_policy_walks_in_frames_as_in_its_environment(name):
             assert walk.last is not None
             assert walk.last.step_length == pytest.approx(info["step_length"], rel=1e-5)
             assert walk.last.cost_of_transport == pytest.approx(info["cost_of_transport"], rel=1e-4)
+
+
+def policy_of_point_feet() -> TrainedPolicy:
+    """A policy with an ankle torque, which round feet cannot bear."""
+    policy = copy.copy(load_policy("level-ppo"))
+    policy.scene = make_scene(policy.scene, walker="D", actions=("hip", "ankle"), stub=None)
+    return policy
+
+
+@pytest.mark.parametrize("wrong", [{"slope": 2.0}, {"controller": policy_of_point_feet()}])
+def test_a_change_that_is_refused_leaves_the_walk_as_it_was(wrong):
+    walk, other = walk_of("lab"), walk_of("lab")
+    for one in (walk, other):
+        one.advance(0.3)
+    with pytest.raises(ValueError, match=r"slope|foot_radius"):
+        walk.change(walk.setup._replace(**wrong))
+    assert walk.setup == other.setup
+    until_heelstrikes(walk, 1)
+    until_heelstrikes(other, 1)
+    np.testing.assert_array_equal(walk.state, other.state)
+    assert walk.last == other.last is not None
