@@ -185,7 +185,7 @@ def test_a_policy_walks_in_frames_as_in_its_environment(name):
     """Torques are held for ticks, whatever the frames do."""
     policy = load_policy(name)
     command = policy.scene.command and float(np.mean(policy.scene.command))
-    calm = {"perturbation": 0.0, "tolerance": 1e-10, "command": command}
+    calm = {"reset_noise_scale": 0.0, "tolerance": 1e-10, "command": command}
     env = gym.make("PassiveWalker-v0", **vars(policy.scene) | calm)
     seen, _ = env.reset(seed=0)
     setup = Setup(env.unwrapped.walker, env.unwrapped.slope, policy)
@@ -205,7 +205,9 @@ def test_a_policy_walks_in_frames_as_in_its_environment(name):
 def policy_of_point_feet() -> TrainedPolicy:
     """A policy with an ankle torque, which round feet cannot bear."""
     policy = copy.copy(load_policy("level-ppo"))
-    policy.scene = make_scene(policy.scene, walker="D", actions=("hip", "ankle"), stub=None)
+    policy.scene = make_scene(
+        policy.scene, walker="D", actions=("hip", "ankle"), end_on_toe_stub=None
+    )
     return policy
 
 
