@@ -86,6 +86,7 @@ _CONCERNING = {
     "policies/__init__": "network shipped",
     "policies/network": "network",
     "policies/tensors": "network",
+    "render/panels": "panels viewer/viewer",
     "validation/scaling": "scaling",
     "validation/wheel": "wheel",
 }

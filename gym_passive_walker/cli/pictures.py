@@ -9,8 +9,8 @@ from pathlib import Path
 from gym_passive_walker.cli.arguments import A_WALKER, a_walker, add_walk, map_of, start_of
 from gym_passive_walker.cli.report import Report
 from gym_passive_walker.extras import need
+from gym_passive_walker.policies import shipped_policies
 from gym_passive_walker.progress import progress
-from gym_passive_walker.viewer.__main__ import add_arguments
 from gym_passive_walker.viewer.play import play as shown
 
 
@@ -75,7 +75,16 @@ def play(command: ArgumentParser) -> Callable[[Namespace], Report]:
     passive-walker play C 0.03
     passive-walker play --policy level-ppo --film walk.mp4 --seconds 10
     """
-    add_arguments(command, a_walker, A_WALKER)
+    policies = (
+        f"what works the motors: {', '.join(shipped_policies())}, or an exported policy's folder"
+    )
+    add = command.add_argument
+    add("walker", nargs="?", type=a_walker, metavar="WALKER", help=A_WALKER)
+    add("slope", nargs="?", type=float, metavar="SLOPE", help="in rad, downhill")
+    add("--policy", metavar="POLICY", help=policies)
+    add("--seconds", type=float, metavar="TIME", help="close the window after so long")
+    add("--film", metavar="FILE", help="record everything in this file, .mp4 or .gif")
+    add("--picture", metavar="FILE", help="write the last frame to this file, such as a .png")
 
     def run(arguments: Namespace) -> Report:
         asked = ("walker", "slope", "policy", "seconds", "film", "picture")

@@ -19,22 +19,33 @@ class Brush:
     Args:
         pygame: The module.
         canvas: Its surface.
-        scale: Pixels to a leg length.
+        scale: Pixels to a leg length; 1 for a brush whose widths are in pixels.
         length: The leg length, in the walker's own units.
+        lettering: Font size in pixels; None is a twentieth of the canvas's height.
     """
 
-    def __init__(self, pygame: Any, canvas: Any, scale: float, length: float) -> None:
+    def __init__(
+        self,
+        pygame: Any,
+        canvas: Any,
+        scale: float = 1.0,
+        length: float = 1.0,
+        *,
+        lettering: int | None = None,
+    ) -> None:
         self.pygame, self.canvas, self.scale, self.length = pygame, canvas, scale, length
+        self.lettering = lettering or round(0.05 * canvas.get_height())
         self.camera, self._slope, self._origin = np.zeros(2), 0.0, np.zeros(2)
-        self._font: Any = None
+        self._fonts: dict[int, Any] = {}
+
+    def open_fonts(self) -> None:
+        """Open fonts, again where other code may have shut pygame down."""
+        self.pygame.font.init()
+        self._fonts.clear()
 
     def look_at(self, camera: NDArray, slope: float, origin: tuple[float, float]) -> None:
-        """Begin a frame, with a place on the slope at a pixel, gravity down.
-
-        The font is opened anew, for others may have shut pygame down meanwhile.
-        """
-        self.pygame.font.init()
-        self._font = self.pygame.font.Font(None, round(0.05 * self.canvas.get_height()))
+        """Begin a frame, with a place on the slope at a pixel, gravity down."""
+        self.open_fonts()
         self.camera, self._slope, self._origin = camera, slope, np.array(origin)
 
     def at(self, points: ArrayLike) -> NDArray[np.float64]:
@@ -98,11 +109,29 @@ class Brush:
         self.polygon([start + along, neck + 0.7 * head * aside, neck - 0.7 * head * aside], colour)
 
     def write(
-        self, text: str, place: ArrayLike, anchor: str = "midtop",
+        self,
+        text: str,
+        place: ArrayLike,
+        anchor: str = "midtop",
         colour: look.Colour = look.GROUND_LINE,
-    ) -> float:  # fmt: skip
-        """Lettering whose anchor (pygame's name of a corner) lies at a pixel; its height."""
-        drawn = self._font.render(text, True, colour)
+        *,
+        size: int | None = None,
+        width: int = 0,
+    ) -> float:
+        """Write text, and return its height in pixels.
+
+        Args:
+            text: The text.
+            place: A pixel, (right, down).
+            anchor: The point of the text that lies there, by pygame's name of it.
+            colour: The text's colour.
+            size: Font size in pixels; None is the brush's own.
+            width: Pixels after which a line is broken; 0 for never.
+        """
+        pixels = size or self.lettering
+        if pixels not in self._fonts:
+            self._fonts[pixels] = self.pygame.font.Font(None, pixels)
+        drawn = self._fonts[pixels].render(text, True, colour, None, width)
         right, down = np.asarray(place, dtype=float)
         self.canvas.blit(drawn, drawn.get_rect(**{anchor: (float(right), float(down))}))
         return float(drawn.get_height())

@@ -34,12 +34,38 @@ _PUSH, _FRAMES = 0.45, 8  # leg lengths of the largest push's arrow; frames unti
 _SCUFF = 1e-3  # depth in leg lengths from which on a foot is seen to scuff
 
 
-def _pygame() -> ModuleType:
-    """The pygame module, without its greeting."""
+def load_pygame() -> ModuleType:
+    """The pygame module, without its greeting.
+
+    Raises:
+        ImportError: if pygame is not installed.
+    """
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "hide")
     with extra("render"):
         import pygame
     return pygame
+
+
+def open_window(pygame: ModuleType, size: tuple[int, int]) -> Any:
+    """Open a window on the machine's display, and return its surface.
+
+    Raises:
+        OSError: if the machine has no display.
+    """
+    try:
+        pygame.display.init()
+        if pygame.display.get_driver() == "offscreen" and "SDL_VIDEODRIVER" not in os.environ:
+            raise pygame.error("SDL would draw off the screen")
+    except pygame.error as error:
+        pygame.display.quit()
+        raise OSError(
+            None,
+            f"this machine has no display for a window ({error}): `passive-walker video` and "
+            "RecordVideo need none; SDL_VIDEODRIVER=dummy draws without one",
+        ) from None
+    window = pygame.display.set_mode(size)
+    pygame.display.set_caption("passive walker")
+    return window
 
 
 class Screen:
@@ -80,7 +106,7 @@ class Screen:
             raise ValueError(f"size and fps must be positive, not {size} and {fps}")
         self.walker = as_walker(walker)
         self.mode, self.fps, self.size = mode, fps, size
-        self._pygame = pygame = _pygame()
+        self._pygame = pygame = load_pygame()
         self._canvas = pygame.Surface((_OVERSAMPLING * size[0], _OVERSAMPLING * size[1]), depth=32)
         scale = _LEG_SHARE * self._canvas.get_height()
         self._brush = Brush(pygame, self._canvas, scale, self.walker.leg_length)
@@ -127,6 +153,7 @@ class Screen:
 
         Raises:
             ValueError: if the state has another shape or is not finite.
+            OSError: if the machine has no display for a window.
         """
         if not self._open:
             return None
@@ -181,9 +208,7 @@ class Screen:
         """Put a frame on the window, and wait for its time."""
         pygame = self._pygame
         if self._window is None:
-            pygame.display.init()
-            self._window = pygame.display.set_mode(self.size)
-            pygame.display.set_caption("passive walker")
+            self._window = open_window(pygame, self.size)
             self._clock = pygame.time.Clock()
         self._window.blit(frame, (0, 0))
         pygame.display.flip()

@@ -1,51 +1,21 @@
-"""The viewer's window, and what it starts with."""
+"""The viewer's window, from its opening until it is closed."""
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from gym_passive_walker.extras import extra
 from gym_passive_walker.files import prepare, replacing
 from gym_passive_walker.policies import TrainedPolicy, load_policy
 from gym_passive_walker.render.film import film_path
-from gym_passive_walker.viewer.walk import LiveWalk
+from gym_passive_walker.render.screen import load_pygame, open_window
+from gym_passive_walker.viewer.walk import LiveWalk, Setup
 from gym_passive_walker.walkers import WalkerLike, as_walker
 
-_PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tga")  # what pygame writes
+_PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tga")  # formats that pygame writes
 _LONGEST_FRAME = 0.1  # seconds: after a longer pause of the machine time stands still
-
-
-def _open_display() -> None:
-    """Connect to the machine's display.
-
-    Raises:
-        OSError: if it has none.
-    """
-    import pygame
-
-    try:
-        pygame.display.init()
-        if pygame.display.get_driver() == "offscreen" and "SDL_VIDEODRIVER" not in os.environ:
-            raise pygame.error("SDL would draw off the screen")
-    except pygame.error as error:
-        pygame.display.quit()
-        raise OSError(
-            None,
-            f"this machine has no display for a window ({error}): `passive-walker video` "
-            "films a walk without one; SDL_VIDEODRIVER=dummy lets this command write a film or a "
-            "picture",
-        ) from None
-
-
-def _picture_path(path: str | Path) -> Path:
-    """A path that pygame can write a picture to."""
-    if Path(path).suffix.lower() not in _PICTURES:
-        raise ValueError(f"a picture's name must end in one of {', '.join(_PICTURES)}, not {path}")
-    return prepare(path)
 
 
 def play(
@@ -58,17 +28,18 @@ def play(
     film: str | Path | None = None,
     picture: str | Path | None = None,
 ) -> None:
-    """Watch a walker in a window, and change what it is, where it goes and what drives it.
+    """Watch a walker in a window, push it, and change it and its slope while it walks.
 
-    The motion is the engine's, as exact as anywhere else; what is changed counts from the next
-    frame on. It takes the extra "render", and a display unless SDL_VIDEODRIVER=dummy.
+    The engine computes the motion as exactly as elsewhere; a change takes effect in the next frame.
+    The window requires the extra "render", and a display unless SDL_VIDEODRIVER=dummy.
 
     Args:
         walker: The walker (see `as_walker`); None is the policy's own, or the laboratory's.
         slope: Slope in rad; None is the policy's own, or a gentle one.
         policy: A trained policy that works the motors, or what `load_policy` takes.
-        start: Section state to start from, in the walker's own units, (6,); None is a gait.
-        seconds: When to close the window; None leaves that to the user.
+        start: State on the Poincaré section to start from, in the walker's own units, (6,); None is
+            a periodic gait.
+        seconds: Seconds after which the window closes; None leaves that to the user.
         film: File to record all frames in, MP4 or GIF.
         picture: File to write the last frame to, PNG, JPEG, BMP or TGA.
 
@@ -78,13 +49,10 @@ def play(
         ImportError: if pygame is not installed, or moviepy for a film.
         OSError: if the machine has no display, or the film or picture cannot be written.
     """
-    os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "hide")
-    with extra("render"):
-        import pygame
+    pygame = load_pygame()
+    from gym_passive_walker.viewer.player import FPS, SIZE, Player, gentle_slope
+    from gym_passive_walker.viewer.view import View
 
-        from gym_passive_walker.viewer.controls import KEYS, Controls
-        from gym_passive_walker.viewer.player import FPS, Player, gentle_slope
-        from gym_passive_walker.viewer.view import SIZE, View
     if isinstance(policy, str | Path):
         policy = load_policy(policy)
     if walker is None:
@@ -93,23 +61,20 @@ def play(
     if slope is None:
         slope = gentle_slope(walker) if policy is None else float(np.mean(policy.scene.slope))
     film = None if film is None else film_path(film)
-    picture = None if picture is None else _picture_path(picture)
-    player = Player(LiveWalk(walker, slope, policy=policy, start=start))
-    view = View(KEYS)
-    controls = Controls(player, view)
-    _open_display()
-    if film is not None:
-        player.film_to(film, SIZE)
+    if picture is not None and Path(picture).suffix.lower() not in _PICTURES:
+        raise ValueError(f"a picture's name must end in one of {', '.join(_PICTURES)}: {picture}")
+    picture = None if picture is None else prepare(picture)
+    walk = LiveWalk(Setup(walker, slope, 0.0 if policy is None else policy), start)
+    window, player, view = open_window(pygame, SIZE), Player(walk), View()
+    player.record(film)
     try:
-        window = pygame.display.set_mode(SIZE)
-        pygame.display.set_caption("passive walker")
         clock, shown = pygame.time.Clock(), 0.0
         while player.running and (seconds is None or shown < seconds):
             elapsed = min(clock.tick(FPS) / 1000.0, _LONGEST_FRAME)
             if player.film is not None:
-                elapsed = 1.0 / FPS  # a film's frames are evenly spaced, however long they take
+                elapsed = 1.0 / FPS  # frames of a video are evenly spaced, however slow drawing is
             for event in pygame.event.get():
-                controls.handle(event)
+                player.handle(event)
             player.frame(elapsed)
             shown += elapsed
             surface = view.draw(player)

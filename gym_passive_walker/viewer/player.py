@@ -1,218 +1,257 @@
-"""What the viewer does, whoever asks for it: keys, the mouse, or a test."""
+"""A walk in the viewer, and what its user does to it by keys and the mouse."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
+from itertools import count
 from pathlib import Path
 
 import numpy as np
+import pygame
 from numpy.typing import NDArray
 
 from gym_passive_walker.envs.starts import REFERENCE_SLOPES
-from gym_passive_walker.gaits.fixed_point import find_gait
-from gym_passive_walker.gaits.gait import GaitNotFound
+from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.policies import TrainedPolicy, load_policy, shipped_policies
 from gym_passive_walker.render.film import Film
 from gym_passive_walker.render.pose import level
-from gym_passive_walker.viewer.seeker import Answer, Question, Seeker
-from gym_passive_walker.viewer.settings import settings_of
-from gym_passive_walker.viewer.walk import LiveWalk
+from gym_passive_walker.viewer.sliders import sliders_of
+from gym_passive_walker.viewer.walk import LiveWalk, Setup
 from gym_passive_walker.walkers import WALKERS, Walker
 
+KEYS = (
+    ("Space", "pause, continue"),
+    ("N", "next frame"),
+    ("- / +", "slower, faster"),
+    ("R", "begin again"),
+    ("Up / Down", "choose a slider"),
+    ("Left / Right", "move it (Shift: more)"),
+    ("Home", "put it back"),
+    ("W", "another walker"),
+    ("P", "another policy"),
+    ("F", "video on, off"),
+    ("Q", "quit"),
+    ("drag scene", "push the hip"),
+)
+"""What a user can press, and what it does."""
+
 FPS = 60
-"""Frames a second."""
+"""Frames per second."""
+
+SIZE = 1280, 720
+"""Width and height of the window in pixels."""
+
+SCENE = pygame.Rect(0, 0, 800, 450)
+"""Where the window shows the walker; dragging there pushes it."""
 
 PUSH = 0.0005
 """Impulse of a drag by one pixel, in units of m sqrt(g l); a walker's own momentum is about 0.2."""
 
-_PACES = tuple(2.0**power for power in range(-6, 3))
-_FINE = 1e-3  # of a setting's range: what a key moves
+_SLOWEST, _FASTEST = 2.0**-6, 4.0
+_FINE = 1e-3  # of a slider's range: what a key moves
+_COARSE = 20  # times as much, with Shift
 
 
 def gentle_slope(walker: Walker, *wanted: float) -> float:
-    """A slope in rad on which a walker walks stably, if one is found.
-
-    Args:
-        walker: The walker.
-        *wanted: Slopes in rad that are tried first; then come gentle ones.
-    """
-    for slope in (*wanted, *REFERENCE_SLOPES):
-        try:
-            if find_gait(walker, slope).stable:
-                return slope
-        except GaitNotFound:
-            continue
-    return REFERENCE_SLOPES[0]
+    """A slope in rad with a stable gait, if one is found: one of those wanted, or a gentle one."""
+    slopes = (*wanted, *REFERENCE_SLOPES)
+    gaits = ((slope, Setup(walker, slope).gait()) for slope in slopes)
+    return next((slope for slope, gait in gaits if gait and gait.stable), REFERENCE_SLOPES[0])
 
 
 @cache
 def offered_policies() -> dict[str, TrainedPolicy]:
-    """Shipped policies."""
+    """The shipped policies by name."""
     return {name: load_policy(name) for name in shipped_policies()}
 
 
 class Player:
-    """A walk, and how it is shown.
+    """A walk, how it is shown, and what the user changes.
 
     Args:
-        walk: The walk.
+        walk: The walk. If a policy drives it, P offers that policy too.
 
     Attributes:
         walk: The walk.
-        policy: The policy that the viewer began with, if there was one.
-        settings: What may be changed.
-        selected: Which of the settings keys change.
+        sliders: What can be changed.
+        selected: Number of the slider that keys move.
         paused: Whether time stands still.
-        pace: Of the walk's time to that of the window.
-        drag: What the mouse has dragged so far, right and up in pixels; None if it does not.
-        film: Where frames are recorded, if they are.
-        message: What the user should know now.
+        pace: The walk's time over that of the window.
+        drag: How far the mouse has dragged the scene, right and up in pixels; None without a drag.
+        film: The video that is being recorded, if there is one.
+        message: A line for the user.
         running: Whether the window stays open.
     """
 
     def __init__(self, walk: LiveWalk) -> None:
-        self.walk, self.policy = walk, walk.policy
-        self.settings, self.selected = settings_of(walk), 0
+        self.walk, self._first = walk, walk.setup.controller
+        self.sliders, self.selected = sliders_of(walk.setup), 0
         self.paused, self.pace, self.running, self.message = False, 1.0, True, ""
         self.drag: NDArray[np.float64] | None = None
         self.film: Film | None = None
-        self._seeker = Seeker()
+        self._held: int | None = None  # the slider that the mouse holds
+        self._pointer = (-1, -1)  # where the mouse was last seen
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="gaits")
+        self._sought, self._search = walk.setup, self._thread.submit(walk.setup.gait)
+        self._found: tuple[Gait | None, Setup | None] = None, None
 
     @property
-    def gait(self) -> Answer | None:
-        """The gait of what is set now, or the last one found while the search goes on."""
-        return self._seeker.look(Question.of(self.walk))
+    def gait(self) -> tuple[Gait | None, bool]:
+        """The periodic gait found last, and whether it is that of the setup now; never waits.
 
-    def frame(self, elapsed: float) -> None:
-        """Let the walk go on for as much of the window's time, in seconds."""
-        if not self.paused:
-            self.walk.advance(self.pace * elapsed)
-
-    def close(self) -> None:
-        """End the film and the search for gaits."""
-        self.stop_film()
-        self._seeker.close()
-
-    def pause(self) -> None:
-        """Let time stand still, or go on."""
-        self.paused = not self.paused
-
-    def step(self) -> None:
-        """Go on by one frame, and stand still."""
-        self.paused = True
-        self.walk.advance(self.pace / FPS)
-
-    def change_pace(self, faster: int) -> None:
-        """Go to the next slower (-1) or faster (+1) pace."""
-        place = _PACES.index(self.pace) + faster
-        self.pace = _PACES[min(max(place, 0), len(_PACES) - 1)]
-
-    def reset(self) -> None:
-        """Begin anew: at the gait of what is set now, or at the nearest passive one."""
-        gait = self.gait
-        known = gait is not None and gait.question == Question.of(self.walk)
-        self._try(lambda: self.walk.begin(gait.state if gait and known else None))
-
-    def select(self, further: int) -> None:
-        """Go to another setting."""
-        self.selected = (self.selected + further) % len(self.settings)
-
-    def nudge(self, shares: float) -> None:
-        """Move the selected setting by thousandths of its range."""
-        setting = self.settings[self.selected]
-        change = shares * _FINE * (setting.high - setting.low)
-        self.set(self.selected, setting.read(self.walk) + change)
-
-    def set(self, index: int, value: float) -> None:
-        """Set a setting to the nearest value within its bounds."""
-        setting = self.settings[index]
-        self.selected = index
-        self._try(lambda: setting.write(self.walk, setting.clipped(value)))
-
-    def restore(self) -> None:
-        """Put the selected setting back to what the walker began with."""
-        self.set(self.selected, self.settings[self.selected].home)
-
-    def next_walker(self, further: int) -> None:
-        """Go on as another preset; after a fall, begin again on a slope where it walks."""
-        names = list(WALKERS)
-        place = names.index(self.name) if self.name in names else -1
-        walker = WALKERS[names[(place + further) % len(names)]]
-        if self.walk.outcome == Outcome.RUNNING:
-            self._try(lambda: self.walk.change_walker(walker))
-        else:
-            slope = gentle_slope(walker, self.walk.slope)
-            self._try(lambda: self.walk.begin_as(walker, slope))
-        self.settings = settings_of(self.walk)
-
-    @property
-    def name(self) -> str:
-        """What the walker is called, if it is a preset."""
-        known = (name for name, walker in WALKERS.items() if walker == self.walk.walker)
-        return next(known, "changed")
-
-    def hand_over(self, further: int = 1) -> None:
-        """Give the hip to another policy: the loaded one, the shipped ones, and then none.
-
-        Args:
-            further: 1 for the next policy, -1 for the one before.
+        After a change of the setup, a search in the background begins.
         """
-        loaded = {} if self.policy is None else {"the loaded policy": self.policy}
-        offers = {"no policy": None, **loaded, **offered_policies()}
-        names, policies = list(offers), list(offers.values())
-        place = (policies.index(self.walk.policy) + further) % len(policies)
-        self.walk.hand_over(policies[place])
-        self.message = f"{names[place]} at the hip"
+        if self._search.done():
+            self._found = self._search.result(), self._sought
+            if self._sought != self.walk.setup:
+                self._sought = self.walk.setup
+                self._search = self._thread.submit(self._sought.gait)
+        gait, setup = self._found
+        return gait, setup == self.walk.setup
 
-    def begin_drag(self) -> None:
-        """Begin to draw a push."""
-        self.drag = np.zeros(2)
-
-    def drag_by(self, right: float, down: float) -> None:
-        """Draw a push further."""
-        if self.drag is not None:
-            self.drag = self.drag + np.array([right, -down])
+    @property
+    def ended(self) -> str:
+        """How the walk has ended; empty while it continues."""
+        if self.walk.outcome == Outcome.RUNNING:
+            return ""
+        return f"{self.walk.outcome.name.replace('_', ' ').lower()} (R begins again)"
 
     @property
     def impulse(self) -> NDArray[np.float64]:
         """The push that is being drawn: downhill and off the ground, in m sqrt(g l), (2,)."""
         drag = np.zeros(2) if self.drag is None else self.drag
-        return PUSH * level(drag, -self.walk.slope)
+        return PUSH * level(drag, -self.walk.setup.slope)
 
-    def push(self) -> None:
-        """Push the hip by what was drawn, if anything was."""
-        if self.drag is not None:
-            self.walk.push(*self.impulse.tolist())
-            self.drag = None
+    def frame(self, elapsed: float) -> None:
+        """Continue for some of the window's time, in seconds."""
+        if not self.paused:
+            self.walk.advance(self.pace * elapsed)
 
-    def film_to(self, path: Path, size: tuple[int, int]) -> None:
-        """Record frames of this size from now on."""
-        self.stop_film()
-        try:
-            self.film = Film(path, size, FPS, shrink=2)
-        except (ImportError, OSError) as error:
-            self.message = str(error)
+    def handle(self, event: pygame.event.Event) -> None:
+        """Do what an event asks for; others do nothing."""
+        if event.type == pygame.QUIT:
+            self.running = False
+        elif event.type == pygame.KEYDOWN:
+            self._press(event.key, bool(event.mod & pygame.KMOD_SHIFT))
+        elif event.type == pygame.MOUSEBUTTONDOWN and event.button == pygame.BUTTON_LEFT:
+            for index, slider in enumerate(self.sliders):
+                if slider.grabbed_at(event.pos):
+                    self._held = index
+                    self.set(index, slider.value_at(event.pos[0]))
+            if SCENE.collidepoint(event.pos):
+                self.drag = np.zeros(2)
+        elif event.type == pygame.MOUSEMOTION:
+            self._pointer, (right, down) = event.pos, event.rel
+            if self._held is not None:
+                self.set(self._held, self.sliders[self._held].value_at(event.pos[0]))
+            if self.drag is not None:
+                self.drag = self.drag + np.array([right, -down])
+        elif event.type == pygame.MOUSEBUTTONUP and event.button == pygame.BUTTON_LEFT:
+            if self.drag is not None:
+                self.walk.push(*self.impulse.tolist())
+            self._held = self.drag = None
+        elif event.type == pygame.MOUSEWHEEL:
+            for index, slider in enumerate(self.sliders):
+                if slider.row.collidepoint(self._pointer):
+                    self.selected = index
+                    self.nudge(event.y)
 
-    def stop_film(self) -> None:
-        """Finish the film, if there is one."""
+    def _press(self, key: int, shift: bool) -> None:
+        """Do what a key is for; others do nothing."""
+        match key:
+            case pygame.K_SPACE:
+                self.paused = not self.paused
+            case pygame.K_n:
+                self.paused = True
+                self.walk.advance(self.pace / FPS)
+            case pygame.K_MINUS | pygame.K_KP_MINUS:
+                self.pace = max(0.5 * self.pace, _SLOWEST)
+            case pygame.K_PLUS | pygame.K_EQUALS | pygame.K_KP_PLUS:
+                self.pace = min(2.0 * self.pace, _FASTEST)
+            case pygame.K_r:
+                self.begin_again()
+            case pygame.K_UP | pygame.K_DOWN:
+                further = 1 if key == pygame.K_DOWN else -1
+                self.selected = (self.selected + further) % len(self.sliders)
+            case pygame.K_LEFT | pygame.K_RIGHT:
+                steps = _COARSE if shift else 1
+                self.nudge(steps if key == pygame.K_RIGHT else -steps)
+            case pygame.K_HOME:
+                self.set(self.selected, self.sliders[self.selected].home)
+            case pygame.K_w:
+                self.next_walker(-1 if shift else 1)
+            case pygame.K_p:
+                self.next_policy(-1 if shift else 1)
+            case pygame.K_f:
+                paths = (Path(f"walk-{number}.mp4") for number in count(1))
+                unused = next(path for path in paths if not path.exists())
+                self.record(unused if self.film is None else None)
+            case pygame.K_q | pygame.K_ESCAPE:
+                self.running = False
+
+    def begin_again(self) -> None:
+        """Begin at the gait of the setup if it is known, else at the nearest passive gait."""
+        gait, known = self.gait
+        start = gait.state if known and gait is not None else None
+        self._try(lambda: self.walk.begin(self.walk.setup, start))
+
+    def nudge(self, steps: int) -> None:
+        """Move the selected slider by thousandths of its range."""
+        slider = self.sliders[self.selected]
+        change = steps * _FINE * (slider.high - slider.low)
+        self.set(self.selected, slider.read(self.walk) + change)
+
+    def set(self, index: int, value: float) -> None:
+        """Select a slider, and set it to the nearest value of its range."""
+        self.selected = index
+        self._try(lambda: self.sliders[index].write(self.walk, value))
+
+    def next_walker(self, further: int) -> None:
+        """Continue as another preset; after a fall, begin again on a slope where it walks."""
+        presets, setup = list(WALKERS.values()), self.walk.setup
+        place = presets.index(setup.walker) if setup.walker in presets else -1
+        walker = presets[(place + further) % len(presets)]
+        if self.walk.outcome == Outcome.RUNNING:
+            self._try(lambda: self.walk.change(setup._replace(walker=walker)))
+        else:
+            slope = gentle_slope(walker, setup.slope)
+            self._try(lambda: self.walk.begin(setup._replace(walker=walker, slope=slope)))
+        self.sliders = sliders_of(self.walk.setup)
+
+    def next_policy(self, further: int) -> None:
+        """Continue under another policy: that of the beginning, a shipped one, or none."""
+        first = {} if isinstance(self._first, float) else {"the loaded policy": self._first}
+        offers = {"no policy": 0.0, **first, **offered_policies()}
+        names, controllers, setup = list(offers), list(offers.values()), self.walk.setup
+        now = 0.0 if isinstance(setup.controller, float) else setup.controller
+        name = names[(controllers.index(now) + further) % len(names)]
+        setup = setup._replace(controller=offers[name])
+        self._try(lambda: self.walk.change(setup), f"{name} at the motors")
+
+    def record(self, path: Path | None) -> None:
+        """Finish the video, if there is one, and record the following frames; not if None."""
         if self.film is not None:
             film, self.film = self.film, None
             film.close()
             self.message = f"recorded {film.path}"
+        if path is not None:
+            try:
+                self.film = Film(path, SIZE, FPS, shrink=2)
+            except (ImportError, OSError) as error:
+                self.message = str(error)
 
-    @property
-    def state_of_walk(self) -> str:
-        """What the walk is doing, in words."""
-        if self.walk.outcome != Outcome.RUNNING:
-            return f"{self.walk.outcome.name.replace('_', ' ').lower()} (R begins anew)"
-        return "paused" if self.paused else ""
+    def close(self) -> None:
+        """Finish the video and the search for gaits."""
+        self.record(None)
+        self._thread.shutdown(wait=False, cancel_futures=True)
 
-    def _try(self, change: Callable[[], object]) -> None:
-        """Change something, or say why it cannot be."""
+    def _try(self, change: Callable[[], object], message: str = "") -> None:
+        """Change something and show a message, or show why it is not possible."""
         try:
             change()
-            self.message = ""
+            self.message = message
         except ValueError as error:
             self.message = str(error)

@@ -1,148 +1,136 @@
-"""The window's picture: the walker, its portrait and multipliers, sliders and keys."""
+"""The window's picture: the walker, its phase portrait and Floquet multipliers, sliders, keys."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
+from fractions import Fraction
 
+import numpy as np
 import pygame
-from numpy.typing import NDArray
 from pygame import Rect, Surface
 
+from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.render import look
+from gym_passive_walker.render.brush import Brush
+from gym_passive_walker.render.panels import draw_multipliers, draw_portrait
 from gym_passive_walker.render.screen import Screen
-from gym_passive_walker.viewer import panels
-from gym_passive_walker.viewer.player import Player
-from gym_passive_walker.viewer.sheet import LINE, Sheet
+from gym_passive_walker.viewer.player import KEYS, SCENE, SIZE, Player
+from gym_passive_walker.viewer.sliders import KNOB, PANEL
+from gym_passive_walker.viewer.walk import LiveWalk
+from gym_passive_walker.walkers import WALKERS
 
-SIZE = 1280, 720
-"""Width and height in pixels."""
-
-SCENE = Rect(0, 0, 800, 450)
 PORTRAIT = Rect(0, 450, 420, 270)
-MULTIPLIERS = Rect(420, 450, 380, 270)
-SLIDERS = Rect(800, 0, 480, 560)
+GAIT = Rect(420, 450, 380, 270)
 LEGEND = Rect(800, 560, 480, 160)
 
-_TRACK_LEFT, _TRACK_WIDTH = SLIDERS.left + 170, 200
-_KNOB = 7  # its radius
-_TOP = SLIDERS.top + 34  # of the first slider
-_MESSAGE = 64  # pixels kept for it below the last one
+_LINE = 20  # pixels from line to line
 
 
 class View:
-    """Draws what a player shows.
+    """Draws what a player shows."""
 
-    Args:
-        legend: What can be pressed, and what it does.
-    """
-
-    def __init__(self, legend: Sequence[tuple[str, str]]) -> None:
-        self._sheet, self._legend, self._sliders = Sheet(SIZE), legend, 1
+    def __init__(self) -> None:
+        self._brush = Brush(pygame, Surface(SIZE), lettering=18)
+        self._brush.open_fonts()
         self._screen: Screen | None = None
 
     def draw(self, player: Player) -> Surface:
         """Draw what the player shows now, and return the picture."""
-        self._sliders = len(player.settings)
-        self._sheet.surface.fill(look.SKY)
-        self._scene(player)
-        panels.portrait(self._sheet, PORTRAIT, player.walk)
-        panels.multipliers(self._sheet, MULTIPLIERS, player.walk, player.gait)
-        self._settings(player)
-        self._keys()
-        for box in (PORTRAIT, MULTIPLIERS, SLIDERS, LEGEND):
-            self._sheet.frame(box)
-        return self._sheet.surface
+        brush, walk = self._brush, player.walk
+        brush.canvas.fill(look.SKY)
+        self._draw_scene(player)
+        strides, free, states = zip(*walk.trail, strict=True)
+        draw_portrait(brush, PORTRAIT, states, strides, free)
+        _draw_gait(brush, walk, *player.gait)
+        _draw_sliders(brush, player)
+        for index, (key, does) in enumerate(KEYS):
+            column, line = divmod(index, 6)
+            x, y = LEGEND.left + 12 + 240 * column, LEGEND.top + 12 + _LINE * line
+            brush.write(key, (x, y), "topleft", look.HIP)
+            brush.write(does, (x + 96, y), "topleft")
+        for box in (PORTRAIT, GAIT, PANEL, LEGEND):
+            pygame.draw.rect(brush.canvas, look.GROUND, box, 1)
+        return brush.canvas
 
-    def in_scene(self, place: tuple[int, int]) -> bool:
-        """Whether a place is in the walker's picture."""
-        return bool(SCENE.collidepoint(place))
-
-    def slider_at(self, place: tuple[int, int]) -> int | None:
-        """Which slider's track or knob is at a place, if there is one."""
-        if not _TRACK_LEFT - _KNOB <= place[0] <= _TRACK_LEFT + _TRACK_WIDTH + _KNOB:
-            return None
-        return self.row_at(place)
-
-    def row_at(self, place: tuple[int, int]) -> int | None:
-        """Which slider's row, with its label and value, is at a place, if there is one."""
-        return next((i for i in range(self._sliders) if self._row(i).collidepoint(place)), None)
-
-    def value_at(self, player: Player, index: int, x: float) -> float:
-        """What a slider says when it is moved to x."""
-        setting, share = player.settings[index], (x - _TRACK_LEFT) / _TRACK_WIDTH
-        return setting.low + share * (setting.high - setting.low)
-
-    def knob(self, player: Player, index: int) -> tuple[int, int]:
-        """Where the knob of a slider is."""
-        setting = player.settings[index]
-        value = setting.clipped(setting.read(player.walk))
-        share = (value - setting.low) / (setting.high - setting.low)
-        return round(_TRACK_LEFT + share * _TRACK_WIDTH), self._row(index).centery
-
-    def _row(self, index: int) -> Rect:
-        height = min(28, (SLIDERS.bottom - _MESSAGE - _TOP) // self._sliders)
-        return Rect(SLIDERS.left, _TOP + index * height, SLIDERS.width, height)
-
-    def _scene(self, player: Player) -> None:
-        """The walker on its slope, the push that is being drawn, and what must be known."""
-        walk = player.walk
-        if self._screen is None or self._screen.walker != walk.walker:
-            self._screen = Screen(walk.walker, size=SCENE.size)
-        frame = self._screen.draw(walk.state, walk.slope, walk.contact, walk.strides)
-        picture = pygame.image.frombuffer(frame, SCENE.size, "RGB")  # type: ignore[arg-type]
-        self._sheet.surface.blit(picture, SCENE)
-        if player.drag is not None:
-            self._push(player, player.drag)
-        self._sheet.write(player.state_of_walk, (SCENE.centerx, 24), size=28, at="midtop")
+    def _draw_scene(self, player: Player) -> None:
+        """Draw the walker on its slope, the push that is being drawn, and the state of the walk."""
+        brush, walk, setup = self._brush, player.walk, player.walk.setup
+        if self._screen is None or self._screen.walker != setup.walker:
+            self._screen = Screen(setup.walker, size=SCENE.size)
+        notes = ["paused"] * player.paused
+        if player.pace != 1.0:
+            notes.append(f"pace {Fraction(player.pace)}")
         if player.film is not None:
-            pygame.draw.circle(self._sheet.surface, look.LEGS[1], (24, 28), 7)
-            self._sheet.write(f"recording {player.film.path.name}", (38, 20))
-        elif player.pace != 1.0:
-            self._sheet.write(f"pace {_fraction(player.pace)}", (20, 20))
-
-    def _push(self, player: Player, drag: NDArray) -> None:
-        """An arrow from the hip, as long as the mouse was dragged."""
-        if self._screen is None:
-            return
-        start = pygame.Vector2(self._screen.hip_on_frame(player.walk.state, player.walk.slope))
-        along = pygame.Vector2(float(drag[0]), -float(drag[1]))
-        self._sheet.arrow(start, along)
-        downhill, up = player.impulse
-        words = f"push {downhill:+.3f} downhill, {up:+.3f} up, in m √(g l)"
-        self._sheet.write(words, (20, 44))
-
-    def _settings(self, player: Player) -> None:
-        """The sliders; the one that keys move is marked."""
-        walk = player.walk
-        actor = "" if walk.policy is None else f", {walk.policy.name} at the motors"
-        self._sheet.write(f"walker {player.name}{actor}", (SLIDERS.left + 12, 8), size=22)
-        for index, setting in enumerate(player.settings):
-            row, knob = self._row(index), self.knob(player, index)
-            if index == player.selected:
-                pygame.draw.rect(
-                    self._sheet.surface, look.GROUND, row.inflate(-8, -2), border_radius=4
-                )
-            track = Rect(_TRACK_LEFT, row.centery - 2, _TRACK_WIDTH, 4)
-            colour = look.SKY if index == player.selected else look.GROUND
-            pygame.draw.rect(self._sheet.surface, colour, track, border_radius=2)
-            pygame.draw.circle(self._sheet.surface, look.LEGS[0], knob, _KNOB)
-            self._sheet.write(setting.label, (row.left + 12, row.centery), at="midleft")
-            value = f"{setting.read(walk):.5g}".replace("-", "−")
-            self._sheet.write(value, (row.right - 14, row.centery), at="midright")
-        place = SLIDERS.left + 12, SLIDERS.bottom - 10
-        self._sheet.write(player.message, place, at="bottomleft", wide=SLIDERS.width - 24)
-
-    def _keys(self) -> None:
-        """What can be pressed, in two columns."""
-        half = math.ceil(len(self._legend) / 2)
-        for index, (key, does) in enumerate(self._legend):
-            column, line = divmod(index, half)
-            x, y = LEGEND.left + 12 + 240 * column, LEGEND.top + 12 + LINE * line
-            self._sheet.write(key, (x, y))
-            self._sheet.write(does, (x + 96, y), colour=look.GROUND_LINE)
+            notes.append(f"recording {player.film.path.name}")
+        if player.drag is not None:
+            downhill, up = player.impulse
+            notes.append(f"push {downhill:+.3f} downhill, {up:+.3f} up, in m √(g l)")
+        frame = self._screen.draw(
+            walk.state, setup.slope, walk.contact, walk.strides,
+            notes=(notes, ()), warning=player.ended,
+        )  # fmt: skip
+        brush.canvas.blit(pygame.image.frombuffer(frame, SCENE.size, "RGB"), SCENE)  # type: ignore[arg-type]
+        if player.drag is not None:
+            hip = np.array(self._screen.hip_on_frame(walk.state, setup.slope))
+            brush.arrow(hip, player.drag * [1.0, -1.0], look.HIP, 2.5)
 
 
-def _fraction(pace: float) -> str:
-    """A pace that is a power of two."""
-    return f"{pace:g}" if pace >= 1.0 else f"1/{1.0 / pace:g}"
+def _draw_sliders(brush: Brush, player: Player) -> None:
+    """Draw the sliders, marking the one that keys move, and the message below them."""
+    names = {preset: name for name, preset in WALKERS.items()}
+    title = f"walker {names.get(player.walk.setup.walker, 'changed')}"
+    if player.walk.map.controlled:
+        title += f", {player.walk.map.controller_name} at the motors"
+    brush.write(title, (PANEL.left + 12, 8), "topleft", look.HIP, size=22)
+    for slider in player.sliders:
+        row, selected = slider.row, slider is player.sliders[player.selected]
+        if selected:
+            pygame.draw.rect(brush.canvas, look.GROUND, row.inflate(-8, -2), border_radius=4)
+        colour = look.SKY if selected else look.GROUND
+        pygame.draw.rect(brush.canvas, colour, slider.track, border_radius=2)
+        brush.disc(np.array(slider.knob(player.walk)), KNOB, look.LEGS[0])
+        brush.write(slider.label, (row.left + 12, row.centery), "midleft", look.HIP)
+        value = f"{slider.read(player.walk):.5g}".replace("-", "−")
+        brush.write(value, (row.right - 14, row.centery), "midright", look.HIP)
+    place, width = (PANEL.left + 12, PANEL.bottom - 10), PANEL.width - 24
+    brush.write(player.message, place, "bottomleft", look.HIP, width=width)
+
+
+def _draw_gait(brush: Brush, walk: LiveWalk, gait: Gait | None, known: bool) -> None:
+    """Draw the Floquet multipliers of a walk's periodic gait, and the measures of its last stride.
+
+    While the search continues, the multipliers are those of the gait before, and pale.
+    """
+    square, strides = Rect(GAIT.left + 12, GAIT.top + 38, 190, 190), walk.map
+    owner = "the passive gait" if strides.passive else "the gait under this torque"
+    if strides.controlled:
+        owner = f"the gait under {strides.controller_name}"
+    title, corner = f"Floquet multipliers of {owner}", (GAIT.left + 10, GAIT.top + 9)
+    brush.write(title, corner, "topleft", look.HIP)
+    values = np.empty(0, complex) if gait is None else np.asarray(gait.multipliers)
+    draw_multipliers(brush, square, values, pale=not known)
+    if not known:
+        verdict, colour = "searching", look.GROUND_LINE
+    elif gait is None:
+        verdict, colour = "no gait found", look.WARNING
+    elif gait.stable:
+        verdict, colour = "stable", look.LEGS[0]
+    else:
+        verdict, colour = "unstable (ring)", look.WARNING
+    x = square.right + 16
+    brush.write(verdict, (x, square.top), "topleft", colour)
+    pairs = [value for value in values if value.imag >= 0.0] if known else []
+    for line, value in enumerate(pairs, 1):
+        text = f"{value.real:z.3f}".replace("-", "−") + f" ± {value.imag:.3f} i" * bool(value.imag)
+        brush.write(text, (x, square.top + _LINE * line), "topleft", look.HIP)
+    measures = ["was disturbed" if walk.strides else "none yet"]
+    if walk.last is not None:
+        length, period, cost = walk.last
+        measures = [
+            f"speed {length / period:.4f} √(g l)",
+            f"length {length:.4f} l",
+            f"period {period:.4f} √(l/g)",
+            f"cost of transport {cost:.4f}",
+        ]
+    for line, text in enumerate(["last stride", *measures]):
+        place = x, square.bottom + _LINE * (line - len(measures))
+        brush.write(text, place, "topleft", look.GROUND_LINE if line else look.HIP)

@@ -1,155 +1,156 @@
-"""What walks in the viewer: one walker, carried on by the engine from frame to frame.
+"""A walk that is followed from frame to frame, and that can be changed within a stride.
 
-Everything may change between two frames, in the midst of a stride: angles and rates stay what they
-are, and the motion goes on from there under the new equations, as exactly as before.
+A change takes effect at once: angles and angular velocities stay, and the motion continues under
+the new equations, as exactly as before.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from typing import NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import one_slope
 from gym_passive_walker.control.controlled import ControlledMap
 from gym_passive_walker.control.maps import stride_map
+from gym_passive_walker.envs.scene import SceneError
 from gym_passive_walker.envs.starts import checked_state, gait_near
-from gym_passive_walker.gaits.flow import Walkers, go_on, new_records
+from gym_passive_walker.gaits.actuation import Actuation
+from gym_passive_walker.gaits.fixed_point import find_gait
+from gym_passive_walker.gaits.flow import go_on, new_records
+from gym_passive_walker.gaits.gait import Gait, GaitNotFound
+from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import Outcome, State
-from gym_passive_walker.physics.systems import bodies, system_of
 from gym_passive_walker.policies import TrainedPolicy
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker
 
-_TOLERANCE = 1e-10
-_SAMPLE = 0.015  # sqrt(l/g) between two samples of the trail: no corner is seen
+_SAMPLE = 0.015  # sqrt(l/g) between two samples of the trail: its curve has no visible corners
 _TRAIL = 800  # samples: about four strides
-_INSTANT = 1e-9  # sqrt(l/g): times closer than this are one
+_INSTANT = 1e-9  # sqrt(l/g): times closer than this are equal
+
+
+class Setup(NamedTuple):
+    """A walker, its slope and its controller.
+
+    Attributes:
+        walker: The walker.
+        slope: Slope in rad, positive downhill.
+        controller: A trained policy, or a constant hip torque in units of m g l.
+    """
+
+    walker: Walker
+    slope: float
+    controller: TrainedPolicy | float = 0.0
+
+    def stride_map(self) -> StrideMap:
+        """The stride map of the walker under the controller.
+
+        Raises:
+            ValueError: if the slope is out of range, or the controller does not fit the walker.
+        """
+        acts: Any = self.controller
+        if isinstance(acts, float):
+            acts = Actuation(hip_torque=acts * units_of(self.walker).torque)
+        return stride_map(self.walker, self.slope, controller=acts)
+
+    def gait(self) -> Gait | None:
+        """Search for the periodic gait of period one (the long-step one); None if there is none."""
+        try:
+            return find_gait(self.stride_map())
+        except (GaitNotFound, SceneError):
+            return None
 
 
 class Sample(NamedTuple):
-    """What the walker passed through.
-
-    Attributes:
-        strides: Heelstrikes before it.
-        phase: Index of the phase in the walker's system.
-        state: Angles in rad and rates in sqrt(g/l), (6,).
-    """
+    """A point of a walk: heelstrikes before it, is the shank free, dimensionless state (6,)."""
 
     strides: int
-    phase: int
+    free: bool
     state: NDArray[np.float64]
 
 
 class LastStride(NamedTuple):
-    """Measures of a stride in which nothing was changed, dimensionless."""
+    """Dimensionless measures of a stride without changes."""
 
     step_length: float
     step_period: float
-    speed: float
     cost_of_transport: float
 
 
 class LiveWalk:
-    """A walk that goes on while its walker, its ground and its motor change.
+    """A walk that continues while its setup changes.
 
     Args:
-        walker: Who walks.
-        slope: Slope in rad, positive downhill.
-        policy: A trained policy that works the motors.
-        start: Section state to start from, in the walker's own units, (6,); None is the passive
-            gait of this slope, or of the nearest one that has one.
+        setup: The setup that it begins with.
+        start: State on the Poincaré section in the walker's own units, (6,); None is the passive
+            gait of the slope, or of the nearest slope that has one.
 
     Attributes:
-        walker: Who walks.
-        slope: Slope in rad.
-        torque: Hip torque held now, in units of m g l.
-        policy: What works the motors; None holds the torque.
-        outcome: How the walk has ended; RUNNING while it goes on.
+        setup: The setup now.
+        map: The stride map of the setup.
+        outcome: How the walk has ended; RUNNING while it continues.
         strides: Heelstrikes since it began.
-        last: The last stride; None if something was changed in it.
-        trail: What it has just passed through.
+        last: The last stride; None if something changed during it.
+        trail: The latest samples.
 
     Raises:
-        ValueError: if the slope or the start is none.
-        SceneError: if the walker has no gait to start with.
+        ValueError: if the setup or the start is invalid, or there is no gait to start from.
     """
 
-    def __init__(
-        self,
-        walker: Walker,
-        slope: float,
-        *,
-        policy: TrainedPolicy | None = None,
-        start: ArrayLike | None = None,
-    ) -> None:
-        self.walker, self.slope, self.torque = walker, one_slope(slope), 0.0
-        self.policy = policy
-        self.begin(start)
+    def __init__(self, setup: Setup, start: ArrayLike | None = None) -> None:
+        self.begin(setup, start)
 
-    def begin(self, start: ArrayLike | None = None) -> None:
-        """Begin anew at a section state, or at the passive gait.
-
-        Raises:
-            ValueError: if it is no section state.
-            SceneError: if the walker has no gait to start with.
-        """
+    def begin(self, setup: Setup, start: ArrayLike | None = None) -> None:
+        """Begin again with a setup; an error, as of the class, leaves the walk as it is."""
+        walker, strides = setup.walker, setup.stride_map()
         if start is None:
-            state = np.array(gait_near(self.walker, self.slope))
+            state = gait_near(walker, setup.slope)
         else:
-            state = np.array(checked_state(np.asarray(start, dtype=float).tolist(), self.walker))
-        self._know()
-        self._records = new_records(state[None], self.slope)
+            state = checked_state(np.asarray(start, dtype=float).tolist(), walker)
+        self.setup, self.map = setup, strides
+        self._records = new_records(np.array([state]), setup.slope)
         self.outcome, self.strides, self.last = Outcome.RUNNING, 0, None
         self.trail: deque[Sample] = deque(maxlen=_TRAIL)
-        self._origin = self.walker.foot_radius * state[0]
-        self._open_stride()
+        self._origin = walker.foot_radius * state[0]
+        self._begin_stride()
         self._sample()
 
     @property
     def state(self) -> NDArray[np.float64]:
-        """[stance, thigh, shank] angles in rad and their rates, in the walker's own units, (6,)."""
-        return self._units.to_own(self._record["state"])
+        """[stance, thigh, shank] angles in rad, then their angular velocities, own units, (6,)."""
+        return self.map.units.to_own(self._record["state"])
 
     @property
     def contact(self) -> float:
-        """Where the stance foot touches the ground, in the walker's own units."""
-        return self._origin - self.walker.foot_radius * float(self._record["state"][0])
+        """Position of the contact point along the slope, in the walker's own units."""
+        return self._origin - self.setup.walker.foot_radius * float(self._record["state"][0])
 
     @property
-    def knee_locked(self) -> bool:
-        """Whether the swing leg is straight."""
-        return self._system.phases[self._record["phase"]].links == 2
+    def torque(self) -> float:
+        """Hip torque now, in units of m g l."""
+        controller = self.setup.controller
+        return controller if isinstance(controller, float) else float(self._record["control"][0])
 
     def advance(self, duration: float) -> None:
-        """Let the walker go on for a time in its own units, or until it falls."""
+        """Continue for a time in the walker's own units, or until the walker falls."""
         if self.outcome != Outcome.RUNNING:
             return
-        left = duration / self._units.time
-        works, controlled = np.array(self._system.works), self._controlled
-        walkers = (
-            Walkers(walker=self.walker, tolerance=_TOLERANCE)
-            if controlled is None
-            else controlled.walkers
-        )
+        left, works = duration / self.map.units.time, np.array(self.map.system.works)
         while left > _INSTANT and self.outcome == Outcome.RUNNING:
             record = self._record
             before = float(record["time"])
-            if controlled is None:
-                record["control"][0] = self.torque
-            elif before > self._decision - _INSTANT:
-                self._decide(controlled, before)
+            if before > self._decision - _INSTANT:
+                self._decide()
             if before > self._sampling - _INSTANT:
                 self._sample()
             record["end"] = min(before + left, self._decision, self._sampling)
             record["moved"] = record["turned"] = 0.0
-            self._records = go_on(walkers, self._records, on_section=self._on_section).here
-            record = self._record
-            self._on_section = False
+            self._records = go_on(self.map.walkers, self._records, on_section=self._on_section).here
+            self._on_section, record = False, self._record
             self._work += float(np.abs(record["control"] * works) @ record["turned"])
             left -= float(record["time"]) - before
             if record["outcome"] == Outcome.HEELSTRIKE:
@@ -159,132 +160,83 @@ class LiveWalk:
         self._sample()
 
     def push(self, downhill: float, up: float) -> None:
-        """An impulse on the hip, its parts in units of m sqrt(g l)."""
-        record, body = self._record, self._system.Body(*self._bodies[0, 0])
-        push = self._system.phases[record["phase"]].push
-        if push is None:
+        """Apply an impulse to the hip; its components are in units of m sqrt(g l)."""
+        record, system = self._record, self.map.system
+        push = system.phases[record["phase"]].push
+        if push is not None:
+            body = system.Body(*self.map.walkers.constants[0, 0])
+            jumps = push(body, State(*record["state"]), -downhill, up)
+            record["state"][3:] += np.array(jumps)[[0, 1, -1]]
+            self._undisturbed = False
+
+    def change(self, setup: Setup) -> None:
+        """Continue with another setup from the same angles, angular velocities and contact point.
+
+        A walker with knees cannot continue as one without knees, or the reverse: it begins again.
+
+        Raises:
+            ValueError: as the class does; the walk is then as it was.
+        """
+        if setup.walker.knees != self.setup.walker.knees:
+            self.begin(setup)
             return
-        jumps = push(body, State(*record["state"]), -downhill, up)
-        record["state"][3:] += np.array(jumps)[[0, 1, -1]]
-        self._disturb()
-
-    def change_slope(self, slope: float) -> None:
-        """Turn the ground about the contact.
-
-        Raises:
-            ValueError: if it is no slope.
-        """
-        self.slope = one_slope(slope)
-        self._record["ground"][:2] = math.sin(self.slope), math.cos(self.slope)
-        self._know()
-        self._disturb()
-
-    def hold(self, torque: float) -> None:
-        """Hold another torque at the hip, in units of m g l; the policy lets go of all motors."""
-        self.hand_over(None)
-        self.torque = torque
-
-    def hand_over(self, policy: TrainedPolicy | None) -> None:
-        """Let a policy work the motors from now on, or nothing."""
-        self.policy, self.torque = policy, 0.0
-        self._record["control"], self._record["push_off"] = 0.0, 0.0
-        self._know()
-        self._look_now()
-        self._disturb()
-
-    def begin_as(self, walker: Walker, slope: float) -> None:
-        """Begin again as another walker, at its gait on a slope in rad.
-
-        Raises:
-            ValueError: if it is no slope; nothing has changed then.
-            SceneError: if the walker has no gait to start with; nothing has changed then.
-        """
-        before = self.walker, self.slope
-        self.walker, self.slope = walker, one_slope(slope)
-        try:
-            self.begin()
-        except ValueError:
-            self.walker, self.slope = before
-            raise
-
-    def change_walker(self, walker: Walker) -> None:
-        """Walk on as another walker with the same angles and rates.
-
-        One with knees cannot go on as one without, nor the other way round: it begins anew.
-
-        Raises:
-            SceneError: if it must begin anew, and has no gait to start with; nothing has changed.
-        """
-        before = self.walker
-        if walker.knees != before.knees:
-            self.begin_as(walker, self.slope)
-            return
-        own, contact, old = self.state, self.contact, self._units
-        self.walker = walker
-        self._know()
-        record = self._record
-        record["state"] = self._units.to_dimensionless(own)
+        strides, before = setup.stride_map(), self.setup
+        record, state, contact = self._record, self.state, self.contact
+        slower = self.map.units.time / strides.units.time
+        self.setup, self.map = setup, strides
+        record["state"] = strides.units.to_dimensionless(state)
+        record["ground"][:2] = math.sin(setup.slope), math.cos(setup.slope)
         for name in ("time", "step", "knee_time"):
-            record[name] *= old.time / self._units.time
-        self._origin = contact + walker.foot_radius * own[0]
-        self._look_now()
-        self._disturb()
-
-    def _know(self) -> None:
-        """What the engine needs to know of the walker."""
-        self._system, self._units = system_of(self.walker), units_of(self.walker)
-        self._bodies, self._controlled = bodies(self.walker), None
-        if self.policy is not None:
-            self._controlled = cast(
-                ControlledMap,
-                stride_map(self.walker, self.slope, controller=self.policy, tolerance=_TOLERANCE),
-            )
+            record[name] *= slower
+        self._sampling, self._decision = self._sampling * slower, self._decision * slower
+        self._origin = contact + setup.walker.foot_radius * state[0]
+        if setup.controller != before.controller:
+            record["control"], record["push_off"] = 0.0, 0.0
+            self._wait_for_decision()
+        self._undisturbed = False
 
     @property
     def _record(self) -> np.void:
         return self._records[0, 0]
 
-    def _open_stride(self) -> None:
-        """A stride begins: clocks and books start at zero."""
+    def _begin_stride(self) -> None:
+        """Reset the clocks and the energy account."""
         record = self._record
         record["time"] = record["knee_time"] = record["knee_loss"] = record["heel_loss"] = 0.0
-        self._on_section, self._undisturbed, self._work = True, True, 0.0
-        self._memory, self._steps = None, 0
-        self._look_now()
+        self._on_section, self._undisturbed, self._work, self._sampling = True, True, 0.0, 0.0
+        self._wait_for_decision()
 
     def _end_stride(self) -> None:
-        """A heelstrike: the other leg stands now, as far ahead as the hip was from both feet."""
-        record, leg = self._record, self.walker.leg_length
-        body = self._system.Body(*self._bodies[0, 0])
-        self._origin -= 2.0 * leg * float(legs.progress(body, record["state"][0]))
-        self.strides += 1
-        length, period = float(record["step_length"]), float(record["time"])
-        self.last = None
+        """Measure the stride, and stand on the other leg: the hip is midway between the feet."""
+        record, system = self._record, self.map.system
+        body = system.Body(*self.map.walkers.constants[0, 0])
+        progress = float(legs.progress(body, record["state"][0]))
+        self._origin -= 2.0 * self.setup.walker.leg_length * progress
+        self.strides, self.last = self.strides + 1, None
         if self._undisturbed:
-            work = self._work + float(record["push_work"])
-            cost = (float(record["gravity_work"]) + work) / length
-            self.last = LastStride(length, period, length / period, cost)
-        self._open_stride()
+            length, period = float(record["step_length"]), float(record["time"])
+            energy = self._work + float(record["push_work"]) + float(record["gravity_work"])
+            self.last = LastStride(length, period, energy / length)
+        self._begin_stride()
 
-    def _look_now(self) -> None:
-        """The trail's next sample is due, and the policy's next decision if there is a policy."""
-        self._sampling, self._decision = 0.0, math.inf if self.policy is None else 0.0
+    def _wait_for_decision(self) -> None:
+        """Let the controller act before the walk continues, without memory of earlier actions."""
+        self._decision, self._memory, self._steps = 0.0, None, 0
 
-    def _disturb(self) -> None:
-        """Something was changed: this stride is no measure of the walker."""
-        self._undisturbed = False
-
-    def _decide(self, controlled: ControlledMap, time: float) -> None:
-        """Ask the policy what its motors do in the next control step, as the environment would."""
-        held, self._memory = controlled.act(
-            self._records, np.array([self.slope]), self._memory, self._steps
-        )
-        controlled.command(self._records, held)
+    def _decide(self) -> None:
+        """Apply the controller's actions of the next control step."""
+        strides = self.map
+        if isinstance(strides, ControlledMap):
+            slopes = np.array([self.setup.slope])
+            held, self._memory = strides.act(self._records, slopes, self._memory, self._steps)
+            strides.command(self._records, held)
+        else:
+            self._record["control"][0] = strides.actuation.hip_torque
         self._steps += 1
-        self.torque = float(self._record["control"][0])
-        self._decision = time + controlled.hold
+        self._decision = float(self._record["time"]) + strides.hold
 
     def _sample(self) -> None:
         record = self._record
-        self.trail.append(Sample(self.strides, int(record["phase"]), record["state"].copy()))
+        free = self.map.system.phases[record["phase"]].links == 3
+        self.trail.append(Sample(self.strides, free, record["state"].copy()))
         self._sampling = float(record["time"]) + _SAMPLE

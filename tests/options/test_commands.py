@@ -13,7 +13,6 @@ import pytest
 import gym_passive_walker as gpw
 from gym_passive_walker.cli import COMMANDS, main, parser
 from gym_passive_walker.cli.report import plain
-from gym_passive_walker.viewer.__main__ import add_arguments
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*:ResourceWarning")
 
@@ -311,9 +310,3 @@ def test_a_walk_is_simulated_as_the_words_say(capsys):
         "lab", 0.03, state, 3, samples=2, hip_torque=0.1, terrain=gpw.rough(1e-3), key=5
     )
     assert [row["stance_angle"] for row in rows] == walk.states[::2, 0].tolist()
-
-
-def test_the_viewer_s_own_command_takes_what_the_command_line_s_does():
-    own = argparse.ArgumentParser()
-    add_arguments(own)
-    assert options(own) == set(TABLE["play"][1])

@@ -210,6 +210,14 @@ def test_a_window_shows_frames_and_keeps_pace(no_display):
     assert not pygame.display.get_init()
 
 
+def test_a_machine_without_a_display_is_named(no_display, monkeypatch):
+    monkeypatch.setattr(pygame.display, "get_driver", lambda: "offscreen")
+    monkeypatch.delenv("SDL_VIDEODRIVER")
+    with pytest.raises(OSError, match="no display"):
+        Screen("lab", "human").draw(GAIT, SLOPE)
+    assert not pygame.display.get_init()
+
+
 def test_a_window_closed_by_its_user_stays_closed(no_display):
     screen = Screen("lab", "human", fps=0.0)
     screen.draw(GAIT, SLOPE)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import runpy
 import sys
 import time
 from pathlib import Path
@@ -11,23 +12,23 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, Outcome, closed_loop_gait, find_gait, load_policy
+from gym_passive_walker.cli import main
 from gym_passive_walker.render import look
 from gym_passive_walker.viewer import play
-from gym_passive_walker.viewer.__main__ import main
-from gym_passive_walker.viewer.seeker import Question, answer
-from gym_passive_walker.viewer.walk import LiveWalk
+from gym_passive_walker.viewer.walk import LiveWalk, Setup
 
 pygame = pytest.importorskip("pygame")
 
-from gym_passive_walker.viewer.controls import KEYS, Controls  # noqa: E402
 from gym_passive_walker.viewer.player import (  # noqa: E402
     FPS,
     PUSH,
+    SCENE,
+    SIZE,
     Player,
     gentle_slope,
     offered_policies,
 )
-from gym_passive_walker.viewer.view import MULTIPLIERS, PORTRAIT, SCENE, SIZE, View  # noqa: E402
+from gym_passive_walker.viewer.view import GAIT, PORTRAIT, View  # noqa: E402
 
 SLOPE = 0.036
 
@@ -43,8 +44,7 @@ class Session:
 
     def __init__(self, walk: LiveWalk) -> None:
         self.player = Player(walk)
-        self.view = View(KEYS)
-        self.controls = Controls(self.player, self.view)
+        self.view = View()
         self.frames(1)
 
     @property
@@ -62,36 +62,36 @@ class Session:
     def key(self, key: int, *, shift: bool = False) -> None:
         """Press a key."""
         mod = pygame.KMOD_SHIFT if shift else 0
-        self.controls.handle(pygame.event.Event(pygame.KEYDOWN, key=key, mod=mod))
+        self.player.handle(pygame.event.Event(pygame.KEYDOWN, key=key, mod=mod))
 
     def drag(self, start: tuple[int, int], end: tuple[int, int]) -> None:
         """Drag the mouse from one place to another, and let go."""
         self.press(start)
         self.move(start, end)
-        self.controls.handle(pygame.event.Event(pygame.MOUSEBUTTONUP, pos=end, button=1))
+        self.player.handle(pygame.event.Event(pygame.MOUSEBUTTONUP, pos=end, button=1))
 
     def press(self, place: tuple[int, int]) -> None:
         """Press the mouse."""
-        self.controls.handle(pygame.event.Event(pygame.MOUSEBUTTONDOWN, pos=place, button=1))
+        self.player.handle(pygame.event.Event(pygame.MOUSEBUTTONDOWN, pos=place, button=1))
 
     def move(self, start: tuple[int, int], end: tuple[int, int]) -> None:
         """Move the mouse, its button held."""
         rel = end[0] - start[0], end[1] - start[1]
         event = pygame.event.Event(pygame.MOUSEMOTION, pos=end, rel=rel, buttons=(1, 0, 0))
-        self.controls.handle(event)
+        self.player.handle(event)
 
     def gait(self):
         """The gait of what is set, once it is found."""
         deadline = time.monotonic() + 60.0
-        while (gait := self.player.gait) is None or gait.question != Question.of(self.walk):
+        while not self.player.gait[1]:
             assert time.monotonic() < deadline
             time.sleep(0.005)
-        return gait
+        return self.player.gait[0]
 
 
 @pytest.fixture
 def session():
-    session = Session(LiveWalk(WALKERS["lab"], SLOPE))
+    session = Session(LiveWalk(Setup(WALKERS["lab"], SLOPE)))
     yield session
     session.player.close()
 
@@ -121,7 +121,7 @@ def test_space_stops_time_and_n_lets_one_frame_pass(session):
 
 
 def test_slow_motion_passes_the_same_postures_more_slowly(session):
-    other = LiveWalk(WALKERS["lab"], SLOPE)
+    other = LiveWalk(Setup(WALKERS["lab"], SLOPE))
     other.advance(1 / FPS)
     session.key(pygame.K_MINUS)
     session.key(pygame.K_MINUS)
@@ -139,50 +139,50 @@ def test_slow_motion_passes_the_same_postures_more_slowly(session):
 
 
 def test_a_slider_sets_what_it_says_while_the_walker_walks(session):
-    for index, setting in enumerate(session.player.settings):
-        knob = session.view.knob(session.player, index)
+    for slider in session.player.sliders:
+        knob = slider.knob(session.walk)
         state = session.walk.state
         session.press(knob)
         session.move(knob, (knob[0] + 3, knob[1]))
-        value = session.view.value_at(session.player, index, knob[0] + 3)
-        assert session.player.message == "" or setting.read(session.walk) == setting.home
+        value = slider.value_at(knob[0] + 3)
+        assert session.player.message == "" or slider.read(session.walk) == slider.home
         if session.player.message == "":
-            assert setting.read(session.walk) == pytest.approx(value, rel=1e-12)
+            assert slider.read(session.walk) == pytest.approx(value, rel=1e-12)
         np.testing.assert_allclose(session.walk.state, state, rtol=1e-12)
         session.key(pygame.K_HOME)
-        assert setting.read(session.walk) == setting.home
+        assert slider.read(session.walk) == slider.home
 
 
 def test_keys_choose_a_setting_and_move_it(session):
     session.key(pygame.K_RIGHT)
-    assert session.walk.slope == pytest.approx(SLOPE + 0.0002)
+    assert session.walk.setup.slope == pytest.approx(SLOPE + 0.0002)
     session.key(pygame.K_LEFT, shift=True)
-    assert session.walk.slope == pytest.approx(SLOPE - 0.0038)
+    assert session.walk.setup.slope == pytest.approx(SLOPE - 0.0038)
     session.key(pygame.K_DOWN)
     session.key(pygame.K_DOWN)
     session.key(pygame.K_RIGHT)
-    assert session.walk.walker.gravity > 9.81
+    assert session.walk.setup.walker.gravity > 9.81
 
 
 def test_the_wheel_moves_the_slider_below_the_pointer_and_no_other(session):
     turn = pygame.event.Event(pygame.MOUSEWHEEL, x=0, y=-1)
-    before = session.walk.slope, session.walk.walker.gravity
-    session.controls.handle(turn)  # the pointer has not been seen yet
+    before = session.walk.setup.slope, session.walk.setup.walker.gravity
+    session.player.handle(turn)  # the pointer has not been seen yet
     session.move((0, 0), (SCENE.centerx, SCENE.centery))
-    session.controls.handle(turn)
-    assert (session.walk.slope, session.walk.walker.gravity) == before
-    session.move((0, 0), session.view.knob(session.player, 2))
-    session.controls.handle(turn)
-    assert session.walk.slope == SLOPE
-    assert session.walk.walker.gravity < before[1]
+    session.player.handle(turn)
+    assert (session.walk.setup.slope, session.walk.setup.walker.gravity) == before
+    session.move((0, 0), session.player.sliders[2].knob(session.walk))
+    session.player.handle(turn)
+    assert session.walk.setup.slope == SLOPE
+    assert session.walk.setup.walker.gravity < before[1]
     assert session.player.selected == 2
 
 
 def test_a_walker_that_cannot_be_is_refused_in_words(session):
-    labels = [setting.label for setting in session.player.settings]
+    labels = [slider.label for slider in session.player.sliders]
     session.player.set(labels.index("shank mass"), 0.0)
     assert "moment of inertia" in session.player.message
-    assert session.walk.walker == WALKERS["lab"]
+    assert session.walk.setup.walker == WALKERS["lab"]
 
 
 def test_dragging_the_scene_pushes_the_hip_where_it_is_dragged(session):
@@ -215,19 +215,19 @@ def test_multipliers_follow_the_slope(session):
         expected = find_gait("lab", slope).multipliers
         np.testing.assert_allclose(session.gait().multipliers, expected, rtol=0.0, atol=1e-9)
     session.player.set(0, -0.05)
-    assert session.gait().state is None and not session.gait().stable
+    assert session.gait() is None
 
 
 def test_multipliers_of_a_torque_and_of_a_policy_are_those_of_their_own_gaits():
     policy = load_policy("lab-ppo")
-    session = Session(LiveWalk(WALKERS["lab"], SLOPE, policy=policy))
+    session = Session(LiveWalk(Setup(WALKERS["lab"], SLOPE, policy)))
     assert session.gait().stable
     session.player.set(1, 1e-7)
-    assert session.walk.policy is None
+    assert session.walk.setup.controller == 1e-7
     passive = find_gait("lab", SLOPE).multipliers
     np.testing.assert_allclose(session.gait().multipliers, passive, rtol=0.0, atol=2e-3)
     session.key(pygame.K_p)
-    assert session.walk.policy is policy
+    assert session.walk.setup.controller is policy
     session.player.close()
 
 
@@ -237,7 +237,7 @@ def test_the_picture_shows_both_legs_everywhere_they_belong(session):
     assert frame.shape == (SIZE[1], SIZE[0], 3)
     for colour in look.LEGS:
         assert shows(frame, SCENE, colour) and shows(frame, PORTRAIT, colour)
-    assert shows(frame, MULTIPLIERS, look.LEGS[0])
+    assert shows(frame, GAIT, look.LEGS[0])
 
 
 def test_a_push_is_drawn_from_the_hip(session):
@@ -257,18 +257,18 @@ def test_a_fall_is_told(session):
     session.frames(10 * FPS)
     assert len(session.walk.trail) < 200  # how it fell, not how it lies there
     assert session.walk.outcome == Outcome.FELL_BACKWARD
-    assert session.player.state_of_walk == "fell backward (R begins anew)"
+    assert session.player.ended == "fell backward (R begins again)"
 
 
 def test_w_goes_through_all_walkers_and_back(session):
-    names = []
+    walkers = []
     for _ in WALKERS:
         session.key(pygame.K_w)
-        names.append(session.player.name)
+        walkers.append(session.walk.setup.walker)
         session.frames(2)
-    assert sorted(names) == sorted(WALKERS)
+    assert len(walkers) == len(set(walkers)) and set(walkers) == set(WALKERS.values())
     session.key(pygame.K_w, shift=True)
-    assert session.player.name == names[-2]
+    assert session.walk.setup.walker == walkers[-2]
 
 
 @pytest.mark.parametrize("turns", [1, 2, 3, 4, 5, 6, 7, 8])
@@ -276,35 +276,36 @@ def test_another_walker_after_a_fall_begins_again_where_it_walks(session, turns)
     session.player.set(0, -0.05)
     session.frames(3 * FPS)
     assert session.walk.outcome != Outcome.RUNNING
-    session.player.walk.walker = list(WALKERS.values())[turns - 1]
-    session.key(pygame.K_w)
+    session.player.next_walker(turns)
     session.frames(2 * FPS)
-    assert session.walk.outcome == Outcome.RUNNING, session.player.name
+    assert session.walk.outcome == Outcome.RUNNING
     assert session.walk.strides >= 1
-    assert session.player.settings[0].home == session.walk.slope > 0.0
+    assert session.player.sliders[0].home == session.walk.setup.slope > 0.0
 
 
 def test_p_gives_the_hip_to_each_shipped_policy_in_turn_and_then_to_none(session):
-    seen = []
+    seen, gaits = [], []
     for _ in offered_policies():
         session.key(pygame.K_p)
-        assert session.walk.policy is not None
+        policy = session.walk.setup.controller
+        assert not isinstance(policy, float)
         session.frames(1)
-        assert session.gait().question.policy is session.walk.policy
-        seen.append(session.player.message.removesuffix(" at the hip"))
-    assert seen == list(offered_policies())
+        gaits.append(session.gait())
+        assert gaits[-1] is None or gaits[-1].controller is policy
+        seen.append(session.player.message.removesuffix(" at the motors"))
+    assert seen == list(offered_policies()) and any(gaits)
     assert {"level-ppo", "steep-sac", "lab-ppo"} <= set(seen)
     session.key(pygame.K_p)
-    assert session.walk.policy is None
+    assert session.walk.setup.controller == 0.0
     session.key(pygame.K_p, shift=True)
-    assert session.walk.policy is offered_policies()[seen[-1]]
+    assert session.walk.setup.controller is offered_policies()[seen[-1]]
 
 
 def test_q_and_a_closed_window_end_it(session):
     session.key(pygame.K_q)
     assert not session.player.running
     session.player.running = True
-    session.controls.handle(pygame.event.Event(pygame.QUIT))
+    session.player.handle(pygame.event.Event(pygame.QUIT))
     assert not session.player.running
 
 
@@ -366,7 +367,7 @@ def test_a_machine_without_a_display_is_named(monkeypatch, capsys):
         raise pygame.error("no available video device")
 
     monkeypatch.setattr(pygame.display, "init", refuse)
-    assert main(["lab", "0.036", "--seconds", "0.05"]) == 2
+    assert main(["play", "lab", "0.036", "--seconds", "0.05"]) == 2
     assert "no display" in capsys.readouterr().err
     monkeypatch.undo()
     monkeypatch.setattr(pygame.display, "init", lambda: None)
@@ -376,12 +377,15 @@ def test_a_machine_without_a_display_is_named(monkeypatch, capsys):
         play("lab", SLOPE, seconds=0.05)
 
 
-def test_the_command_shows_a_walker_and_refuses_others_in_a_sentence(tmp_path, capsys):
+def test_the_module_shows_a_walker_and_refuses_others_in_a_sentence(tmp_path, monkeypatch, capsys):
     seen = tmp_path / "seen.png"
-    assert main(["lab", "0.036", "--seconds", "0.05", "--picture", str(seen)]) == 0
+    for words, status in ((f"lab 0.036 --seconds 0.05 --picture {seen}", 0), ("Z", 2)):
+        monkeypatch.setattr(sys, "argv", ["viewer", *words.split()])
+        with pytest.raises(SystemExit) as ended:
+            runpy.run_module("gym_passive_walker.viewer", run_name="__main__")
+        assert ended.value.code == status
     assert seen.stat().st_size > 0
-    assert main(["Z"]) == 2
-    assert capsys.readouterr().err.startswith("error: no walker")
+    assert "no walker 'Z'" in capsys.readouterr().err
 
 
 def test_the_code_on_the_viewers_page_opens_a_window_until_it_is_closed():
@@ -395,7 +399,7 @@ def test_the_code_on_the_viewers_page_opens_a_window_until_it_is_closed():
 
 def test_the_viewer_is_refused_in_a_sentence_without_pygame(monkeypatch):
     for name in [name for name in sys.modules if name.startswith("gym_passive_walker.viewer.")]:
-        if name.rpartition(".")[2] in ("controls", "view", "film", "player", "panels", "sheet"):
+        if name.rpartition(".")[2] in ("view", "player", "sliders"):
             monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "pygame", None)
     with pytest.raises(ImportError, match=r"gym-passive-walker\[render\]"):
@@ -418,8 +422,8 @@ def test_a_file_that_cannot_be_written_is_refused_before_a_window_opens(kept, tm
 def test_the_gait_of_a_policy_is_sought_on_the_slope_that_is_set():
     policy = load_policy("steep-ppo")
     slope = policy.scene.slope - 0.003
-    found = answer(Question(policy.scene.walker, slope, 0.0, policy))
+    found = Setup(policy.scene.walker, slope, policy).gait()
     expected, other = (closed_loop_gait(policy, slope=x) for x in (slope, policy.scene.slope))
-    assert found.stable
+    assert found is not None and found.stable
     np.testing.assert_allclose(found.multipliers, expected.multipliers, atol=1e-9)
     assert not np.array_equal(found.multipliers, other.multipliers)

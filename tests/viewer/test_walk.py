@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import replace
 
 import gymnasium as gym
@@ -9,8 +10,10 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, Outcome, find_gait, load_policy, stride
+from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.gaits.dense_stride import states_at
-from gym_passive_walker.viewer.walk import LiveWalk
+from gym_passive_walker.policies import TrainedPolicy
+from gym_passive_walker.viewer.walk import LiveWalk, Setup
 from tests.physics.bodies import kinetic_energy, potential_energy
 from tests.physics.examples import LONG_GAITS
 from tests.verges import just_before
@@ -20,13 +23,13 @@ FRAME = 1 / 60
 
 def walk_of(name: str) -> LiveWalk:
     gait = LONG_GAITS[name]
-    return LiveWalk(WALKERS[name], gait.slope, start=gait.state)
+    return LiveWalk(Setup(WALKERS[name], gait.slope), gait.state)
 
 
 def until_heelstrikes(walk: LiveWalk, count: int) -> None:
     while walk.strides < count:
         assert walk.outcome == Outcome.RUNNING
-        walk.advance(FRAME * walk.walker.time_unit)
+        walk.advance(FRAME * walk.setup.walker.time_unit)
 
 
 @pytest.mark.parametrize("name", LONG_GAITS)
@@ -53,14 +56,15 @@ def test_the_last_stride_is_measured_as_the_gait_is(name):
     walk, gait = walk_of(name), find_gait(name, LONG_GAITS[name].slope)
     until_heelstrikes(walk, 1)
     assert walk.last is not None
-    assert walk.last.speed == pytest.approx(gait.froude_speed, rel=1e-6)
+    speed = walk.last.step_length / walk.last.step_period
+    assert speed == pytest.approx(gait.froude_speed, rel=1e-6)
     assert walk.last.cost_of_transport == pytest.approx(np.sin(gait.slope), rel=1e-6)
 
 
 def test_a_change_in_a_stride_leaves_it_unmeasured_and_the_next_one_measured():
     walk = walk_of("lab")
     walk.advance(0.3)
-    walk.change_slope(0.037)
+    walk.change(walk.setup._replace(slope=0.037))
     until_heelstrikes(walk, 1)
     assert walk.last is None
     until_heelstrikes(walk, 2)
@@ -74,23 +78,28 @@ def test_another_parameter_keeps_angles_rates_and_the_contact(changes):
     walk = walk_of("lab")
     walk.advance(0.3)
     state, contact = walk.state, walk.contact
-    walk.change_walker(replace(walk.walker, **changes))
+    walk.change(changed(walk, **changes))
     np.testing.assert_allclose(walk.state, state, rtol=1e-14)
     assert walk.contact == pytest.approx(contact, rel=1e-14)
 
 
 def energy(walk: LiveWalk) -> float:
     state = walk.state
-    return kinetic_energy(walk.walker, state) + potential_energy(walk.walker, walk.slope, state[:3])
+    walker, slope, _ = walk.setup
+    return kinetic_energy(walker, state) + potential_energy(walker, slope, state[:3])
+
+
+def changed(walk: LiveWalk, **parameters: float) -> Setup:
+    return walk.setup._replace(walker=replace(walk.setup.walker, **parameters))
 
 
 @pytest.mark.parametrize("name", ["lab", "A"])
 @pytest.mark.parametrize(
     "change",
     [
-        lambda walk: walk.change_walker(replace(walk.walker, gravity=5.0, thigh_mass=3.0)),
-        lambda walk: walk.change_walker(replace(walk.walker, foot_radius=0.1)),
-        lambda walk: walk.change_slope(0.08),
+        lambda walk: walk.change(changed(walk, gravity=5.0, thigh_mass=3.0)),
+        lambda walk: walk.change(changed(walk, foot_radius=0.1)),
+        lambda walk: walk.change(walk.setup._replace(slope=0.08)),
         lambda walk: walk.push(0.02, 0.01),
     ],
 )
@@ -102,7 +111,7 @@ def test_energy_is_conserved_from_a_change_on(name, change):
     before = energy(walk)
     for _ in range(6):
         walk.advance(0.02)
-    assert walk.strides == 0 and (not walk.walker.knees or not walk.knee_locked)
+    assert walk.strides == 0 and walk.trail[-1].free == walk.setup.walker.knees
     assert energy(walk) == pytest.approx(before, rel=1e-9)
 
 
@@ -111,7 +120,7 @@ def test_less_gravity_is_slower_walking_through_the_same_postures():
     gait = LONG_GAITS["lab"]
     moon = replace(WALKERS["lab"], gravity=WALKERS["lab"].gravity / 4)
     start = gait.state * [1, 1, 1, 0.5, 0.5, 0.5]
-    here, there = walk_of("lab"), LiveWalk(moon, gait.slope, start=start)
+    here, there = walk_of("lab"), LiveWalk(Setup(moon, gait.slope), start)
     for _ in range(90):
         here.advance(FRAME)
         there.advance(2 * FRAME)
@@ -122,7 +131,7 @@ def test_less_gravity_is_slower_walking_through_the_same_postures():
 def test_a_held_torque_is_that_of_the_stride_map():
     gait, walker = LONG_GAITS["lab"], WALKERS["lab"]
     walk = walk_of("lab")
-    walk.hold(0.002)
+    walk.change(walk.setup._replace(controller=0.002))
     expected = stride(
         walker,
         gait.slope,
@@ -157,7 +166,7 @@ def test_a_walker_that_falls_stays_where_it_is_until_it_begins_anew():
     fallen = walk.state
     walk.advance(1.0)
     np.testing.assert_array_equal(walk.state, fallen)
-    walk.begin()
+    walk.begin(walk.setup)
     walk.advance(1.0)
     assert walk.outcome == Outcome.RUNNING
 
@@ -165,7 +174,7 @@ def test_a_walker_that_falls_stays_where_it_is_until_it_begins_anew():
 def test_knees_that_come_or_go_begin_a_walk_anew():
     walk = walk_of("lab")
     until_heelstrikes(walk, 1)
-    walk.change_walker(WALKERS["A"])
+    walk.change(walk.setup._replace(walker=WALKERS["A"]))
     assert walk.strides == 0 and walk.state[2] == walk.state[1]
     walk.advance(1.0)
     assert walk.outcome == Outcome.RUNNING
@@ -179,9 +188,8 @@ def test_a_policy_walks_in_frames_as_in_its_environment(name):
     calm = {"reset_noise_scale": 0.0, "tolerance": 1e-10, "command": command}
     env = gym.make("PassiveWalker-v0", **vars(policy.scene) | calm)
     seen, _ = env.reset(seed=0)
-    walk = LiveWalk(
-        env.unwrapped.walker, env.unwrapped.slope, policy=policy, start=env.unwrapped.state
-    )
+    setup = Setup(env.unwrapped.walker, env.unwrapped.slope, policy)
+    walk = LiveWalk(setup, env.unwrapped.state)
     struck = 0
     while struck < 3:
         seen, _, fell, _, info = env.step(policy.predict(seen)[0])
@@ -192,3 +200,26 @@ def test_a_policy_walks_in_frames_as_in_its_environment(name):
             assert walk.last is not None
             assert walk.last.step_length == pytest.approx(info["step_length"], rel=1e-5)
             assert walk.last.cost_of_transport == pytest.approx(info["cost_of_transport"], rel=1e-4)
+
+
+def policy_of_point_feet() -> TrainedPolicy:
+    """A policy with an ankle torque, which round feet cannot bear."""
+    policy = copy.copy(load_policy("level-ppo"))
+    policy.scene = make_scene(
+        policy.scene, walker="D", actions=("hip", "ankle"), end_on_toe_stub=None
+    )
+    return policy
+
+
+@pytest.mark.parametrize("wrong", [{"slope": 2.0}, {"controller": policy_of_point_feet()}])
+def test_a_change_that_is_refused_leaves_the_walk_as_it_was(wrong):
+    walk, other = walk_of("lab"), walk_of("lab")
+    for one in (walk, other):
+        one.advance(0.3)
+    with pytest.raises(ValueError, match=r"slope|foot_radius"):
+        walk.change(walk.setup._replace(**wrong))
+    assert walk.setup == other.setup
+    until_heelstrikes(walk, 1)
+    until_heelstrikes(other, 1)
+    np.testing.assert_array_equal(walk.state, other.state)
+    assert walk.last == other.last is not None
