@@ -49,6 +49,7 @@ from gym_passive_walker.gaits.trajectory import Trajectory, simulate
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.policies import PolicyError, TrainedPolicy, load_policy
 from gym_passive_walker.sweeps.run import Swept, sweep
+from gym_passive_walker.viewer.play import play
 from gym_passive_walker.walkers import (
     WALKERS,
     Part,
@@ -125,6 +126,7 @@ __all__ = [
     "optimal_gaits",
     "optimize_walker",
     "parameter_family",
+    "play",
     "reality_check",
     "robustness",
     "rough",

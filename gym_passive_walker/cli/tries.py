@@ -24,7 +24,7 @@ def gauntlet(command: ArgumentParser) -> Callable[[Namespace], Report]:
     """Test a controller under fixed disturbances, terrains and bodies; one score card.
 
     passive-walker gauntlet level-ppo
-    passive-walker gauntlet linear --scene steep --walkers 256
+    passive-walker gauntlet lqr --scene steep --walkers 256
     """
     add = command.add_argument
     known = ", ".join([*shipped_policies(), *BASELINES])

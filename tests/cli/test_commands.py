@@ -357,7 +357,7 @@ def test_a_walk_over_rough_ground_is_told_as_it_is_walked(told, mine):
     ground = ["--terrain", "rough:height_std=0.002,slope_std=0.005", "--terrain-seed", 3]
     rows = told("simulate", "lab", 0.036, "--strides", 5, *ground, "--out", "walk.csv")
     state, terrain = gpw.find_gait("lab", 0.036).state, gpw.rough(0.002, 0.005)
-    walk = gpw.simulate("lab", 0.036, state, 5, terrain=terrain, key=3)
+    walk = gpw.simulate("lab", 0.036, state, 5, terrain=terrain, terrain_seed=3)
     assert [row["stance_angle"] for row in rows] == walk.states[::100, 0].tolist()
     with (mine.parent / "walk.csv").open() as file:
         heights = [float(row["contact_y"]) for row in csv.DictReader(file)]

@@ -255,7 +255,7 @@ def test_a_stride_of_a_map_on_other_ground_is_that_of_the_walker():
         np.testing.assert_allclose(getattr(walk, name), getattr(known, name), rtol=1e-11)
     ground = gpw.rough(height_std=0.002, slope_std=0.005)
     walks = [
-        gpw.simulate(who, state=gait.state, strides=4, terrain=ground, key=5)
+        gpw.simulate(who, state=gait.state, strides=4, terrain=ground, terrain_seed=5)
         for who in (gait, controlled)
     ]
     np.testing.assert_allclose(walks[0].states, walks[1].states, rtol=1e-7, atol=1e-8)

@@ -41,7 +41,9 @@ def moves(hips, contacts, rates, spans):
 def test_a_simulated_foot_rolls_forwards_on_ground_as_it_lies(walker, ground):
     slope = {"lab": 0.036, "B": 0.03, "E": 0.03}[walker]
     start = gpw.find_gait(walker, slope).state
-    walk = gpw.simulate(walker, slope, start, 5, samples=200, terrain=GROUNDS[ground], key=3)
+    walk = gpw.simulate(
+        walker, slope, start, 5, samples=200, terrain=GROUNDS[ground], terrain_seed=3
+    )
     at = pose(walker, walk.states, walk.contact_x, walk.contact_y, walk.tilts)
     contacts = np.column_stack([walk.contact_x, walk.contact_y])
     moves(np.asarray(at.hip), contacts, walk.states[:, 3], np.diff(walk.times))

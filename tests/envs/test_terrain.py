@@ -34,7 +34,7 @@ def test_a_walk_in_the_environment_is_the_walk_over_the_same_footholds():
     batch = env.unwrapped.batch
     key = int(batch.disturbances.fates["key"][0])
     state, terrain = gpw.find_gait("C", 0.05).state, STRIDES["terrain"]
-    trajectory = gpw.simulate("C", 0.05, state, len(infos), terrain=terrain, key=key)
+    trajectory = gpw.simulate("C", 0.05, state, len(infos), terrain=terrain, terrain_seed=key)
     made = sum(info.get("outcome") == "heelstrike" for info in infos)
     assert made >= 5
     first = np.flatnonzero(np.diff(trajectory.strides, prepend=-1))[: made + 1]

@@ -39,7 +39,7 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
         "steep-ppo --walkers 2",
         {
             "controller": "steep-sac --walkers 2",
-            "scene": ("linear --scene steep --walkers 2", "linear --scene push-off --walkers 2"),
+            "scene": ("lqr --scene steep --walkers 2", "lqr --scene level --walkers 2"),
             "walkers": "steep-ppo --walkers 3",
         },
     ),
@@ -307,6 +307,6 @@ def test_a_walk_is_simulated_as_the_words_say(capsys):
     rows = json.loads(capsys.readouterr().out)
     state = np.array([float(x) for x in NEAR.split()[1:]])
     walk = gpw.simulate(
-        "lab", 0.03, state, 3, samples=2, hip_torque=0.1, terrain=gpw.rough(1e-3), key=5
+        "lab", 0.03, state, 3, samples=2, hip_torque=0.1, terrain=gpw.rough(1e-3), terrain_seed=5
     )
     assert [row["stance_angle"] for row in rows] == walk.states[::2, 0].tolist()

@@ -7,7 +7,10 @@ from contextlib import redirect_stdout
 from dataclasses import replace
 from functools import cache
 from io import StringIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -16,6 +19,7 @@ from gym_passive_walker.control.baselines import LinearFeedback
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.units import units_of
 from tests.options.heard import Call, Later, To, cases, check, missing
+from tests.physics.examples import LONG_GAITS
 
 LAB, C, D, F = (gpw.WALKERS[name] for name in ("lab", "C", "D", "F"))
 
@@ -43,6 +47,17 @@ def explained(env):
     return said.getvalue()
 
 
+def shown_by_play(film=None, picture=None, **options):
+    """The last frame in a window, and the names of the files that were asked for."""
+    with TemporaryDirectory() as folder:
+        named = {"film": film, "picture": picture}
+        paths = {name: Path(folder, file) for name, file in named.items() if file}
+        last = paths.get("picture", Path(folder, "last.png"))
+        gpw.play(**options, **paths | {"picture": last})
+        files = [path.name for path in paths.values() if path.exists()]
+        return plt.imread(last), files
+
+
 def mapped(**options):
     """A stride of a map, from where walks begin."""
     strides = gpw.stride_map(**options)
@@ -56,6 +71,20 @@ def shorter(before, after):
 
 OPTIONS = {
     "as_walker": Call(gpw.as_walker, dict(walker="lab"), dict(walker="C")),
+    "play": Call(
+        shown_by_play,
+        dict(walker="lab", slope=0.036, seconds=0.3),
+        dict(
+            walker="C",
+            slope=0.03,
+            policy="level-ppo",
+            start=0.99 * LONG_GAITS["lab"].state,
+            seconds=0.7,
+            film=To("walk.gif", expect=lambda _, b: b[1] == ["walk.gif"]),
+            picture=To("other.png", expect=lambda a, b: a[1] == [] and b[1] == ["other.png"]),
+        ),
+        of=gpw.play,
+    ),
     "gauntlet": Call(
         gpw.gauntlet,
         dict(controller="steep-ppo", walkers=2),

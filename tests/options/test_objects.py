@@ -255,7 +255,7 @@ OPTIONS = {
             flashes=3,
             hip_torque=0.5,
             terrain=gpw.stairs(-0.01),
-            key=To(1, dict(terrain=gpw.rough(0.01), strides=2)),
+            terrain_seed=To(1, dict(terrain=gpw.rough(0.01), strides=2)),
         ),
         dict(ax="of `test_strobe`", path="of `test_strobe`"),
     ),

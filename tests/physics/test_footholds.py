@@ -211,7 +211,7 @@ def test_a_step_onto_tilted_ground_is_measured_to_where_the_foot_touches_it(name
 def test_ground_whose_slopes_alone_are_random_is_walked_on():
     terrain, gait = rough(0.0, 0.01), LONG_GAITS["lab"]
     assert terrain.random and not terrain.smooth
-    walk = simulate("lab", gait.slope, gait.state, 3, terrain=terrain, key=1)
+    walk = simulate("lab", gait.slope, gait.state, 3, terrain=terrain, terrain_seed=1)
     assert np.unique(walk.tilts).size == 3
 
 
@@ -228,7 +228,7 @@ def test_a_step_too_high_is_never_reached_and_one_too_low_is_fallen_from():
 def test_a_walk_over_rough_ground_has_its_feet_on_it():
     """The contact of each stride begins where the foot of the last came down."""
     gait = LONG_GAITS["lab"]
-    walk = simulate("lab", gait.slope, gait.state, 6, terrain=rough(0.002, 0.01), key=3)
+    walk = simulate("lab", gait.slope, gait.state, 6, terrain=rough(0.002, 0.01), terrain_seed=3)
     assert len(walk.outcomes) == 6
     walker = WALKERS["lab"]
     for k in walk.struck[walk.strides[walk.struck] != walk.strides[walk.struck - 1]]:

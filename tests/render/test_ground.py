@@ -38,7 +38,9 @@ def terrain(request):
 @pytest.mark.parametrize("name", WALKS)
 def test_stance_feet_touch_the_ground_and_swing_feet_land_on_it(name, terrain):
     gait = gpw.find_gait(name, WALKS[name])
-    walk = gpw.simulate(name, WALKS[name], gait.state, 6, terrain=terrain, key=4, samples=30)
+    walk = gpw.simulate(
+        name, WALKS[name], gait.state, 6, terrain=terrain, terrain_seed=4, samples=30
+    )
     assert len(walk.outcomes) >= 2
     length = walk.walker.leg_length
     surface, posture = ground_under(walk, length), postures(walk)
@@ -143,7 +145,7 @@ def test_an_environment_s_footholds_are_those_of_the_walk():
     env.reset(seed=3)
     key = int(env.batch.disturbances.fates["key"][0])
     state = gpw.find_gait("C", 0.05).state
-    walk = gpw.simulate("C", 0.05, state, 12, terrain=scene["terrain"], key=key, samples=2)
+    walk = gpw.simulate("C", 0.05, state, 12, terrain=scene["terrain"], terrain_seed=key, samples=2)
     assert len(walk.outcomes) > 9  # more than are remembered
     for k in range(len(walk.outcomes) - 1):
         np.testing.assert_allclose(
