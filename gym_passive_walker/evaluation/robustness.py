@@ -193,7 +193,7 @@ def robustness(
             controller, scene = acting_as(strides_of, slope)
     passive = is_walker(controller)
     if passive:
-        policy, tried, name = Passive(), _scene_of(controller, scene, slope), "nobody acts"
+        policy, tried, name = Passive(), _scene_of(controller, scene, slope), "passive"
     else:
         changes = {} if slope is None else {"slope": slope}
         policy, tried = acting(controller, scene, **changes)  # type: ignore[arg-type]
