@@ -77,7 +77,7 @@ def test_short_work_shows_nothing(terminal, monkeypatch):
 
 def test_long_work_shows_how_far_it_is(terminal):
     gpw.gait_family("D", 0.005, 0.01)
-    gpw.bifurcation_diagram("D", [0.005, 0.01], settle=5, keep=40)
+    gpw.bifurcation_diagram("D", [0.005, 0.01], n_transient=5, n_recorded=40)
     said = terminal.getvalue()
     assert "gaits along a curve" in said and "strides [" in said and "strides kept [" in said
 

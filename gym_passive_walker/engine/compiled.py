@@ -243,9 +243,9 @@ def reset(system: System, phase: Phase, outcome: Outcome, record: Memory, body: 
 def _measure(system: System, body: Any, after: State, ground: Ground, record: Memory) -> None:
     """The step that a heelstrike has ended, and the work done in it; the next one starts here."""
     start = after._replace(**dict(zip(State._fields[:3], record.entries("start"), strict=True)))
-    old, new = after.thigh - ground.turn, after.stance - ground.turn
+    old, new = after.thigh - ground.slope_change, after.stance - ground.slope_change
     end = after._replace(stance=old, thigh=new, shank=new)
-    record["step_length"] = legs.step_length(body, start.stance, new, old, ground.turn)
+    record["step_length"] = legs.step_length(body, start.stance, new, old, ground.slope_change)
     record["passed"] = legs.progress(body, old)
     record["gravity_work"] = -system.potential_gain(body, start, end, ground)
     if system.spring_gain:
@@ -253,7 +253,7 @@ def _measure(system: System, body: Any, after: State, ground: Ground, record: Me
     for i in range(3):
         record["start", i] = after[i]
     if "slope_change" not in system.absent:
-        back, up = legs.turned(ground.cosine, ground.sine, *sine_cosine(ground.turn))
+        back, up = legs.turned(ground.cosine, ground.sine, *sine_cosine(ground.slope_change))
         for i, value in enumerate(Ground(back, up)):
             record["ground", i] = value
 

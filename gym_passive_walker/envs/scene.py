@@ -158,9 +158,13 @@ class Scene:
         if self.end_on_toe_stub is None:
             put("end_on_toe_stub", self.walker.knees)
         if not isinstance(self.end_on_toe_stub, bool):
-            raise SceneError(f"stub must be True, False or None, not {shown(self.end_on_toe_stub)}")
+            raise SceneError(
+                f"end_on_toe_stub must be True, False or None, not {shown(self.end_on_toe_stub)}"
+            )
         if self.end_on_toe_stub and not self.walker.knees:
-            raise SceneError("stub is a rule for walkers with knees: straight legs always scuff")
+            raise SceneError(
+                "end_on_toe_stub is a rule for walkers with knees: straight legs always scuff"
+            )
         bound("tick", 1e-3, 1e3)
         for name in CHANNELS:
             bound(_LARGEST[name], 0.0, 1e3)
@@ -256,7 +260,7 @@ class Scene:
             raise SceneError(str(error)) from None
         if terrain_lookahead and self.terrain is None:
             raise SceneError(
-                "preview shows footholds of a terrain: give one, or terrain_lookahead=0"
+                "terrain_lookahead shows footholds of a terrain: give one, or terrain_lookahead=0"
             )
         return terrain_lookahead
 

@@ -203,7 +203,7 @@ def robustness(
     strides, starts = whole(strides, "strides", 1, KEPT), whole(starts, "starts", 2, KEPT)
     seed = seed_number(seed)
     if not 0.0 < number(initial_error, "initial_error") < 0.9:
-        raise ValueError(f"spread must be a share between 0 and 0.9, not {initial_error!r}")
+        raise ValueError(f"initial_error must be a share between 0 and 0.9, not {initial_error!r}")
     crowd = (4096 if passive else 512) if walkers is None else whole(walkers, "walkers", 1, KEPT)
     tries = _Tries(policy, tried)
     with progress("measures of robustness", 6) as done:

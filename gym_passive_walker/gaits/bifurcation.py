@@ -225,7 +225,7 @@ def bifurcation_diagram(
     longest_period = whole(longest_period, "longest_period")
     if not longest_period < n_recorded:
         raise ValueError(
-            f"keep more strides than the longest period {longest_period}, not {n_recorded}"
+            f"n_recorded must be above the longest period {longest_period}, not {n_recorded}"
         )
     points = beginnings(stride_map, values, kind, start)
     if sweep:

@@ -168,9 +168,9 @@ def landing(body, state, push_off, ground):
         return straight.strike_with(body, state, push_off, ground)[:2]
     # A leg without mass takes the swing foot along as the hip is pushed.
     state = legs.standing(body, state, ground)
-    old, new = state.stance + ground.turn, state.thigh + ground.turn
+    old, new = state.stance + ground.slope_change, state.thigh + ground.slope_change
     state = state._replace(stance=old, thigh=new)
-    back, up = legs.striking_velocity(body, state, ground.turn)
+    back, up = legs.striking_velocity(body, state, ground.slope_change)
     sine, cosine = sine_cosine(old)
     return state, (back + push_off * sine, up + push_off * cosine)
 

@@ -154,7 +154,7 @@ def check_foothold(
     )
     if not np.all(np.abs(ground[1]) < np.pi):
         raise ValueError(
-            f"turn must be an angle in rad between -pi and pi, not {shown(slope_change)}"
+            f"slope_change must be an angle in rad between -pi and pi, not {shown(slope_change)}"
         )
     return ground if any(part.any() for part in ground) else None
 
@@ -216,7 +216,7 @@ def stride(
         if max_stride_time != LONGEST_STRIDE or end_on_toe_stub or backend is not advance:
             raise ValueError(
                 "a stride map with a controller or a terrain has its own rules: "
-                "leave longest, stub and carry out"
+                "leave max_stride_time, end_on_toe_stub and backend out"
             )
         given = (
             {}
@@ -232,7 +232,7 @@ def stride(
     )
     threads = None if threads is None else whole(threads, "threads")
     if not callable(backend):
-        raise ValueError(f"carry must be a function, such as gpu.advance, not {shown(backend)}")
+        raise ValueError(f"backend must be a function, such as gpu.advance, not {shown(backend)}")
     ground = check_foothold(height_change, slope_change)
     try:
         around = (*actuation_shapes(actuation), *(part.shape for part in ground or ()))
@@ -240,10 +240,9 @@ def stride(
     except ValueError:
         raise ValueError(
             f"slope {slopes.shape}, hip_torque {np.shape(actuation.hip_torque)}, ankle_torque "
-            f"{np.shape(actuation.ankle_torque)}, push_off {np.shape(actuation.push_off)}, rise "
-            f"{np.shape(height_change)}, turn {np.shape(slope_change)} and states "
-            f"{states.shape[:-1]} do not fit "
-            "together: give one of each, or the same number"
+            f"{np.shape(actuation.ankle_torque)}, push_off {np.shape(actuation.push_off)}, "
+            f"height_change {np.shape(height_change)}, slope_change {np.shape(slope_change)} and "
+            f"states {states.shape[:-1]} do not fit together: give one of each, or the same number"
         ) from None
     units, count = units_of(walker), math.prod(shape)
     flat = np.empty((*shape, 6))

@@ -50,14 +50,15 @@ class Ground(NamedTuple):
     Attributes:
         sine: Of the slope: gravity's part along it, downhill.
         cosine: Gravity's part into it.
-        rise: Height of the next foothold over this one, along this one's normal.
-        turn: By how much the next one slopes more steeply downhill; it touches the foot that lands.
+        height_change: Height of the next foothold over this one, along this one's normal.
+        slope_change: By how much the next one slopes more steeply downhill; it touches the foot
+            that lands.
     """
 
     sine: Number
     cosine: Number
-    rise: Number = 0.0
-    turn: Number = 0.0
+    height_change: Number = 0.0
+    slope_change: Number = 0.0
 
 
 SMOOTH = Ground(0.0, 1.0)

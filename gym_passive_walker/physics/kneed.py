@@ -213,7 +213,7 @@ def let_through(body, state, ground):
     """Whether the foot is under the ground in front, and sinks: the free knee let it through."""
     return (
         legs.in_front(state)
-        & (straight.foot_clearance(body, state) <= ground.rise)
+        & (straight.foot_clearance(body, state) <= ground.height_change)
         & (state.stance_rate + state.thigh_rate <= 0.0)
     )
 

@@ -197,7 +197,7 @@ def standing(body, state, ground):
     sine, cosine = sine_cosine(mean)
     spread, _ = sine_cosine(half)
     apart = 2.0 * body.leg * spread + 1e-300  # legs side by side stand at one height
-    mean = mean - (sine - ground.rise / apart) / cosine
+    mean = mean - (sine - ground.height_change / apart) / cosine
     return state._replace(stance=mean - half, thigh=mean + half, shank=mean + half)
 
 
@@ -219,7 +219,7 @@ def in_front(state):
 
 def lower(ground):
     """Height of the lower one of two footholds."""
-    return 0.0 - larger(-ground.rise, 0.0)
+    return 0.0 - larger(-ground.height_change, 0.0)
 
 
 def striking_velocity(body, state, turn=0.0):
@@ -262,7 +262,7 @@ def straight(stance, thigh, stance_rate, thigh_rate):
 # What ends a phase of any walker.
 
 HEELSTRIKE = Guard(  # the swing foot comes down on the next foothold
-    lambda body, state, ground: clearance(body, state.stance, state.thigh) - ground.rise,
+    lambda body, state, ground: clearance(body, state.stance, state.thigh) - ground.height_change,
     Outcome.HEELSTRIKE,
     Watch.STRIKE,
     where=(

@@ -71,7 +71,7 @@ def heelstrike(body, before, push_off=0.0, ground=SMOOTH):
     sine, cosine = sine_cosine(before.stance - before.thigh)
     rate = cosine * before.stance_rate + push_off * sine
     lost = sine * before.stance_rate - push_off * cosine
-    stance, swing = before.thigh + ground.turn, before.stance + ground.turn
+    stance, swing = before.thigh + ground.slope_change, before.stance + ground.slope_change
     after = legs.straight(stance, swing, rate, cosine * rate)
     return Strike(after, 0.5 * lost * lost, 0.5 * push_off * push_off)
 

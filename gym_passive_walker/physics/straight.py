@@ -99,10 +99,10 @@ def strike_with(body, before, push_off, ground):
     """
     before = legs.standing(body, before, ground)
     push, stance_rate, swing_rate, gained = legs.push_off(body, before.stance, before.thigh)
-    stance, swing = before.stance + ground.turn, before.thigh + ground.turn
+    stance, swing = before.stance + ground.slope_change, before.thigh + ground.slope_change
     before = before._replace(stance=stance, thigh=swing, shank=swing)
-    velocity_back, velocity_up = legs.striking_velocity(body, before, ground.turn)
-    push_back, push_up = turned(push[1], push[0], *sine_cosine(ground.turn))
+    velocity_back, velocity_up = legs.striking_velocity(body, before, ground.slope_change)
+    push_back, push_up = turned(push[1], push[0], *sine_cosine(ground.slope_change))
     hip_back, hip_up = legs.hip(body, swing)
     velocity_back = velocity_back + push_off * (push_back - swing_rate * hip_up)
     velocity_up = velocity_up + push_off * (push_up + swing_rate * hip_back)

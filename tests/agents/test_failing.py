@@ -158,7 +158,7 @@ def test_a_checkpoint_that_was_tampered_with_is_refused_by_its_file(
         ("scene", 3, "scene must be the name of one"),
         ("env", "steep", "env must map names to values"),
         ("env", {"scene": 3}, "scene"),
-        ("training", {"perturb": 0.1}, "a scene has no perturb (perturbation?)"),
+        ("training", {"reset_noise": 0.1}, "a scene has no reset_noise (reset_noise_scale?)"),
         ("normalize", {"norm_ob": True}, "VecNormalize has no norm_ob (norm_obs?)"),
         ("normalize", {"clip_obs": "a"}, "clip_obs of VecNormalize must be float, not 'a'"),
         ("exploration", {"lowest": 0.0, "highest": 1.0}, "lowest must be a number above 0"),

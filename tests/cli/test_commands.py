@@ -293,7 +293,7 @@ WRONG = {
     "gait four.json 0.03": "a walker has no legs; it has thigh_length",
     "gait light.json 0.03": "light.json: thigh_mass must not be negative",
     "family lab 0.1 0.01": "0 < slope_min < slope_max",
-    "bifurcation C 0.07 0.09 --n-recorded 8": "keep more strides than the longest period 32",
+    "bifurcation C 0.07 0.09 --n-recorded 8": "n_recorded must be above the longest period 32",
     "basin lab 0.036 --resolution 0": "resolution must be a whole number from 1 on",
     "simulate lab 0.036 --out walk.txt": "ends in .csv or .npz",
     "simulate lab 0.036 --strides 0": "--strides must be a whole number from 1 on",

@@ -194,19 +194,23 @@ def test_walks_under_a_policy_have_a_bifurcation_diagram_and_exponents():
     """On a stable gait every stride is the same, and the exponent is that of its multiplier."""
     strides = gpw.stride_map(controller="steep-ppo")
     slopes = strides.slope + np.array([-0.002, 0.0])
-    diagram = gpw.bifurcation_diagram(strides, slopes, settle=40, keep=8, longest_period=4)
+    diagram = gpw.bifurcation_diagram(
+        strides, slopes, n_transient=40, n_recorded=8, longest_period=4
+    )
     assert diagram.period.tolist() == [1, 1]
     for i, slope in enumerate(slopes):
         gait = gpw.closed_loop_gait(strides.controller, slope=float(slope))
         assert diagram.stance_angle[i, -1] == pytest.approx(gait.stance_angle, abs=1e-6)
-    exponent = gpw.lyapunov_exponents(strides, slopes[1:], strides=60, settle=40)
+    exponent = gpw.lyapunov_exponents(strides, slopes[1:], strides=60, n_transient=40)
     expected = gpw.closed_loop_gait(strides.controller).multipliers
     assert exponent[0, 0] == pytest.approx(np.log(abs(expected[0])), abs=0.05)
 
 
 def test_a_driven_walker_has_a_bifurcation_diagram_too():
     strides = gpw.stride_map("lab", 0.03, controller=Actuation(hip_torque=0.1))
-    diagram = gpw.bifurcation_diagram(strides, [0.03], settle=60, keep=8, longest_period=4)
+    diagram = gpw.bifurcation_diagram(
+        strides, [0.03], n_transient=60, n_recorded=8, longest_period=4
+    )
     gait = gpw.find_gait(gpw.stride_map("lab", 0.03, controller=Actuation(hip_torque=0.1)))
     assert diagram.period.tolist() == [1]
     assert diagram.stance_angle[0, -1] == pytest.approx(gait.stance_angle, rel=1e-8)
@@ -433,6 +437,6 @@ def test_a_stride_of_a_map_with_terrain_is_over_its_footholds(controller, seeing
 
 def test_a_map_keeps_its_own_rules(seeing):
     strides = gpw.stride_map(controller=seeing[0])
-    for given in ({"longest": 3.0}, {"end_on_toe_stub": True}):
-        with pytest.raises(ValueError, match="leave longest, stub"):
+    for given in ({"max_stride_time": 3.0}, {"end_on_toe_stub": True}):
+        with pytest.raises(ValueError, match="leave max_stride_time, end_on_toe_stub"):
             gpw.stride(strides, None, seeing[1], **given)

@@ -93,7 +93,12 @@ ANALYSES = {
         of(n), "foot_radius", *near(gait(n).walker.foot_radius), resolution=0.5
     ),
     "bifurcation diagram": lambda n: gpw.bifurcation_diagram(
-        of(n), [max(gait(n).slope, 1e-3)], start=gait(n).state, settle=5, keep=6, longest_period=2
+        of(n),
+        [max(gait(n).slope, 1e-3)],
+        start=gait(n).state,
+        n_transient=5,
+        n_recorded=6,
+        longest_period=2,
     ),
     "period-doubling cascade": lambda n: gpw.doubling_cascade(
         of(n), *near(max(gait(n).slope, 1e-3)), doublings=1
@@ -108,7 +113,7 @@ ANALYSES = {
         accuracy=0.05,
     ),
     "Lyapunov exponents": lambda n: gpw.lyapunov_exponents(
-        of(n), [max(gait(n).slope, 1e-3)], start=gait(n).state, strides=4, settle=2
+        of(n), [max(gait(n).slope, 1e-3)], start=gait(n).state, strides=4, n_transient=2
     ),
     "basin": lambda n: gpw.basin_of_attraction(of(n), resolution=5, strides=20),
     "largest push": lambda n: gpw.largest_push(

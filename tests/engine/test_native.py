@@ -512,7 +512,7 @@ def test_a_strike_does_to_a_record_what_is_stated(system, index, outcome):
         assert found["outcome"] == Outcome.HEELSTRIKE
         np.testing.assert_array_equal(found["start"], found["state"][:3])
         landed = legs.standing(body, before, ground)
-        length = legs.step_length(body, first[0], landed.thigh, landed.stance, ground.turn)
+        length = legs.step_length(body, first[0], landed.thigh, landed.stance, ground.slope_change)
         assert found["step_length"] == pytest.approx(length, rel=1e-12)
         assert found["passed"] == pytest.approx(legs.progress(body, landed.stance), rel=1e-13)
         end = State(*landed[:3], 0, 0, 0)
@@ -547,7 +547,7 @@ def test_derivatives_pass_through_a_strike(system, index, outcome):
             }
             ground = Ground(*given["ground"])
             if "height_change" in system.absent:
-                ground = ground._replace(rise=0.0, turn=0.0)
+                ground = ground._replace(height_change=0.0, slope_change=0.0)
             after, loss, _ = reset.strike(body, State(*given["state"]), 0.0, ground)
             expected = [*after, loss]
             found = [*records["state"][plane]]
@@ -558,7 +558,9 @@ def test_derivatives_pass_through_a_strike(system, index, outcome):
                 end = legs.standing(body, State(*given["state"]), ground)
                 begun = State(*given["start"], 0, 0, 0)
                 gain = system.potential_gain(body, begun, end, ground)
-                length = legs.step_length(body, begun.stance, end.thigh, end.stance, ground.turn)
+                length = legs.step_length(
+                    body, begun.stance, end.thigh, end.stance, ground.slope_change
+                )
                 expected += [length, -gain]
                 expected += after[:3]
                 found += [records[x][plane] for x in ("heel_loss", "step_length", "gravity_work")]

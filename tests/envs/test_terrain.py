@@ -173,8 +173,11 @@ def test_a_flight_of_stairs_leads_down_as_far_as_a_slope():
         ({"terrain": 0.01}, "a terrain is a Terrain"),
         ({"terrain": {"hills": {}}}, "hills"),
         ({"terrain": {"rough": {"height_std": -1.0}}}, "height_std"),
-        ({"terrain_lookahead": 2}, "preview shows footholds of a terrain"),
-        ({"terrain": gpw.stairs(0.01), "terrain_lookahead": -1}, "preview must be a whole number"),
+        ({"terrain_lookahead": 2}, "terrain_lookahead shows footholds of a terrain"),
+        (
+            {"terrain": gpw.stairs(0.01), "terrain_lookahead": -1},
+            "terrain_lookahead must be a whole number",
+        ),
     ],
 )
 def test_nonsense_is_told_what_is_allowed(arguments, said):

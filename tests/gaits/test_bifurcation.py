@@ -225,7 +225,7 @@ def test_a_sequence_s_period_is_its_smallest(period):
 def test_what_makes_no_sense_is_refused():
     with pytest.raises(GaitNotFound, match="does not double"):
         doubling_cascade("D", 0.01, 0.012)
-    with pytest.raises(ValueError, match="keep more strides"):
+    with pytest.raises(ValueError, match="n_recorded must be above"):
         bifurcation_diagram("D", [0.01], n_recorded=10)
     with pytest.raises(ValueError, match="slopes must be"):
         bifurcation_diagram("D", [-0.01])

@@ -20,11 +20,17 @@ from gym_passive_walker.walkers import as_walker, describe, name_of
 from tests.options.heard import plain
 from tests.options.test_functions import OF_D, OPTIONS, STEEP, Later
 
-WALKERS = ("walker", "a", "b", "controller")
+WALKERS = ("walker", "a", "b")
+BESIDE = {"robustness": ("controller",)}
+"""Further arguments that may be walkers."""
+NO_WALKERS = {"play"}  # its frames differ by when they are drawn
 TAKING = [
     name
     for name, call in OPTIONS.items()
-    if any(isinstance(call.base.get(x), str | gpw.Walker) for x in WALKERS)
+    if name not in NO_WALKERS
+    and any(
+        isinstance(call.base.get(x), str | gpw.Walker) for x in (*WALKERS, *BESIDE.get(name, ()))
+    )
 ]
 """Calls of every public function that takes a walker: `test_functions` has all of them."""
 

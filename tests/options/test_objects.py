@@ -277,7 +277,7 @@ OPTIONS = {
 SHOWN = {  # for each class with a picture: an example, and what its picture can be asked for
     "Basin": (lambda: gpw.basin_of_attraction("D", 0.009, resolution=4, strides=20), {}),
     "BifurcationDiagram": (
-        lambda: gpw.bifurcation_diagram("D", [0.012, 0.016], settle=50, keep=40),
+        lambda: gpw.bifurcation_diagram("D", [0.012, 0.016], n_transient=50, n_recorded=40),
         {"markersize": 9.0},
     ),
     "Cascade": (lambda: gpw.doubling_cascade("D", 0.01, 0.0195, doublings=3), {"linewidth": 9.0}),
@@ -391,13 +391,13 @@ SWEPT = {
     ),
     "bifurcation": Call(
         ANALYSES["bifurcation"],
-        dict(walker=D, slope=0.0153, settle=5, keep=40),
+        dict(walker=D, slope=0.0153, n_transient=5, n_recorded=40),
         dict(
             walker=gpw.WALKERS["E"],
             slope=0.0165,
-            settle=6,
-            keep=50,
-            kind=To("short", dict(settle=0)),
+            n_transient=6,
+            n_recorded=50,
+            kind=To("short", dict(n_transient=0)),
             controller=To("constant", dict(**OF_LAB, scene=PLAYED)),
             scene=To({**PLAYED, "max_hip_torque": 0.001}, dict(**OF_LAB, controller="constant")),
             terrain=STAIRS,

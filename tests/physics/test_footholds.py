@@ -41,7 +41,7 @@ def test_feet_that_stand_differ_in_height_by_the_rise(name, stance, ground):
     walker = WALKERS[name]
     state = on_both(walker, stance, ground)
     height = legs.clearance(body_of(walker), state.stance, state.thigh)
-    assert height == pytest.approx(ground.rise, rel=0.0, abs=1e-15)
+    assert height == pytest.approx(ground.height_change, rel=0.0, abs=1e-15)
     assert state.thigh - state.stance == pytest.approx(-2.0 * stance, rel=1e-14)
 
 
@@ -55,15 +55,15 @@ def test_a_strike_on_any_foothold_conserves_angular_momentum(name, stance, rates
     )
     strike = SYSTEMS[f"{kind_of(walker)}-uneven"].phases[-1].resets[Outcome.HEELSTRIKE].strike
     struck = strike(body_of(walker), before, 0.0, ground)
-    assert struck.after.stance == pytest.approx(before.thigh + ground.turn, abs=1e-15)
-    assert struck.after.thigh == pytest.approx(before.stance + ground.turn, abs=1e-15)
+    assert struck.after.stance == pytest.approx(before.thigh + ground.slope_change, abs=1e-15)
+    assert struck.after.thigh == pytest.approx(before.stance + ground.slope_change, abs=1e-15)
     rates_of = [
         np.array(x[3:]) / units.time for x in (before, struck.after)
     ]  # in the walker's own units
     old, new = bodies.Bodies(walker, before[:3]), bodies.Bodies(walker, struck.after[:3])
     velocities = old.velocities(rates_of[0]), new.velocities(rates_of[1])
     turned = new.legs[0].foot / old.legs[1].foot  # from the old foothold's frame to the new one's
-    assert abs(cmath.phase(turned)) == pytest.approx(abs(ground.turn), abs=1e-14)
+    assert abs(cmath.phase(turned)) == pytest.approx(abs(ground.slope_change), abs=1e-14)
     scale = walker.total_mass * walker.leg_length**2 * (1e-3 + np.abs(rates_of[0]).max())
     under = 1j * walker.foot_radius
 

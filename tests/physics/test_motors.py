@@ -103,7 +103,7 @@ def test_an_ankle_torque_turns_the_stance_leg_alone():
     torque = np.sin(angle - slope)
     units = units_of(WALKERS["D"])
     state = np.array([angle, -angle, -angle, 0.0, 0.0, 0.0])
-    walk = stride("D", slope, state, ankle_torque=torque * units.energy, longest=1.0)
+    walk = stride("D", slope, state, ankle_torque=torque * units.energy, max_stride_time=1.0)
     assert walk.state[0] == pytest.approx(angle, abs=1e-12)
     assert abs(walk.ankle_work) < 1e-12
 

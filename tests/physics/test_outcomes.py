@@ -105,7 +105,7 @@ def test_a_knee_that_is_late_meets_the_ground_bent():
 
 @pytest.mark.parametrize("name", ["B", "D", "E", "F"])
 def test_a_walker_that_stands_still_has_stalled(name):
-    still = stride(name, 0.0, np.zeros(6), longest=20.0)
+    still = stride(name, 0.0, np.zeros(6), max_stride_time=20.0)
     assert still.outcome == Outcome.STALLED
     assert still.duration == pytest.approx(20.0 * WALKERS[name].time_unit, rel=1e-15)
     np.testing.assert_array_equal(still.state, 0.0)
@@ -284,10 +284,10 @@ GOOD = {"walker": "lab", "slope": 0.03, "state": LONG_GAITS["lab"].state}
         ({"tolerance": "fine"}, "tolerance must be "),
         ({"tolerance": None}, "tolerance must be "),
         ({"tolerance": [1e-6, 1e-8]}, "tolerance must be "),
-        ({"longest": "for ever"}, "longest must be one number"),
-        ({"longest": 0.0}, "longest must be a number above 0"),
-        ({"longest": np.inf}, "longest must be a finite number above 0"),
-        ({"longest": np.nan}, "longest must be a finite number above 0"),
+        ({"max_stride_time": "for ever"}, "max_stride_time must be one number"),
+        ({"max_stride_time": 0.0}, "max_stride_time must be a number above 0"),
+        ({"max_stride_time": np.inf}, "max_stride_time must be a finite number above 0"),
+        ({"max_stride_time": np.nan}, "max_stride_time must be a finite number above 0"),
         ({"state": np.zeros((3, 6)), "slope": np.zeros(2)}, r"\(2,\).*states \(3,\) do not fit"),
         ({"hip_torque": np.zeros(2), "slope": np.zeros(3)}, "do not fit together"),
     ],

@@ -24,7 +24,7 @@ def units(walker) -> np.ndarray:
 
 def assert_same_stride(walker, slope, state, torque, **precision) -> oracle.Walk:
     """Compare every number of a stride with the oracle's, at the engine's best."""
-    expected = oracle.walk(walker, slope, state, torque=torque, longest=100.0)
+    expected = oracle.walk(walker, slope, state, torque=torque, max_stride_time=100.0)
     found = stride(walker, slope, state, hip_torque=torque, tolerance=1e-14)
     time, energy = walker.time_unit, units_of(walker).energy
     assert found.outcome == expected.outcome
@@ -179,7 +179,7 @@ def test_energy_is_conserved_between_impacts(name):
     scale = bodies.kinetic_energy(walker, gait.state)
     for share in (0.1, 0.4, 0.7, 0.95):
         longest = share * whole.duration / walker.time_unit
-        part = stride(name, gait.slope, gait.state, longest=longest, tolerance=1e-14)
+        part = stride(name, gait.slope, gait.state, max_stride_time=longest, tolerance=1e-14)
         assert part.outcome == Outcome.STALLED
         assert part.duration == pytest.approx(share * whole.duration, rel=1e-15)
         now = energy(walker, gait.slope, part.state)
@@ -196,7 +196,7 @@ def test_the_energy_of_the_simplest_walker_is_its_hips_between_impacts():
         return oracle.kinetic_energy(walker, state) + walker.hip_mass * walker.gravity * height
 
     for longest in (0.5, 2.0, 3.5):
-        part = stride(walker, gait.slope, state, longest=longest, tolerance=1e-14)
+        part = stride(walker, gait.slope, state, max_stride_time=longest, tolerance=1e-14)
         assert total(part.state) == pytest.approx(total(state), rel=1e-14)
 
 

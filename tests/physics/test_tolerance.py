@@ -57,7 +57,7 @@ def test_small_motions_are_resolved_as_well_as_large_ones(walker):
     state = np.array([1.0, -1.0, -1.0, 0.5, 3.0, 2.0]) / units
 
     def rocking(size, tolerance):
-        found = stride(walker, 0.0, size * state, longest=1.0, tolerance=tolerance)
+        found = stride(walker, 0.0, size * state, max_stride_time=1.0, tolerance=tolerance)
         assert found.outcome == Outcome.STALLED
         return found.state * units / size
 

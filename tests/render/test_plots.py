@@ -39,7 +39,7 @@ def shown(gait, family):
         strides,
         gpw.simulate(lab, slope, gait.state, 3, samples=20),
         gpw.reality_check(lab, slope, gait.state),
-        gpw.bifurcation_diagram("C", [0.07, 0.075], settle=50, keep=40),
+        gpw.bifurcation_diagram("C", [0.07, 0.075], n_transient=50, n_recorded=40),
         gpw.basin_of_attraction(lab, slope, resolution=12),
         gpw.closed_loop_gait(LinearFeedback("steep"), "steep"),
     ]

@@ -309,7 +309,7 @@ def test_who_falls_has_no_gradient_and_says_so():
 
 def test_who_is_given_up_or_starts_nowhere_has_no_gradient():
     slope, states = gait("lab")
-    stalled = stride("lab", slope, states, longest=0.5)
+    stalled = stride("lab", slope, states, max_stride_time=0.5)
     assert stalled.outcome.tolist() == [Outcome.STALLED] * 2
     with torch.no_grad():
         states[0, 0] = float("nan")
