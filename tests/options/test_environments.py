@@ -473,7 +473,7 @@ def test_every_option_of_torch_is_heard():
                 slope_change=0.004,
                 parameters={"hip_mass": 0.5},
                 tolerance=1e-5,
-                longest=To(0.5, look=lambda told: told.outcome),
+                max_stride_time=To(0.5, look=lambda told: told.outcome),
                 end_on_toe_stub=To(
                     True, dict(hip_torque=-0.04 * 7.0 * 9.81), look=lambda told: told.outcome
                 ),
