@@ -1,4 +1,4 @@
-"""The command that tries how much a walk bears."""
+"""The command `robustness`, which measures how well a walk rejects disturbances."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _MEASURES += ("initial_error", "recovered", "recovered_error", "recovery")
 
 
 def robustness(command: ArgumentParser) -> Callable[[Namespace], Report]:
-    """Try how much a walk bears: rough ground, steps, pushes, starts far from the gait.
+    """Measure disturbance rejection: rough ground, steps, pushes and initial errors.
 
     passive-walker robustness lab --slope 0.036
     passive-walker robustness level-ppo --roughness 0.004 --out level.png

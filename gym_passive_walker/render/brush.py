@@ -1,4 +1,4 @@
-"""What frames are drawn with: shapes and lettering at places along a slope and off it."""
+"""Drawing primitives of frames: shapes and text at points along and off a slope."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from gym_passive_walker.render.pose import level
 
 
 class Brush:
-    """Draws on a canvas; widths are in leg lengths, places in pixels or, by `at`, on the slope.
+    """Draws on a canvas; widths are in leg lengths, points in pixels (`at` converts to pixels).
 
     Args:
-        pygame: The module.
-        canvas: Its surface.
-        scale: Pixels to a leg length.
+        pygame: The pygame module.
+        canvas: The pygame surface to draw on.
+        scale: Pixels per leg length.
         length: The leg length, in the walker's own units.
     """
 
@@ -29,31 +29,31 @@ class Brush:
         self._font: Any = None
 
     def look_at(self, camera: NDArray, slope: float, origin: tuple[float, float]) -> None:
-        """Begin a frame, with a place on the slope at a pixel, gravity down.
+        """Begin a frame: place the point `camera` on the slope at the pixel `origin`, gravity down.
 
-        The font is opened anew, for others may have shut pygame down meanwhile.
+        The font is opened for each frame, because other code may have shut pygame down.
         """
         self.pygame.font.init()
         self._font = self.pygame.font.Font(None, round(0.05 * self.canvas.get_height()))
         self.camera, self._slope, self._origin = camera, slope, np.array(origin)
 
     def at(self, points: ArrayLike) -> NDArray[np.float64]:
-        """Pixels of places (x, y) along and off the slope, shape (..., 2)."""
+        """Pixels of points (x, y) along and off the slope, both of shape (..., 2)."""
         away = level(np.asarray(points) - self.camera, self._slope)
         return self._origin + self.scale / self.length * away * [1.0, -1.0]
 
     def disc(self, centre: NDArray, radius: float, colour: look.Colour) -> None:
-        """A disc."""
+        """Draw a disc."""
         self.pygame.draw.circle(self.canvas, colour, tuple(centre), radius * self.scale)
 
     def polygon(self, corners: list[NDArray] | NDArray, colour: look.Colour) -> None:
-        """A filled polygon."""
+        """Draw a filled polygon."""
         self.pygame.draw.polygon(self.canvas, colour, [tuple(corner) for corner in corners])
 
     def limb(
         self, start: NDArray, end: NDArray, wide: float, narrow: float, colour: look.Colour
     ) -> None:
-        """A limb with round ends and these half-widths."""
+        """Draw a limb with round ends and these half-widths in leg lengths."""
         along = end - start
         length = math.hypot(*along)
         if length > 0.0:
@@ -64,12 +64,12 @@ class Brush:
         self.disc(end, narrow, colour)
 
     def line(self, places: NDArray, width: float, colour: look.Colour) -> None:
-        """A line through pixels, of this half-width."""
+        """Draw a line through pixels, with this half-width in leg lengths."""
         for start, end in pairwise(places):
             self.limb(start, end, width, width, colour)
 
     def turn(self, centre: NDArray, radius: float, angle: float, colour: look.Colour) -> None:
-        """An arrow along an arc below a centre, by an angle in rad, positive anticlockwise."""
+        """Draw an arrow along an arc below a centre, by an angle in rad, positive anticlockwise."""
         if abs(angle) < 1e-3:
             return
         turns = np.linspace(-0.5 * angle, 0.5 * angle, 16)
@@ -86,7 +86,7 @@ class Brush:
     def arrow(
         self, start: NDArray, along: NDArray, colour: look.Colour, width: float = 0.012
     ) -> None:
-        """A straight arrow from a pixel on, by so many pixels."""
+        """Draw a straight arrow from a pixel, by the vector `along` in pixels."""
         length = math.hypot(*along)
         if length == 0.0:
             return
@@ -101,7 +101,10 @@ class Brush:
         self, text: str, place: ArrayLike, anchor: str = "midtop",
         colour: look.Colour = look.GROUND_LINE,
     ) -> float:  # fmt: skip
-        """Lettering whose anchor (pygame's name of a corner) lies at a pixel; its height."""
+        """Write text with its anchor (pygame's name of a corner) at a pixel.
+
+        Returns its height in pixels.
+        """
         drawn = self._font.render(text, True, colour)
         right, down = np.asarray(place, dtype=float)
         self.canvas.blit(drawn, drawn.get_rect(**{anchor: (float(right), float(down))}))
