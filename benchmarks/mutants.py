@@ -170,7 +170,7 @@ def sample(files: Sequence[str], seed: int) -> list[Mutant]:
 
 
 def faults(folder: Path = FAULTS) -> tuple[list[Mutant], list[str]]:
-    """Every fault of a folder; and the names of those whose text the code has no more."""
+    """Every fault of a folder, and the names of those that no longer match the code."""
     found, gone = [], []
     for path in sorted(folder.glob("*.toml")):
         for fault in tomllib.loads(path.read_text(encoding="utf-8"))["fault"]:
