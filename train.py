@@ -1,17 +1,18 @@
-"""Train an agent to walk, and judge it beside the passive walker.
+"""Train an agent to walk, and compare it with the passive walker.
 
-    python train.py                               PPO on the recommended scene
-    python train.py --scene steep --algo sac --steps 50000
-    python train.py --resume runs/level-ppo-1     go on with a run, to more steps with --steps
-    python train.py evaluate runs/level-ppo-1     judge its policy once more
-    python train.py evaluate --policy level-ppo   or one that comes with the package
-    python train.py optimal --scene level         gaits of least cost of transport
-    python train.py gait level-ppo --out gait.png the gait of a walker under a policy
-    python train.py benchmark --seeds 10          everyone beside everyone, resumable
-    python train.py export RUN FOLDER             a policy as tensors and JSON
+    python train.py                               Train PPO on the recommended scene.
+    python train.py --scene steep --algo sac      Train SAC on the scene `steep`.
+    python train.py --resume runs/level-ppo-1     Continue a run, to more steps with --steps.
+    python train.py evaluate runs/level-ppo-1     Evaluate its policy again.
+    python train.py evaluate --policy level-ppo   Evaluate a policy of the package.
+    python train.py optimal --scene level         Print gaits of least cost of transport.
+    python train.py gait level-ppo --out gait.png Find and draw the gait under a policy.
+    python train.py benchmark --seeds 10          Compare all agents in all scenes; resumable.
+    python train.py export RUN FOLDER             Write a policy as tensors and JSON.
 
-A run's folder keeps the policy (model.zip, normalizer.npz), its configuration (config.yml), the
-learning curve (CSV and PNG), the evaluation (CSV and table) and a strobe picture of the gait.
+A run's folder contains the policy (model.zip, normalizer.npz) and its configuration (config.yml).
+It also has the learning curve (CSV and PNG), the evaluation (CSV and table) and a stroboscopic
+picture of the gait.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ from typing import Any
 import gym_passive_walker.console as console
 
 # isort: split
-# The package comes first: from here on Ctrl-C ends the program in a line, also while it loads.
+# Import this first: Ctrl-C then ends the program with one line, also during the other imports.
 import numba
 import torch
 
@@ -57,17 +58,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def keep_to_one_thread() -> None:
-    """Keep torch to one thread: at these sizes a second one wins nothing.
+    """Limit torch to one thread; for networks of this size a second one gains nothing.
 
-    On a busy machine threads that wait for each other make it fifty times slower, and their number
-    would change the rounding. Numba, where it starts its own, sets torch's anew: so it comes first.
+    On a busy machine, threads that wait for each other make it fifty times slower. Their number
+    would also change the rounding. Numba resets torch's threads when it starts its own, so numba's
+    are started first.
     """
     numba.get_num_threads()
     torch.set_num_threads(1)
 
 
 def train_parser() -> argparse.ArgumentParser:
-    """The arguments of a training."""
+    """The parser of a training's arguments."""
     parser = argparse.ArgumentParser(
         prog="train.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -93,7 +95,7 @@ def train_parser() -> argparse.ArgumentParser:
 
 
 def whole(text: str) -> int:
-    """A whole number, as 250000 or 2.5e5."""
+    """Parse a whole number, such as 250000 or 2.5e5."""
     number = float(text)
     if not number.is_integer():
         raise argparse.ArgumentTypeError(f"{text} is not a whole number")
@@ -101,7 +103,7 @@ def whole(text: str) -> int:
 
 
 def asked_for(args: argparse.Namespace, kept: Config | None = None) -> Config:
-    """The configuration that the command line asks for; a kept one's values where it is silent."""
+    """The configuration given by the arguments; other values are those of `kept`, if given."""
     env = dict(kept.env) if kept else {}
     env |= {k: getattr(args, k) for k in ("walker", "control") if getattr(args, k) is not None}
     if args.slope is not None:
@@ -125,11 +127,11 @@ def asked_for(args: argparse.Namespace, kept: Config | None = None) -> Config:
 
 
 def run_to_resume(args: argparse.Namespace) -> tuple[Path, Config]:
-    """The folder to go on with, and its configuration with the new number of steps."""
+    """The folder of the run to resume, and its configuration with the new number of steps."""
     folder = args.out if args.resume is True else Path(args.resume)
     folder = folder or files.latest_run()
     kept = Config.load(folder / files.CONFIG)
-    # A preset that has changed since does not matter: the run keeps its own.
+    # The run keeps the values of its own preset, even if the preset has changed since.
     of_preset = ("hyperparams", "normalize", "exploration", "training")
     asked = replace(asked_for(args, kept), **{name: getattr(kept, name) for name in of_preset})
     differences = kept.differences(asked, ignore=("steps", "every"))
@@ -139,16 +141,16 @@ def run_to_resume(args: argparse.Namespace) -> tuple[Path, Config]:
 
 
 def train(args: argparse.Namespace) -> int:
-    """Train, evaluate, and leave everything in the run's folder."""
+    """Train and evaluate a policy, and write all files into the run's folder."""
     if args.resume is not None:
         folder, config = run_to_resume(args)
     else:
         config = asked_for(args)
-        if args.search is None:  # which is better known before than after hours of training
+        if args.search is None:  # raise a missing extra now rather than after hours of training
             need("matplotlib", "train")
         if args.tensorboard:
             need("tensorboard", "train")
-        envs.check(config)  # refuses nonsense before there is a folder
+        envs.check(config)  # raises an error for invalid input before a folder is made
         if args.search is None and args.ray is not None:
             raise ConfigError("--ray goes with --search: a training is done by this process")
         if args.search is not None:
@@ -176,7 +178,7 @@ def train(args: argparse.Namespace) -> int:
 
 
 def find_better(config: Config, args: argparse.Namespace) -> int:
-    """Search for better hyperparameters, or go on with a search in the same folder."""
+    """Search for better hyperparameters, or resume a search in the same folder."""
     if args.search < 1:
         raise ConfigError(f"--search takes a number of trials from 1 on, not {args.search}")
     from agents.search import BEST, search

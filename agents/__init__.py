@@ -1,4 +1,4 @@
-"""What learns to walk: algorithms and their presets, training, evaluation and the benchmark."""
+"""Learning agents: algorithms and their presets, training, evaluation and the benchmark."""
 
 from gym_passive_walker.control.maps import closed_loop_gait
 

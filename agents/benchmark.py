@@ -1,7 +1,7 @@
-"""Scenes, agents and seeds: everyone who acts, by the same measures.
+"""A benchmark of agents over scenes and seeds, by common measures.
 
-Each unit of work, an agent in a scene with a seed, leaves a file of scores when it is done; what is
-done is not done again.
+Each unit of work is an agent in a scene with a seed. It writes a file of scores when it is
+finished. Finished units are not repeated.
 """
 
 from __future__ import annotations
@@ -38,22 +38,22 @@ from gym_passive_walker.gaits.gait import Gait
 AGENTS = (*BASELINES, *ALGORITHMS)
 EPISODES = 100
 EPISODE_SEED = 1000
-"""Episodes that judge every agent, and the seed of the first."""
+"""Number of evaluation episodes of each agent, and the seed of the first."""
 
 KICKS = 0.01 * np.arange(1, 101)
-"""Changes of the stance rate that are tried, as shares of it."""
+"""Perturbations of the stance leg's angular velocity, as shares of the gait's."""
 
 RECOVERY = 20
-"""Strides after which a walker counts as recovered."""
+"""Strides after which a walker that has not fallen counts as recovered."""
 
 ROUGHNESS = 0.01
 """Standard deviation in rad of the slopes of rough ground, drawn for each stride."""
 
 FARTHEST = 300
-"""Strides after which a walk over rough ground is broken off."""
+"""Largest number of strides of a walk over rough ground."""
 
 EXAMS = 4
-"""Evaluations while an agent learns, besides the early ones."""
+"""Evaluations during training, besides the early ones."""
 
 SCORES = (
     "distance", "strides", "speed", "cost_of_transport", "gravity_cost", "hip_cost",
@@ -64,7 +64,7 @@ SCORES = (
 
 
 class Unit(NamedTuple):
-    """An agent in a scene, with the seed of its learning; 0 where nothing is learned."""
+    """An agent in a scene, with the seed of its training; 0 for an agent that does not learn."""
 
     scene: str
     agent: str
@@ -75,10 +75,10 @@ class Unit(NamedTuple):
 
 
 def units(scenes: Iterable[str], agents: Iterable[str], seeds: int) -> list[Unit]:
-    """What there is to do: seed after seed, so that whatever is done by then can be compared.
+    """All units, seed after seed, so that an interrupted benchmark can be compared.
 
     Raises:
-        ConfigError: if a name is unknown, or there is no seed.
+        ConfigError: if a name is unknown, or `seeds` is below 1.
     """
     scenes, agents = list(scenes), list(agents)
     for what, names, known in (("scene", scenes, tuple(SCENES)), ("agent", agents, AGENTS)):
@@ -98,11 +98,11 @@ def units(scenes: Iterable[str], agents: Iterable[str], seeds: int) -> list[Unit
 
 @lru_cache
 def suits(agent: str, scene: str) -> bool:
-    """Whether an agent can walk in a scene: has a preset, a hip to act by, gaits to follow."""
+    """Whether an agent can act in a scene: it has a preset, or its baseline can be built."""
     if agent in ALGORITHMS:
         return scene in presets(agent)
     if agent == "optimal" and isinstance(make_scene(scene).slope, tuple):
-        return False  # it is judged slope by slope
+        return False  # an optimal gait is for one slope
     try:
         BASELINES[agent](make_scene(scene))
     except (ValueError, GaitNotFound):
@@ -111,13 +111,13 @@ def suits(agent: str, scene: str) -> bool:
 
 
 def run(folder: Path, todo: Sequence[Unit], *, budget: float = 1.0, progress: bool = True) -> None:
-    """Do what is not done yet.
+    """Run the units that have no scores yet.
 
     Args:
-        folder: Where scores and trainings are kept.
-        todo: What is to be done.
-        budget: Steps of each training, as a share of its preset's.
-        progress: Whether to show a bar.
+        folder: Folder of scores and trainings.
+        todo: The units.
+        budget: Steps of each training, as a share of its preset's steps.
+        progress: Whether to show a progress bar.
     """
     left = [unit for unit in todo if not score_path(folder, unit).is_file()]
     bar = tqdm(left, disable=not progress, unit="agent", dynamic_ncols=True)
@@ -129,18 +129,18 @@ def run(folder: Path, todo: Sequence[Unit], *, budget: float = 1.0, progress: bo
 
 
 def score_path(folder: Path, unit: Unit) -> Path:
-    """Where a unit's scores are kept."""
+    """Path of a unit's scores."""
     return folder / "scores" / f"{unit}.json"
 
 
 def load_scores(folder: Path) -> list[dict[str, Any]]:
-    """All scores that are there, each with its unit."""
+    """All scores in a benchmark's folder, each with its scene, agent and seed."""
     paths = sorted((folder / "scores").glob("*.json"))
     return [read_json(path) for path in paths]
 
 
 def measure(folder: Path, unit: Unit, budget: float) -> dict[str, Any]:
-    """Train an agent if it learns, and judge it."""
+    """Train an agent if it learns, and return its scores."""
     if unit.agent not in ALGORITHMS:
         policy = BASELINES[unit.agent](make_scene(unit.scene))
         return {**unit._asdict(), **judge(policy, unit.scene)}
@@ -150,12 +150,12 @@ def measure(folder: Path, unit: Unit, budget: float) -> dict[str, Any]:
 
 
 def _learn(folder: Path, unit: Unit, budget: float) -> dict[str, Any]:
-    """Train, or go on with a training that was interrupted; tell how fast it went."""
+    """Train, or resume an interrupted training; returns how many steps and seconds it took."""
     preset = configure(unit.agent, unit.scene, seed=unit.seed)
     steps = max(1, round(preset.steps * budget))
     training = Run(replace(preset, steps=steps, every=max(1, steps // EXAMS)), folder)
     if not training.train(progress=False):
-        raise KeyboardInterrupt  # half a training is not to be judged; it goes on the next time
+        raise KeyboardInterrupt  # an unfinished training has no scores; it is resumed later
     walked = training.first_to_walk or {"steps": math.nan, "seconds": math.nan}
     return {
         "learning_steps": training.steps,
@@ -195,19 +195,20 @@ def judge(policy: Policy, name: str) -> dict[str, Any]:
         gait = closed_loop_gait(policy, scene)
         score["kick_forward"], score["kick_backward"] = kicks(gait)
         score["largest_multiplier"] = float(abs(gait.multipliers[0]))
-    except GaitNotFound:  # it creeps, or never walks alike
+    except GaitNotFound:  # it barely moves, or its walk is not periodic
         score["kick_forward"] = score["kick_backward"] = math.nan
     return score
 
 
 class Kicks(NamedTuple):
-    """The largest changes of the stance rate just after heelstrike that a walker recovers from.
+    """The largest velocity perturbations just after heelstrike that a walker recovers from.
 
-    Every smaller one of those tried is survived as well. Shares of the gait's own stance rate.
+    The angular velocity of the stance leg is changed, by a share of the gait's. The walker also
+    recovers from every smaller share of `KICKS`.
 
     Attributes:
-        forward: Of those that speed it up.
-        backward: Of those that slow it down.
+        forward: Largest share by which the walker is accelerated.
+        backward: Largest share by which the walker is slowed down.
     """
 
     forward: float
@@ -215,7 +216,7 @@ class Kicks(NamedTuple):
 
 
 def kicks(gait: Gait) -> Kicks:
-    """Kick a walker on its gait, both ways, ever harder."""
+    """Largest velocity perturbations, forward and backward, that a gait withstands."""
     strides = gait.stride_map
     starts = np.repeat(strides.points_at(gait.state), 2 * len(KICKS), axis=0)
     starts[:, 1] *= np.concatenate([1.0 + KICKS, 1.0 - KICKS])
@@ -227,18 +228,19 @@ def kicks(gait: Gait) -> Kicks:
 
 
 def rough_strides(policy: Policy, scene: Scene, *, walkers: int = 100, seed: int = 0) -> float:
-    """How many strides a policy makes until it falls where each stride has a slope of its own.
+    """Mean number of strides of a policy until a fall, with a random slope for each stride.
 
-    Slopes are normal about the scene's own (the middle of its range) by `ROUGHNESS`.
+    Slopes are normally distributed about the scene's slope (the middle of its range), with the
+    standard deviation `ROUGHNESS`.
 
     Args:
-        policy: Who acts.
-        scene: The scene; walkers start as its episodes do.
-        walkers: Over how many the mean is taken.
-        seed: Of the starts and the slopes.
+        policy: The policy.
+        scene: The scene, which also gives the initial states.
+        walkers: Number of walkers over which the mean is taken.
+        seed: Seed of the initial states and the slopes.
 
     Returns:
-        The mean, where walks of `FARTHEST` strides are broken off.
+        The mean; walks end after `FARTHEST` strides.
     """
     middle = float(np.mean(scene.slope))
     several = PassiveWalkerVectorEnv(walkers, make_scene(scene, slope=middle), max_episode_steps=-1)
@@ -251,16 +253,16 @@ def rough_strides(policy: Policy, scene: Scene, *, walkers: int = 100, seed: int
         going &= strides < FARTHEST
         if not going.any():
             break
-        slopes = rng.normal(middle, ROUGHNESS, walkers)  # as many each time, however many strike
+        slopes = rng.normal(middle, ROUGHNESS, walkers)  # draws do not depend on the heelstrikes
         step.observations[:] = several.set_slopes(slopes, step.struck)
     return float(strides.mean())
 
 
 def _above_optimum(scene: str, walks: Walks, speed: float, cost: float) -> float:
-    """How much walks cost above the optimum at their speed, as a share of it.
+    """Cost of transport above the optimum at the walks' speed, as a share of the optimum.
 
-    NaN where no optimum is known, or where most walks end in a fall: strides before a fall live on
-    what the start gave them.
+    NaN if no optimum is known, or if most walks end in a fall: strides before a fall use up the
+    energy of the initial state.
     """
     if walks.endings.count(WALKED_ON) < 0.5 * len(walks):
         return math.nan

@@ -1,4 +1,4 @@
-"""What happens while an algorithm learns: evaluations, progress, a wish to stop."""
+"""Callbacks of a training: evaluations, progress and stop requests."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from types import FrameType
 from stable_baselines3.common.callbacks import BaseCallback
 from tqdm import tqdm
 
-_EARLIEST = 1 / 64  # of an interval; no milestone comes sooner
+_EARLIEST = 1 / 64  # first milestone, as a share of the interval
 
 
 class StopRequest:
-    """Turns the first Ctrl-C (or a termination signal) into a wish; the second one interrupts."""
+    """Turns the first Ctrl-C or termination signal into a stop request; the second interrupts."""
 
     def __init__(self) -> None:
         self.made = False
         self._former: dict[int, object] = {}
 
     def __enter__(self) -> StopRequest:
-        # Only a program's main thread may listen to signals.
+        # Python permits signal handlers in the main thread only.
         if threading.current_thread() is threading.main_thread():
             for number in (signal.SIGINT, signal.SIGTERM):
                 self._former[number] = signal.signal(number, self._wish)
@@ -41,18 +41,18 @@ class StopRequest:
 
 
 class Milestones(BaseCallback):
-    """Calls a function every so many steps, and when training is to stop, between two updates.
+    """Calls a function after every interval of steps, and at a stop request, between two updates.
 
-    Agents learn fastest in the beginning: before the first whole interval there are milestones at
-    a half of it, a quarter, and so on.
+    Agents learn fastest in the beginning, so there are further milestones at a half of the first
+    interval, a quarter of it, and so on.
 
-    Between updates nothing is half done: what is saved there can go on as if uninterrupted.
+    Between two updates the state is complete: a training saved there resumes as if uninterrupted.
 
     Args:
         every: Steps from one milestone to the next.
-        reach: Called at each; is told the seconds spent training since the last one.
-        stop: Who may ask for an end.
-        bar: Shows the steps made.
+        reach: Function called at each milestone, with the training seconds since the last one.
+        stop: The stop request.
+        bar: Progress bar of the steps.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class Milestones(BaseCallback):
         self._since = 0.0
 
     def _init_callback(self) -> None:
-        if self.model.num_timesteps > 0:  # a resumed run stood at its milestone when it was saved
+        if self.model.num_timesteps > 0:  # a resumed run was saved at a milestone
             self._reached = self.model.num_timesteps
         self._since = time.perf_counter()
 
@@ -77,18 +77,18 @@ class Milestones(BaseCallback):
             self.finish()
 
     def _rank(self, steps: int) -> int:
-        """Which milestone has been passed."""
+        """Index of the last milestone before a number of steps."""
         if steps >= self.every:
             return steps // self.every
         return math.floor(math.log2(max(steps / self.every, _EARLIEST))) + 1
 
     def _on_step(self) -> bool:
         self.bar.update(self.model.num_timesteps - self.bar.n)
-        # The step that was just made is forgotten: the milestone before it holds everything.
+        # After a stop, the last step is discarded: the milestone before it has saved everything.
         return not self.stopped
 
     def finish(self) -> None:
-        """Reach a milestone here, unless this is one."""
+        """Call `reach` at the current step, unless it was called there already."""
         if self._reached != self.model.num_timesteps:
             self._reached = self.model.num_timesteps
             self.reach(time.perf_counter() - self._since)

@@ -1,4 +1,4 @@
-"""Everything a training needs to go on as if nothing had happened, saved between two updates."""
+"""Checkpoints: everything that a training needs to resume exactly, saved between two updates."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ _STORED = ("observations", "next_observations", "actions", "rewards", "dones", "
 
 
 def save(path: Path, model: BaseAlgorithm, notes: dict[str, Any]) -> None:
-    """Write a checkpoint as a folder, which appears whole or not at all.
+    """Write a checkpoint as a folder, atomically.
 
     Args:
-        path: The folder, not there yet.
+        path: The folder, which must not exist.
         model: The algorithm, between two updates.
-        notes: What else to keep; JSON.
+        notes: Further values to save, representable as JSON.
     """
     assert model.env is not None
     arrays: dict[str, Any] = {"torch": torch.get_rng_state().numpy()}
@@ -41,7 +41,7 @@ def save(path: Path, model: BaseAlgorithm, notes: dict[str, Any]) -> None:
     normalizer = model.get_vec_normalize_env()
     if normalizer is not None:
         arrays |= moments(normalizer) | {"returns": normalizer.returns}
-    # The library shuffles by numpy's global generator.
+    # stable-baselines3 shuffles with numpy's global generator.
     shuffling: Any = np.random.get_state()  # noqa: NPY002
     kind, keys, *place = shuffling
     arrays["numpy"] = keys
@@ -66,13 +66,13 @@ def save(path: Path, model: BaseAlgorithm, notes: dict[str, Any]) -> None:
 
 
 def restore(path: Path, model: BaseAlgorithm) -> dict[str, Any]:
-    """Put a checkpoint into an untrained algorithm of the same configuration.
+    """Load a checkpoint into an untrained algorithm of the same configuration.
 
     Returns:
-        The notes that were saved with it.
+        The `notes` of `save`.
 
     Raises:
-        ConfigError: if a file of it is damaged, or holds what no training comes to.
+        ConfigError: if a file is damaged, or holds values that no training reaches.
     """
     assert model.env is not None
     restore_weights(model, path / MODEL)
@@ -86,7 +86,7 @@ def restore(path: Path, model: BaseAlgorithm) -> dict[str, Any]:
         }
     model.ep_info_buffer = deque(episodes, maxlen=model._stats_window_size)
     model.ep_success_buffer = deque(maxlen=model._stats_window_size)
-    # The environments first: what follows is the learner's side of the same moment.
+    # Restore the environments first: the arrays below belong to the same step.
     _restore_walkers(model.env, path)
     with reading(path / _ARRAYS):
         keys = _restore_arrays(model, read_arrays(path / _ARRAYS))
@@ -96,18 +96,18 @@ def restore(path: Path, model: BaseAlgorithm) -> dict[str, Any]:
     with reading(path / _NOTES):
         kind, place, *gauss = state["numpy"]
         if not 0 <= whole(place, "numpy's place among its keys", 0) <= len(keys):
-            raise ValueError(f"numpy's place among its keys is {place}")  # which numpy believes
+            raise ValueError(f"numpy's place among its keys is {place}")  # numpy does not check it
         np.random.set_state((kind, keys, place, *gauss))  # noqa: NPY002
         model.action_space.np_random.bit_generator.state = state["action_space"]
     return notes
 
 
 def _restore_arrays(model: BaseAlgorithm, arrays: dict[str, NDArray]) -> NDArray:
-    """Put back what the learner saw last, and torch's random numbers; numpy's are returned.
+    """Restore the last observations and torch's generator; returns the keys of numpy's generator.
 
     Raises:
-        ValueError: if an array is not as the algorithm has it.
-        KeyError: if one is missing.
+        ValueError: if an array does not have the shape and type of the algorithm's.
+        KeyError: if an array is missing.
     """
     seen = np.empty((model.n_envs, *(model.observation_space.shape or ())), np.float32)
     began = np.empty(model.n_envs, bool)
@@ -127,11 +127,11 @@ def _restore_arrays(model: BaseAlgorithm, arrays: dict[str, NDArray]) -> NDArray
 
 
 def _restore_replay(model: Any, stored: dict[str, NDArray]) -> None:
-    """Put back the memory of steps.
+    """Restore the replay buffer.
 
     Raises:
-        ValueError: if it is not as large as the algorithm's, or not filled as it says.
-        KeyError: if a part of it is missing.
+        ValueError: if its size differs from the algorithm's, or from its own fill count.
+        KeyError: if an array is missing.
     """
     replay = model.replay_buffer
     position, full = whole(stored["position"], "position", 0), bool(stored["full"])
@@ -145,10 +145,10 @@ def _restore_replay(model: Any, stored: dict[str, NDArray]) -> None:
 
 
 def _checked(found: NDArray, name: str, own: NDArray) -> NDArray:
-    """An array that was read, if it is of the shape and type that it has here, and finite.
+    """Return an array that was read, after a check against the algorithm's own array.
 
     Raises:
-        ValueError: if it is not.
+        ValueError: if its shape or kind of type differs, or a value is not finite.
     """
     if found.shape != own.shape or found.dtype.kind != own.dtype.kind:
         raise ValueError(
@@ -160,18 +160,18 @@ def _checked(found: NDArray, name: str, own: NDArray) -> NDArray:
 
 
 def _save_walkers(envs: VecEnv, folder: Path) -> None:
-    """Write where the walkers stand, and their random numbers."""
+    """Write the state of the environments, and that of their random generators."""
     state = envs.unwrapped.get_state()  # type: ignore[attr-defined]
     walkers, randoms = state.pop("walkers"), state.pop("random")
     np.savez(folder / _RECORDS, **state)
-    # Walkers are many only where each differs from the others.
+    # Environments that share one walker store it once.
     walkers = [asdict(walker) for walker in (walkers if len(set(walkers)) > 1 else walkers[:1])]
     text = json.dumps({"walkers": walkers, "random": randoms})
     (folder / _RANDOMS).write_text(text, encoding="utf-8")
 
 
 def _restore_walkers(envs: VecEnv, folder: Path) -> None:
-    """Put back what `_save_walkers` wrote."""
+    """Restore what `_save_walkers` wrote."""
     native: Any = envs.unwrapped
     rest: dict[str, Any] = read_json(folder / _RANDOMS)
     with reading(folder / _RANDOMS):

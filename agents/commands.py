@@ -1,4 +1,4 @@
-"""What `train.py` does besides training."""
+"""Commands of `train.py` besides training."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from gym_passive_walker.policies import shipped_policies
 from gym_passive_walker.units import units_of
 
 GRIDS = {"level": (0.05, 0.20, 0.01), "lab": (0.15, 0.23, 0.01), "steep": (0.31, 0.34, 0.005)}
-"""Speeds of the stored optimal gaits of each scene: the first, the last and their distance."""
+"""Speeds over sqrt(g l) of each scene's stored optimal gaits: first, last and spacing."""
 
 
 def _parser(command: str, description: str) -> argparse.ArgumentParser:
@@ -33,7 +33,7 @@ def _parser(command: str, description: str) -> argparse.ArgumentParser:
 
 
 def evaluate(arguments: Sequence[str]) -> int:
-    """Judge the policy of a run that is there."""
+    """Evaluate the policy of a run, or one of the package."""
     parser = _parser("evaluate", "Judge a run's policy beside the passive walker.")
     which = parser.add_mutually_exclusive_group(required=True)
     which.add_argument("run", type=Path, nargs="?", help="folder of the run")
@@ -118,7 +118,7 @@ def show_gait(arguments: Sequence[str]) -> int:
 
 
 def _policy_and_scene(name: str, scene: str | None) -> tuple[Policy, Scene]:
-    """A policy by its name, and the scene in which it is looked at."""
+    """A policy by its name, and the scene in which it acts."""
     if name in BASELINES:
         return acting(name, scene)
     config, policy = learned(name)
@@ -126,7 +126,7 @@ def _policy_and_scene(name: str, scene: str | None) -> tuple[Policy, Scene]:
 
 
 def _described(gait: Gait, least: float) -> str:
-    """A gait's measures, a line each, and the least cost at its speed, if it is known."""
+    """A gait's measures, one line each, and the least cost at its speed, if it is known."""
     units = units_of(gait.walker)
     rows = {
         "speed / √(g l)": f"{gait.froude_speed:.4f}",
@@ -173,7 +173,7 @@ def run_benchmark(arguments: Sequence[str]) -> int:
 
     if args.document is not None:
         try:
-            standings.around_tables(args.document)  # refused now rather than after the work
+            standings.around_tables(args.document)  # raise an error now, not after the benchmark
         except (OSError, ValueError) as error:
             raise ConfigError(str(error)) from None
     if not args.tables:
@@ -196,7 +196,7 @@ def run_benchmark(arguments: Sequence[str]) -> int:
 
 
 def export_policy(arguments: Sequence[str]) -> int:
-    """Write a run's policy as tensors and JSON, as those that come with the package."""
+    """Write a run's policy as tensors and JSON, the format of the package's own policies."""
     parser = _parser("export", "Write a run's policy as tensors and JSON.")
     parser.add_argument("run", help="folder of the run")
     parser.add_argument("folder", type=Path, help="where to")

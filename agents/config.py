@@ -1,4 +1,4 @@
-"""What a run is: a preset, a scene, and what the user changed. Kept beside the run as YAML."""
+"""Configuration of a run: a preset, a scene and the user's changes, saved with the run as YAML."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from gym_passive_walker.envs.scene import kept_argument
 ALGORITHMS = ("ppo", "ppo-fast", "sac", "shac")
 DEFAULT_SCENE = "level"
 EVALUATIONS = 20
-"""How often a run stops to evaluate and to save, unless told otherwise."""
+"""Default number of evaluations and checkpoints of a run."""
 
 _PRESETS = Path(__file__).parent / "presets"
-# What a preset says about the run rather than to the algorithm.
+# Entries of a preset that are not arguments of the algorithm.
 _OF_THE_RUN = ("normalize", "env_wrapper", "callback", "env_kwargs")
 _TIME_LIMIT = "gymnasium.wrappers.TimeLimit"
 _EXPLORATION = {
@@ -31,33 +31,33 @@ _EXPLORATION = {
 
 
 class ConfigError(ValueError):
-    """A run cannot be set up so; the message says what is wrong, and what is allowed."""
+    """An invalid configuration; the message names the fault and the allowed values."""
 
 
 def reason(error: Exception) -> str:
-    """What an error says, in one line."""
+    """The message of an error, in one line."""
     said = " ".join(str(error).split()) or type(error).__name__
     return f"{said} is missing" if isinstance(error, KeyError) else said
 
 
 @dataclass(frozen=True, kw_only=True)
 class Config:
-    """Everything that decides how a run goes.
+    """Everything that determines a run.
 
     Attributes:
         algo: One of `ALGORITHMS`.
         scene: Name of the scene.
         env: Arguments of the environment that differ from the scene's own.
-        n_envs: Environments side by side.
-        steps: Environment steps to train for, all environments together.
-        seed: Seed of the environments, of the initial weights and of the exploration.
+        n_envs: Number of parallel environments.
+        steps: Environment steps to train for, summed over the environments.
+        seed: Seed of the environments, the initial weights and the exploration.
         every: Steps from one evaluation and checkpoint to the next.
-        episode_steps: Steps after which episodes are broken off while learning, so that there are
-            many starts; None is the environment's own limit. Evaluations always have that one.
-        normalize: Arguments of VecNormalize; None trains on the bare environment.
+        episode_steps: Steps after which a training episode is truncated, so that there are many
+            initial states; None is the environment's limit. Evaluations always use that limit.
+        normalize: Arguments of VecNormalize; None trains without it.
         hyperparams: Arguments of the algorithm.
-        exploration: Arguments of the algorithm's callback in `exploration`; None does without.
-        training: Arguments of the environment that hold only while the agent learns.
+        exploration: Arguments of the algorithm's callback in `exploration`; None for no callback.
+        training: Arguments of the environment that apply to training only.
     """
 
     algo: str
@@ -74,10 +74,10 @@ class Config:
     training: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """Refuse what no run can begin with.
+        """Validate all values.
 
         Raises:
-            ConfigError: if a value is of another kind, or out of range.
+            ConfigError: if a value has the wrong type, or is out of range.
         """
         try:
             for name in ("n_envs", "steps", "every"):
@@ -105,7 +105,7 @@ class Config:
     def preset(self) -> dict[str, Any]:
         """The preset, in rl_zoo3's layout, with this configuration's steps and hyperparameters."""
         preset = preset_of(self.algo, self.scene, self.env)
-        # What stands there as text, only text can hold.
+        # rl_zoo3 writes policy_kwargs as text, so the preset's text is kept.
         plain = {name: v for name, v in self.hyperparams.items() if name != "policy_kwargs"}
         return preset | plain | {"n_envs": self.n_envs, "n_timesteps": self.steps}
 
@@ -131,7 +131,7 @@ class Config:
             raise ConfigError(f"{path} is not a run's configuration: {reason(error)}") from None
 
     def differences(self, other: Config, *, ignore: tuple[str, ...] = ()) -> list[str]:
-        """What another configuration says otherwise, one line each."""
+        """Values in which another configuration differs, one line each."""
         return [
             f"{name}: {getattr(self, name)!r} here, {getattr(other, name)!r} asked for"
             for name in (f.name for f in fields(self))
@@ -148,7 +148,7 @@ def presets(algo: str) -> dict[str, dict[str, Any]]:
 
 
 def preset_of(algo: str, scene: str, env: dict[str, Any]) -> dict[str, Any]:
-    """A copy of the preset of a scene; a control of its own brings that control's with it."""
+    """A copy of the preset of a scene; `control` in `env` selects the preset of that name."""
     of_algo = presets(algo)
     name = env.get("control", scene)
     if name not in of_algo:
@@ -166,17 +166,18 @@ def configure(
     seed: int = 0,
     every: int | None = None,
 ) -> Config:
-    """A run's configuration: the preset of a scene, with what is given put over it.
+    """A run's configuration: the preset of a scene, with the given values in place of its own.
 
     Args:
         algo: One of `ALGORITHMS`.
         scene: Name of the scene.
-        env: Arguments of the environment that differ from the scene's own. A control of its own
-            brings that control's preset with it. A walker or a terrain may be a file; the run keeps
-            what the file holds.
+        env: Arguments of the environment that differ from the scene's own. `control` selects the
+            preset of that control. A walker or a terrain may be a file; the run stores the file's
+            content.
         steps: Environment steps; the preset's when None.
-        n_envs: Environments side by side; the preset's when None. PPO keeps the size of its update.
-        seed: Seed of everything.
+        n_envs: Number of parallel environments; the preset's when None. PPO keeps the size of its
+            update.
+        seed: Seed of the environments, the initial weights and the exploration.
         every: Steps from one evaluation and checkpoint to the next; a twentieth of all when None.
 
     Raises:
@@ -188,7 +189,7 @@ def configure(
     total: int = preset.pop("n_timesteps")
     normalize, wrapper, callback, training = (preset.pop(key, None) for key in _OF_THE_RUN)
     if n_envs is not None and algo in ("ppo", "ppo-fast") and n_envs > 0:
-        # Of an update as large, as many whole batches.
+        # Keep the size of an update and its number of batches, as nearly as whole steps permit.
         update = preset["n_steps"] * count
         batches = max(1, update // preset["batch_size"])
         preset["n_steps"] = batches * max(1, round(update / n_envs / batches))
@@ -212,7 +213,7 @@ def configure(
 
 
 def _kept(name: str, value: Any) -> Any:
-    """An argument of the environment as a run keeps it."""
+    """An argument of the environment in the form that a run saves."""
     try:
         return kept_argument(name, value)
     except (ImportError, ValueError) as error:
@@ -231,7 +232,7 @@ def _exploration(algo: str, callbacks: dict[str, Any] | None) -> dict[str, Any] 
 
 
 def _normalizer(entry: bool | str | dict[str, Any]) -> dict[str, Any] | None:
-    """VecNormalize's arguments from rl_zoo3's notation: a truth value, or a dict as a string."""
+    """VecNormalize's arguments from rl_zoo3's notation: a boolean, or a dict as a string."""
     if isinstance(entry, str):
         entry = ast.literal_eval(entry)
     return {} if entry is True else (entry or None)  # type: ignore[return-value]
@@ -240,7 +241,7 @@ def _normalizer(entry: bool | str | dict[str, Any]) -> dict[str, Any] | None:
 def _arguments_of_the_policy(preset: dict[str, Any]) -> dict[str, Any]:
     """A preset's "policy_kwargs" from rl_zoo3's notation: a dict, or "dict(...)" as a string.
 
-    Names of torch such as nn.ReLU stay text, which a run's YAML can keep.
+    Names of torch such as nn.ReLU stay text, which a run's YAML can store.
     """
     entry = preset.get("policy_kwargs")
     if not isinstance(entry, str):

@@ -1,4 +1,4 @@
-"""The environments of a run: where agents learn, and where they are judged."""
+"""The environments of a run, for training and for evaluation."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ ID = "PassiveWalker-v0"
 
 
 def scene_of(config: Config, **changes: Any) -> Scene:
-    """The scene of a run, with changes, checked.
+    """The scene of a run, with changes.
 
     Raises:
-        ConfigError: if it has a walker, a slope or a rule that is none.
+        ConfigError: if an argument of the scene is invalid.
     """
     try:
         return make_scene(config.scene, **config.env | changes)
@@ -28,7 +28,10 @@ def scene_of(config: Config, **changes: Any) -> Scene:
 
 
 def training_envs(config: Config, count: int | None = None) -> PassiveWalkerVecEnv:
-    """Environments to learn in, as stable-baselines3 wants them; the configured number if None."""
+    """Training environments as a `VecEnv` of stable-baselines3.
+
+    There are `count` environments, or `config.n_envs` if `count` is None.
+    """
     return PassiveWalkerVecEnv(
         config.n_envs if count is None else count,
         scene_of(config, **config.training),
@@ -37,20 +40,20 @@ def training_envs(config: Config, count: int | None = None) -> PassiveWalkerVecE
 
 
 def arena(config: Config, count: int) -> gymnasium.vector.VectorEnv:
-    """Environments to be judged in, apart from those of the training."""
+    """Environments for evaluation, separate from those of the training."""
     return gymnasium.make_vec(ID, num_envs=count, scene=scene_of(config))
 
 
 def single(config: Config) -> gymnasium.Env:
-    """One environment, to look at closely."""
+    """One environment, for drawing a gait."""
     return gymnasium.make(ID, scene=scene_of(config))
 
 
 def check(config: Config) -> None:
-    """Refuse a scene in which no episode can begin.
+    """Check that an episode of the scene can begin.
 
     Raises:
-        ConfigError: if it is so.
+        ConfigError: if it cannot.
     """
     try:
         training_envs(config, 1).reset()

@@ -1,4 +1,4 @@
-"""A policy judged beside the passive walker, and what is kept of it."""
+"""Evaluation of a policy beside the passive walker, and its files."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gym_passive_walker.evaluation.walks import evaluate, table
 from gym_passive_walker.files import replacing
 
 EPISODES, SEED = 20, 1000
-"""Episodes that judge a run, and the seed of the first."""
+"""Number of episodes that evaluate a run, and the seed of the first."""
 
 
 def write_rows(path: Path, rows: Sequence[dict[str, Any]]) -> None:
@@ -29,19 +29,19 @@ def write_rows(path: Path, rows: Sequence[dict[str, Any]]) -> None:
 def judge(
     which: Path | str, *, episodes: int = EPISODES, seed: int = SEED
 ) -> tuple[str, list[dict[str, Any]]]:
-    """Let a policy and the passive walker walk the same episodes.
+    """Evaluate a policy and the passive walker over the same episodes.
 
     Args:
-        which: A policy, as of `learned`.
-        episodes: How many episodes.
-        seed: Of the first one.
+        which: Folder of a run or of an exported policy, or the name of a policy of the package.
+        episodes: Number of episodes.
+        seed: Seed of the first episode.
 
     Returns:
         The table, and a row for each episode, which `keep` writes.
 
     Raises:
         ConfigError: if there is no such policy.
-        ValueError: if there is no episode, or the seed is negative.
+        ValueError: if `episodes` is below 1, or the seed is negative.
     """
     episodes, seed = whole(episodes, "episodes"), whole(seed, "seed", least=0)
     config, policy = learned(which)
@@ -55,7 +55,7 @@ def judge(
 
 
 def keep(run: Path, text: str, rows: Sequence[dict[str, Any]]) -> None:
-    """Write what `judge` found into a run's folder."""
+    """Write the results of `judge` into a run's folder."""
     with replacing(run / "evaluation.txt") as path:
         path.write_text(text + "\n", encoding="utf-8")
     with replacing(run / "evaluation.csv") as path:

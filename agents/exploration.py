@@ -1,4 +1,4 @@
-"""How an algorithm keeps trying what it does not do yet."""
+"""Callbacks that control how an algorithm explores."""
 
 from __future__ import annotations
 
@@ -16,20 +16,22 @@ from gym_passive_walker.envs.scene import make_scene
 
 
 class Schedule(BaseCallback):
-    """Keeps PPO and SHAC from settling for the first gait that it finds.
+    """Schedules the noise of PPO and SHAC, so that they do not stay with the first gait they find.
 
-    Left to itself, PPO's noise shrinks as soon as it walks, and what takes several ticks together
-    is not found any more: to hold the swing leg before it lands costs work until it is held in
-    full. So the noise follows a schedule; and while braking is free, a little of a hold costs
-    nothing. To SHAC noise is also what makes corners smooth, and gradients tell of them.
+    PPO by itself reduces its noise as soon as the walker walks. Then it no longer finds actions
+    that pay only over several control steps. One is to hold the swing leg before it lands, which
+    costs work until the leg is held completely. So the noise follows a schedule. While braking is
+    free, a partial hold costs nothing. For SHAC, noise also smooths the corners of the return, so
+    that gradients account for them.
 
-    All of it follows from the steps made and asked for, so a resumed run needs no memory of it.
+    The schedule depends only on the steps made and requested, so a resumed run needs no more state.
 
     Args:
-        log_std: Logarithm of the noise's standard deviation at shares of the steps asked for;
+        log_std: Logarithm of the noise's standard deviation at shares of the requested steps;
             linear between them.
-        energy: What the motor is charged for at first, as of `Scene`; None is the scene's own.
-        until: Share of the steps after which it is the scene's own.
+        energy: Actuator work that costs energy at first: "absolute", "positive" or "net"; None is
+            the scene's own.
+        until: Share of the steps after which the scene's own `energy` applies.
     """
 
     def __init__(
@@ -40,7 +42,7 @@ class Schedule(BaseCallback):
         if not shares:
             raise ValueError("log_std must say the noise at one share of the steps or more")
         if energy is not None:
-            make_scene(energy=energy)  # refuses what is none
+            make_scene(energy=energy)  # raises an error for an unknown value
         self.shares, self.values = np.array([shares, [log_std[share] for share in shares]], float)
         self.energy, self.until = energy, number(until, "until")
 
@@ -55,14 +57,15 @@ class Schedule(BaseCallback):
 
 
 class Ladder(BaseCallback):
-    """Lets SAC's walkers stray from its policy, each more boldly than the one before.
+    """Adds noise to SAC's actions, with a standard deviation that increases from walker to walker.
 
-    SAC learns from what others do as well: so its policy may have as little noise as a motor that
-    is paid by work should, while the critics still see what other torques lead to.
+    SAC is off-policy: it also learns from actions that its policy would not choose. So the policy
+    can have the small noise that an energy cost requires, and the critics still see other torques.
 
     Args:
         lowest: Standard deviation of the first walker's noise, in shares of the largest torque.
-        highest: That of the last one; those between are in geometric progression.
+        highest: Standard deviation of the last walker's noise, in shares of the largest torque; the
+            walkers between are in geometric progression.
     """
 
     def __init__(self, lowest: float, highest: float) -> None:
@@ -94,10 +97,10 @@ _EXPLORERS: dict[str, type[BaseCallback]] = {
 
 
 def explorers(algo: str, arguments: Mapping[str, Any] | None) -> list[BaseCallback]:
-    """The callback by which an algorithm explores; none if it is told no arguments of it.
+    """The callbacks by which an algorithm explores; an empty list if `arguments` is None.
 
     Raises:
-        ConfigError: if the callback has no such arguments.
+        ConfigError: if the arguments are invalid.
     """
     try:
         return [] if arguments is None else [_EXPLORERS[algo](**arguments)]

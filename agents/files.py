@@ -1,16 +1,16 @@
-"""Files of a run, each written whole or not at all by `gym_passive_walker.files.replacing`.
+"""Files of a run, each written atomically by `gym_passive_walker.files.replacing`.
 
-What was damaged all the same is read to a sentence that names the file.
+A damaged file raises an error that names the file.
 
 A run's folder holds:
 
-    config.yml            what was asked for
-    checkpoints/<steps>/  everything to go on from; the newest one stays
-    model.zip             the kept policy, in stable-baselines3's own format
-    normalizer.npz        its VecNormalize's moments
-    learning_curve.csv    one row an evaluation; learning_curve.png draws it
-    evaluation.csv        the final evaluation, one row an episode; evaluation.txt is its table
-    gait.png              strobe picture of the learned gait
+    config.yml            the configuration;
+    checkpoints/<steps>/  the newest checkpoint, from which the run resumes;
+    model.zip             the best policy so far, in stable-baselines3's format;
+    normalizer.npz        the moments of its VecNormalize;
+    learning_curve.csv    one row for each evaluation; learning_curve.png draws them;
+    evaluation.csv        the final evaluation, one row an episode; evaluation.txt is its table;
+    gait.png              stroboscopic picture of the learned gait.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ RUNS = Path("runs")
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Turn whatever a damaged file does to its reader into a sentence.
+    """Turn any error while a file is read into a `ConfigError` that names the file.
 
     Raises:
-        ConfigError: if it is not there, or does not hold what belongs there.
+        ConfigError: if the file is missing, or its content is invalid.
     """
     try:
         yield
@@ -58,14 +58,14 @@ def read_arrays(path: Path) -> dict[str, NDArray]:
         ConfigError: if it is damaged.
     """
     with reading(path), path.open("rb") as file:
-        if not zipfile.is_zipfile(file):  # numpy would take it for a pickle, and say so
+        if not zipfile.is_zipfile(file):  # numpy's error would mention pickles
             raise ValueError("it is no NPZ file")
         with np.load(file) as arrays:
             return dict(arrays)
 
 
 def read_json(path: Path) -> Any:
-    """What a JSON file says.
+    """The content of a JSON file.
 
     Raises:
         ConfigError: if it is damaged.
@@ -75,10 +75,10 @@ def read_json(path: Path) -> Any:
 
 
 def new_run(folder: Path | None, name: str) -> Path:
-    """A folder for a new run: the one asked for, or the first free number under `runs`.
+    """Create the folder of a new run: the given one, or the first free number under `runs`.
 
     Raises:
-        ConfigError: if the folder asked for is taken.
+        ConfigError: if the given folder is not empty, or is a file.
     """
     if folder is None:
         free = (RUNS / f"{name}-{number}" for number in count(1))
@@ -92,7 +92,11 @@ def new_run(folder: Path | None, name: str) -> Path:
 
 
 def latest_run() -> Path:
-    """The run under `runs` that was written last."""
+    """The folder under `runs` that was written last.
+
+    Raises:
+        ConfigError: if there is no run.
+    """
     found = [path for path in RUNS.glob("*") if (path / CONFIG).is_file()]
     if not found:
         raise ConfigError(f"there is no run to go on with under {RUNS.resolve()}")
@@ -100,17 +104,17 @@ def latest_run() -> Path:
 
 
 def checkpoint_path(run: Path, steps: int) -> Path:
-    """Where the checkpoint after that many steps belongs."""
+    """Path of the checkpoint after a number of steps."""
     return run / "checkpoints" / f"{steps:012d}"
 
 
 def newest_checkpoint(run: Path) -> Path | None:
-    """The newest whole checkpoint of a run; None if there is none yet."""
+    """The newest complete checkpoint of a run; None if there is none yet."""
     return max((p for p in (run / "checkpoints").glob("[0-9]*") if p.is_dir()), default=None)
 
 
 def drop_older_checkpoints(newest: Path) -> None:
-    """Remove the checkpoints before `newest`, and what a kill left unfinished."""
+    """Remove the checkpoints before `newest`, and those that an abrupt end left unfinished."""
     for path in newest.parent.iterdir():
         if path != newest and (path.name.startswith(".") or path.name < newest.name):
             remove(path)

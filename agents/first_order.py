@@ -1,17 +1,19 @@
-"""Learning by the exact gradients of steps: an actor and a critic over short horizons.
+"""A short-horizon actor-critic (SHAC) that learns from exact gradients of the environment's steps.
 
-As in SHAC (Xu et al.: Accelerated Policy Learning with Parallel Differentiable Simulation, 2022),
-many walkers walk for some steps, what they earn is differentiated backwards through these steps,
-and a critic stands for all that comes after. Other than there,
+As in SHAC, many walkers make some steps, and their rewards are differentiated backwards through
+these steps. A critic stands for all later rewards. There are three differences:
 
-- the policy does not follow the gradient by its weights: each action is moved up its own gradient,
-  and the network is fitted to the actions that come of it. A push and the pause after it differ
-  by a tick, which weights that all actions share are slow to tell apart;
-- the critic learns slopes beside values: the backward sweep knows, for each state, how what is to
-  come changes with it. Six numbers more from every step, and it is these that the actor needs;
-- noise smooths what has corners, and goes as training does (`exploration.Schedule`).
+- Each action is moved along its own gradient, and the network is fitted to the new actions. The
+  policy's weights do not follow the gradient directly: a push and the pause after it are one
+  control step apart, which shared weights are slow to distinguish.
+- The critic also learns the derivatives of its value by the state. The backward sweep computes
+  these six numbers for every step, and the actor needs them.
+- Noise smooths the corners of the return, and decreases during training (`exploration.Schedule`).
 
 Collecting steps, values by TD(lambda), time limits and files are those of stable-baselines3.
+
+References:
+    J. Xu et al., "Accelerated policy learning with parallel differentiable simulation", 2022.
 """
 
 from __future__ import annotations
@@ -32,27 +34,27 @@ from torch import Tensor, nn
 
 from gym_passive_walker.evaluation.tape import Linear, Tape
 
-_STATE = slice(0, 6)  # of an observation: what moves
+_STATE = slice(0, 6)  # the state within an observation
 _LISTENING = 10
-"""Horizons in which the policy comes to move as far as it is told to: a critic that has seen
-nothing tells nothing, and where all walkers have learned to fall no gradient helps them up."""
+"""Horizons over which the steps of the actions grow to their full size. At first the critic is
+untrained, and once all walkers have learned to fall, the gradient is zero."""
 
 _FARTHEST = 1.2
-"""Largest action that a policy learns: beyond the bound, yet not a long way back from it."""
+"""Largest action that a policy learns: a little beyond the bound of 1, so that it can return."""
 
 _BOLDEST, _STEEPEST = 5.0, 10.0
-"""Largest gradient by an action, in typical ones, and slope of a value that are learned from:
-beside a strike that grazes they grow beyond all bounds."""
+"""Bounds of the gradients by actions, in root mean squares, and of the derivatives of values.
+Near a grazing impact both grow without bound."""
 
 
 class Taped(VecEnvWrapper):
-    """Walkers whose steps are noted, with where each step has led.
+    """Environments that record their steps and the results, for differentiation.
 
     Attributes:
-        tape: The steps.
-        seen: What each walker saw after each step, before the next episode began.
-        ended: Whose episode ended with it.
-        fell: Whose did so by a fall, so that nothing comes after.
+        tape: The recorded steps.
+        seen: Observations after each step, before a reset; one array (n, 8) for each step.
+        ended: Whether the episode ended with the step; one boolean array (n,) for each step.
+        fell: Whether it ended by a fall, with no later rewards; a boolean array (n,) for each step.
     """
 
     def __init__(self, venv: VecEnv) -> None:
@@ -61,23 +63,23 @@ class Taped(VecEnvWrapper):
         self.clear()
 
     def clear(self) -> None:
-        """Forget all steps."""
+        """Delete all recorded steps."""
         self.tape.clear()
         self.seen: list[NDArray] = []
         self.ended: list[NDArray] = []
         self.fell: list[NDArray] = []
 
     def reset(self) -> VecEnvObs:
-        """Begin an episode in every environment."""
+        """Reset every environment."""
         return self.venv.reset()
 
     def step_async(self, actions: NDArray) -> None:
-        """Take note of the step, and let it be made."""
+        """Record a step, and start it."""
         self.tape.note(actions)
         self.venv.step_async(actions)
 
     def step_wait(self) -> VecEnvStepReturn:
-        """The step, and note of where it has led."""
+        """Finish a step, and record its results."""
         observations, rewards, dones, infos = self.venv.step_wait()
         seen, fell = np.array(observations), dones.copy()
         for i in np.flatnonzero(dones):
@@ -97,27 +99,27 @@ def backwards(
     gamma: float,
     gae_lambda: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Sweep backwards through T steps of n walkers: what they earn, by actions and by states.
+    """Derivatives of the returns of T steps of n walkers by actions and states, swept backwards.
 
-    The chain rule, with TD(lambda)'s weights: after each step the critic's word counts as well.
+    This is the chain rule with the weights of TD(lambda), which mix in the critic after each step.
     Along an episode that neither ends nor leaves the horizon, the costate before a step is
 
         rewards_by_state + gamma A' m + policy (rewards_by_action + gamma B' m),
 
-    where A and B are what the step does to states and m mixes the costate after it with the
-    critic's slope there.
+    where A and B are the derivatives of the step's end by its initial state and its action. The
+    vector m mixes the costate after the step with the critic's derivative there.
 
     Args:
-        linear: The steps.
-        policy: How each action changes with the state that it answers, (T, n, 6).
-        critic: How the value changes with the state in which each step ends, (T, n, 6); 0 at falls.
-        ended: Whose episode ended with each step, (T, n).
-        gamma: The discount.
-        gae_lambda: The weight of what follows over what the critic says of it.
+        linear: Derivatives of the steps.
+        policy: Derivative of each action by the state before it, shape (T, n, 6).
+        critic: Derivative of the value by the state after each step, shape (T, n, 6); 0 at falls.
+        ended: Whether the episode ended with the step, shape (T, n).
+        gamma: Discount factor.
+        gae_lambda: Weight of the later steps relative to the critic.
 
     Returns:
-        How the return from each step on changes with its action, (T, n); and with the state in
-        which it begins, (T, n, 6), the costate.
+        Derivative of the return from each step by its action, shape (T, n); and by the state before
+        it, shape (T, n, 6), the costate.
     """
     gains, costates = np.empty(ended.shape), np.empty(critic.shape)
     costate = critic[-1]
@@ -133,29 +135,30 @@ def backwards(
 
 
 class SHAC(OnPolicyAlgorithm):
-    """A short-horizon actor-critic on exact gradients, for walkers driven by the hip.
+    """A short-horizon actor-critic on exact gradients, for walkers with a hip actuator.
 
     Args:
         policy: "MlpPolicy".
-        env: A `PassiveWalkerVecEnv`, in VecNormalize or not; one that leaves rewards as they are.
-        learning_rate: Of the networks, or its schedule.
-        n_steps: The horizon.
-        batch_size: States that networks are fitted to at once.
-        n_epochs: How often they are fitted to the states of a horizon.
-        gamma: The discount.
-        gae_lambda: As of `backwards`; of the values too.
-        reach: How far an action is moved whose gradient is a typical one, in largest torques.
-        max_grad_norm: At which the gradient of the networks' weights is clipped.
-        stats_window_size: As of stable-baselines3, as is what follows.
+        env: A `PassiveWalkerVecEnv`, alone or in a VecNormalize that does not normalize rewards.
+        learning_rate: Learning rate of the networks, or its schedule.
+        n_steps: Steps in a horizon.
+        batch_size: States in a batch that the networks are fitted to.
+        n_epochs: How often the networks are fitted to the states of a horizon.
+        gamma: Discount factor.
+        gae_lambda: Weight of the later steps in `backwards`, and in the values.
+        reach: Distance, in largest torques, by which an action with a gradient of root mean square
+            size is moved.
+        max_grad_norm: Norm at which the gradient of the networks' weights is clipped.
+        stats_window_size: Episodes in the statistics of stable-baselines3.
         tensorboard_log: Folder of logs.
         policy_kwargs: Arguments of the policy.
-        verbose: 0 for silence.
-        seed: Of weights, noise and walkers.
-        device: Where networks are.
-        _init_setup_model: Whether to build them at once.
+        verbose: 0 prints nothing.
+        seed: Seed of weights, noise and walkers.
+        device: Device of the networks.
+        _init_setup_model: Whether to build the networks at once.
 
     Raises:
-        TypeError: if rewards are normalised: their gradients are those of what walkers earn.
+        TypeError: if rewards are normalized, because the gradients are those of the raw rewards.
     """
 
     policy_aliases: dict[str, type[BasePolicy]] = {"MlpPolicy": ActorCriticPolicy}  # noqa: RUF012
@@ -197,21 +200,21 @@ class SHAC(OnPolicyAlgorithm):
         return Taped(BaseAlgorithm._wrap_env(env, verbose, monitor_wrapper))
 
     def collect_rollouts(self, env: VecEnv, *args: Any, **kwargs: Any) -> bool:
-        """As of stable-baselines3, on a tape of its own."""
+        """Collect a rollout as stable-baselines3 does, with newly recorded steps."""
         assert isinstance(env, Taped)
         env.clear()
         return super().collect_rollouts(env, *args, **kwargs)
 
     def action(self, seen: Tensor) -> Tensor:
-        """What the policy does without noise, (..., 8) to (...)."""
+        """The policy's action without noise, (...), from observations (..., 8)."""
         return self.policy.action_net(self.policy.mlp_extractor.forward_actor(seen))[..., 0]
 
     def value(self, seen: Tensor) -> Tensor:
-        """What the critic expects, (..., 8) to (...)."""
+        """The critic's value, (...), from observations (..., 8)."""
         return self.policy.value_net(self.policy.mlp_extractor.forward_critic(seen))[..., 0]
 
     def train(self) -> None:
-        """Fit policy and critic to the horizon that has just been walked."""
+        """Fit policy and critic to the last horizon."""
         self.policy.set_training_mode(True)
         self._update_learning_rate(self.policy.optimizer)
         seen = torch.as_tensor(self.rollout_buffer.observations)
@@ -229,7 +232,10 @@ class SHAC(OnPolicyAlgorithm):
         self._n_updates += self.n_epochs
 
     def _gradients(self, seen: NDArray) -> tuple[NDArray, NDArray]:
-        """Gradients by actions, in typical ones, (T, n); by states as the networks see them."""
+        """Gradients by actions over their root mean square, (T, n), and by states, (T, n, 6).
+
+        The states are scaled as the networks' inputs are.
+        """
         env, actions = self.env, self.rollout_buffer.actions[..., 0]
         assert isinstance(env, Taped)
         normalizer, spread = self.get_vec_normalize_env(), np.ones(seen.shape[-1])
@@ -245,7 +251,7 @@ class SHAC(OnPolicyAlgorithm):
             env.tape.linearize(), policy, critic, np.stack(env.ended),
             gamma=self.gamma, gae_lambda=self.gae_lambda,
         )  # fmt: skip
-        # An action beyond its bounds may come back, and need not go on.
+        # An action beyond its bounds is moved back towards them, but not further away.
         gains[beyond & (actions * gains > 0.0)] = 0.0
         typical = np.sqrt(np.mean(gains**2)) or 1.0
         return (
@@ -254,7 +260,7 @@ class SHAC(OnPolicyAlgorithm):
         )
 
     def _fit(self, seen: Tensor, actions: Tensor, values: Tensor, slopes: Tensor) -> None:
-        """Bring the networks nearer to actions (k,), values (k,) and slopes (k, 6) for states."""
+        """Make one step of fitting to actions (k,), values (k,) and their derivatives (k, 6)."""
         leaf = seen.clone().requires_grad_()
         expected = self.value(leaf)
         (by_state,) = torch.autograd.grad(expected.sum(), leaf, create_graph=True)
@@ -272,7 +278,7 @@ def _single(array: NDArray) -> Tensor:
 
 
 def _by_state(function: Callable[[Tensor], Tensor], seen: NDArray) -> NDArray[np.float64]:
-    """How a function of observations (T, n, 8) changes with the state in each, (T, n, 6)."""
+    """Derivative of a function of observations (T, n, 8) by the state in each, (T, n, 6)."""
     leaf = torch.tensor(seen, requires_grad=True)
     (gradient,) = torch.autograd.grad(function(leaf).sum(), leaf)
     return gradient[..., _STATE].double().numpy()

@@ -1,7 +1,7 @@
-"""Algorithms from a configuration, and policies to their files and back.
+"""Build algorithms from a configuration; write policies to files and read them.
 
-Nothing here unpickles: an algorithm is built afresh from its YAML, and only numbers are read from
-disk (tensors with `weights_only`, arrays without pickles).
+No file is unpickled. An algorithm is built from its YAML, and only numbers are read from disk
+(tensors with `weights_only`, arrays without pickles).
 """
 
 from __future__ import annotations
@@ -44,16 +44,16 @@ _CLASSES: dict[str, type[BaseAlgorithm]] = {
 }  # fmt: skip
 _MOMENTS = ("obs_rms", "ret_rms")
 _PLAIN = (bool, int, float, str, type(None))
-_OURS = ("env", "venv", "seed", "device")  # what a configuration decides elsewhere
+_OURS = ("env", "venv", "seed", "device")  # arguments that other parts of a configuration set
 
 
 def build(config: Config, envs: VecEnv, **overrides: Any) -> BaseAlgorithm:
-    """An untrained algorithm on some environments, which it wraps in VecNormalize if so configured.
+    """Build an untrained algorithm; its environments are wrapped in VecNormalize if configured.
 
-    Overrides are arguments of the algorithm that take the place of the configured ones.
+    Overrides are arguments of the algorithm that replace the configured ones.
 
     Raises:
-        ConfigError: if the algorithm has no such hyperparameters, or cannot have them so.
+        ConfigError: if a hyperparameter is unknown or invalid.
     """
     of, arguments = _CLASSES[config.algo], config.hyperparams | overrides
     _check(of, arguments)
@@ -65,23 +65,23 @@ def build(config: Config, envs: VecEnv, **overrides: Any) -> BaseAlgorithm:
         arguments["learning_rate"] = _schedule(arguments["learning_rate"])
         arguments["policy"] = POLICIES.get(arguments["policy"], arguments["policy"])
         arguments["policy_kwargs"] = _with_activation(arguments.get("policy_kwargs"))
-        # Networks this small are faster on the CPU, and the same there on each run; but what
-        # lives on tensors goes where there is a GPU.
+        # Networks this small are faster on the CPU, and reproducible there. FastPPO also keeps its
+        # walkers in tensors, so it uses a GPU if there is one.
         device = "auto" if of is FastPPO else "cpu"
         return of(env=envs, seed=config.seed, device=device, **arguments)
-    except Exception as error:  # it may stumble over a wrong value anywhere
+    except Exception as error:  # an invalid value may raise any error in the library
         raise ConfigError(
             f"{config.algo.upper()} cannot be built as its configuration says: {reason(error)}"
         ) from None
 
 
 def _check(of: type, arguments: Mapping[str, Any]) -> None:
-    """Refuse what a class of the library does not take, and plain values of another kind.
+    """Check the arguments of a class of stable-baselines3: their names, and types of plain values.
 
-    Most of it would only stumble over them in the midst of its first update.
+    Without this check, most invalid values would raise an error only during the first update.
 
     Raises:
-        ConfigError: if there is one.
+        ConfigError: if an argument is unknown or has the wrong type.
     """
     known = {
         k: v for k, v in inspect.signature(of, eval_str=True).parameters.items() if k not in _OURS
@@ -99,7 +99,7 @@ def _check(of: type, arguments: Mapping[str, Any]) -> None:
 
 
 def _schedule(rate: float | str) -> float | Callable[[float], float]:
-    """A learning rate in rl_zoo3's notation: a number, or "lin_1e-3", which falls to zero."""
+    """A learning rate from rl_zoo3's notation: a number, or "lin_1e-3", which decreases to 0."""
     if not isinstance(rate, str):
         return rate
     start = float(rate.removeprefix("lin_"))
@@ -107,9 +107,9 @@ def _schedule(rate: float | str) -> float | Callable[[float], float]:
 
 
 def _with_activation(policy: dict[str, Any] | None) -> dict[str, Any] | None:
-    """A policy's arguments with the activation that their text names: "nn.ReLU".
+    """A policy's arguments, with the torch class in place of an activation's name ("nn.ReLU").
 
-    They are a copy: algorithms write into theirs, and a preset's serve others too.
+    They are a copy, because algorithms modify their arguments and a preset is shared.
     """
     if policy is None or "activation_fn" not in policy:
         return deepcopy(policy)
@@ -120,10 +120,10 @@ def _with_activation(policy: dict[str, Any] | None) -> dict[str, Any] | None:
 
 
 def restore_weights(model: BaseAlgorithm, path: Path) -> None:
-    """Put the tensors of a file of stable-baselines3 into an algorithm of the same make.
+    """Load the tensors of a stable-baselines3 file into an algorithm of the same architecture.
 
     Raises:
-        ConfigError: if the file is damaged, or of another make.
+        ConfigError: if the file is damaged, or of another architecture.
     """
     with reading(path):
         _, parameters, variables = load_from_zip_file(path, load_data=False, device="cpu")
@@ -136,7 +136,7 @@ def save_model(path: Path, model: BaseAlgorithm) -> None:
     """Write an algorithm in the format of stable-baselines3.
 
     Raises:
-        OSError: if it cannot be written; torch by itself would say something else.
+        OSError: if it cannot be written; torch alone would raise another error.
     """
     written = io.BytesIO()
     model.save(written)
@@ -144,7 +144,7 @@ def save_model(path: Path, model: BaseAlgorithm) -> None:
 
 
 def moments(normalizer: VecNormalize) -> dict[str, Any]:
-    """What a VecNormalize has seen, as arrays."""
+    """Means, variances and counts of a VecNormalize, as arrays by name."""
     return {
         f"{name}.{key}": np.asarray(getattr(getattr(normalizer, name), key))
         for name in _MOMENTS
@@ -154,7 +154,7 @@ def moments(normalizer: VecNormalize) -> dict[str, Any]:
 
 
 def restore_moments(normalizer: VecNormalize, saved: Any) -> None:
-    """Put `moments` back."""
+    """Restore the arrays of `moments`."""
     for name in _MOMENTS:
         if hasattr(normalizer, name):
             running = getattr(normalizer, name)
@@ -163,7 +163,7 @@ def restore_moments(normalizer: VecNormalize, saved: Any) -> None:
 
 
 class LearnedPolicy:
-    """A trained agent that takes observations as the environment gives them."""
+    """A trained policy that takes raw observations of the environment."""
 
     def __init__(self, model: BaseAlgorithm, name: str) -> None:
         self.model, self.name = model, name
@@ -175,24 +175,24 @@ class LearnedPolicy:
         episode_start: NDArray | None = None,
         deterministic: bool = True,
     ) -> tuple[NDArray, tuple[NDArray, ...] | None]:
-        """Choose actions, for one observation or a batch, like stable-baselines3's `predict`."""
+        """Actions for one observation or a batch, with the signature of stable-baselines3."""
         normalizer = self.model.get_vec_normalize_env()
         if normalizer is not None:
             observation = np.asarray(normalizer.normalize_obs(observation))
         return self.model.predict(observation, state, episode_start, deterministic)
 
     def save(self, run: Path) -> None:
-        """Write the policy's files into a run's folder: all of them, or none."""
+        """Write all of the policy's files into a run's folder, or none."""
         normalizer = self.model.get_vec_normalize_env()
         with replacing(run / MODEL) as path:
             save_model(path, self.model)
-            if normalizer is not None:  # of which both are written before one takes its place
+            if normalizer is not None:  # both files are written before one is moved into place
                 with replacing(run / NORMALIZER) as beside:
                     np.savez(beside, **moments(normalizer))
 
 
 def load_policy(run: Path, config: Config | None = None) -> LearnedPolicy:
-    """The policy that a run kept, in its folder.
+    """The saved policy in a run's folder.
 
     Raises:
         ConfigError: if the folder holds no trained policy.
@@ -200,7 +200,7 @@ def load_policy(run: Path, config: Config | None = None) -> LearnedPolicy:
     config = config or Config.load(run / CONFIG)
     if not (run / MODEL).is_file():
         raise ConfigError(f"{run} has no {MODEL}: train it first, by --resume {run}")
-    # To act takes no memory of steps.
+    # Small buffers, because a policy that only acts stores no steps.
     short = {"n_steps": 2, "batch_size": 2}
     memory = {"buffer_size": 1} if config.algo == "sac" else short
     model = build(config, training_envs(config, 1), **memory)
@@ -216,11 +216,11 @@ def learned(name: str | Path) -> tuple[Config, Policy]:
     """A trained policy, and the configuration that it was trained with.
 
     Args:
-        name: The folder of a run or of an exported policy; as text, also the name of a policy that
-            comes with the package.
+        name: Folder of a run or of an exported policy, or the name (text) of a policy of the
+            package.
 
     Raises:
-        ConfigError: if there is none, or its files do not fit.
+        ConfigError: if there is no such policy, or its files are inconsistent.
     """
     folder, kept = Path(name), None
     shipped = isinstance(name, str) and name in shipped_policies()
@@ -229,7 +229,7 @@ def learned(name: str | Path) -> tuple[Config, Policy]:
         if not (folder / TENSORS).is_file():
             return kept, load_policy(folder, kept)
     try:
-        if kept is not None:  # exported when that was tensors and YAML
+        if kept is not None:  # the former format of exported policies: tensors and YAML
             return kept, Network(read_tensors(folder / TENSORS), **_acting(kept))
         policy = load_exported(name)
         return Config(**policy.trained), policy
@@ -238,7 +238,7 @@ def learned(name: str | Path) -> tuple[Config, Policy]:
 
 
 def _acting(config: Config) -> dict[str, Any]:
-    """What it takes to act by the tensors of a policy, with the library's defaults spelled out."""
+    """Architecture and input scaling of a policy, with stable-baselines3's defaults written out."""
     usual = "nn.ReLU" if config.algo == "sac" else "nn.Tanh"
     activation = config.hyperparams.get("policy_kwargs", {}).get("activation_fn", usual)
     scaling = None
@@ -254,7 +254,7 @@ def _acting(config: Config) -> dict[str, Any]:
 
 def export(policy: LearnedPolicy, config: Config, folder: Path) -> None:
     """Write a policy as a folder that `gym_passive_walker.load_policy` reads."""
-    # Those that decide what a policy does; critics do not.
+    # Tensors that determine actions; those of the critic do not.
     tensors = {
         name: tensor.detach().contiguous()
         for name, tensor in policy.model.policy.state_dict().items()

@@ -1,4 +1,4 @@
-"""Networks that stable-baselines3 has not."""
+"""Networks that stable-baselines3 does not provide."""
 
 from __future__ import annotations
 
@@ -12,17 +12,18 @@ from torch import Tensor, nn
 
 
 class NormedCriticPolicy(SACPolicy):
-    """SAC's policy with critics that normalise what each of their layers says.
+    """SAC's policy with layer normalization in its critics.
 
-    A fall takes all that was to come at once, and what a torque is worth is a thousandth of it.
-    Plain critics get their scale from the falls; normalised ones keep it in bounds, also for
-    torques that were seldom tried (Ba, Kiros, Hinton: Layer Normalization, 2016).
+    A fall removes all later rewards, and the effect of one torque on the return is a thousandth of
+    that. Critics without normalization take their scale from the falls. Normalization keeps the
+    scale bounded, also for torques that were seldom tried (Ba, Kiros, Hinton: Layer Normalization,
+    2016).
     """
 
     def make_critic(
         self, features_extractor: BaseFeaturesExtractor | None = None
     ) -> ContinuousCritic:
-        """Critics as of `SACPolicy`, with a normalisation before each activation."""
+        """Build the critics of `SACPolicy`, with a layer normalization before each activation."""
         critic = super().make_critic(features_extractor)
         for i, plain in enumerate(critic.q_networks):
             layers: list[nn.Module] = []
@@ -42,18 +43,21 @@ _UNITS: dict[type[nn.Module], tuple[Callable[[Tensor], Tensor], Callable[..., Te
     nn.ELU: (nn.functional.elu_, lambda told, said: said.clamp(max=0.0) + 1.0),
     nn.SiLU: (nn.functional.silu, lambda told, said: told.sigmoid() * (1.0 + told - said)),
 }
-"""What units say, in place where that tells their slope as well; and this slope."""
+"""Activation functions and their derivatives.
+
+A function works in place if its output alone gives its derivative.
+"""
 
 
 class Perceptron:
-    """A network's outputs and its gradient, written out, in memory that serves every batch.
+    """Outputs and gradients of a network, without autograd, in memory that every batch reuses.
 
-    Autograd takes new memory for each: sums of networks this small wait for it.
+    Autograd allocates memory for each batch, which takes most of the time of networks this small.
 
     Args:
-        layers: Those of a torch network, with units of one kind, of those that policies may have.
-            The `grad` of each weight is there.
-        rows: Of a batch.
+        layers: Layers of a torch network with one kind of activation, a key of `_UNITS`. The
+            `grad` of each weight must be allocated.
+        rows: Rows of a batch.
     """
 
     def __init__(self, layers: Iterable[nn.Module], rows: int) -> None:
@@ -66,7 +70,7 @@ class Perceptron:
         self.slopes = [torch.empty_like(told) for told in self.told[:-1]]
 
     def forward(self, seen: Tensor) -> Tensor:
-        """Outputs of a batch, (rows, seen) to (rows, outputs); the next batch overwrites them."""
+        """Outputs (rows, outputs) of a batch (rows, inputs); the next batch overwrites them."""
         self.inputs = [seen]
         for layer, told in zip(self.linear, self.told, strict=True):
             torch.addmm(layer.bias, self.inputs[-1], layer.weight.t(), out=told)
@@ -75,10 +79,10 @@ class Perceptron:
         return self.told[-1]
 
     def backward(self, slope: Tensor) -> None:
-        """Fill the gradients of weights, from the slope of a sum by the last outputs."""
+        """Fill the gradients of the weights, from a loss's gradient by the last outputs."""
         for k in reversed(range(len(self.linear))):
             layer, below = self.linear[k], self.inputs[k]
-            # In this order of factors: a narrow first layer takes a fifth of the time.
+            # With this order of factors, a narrow first layer takes a fifth of the time.
             layer.weight.grad.copy_((below.t() @ slope).t())  # type: ignore[union-attr]
             torch.sum(slope, 0, out=layer.bias.grad)
             if k:
@@ -87,4 +91,4 @@ class Perceptron:
 
 
 POLICIES = {"agents.networks.NormedCriticPolicy": NormedCriticPolicy}
-"""What a preset may name besides the library's own policies."""
+"""Policies that a preset may name besides those of stable-baselines3."""

@@ -1,4 +1,4 @@
-"""Pictures: a run's learning curve, and what an agent's gait is like."""
+"""Pictures of a run: its learning curve, and the gait of its policy."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ _QUANTITIES = (
 )
 
 _SETTLED, _SHOWN, _FLASHES = 20, 3, 8
-"""Strides before those that are drawn, how many are drawn, and postures of each."""
+"""Strides before the drawn ones, number of drawn strides, and postures of each."""
 
 
 def draw_run(run: Path, rows: Sequence[dict[str, Any]]) -> None:
-    """Draw a run's learning curve, a row an evaluation, and the gait of its policy."""
+    """Draw a run's learning curve, one row for each evaluation, and the gait of its policy."""
     config, policy = learned(run)
     with replacing(run / "learning_curve.png") as path:
         passive = evaluate(Passive(), envs.arena(config, EPISODES), seed=SEED).summary()
@@ -45,13 +45,13 @@ def draw_run(run: Path, rows: Sequence[dict[str, Any]]) -> None:
 def learning_curve(
     path: Path, rows: Sequence[dict[str, Any]], passive: dict[str, float], title: str
 ) -> None:
-    """Draw how evaluations went as training went on, with the passive walker as a dashed line.
+    """Draw the evaluations during training, with the passive walker as a dashed line.
 
     Args:
         path: The picture's file.
-        rows: The curve, a dict an evaluation, with "steps", "seconds" and each quantity.
+        rows: The curve: for each evaluation a dict of "steps", "seconds" and each quantity.
         passive: The passive walker's quantities.
-        title: What is on show.
+        title: Title of the figure.
     """
     figure, axes = panels(2, 2, (9.0, 5.6), sharex=True)
     figure.suptitle(title, fontsize="medium")
@@ -69,7 +69,7 @@ def learning_curve(
 
 
 def gait(path: Path, policy: Policy, world: gymnasium.Env, *, seed: int, title: str) -> None:
-    """Draw a strobe picture of an agent's gait, once it has settled."""
+    """Draw a stroboscopic picture of an agent's gait, after its transient."""
     walker: Any = world.unwrapped
     observation, _ = world.reset(seed=seed)
     memory, first, stride, over = None, np.ones(1, bool), 0, False

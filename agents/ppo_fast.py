@@ -1,18 +1,19 @@
-"""Proximal policy optimisation (Schulman et al., 2017) on tensors, all of it in this file.
+"""Proximal policy optimization (PPO; Schulman et al., 2017) on tensors, in one file.
 
-It is the PPO of stable-baselines3, arranged for speed. There most of the time goes into ten passes
-over each rollout, and most of the rest into calls for few walkers at a time; next to none into
-walking. So here
+This is the PPO of stable-baselines3, arranged for speed. There, most of the time goes into ten
+passes over each rollout, and most of the rest into calls for few walkers at a time. The simulation
+takes almost none. Therefore:
 
-- walkers are tensors, and a step of theirs is one pass through the actor alone: the critic is asked
-  for all steps at once when they have been made;
-- what scales observations and rewards is found once a rollout and not at each step;
-- the gradient is written out, into memory that serves every batch (`networks.Perceptron`): where
-  autograd takes new memory for each, sums wait for it.
+- Walkers are tensors, and a step evaluates the actor only. The critic is evaluated once for all
+  steps of a rollout.
+- The scales of observations and rewards are updated once per rollout, not at each step.
+- Gradients are computed without autograd, in memory that every batch reuses
+  (`networks.Perceptron`). Autograd allocates memory for each batch, which takes longer than the
+  arithmetic.
 
-Rollouts, advantages and updates are below in the order in which they happen. Only the networks, the
-loop's callbacks and the files come from stable-baselines3, so that a run is like every other. Where
-there is a GPU, all of it is there, walkers as well (`carried`).
+Rollouts, advantages and updates are below in the order in which they happen. The networks, the
+callbacks and the files are those of stable-baselines3, so that a run has the usual format. If there
+is a GPU, everything runs on it, including the walkers (`carried`).
 """
 
 from __future__ import annotations
@@ -36,17 +37,17 @@ from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
 
 
 class Rollout(NamedTuple):
-    """What T steps of n walkers have been: tensors whose first axes are (T, n)."""
+    """T steps of n walkers, as tensors with the first axes (T, n)."""
 
-    seen: Tensor  # normalised, (T, n, 8)
+    seen: Tensor  # normalized observations, (T, n, 8)
     actions: Tensor  # (T, n, actions)
-    chances: Tensor  # logarithm of the density with which they were drawn
-    advantages: Tensor
-    returns: Tensor
+    chances: Tensor  # logarithm of the density with which the actions were drawn, (T, n)
+    advantages: Tensor  # (T, n)
+    returns: Tensor  # (T, n)
 
 
 def chances(actions: Tensor, mean: Tensor, log_std: Tensor) -> Tensor:
-    """Logarithm of a Gaussian's density, but for a constant: (..., k) to (...)."""
+    """Logarithm of a Gaussian's density up to a constant, (...), from arrays (..., k)."""
     return (-0.5 * ((actions - mean) * torch.exp(-log_std)).square() - log_std).sum(-1)
 
 
@@ -59,15 +60,15 @@ def advantages(
     gamma: float,
     gae_lambda: float,
 ) -> Tensor:
-    """Generalised advantages (Schulman et al., 2016): how much better than expected it went.
+    """Generalized advantage estimates (Schulman et al., 2016), shape (T, n).
 
     Args:
-        rewards: Of each step, (T, n).
-        values: What the critic expects before it, (T, n).
-        after: What it expects after it, in the same episode, (T, n); 0 after falls.
-        ended: Whose episode ended with the step, (T, n).
-        gamma: The discount.
-        gae_lambda: The weight of what follows over what the critic says of it.
+        rewards: Rewards of the steps, shape (T, n).
+        values: Critic's values before each step, shape (T, n).
+        after: Critic's values after each step, in the same episode, shape (T, n); 0 after falls.
+        ended: Whether the episode ended with the step, shape (T, n).
+        gamma: Discount factor.
+        gae_lambda: Weight of the later steps relative to the critic.
     """
     surprises = rewards + gamma * after - values
     going, found = gamma * gae_lambda * ~ended, torch.empty_like(rewards)
@@ -78,13 +79,14 @@ def advantages(
 
 
 def carried(walkers: PassiveWalkerVecEnv, device: torch.device) -> Any:
-    """Walkers on tensors: themselves, or as many more of their scene on a GPU that can carry them.
+    """A tensor environment of the walkers; on a GPU, a new one of equal size and scene.
 
-    Without the extra `gpu` the processor carries them, and tensors go to the device and back.
+    Without the extra `gpu`, the CPU simulates the walkers, and tensors are copied to the device and
+    back.
 
     Args:
-        walkers: What the processor carries.
-        device: Where tensors are wanted.
+        walkers: Environments on the CPU.
+        device: Device of the tensors.
     """
     here = PassiveWalkerTorchEnv.around(walkers.envs, device)
     if device.type == "cuda":
@@ -101,7 +103,7 @@ def carried(walkers: PassiveWalkerVecEnv, device: torch.device) -> Any:
 
 
 def _bring_up(moments: RunningMeanStd, rows: Tensor) -> None:
-    """Add rows to moments; what leaves the device is a number for each column."""
+    """Add rows to running moments; only one mean and variance per column leave the device."""
     var, mean = torch.var_mean(rows.double(), 0, correction=0)
     moments.update_from_moments(mean.cpu().numpy(), var.cpu().numpy(), len(rows))
 
@@ -111,26 +113,27 @@ class FastPPO(BaseAlgorithm):
 
     Args:
         policy: "MlpPolicy".
-        env: A `PassiveWalkerVecEnv`, in VecNormalize or not.
-        learning_rate: Of the networks, or its schedule.
+        env: A `PassiveWalkerVecEnv`, alone or in VecNormalize.
+        learning_rate: Learning rate of the networks, or its schedule.
         n_steps: Steps of each walker in a rollout.
-        batch_size: Steps that a gradient is taken of.
-        n_epochs: How often the networks see each step.
-        gamma: The discount.
-        gae_lambda: As of `advantages`.
-        clip_range: How far a chance may go from what it was, as a share, for some gain.
-        vf_coef: The weight of the critic's errors.
-        max_grad_norm: At which the gradient is clipped.
-        stats_window_size: As of stable-baselines3, as is what follows.
+        batch_size: Steps in a batch, from which a gradient is computed.
+        n_epochs: How often the networks learn from each step.
+        gamma: Discount factor.
+        gae_lambda: Weight of the later steps relative to the critic, in `advantages`.
+        clip_range: Largest relative change of an action's probability density that still increases
+            the objective.
+        vf_coef: Weight of the critic's errors.
+        max_grad_norm: Norm at which the gradient is clipped.
+        stats_window_size: Episodes in the statistics of stable-baselines3.
         tensorboard_log: Folder of logs.
         policy_kwargs: Arguments of the policy.
-        verbose: 0 for silence.
-        seed: Of weights, noise and walkers.
-        device: Where networks and what they learn from are; "auto" is a GPU where there is one.
+        verbose: 0 prints nothing.
+        seed: Seed of weights, noise and walkers.
+        device: Device of networks and rollouts; "auto" is a GPU if there is one.
         _init_setup_model: Whether to build the networks at once.
 
     Raises:
-        ValueError: if rollouts do not fall into whole batches.
+        ValueError: if the steps of a rollout are not a multiple of `batch_size`.
     """
 
     policy_aliases: dict[str, type[BasePolicy]] = {"MlpPolicy": ActorCriticPolicy}  # noqa: RUF012
@@ -182,7 +185,8 @@ class FastPPO(BaseAlgorithm):
         self.policy, inner = net, net.mlp_extractor
         self.actor = Perceptron([*inner.policy_net, net.action_net], self.batch_size)
         self.critic = Perceptron([*inner.value_net, net.value_net], self.batch_size)
-        # All weights are views of one vector, and their gradients of another: Adam steps once.
+        # All weights are views of one vector, and all gradients of another, so that the optimizer
+        # updates a single parameter.
         each = list(net.parameters())
         self.weights = nn.Parameter(nn.utils.parameters_to_vector(each).detach())
         nn.utils.vector_to_parameters(self.weights, each)
@@ -211,7 +215,7 @@ class FastPPO(BaseAlgorithm):
         native: Any = self.env.unwrapped  # type: ignore[union-attr]
         self.walkers = carried(native, self.device)
         if not isinstance(self.walkers, PassiveWalkerTorchEnv):
-            # Those on a device begin anew, with keys that no seed and no part of a training shares.
+            # Walkers on a GPU are reset, with a seed that no other seed or resumption shares.
             begun, _ = self.walkers.reset(seed=((self.seed or 0) << 32) + self.num_timesteps)
             self._last_obs = self._last_original_obs = begun.cpu().numpy()
         return prepared
@@ -225,7 +229,7 @@ class FastPPO(BaseAlgorithm):
         reset_num_timesteps: bool = True,
         progress_bar: bool = False,
     ) -> Self:
-        """Walk and learn by turns, as stable-baselines3's algorithms do."""
+        """Alternate rollouts and updates, as stable-baselines3's algorithms do."""
         total, told = self._setup_learn(
             total_timesteps, callback, reset_num_timesteps, tb_log_name, progress_bar
         )
@@ -243,9 +247,9 @@ class FastPPO(BaseAlgorithm):
 
     @torch.no_grad()
     def walk(self, callback: BaseCallback) -> Rollout | None:
-        """Let all walkers walk on, and look back at it; None if a callback stops it.
+        """Collect a rollout and its advantages; returns None if a callback stops the training.
 
-        Where they are on a device, nothing comes from there before the last step is made.
+        On a GPU, no data is copied to the CPU before the last step.
         """
         callback.on_rollout_start()
         native: Any = self.env.unwrapped  # type: ignore[union-attr]
@@ -279,13 +283,13 @@ class FastPPO(BaseAlgorithm):
         return Rollout(seen, drawn, chances(drawn, means, net.log_std), gains, returns)
 
     def value(self, seen: Tensor) -> Tensor:
-        """What the critic expects in all steps of a rollout, (T, n, 8) to (T, n)."""
+        """Critic's values (T, n) of the observations (T, n, 8) of a rollout."""
         batches = seen.flatten(0, 1).split(self.batch_size)
         said = [self.critic.forward(batch).clone() for batch in batches]
         return torch.cat(said).view(seen.shape[:-1])
 
     def _scaling(self) -> Callable[[Tensor], Tensor]:
-        """How observations are scaled in this rollout."""
+        """A function that normalizes observations, with the scales of this rollout."""
         normalizer = self._vec_normalize_env
         if normalizer is None or not normalizer.norm_obs:
             return lambda raw: raw
@@ -297,7 +301,7 @@ class FastPPO(BaseAlgorithm):
         return lambda raw: ((raw - mean) / spread).clamp(-normalizer.clip_obs, normalizer.clip_obs)
 
     def _learn_scales(self, raw: Tensor, rewards: Tensor, ended: Tensor) -> Tensor:
-        """Let VecNormalize see a rollout, and return the rewards as it scales them."""
+        """Update VecNormalize's moments with a rollout; returns the rewards as it scales them."""
         normalizer: Any = self._vec_normalize_env
         if normalizer is None:
             return rewards
@@ -316,7 +320,7 @@ class FastPPO(BaseAlgorithm):
 
     @torch.no_grad()
     def update(self, rollout: Rollout) -> None:
-        """Let actor and critic learn from a rollout, in batches drawn anew for each epoch."""
+        """Train actor and critic on a rollout, in batches that are shuffled for each epoch."""
         net = self.policy
         self._update_learning_rate(net.optimizer)
         columns = [x.flatten(0, 1).view(self.n_steps * self.n_envs, -1) for x in rollout]
@@ -334,13 +338,16 @@ class FastPPO(BaseAlgorithm):
     def differentiate(
         self, seen: Tensor, actions: Tensor, before: Tensor, gains: Tensor, returns: Tensor
     ) -> tuple[Tensor, Tensor]:
-        """Make `gradient` that of PPO's loss over a batch; the rows' gains and squared errors."""
+        """Compute the gradient of PPO's loss over a batch, in `gradient`.
+
+        Returns the clipped objective and the critic's squared error of each row.
+        """
         log_std, rows = self.policy.log_std, len(seen)
         mean = self.actor.forward(seen)
         ratio = torch.exp(chances(actions, mean, log_std)[:, None] - before)
         gain = gains * ratio
         clipped = gains * ratio.clamp(1.0 - self.clip_range, 1.0 + self.clip_range)
-        # By the logarithm of a chance: where it went too far already, nothing is to be gained.
+        # Derivative by the logarithm of the density; it is 0 where the objective is clipped.
         slope = torch.where(gain <= clipped, gain, 0.0) / -rows
         strayed = (actions - mean) * torch.exp(-log_std)
         torch.sum(slope * (strayed.square() - 1.0), 0, out=log_std.grad)

@@ -1,10 +1,10 @@
-"""PPO through RLlib, whose env runners sample native batches of walkers.
+"""Train PPO with RLlib; its env runners sample vectorized environments of the package.
 
-    python -m agents.rllib                                on the recommended scene
-    python -m agents.rllib --scene lab --runners 2        two processes that sample
+    python -m agents.rllib                                Train on the recommended scene.
+    python -m agents.rllib --scene lab --runners 2        Sample with two processes.
     python -m agents.rllib --steps 300000 --out runs/rllib
 
-RLlib pins an older Gymnasium than all else here: give it an environment of its own, with
+RLlib pins an older version of Gymnasium. Install it in a separate virtual environment, with
 `pip install -e ".[rllib]" torch`.
 """
 
@@ -43,24 +43,25 @@ with extra("rllib"):
     from ray.rllib.utils.numpy import SMALL_NUMBER  # type: ignore[import-not-found]
 
 STEPS = 200_000
-"""Environment steps of a training, unless told otherwise: enough to walk, not to walk well."""
+"""Default number of environment steps of a training: enough to walk, but not to walk well."""
 
 EPISODES, SEED = 20, 1000
-"""Episodes that judge what was learned, and the seed of the first."""
+"""Number of evaluation episodes, and the seed of the first."""
 
 
 def rllib_config(config: Config, *, runners: int = 0) -> PPOConfig:
-    """A configuration of this repository's PPO as RLlib has it.
+    """Convert a PPO configuration of this repository to RLlib's.
 
-    The preset's schedule of exploration is stable-baselines3's alone: here noise begins as large as
-    the largest torque, and becomes what learning makes of it.
+    The preset's schedule of exploration applies to stable-baselines3 only. Here the noise begins as
+    large as the largest torque, and is then learned.
 
     Args:
-        config: What to train.
-        runners: Processes that sample, each as many walkers as there are; 0 samples in this one.
+        config: Configuration of the training.
+        runners: Number of sampling processes, each with `config.n_envs` walkers; 0 samples in the
+            current process.
 
     Raises:
-        ValueError: if there cannot be so many.
+        ValueError: if `runners` is not a whole number, or is negative.
     """
     runners, given = whole(runners, "runners", least=0), config.hyperparams
     network = given["policy_kwargs"]
@@ -105,10 +106,10 @@ def rllib_config(config: Config, *, runners: int = 0) -> PPOConfig:
 
 
 class RllibPolicy:
-    """What an algorithm of RLlib has learned so far, acting as the package's policies do.
+    """The current policy of an RLlib algorithm, with the interface of the package's policies.
 
     Args:
-        algorithm: The algorithm.
+        algorithm: The RLlib algorithm.
     """
 
     def __init__(self, algorithm: PPO) -> None:
@@ -123,7 +124,7 @@ class RllibPolicy:
         episode_start: NDArray | None = None,
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], None]:
-        """The mean actions for a batch of observations."""
+        """Mean actions for a batch of observations, clipped to [-1, 1]."""
         seen = np.clip(
             (observation - self._seen.mean) / (self._seen.std + SMALL_NUMBER), -10.0, 10.0
         )
@@ -136,16 +137,16 @@ class RllibPolicy:
 def train(
     config: Config, *, runners: int = 0, out: Path | None = None, quiet: bool = False
 ) -> Walks:
-    """Train PPO through RLlib, and let what it has learned walk.
+    """Train PPO with RLlib, and evaluate the policy.
 
     Args:
-        config: What to train.
-        runners: Processes that sample; 0 samples in this one.
-        out: Gets RLlib's checkpoint; nothing is kept if None.
-        quiet: Whether to say nothing of how it goes.
+        config: Configuration of the training.
+        runners: Number of sampling processes; 0 samples in the current process.
+        out: Folder for RLlib's checkpoint; None saves nothing.
+        quiet: Whether to print no progress.
 
     Returns:
-        Episodes of the mean actions.
+        Evaluation episodes, with mean actions.
     """
     ray.init("local", include_dashboard=False, log_to_driver=False, logging_level=logging.ERROR)
     try:
@@ -165,7 +166,7 @@ def train(
 
 
 def arena(config: Config) -> gym.vector.VectorEnv:
-    """Environments to be judged in."""
+    """Environments for evaluation."""
     return gym.make_vec(f"gym_passive_walker:{ID}", EPISODES, scene=config.scene, **config.env)
 
 
@@ -189,7 +190,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _compare(args: argparse.Namespace) -> None:
-    """Train, and print the walks beside passive ones."""
+    """Train, and print the evaluation beside that of the passive walker."""
     config = configure("ppo", args.scene, steps=args.steps, seed=args.seed)
     walks = train(config, runners=args.runners, out=args.out)
     passive = evaluate(Passive(), arena(config), seed=SEED)

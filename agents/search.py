@@ -1,4 +1,4 @@
-"""A search for better hyperparameters, with Optuna, here or through Ray Tune on many processors."""
+"""Hyperparameter search with Optuna, in this process or through Ray Tune on many processors."""
 
 from __future__ import annotations
 
@@ -63,17 +63,17 @@ def search(
     ray: str | None = None,
     progress: bool = True,
 ) -> dict[str, Any]:
-    """Try hyperparameters, each in a training of its own, and keep the best.
+    """Search for hyperparameters, with one training for each trial, and save the best.
 
-    The study is kept on disk: the same call goes on with it, on Ray or not.
+    The study is saved on disk: a repeated call resumes the study, with or without Ray.
 
     Args:
-        config: What to train; its hyperparameters are the first that are tried.
-        folder: Gets the study, the trainings and the best hyperparameters as a preset in YAML; the
-            machines of a cluster see it at the same place.
-        trials: How many trainings in all.
-        ray: "here" for Ray Tune on this machine, a training on each processor, or the address of a
-            cluster; None does one after the other.
+        config: Configuration of the trainings; the first trial has its hyperparameters.
+        folder: Folder of the study, the trainings, and the best hyperparameters as a preset in
+            YAML. All machines of a cluster must have access to it under this path.
+        trials: Total number of trainings.
+        ray: "here" for Ray Tune on this machine, with a training on each processor, or the address
+            of a cluster; None runs one training after another.
         progress: Whether to print each result.
 
     Returns:
@@ -88,7 +88,7 @@ def search(
         from optuna.storages.journal import JournalFileBackend  # type: ignore  # an extra
     optuna.logging.set_verbosity(optuna.logging.WARNING)
     folder.mkdir(parents=True, exist_ok=True)
-    folder = folder.absolute()  # wherever a worker stands
+    folder = folder.absolute()  # workers have other current folders
     with files.reading(folder / STUDY):
         storage = JournalStorage(JournalFileBackend(str(folder / STUDY)))
         study = optuna.create_study(
@@ -119,7 +119,7 @@ def search(
 
 
 def _drawn(config: Config, trial: Any) -> dict[str, Any]:
-    """What a trial of a study is: the first has the hyperparameters that there are."""
+    """Configuration and number of a trial; the first has the hyperparameters of `config`."""
     hyperparams = copy.deepcopy(config.hyperparams)
     if trial.number > 0:
         hyperparams |= {name: draw(trial) for name, draw in _SPACES[config.algo].items()}
@@ -128,10 +128,10 @@ def _drawn(config: Config, trial: Any) -> dict[str, Any]:
 
 
 def _trained(folder: Path, config: Config, number: int) -> float:
-    """The return that one training comes to."""
+    """Best return of one training."""
     run = Run(config, folder / f"trial-{number}")
     if not run.train(progress=False):
-        raise KeyboardInterrupt  # half a trial says nothing
+        raise KeyboardInterrupt  # an unfinished trial has no result
     return float(run.notes["best"])
 
 
@@ -144,7 +144,7 @@ def _tune(
     *,
     progress: bool,
 ) -> None:
-    """Let Ray Tune do the trials of a study, as many at a time as there are processors."""
+    """Run the trials of a study with Ray Tune, one on each processor at a time."""
     with _needed("Ray Tune", "ray"):
         import ray as library  # type: ignore[import-not-found]
         from ray import tune  # type: ignore[import-not-found]
@@ -153,7 +153,7 @@ def _tune(
     library.init(**local, log_to_driver=False, logging_level=logging.ERROR)
 
     def trial(given: dict[str, Any]) -> None:
-        numba.get_num_threads()  # which sets torch's anew, so it comes first
+        numba.get_num_threads()  # numba resets torch's number of threads, so call it first
         torch.set_num_threads(1)
         tune.report({"return": _trained(folder, given["config"], given["number"])})
 

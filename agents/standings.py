@@ -1,4 +1,4 @@
-"""What a benchmark found: raw scores as CSV, tables in Markdown, and pictures."""
+"""Results of a benchmark: raw scores as CSV, tables in Markdown, and pictures."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from gym_passive_walker.files import prepare, replacing
 from gym_passive_walker.render.axes import BLACK, GREY, SPEED, legend, panels, save, series
 
 BEGIN, END = "<!-- benchmark: begin -->", "<!-- benchmark: end -->"
-"""Between these lines of a document stand the tables."""
+"""The lines of a document that enclose the tables."""
 
 ROWS = (
     ("distance", "distance / l", ".1f"),
@@ -44,20 +44,20 @@ ROWS = (
     ("seconds_to_hundred", "  seconds of training", ".1f"),
     ("learning_steps", "steps of training in all", ",.0f"),
 )
-_CURVE = ("steps", "reward", "speed", "cost_of_transport")  # of a run's learning curve
-_FEWEST = 3  # seeds that give an interval
+_CURVE = ("steps", "reward", "speed", "cost_of_transport")  # columns of a learning curve
+_FEWEST = 3  # smallest number of seeds for an interval
 _RESAMPLES = 2000
 
 Score = dict[str, Any]
 
 
 def middle(values: NDArray, axis: int = -1) -> NDArray | float:
-    """Interquartile mean: of the middle half of the values."""
+    """Interquartile mean: the mean of the middle half of the values."""
     return trim_mean(values, 0.25, axis=axis)
 
 
 def interval(values: NDArray) -> tuple[float, float]:
-    """95 % bootstrap interval of the interquartile mean; NaN of too few values."""
+    """95 % bootstrap interval of the interquartile mean; NaN for fewer than three values."""
     if len(values) < _FEWEST:
         return math.nan, math.nan
     if np.ptp(values) == 0.0:
@@ -70,7 +70,7 @@ def interval(values: NDArray) -> tuple[float, float]:
 
 
 def cell(values: Sequence[float], form: str) -> str:
-    """The interquartile mean of some seeds with its interval, or the one value there is."""
+    """A table cell: interquartile mean over seeds, with its interval if there are enough."""
     known = np.array([value for value in values if value is not None and math.isfinite(value)])
     if not len(known):
         return "–"
@@ -80,13 +80,13 @@ def cell(values: Sequence[float], form: str) -> str:
 
 
 def by_agent(scores: Sequence[Score]) -> dict[str, list[Score]]:
-    """The scores of each agent that has some, in the order of `AGENTS`."""
+    """Scores grouped by agent, in the order of `AGENTS`; agents without scores are left out."""
     found = {agent: [score for score in scores if score["agent"] == agent] for agent in AGENTS}
     return {agent: own for agent, own in found.items() if own}
 
 
 def walking_on_the_level(scores: Sequence[Score]) -> dict[str, list[Score]]:
-    """Who walks on the level, by agent."""
+    """Scores on level ground, by agent, with at least one walk that reached the time limit."""
     return by_agent([s for s in scores if s["scene"] == "level" and s["walked_on"] > 0.0])
 
 
@@ -110,7 +110,7 @@ def tables(scores: Sequence[Score]) -> str:
 
 
 def falls(scores: Sequence[Score]) -> str:
-    """How often walks ended before the time limit, by cause."""
+    """Shares of walks that ended before the time limit, by termination reason."""
     total = sum((Counter(score["endings"]) for score in scores), Counter())
     shares = [
         f"{cause} {count / total.total():.0%}"
@@ -121,7 +121,10 @@ def falls(scores: Sequence[Score]) -> str:
 
 
 def equal_speeds(scores: Sequence[Score]) -> str:
-    """Who walks on the level, beside the optimum and the passive walker at the same speed."""
+    """A Markdown table of agents on level ground, with the optimum and the passive walker.
+
+    All three costs of transport in a row are for one speed, that of the agent.
+    """
     family = _passive()
     lines = [
         "| `level` | speed / √(gl) | cost of transport | optimum there | passive there, downhill |",
@@ -142,14 +145,14 @@ def _passive() -> GaitFamily:
 
 
 def _cost_at(family: GaitFamily, speed: float) -> float:
-    """The slope's sine on which the passive walker goes at a speed."""
+    """Passive walker's cost of transport at a speed: the sine of the slope."""
     order = np.argsort(family.froude_speed)
     speeds, slopes = family.froude_speed[order], family.slope[order]
     return math.sin(float(np.interp(speed, speeds, slopes, left=math.nan, right=math.nan)))
 
 
 def write_csv(path: Path, scores: Sequence[Score]) -> None:
-    """Write the raw scores, a row a unit."""
+    """Write the raw scores as CSV, one row for each unit."""
     names = ("scene", "agent", "seed", *SCORES)
     order = sorted(scores, key=lambda s: (s["scene"], AGENTS.index(s["agent"]), s["seed"]))
     rows = [{name: score.get(name, "") for name in names} for score in order]
@@ -161,11 +164,11 @@ def write_csv(path: Path, scores: Sequence[Score]) -> None:
 
 
 def around_tables(path: Path) -> tuple[str, str]:
-    """What a document has before and after the tables between its marks.
+    """Text of a document before and after the tables between `BEGIN` and `END`.
 
     Raises:
-        ValueError: if the document has no marks.
-        OSError: if it cannot be read, or not written.
+        ValueError: if the document has no such lines.
+        OSError: if the document cannot be read or written.
     """
     document = prepare(path).read_text(encoding="utf-8")
     if BEGIN not in document or END not in document:
@@ -175,11 +178,11 @@ def around_tables(path: Path) -> tuple[str, str]:
 
 
 def write_document(path: Path, text: str) -> None:
-    """Put text between a document's marks.
+    """Replace the text between a document's lines `BEGIN` and `END`.
 
     Raises:
-        ValueError: if the document has no marks.
-        OSError: if it cannot be read, or not written.
+        ValueError: if the document has no such lines.
+        OSError: if the document cannot be read or written.
     """
     head, tail = around_tables(path)
     with replacing(path) as aside:
@@ -187,7 +190,7 @@ def write_document(path: Path, text: str) -> None:
 
 
 def draw(path: Path, scores: Sequence[Score]) -> None:
-    """Draw cost against speed on the level: passive, optimal, and who walks."""
+    """Draw cost of transport over speed: passive and optimal gaits, and agents on level ground."""
     family, gaits = _passive(), optimal.load("level")
     figure, (ax,) = panels(size=(7.0, 5.4))
     ax.plot(family.froude_speed, np.sin(family.slope), "--", color=GREY, label="passive, downhill")
@@ -206,12 +209,12 @@ def draw(path: Path, scores: Sequence[Score]) -> None:
 
 
 def draw_learning(path: Path, runs: Path, scores: Sequence[Score]) -> None:
-    """Draw how agents learn to walk on the level: a line for each run, a marker for its policy.
+    """Draw learning curves on level ground: a line for each run, a marker for its final policy.
 
     Args:
         path: The picture's file.
-        runs: The folder of the benchmark's runs; of one that is not there only the mark is drawn.
-        scores: What the benchmark found.
+        runs: Folder of the benchmark's runs; for a missing run only the marker is drawn.
+        scores: Scores of the benchmark.
     """
     from matplotlib.ticker import PercentFormatter
 
@@ -225,7 +228,7 @@ def draw_learning(path: Path, runs: Path, scores: Sequence[Score]) -> None:
             curve = runs / str(Unit("level", agent, score["seed"])) / "learning_curve.csv"
             if curve.is_file():
                 drawn = True
-                told = list(csv.DictReader(curve.open(encoding="utf-8")))[1:]  # untrained: at none
+                told = list(csv.DictReader(curve.open(encoding="utf-8")))[1:]  # skip the untrained
                 rows = np.array([[float(row[name]) for name in _CURVE] for row in told])
                 above = [cost / optimal.least_cost(gaits, v) - 1.0 for v, cost in rows[:, 2:]]
                 for ax, values in zip(axes, (rows[:, 1], above), strict=True):

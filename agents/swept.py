@@ -1,4 +1,4 @@
-"""A training as a task of a sweep: `analysis: agents.swept:train`."""
+"""Training as the analysis of a sweep: `analysis: agents.swept:train`."""
 
 from __future__ import annotations
 
@@ -23,17 +23,21 @@ def train(
     folder: str | None = None,
     **env: Any,
 ) -> dict[str, Any]:
-    """Train a policy, and say what its last evaluation found.
+    """Train a policy, and return the results of its last evaluation.
 
     Args:
-        algo: The algorithm.
+        algo: Name of the algorithm.
         scene: Name of the scene.
         steps: Environment steps; the preset's when None.
-        n_envs: Environments side by side; the preset's when None.
-        seed: Of everything.
-        folder: Below which the run is kept, in a folder by what it was given, and goes on from its
-            last checkpoint; nowhere if None.
+        n_envs: Number of parallel environments; the preset's when None.
+        seed: Seed of environments, initial weights and exploration.
+        folder: Parent folder of the run's folder, which is named by the arguments. A run that is
+            there resumes from its last checkpoint. None saves nothing.
         **env: Arguments of the environment that differ from the scene's own.
+
+    Returns:
+        The last row of the learning curve without "seconds", and "walks_after": the steps until
+        half of the evaluation walks made a hundred strides, NaN if they never did.
 
     Raises:
         ConfigError: if a name or a number is out of range.

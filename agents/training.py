@@ -1,4 +1,4 @@
-"""A run from its configuration to its files, in one piece or in several."""
+"""A training run from its configuration to its files; it can be interrupted and resumed."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ from gym_passive_walker.evaluation.walks import HUNDRED, evaluate
 from gym_passive_walker.files import replacing
 
 EPISODES = 20
-"""Episodes of each evaluation."""
+"""Number of episodes of each evaluation during training."""
 
 EXAM_SEED = 1_000_000
-"""Of the evaluations while training; far from the episodes of the final one."""
+"""Seed of the evaluations during training; the final evaluation has other episodes."""
 
 
 class Run:
-    """A training that knows where its files are.
+    """A training with its files.
 
     Args:
-        config: What to do.
-        folder: Where its files go; holds nothing yet, or a run of the same configuration.
+        config: The configuration.
+        folder: Folder of the files; empty, or with a run of this configuration, which is resumed.
         tensorboard: Whether to write tensorboard's logs too.
 
     Raises:
-        ConfigError: if the configuration is none, or its checkpoint is damaged.
+        ConfigError: if the configuration is invalid, or the checkpoint is damaged.
     """
 
     def __init__(self, config: Config, folder: Path, *, tensorboard: bool = False) -> None:
         self.config, self.folder = config, folder
         log = {"tensorboard_log": str(folder / "tensorboard")} if tensorboard else {}
         self.model: BaseAlgorithm = build(config, envs.training_envs(config), **log)
-        if not tensorboard:  # the library would make an empty folder of logs for each run
+        if not tensorboard:  # else stable-baselines3 makes an empty folder of logs for each run
             self.model.set_logger(Logger(None, []))
         self.exploring = explorers(config.algo, config.exploration)
         self.exam = envs.arena(config, EPISODES)
@@ -62,7 +62,7 @@ class Run:
         return self.model.num_timesteps
 
     def train(self, *, progress: bool = True) -> bool:
-        """Train to the end, or until asked to stop.
+        """Train to the end, or until a stop request.
 
         Returns:
             Whether the end was reached.
@@ -90,7 +90,7 @@ class Run:
             self.model.learn(
                 left,
                 callback=[milestones, *self.exploring],
-                # Logging costs SAC more than it tells.
+                # SAC logs seldom, because logging each time would be slow.
                 log_interval=(100 if self.config.algo == "sac" else 1) if logged else None,  # type: ignore[arg-type]
                 reset_num_timesteps=not self.resumed,
             )
@@ -100,11 +100,11 @@ class Run:
 
     @property
     def first_to_walk(self) -> dict[str, Any] | None:
-        """The first evaluation of which half of the walks came to a hundred strides."""
+        """The first evaluation in which half of the walks made a hundred strides; None if none."""
         return next((row for row in self.notes["curve"] if row["hundred_strides"] >= 0.5), None)
 
     def first_hundred(self) -> str:
-        """When half of the evaluation walks first came to a hundred strides, in a sentence."""
+        """A sentence on when half of the evaluation walks first made a hundred strides."""
         row = self.first_to_walk
         if row is None:
             return f"Never half of the evaluation walks came to {HUNDRED} strides"
@@ -121,7 +121,7 @@ class Run:
         return float(np.mean(returns)) if returns else math.nan
 
     def _evaluate(self, seconds: float) -> dict[str, Any]:
-        """Add a row to the learning curve, and keep the policy if it is the best so far."""
+        """Add a row to the learning curve, and save the policy if it is the best so far."""
         policy = LearnedPolicy(self.model, self.config.algo.upper())
         walks = evaluate(policy, self.exam, seed=EXAM_SEED)
         self.notes["seconds"] += seconds

@@ -1,10 +1,10 @@
-"""How long until a walker walks? From an empty cache, and from a filled one, on one core.
+"""Start-up times on one core, with an empty and with a filled cache of compiled code.
 
-    python -m benchmarks.cold_start               all parts, a quarter of an hour
-    python -m benchmarks.cold_start waits         one of them
+    python -m benchmarks.cold_start               Run all parts, in a quarter of an hour.
+    python -m benchmarks.cold_start waits         Run one part.
 
-Each wait is that of a process of its own, in CPU seconds: the first time with an empty cache, the
-second with what it has left there. The tables land in docs/benchmarks.md.
+Each time is that of a fresh process, in CPU seconds: first with an empty cache, then with the cache
+that the first process filled. The tables are written to docs/benchmarks.md.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pathlib import Path
 from benchmarks.report import command, keep, machine, table
 
 WALKS = {"C": 0.03, "A": 0.03, "D": 0.009}
-"""Walkers with knees, with straight legs, and the simplest; and slopes that they walk on."""
+"""A kneed, a straight-legged and the simplest walker, with a slope in rad for each."""
 
 _BEGIN = "import gym_passive_walker as gpw; import numpy as np"
 _ENVIRONMENT = f"{_BEGIN}; import gymnasium as gym"
@@ -33,7 +33,7 @@ _FAMILY = "gpw.gait_family('{0}', {2}, {1})"
 
 
 def tasks() -> dict[str, list[str]]:
-    """What is waited for, in Python, by name; what is timed is the last of each."""
+    """Python code of each task, by name; the last part is timed."""
     found = {"import gym_passive_walker": [_BEGIN]}
     for walker, slope in WALKS.items():
         own = [part.format(walker, slope, 0.8 * slope) for part in (_RESET, _STEP, _GAIT, _FAMILY)]
@@ -48,7 +48,7 @@ def tasks() -> dict[str, list[str]]:
 
 
 def alone(cache: str) -> dict[str, str]:
-    """Variables of a process on one core, with a cache of its own."""
+    """Environment variables of a process on one core, with its own cache."""
     names = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
     kept = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
     return kept | dict.fromkeys(names, "1") | {"XDG_CACHE_HOME": cache}
@@ -67,7 +67,7 @@ print(took)
 
 
 def wait(parts: list[str], cache: str, **processor: str) -> float:
-    """CPU seconds of the last part, in a fresh process; code may be made for another processor."""
+    """CPU seconds of the last part, in a fresh process; `processor` selects another CPU model."""
     line = [sys.executable, "-c", _TIMED, json.dumps(parts)]
     variables = alone(cache) | processor
     found = subprocess.run(line, env=variables, capture_output=True, text=True, check=True)
@@ -75,7 +75,7 @@ def wait(parts: list[str], cache: str, **processor: str) -> float:
 
 
 def waits() -> None:
-    """What a user waits for, the first time and the next."""
+    """Measure the times that a user waits, for the first and for later starts."""
     rows = []
     for name, parts in tasks().items():
         with tempfile.TemporaryDirectory() as cache:
@@ -90,7 +90,7 @@ PROCESSORS = {
     "x86-64-v4": {"NUMBA_CPU_NAME": "x86-64-v4", "NUMBA_CPU_FEATURES": "-prefer-256-bit"},
     "x86-64-v3": {"NUMBA_CPU_NAME": "x86-64-v3", "NUMBA_CPU_FEATURES": ""},
 }
-"""What code may be made for: where it is to run, or a level that many processors have."""
+"""Targets of compiled code: this CPU, or an instruction set that many CPUs have."""
 
 _CROWD = (
     "states = np.array(gpw.find_gait('lab', 0.036).state) * np.linspace(0.99, 1.01, 2048)[:, None]"
@@ -99,7 +99,7 @@ _STRIDES = "for _ in range(50): gpw.stride('lab', 0.036, states, tolerance=1e-6,
 
 
 def levels() -> None:
-    """What kernels made beforehand, for a level of processors, would save, weigh and cost."""
+    """Measure kernels compiled ahead for an instruction set: start-up, size and speed."""
     rows = []
     reset, step = (part.format("lab", 0.036) for part in (_RESET, _STEP))
     for level, processor in PROCESSORS.items():
@@ -118,7 +118,7 @@ def levels() -> None:
 
 
 def kernels() -> None:
-    """What the wait for a kernel consists of."""
+    """Measure the parts of the time to compile a kernel."""
     with tempfile.TemporaryDirectory() as cache:
         line = [sys.executable, "-c", "from benchmarks.cold_start import _taken; _taken()"]
         found = subprocess.run(line, env=alone(cache), capture_output=True, text=True, check=True)
@@ -135,12 +135,12 @@ def _machine() -> str:
 
 
 def _taken() -> None:
-    """Print what each kernel takes, in this process."""
+    """Print the compilation times of each kernel, in this process."""
     print(json.dumps([list(_modules()), _compilations()]))
 
 
 def _modules() -> Iterator[tuple[str, float, float, float, float]]:
-    """Of each native module: name, CPU seconds of its stages, and size."""
+    """Name of each native module, CPU seconds of its three stages, and size in kB."""
     from gym_passive_walker.engine.compiled import loaded, object_code, written
     from gym_passive_walker.physics.systems import SYSTEMS
 
@@ -159,7 +159,7 @@ def _modules() -> Iterator[tuple[str, float, float, float, float]]:
 
 @contextmanager
 def _clocked(taken: dict[str, float]) -> Iterator[None]:
-    """Note the CPU seconds that numba takes for each function, those it calls left out."""
+    """Record numba's CPU seconds for each function, without the functions that it calls."""
     from numba.core import event
 
     class Clock(event.Listener):

@@ -1,4 +1,4 @@
-"""Which tests concern a module of the package: those that should notice what is wrong with it."""
+"""Tests that concern a module of the package: those that should detect a fault in the module."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CHANGED = {
     "arguments": _USERS,
     "units": _USERS,
 }  # fmt: skip
-"""Modules of which single signs are changed, and the tests that concern them."""
+"""Modules in which single signs are changed, and the tests that concern them."""
 
 _CONCERNING = {
     "agents/benchmark": "benchmark",
@@ -90,7 +90,7 @@ _CONCERNING = {
     "validation/scaling": "scaling",
     "validation/wheel": "wheel",
 }
-"""Tests of its own room that concern a module, the likeliest to notice first."""
+"""Tests in a module's own package that concern the module, the likeliest to fail first."""
 
 
 _OPTIONS = {
@@ -99,7 +99,7 @@ _OPTIONS = {
     "envs": "tests/options/test_environments.py",
     "torch": "tests/options/test_environments.py",
 }
-"""Tests of the options of a room; functions and objects of the others are in `_PUBLIC`."""
+"""Tests of the options of a package; functions and objects of the others are in `_PUBLIC`."""
 
 _PUBLIC = [f"tests/options/test_{of}.py" for of in ("functions", "objects", "forms")]
 _NOT_PUBLIC = ("examples", "validation")
@@ -112,13 +112,13 @@ _BESIDES = {
     "gaits/terrain": "envs/streams",
 }
 _EVERYWHERE = "permutations streams"
-"""Tests of environments that concern each module of theirs, after its own."""
+"""Tests that concern every module of `envs`; they run after the module's own."""
 
 
 def tests_of(file: str) -> list[str]:
-    """The tests that concern a module, in the order in which they are likely to notice.
+    """The tests that concern a module, those most likely to detect a fault first.
 
-    What is listed for it comes first, then tests of options, then all others of its room.
+    Tests listed for the module come first, then tests of options, then all others of its package.
     """
     if file in CHANGED:
         return CHANGED[file]
@@ -130,7 +130,7 @@ def tests_of(file: str) -> list[str]:
     options = [_OPTIONS[room]] if room in _OPTIONS else _PUBLIC * (room not in _NOT_PUBLIC)
     if file == "train":
         tests, options = ["tests/agents/test_command_line.py"], [_OPTIONS["agents"]]
-    # File by file: a folder would bring its files into another order.
+    # List single files: pytest orders the files of a folder differently.
     rest = [f"tests/test_{file}.py"] if file == room else _tests_in(f"tests/{room}")
     return list(dict.fromkeys([*tests, *options, *rest]))
 

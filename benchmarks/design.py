@@ -1,8 +1,8 @@
-"""Which walkers come of design by gradient, and do they walk so? Three examples, simulated.
+"""Examples of gradient-based design, checked by simulation.
 
     python -m benchmarks.design [cost] [return] [steep] [tuned]
 
-Tables and pictures land in docs/design.md, whose code the examples are.
+The examples run the code of docs/design.md; tables and pictures are written to that page.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from gym_passive_walker.render.strobe import strobe
 
 PAGE = DOCS / "design.md"
 IMAGES = DOCS / "images"
-STRIDES = 200  # of a check by simulation
+STRIDES = 200  # in a check by simulation
 BEFORE, AFTER = "#E08A16", "#0060A0"
 
 
 def designed(name: str) -> gpw.Design:
-    """The design that the page's own code makes: the block which assigns it to a name."""
+    """The design from the page's code, executed up to the block that assigns it to `name`."""
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S)
     last = next(i for i, block in enumerate(blocks) if re.search(rf"^{name} =", block, re.M))
     told: dict[str, object] = {}
@@ -34,7 +34,7 @@ def designed(name: str) -> gpw.Design:
 
 
 def compared(design: gpw.Design, parameters: Sequence[str]) -> str:
-    """A table of what changed."""
+    """A table of parameters and measures, before and after."""
     gaits = design.before, design.after
     rows: list[list[object]] = []
     for name in parameters:
@@ -56,11 +56,16 @@ def of(gait: gpw.Gait, name: str) -> float:
 
 
 def walked(gait: gpw.Gait, push: float, strides: int = STRIDES) -> tuple[np.ndarray, float, float]:
-    """A walk begun with other rates, by a share of them.
+    """Simulate a walk from a gait with perturbed angular velocities.
+
+    Args:
+        gait: The gait.
+        push: Relative perturbation of the angular velocities.
+        strides: Number of strides.
 
     Returns:
-        Distances of its states from the gait's in proportion, one for each heelstrike; cost of
-        transport and speed over sqrt(g l) of the second half of it.
+        Relative distance of the state from the gait's at each heelstrike, (strides,); cost of
+        transport and speed over sqrt(g l) of the second half of the walk.
     """
     state = gait.state * np.array([1.0, 1.0, 1.0, 1.0 + push, 1.0 - push, 1.0 - push])
     size, apart = np.linalg.norm(gait.state), []
@@ -87,7 +92,7 @@ def figure_of(rows: int, columns: int, size: tuple[float, float]):
 
 
 def cost() -> None:
-    """The least cost of transport at a speed."""
+    """Example: least cost of transport at a given speed."""
     design = designed("cheap")
     text = compared(design, CHEAP)
     for when, gait in (("before", design.before), ("after", design.after)):
@@ -107,7 +112,7 @@ def cost() -> None:
 
 
 def returning() -> None:
-    """The smallest spectral radius at a slope."""
+    """Example: smallest spectral radius of the stride map's derivative at a given slope."""
     design = designed("steady")
     text = compared(design, STEADY)
     figure, (ax,) = figure_of(1, 1, (7.0, 3.6))
@@ -132,7 +137,7 @@ def returning() -> None:
 
 
 def steep() -> None:
-    """The steepest slope still walked stably."""
+    """Example: steepest slope with a stable gait."""
     design = designed("steep")
     text = compared(design, STEEP)
     figure, (ax,) = figure_of(1, 1, (7.0, 3.6))
@@ -160,7 +165,7 @@ def steep() -> None:
 
 
 def tuned() -> None:
-    """Walkers that tuning alone would stop, and the nearest tuned ones that walk."""
+    """Example: walkers that lose their gait by tuning, and the nearest tuned walkers with one."""
     lab = gpw.WALKERS["lab"]
     heavy = gpw.Walker(
         thigh_length=0.40, thigh_mass=5.0, thigh_com=0.2, thigh_gyration=0.1,

@@ -1,4 +1,4 @@
-"""The engine's own answer to a problem, and the time that it takes."""
+"""Solutions of the benchmark problems by the package's engine, and their run times."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from gym_passive_walker.physics.hybrid import Outcome
 
 
 def crowd(p: Problem, count: int, torque: float = 0.0, end: float = LONGEST_STRIDE) -> NDArray:
-    """Records of `count` walkers, which begin at the problem's starts in turn.
+    """Records of `count` walkers, with the problem's initial states in turn.
 
     Args:
         p: The problem.
-        count: How many walkers.
-        torque: Hip torque held all along, over m g l.
-        end: Time in sqrt(l/g) at which they stop, if no heelstrike comes before.
+        count: Number of walkers.
+        torque: Constant hip torque, over m g l.
+        end: Time in sqrt(l/g) at which the integration ends, if no heelstrike comes before.
     """
     return new_records(np.resize(p.starts, (count, 6)), p.slope, torque, end=end)
 
@@ -33,7 +33,7 @@ def move(
     threads: int = 1,
     end_on_toe_stub: bool = False,
 ) -> NDArray:
-    """Carry records to their ends, in place; their states are given back."""
+    """Integrate records to their ends, in place; returns the states, (n, 6)."""
     body = np.array(p.body)[None, None]
     advance(p.system, body, records, tolerance=tolerance, threads=threads, scuff=end_on_toe_stub)
     return records["state"][:, 0]
@@ -42,7 +42,7 @@ def move(
 def again(
     p: Problem, fresh: NDArray, tolerance: float, *, threads: int = 1, end_on_toe_stub: bool = False
 ) -> Callable[[], None]:
-    """A job for the clock: carry copies of the same records to their ends each time."""
+    """A function to be timed: each call integrates a copy of the records `fresh`."""
     records = fresh.copy()
 
     def job() -> None:
@@ -53,7 +53,7 @@ def again(
 
 
 def strides(p: Problem, tolerance: float, count: int = STARTS, threads: int = 1) -> NDArray:
-    """Next section states of `count` walkers."""
+    """Next states on the Poincaré section of `count` walkers, (count, 6)."""
     records = crowd(p, count)
     states = move(p, records, tolerance, threads=threads)
     if not np.all(records["outcome"] == Outcome.HEELSTRIKE):
@@ -62,7 +62,7 @@ def strides(p: Problem, tolerance: float, count: int = STARTS, threads: int = 1)
 
 
 def walk(p: Problem, count: int, tolerance: float) -> NDArray:
-    """Section states of the problem's starts after a number of strides."""
+    """States on the Poincaré section after `count` strides from the problem's initial states."""
     states = p.starts
     for _ in range(count):
         states = move(p, new_records(states, p.slope), tolerance)
@@ -70,7 +70,7 @@ def walk(p: Problem, count: int, tolerance: float) -> NDArray:
 
 
 def microseconds(p: Problem, count: int, tolerance: float, threads: int = 1) -> float:
-    """Time of a stride of one walker among `count`."""
+    """Microseconds for a stride of one walker in a batch of `count`."""
     strides(p, tolerance, count, threads)  # none may fall
     fresh = crowd(p, count)
     records = fresh.copy()

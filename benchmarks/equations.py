@@ -1,7 +1,7 @@
-"""The engine's own statements over the numbers of its rivals, so that all solve the same problem.
+"""The engine's equations in the form that other solvers require, so that all solve one problem.
 
-The motion of a phase is an equation y' = f(y) here, as integrators want it: y are the angles that
-move by themselves, and their rates. Numbers may be of any kind that knows `sine_cosine`.
+The motion of a phase is y' = f(y): y are the independent angles and their angular velocities.
+Numbers may be of any type for which `sine_cosine` is registered.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from gym_passive_walker.physics.hybrid import Control, Guard, Number, Phase, Sta
 
 
 def state_of(phase: Phase, y: Sequence[Number]) -> State:
-    """The state that coordinates stand for; a straight leg's shank goes with its thigh."""
+    """The state from the coordinates of a phase; a straight leg's shank moves with its thigh."""
     links = [min(i, phase.links - 1) for i in range(3)]
     return State(*(y[i] for i in links), *(y[phase.links + i] for i in links))
 
@@ -37,30 +37,30 @@ def side(p: Problem, phase: Phase, y: Sequence[Number], torque: float = 0.0) -> 
 
 
 def strike(phase: Phase) -> Guard:
-    """The guard that ends a phase of every stride."""
+    """The guard of the impact that ends a phase."""
     return next(guard for guard in phase.guards if guard.watch == Watch.STRIKE)
 
 
 def falls(p: Problem, phase: Phase, y: Sequence[Number]) -> Number:
-    """What falls through zero at the strike."""
+    """The event function, which falls through zero at the impact."""
     return strike(phase).falls(p.body, state_of(phase, y), p.ground)
 
 
 def counts(p: Problem, phase: Phase, y: Sequence[Number]) -> Any:
-    """Whether it would be the strike."""
+    """Whether a zero of the event function is the impact."""
     positive = [where(p.body, state_of(phase, y), p.ground) > 0.0 for where in strike(phase).where]
     return reduce(and_, positive) if positive else True
 
 
 def struck(p: Problem, phase: Phase, y: Sequence[Number]) -> list[Number]:
-    """The next phase's coordinates after the strike, or the next section state."""
+    """Coordinates of the next phase after the impact, or the next state on the Poincaré section."""
     reset = phase.resets[strike(phase).outcome]
     after, *_ = reset.strike(p.body, state_of(phase, y), 0.0, p.ground)
     return list(after) if reset.into is None else coordinates(p.system.phases[reset.into], after)
 
 
 def compiled(function: Callable[[Sequence[Number]], Sequence[Number]], size: int) -> Callable:
-    """A function of `size` coordinates as a numba function of a tuple, or an array, of them."""
+    """Compile a function of `size` coordinates by numba; it takes a tuple or an array of them."""
     names: dict[Expression, str] = {}
     lines, numbers = ["def straight(y):"], count()
 
@@ -85,4 +85,4 @@ _PYTHON = {
     "read": "y[{}]", "constant": "{}", "neg": "-{}", "sin": "sin({})", "cos": "cos({})",
     "add": "{} + {}", "sub": "{} - {}", "mul": "{} * {}", "div": "{} / {}",
 }  # fmt: skip
-"""How an expression's operations are written in Python."""
+"""Python code of each operation of an expression."""

@@ -1,4 +1,4 @@
-"""Changes that no test can notice, and why: they change no walk, or only its cost."""
+"""Equivalent mutants, with the reason: they change no result, or only the run time."""
 
 EQUIVALENT: dict[str, str] = {
     "engine/landing.root: low + high -> low - high": (

@@ -1,4 +1,4 @@
-"""Frames a second of PPO with this environment, with one that costs nothing, and on tensors."""
+"""Frames per second of PPO: with this environment, with an empty one, and on tensors."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from agents.learner import build
 from benchmarks.report import machine, seconds, table
 
 WARMING = 40
-"""Updates before the clock runs: until walkers seldom fall, as for most of a training."""
+"""Updates before the measurement, after which walkers seldom fall, as in most of a training."""
 
 MEASURED = 24
-"""Updates whose median counts."""
+"""Number of measured updates; the median is reported."""
 
 
 class _Free(VecEnv):
-    """The spaces of other environments, and nothing behind them."""
+    """Environments with given spaces that return zeros, without simulation."""
 
     def __init__(self, envs: VecEnv) -> None:
         super().__init__(envs.num_envs, envs.observation_space, envs.action_space)
@@ -59,7 +59,7 @@ class _Free(VecEnv):
 
 
 def _timed(job: Callable[..., Any], taken: list[float]) -> Callable[..., Any]:
-    """The same job, which notes how many seconds it takes."""
+    """Wrap a function so that each call appends its seconds to `taken`."""
 
     def timed(*arguments: Any, **named: Any) -> Any:
         began = time.perf_counter()
@@ -71,15 +71,15 @@ def _timed(job: Callable[..., Any], taken: list[float]) -> Callable[..., Any]:
 
 
 def _trained(learners: list[BaseAlgorithm], frames: int) -> list[float]:
-    """Frames a second of each learner."""
+    """Frames per second of each learner."""
     collecting: list[list[float]] = [[] for _ in learners]
-    training: list[float] = []  # the same sums for all
+    training: list[float] = []  # shared: training costs the same for all learners
     for model, collected in zip(learners, collecting, strict=True):
         model.set_logger(Logger(None, []))
         model.learn(WARMING * frames)
         model.collect_rollouts = _timed(model.collect_rollouts, collected)  # type: ignore
         model.train = _timed(model.train, training)  # type: ignore
-    for _ in range(MEASURED):  # by turns, so that all see the same machine
+    for _ in range(MEASURED):  # alternate, so that the machine's load affects all equally
         for model in learners:
             model.learn(frames, reset_num_timesteps=False)
     return [frames / float(np.median(each) + np.median(training)) for each in collecting]
@@ -129,7 +129,7 @@ def report() -> str:
 
 
 def on_tensors() -> str:
-    """PPO on tensors beside that of the library, each by its preset."""
+    """PPO on tensors beside PPO of stable-baselines3, each with its preset."""
     torch.set_num_threads(1)
     learners, frames, names = [], [], []
     for algo in ("ppo", "ppo-fast"):
@@ -141,7 +141,7 @@ def on_tensors() -> str:
         model.set_logger(Logger(None, []))
         model.learn(WARMING * frames[0])
     taken = np.empty((MEASURED, 2))
-    for turn in taken:  # as many frames each, so that both see the same machine
+    for turn in taken:  # alternate, so that the machine's load affects both equally
         for i, model in enumerate(learners):
             began = time.process_time()
             for _ in range(max(frames) // frames[i]):

@@ -1,11 +1,11 @@
-"""How fast are walkers on a CUDA device? Strides, ticks and learning a second, beside processors.
+"""Speed on a GPU: strides, control steps and learning per second, beside the CPU.
 
-    python -m benchmarks.gpu               all parts
-    python -m benchmarks.gpu strides       one of them: strides, ticks, learning
+    python -m benchmarks.gpu               Run all parts.
+    python -m benchmarks.gpu strides       Run one part: strides, ticks or learning.
 
-Each part prints its table and puts it into docs/benchmarks.md. It needs a device and the extras
-"gpu" and, for `learning`, "train" and "rsl-rl". With NUMBA_ENABLE_CUDASIM=1 it is rehearsed by a
-few walkers on a simulated one, and nothing is kept.
+Each part prints its table and writes the table to docs/benchmarks.md. It requires a CUDA GPU and
+the extras "gpu" and, for `learning`, "train" and "rsl-rl". With NUMBA_ENABLE_CUDASIM=1 a few
+walkers run on a simulated GPU, and no table is written.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from gym_passive_walker.physics.systems import SYSTEMS
 
 SIZES = [4, 16] if SIMULATED else [10**k for k in range(3, 8)]
 LARGEST_HERE = 10**6
-"""Walkers on the processor: more of them are no faster."""
+"""Largest number of walkers on the CPU; a larger number is not faster per walker."""
 
 CORES = os.cpu_count() or 1
 
@@ -59,7 +59,7 @@ _PPO = {
 
 
 def _finished(job: Callable[[], object]) -> Callable[[], None]:
-    """A job that ends when the device has done it."""
+    """Wrap a function so that it returns after the GPU has finished."""
 
     def done() -> None:
         job()
@@ -69,7 +69,7 @@ def _finished(job: Callable[[], object]) -> Callable[[], None]:
 
 
 def _copied(there: Any, source: Any) -> None:
-    """Fill an array of the device from another."""
+    """Copy an array into one on the GPU."""
     if SIMULATED:
         there[:] = source
     else:
@@ -77,7 +77,7 @@ def _copied(there: Any, source: Any) -> None:
 
 
 def _told(name: str, text: str) -> None:
-    """Keep a result, unless it is of a rehearsal."""
+    """Write a result to the page; on a simulated GPU, only print it."""
     if SIMULATED:
         print(f"\n{text}\n\nA rehearsal: nothing is kept.")
         return
@@ -87,11 +87,11 @@ def _told(name: str, text: str) -> None:
 
 
 def carried() -> None:
-    """Strides a second of each kind of walker."""
+    """Measure strides per second of each kind of walker."""
     text = []
     for name, tolerance in _WALKS:
         p, rows = problem(name), []
-        exact = engine.strides(p, 1e-14)  # six digits finer than what is asked for
+        exact = engine.strides(p, 1e-14)  # six digits finer than the requested tolerance
         rows += [("GPU", count, *_strides(p, tolerance, count, exact)) for count in SIZES]
         for count in SIZES:
             if count <= LARGEST_HERE:
@@ -104,7 +104,7 @@ def carried() -> None:
 
 
 def _strides(p: Any, tolerance: float, count: int, exact: Any) -> tuple[float, float]:
-    """Error of the problem's strides on the device, and how many it makes in a second."""
+    """Error of the problem's strides on the GPU, and strides per second."""
     fresh = device.put(engine.crowd(p, count))
     body, records = device.put(np.array(p.body)[None, None]), device.put(engine.crowd(p, count))
     begin = _finished(lambda: _copied(records, fresh))
@@ -119,7 +119,7 @@ def _strides(p: Any, tolerance: float, count: int, exact: Any) -> tuple[float, f
 
 
 def ticks() -> None:
-    """Control ticks a second with random actions, episodes beginning again on the device."""
+    """Measure control steps per second with random actions; episodes reset on the GPU."""
     rows = []
     for count in SIZES:
         rows.append(("GPU", count, count / _tick(DeviceBatch(count))))
@@ -129,7 +129,7 @@ def ticks() -> None:
 
 
 def _tick(there: DeviceBatch) -> float:
-    """Time of a step of a crowd."""
+    """Seconds for a control step of a batch on the GPU."""
     random = np.random.default_rng(0)
     few = [device.put(random.uniform(-1.0, 1.0, len(there.play.actions))) for _ in range(4)]
     there.reset()
@@ -139,13 +139,13 @@ def _tick(there: DeviceBatch) -> float:
             _copied(there.play.actions, actions)
             there.step()
 
-    for _ in range(2 if SIMULATED else 100):  # until walkers stand in all phases
+    for _ in range(2 if SIMULATED else 100):  # until walkers are spread over all phases
         job()
     return seconds(_finished(job)) / len(few)
 
 
 def _tick_here(count: int) -> float:
-    """Time of a step of as many walkers on the processor."""
+    """Seconds for a control step of `count` walkers on the CPU."""
     envs = gym.make_vec("PassiveWalker-v0", num_envs=count, threads=CORES)
     envs.reset(seed=0)
     envs.action_space.seed(0)
@@ -156,7 +156,7 @@ def _tick_here(count: int) -> float:
 
 
 def learning() -> None:
-    """Frames a second of PPO, walkers and learner on the device, and with walkers here."""
+    """Measure frames per second of PPO on the GPU, with walkers on the GPU and on the CPU."""
     import torch
     from rsl_rl.runners import OnPolicyRunner  # type: ignore[import-not-found]
 
@@ -189,7 +189,7 @@ def learning() -> None:
 
 
 def _ppo_fast(count: int, steps: int) -> Callable[[], object]:
-    """Two updates by the PPO of this repository, with the other's passes and batches."""
+    """Two updates by this repository's PPO, with as many epochs and batches as rsl_rl's."""
     from stable_baselines3.common.logger import Logger
 
     from agents.config import configure

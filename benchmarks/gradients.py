@@ -1,10 +1,10 @@
-"""What does a gradient through strikes cost, here and elsewhere?
+"""Run time and error of gradients through impacts, by this package and by other solvers.
 
     python -m benchmarks.gradients
 
-How the distance that a compass walker has come after some strides changes with its start: by exact
-derivatives, by differences, and over a penalty contact. Errors are against differences of order
-eight in 80-bit arithmetic.
+The gradient is that of a compass walker's distance after some strides by its initial state. It is
+computed by exact derivatives, by differences, and over a penalty contact. Errors are relative to
+differences of order eight in 80-bit arithmetic.
 """
 
 from __future__ import annotations
@@ -28,23 +28,23 @@ STRIDES = (1, 10, 100)
 CROWD = 64
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14)
 TIME_STEPS = {1: (1e-2, 1e-3, 1e-4), 10: (1e-2, 1e-3), 100: (1e-2,)}
-STEPS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # of this engine's differences
-PENALTY_STEPS = (0.03, 0.01, 3e-3, 1e-3)  # of those over the penalty contact; smaller are worse
+STEPS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # widths of this engine's differences
+PENALTY_STEPS = (0.03, 0.01, 3e-3, 1e-3)  # widths over the penalty contact; smaller are worse
 STENCIL = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
-"""Central differences of order eight."""
+"""Weights of central differences of order eight, by offset."""
 
 Gradient = Callable[[], NDArray]
-"""How the distance changes with stance angle, stance rate and swing rate, (3,)."""
+"""Derivative of the distance by stance angle and the two angular velocities, (3,)."""
 
 
 def _states(points: Any) -> Any:
-    """Section states of points [angle, stance rate, swing rate], (..., 3) to (..., 6)."""
+    """States (..., 6) of points (..., 3): stance angle, and angular velocities of both legs."""
     angle, stance, swing = np.moveaxis(points, -1, 0)
     return np.stack([angle, -angle, -angle, stance, swing, swing], axis=-1)
 
 
 def _differences(distance: Callable, point: NDArray, step: Any, stencil: dict) -> NDArray:
-    """A gradient by central differences, from distances (k,) of points (k, 3)."""
+    """Gradient (3,) by central differences, from distances (k,) of points (k, 3)."""
     moves = [(i, k * sign) for i in range(3) for k in stencil for sign in (1, -1)]
     points = np.array([point + step * k * np.eye(3, dtype=point.dtype)[i] for i, k in moves])
     found = np.zeros(3, points.dtype)
@@ -54,7 +54,7 @@ def _differences(distance: Callable, point: NDArray, step: Any, stencil: dict) -
 
 
 def exact(p: Problem, point: NDArray, strides: int) -> tuple[NDArray, float]:
-    """The gradient in 80-bit arithmetic, and how far two widths of the differences are apart."""
+    """The gradient in 80-bit arithmetic, and its error from two widths of the differences."""
 
     def distance(points: NDArray) -> list:
         states = _states(points)
@@ -73,7 +73,7 @@ def exact(p: Problem, point: NDArray, strides: int) -> tuple[NDArray, float]:
 
 
 def _step(p: Problem, start: Any, end: Any) -> Any:
-    """A step's length by the stance angles with which its stride and the next one begin."""
+    """Step length from the stance angles at the beginning of a stride and of the next."""
     return legs.step_length(p.body, start, end)
 
 
@@ -82,14 +82,14 @@ def _error(found: NDArray, truth: NDArray) -> float:
 
 
 def engine(point: NDArray, p: Problem, strides: int, tolerance: float, count: int) -> Gradient:
-    """This engine's: `count` walkers side by side."""
+    """Gradient by this engine's exact derivatives, of `count` walkers in a batch."""
     strides_of = StrideMap.of(WALKERS["A"], tolerance=tolerance)
     points = np.tile(point, (count, 1))
     return lambda: strides_of.linearize(points, p.slope, strides=strides)[1].lengths[0]
 
 
 def by_torch(point: NDArray, p: Problem, strides: int, tolerance: float) -> Gradient:
-    """This engine's, stride by stride through torch and back."""
+    """Gradient by this engine's exact derivatives of single strides, and torch's reverse mode."""
     import torch
 
     from gym_passive_walker.torch import stride
@@ -113,7 +113,7 @@ def by_torch(point: NDArray, p: Problem, strides: int, tolerance: float) -> Grad
 def differences(
     point: NDArray, p: Problem, strides: int, tolerance: float, step: float
 ) -> Gradient:
-    """Central differences of this engine's plain strides, six walks side by side."""
+    """Gradient by central differences of this engine's strides, six walks in a batch."""
     strides_of = StrideMap.of(WALKERS["A"], tolerance=tolerance)
 
     def distance(points: NDArray) -> NDArray:
@@ -123,7 +123,7 @@ def differences(
 
 
 def diffrax(point: NDArray, p: Problem, strides: int, tolerance: float) -> Gradient:
-    """Diffrax with its differentiable events, by JAX's reverse mode, compiled."""
+    """Gradient by diffrax with its differentiable events and JAX's reverse mode, compiled."""
     stride = rivals.diffrax_stride(p, "Dopri8", tolerance, max_steps=4096)
     import jax
     import jax.numpy as jnp
@@ -143,7 +143,7 @@ def diffrax(point: NDArray, p: Problem, strides: int, tolerance: float) -> Gradi
 
 
 def torchdiffeq(point: NDArray, p: Problem, strides: int, tolerance: float) -> Gradient:
-    """Torchdiffeq's `odeint_event`, by torch's reverse mode."""
+    """Gradient by torchdiffeq's `odeint_event` and torch's reverse mode."""
     stride = rivals.torchdiffeq_stride(p, "dopri8", tolerance)
     import torch
 
@@ -160,7 +160,7 @@ def torchdiffeq(point: NDArray, p: Problem, strides: int, tolerance: float) -> G
 
 
 def contact(point: NDArray, p: Problem, strides: int, time_step: float, step: float) -> Gradient:
-    """Central differences over MuJoCo's penalty contact."""
+    """Gradient by central differences over MuJoCo's penalty contact."""
     walker = penalty.Contact(p, time_step, "implicitfast")
 
     def distance(points: NDArray) -> list[float]:
@@ -184,7 +184,7 @@ _PLOTTED_ONLY = [_setting(tolerance) for tolerance in TOLERANCES[1::2]]
 
 
 def _methods(strides: int) -> Iterator[tuple[str, str, Callable[..., Gradient], int]]:
-    """Label, setting, method, and walkers that share its time."""
+    """Label, setting and method, and the number of walkers in a batch."""
     for tolerance in TOLERANCES:
         setting = _setting(tolerance)
         yield (
@@ -218,7 +218,7 @@ def _methods(strides: int) -> Iterator[tuple[str, str, Callable[..., Gradient], 
 
 
 def main() -> None:
-    """Measure, draw and keep it."""
+    """Measure all methods; draw the results and write the table."""
     p = problem("straight")
     point, rows, notes = p.starts[0][[0, 3, 4]], [], []
     for strides in STRIDES:
@@ -228,7 +228,7 @@ def main() -> None:
         for label, setting, method, count in _methods(strides):
             try:
                 gradient = method(point, p, strides)
-                gradient()  # compiled, if it is to be
+                gradient()  # compiles, if the method does
             except ImportError as missing:
                 print(f"{label}: {missing}")
                 continue
@@ -240,7 +240,7 @@ def main() -> None:
             took /= count
             key = (label, setting)
             if np.isfinite(reached) and reached < best.get(key, (np.inf,))[0]:
-                best[key] = reached, took  # of several steps of differences, the best
+                best[key] = reached, took  # the best of several widths of differences
             print(strides, label, setting, reached, took, flush=True)
         rows += [
             (strides, *key, f"{e:.0e}", 1e3 * t)

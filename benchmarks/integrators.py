@@ -1,11 +1,11 @@
-"""Which Runge-Kutta pair should carry the walkers? Time against error of some, over lanes.
+"""Run time and error of Runge-Kutta pairs, over vector lanes.
 
     python -m benchmarks.integrators
 
-Each pair takes the place of the engine's own: its step is compiled from the same statements into
-the same native code over lanes, which the engine's loop carries the lab walker with, through its
-swing with a knee that does not lock. Beside them: heyoka's Taylor method in batch mode, the best of
-its kind. The table lands in docs/benchmarks.md.
+Each pair replaces the engine's own: its step is compiled from the engine's equations into native
+code over lanes. The engine's loop then integrates the swing of the lab walker, with a knee that
+does not lock. Heyoka's Taylor method in batch mode is measured beside them, the best method of its
+kind. The table is written to docs/benchmarks.md.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ TOLERANCES = 10.0 ** -np.arange(0.0, 16.0, 0.5)
 def pair_of(
     matrix: list[list[float]], weights: list[float], error: list[float], orders: tuple[int, int]
 ) -> Pair:
-    """A pair from its tableau; the error may have a part of the step's end as well."""
+    """A pair from its tableau; the error may include the derivative at the step's end."""
     if list(matrix[-1]) + [0.0] * (len(weights) - len(matrix[-1])) == list(weights):
         matrix, weights = matrix[:-1], weights[:-1]  # the last stage is the step's end
     order, error_order = orders
@@ -53,7 +53,7 @@ def pairs() -> dict[str, Pair]:
     """The pairs tried, by name."""
     found = {
         "Dormand-Prince 5(4)": pair_of(RK45.A.tolist(), RK45.B, RK45.E, (5, 4)),
-        # Its second estimate, of order 3, is left out: it would make steps a little longer.
+        # The second error estimate, of order 3, is not used: steps would be a little longer.
         "Dormand-Prince 8(5)": pair_of(DOP853.A.tolist(), DOP853.B, DOP853.E5, (8, 5)),
     }
     found["Verner 9, this engine's"] = PAIR
@@ -64,13 +64,13 @@ def pairs() -> dict[str, Pair]:
 
 
 def swinging(system: System) -> System:
-    """Walkers of a kind in their first phase, which only a fall ends."""
+    """A system of the first phase only, which ends with a fall."""
     phase = system.phases[0]._replace(guards=STANCE_FALLS, resets={})
     return system._replace(name="swinging", phases=(phase,))
 
 
 def compiled(p: Problem, pair: Pair) -> Callable[[NDArray, float], NDArray]:
-    """A function that carries starts to the horizon, at a tolerance."""
+    """A function that integrates initial states (n, 6) to `HORIZON`, at a tolerance."""
     system, body = swinging(p.system), np.array(p.body)[None, None]
     phases = phases_of(system, loaded(object_code(written(system, pair=pair))))
     desk = aligned(tile_for(pair), 1), np.zeros(1, COURSE)
@@ -88,7 +88,7 @@ def compiled(p: Problem, pair: Pair) -> Callable[[NDArray, float], NDArray]:
 
 
 def at_errors(ends: Callable[[NDArray, float], NDArray], p: Problem, exact: NDArray) -> list[float]:
-    """Microseconds a walker at each of ERRORS, between tolerances by the logarithms."""
+    """Microseconds per walker at each of ERRORS, interpolated logarithmically."""
     crowd = np.resize(p.starts, (COUNT, 6))
     errors, times = [], []
     for tolerance in TOLERANCES:
@@ -111,7 +111,7 @@ def at_errors(ends: Callable[[NDArray, float], NDArray], p: Problem, exact: NDAr
 
 
 def main() -> None:
-    """Print the table and keep it."""
+    """Print the table and write it to the page."""
     command(__doc__)
     p = problem("kneed")
     exact = reference.swings(p, HORIZON)

@@ -1,11 +1,10 @@
-"""Kill a training again and again: does it end as if nothing had happened?
+"""Check that a training that is killed and resumed ends as an uninterrupted one.
 
     python -m benchmarks.kills --kills 5 --write
 
-A training of SAC runs in one piece. Another one of the same configuration is killed from time to
-time, at moments that chance chooses, and resumed. What both remember in
-the end is compared bit by bit: weights, optimisers, memory, normaliser, walkers and all sources of
-random numbers.
+One training of SAC runs without interruption. Another with this configuration is killed at random
+times and resumed. Their final checkpoints are compared bit by bit: weights, optimizers, replay
+buffer, normalizer, walkers and all random generators.
 """
 
 from __future__ import annotations
@@ -29,18 +28,18 @@ from benchmarks.report import DOCS, keep, machine, table
 from gym_passive_walker import console
 
 PAGE = DOCS / "stability.md"
-STEPS, EVERY, ENVS = 8192, 512, 8  # half of them learn
-_SLOWEST = 2.0  # seconds that a training goes on after a checkpoint, at most, until it is killed
+STEPS, EVERY, ENVS = 8192, 512, 8  # SAC learns in half of the steps
+_SLOWEST = 2.0  # largest delay in seconds between a checkpoint and the kill after it
 
 
 class Kills(NamedTuple):
-    """What killing a training showed.
+    """Results of killing a training.
 
     Attributes:
-        kills: How often it was killed.
-        steps: Steps of its newest checkpoint at each kill.
-        compared: Numbers that both trainings remember.
-        differ: How many of them differ.
+        kills: Number of kills.
+        steps: Steps of the newest checkpoint at each kill.
+        compared: Number of values in the final checkpoints.
+        differ: Number of values that differ.
     """
 
     kills: int
@@ -50,7 +49,7 @@ class Kills(NamedTuple):
 
 
 def begin(folder: Path, *, resume: bool) -> subprocess.Popen:
-    """Start a training, or go on with it."""
+    """Start a training, or resume it."""
     place = ["--resume", str(folder)] if resume else ["--out", str(folder), "--algo", "sac"]
     size = ["--steps", str(STEPS), "--every", str(EVERY)]
     envs = [] if resume else ["--envs", str(ENVS)]
@@ -71,7 +70,7 @@ def finish(training: subprocess.Popen) -> None:
 
 
 def remembered(folder: Path) -> Iterator[np.ndarray]:
-    """All numbers of a run's newest checkpoint, in one order."""
+    """All values of a run's newest checkpoint, in a fixed order."""
 
     def leaves(value: Any) -> Iterator[np.ndarray]:
         if isinstance(value, dict):
@@ -97,12 +96,12 @@ def remembered(folder: Path) -> Iterator[np.ndarray]:
 
 
 def kill(folder: Path, times: int, *, seed: int = 0) -> Kills:
-    """Train twice, once in one piece and once killed so many times.
+    """Train twice, once without interruption and once with kills, and compare.
 
     Args:
         folder: An empty folder.
-        times: How often.
-        seed: Of the moments.
+        times: Number of kills.
+        seed: Seed of the times of the kills.
     """
     rng, steps = np.random.default_rng(seed), []
     whole, killed = folder / "whole", folder / "killed"
@@ -126,7 +125,7 @@ def kill(folder: Path, times: int, *, seed: int = 0) -> Kills:
 
 
 def main() -> int:
-    """Run from the command line; the exit status says whether nothing differed."""
+    """Run from the command line; the exit status is 0 if nothing differs."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--kills", type=int, default=5, help="how often (%(default)s)")
     parser.add_argument("--write", action="store_true", help=f"put the table into {PAGE.name}")

@@ -1,7 +1,7 @@
-"""A stride by the engine and by its rivals: the error that is reached, and the time that it takes.
+"""Error and run time of a stride, by the engine and by other solvers.
 
-Each function gives the error against the exact next section states, and the microseconds of one
-walker's stride on one core.
+Each function returns the error of the next states on the Poincaré section, and the microseconds of
+one walker's stride on one core.
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from benchmarks.problem import Problem, error
 from benchmarks.report import seconds
 
 CROWD = 2048
-"""Walkers in a batch of those who take any number."""
+"""Walkers in a batch, for solvers that permit any number."""
 
 Point = tuple[float, float]
 """An error, and microseconds."""
 
 
 def engine(p: Problem, exact: NDArray, count: int, tolerance: float) -> Point:
-    """This engine, `count` walkers at once."""
+    """This engine, with `count` walkers in a batch."""
     reached = error(own.strides(p, tolerance), exact)
     return reached, own.microseconds(p, count, tolerance)
 
 
 def scipy(p: Problem, exact: NDArray, method: str, tolerance: float) -> Point:
-    """`scipy.integrate.solve_ivp` by one of its methods; the error is that of eight starts."""
+    """`scipy.integrate.solve_ivp` with one of its methods; the error is over eight strides."""
     stride = rivals.scipy_stride(p, method, tolerance)
     found = np.array([stride(start) for start in p.starts[:8]])
     return error(found, exact[:8]), seconds(lambda: stride(p.starts[0]), repeats=3) * 1e6
@@ -52,13 +52,13 @@ def heyoka_batch(p: Problem, exact: NDArray, lanes: int, tolerance: float) -> Po
 
 
 def heyoka_floor(p: Problem, lanes: int, tolerance: float) -> Point:
-    """Heyoka's batch mode without events: no error can be told, the time is a lower bound."""
+    """Heyoka's batch mode without events: the error is NaN, the time is a lower bound."""
     stride, starts = rivals.heyoka_batch(p, tolerance, lanes, events=False), p.starts[:lanes]
     return float("nan"), seconds(lambda: stride(starts), repeats=3) / lanes * 1e6
 
 
 def diffrax(p: Problem, exact: NDArray, method: str, tolerance: float) -> Point:
-    """Diffrax by one of its solvers, `CROWD` walkers at once."""
+    """Diffrax with one of its solvers, and `CROWD` walkers in a batch."""
     strides, starts = rivals.diffrax_batch(p, method, tolerance), np.resize(p.starts, (CROWD, 6))
     reached = error(strides(starts)[: len(exact)], exact)
     return reached, seconds(lambda: strides(starts), repeats=3, most=1.0) / CROWD * 1e6
@@ -67,11 +67,11 @@ def diffrax(p: Problem, exact: NDArray, method: str, tolerance: float) -> Point:
 def everyone_else(
     p: Problem, exact: NDArray, lanes: tuple[int, ...] = (8,)
 ) -> dict[str, Callable[[float], Point]]:
-    """What a user would pick instead, by name: error and time at a tolerance.
+    """Other solvers by name, as functions from a tolerance to error and time.
 
     Args:
         p: The problem.
-        exact: The exact next section states.
+        exact: The exact next states on the Poincaré section, (n, 6).
         lanes: Sizes of heyoka's batches.
     """
     return {

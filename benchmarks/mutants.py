@@ -1,7 +1,7 @@
-"""The package with something wrong: faults that were thought up, and changes of single signs.
+"""Mutants of the package: deliberate faults, and changes of single signs.
 
-A fault stands in `faults`, as data: where it is, what is wrong, the text before and after. A change
-is one sign, number, operator or comparison of a module's source, in random order.
+A fault is data in `faults`: its place, a description, and the text before and after. A change is
+that of one sign, number, operator or comparison of a module's source, in random order.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ NOT_MOTION = {
     "object_code", "loaded", "_parsed", "_call", "__post_init__", "_check_masses",
     "_check_places",
 }  # fmt: skip
-"""Functions about compiling, caching, threads and messages: no walker moves by them."""
+"""Functions about compiling, caching, threads and messages, which do not affect the motion."""
 
 _SWAPS: dict[type, type] = {
     ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult,
@@ -40,14 +40,14 @@ _SWAPS: dict[type, type] = {
 
 
 class Mutant(NamedTuple):
-    """The package with one thing wrong.
+    """The package with one fault.
 
     Attributes:
-        name: What is wrong, and where, though lines may move.
-        file: Module, by its path in the package (or in the repository: "agents/config"), without
+        name: Description and place of the fault, without a line number, since lines may move.
+        file: Path of the module in the package (or in the repository: "agents/config"), without
             its suffix.
-        line: Where, in the original.
-        source: The whole module with it.
+        line: Line in the original source.
+        source: Source of the whole module with the fault.
     """
 
     name: str
@@ -57,12 +57,12 @@ class Mutant(NamedTuple):
 
     @property
     def room(self) -> str:
-        """The room of the house that it is in."""
+        """The package or folder of the module."""
         return self.file.split("/")[0]
 
 
 def changes(node: ast.AST) -> Iterator[ast.AST]:
-    """What may stand in an expression's place, one change each."""
+    """Replacements of an expression, each with one change."""
     new: ast.AST
     if isinstance(node, ast.BinOp | ast.BoolOp) and type(node.op) in _SWAPS:
         new = copy.deepcopy(node)
@@ -85,7 +85,7 @@ def changes(node: ast.AST) -> Iterator[ast.AST]:
 
 
 class Finder(ast.NodeVisitor):
-    """Every place of a module where a number, a sign or a comparison stands."""
+    """Finds every number, sign and comparison of a module."""
 
     def __init__(self, file: str, tree: ast.Module) -> None:
         self.file, self.tree = file, tree
@@ -101,12 +101,12 @@ class Finder(ast.NodeVisitor):
             self.scopes.pop()
 
     def visit_AnnAssign(self, node: ast.AnnAssign) -> None:
-        """A type is no number."""
+        """Visit the value only, not the annotation."""
         if node.value is not None:
             self.visit(node.value)
 
     def generic_visit(self, node: ast.AST) -> None:
-        """Look at each child for changes, and then inside it."""
+        """Collect the changes of each child, and then visit the child."""
         for field, value in ast.iter_fields(node):
             children = value if isinstance(value, list) else [value]
             for index, child in enumerate(children):
@@ -117,7 +117,7 @@ class Finder(ast.NodeVisitor):
                 self.visit(child)
 
     def add(self, parent: ast.AST, field: str, index: int | None, old: ast.AST, new: ast.AST):
-        """Write the module down with one change, and undo it."""
+        """Record the module's source with one change, and undo the change."""
 
         def put(node: ast.AST) -> None:
             if index is None:
@@ -140,7 +140,7 @@ class Finder(ast.NodeVisitor):
 
 
 def path_of(file: str) -> Path:
-    """A module's path within the tree."""
+    """A module's path within the repository."""
     beside = file == "train" or file.startswith(tuple(f"{folder}/" for folder in BESIDE))
     return Path("" if beside else PACKAGE) / f"{file}.py"
 
@@ -160,7 +160,7 @@ def mutants(file: str) -> list[Mutant]:
 
 
 def sample(files: Sequence[str], seed: int) -> list[Mutant]:
-    """Mutants in random order, the files in turn, so that short ones are looked at as closely."""
+    """Mutants in random order, the files in turn, so that short files are tested as much."""
     random_order = random.Random(seed)
     pools = [mutants(file) for file in files]
     for pool in pools:
@@ -170,7 +170,7 @@ def sample(files: Sequence[str], seed: int) -> list[Mutant]:
 
 
 def faults(folder: Path = FAULTS) -> tuple[list[Mutant], list[str]]:
-    """Every fault of a folder; and the names of those whose text the code has no more."""
+    """Every fault of a folder, and the names of those that no longer match the code."""
     found, gone = [], []
     for path in sorted(folder.glob("*.toml")):
         for fault in tomllib.loads(path.read_text(encoding="utf-8"))["fault"]:

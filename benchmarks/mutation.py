@@ -1,15 +1,14 @@
-"""Would the tests notice? Put one thing wrong at a time into the package, and see.
+"""Mutation tests: put one fault at a time into the package, and check that a test fails.
 
-    python -m benchmarks.mutation                      every fault that was thought up
-    python -m benchmarks.mutation --blind              those of someone who had not read the tests
-    python -m benchmarks.mutation --changes 100        single signs of physics and engine instead
+    python -m benchmarks.mutation                      Try all deliberate faults.
+    python -m benchmarks.mutation --blind              Try faults written without knowing the tests.
+    python -m benchmarks.mutation --changes 100        Change single signs of physics and engine.
 
-Each mutant is a copy of the package with one thing wrong: a fault such as a programmer makes
-(`faults`, in the rooms from `gaits` up), or one sign, number, operator or comparison changed (in
-the equations and the machinery below). The tests that concern its module run on it, those most
-likely to notice first, until one fails. What its change may have got into is compiled anew, which
-takes some twenty seconds. Results are kept, one line of JSON for each, and a run that was stopped
-goes on where it was.
+Each mutant is a copy of the package with one fault. In the packages from `gaits` up, it is a
+plausible error of a programmer (`faults`). In `physics` and `engine`, one sign, number, operator or
+comparison is changed. The tests that concern the module run, the likeliest to fail first, until one
+fails. Code that the change may affect is recompiled, which takes some twenty seconds. Results are
+saved, one line of JSON for each mutant, and an interrupted run is resumed.
 """
 
 from __future__ import annotations
@@ -36,22 +35,22 @@ from benchmarks.mutants import BESIDE, BLIND, FAULTS, PACKAGE, ROOT, Mutant, fau
 from benchmarks.report import DOCS, keep, machine, table
 
 PAGE = DOCS / "stability.md"
-PATIENCE = 300.0  # seconds after which a mutant that still runs counts as noticed
+PATIENCE = 300.0  # seconds after which a mutant that still runs counts as detected
 LIBRARIES = ("numba", "scipy.optimize", "scipy.linalg", "gymnasium", "torch", "stable_baselines3")
-"""What tests import and no mutant changes."""
+"""Libraries that tests import and mutants do not change."""
 _FATES, _TICKS = ("fates.*", "*-pushed-*", "*-watched-*"), ("ticks.*",)
 WITHIN = {
     **dict.fromkeys(("envs/checks", "envs/constraints", "gaits/forces", "gaits/terrain"), _FATES),
     "envs/starts": _TICKS,
     "envs/task": _FATES + _TICKS,
 }
-"""Compiled code that files are in besides their own."""
+"""Patterns of compiled code, besides a file's own, that depends on the file."""
 CHANGED_BY_COPY = "tests/engine/test_cache.py::test_a_source_that_changes_has_another_fingerprint"
-"""The test of what a copy does away with."""
+"""A test that is skipped, because the copy changes the behaviour under test."""
 
 
 class Copy:
-    """A copy of the package and its tests, with a cache of what an unchanged one compiles.
+    """A copy of the package and its tests, with a cache of the unchanged package's compiled code.
 
     Args:
         tree: An empty folder.
@@ -64,7 +63,8 @@ class Copy:
             shutil.copytree(ROOT / name, tree / name, ignore=left)
         for name in ("pyproject.toml", "train.py", "README.md"):
             shutil.copy(ROOT / name, tree)
-        # The cache's place hangs on all sources; here is decided what a change makes stale.
+        # The cache's path depends on all sources. In a copy the path is fixed, and `notice` removes
+        # the code that a change makes stale.
         folder = tree / PACKAGE / "engine" / "cache.py"
         text = folder.read_text("utf-8")
         start = text.index("    digest = ")
@@ -74,22 +74,22 @@ class Copy:
         )
 
     def fill(self, every: Sequence[str]) -> None:
-        """Let an unchanged package pass tests, and keep what it has compiled."""
+        """Run tests on the unchanged package, and save its compiled code."""
         if failure := self.tests_fail(every, patience=20.0 * PATIENCE):
             raise SystemExit(f"tests fail without any change: {failure}")
         self.cache.rename(self.filled)
 
     def notice(self, mutant: Mutant) -> str:
-        """Which test notices a mutant."""
+        """Return the test that detects a mutant, or an empty string."""
         path = self.tree / path_of(mutant.file)
         path.write_text(mutant.source, "utf-8")
         shutil.rmtree(self.cache, ignore_errors=True)
         if mutant.room not in ("physics", "engine"):
-            # Kernels know a change of their own file, but not of others that they are made of.
+            # numba notices a change of a kernel's own file, but not of other files that it uses.
             stale = shutil.ignore_patterns(*WITHIN.get(mutant.file, ()))
             shutil.copytree(self.filled, self.cache, ignore=stale)
         elif mutant.room == "physics" and mutant.file != "physics/hybrid":
-            # Bookkeeping knows no equations.
+            # Code compiled by numba does not contain the equations: only object files are stale.
             shutil.copytree(self.filled, self.cache, ignore=shutil.ignore_patterns("*.o"))
         try:
             return self.tests_fail(tests_of(mutant.file))
@@ -97,9 +97,9 @@ class Copy:
             shutil.copy2(ROOT / path_of(mutant.file), path)  # as old as before: see numba's cache
 
     def tests_fail(self, tests: Sequence[str], patience: float = PATIENCE) -> str:
-        """What tests say: the first failure, "time" if they ran on, "" if they pass.
+        """Result of tests: the first failure, "time" if they ran too long, "" if they pass.
 
-        They run in a fork of this process, which has imported already what takes long.
+        They run in a fork of this process, which has already imported the slow libraries.
         """
         said = self.tree / "said"
         child = os.fork()
@@ -124,7 +124,7 @@ class Copy:
         return lines[0].split(" - ")[0] if lines else "does not run"
 
     def _be_tested(self, tests: list[str], said: Path) -> NoReturn:
-        """Become a process that runs tests of the copy, and writes down what they say."""
+        """Run tests of the copy in this (child) process, and write their output to a file."""
         os.setsid()
         with said.open("w", encoding="utf-8") as out:
             for stream in (1, 2):
@@ -157,9 +157,9 @@ def run(
 
     Args:
         chosen: The mutants.
-        results: Where results are kept.
-        again: Whether those that were not noticed are tried once more.
-        tried: Whether to try none, and return the results that there are.
+        results: File of results.
+        again: Whether to retry mutants that were not detected.
+        tried: Whether to try none, and return the existing results.
     """
     results.parent.mkdir(parents=True, exist_ok=True)
     lines = (
@@ -193,7 +193,7 @@ def run(
 
 
 def report(records: list[dict]) -> str:
-    """The score of each room, and what was not noticed."""
+    """The score of each package, and the mutants that were not detected."""
     rows: list[list] = []
     for room in dict.fromkeys(record["room"] for record in records):
         mine = [record for record in records if record["room"] == room]
@@ -213,7 +213,7 @@ def report(records: list[dict]) -> str:
 
 
 def code(text: str) -> str:
-    """Source as it may stand in a table."""
+    """Source code in Markdown, for a table."""
     return "`" + text.replace("|", "\\|") + "`"
 
 

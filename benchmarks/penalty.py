@@ -1,10 +1,10 @@
-"""What do exact events buy? The straight-legged walker on a penalty contact, in MuJoCo.
+"""Benefit of exact events: the straight-legged walker on a penalty contact, in MuJoCo.
 
     python -m benchmarks.penalty
 
-The walker is that of the "straight" problem, in the engine's units (leg length, whole mass,
-pendulum time). A general engine knows no stride: feet meet the ground where a time step happens to
-find them, and a collision is a stiff spring and damper that acts over some steps.
+The walker is that of the "straight" problem, in the engine's units (leg length, total mass,
+sqrt(l/g)). A general engine does not locate impacts: a landing is detected at a time step, and a
+collision is a stiff spring and damper that acts over some steps.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from gym_passive_walker.gaits.gait import multipliers_of
 
 TRIED = {"implicitfast": (1e-2, 3e-3, 1e-3, 3e-4, 1e-4), "RK4": (1e-2, 1e-3)}
 TOLERANCE = 1e-8
-STRIDES, SETTLED = 40, 20  # the slowest multiplier is 0.3: twenty strides forget any start
-SPREAD, SAMPLES = 0.01, 60  # wider, and the fit of multipliers feels that the map is curved
+STRIDES, SETTLED = 40, 20  # the largest multiplier is 0.3: a transient decays in twenty strides
+SPREAD, SAMPLES = 0.01, 60  # with a larger spread, the fit would be affected by nonlinearity
 
-# Columns of what is noted of a walker at an instant.
+# Columns of a walker's recorded data at an instant.
 STANCE, SWING, STANCE_RATE, SWING_RATE, CLEARANCE, TIME = range(6)
 
 
 class Contact:
-    """The walker in MuJoCo: x and z of the hip, the first leg's angle, the other's from it."""
+    """The walker in MuJoCo, by x and z of the hip, first leg's angle and angle between the legs."""
 
     def __init__(self, p: Problem, time_step: float, integrator: str) -> None:
         """Build the model; the time step is in units of sqrt(l/g)."""
@@ -46,8 +46,8 @@ class Contact:
           <inertial pos="{-across} 0 {along}" mass="{body.leg_mass}" diaginertia="{spin}"/>
           <geom type="sphere" size="{self._radius}" pos="0 0 {-self._leg}" conaffinity="0"/>"""
         hip = max(0.0, 1.0 - 2.0 * body.leg_mass)
-        # A time constant of two steps is the stiffest contact that MuJoCo takes. Softer or more
-        # damped ones, where tried, changed no error beyond its scatter.
+        # A time constant of two steps is the stiffest contact that MuJoCo permits. Softer or more
+        # damped contacts were tried, and changed no error beyond its scatter.
         self.model = mujoco.MjModel.from_xml_string(f"""
           <mujoco>
             <option timestep="{time_step}" integrator="{integrator}" cone="elliptic" impratio="10"
@@ -65,7 +65,10 @@ class Contact:
         self.data = mujoco.MjData(self.model)
 
     def place(self, state: NDArray) -> None:
-        """Stand rolling on the first leg, by angles of stance and swing leg and their rates."""
+        """Set the state, (4,): stance and swing angle, then angular velocities.
+
+        The walker rolls on its first leg.
+        """
         angle, swing, rate, swing_rate = state
         sine, cosine = self._leg * math.sin(angle), self._leg * math.cos(angle)
         self.data.time = 0.0
@@ -75,11 +78,11 @@ class Contact:
         self._lean_on(0)
 
     def walk(self, state: NDArray, strides: int) -> tuple[NDArray, NDArray]:
-        """Walk from a state to the mid-stance after that many heelstrikes, or to a fall.
+        """Simulate from a state to the mid-stance after `strides` heelstrikes, or to a fall.
 
         Returns:
-            What was seen just before each heelstrike, and at each mid-stance, where the stance leg
-            passes the normal of the ground.
+            Data just before each heelstrike, and at each mid-stance, where the stance leg passes
+            the normal of the ground; both of shape (n, 6).
         """
         self.place(state)
         strikes: list[NDArray] = []
@@ -88,13 +91,14 @@ class Contact:
         while len(strikes) < strides or not middles or middles[-1][TIME] < strikes[-1][TIME]:
             self.step(self.model, self.data)
             new = self._seen(stance)
-            # A stride takes three time units.
+            # A stride takes three time units, so a walk that exceeds ten has failed.
             if not (abs(new[STANCE]) < 1.0 and new[TIME] < 10.0 * (strides + 1)):
                 break
             if old[STANCE] > 0.0 >= new[STANCE]:
                 middles.append(_between(old, new, STANCE))
-            # Straight legs scuff as they pass: the swing foot meets the ground only once it is
-            # above it in front. When it lands the trailing foot lets go and gives no impulse.
+            # Straight legs scuff in mid-swing: contact of the swing foot is enabled only once the
+            # foot is above the ground in front. At its landing, contact of the trailing foot is
+            # disabled, so that it gives no impulse.
             ahead = new[STANCE] < 0.0 and new[SWING] > new[STANCE]
             if not landing and ahead and new[CLEARANCE] > 0.0:
                 landing = True
@@ -108,7 +112,7 @@ class Contact:
         return np.reshape(strikes, (-1, 6)), np.reshape(middles, (-1, 6))
 
     def _lean_on(self, stance: int) -> None:
-        """Let only that leg's foot meet the ground."""
+        """Enable ground contact of this leg's foot only."""
         self.model.geom_contype[1:] = stance == 0, stance == 1
 
     def _seen(self, stance: int) -> NDArray:
@@ -121,15 +125,15 @@ class Contact:
 
 
 def _between(old: NDArray, new: NDArray, column: int) -> NDArray:
-    """The instant at which a column crosses zero, on the chord of a time step."""
+    """Data at the instant at which a column crosses zero, interpolated within a time step."""
     return old + old[column] / (old[column] - new[column]) * (new - old)
 
 
 def _multipliers(contact: Contact, middle: NDArray) -> NDArray:
-    """Multipliers of the map from mid-stance to mid-stance.
+    """Floquet multipliers of the map from mid-stance to mid-stance.
 
-    A landing falls anywhere within a time step, which scatters single strides: the derivative is
-    the linear fit through many of them, from all over a neighbourhood of the fixed point.
+    The position of a landing within its time step scatters single strides. So the derivative is a
+    linear fit through many strides, from initial states around the fixed point.
     """
     random = np.random.default_rng(1)
     moves = SPREAD * random.uniform(-1.0, 1.0, (SAMPLES // 2, 3))
@@ -148,7 +152,7 @@ def _multipliers(contact: Contact, middle: NDArray) -> NDArray:
 def _result(
     gait: Gait, periods: NDArray, angles: NDArray, multipliers: NDArray, took: float
 ) -> list[float]:
-    """Errors of settled strides against the exact gait, and microseconds: the table's columns."""
+    """Columns of the table: errors of settled strides relative to the gait, and microseconds."""
     period, angle = periods[-SETTLED:] / gait.step_period, angles[-SETTLED:] / gait.stance_angle
     gap = np.abs(multipliers / gait.multipliers[0] - 1.0).min()
     means = abs(period.mean() - 1.0), abs(angle.mean() - 1.0)
@@ -156,7 +160,7 @@ def _result(
 
 
 def _penalty(p: Problem, gait: Gait, time_step: float, integrator: str) -> list[float]:
-    """MuJoCo's walk."""
+    """Row of the table for MuJoCo."""
     unit = gait.walker.time_unit
     contact = Contact(p, time_step, integrator)
     start = gait.state[[0, 1, 3, 4]] * [1.0, 1.0, unit, unit]
@@ -166,7 +170,7 @@ def _penalty(p: Problem, gait: Gait, time_step: float, integrator: str) -> list[
     periods = np.diff(strikes[:, TIME], prepend=0.0) * unit
     middle = middles[-SETTLED:, SWING : SWING_RATE + 1].mean(axis=0)
     multipliers = _multipliers(contact, middle)
-    # The swing up to just before heelstrike, whole in C: our watching it costs no time here.
+    # Time the swing up to just before heelstrike in one call of C, without the cost of Python.
     steps = int(0.95 * gait.step_period / unit / time_step)
 
     def swing() -> None:
@@ -178,7 +182,7 @@ def _penalty(p: Problem, gait: Gait, time_step: float, integrator: str) -> list[
 
 
 def _exact(p: Problem, gait: Gait) -> list[float]:
-    """The engine's walk, at a tolerance that is coarse for it."""
+    """Row of the table for the engine, at a coarse tolerance."""
     state, taken = gait.state, []
     for _ in range(STRIDES):
         taken.append(stride(gait.walker, gait.slope, state, tolerance=TOLERANCE))
@@ -190,7 +194,7 @@ def _exact(p: Problem, gait: Gait) -> list[float]:
 
 
 def report() -> str:
-    """The table and what it says, as markdown."""
+    """The table and its explanation, as Markdown."""
     p = problem("straight")
     walker, slope = WALKS["straight"]
     gait = find_gait(WALKERS[walker], slope)

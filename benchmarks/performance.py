@@ -1,9 +1,9 @@
-"""Where does a stride's time go? Operations counted, and what a processor can do.
+"""Run time of a stride's parts: counts of operations, and the CPU's peak arithmetic.
 
-    python -m benchmarks.performance               all parts, a minute
-    python -m benchmarks.performance operations    one of them
+    python -m benchmarks.performance               Run all parts, in a minute.
+    python -m benchmarks.performance operations    Run one part.
 
-The tables land in docs/performance.md. Run it on a quiet machine.
+The tables are written to docs/performance.md. Run it on an otherwise idle machine.
 """
 
 from __future__ import annotations
@@ -27,21 +27,21 @@ from gym_passive_walker.engine.step import Step
 
 PAGE = DOCS / "performance.md"
 COUNTED = ("fma", "fmul", "fadd", "fsub", "fdiv", "sqrt")
-"""Instructions of arithmetic; signs, comparisons, choices and what is fetched cost little."""
+"""Arithmetic instructions; signs, comparisons, selections and memory accesses cost little."""
 
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
-_CROWD, _TURNS, _ANEW = 2048, 4000, 200  # walkers; calls timed; of which one puts the tile back
-_CHAINS, _LINKS = 12, 100  # of products and sums that wait for one another, to find the peak
+_CROWD, _TURNS, _ANEW = 2048, 4000, 200  # walkers; timed calls; calls until the tile is restored
+_CHAINS, _LINKS = 12, 100  # independent chains of dependent multiply-adds, to measure the peak
 
 Code = Callable[[Memory], None]
 
 
 class Timed:
-    """Straight-line code over the lanes of a tile: what it is made of, and how long it takes.
+    """Straight-line code over the lanes of a tile: its instructions and its run time.
 
     Attributes:
-        counts: Vector instructions, each of eight lanes, by name.
-        nanoseconds: Of a lane.
+        counts: Number of vector instructions, each of eight lanes, by name.
+        nanoseconds: Nanoseconds per lane.
     """
 
     def __init__(self, codes: Sequence[Code], fresh: np.ndarray) -> None:
@@ -56,12 +56,12 @@ class Timed:
 
     @property
     def operations(self) -> int:
-        """Vector instructions of arithmetic."""
+        """Number of arithmetic vector instructions."""
         return sum(self.counts[name] for name in COUNTED)
 
 
 def _clocked(module: Module, fresh: np.ndarray) -> float:
-    """Nanoseconds for a lane of a module's function, over a tile that is in the cache."""
+    """Nanoseconds per lane of a module's function, with the tile in the CPU's cache."""
     code = loaded(object_code(module))
     address, vectors = code.get_function_address("timed"), code.get_global_value_address("table")
     tile = aligned(TILE, 1)
@@ -79,7 +79,7 @@ def _clocked(module: Module, fresh: np.ndarray) -> float:
 
 
 def equations_of(p: Problem, phase: int = 0) -> tuple[Step, np.ndarray]:
-    """A phase's functions, and a tile with walkers in the midst of it."""
+    """A phase's functions, and a tile with walkers in that phase."""
     there = p.system.phases[phase]
     used = constants_used(p.system, there)
     tile = aligned(TILE, 1)
@@ -97,19 +97,19 @@ def acceleration(equations: Step) -> Code:
 
     def evaluate(tile: Memory) -> None:
         for link, a in enumerate(equations.accelerations(tile, equations.state(tile))):
-            tile["angle", link] = tile["angle", link] + 1e-9 * a  # as a motion goes on
+            tile["angle", link] = tile["angle", link] + 1e-9 * a  # later calls need other values
 
     return evaluate
 
 
 def step(equations: Step) -> list[Code]:
-    """One step: its stages, its error, and what came of it."""
+    """One step: its stages, its error estimate and its result."""
     return equations.sweep()
 
 
 @lru_cache
 def fastest() -> float:
-    """Nanoseconds for a lane of the fastest arithmetic there is: products added, side by side."""
+    """Nanoseconds per lane of the fastest arithmetic: independent multiply-adds."""
 
     def chains(tile: Memory) -> None:
         factor, term = tile["h"], tile["next"]
@@ -125,7 +125,7 @@ def fastest() -> float:
 
 
 def operations() -> None:
-    """What an acceleration and a step compute, and how near the processor's best they are."""
+    """Measure operations of an acceleration and of a step, and their ratio to the CPU's peak."""
     rows = []
     for name in WALKS:
         p = problem(name)
@@ -157,7 +157,7 @@ def operations() -> None:
 
 
 def strides() -> None:
-    """Steps of a stride, and what share of its time they take."""
+    """Measure the number of steps in a stride, and their share of its run time."""
     rows = []
     for name in WALKS:
         p = problem(name)

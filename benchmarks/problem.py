@@ -1,4 +1,4 @@
-"""What is measured: strides from around a gait, and how the error of their ends is told."""
+"""The benchmark problems: strides from states around a gait, and the error of their ends."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from gym_passive_walker.units import units_of
 
 STARTS = 64
 
-_DIGITS = 9  # of the gait that starts lie around: they do not hang on its last ones
+_DIGITS = 9  # the gait is rounded, so that initial states do not depend on its last digits
 
 
 class Problem(NamedTuple):
     """Strides of one walker, dimensionless.
 
     Attributes:
-        name: How tables and files call it.
-        system: Which equations it obeys.
-        body: Its constants, a `system.Body`.
-        slope: In rad.
-        starts: Section states, shape (STARTS, 6): a gait's, moved by up to 1 %.
+        name: Name in tables and files.
+        system: Equations of motion.
+        body: Constants of the walker, a `system.Body`.
+        slope: Slope in rad.
+        starts: States on the Poincaré section, shape (STARTS, 6): a gait's, perturbed by up to 1 %.
     """
 
     name: str
@@ -37,7 +37,7 @@ class Problem(NamedTuple):
 
     @property
     def ground(self) -> Ground:
-        """What the equations know of the slope."""
+        """The slope in the form that the equations require."""
         return Ground(math.sin(self.slope), math.cos(self.slope))
 
 
@@ -58,6 +58,6 @@ def problem(name: str) -> Problem:
 
 
 def error(found: NDArray, reference: NDArray) -> float:
-    """Largest error of a state, relative to its largest angle or rate."""
+    """Largest error over states (n, 6), each relative to its largest angle or angular velocity."""
     difference = np.abs(np.asarray(found - reference, dtype=float)).max(axis=-1)
     return float((difference / np.abs(reference).max(axis=-1)).max())

@@ -1,6 +1,6 @@
-"""What a problem's answers are, in the 80-bit arithmetic of heyoka's Taylor method.
+"""Reference solutions of the problems, by heyoka's Taylor method in 80-bit arithmetic.
 
-A machine without 80-bit numbers finds the strides' ends in `references/`.
+A machine without 80-bit numbers reads the ends of the strides from `references/`.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ _FINE = 1e-19
 
 
 def strides(p: Problem) -> tuple[NDArray[np.longdouble], float]:
-    """Next section states, and an estimate of their own error.
+    """Next states on the Poincaré section, (n, 6), and an estimate of their error.
 
-    They are kept in `references/`; delete the file to compute them again (it needs heyoka and a
-    machine with 80-bit numbers).
+    They are stored in `references/`; delete the file to compute them again (this requires heyoka
+    and a machine with 80-bit numbers).
     """
     path = REFERENCES / f"{p.name}.npz"
     if path.exists():
@@ -41,7 +41,7 @@ def strides(p: Problem) -> tuple[NDArray[np.longdouble], float]:
 
 
 def walks(p: Problem, starts: NDArray, count: int, *, tolerance: float = _FINE) -> NDArray:
-    """Section states after a number of strides."""
+    """States on the Poincaré section after `count` strides from initial states (n, 6)."""
     stride = heyoka_stride(p, tolerance, _NUMBER)
     states = starts.astype(_NUMBER)
     for _ in range(count):
@@ -50,13 +50,13 @@ def walks(p: Problem, starts: NDArray, count: int, *, tolerance: float = _FINE) 
 
 
 def swings(p: Problem, end: float, torque: float = 0.0) -> NDArray:
-    """The starts' states a while later, with the knee free all along."""
+    """States at time `end` from the problem's initial states, with the knee free throughout."""
     ta: Any = heyoka_integrators(p, _FINE, _NUMBER, torque=torque)[0]
     found = []
     for start in p.starts:
         ta.time, ta.state[:] = _NUMBER(0.0), start
         ta.reset_cooldowns()
         while ta.time < end:
-            ta.propagate_until(_NUMBER(end))  # a kneestrike on the way only interrupts
+            ta.propagate_until(_NUMBER(end))  # a kneestrike interrupts it: the loop continues
         found.append(ta.state.copy())
     return np.array(found)

@@ -1,13 +1,13 @@
-"""Is a commit slower than another, and does it walk the same walks? Measured by turns, in one run.
+"""Compare the speed and the results of two commits, in alternating measurements.
 
-    python -m benchmarks.regress OLD           this working tree beside a commit
-    python -m benchmarks.regress OLD NEW       two commits
+    python -m benchmarks.regress OLD           Compare this working tree with a commit.
+    python -m benchmarks.regress OLD NEW       Compare two commits.
 
-Each side is a process with its own sources and kernels. A piece of work is done by one side and
-then by the other, in CPU seconds, so that what else the machine does falls on both alike. Of the
-ratios new / old the least times' stands first, and the quartiles of the single turns' behind it;
-equal code comes out within 3 % on a quiet machine (try OLD twice). The exit code is 1 where a piece
-is slower than the bar or walks end elsewhere.
+Each side is a process with its own sources and kernels. The sides alternate in each piece of work,
+so that the machine's load affects both equally. Times are CPU seconds. The first ratio new / old is
+that of the least times; the quartiles of the ratios of single turns follow. On a quiet machine,
+equal code gives ratios within 3 % of 1 (try OLD twice). The exit code is 1 if a piece is slower
+than the limit, or if results differ.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ from gym_passive_walker import console
 
 ROOT = Path(__file__).parent.parent
 WORK = Path(__file__).parent / "regress_work.py"
-_ALIKE = 1e-9  # relative difference of what walks come to that is none
+_ALIKE = 1e-9  # largest relative difference of equal results
 
 
 class Side:
-    """A process that does pieces of work with one tree's package.
+    """A process that runs pieces of work with one tree's package.
 
     Attributes:
-        pieces: Names of what it can do.
-        walks: What some walks come to, by name.
+        pieces: Names of the pieces of work.
+        walks: Results of some walks, by name.
     """
 
     def __init__(self, tree: Path) -> None:
@@ -52,17 +52,17 @@ class Side:
         self._tree = tree
 
     def begin(self) -> None:
-        """Wait until it is ready: kernels compile, every piece is done once."""
+        """Wait until the process is ready: kernels are compiled, and every piece has run once."""
         self.pieces, self.walks = json.loads(self._answer())
 
     def seconds(self, piece: str) -> float:
-        """Do a piece of work; CPU seconds that it took."""
+        """Run a piece of work; returns its CPU seconds."""
         assert self._process.stdin
         print(piece, file=self._process.stdin, flush=True)
         return float(self._answer())
 
     def end(self) -> None:
-        """Stop it."""
+        """Stop the process."""
         self._process.kill()
         self._process.wait()
 
@@ -76,7 +76,7 @@ class Side:
 
 @contextmanager
 def tree_of(commit: str) -> Iterator[Path]:
-    """The sources of a commit, in a folder of their own while they are needed."""
+    """Context manager: the sources of a commit, in a temporary folder."""
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder) / "tree"
         add = ["git", "worktree", "add", "--detach", "--force", str(tree), commit]
@@ -91,7 +91,7 @@ def tree_of(commit: str) -> Iterator[Path]:
 
 
 def turns(old: Side, new: Side, pieces: list[str], count: int) -> dict[str, np.ndarray]:
-    """CPU seconds of each piece by each side, (2, count)."""
+    """CPU seconds of each piece, shape (2, count): old and new side, `count` turns."""
     taken = {piece: np.empty((2, count)) for piece in pieces}
     for turn in tqdm(range(count), unit="turn", disable=not sys.stderr.isatty()):
         for piece in pieces:
@@ -101,7 +101,7 @@ def turns(old: Side, new: Side, pieces: list[str], count: int) -> dict[str, np.n
 
 
 def differing(old: dict[str, float], new: dict[str, float]) -> list[str]:
-    """Which walks end elsewhere, a line each."""
+    """Walks with different results, one line each."""
     return [
         f"other walks: {name} came to {old[name]!r}, and comes to {new[name]!r}"
         for name in old.keys() & new.keys()
@@ -110,7 +110,7 @@ def differing(old: dict[str, float], new: dict[str, float]) -> list[str]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Compare, and print; the exit code says whether all is well."""
+    """Compare two sides and print the results; returns 0 if nothing regressed, else 1."""
     parser = argparse.ArgumentParser(
         prog="benchmarks.regress", description=(__doc__ or "").split("\n")[0]
     )

@@ -1,7 +1,7 @@
-"""What `regress` has each side do: pieces of work by public names alone, which older commits have.
+"""Pieces of work for `regress`; they use public names only, so that older commits can run them.
 
-Run as a script by the side itself. It prints the names of its pieces and what some walks come to;
-then it reads a name a line, does that piece, and prints the CPU seconds that it took.
+Each side runs this file as a script. It prints the names of its pieces and the results of some
+walks. Then it reads a name from each line, runs that piece and prints the CPU seconds.
 """
 
 import json
@@ -14,12 +14,12 @@ import numpy as np
 import gym_passive_walker as gpw
 
 WALKS = {"lab": 0.036, "A": 0.03, "D": 0.009}
-"""Walkers with knees, with straight legs, and the simplest; and slopes that they walk on."""
+"""A kneed, a straight-legged and the simplest walker, with a slope in rad for each."""
 CROWD, ALONE = 2048, 20
 
 
 def strides(pieces, walks):
-    """Strides about a gait, in a crowd and one after the other; and with their derivatives."""
+    """Strides around a gait, in a batch and one after another, and with derivatives."""
     for name, slope in WALKS.items():
         gait = np.array(gpw.find_gait(name, slope).state)
         starts = np.repeat(gait[None], CROWD, axis=0)
@@ -48,13 +48,13 @@ def strides(pieces, walks):
 
 
 def analyses(pieces):
-    """A family of some 130 gaits, and a gait of least cost with some 30 torques."""
+    """A branch of some 130 gaits, and an optimal gait with some 30 torques."""
     pieces["gait_family C"] = lambda: gpw.gait_family("C", 0.0003, 0.1)
     pieces["optimal_gait lab"] = lambda: gpw.optimal_gait("lab", 0.18)
 
 
 def steps(pieces, walks):
-    """Steps of environments, side by side and single."""
+    """Steps of vectorized environments and of a single one."""
     for count in (64, 1024):
         envs = gym.make_vec("PassiveWalker-v0", num_envs=count)
         envs.reset(seed=0)
@@ -75,7 +75,7 @@ def steps(pieces, walks):
 
 
 def main():
-    """Answer until nobody asks."""
+    """Run pieces of work until the input ends."""
     pieces, walks = {}, {}
     strides(pieces, walks)
     analyses(pieces)

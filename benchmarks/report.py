@@ -1,4 +1,4 @@
-"""How results are printed, and kept in the pages of `docs/`."""
+"""Print results, and write them into the pages of `docs/`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ PAGE = DOCS / "benchmarks.md"
 
 
 def machine(*packages: str) -> str:
-    """The machine and the versions that a result belongs to, in a line."""
+    """A line with the machine and the package versions of a result."""
     model = platform.processor() or platform.machine()
     try:
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
@@ -43,13 +43,13 @@ def machine(*packages: str) -> str:
 def seconds(
     job: Callable[[], object], *, at_least: float = 0.2, repeats: int = 5, most: float = 10.0
 ) -> float:
-    """Time of one call: the least over some repeats, each of enough calls to be measured.
+    """Seconds of one call: the least over some repeats, each with many calls.
 
     Args:
-        job: What to call; it is called once beforehand.
-        at_least: Time for each repeat.
-        repeats: How many repeats.
-        most: Time after which no further repeat begins.
+        job: Function to call; it is called beforehand too.
+        at_least: Least duration of a repeat in seconds.
+        repeats: Number of repeats.
+        most: Time in seconds after which no further repeat begins.
     """
     job()
     began = time.perf_counter()
@@ -74,13 +74,13 @@ def seconds(
 def command(
     description: str | None, parts: Mapping[str, Callable[[], object]] | None = None
 ) -> None:
-    """Answer the command line of a script, by running those of its parts that are asked for.
+    """Parse the command line of a script, and run the requested parts.
 
     Args:
-        description: What `--help` says.
+        description: Text of `--help`.
         parts: The script's parts by name; all run if none is named.
     """
-    from gym_passive_walker import console  # here, for scripts that load the package later or never
+    from gym_passive_walker import console  # imported here: some scripts load the package later
 
     console.print_in_any_encoding()
     shape = argparse.RawTextHelpFormatter
@@ -108,10 +108,10 @@ def plot(
     """Draw curves over two logarithmic axes to `docs/images`; the engine's own are heavy.
 
     Args:
-        name: The picture's.
+        name: Name of the picture.
         curves: Horizontal and vertical values, by label.
-        axes_names: Of the horizontal and the vertical axis.
-        title: Over the picture.
+        axes_names: Labels of the horizontal and the vertical axis.
+        title: Title of the picture.
         falling: Whether the horizontal axis runs from large to small.
     """
     from gym_passive_walker.render.axes import HEAVY, LIGHT, legend, panels, save, series
@@ -130,7 +130,7 @@ def plot(
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    """A markdown table; floats are shown to three digits."""
+    """A Markdown table; floats are shown to three digits."""
 
     def cell(value: object) -> str:
         if isinstance(value, float):
@@ -145,7 +145,7 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
 
 
 def keep(name: str, text: str, page: Path = PAGE) -> None:
-    """Print a result and put it into a page, between the marks that carry its name."""
+    """Print a result and write it into a page, between the comments with its name."""
     print(f"\n{text}", flush=True)
     first, last = f"<!-- {name} -->", f"<!-- end of {name} -->"
     old = page.read_text(encoding="utf-8") if page.exists() else ""

@@ -1,7 +1,7 @@
-"""The same strides by whom a user would pick instead: SciPy, heyoka and diffrax.
+"""The benchmark's strides by other solvers: SciPy, heyoka, diffrax and torchdiffeq.
 
-Each is given the engine's own equations, as its users would have them: compiled by numba, or in its
-own symbols or arrays.
+Each solver has the engine's equations in its usual form: compiled by numba, or as its own symbols
+or arrays.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ _LONGEST = 10.0
 
 
 def scipy_stride(p: Problem, method: str, tolerance: float) -> Callable[[NDArray], NDArray]:
-    """A function from a section state to the next by `scipy.integrate.solve_ivp`.
+    """A stride map of one state (6,) by `scipy.integrate.solve_ivp`.
 
-    Right-hand sides and collisions are compiled by numba, as a careful user would have them.
+    Right-hand sides and collisions are compiled by numba, which is the fastest usual way.
     """
     from scipy.integrate import solve_ivp
 
@@ -51,7 +51,7 @@ def scipy_stride(p: Problem, method: str, tolerance: float) -> Callable[[NDArray
 
 
 def _in_numba(p: Problem, phase: Phase) -> tuple[Callable, Callable]:
-    """A phase's right-hand side and collision."""
+    """A phase's right-hand side and collision, compiled by numba."""
     size = 2 * phase.links
     return compiled(partial(side, p, phase), size), compiled(partial(struck, p, phase), size)
 
@@ -65,13 +65,13 @@ def _symbols(phase: Phase) -> list[Any]:
 
 
 def _motion(p: Problem, phase: Phase, torque: float = 0.0) -> tuple[list, Any]:
-    """The equations of a phase for heyoka, and what falls through zero at its end."""
+    """The equations of a phase for heyoka, and the event function at its end."""
     y = _symbols(phase)
     return list(zip(y, side(p, phase, y, torque), strict=True)), falls(p, phase, y)
 
 
 def _collision(p: Problem, phase: Phase, number: type = float) -> Callable[[NDArray], NDArray]:
-    """What the strike makes of coordinates (m,) or (m, n), compiled by heyoka."""
+    """The impact map of coordinates (m,) or (m, n), compiled by heyoka."""
     import heyoka as hy
 
     y = _symbols(phase)
@@ -82,7 +82,7 @@ def _collision(p: Problem, phase: Phase, number: type = float) -> Callable[[NDAr
 def heyoka_integrators(
     p: Problem, tolerance: float, number: type = float, *, torque: float = 0.0
 ) -> list[Any]:
-    """Adaptive Taylor integrators of heyoka, one a phase."""
+    """Adaptive Taylor integrators of heyoka, one for each phase."""
     import heyoka as hy
 
     found = []
@@ -102,7 +102,7 @@ def heyoka_integrators(
 def heyoka_stride(
     p: Problem, tolerance: float, number: type = float
 ) -> Callable[[NDArray], NDArray]:
-    """A function from a section state to the next by heyoka, one walker at a time."""
+    """A stride map of one state (6,) by heyoka."""
     integrators = heyoka_integrators(p, tolerance, number)
     collisions = [_collision(p, phase, number) for phase in p.system.phases]
 
@@ -126,10 +126,10 @@ def heyoka_stride(
 def heyoka_batch(
     p: Problem, tolerance: float, lanes: int, *, events: bool = True
 ) -> Callable[[NDArray], NDArray]:
-    """A function from `lanes` section states to the next by heyoka's batch mode.
+    """A stride map of `lanes` states, (lanes, 6), by heyoka's batch mode.
 
-    Without `events` it integrates each phase for as long as that phase of the gait takes: the floor
-    of what heyoka could do if events cost nothing. The states it returns are then not on events.
+    Without `events`, each phase is integrated for its duration in the first stride. The run time is
+    then a lower bound, as if events cost nothing, and the states returned are not at events.
     """
     import heyoka as hy
 
@@ -170,7 +170,7 @@ def heyoka_batch(
 
 
 def _durations(p: Problem) -> list[float]:
-    """Times that a stride's phases take, from the first of the starts."""
+    """Durations of a stride's phases, from the problem's first initial state."""
     y, times = coordinates(p.system.phases[0], p.starts[0]), []
     for phase, ta in zip(p.system.phases, heyoka_integrators(p, 1e-12), strict=True):
         ta.state[:] = y
@@ -183,9 +183,9 @@ def _durations(p: Problem) -> list[float]:
 
 
 def heyoka_swings(p: Problem, end: float, lanes: int = 8) -> Callable[[NDArray, float], NDArray]:
-    """A function that carries starts through a swing with the knee free, at a tolerance.
+    """A function that integrates initial states (n, 6) to `end` with the knee free, at a tolerance.
 
-    Heyoka's batch mode without events.
+    It uses heyoka's batch mode without events.
     """
     import heyoka as hy
 
@@ -210,7 +210,7 @@ def heyoka_swings(p: Problem, end: float, lanes: int = 8) -> Callable[[NDArray, 
 
 
 def diffrax_batch(p: Problem, method: str, tolerance: float) -> Callable[[NDArray], NDArray]:
-    """A function from section states to the next by diffrax, compiled by JAX for all at once."""
+    """A stride map of states (n, 6) by diffrax, vectorized and compiled by JAX."""
     stride = diffrax_stride(p, method, tolerance)
     import jax
 
@@ -219,7 +219,7 @@ def diffrax_batch(p: Problem, method: str, tolerance: float) -> Callable[[NDArra
 
 
 def diffrax_stride(p: Problem, method: str, tolerance: float, **options: Any) -> Callable:
-    """A function of JAX, for one section state; `options` are those of `diffeqsolve`."""
+    """A stride map of one state (6,) as a JAX function; `options` are those of `diffeqsolve`."""
     one_core = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
     os.environ.setdefault("XLA_FLAGS", one_core)
     import diffrax
@@ -258,7 +258,7 @@ def diffrax_stride(p: Problem, method: str, tolerance: float, **options: Any) ->
 
 
 def torchdiffeq_stride(p: Problem, method: str, tolerance: float) -> Callable:
-    """A function of torch, for one section state, by torchdiffeq's `odeint_event`."""
+    """A stride map of one state (6,) as a torch function, by torchdiffeq's `odeint_event`."""
     import torch
     from torchdiffeq import odeint, odeint_event
 

@@ -1,9 +1,9 @@
-"""What does a scene pay for? The price of each thing that may be simulated, a stride and a tick.
+"""Run time of a stride and of a control step, for each option of a scene.
 
     python -m benchmarks.scene_cost
 
-Prices are ratios to the leanest scene that can express the walker, measured by turns in one run.
-The table lands in docs/benchmarks.md.
+Run times are ratios to the simplest scene with that walker, from alternating measurements in one
+run. The table is written to docs/benchmarks.md.
 """
 
 from __future__ import annotations
@@ -30,14 +30,14 @@ BEFALLS = {
         "constraints": dict.fromkeys(("contact", "friction", "knee lock", "scuffing"), "report")
     },
 }
-"""What may befall a walker, each at its price."""
+"""Disturbances, a commanded speed and reported constraints; each is timed by itself."""
 
 COUNT = 2048
 ROUNDS = 5
 
 
 def by_turns(jobs: dict[str, Callable[[], object]]) -> dict[str, float]:
-    """Time of each job: the least of some rounds, in each of which all have a turn."""
+    """Seconds of each job: the least over some rounds, each of which runs all jobs."""
     best = dict.fromkeys(jobs, float("inf"))
     for _ in range(ROUNDS):
         for name, job in jobs.items():
@@ -46,7 +46,7 @@ def by_turns(jobs: dict[str, Callable[[], object]]) -> dict[str, float]:
 
 
 def kinds() -> str:
-    """A stride of each kind of walker, passive and with a torque held."""
+    """A stride of each kind of walker, passive and with a constant torque."""
     jobs: dict[str, Callable[[], object]] = {}
     for name in ("simplest", "straight", "kneed"):
         p = problem(name)
@@ -68,7 +68,7 @@ def kinds() -> str:
 
 
 def analysis() -> str:
-    """What is asked for on top of a stride: its ledger, its trajectory, its reality check."""
+    """Results beyond a stride's end: energy balance, trajectory and feasibility check."""
     gait = gpw.find_gait("lab", 0.036)
     walker = gpw.WALKERS["lab"]
     p = problem("kneed")
@@ -88,7 +88,7 @@ def analysis() -> str:
 
 
 def environments() -> str:
-    """A tick of the environment, with each switch of the scene."""
+    """A control step of the environment, with each option of the scene."""
     scenes = {
         "simplest, passive": {"walker": "D", "slope": 0.009, "max_hip_torque": 0.0},
         "straight, passive": {"walker": "A", "slope": 0.03, "max_hip_torque": 0.0},
@@ -139,7 +139,7 @@ def environments() -> str:
 
 
 def main() -> None:
-    """Print the tables and keep them."""
+    """Print the tables and write them to the page."""
     command(__doc__)
     text = "\n\n".join([kinds(), analysis(), environments()])
     keep("scene cost", f"{text}\n\nOne core. {machine('gymnasium')}.")

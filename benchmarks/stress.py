@@ -1,7 +1,7 @@
-"""How much does it take to make a walk go wrong? Try every statement about hard conditions.
+"""Stress tests: check every property of the simulation under difficult conditions.
 
-As ``python -m benchmarks.stress`` it takes half a minute; with ``--long``, ten million throws and a
-million strides.
+``python -m benchmarks.stress`` takes half a minute; ``--long`` tries ten million random states and
+a million strides.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ PAGE = DOCS / "stability.md"
 
 
 def row(case: Case, finding: Finding) -> list[object]:
-    """A statement and what trying it showed."""
+    """A row of the table: a stress test and its result."""
     if np.isnan(case.bound):
         error = ""
     else:
@@ -31,7 +31,7 @@ def row(case: Case, finding: Finding) -> list[object]:
 
 
 def main() -> int:
-    """Run from the command line; the exit status says whether everything held."""
+    """Run from the command line; returns 0 if all tests pass, else 1."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--long", action="store_true", help="try each a hundred times as often")
     parser.add_argument("--only", default="", help="statements or topics that contain this")

@@ -1,11 +1,11 @@
-"""How do time and memory grow with walkers, strides, parameters, tasks and workers?
+"""Scaling of time and memory with walkers, strides, parameters, tasks and workers.
 
-    python -m benchmarks.sweeps                   all parts but `minutes`
-    python -m benchmarks.sweeps walkers           one of them
-    python -m benchmarks.sweeps minutes           a hundred tasks of a minute: five minutes
+    python -m benchmarks.sweeps                   Run all parts except `minutes`.
+    python -m benchmarks.sweeps walkers           Run one part.
+    python -m benchmarks.sweeps minutes           Run a hundred tasks of a minute: five minutes.
 
-The tables land in docs/scaling.md. Times of sweeps are those of the wall: they are told with the
-load of the machine.
+The tables are written to docs/scaling.md. Times of sweeps are wall times, reported with the load of
+the machine.
 """
 
 from __future__ import annotations
@@ -31,22 +31,22 @@ from gym_passive_walker.sweeps.store import DONE, Store
 
 PAGE = DOCS / "scaling.md"
 WALKER, SLOPE = "C", 0.03
-MANY = 1_000_000  # walkers at once, at most
+MANY = 1_000_000  # largest number of walkers in a batch
 
 
 def nothing(x: int) -> dict[str, Any]:
-    """A task of no time."""
+    """A task that takes no time."""
     return {"memory": _memory()}
 
 
 def nap(x: int, rest: float) -> dict[str, Any]:
-    """A task that waits, whatever else the processor does."""
+    """A task that sleeps for `rest` seconds, without load on the CPU."""
     time.sleep(rest)
     return {"memory": _memory()}
 
 
 def _memory() -> float:
-    """What this process had at most, in MB; `getrusage` would count what its parent had."""
+    """Peak memory of this process in MB; `getrusage` would include the parent's peak."""
     for line in Path("/proc/self/status").read_text(encoding="utf-8").splitlines():
         if line.startswith("VmHWM"):
             return float(line.split()[1]) / 1024.0
@@ -54,7 +54,7 @@ def _memory() -> float:
 
 
 def walkers() -> None:
-    """A stride of many walkers, and many strides, on one core and on two."""
+    """Measure strides of many walkers, and many strides, on one core and on two."""
     gait = gpw.find_gait(WALKER, SLOPE)
     stride_map = StrideMap.of(gait.walker, tolerance=1e-10)
     rows = []
@@ -80,7 +80,7 @@ def walkers() -> None:
 
 
 def parameters() -> None:
-    """What a task takes in memory before it is done, and its row on disk."""
+    """Measure the memory of a task before it runs, and its row on disk."""
     rows = []
     for count in (1, 10, 50):
         over = {f"parameter_{i}": [0.0, 1.0] for i in range(count)}
@@ -99,12 +99,12 @@ def parameters() -> None:
 
 
 def anything(**parameters: float) -> dict[str, Any]:
-    """A task of any parameters."""
+    """A task with any parameters."""
     return {"sum": sum(parameters.values())}
 
 
 def tasks() -> None:
-    """What a sweep costs besides its tasks: its start, and the way of a task there and back."""
+    """Measure a sweep's overhead: its start, and the communication of each task."""
     rows = []
     for name, options in ways():
         few, many = (_swept("nothing", count, options)[0] for count in (2_000, 22_000))
@@ -115,7 +115,7 @@ def tasks() -> None:
 
 
 def keeper() -> None:
-    """What the one process that keeps the rows can take: what limits a thousand workers."""
+    """Measure the rate at which the single process that stores rows works; it limits workers."""
     over = {f"parameter_{i}": [0.0, 1.0] for i in range(10)}
     described = Description(
         analysis="benchmarks.sweeps:anything", over=over, how="latin-hypercube", samples=20_000
@@ -136,7 +136,7 @@ def keeper() -> None:
 
 
 def _call() -> float:
-    """What a call through Ray with twenty tasks takes of who calls."""
+    """Time that a call through Ray with twenty tasks costs the calling process."""
     import ray
 
     class Echo:
@@ -156,7 +156,7 @@ def _call() -> float:
 
 
 def naps() -> None:
-    """A hundred thousand tasks of a millisecond."""
+    """Measure a hundred thousand tasks of a millisecond."""
     rows = []
     for name, options in ways():
         wall, taken, _, size = _swept("nap", 100_000, options, rest=0.001)
@@ -167,7 +167,7 @@ def naps() -> None:
 
 
 def minutes() -> None:
-    """A hundred tasks of a minute, by twenty workers, who sleep."""
+    """Measure a hundred tasks that sleep for a minute, by twenty workers."""
     rows = []
     for name, options in list(ways(20))[-2:]:
         wall, taken, memory, _ = _swept("nap", 100, options, rest=60.0)
@@ -177,7 +177,7 @@ def minutes() -> None:
 
 
 def ways(most: int = 2) -> Iterator[tuple[str, dict[str, Any]]]:
-    """How a sweep can be done here."""
+    """Ways to run a sweep on this machine: name, and arguments of `gpw.sweep`."""
     yield "one worker", {"workers": 1}
     yield f"{most} workers", {"workers": most}
     if find_spec("ray"):
@@ -187,7 +187,7 @@ def ways(most: int = 2) -> Iterator[tuple[str, dict[str, Any]]]:
 def _swept(
     name: str, count: int, options: dict[str, Any], **given: Any
 ) -> tuple[float, float, float, float]:
-    """Seconds in all, seconds that tasks took, MB of the largest worker, MB of the dataset."""
+    """Total seconds, seconds of the tasks, MB of the largest worker, and MB of the dataset."""
     with tempfile.TemporaryDirectory() as folder:
         began = time.perf_counter()
         found = gpw.sweep(

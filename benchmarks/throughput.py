@@ -1,9 +1,10 @@
-"""How fast are many walkers? Strides and ticks a second, beside what a user would pick instead.
+"""Throughput: strides and control steps per second, beside other solvers and environments.
 
-    python -m benchmarks.throughput               all parts, some ten minutes
-    python -m benchmarks.throughput strides       one of them
+    python -m benchmarks.throughput               Run all parts, in some ten minutes.
+    python -m benchmarks.throughput strides       Run one part.
 
-Each part prints its table and puts it into docs/benchmarks.md. Run it on a quiet machine.
+Each part prints its table and writes the table to docs/benchmarks.md. Run it on an otherwise idle
+machine.
 """
 
 from __future__ import annotations
@@ -33,7 +34,7 @@ SIZES = [10**k for k in range(7)]
 
 
 def accelerations() -> None:
-    """One evaluation of the equations of motion: over the lanes of a tile, and of one walker."""
+    """Measure one evaluation of the equations of motion: over a tile's lanes, and of one walker."""
     rows = []
     for name in WALKS:
         crowded, alone = (_nanoseconds(problem(name), crowd) for crowd in (True, False))
@@ -43,7 +44,7 @@ def accelerations() -> None:
 
 
 def _nanoseconds(p: Problem, crowd: bool) -> float:
-    """Time of an evaluation, of a whole tile's or of one lane after another."""
+    """Nanoseconds per lane of an evaluation: of a whole tile, or of one lane after another."""
     phase = p.system.phases[0]
     used = constants_used(p.system, phase)
     equations, module = Equations(p.system, phase, used), Module()
@@ -51,7 +52,7 @@ def _nanoseconds(p: Problem, crowd: bool) -> float:
 
     def evaluate(tile: Memory) -> None:
         for link, a in enumerate(equations.accelerations(tile, equations.state(tile))):
-            # A little further each time, as a motion goes on.
+            # Change the state a little, so that each evaluation has other values.
             tile["angle", link] = tile["angle", link] + 1e-9 * a
 
     function.over_lanes(evaluate) if crowd else function.once(evaluate, lane=True)
@@ -78,7 +79,7 @@ def _nanoseconds(p: Problem, crowd: bool) -> float:
 
 
 def strides() -> None:
-    """One walker and a million: time of a stride, on one core and on all."""
+    """Measure the time of a stride for one walker to a million, on one core and on all."""
     text, curves = [], {}
     for name, tolerance in (("kneed", 1e-4), ("kneed", 1e-6), ("kneed", 1e-12),
                             ("straight", 1e-6), ("simplest", 1e-6)):  # fmt: skip
@@ -107,7 +108,7 @@ def strides() -> None:
 
 
 def against() -> None:
-    """The kneed walker's stride by its rivals, and by the engine at no larger error."""
+    """Measure the kneed walker's stride by other solvers, and by the engine at no larger error."""
     p = problem("kneed")
     exact, _ = reference.strides(p)
     ours = []
@@ -142,7 +143,7 @@ def against() -> None:
 
 
 def ticks() -> None:
-    """Control ticks of the environments, beside other environments of the field."""
+    """Measure control steps of the environments, beside other environments of the field."""
     rows: list[tuple] = []
     walker = _one(gym.make("PassiveWalker-v0", reset_noise_scale=0.02))
     bare = _one(gym.make("PassiveWalker-v0", reset_noise_scale=0.02).unwrapped)
@@ -208,7 +209,7 @@ def ticks() -> None:
 
 
 def _one(env: gym.Env) -> float:
-    """Time of a step of one environment, resets included where episodes end."""
+    """Seconds for a step of one environment, including resets at the end of episodes."""
     env.reset(seed=0)
     env.action_space.seed(0)
     actions = [env.action_space.sample() for _ in range(256)]
@@ -223,7 +224,7 @@ def _one(env: gym.Env) -> float:
 
 
 def _many(envs: Any) -> float:
-    """Time of a step of a whole batch."""
+    """Seconds for a step of a vectorized environment."""
     envs.reset(seed=0)
     envs.action_space.seed(0)
     actions = [envs.action_space.sample() for _ in range(2 if envs.num_envs > 10_000 else 16)]
@@ -252,14 +253,14 @@ def _envpool(name: str, count: int, threads: int) -> float:
 
 
 def learning() -> None:
-    """Frames a second of PPO with this environment, and with one that costs nothing."""
+    """Measure frames per second of PPO with this environment, and with an empty one."""
     from benchmarks import frames
 
     keep("learning", frames.report())
 
 
 def on_tensors() -> None:
-    """Frames a second of PPO on tensors, beside that of stable-baselines3."""
+    """Measure frames per second of PPO on tensors, beside PPO of stable-baselines3."""
     from benchmarks import frames
 
     keep("on_tensors", frames.on_tensors())

@@ -1,10 +1,10 @@
-"""How much time does an accuracy cost? Run time against error, of the engine and of its rivals.
+"""Work-precision diagrams: run time over error, of the engine and of other solvers.
 
-    python -m benchmarks.work_precision               all parts, a quarter of an hour
-    python -m benchmarks.work_precision strides       one of them
+    python -m benchmarks.work_precision               Run all parts, in a quarter of an hour.
+    python -m benchmarks.work_precision strides       Run one part.
 
-Errors are against 80-bit arithmetic (see `reference`). Tables land in docs/benchmarks.md,
-plots in docs/images/.
+Errors are relative to 80-bit arithmetic (see `reference`). Tables are written to
+docs/benchmarks.md, plots to docs/images/.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ TOLERANCES = 10.0 ** -np.arange(3.0, 14.1, 0.5)
 LEVELS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 
 Curve = list[Point]
-"""Errors and microseconds."""
+"""Pairs of error and microseconds."""
 
 
 def _at(curve: Curve, level: float) -> float:
-    """Least time at which a method's error is no larger."""
+    """Least time of a method, among its points with at most this error; NaN if there are none."""
     times = [time for reached, time in curve if reached <= level]
     return min(times) if times else math.nan
 
@@ -44,7 +44,7 @@ def _table(curves: dict[str, Curve]) -> str:
 
 
 def strides() -> None:
-    """A stride of each kind of walker."""
+    """Measure a stride of each kind of walker."""
     text = []
     for name in WALKS:
         p = problem(name)
@@ -57,7 +57,7 @@ def strides() -> None:
         curves = {}
         for label, method in methods.items():
             try:
-                # JAX compiles each tolerance anew.
+                # JAX compiles for each tolerance, so take only every fourth.
                 tolerances = TOLERANCES[::4] if "diffrax" in label else TOLERANCES
                 curves[label] = [method(float(tolerance)) for tolerance in tolerances]
             except ImportError:
@@ -73,7 +73,7 @@ def strides() -> None:
 
 
 def walks() -> None:
-    """A hundred strides on the stable gait of the lab walker."""
+    """Measure a hundred strides on the stable gait of the lab walker."""
     p = problem("kneed")
     exact = reference.walks(p, p.starts[:4], 100)
     rows = []
@@ -86,7 +86,7 @@ def walks() -> None:
 
 
 def ticks() -> None:
-    """A tick under torque: a tenth of a time unit from the start of a stride."""
+    """Measure a control step with a torque: 0.1 sqrt(l/g) from the start of a stride."""
     p = problem("kneed")
     held = {"torque": 0.02, "end": 0.1}
     exact = reference.swings(p, **held)
@@ -102,7 +102,7 @@ def ticks() -> None:
 
 
 def penalties() -> None:
-    """What exact events buy: the compass walker with a penalty contact, in MuJoCo."""
+    """Measure the benefit of exact events over a penalty contact in MuJoCo."""
     from benchmarks import penalty
 
     keep("penalty", f"{penalty.report()}\n\n{machine('mujoco')}.")

@@ -1,5 +1,5 @@
-"""Examples of controllers: each is a module to read, to run and to copy.
+"""Examples of controllers; each is a module to read, to run and to copy.
 
-python -m examples.potential_shaping    torques that make a walker feel another gravity
-python -m examples.once_a_stride        feedback that chooses one action at each heelstrike
+python -m examples.potential_shaping    Torques that act as another gravity.
+python -m examples.once_a_stride        Feedback with one action at each heelstrike.
 """

@@ -48,17 +48,17 @@ _TRIED, _REFINED = 41, 8  # torques tried, and Newton iterations from the best o
 class OnceAStride:
     """A controller that chooses the actuation of a stride at its start.
 
-    A subclass defines `actuation`. `plan` is what a stride map calls, `predict` what environments
-    and `evaluate` call.
+    A subclass defines `actuation`. Stride maps call `plan`; environments and `evaluate` call
+    `predict`.
 
     Args:
-        scene: A `Scene`, its name, or a mapping of its arguments: the walker, its motors and their
-            limits. Actions are held for a stride whatever its `control` is.
+        scene: A `Scene`, its name, or a mapping of its arguments: the walker, its actuators and
+            their limits. Actions are held for a stride; the scene's `control` is ignored.
         **changes: Arguments of the scene that replace its own.
 
     Attributes:
         scene: The `Scene`, with control="stride".
-        strides: Stride map of the walker without motors.
+        strides: Stride map of the walker without actuators.
         parts: Parts of an `Actuation` that the scene's actions are.
         largest: Largest dimensionless value of each part.
     """
@@ -75,7 +75,8 @@ class OnceAStride:
         """Dimensionless actuation of strides, (n, parts).
 
         Args:
-            points: Section points at which the strides start, dimensionless, (n, m).
+            points: Points on the Poincaré section at which the strides start, dimensionless,
+                (n, m).
             slopes: Slope in rad, one for all or (n,).
         """
         raise NotImplementedError
@@ -101,17 +102,18 @@ class OnceAStride:
 class ActuationFeedback(OnceAStride):
     """Linear feedback about a gait, by all actions of the scene.
 
-    With method="deadbeat" the simplest walker is back on its gait after two strides by one action,
-    and after one stride by two: two directions of its section survive a stride.
+    With method="deadbeat" the simplest walker returns to its gait in two strides with one action,
+    and in one stride with two actions: two directions of its Poincaré section survive a stride.
 
     Args:
-        scene: As for `OnceAStride`; its walker is the gait's.
+        scene: A `Scene`, its name, or a mapping of its arguments; its walker is replaced by the
+            gait's.
         gait: The gait to hold, passive or under an `Actuation`.
         method: "deadbeat" or "lqr"; see `control.feedback.gains`.
         torque_weight: Weight of the actuation for "lqr".
 
     Attributes:
-        point: The gait's section point, dimensionless, (m,).
+        point: The gait's point on the Poincaré section, dimensionless, (m,).
         closed_loop: Derivative of the closed-loop stride map, dimensionless, (m, m).
 
     Raises:
@@ -192,7 +194,7 @@ def placement(speeds: ArrayLike, wanted: ArrayLike, slopes: ArrayLike) -> NDArra
     )
 
     def excess(angle: NDArray) -> NDArray:
-        """Twice the energy left over at the next mid-stance."""
+        """Twice the energy at the next mid-stance in excess of the wanted speed's."""
         before = speeds * speeds + 2.0 * climb(angle, -slopes)
         return before * np.cos(2.0 * angle) ** 2 - 2.0 * climb(angle, slopes) - wanted * wanted
 
@@ -210,13 +212,14 @@ def placement(speeds: ArrayLike, wanted: ArrayLike, slopes: ArrayLike) -> NDArra
 class SpeedControl(OnceAStride):
     """Mid-stance speed of the simplest walker, by one push-off or one hip torque a stride.
 
-    Each stride multiplies the deviation from the wanted speed by `decay`. Where the motor is too
-    weak, it brings the speed as near as it can.
+    Each stride multiplies the deviation from the wanted speed by `decay`. If the actuator is too
+    weak, the speed is as near to that as it permits.
 
     Args:
-        scene: As for `OnceAStride`; its one action is "push_off" or "hip".
+        scene: A `Scene`, its name, or a mapping of its arguments; its one action is "push_off" or
+            "hip".
         speed: Wanted speed at mid-stance over sqrt(g l); see `midstance_speed`.
-        decay: From 0, back in one stride, to less than 1.
+        decay: At least 0, which removes the deviation in one stride, and less than 1.
 
     Raises:
         ValueError: if the walker is not the simplest, or the actions are others.
@@ -244,7 +247,7 @@ class SpeedControl(OnceAStride):
         return np.nan_to_num(chosen)[:, None]
 
     def _push_offs(self, points: NDArray, slopes: NDArray, wanted: NDArray) -> NDArray:
-        """What is missing of the angular velocity after a heelstrike without push-off."""
+        """Push-offs that supply the angular velocity missing after a heelstrike without them."""
         angle, rate, _ = self.strides.apply(points, slopes).ends.T
         needed = np.sqrt(np.maximum(wanted * wanted + 2.0 * climb(angle, slopes), 0.0))
         push = (needed + rate) / np.sin(2.0 * angle)  # angular velocities are negative
@@ -277,7 +280,7 @@ def kuo_gait() -> Gait:
 
 
 def cases() -> Iterator[tuple[str, Gait, OnceAStride | None]]:
-    """What `main` compares: a name, the gait to hold, and the controller (None for the gait's)."""
+    """Cases of `main`: a name, the gait to hold, and the controller (None for the gait's own)."""
     gait = gpw.find_gait("D", 0.009)
     scene = {"walker": "D", "slope": gait.slope, "max_hip_torque": 1.0}
     yield "D, passive", gait, None

@@ -1,4 +1,4 @@
-"""Potential shaping: torques at ankle and hip that make a walker feel another gravity.
+"""Potential shaping: torques at ankle and hip that act on a walker as another gravity.
 
     python -m examples.potential_shaping
 
@@ -8,8 +8,8 @@ control step, and analyze that controller with stride maps.
 The potential energy V of two straight legs on point feet is a function of two angles, and the
 gradient of V_felt - V is a pair of torques. Under these torques the walker moves as under the
 gravity of V_felt. Collisions do not depend on gravity, so its gaits are those of a passive walker,
-the passive twin. The law needs torques that follow the state at every instant. A motor that holds
-its torque for a control step approximates it.
+the passive twin. The law needs torques that follow the state at every instant. An actuator that
+holds its torque for a control step approximates the law.
 
 References:
     M. W. Spong, F. Bullo, "Controlled symmetries and passive walking", IEEE Trans. Automatic
@@ -50,7 +50,7 @@ class Torques(NamedTuple):
 
 
 class Cost(NamedTuple):
-    """Work of a stride over weight times distance, by motor.
+    """Work of a stride over weight times distance, by actuator.
 
     Attributes:
         hip: Net work of the hip torque.
@@ -77,12 +77,12 @@ class Cost(NamedTuple):
 
 @dataclass(frozen=True)
 class PotentialShaping:
-    """The law: torques under which a walker feels another gravity, on any slope.
+    """Torques that act on a walker as another gravity, on any slope.
 
     Attributes:
         walker: The walker, with straight legs, point feet and masses on the line of each leg.
-        felt_slope: Slope in rad of the ground that the walker feels.
-        strength: Gravity that the walker feels over its own.
+        felt_slope: Slope in rad of the passive twin.
+        strength: Gravity of the passive twin over the walker's own.
     """
 
     walker: Walker
@@ -90,7 +90,11 @@ class PotentialShaping:
     strength: float = 1.0
 
     def __post_init__(self) -> None:
-        """Refuse walkers whose potential two torques cannot shape."""
+        """Check that two torques can shape the walker's potential.
+
+        Raises:
+            ValueError: if the walker has knees, round feet or masses off the line of the leg.
+        """
         walker = self.walker
         if walker.knees or walker.foot_radius:
             raise ValueError("potential shaping needs a walker with knees=False and foot_radius=0")
@@ -122,7 +126,7 @@ class PotentialShaping:
         return Torques(hip, stance_moment * difference(stance) - hip)
 
     def power(self, state: ArrayLike, slope: ArrayLike) -> Torques:
-        """Powers of both torques; that of a hip torque on massless feet is 0."""
+        """Powers of both torques; the power of a hip torque on massless feet is 0."""
         hip, ankle = self.torques(state, slope)
         stance, swing = np.moveaxis(np.asarray(state, dtype=float), -1, 0)[3:5]
         opening = 0.0 if self.walker.massless_legs else swing - stance
@@ -197,7 +201,7 @@ class HeldTorques:
         episode_start: ArrayLike | None = None,
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], Any]:
-        """Actions as environments and `evaluate` take them."""
+        """Actions for environments and `evaluate`, with the state returned unchanged."""
         return self.act(np.asarray(observation, dtype=float)).astype(np.float32), state
 
 

@@ -1,6 +1,6 @@
-"""The source document's numbers beside the computed ones: what `docs/validation.md` is made from.
+"""Comparison of Garcia (1999), chapter 4, and other publications with computed numbers.
 
     python -m validation --out docs/validation.md
 
-Each module looks at some sections of the document and gives rows; `page` puts them together.
+Each module computes the rows of some sections; `page` writes them to `docs/validation.md`.
 """

@@ -1,4 +1,4 @@
-"""Compare with every number of the source document, and write the page."""
+"""Compare with every number of Garcia (1999), chapter 4, and write the validation page."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from validation import page
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Write the page; the exit status says whether every row is as it is known to be."""
+    """Write the page; returns 0 if every row is as expected, else 1."""
     return console.run(lambda: _write(words))
 
 

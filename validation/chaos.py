@@ -13,18 +13,18 @@ from validation.rows import Row, claim, listed, number
 from validation.walks import TUNED
 
 _D_DOUBLES = "0.0150884379"
-"""Slope on record where the simplest walker's long step doubles its period."""
+"""Recorded slope in rad where the simplest walker's long step doubles its period."""
 
 _ROUNDED = {
     **dict.fromkeys(("thigh_mass", "thigh_com", "thigh_offset"), 5e-4),
     **dict.fromkeys(("shank_mass", "shank_com", "shank_offset", "foot_angle"), 5e-4),
     **dict.fromkeys(("thigh_gyration", "shank_gyration"), 5e-5),
 }
-"""Half a unit in the last digit that Table 4.1 has for C's masses and where they lie."""
+"""Half a unit in the last digit of Table 4.1, for the masses of walker C and their positions."""
 
 
 def _feigenbaum(cascade: Cascade, what: str) -> Row:
-    """Distances between doublings shrink by Feigenbaum's number."""
+    """Row on the ratio of distances between doublings, which tends to Feigenbaum's number."""
     remark = f"The ratios are {listed(cascade.ratios, '.4f')}."
     return number(
         f"Feigenbaum 1978 | {what} | 4.66920", cascade.ratios[-1], within=0.005, remark=remark
@@ -67,7 +67,7 @@ def _doubling(walker: Walker) -> float:
 
 
 def latest_doubling() -> Walker:
-    """Of the walkers that round to Table 4.1's C, nearly the one whose period doubles latest."""
+    """Walker that rounds to C of Table 4.1 and doubles its period at nearly the largest slope."""
     c = WALKERS["C"]
     changes = {}
     for name, half in _ROUNDED.items():
@@ -78,7 +78,7 @@ def latest_doubling() -> Walker:
 
 
 def kneed_walker() -> Iterator[Row]:
-    """Section 4.7."""
+    """Section 4.7: period doubling and chaos of the tuned kneed walker C."""
     walker, of_table, extreme = TUNED["C"], WALKERS["C"], latest_doubling()
     cascade = gpw.doubling_cascade(walker, 0.06, 0.12, doublings=6)
     first, *_ = cascade.slopes

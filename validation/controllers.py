@@ -1,4 +1,4 @@
-"""Push-off on level ground, and shaped potentials."""
+"""Controllers of other publications: push-off on level ground, and potential shaping."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from validation.walks import gait
 _KUO = "Kuo 2002"
 _STIFFNESS, _PUSH_OFF = 2.5127, 0.1877
 _G = WALKERS["D"].gravity
-# As files of his program have them: push-off, stiffness, stance angle, its rate, and how exact.
+# Files of Kuo's program: push-off, stiffness, stance angle, its angular velocity, and tolerance.
 _SAVED = {
     "slow": (0.04, 0.0, "0.194588876", "-0.202960578", 1e-7),
     "normal": (0.18770204624718329, 2.5127159062105644, "0.355460653", "-0.505623102", 1e-6),
@@ -33,22 +33,22 @@ _SAVED = {
 
 
 def _pushed(push_off: float, stiffness: float = _STIFFNESS) -> Gait:
-    """The simplest walker on level ground, its legs a metre long."""
+    """Gait of the simplest walker on level ground, with legs of 1 m."""
     walker = replace(WALKERS["D"], hip_stiffness=stiffness * _G)
     held = Actuation(push_off=push_off * math.sqrt(_G))
     return gpw.find_gait(gpw.stride_map(walker, 0.0, controller=held))
 
 
 def _strike(walks: Gait) -> tuple[float, float]:
-    """Half the angle between the legs, and the speed on level ground just before their strike."""
+    """Half the angle between the legs at heelstrike (rad), and the speed just before it."""
     return walks.stance_angle, -float(walks.state[3]) / math.sqrt(walks.walker.gravity)
 
 
 def _field_at(angle: float, speed: float) -> Gait:
-    """The walk of this angle and speed at its strikes that a torque on the stance leg drives.
+    """Gait with this angle and speed at heelstrike, driven by a torque on the stance leg.
 
-    The torque does what a virtual gravity does. The field makes up for the strike; the spring at
-    the hip is that which makes the step as long as it has to be.
+    The torque acts as a virtual gravity. The slope of the virtual gravity makes up for the impact
+    loss; the stiffness of the hip spring is chosen so that the step has the required length.
     """
     field = math.atan((speed * math.sin(2.0 * angle)) ** 2 / (4.0 * math.sin(angle)))
 
@@ -106,7 +106,7 @@ def push_off() -> Iterator[Row]:
 
 
 def _period_of_small_steps() -> Row:
-    """The spring sets the period: of small steps by linear equations, which have a closed form."""
+    """Row on the period of small steps, which the spring sets; the linear equations give it."""
     frequency = math.sqrt(1.0 + _STIFFNESS)
 
     def closes(half: float) -> float:
@@ -124,11 +124,13 @@ def _period_of_small_steps() -> Row:
 
 
 def _compass(shaping: PotentialShaping, slope: float, start: NDArray) -> tuple[float, NDArray]:
-    """A stride of the compass walker under a law of torques, by SciPy on textbook equations.
+    """Simulate a stride of the compass walker under a law of torques, by SciPy.
+
+    The equations of motion are written out here, independently of the package.
 
     Returns:
-        How long it takes, and the state just before heelstrike: angles of stance and swing leg, and
-        their rates.
+        Duration, and the state just before heelstrike, shape (4,): angles of stance and swing leg
+        in rad, and their angular velocities.
     """
     leg, hip, g = 5.0, 10.0, 9.8  # masses of a leg, at half its length, and at the hip; l = 1
 
@@ -156,12 +158,15 @@ def _compass(shaping: PotentialShaping, slope: float, start: NDArray) -> tuple[f
 
 
 def _apart(shaping: PotentialShaping, slope: float, walks: Gait) -> float:
-    """How far the closed loop on a slope is from a gait, before its heelstrike and in duration."""
+    """Largest difference between the closed loop on a slope and a gait.
+
+    Compared are the duration, the angles and the foot velocity just before heelstrike.
+    """
     time, ends = _compass(shaping, slope, walks.state)
     exact = gpw.measures(walks).foot_velocity, walks.stance_angle
     foot, half = exact
     stance, swing, stance_rate, swing_rate = ends
-    # The landing foot moves by both rates (Eq. 4.10), and it is all that a strike depends on.
+    # Both angular velocities move the landing foot (Eq. 4.10); the impact depends on nothing else.
     along = -math.cos(half) * (stance_rate - swing_rate)
     down = math.sin(half) * (stance_rate + swing_rate)
     return max(
@@ -171,7 +176,7 @@ def _apart(shaping: PotentialShaping, slope: float, walks: Gait) -> float:
 
 
 def shaped_potentials() -> Iterator[Row]:
-    """Controlled symmetry and virtual gravity, of the compass walker."""
+    """Controlled symmetry and virtual gravity of the compass walker."""
     own = math.radians(3.0)
     shaping, walks = controlled_symmetry(COMPASS, own), gait(COMPASS, own)
     slopes = [math.radians(x) for x in (-10.0, -3.0, 0.0, 8.0)]

@@ -1,4 +1,4 @@
-"""Section 4.5.2 and Figs. 4.6 and 4.12: the laboratory's walker, its knees free and locked."""
+"""Section 4.5.2 and Figs. 4.6 and 4.12: the laboratory's walker with knees free and locked."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ from validation.walks import (
 
 
 def _shown(found: GaitFamily) -> NDArray[np.intp]:
-    """The gaits that the document has: those whose stance leg does not turn back in mid-stride."""
+    """Indices of the gaits in the printed figure: their stance leg never turns back in a stride."""
     before = np.arange(len(found)) < np.argmin(found.slope)
     return np.flatnonzero(~(before & (found.slope > found.halts[0])))
 
 
 def _slowest(found: GaitFamily) -> tuple[float, float]:
-    """Slope of the slowest gait that the document has, and its speed over sqrt(g l)."""
+    """Slope in rad of the slowest gait in the printed figure, and its speed over sqrt(g l)."""
     shown = _shown(found)
     slowest = shown[np.argmin(found.froude_speed[shown])]
     return float(found.slope[slowest]), float(found.froude_speed[slowest])
 
 
 def _scuffing(found: GaitFamily) -> NDArray[np.bool_]:
-    """Whether the foot scuffs, gait by gait along what the document has."""
+    """Whether the foot scuffs, for a sample of the gaits in the printed figure."""
     checks = [
         gpw.reality_check(found.walker, float(found.slope[i]), found.state[i], tolerance=1e-10)
         for i in _shown(found)[2:-2:6]
@@ -114,7 +114,7 @@ def laboratory() -> Iterator[Row]:
 
 
 def _crossing(name: str, low: float, high: float) -> float:
-    """The slope at which long and short step are equally fast."""
+    """The slope in rad at which the long-step and the short-step gait are equally fast."""
 
     def long_is_faster(slope: float) -> bool:
         return gait(name, slope).speed > gait(name, slope, "short").speed
@@ -123,7 +123,7 @@ def _crossing(name: str, low: float, high: float) -> float:
 
 
 def speeds() -> Iterator[Row]:
-    """Section 4.9: which gait is the faster."""
+    """Section 4.9: which gait is faster."""
     brackets = {**dict.fromkeys("ABCEF", (1e-3, 0.1)), "lab": (0.038, 0.05)}
     crossings = {name: _crossing(name, *bracket) for name, bracket in brackets.items()}
     yield claim(

@@ -1,4 +1,4 @@
-"""The laboratory's walker: Table 4.2, and sections 4.2, 4.3.1 and 4.3.2 on what a walk takes."""
+"""The laboratory's walker: Table 4.2, and sections 4.2, 4.3.1 and 4.3.2 (feasibility)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from validation.rows import Row, claim, listed, number
 from validation.walks import TUNED, checked, gait, numbers_of_gaits
 
 _SLOPES = (0.034, 0.045, 0.052)
-# Table 4.2: at each slope simulation and experiment as printed, and the computed on record.
+# Table 4.2: at each slope the printed simulation and experiment, and the recorded computed value.
 _TABLE = {
     "step period (s)": ("step_period", "0.77 0.78 0.7658", "0.72 0.77 0.7186", "0.68 0.77 0.6780"),
     "step length (m)": ("step_length", "0.38 0.37 0.3750", "0.44 0.45 0.4413", "0.46 0.46 0.4669"),
@@ -56,7 +56,7 @@ def table() -> Iterator[Row]:
 
 
 def maps() -> Iterator[Row]:
-    """Section 4.3.1."""
+    """Section 4.3.1: the return map and its Floquet multipliers."""
     walks = gait("lab", 0.036)
     sizes = [abs(value) for value in walks.multipliers]
     said = "4.3.1 | least of a kneed walker's four multipliers (McGeer printed −0.001) | exactly 0"
@@ -73,7 +73,7 @@ def maps() -> Iterator[Row]:
 
 
 def reality() -> Iterator[Row]:
-    """Section 4.3.2: what the model takes of ground and knees."""
+    """Section 4.3.2: feasibility constraints on the ground contact and the knees."""
     here = checked("lab", 0.036)
     legs = (("A", 0.02), ("B", 0.02), ("E", 0.02), ("lab-straight", 0.036))
     straight = [checked(name, slope).clearance.value for name, slope in legs]

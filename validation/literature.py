@@ -1,4 +1,4 @@
-"""Numbers from other publications, which neither the document nor this package has a hand in."""
+"""Numbers from other publications, independent of Garcia (1999) and of this package."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from validation.walks import Kind, gait
 _SIMPLEST = "Garcia et al. 1998"
 _COMPASS = "Goswami et al. 1998"
 
-_CUT = "0.459"  # and not rounded
+_CUT = "0.459"  # printed truncated, not rounded
 _AT_0009: dict[Kind, dict[str, str]] = {
     "long": {
         "θ": "0.20031090",
@@ -35,9 +35,9 @@ _VANISHING: dict[Kind, tuple[str, str]] = {
 
 
 def _limit(near: float, far: float) -> float:
-    """What a quantity at slopes 1e-9 and 8e-9 tends to as the slope vanishes.
+    """Limit of a quantity as the slope vanishes, from its values at slopes 1e-9 and 8e-9.
 
-    Corrections go with slope^(2/3), the square of the step, here in the ratio 1 : 4.
+    Corrections are proportional to slope^(2/3), the square of the step; their ratio is 1 : 4.
     """
     return (4.0 * near - far) / 3.0
 

@@ -1,4 +1,4 @@
-"""The validation page: its sections, how they are computed and how they are written down."""
+"""The validation page: its sections, their computation, and the page in Markdown."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class Section(NamedTuple):
     """A part of the page.
 
     Attributes:
-        title: Its heading.
-        rows: What computes it.
-        text: What to know of its rows.
+        title: Heading of the section.
+        rows: Function that computes the rows.
+        text: Introduction to the rows.
     """
 
     title: str
@@ -149,7 +149,7 @@ def compute(progress: Callable[[str], None] = lambda title: None) -> dict[str, l
     """Compute the page.
 
     Args:
-        progress: Is told each section's title before it is computed.
+        progress: Function called with each section's title before that section is computed.
 
     Returns:
         Rows by the titles of their sections.
@@ -165,7 +165,7 @@ def write(path: str | Path, progress: Callable[[str], None] = lambda title: None
     """Compute the page and write it to a file.
 
     Returns:
-        The rows that are not as they are known to be; none if all is well.
+        The rows that are not as expected; an empty list if there are none.
     """
     page = compute(progress)
     with replacing(path) as aside:

@@ -1,4 +1,4 @@
-"""The walkers themselves: Table 4.1, the captions of Figs. 4.3 and 4.5, and appendix 4.10.1."""
+"""Parameters of the walkers: Table 4.1, captions of Figs. 4.3 and 4.5, and appendix 4.10.1."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def table() -> Iterator[Row]:
 
 
 def _hip_in_thighs(walker: Walker) -> Walker:
-    """A walker with half the hip's mass lumped into each thigh, as the document has it."""
+    """A walker with half the hip's mass lumped into each thigh, as in Garcia (1999)."""
     inertia = walker.thigh_mass * walker.thigh_gyration**2
     thigh = Part(walker.thigh_mass, walker.thigh_com, walker.thigh_offset, inertia)
     whole = combine([thigh, Part(mass=0.5 * walker.hip_mass, com=0.0)])

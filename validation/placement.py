@@ -25,13 +25,13 @@ def _law(decay: float) -> SpeedControl:
 
 
 def _struck(angle: ArrayLike, rate: ArrayLike) -> NDArray:
-    """Points of the section, (n, 3), as a strike leaves them."""
+    """Points on the Poincaré section just after heelstrike, dimensionless, (n, 3)."""
     angle, rate = np.ravel(angle), np.ravel(rate)
     return np.stack([angle, rate, np.cos(2.0 * angle) * rate], axis=1)
 
 
 def _starts(kicks: ArrayLike) -> NDArray:
-    """The gait's point with its rates multiplied."""
+    """The gait's points with their angular velocities multiplied by `kicks`, (n, 3)."""
     walks = gait("D", _SLOPE)
     rate = walks.state[3] * WALKERS["D"].time_unit
     return _struck(np.full(np.shape(kicks), walks.stance_angle), rate * np.asarray(kicks))
@@ -40,16 +40,17 @@ def _starts(kicks: ArrayLike) -> NDArray:
 def _walk(
     law: SpeedControl | None, points: NDArray, slopes: NDArray
 ) -> tuple[NDArray, NDArray, NDArray]:
-    """Strides on one slope after another, under a law or none.
+    """Simulate strides on a sequence of slopes, with a controller or without.
 
     Args:
-        law: Who decides; None for nobody.
-        points: Where they start, (n, 3).
-        slopes: Of each stride, (strides,) or (strides, n).
+        law: The controller; None for the passive walker.
+        points: Points on the Poincaré section at the start, dimensionless, (n, 3).
+        slopes: Slope of each stride in rad, (strides,) or (strides, n).
 
     Returns:
-        Strides that each made, (n,); mid-stance speeds, (strides, n); and the torques' absolute
-        work per unit of foot mass, (strides, n); NaN where a walker has fallen.
+        Number of strides of each walker, (n,); mid-stance speeds over sqrt(g l), (strides, n); and
+        the torques' absolute work per unit of foot mass over g l, (strides, n). Speeds and work are
+        NaN after a fall.
     """
     who, n = Walkers(walker=WALKERS["D"], tolerance=1e-11), len(points)
     going, made = np.arange(n), np.zeros(n, int)
@@ -69,7 +70,7 @@ def _walk(
 
 
 def foot_placement() -> Iterator[Row]:
-    """One hip torque a stride places the foot, and so sets the simplest walker's next speed."""
+    """Rows on a hip torque per stride, which places the foot and so sets the next speed."""
     decays, kicks = (0.0, 0.2, 0.5, 0.8), _starts([0.97, 1.02, 1.05, 1.08, 1.12])
     spent = []
     for decay in decays:
@@ -102,13 +103,13 @@ def foot_placement() -> Iterator[Row]:
 
 
 def _lattice() -> NDArray:
-    """Points about the gait, as strikes leave them."""
+    """A grid of points just after heelstrike around the gait, dimensionless, (n, 3)."""
     angle, rate = np.meshgrid(np.linspace(0.0, 0.45, 101)[1:], np.linspace(-0.5, 0.0, 100))
     return _struck(angle, rate)
 
 
 def _rough_ground() -> Iterator[Row]:
-    """Strides to a fall where each has a slope of its own."""
+    """Row on the number of strides to a fall, with a random slope for each stride."""
     walkers, strides, spread = 100, 400, 0.0014
     slopes = np.random.default_rng(0).normal(_SLOPE, spread, (strides, walkers))
     between, works = [], []

@@ -1,4 +1,4 @@
-"""Sections 4.5.1 and 4.6.3, Figs. 4.5 and 4.11: point feet with mass, and how steps scale."""
+"""Sections 4.5.1 and 4.6.3, Figs. 4.5 and 4.11: point feet with mass, and scaling of steps."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _LOW, _SMALL = 1e-8, 1e-7
 
 
 def point_feet() -> Iterator[Row]:
-    """Section 4.5.1 and Figs. 4.5 and 4.11."""
+    """Section 4.5.1 and Figs. 4.5 and 4.11: point feet with mass."""
     least = max(abs(gait(name, 0.01, kind).multipliers[-1]) for name in "EF" for kind in KINDS)
     said = "4.5.1 | the return map is two-dimensional: third multiplier of E and F | 0"
     yield claim(said, "0 to rounding" if least < 1e-12 else f"{least:.2g}", least < 1e-12)
@@ -45,7 +45,7 @@ def point_feet() -> Iterator[Row]:
 
 
 def _laws(name: str) -> Iterator[Row]:
-    """Powers of the slope, and of the speed in the power, of one walker."""
+    """Rows on one walker's scaling exponents: with slope, and of the power with speed."""
     allowed = {"E": 0.12, "F": 0.06}[name]
     long, short = (exponents(name, _SMALL, kind) for kind in KINDS)
     steep = exponents(name, 0.1, "short")
@@ -71,7 +71,7 @@ def _laws(name: str) -> Iterator[Row]:
 
 
 def _transition() -> Iterator[Row]:
-    """Where the short step's laws give way to each other."""
+    """Rows on the slope at which the short step changes from one power law to another."""
     slopes = {name: transition_slope(name) for name in "EF"}
     factors = [slopes[name] / _SHARE[name] ** 1.5 for name in "EF"]
     half = [exponent_crossings(family(name, _LOW, 0.3, "short"))[0] for name in "EF"]
@@ -103,7 +103,7 @@ def _transition() -> Iterator[Row]:
 
 
 def scaling() -> Iterator[Row]:
-    """Section 4.6.3."""
+    """Section 4.6.3: energy and scaling."""
     matrices = {
         name: gpw.collision_matrix(TUNED[name], 0.0) / WALKERS[name].total_mass for name in "ABCDEF"
     }

@@ -1,9 +1,9 @@
-"""A row of the validation page: what the source says, what is computed, and whether they agree.
+"""Rows of the validation page: a printed statement, the computed value, and their agreement.
 
-A row is made from a statement as it stands on the page, "where | what | print", and from what is
-computed. Every row is judged. A number in print is met if the computed one rounds to it, or lies
-within what the row allows; a statement is met if it holds. Where the document does not hold, the
-row says so, with a sentence why, and the computed value must be the one on record.
+A row is made from a statement in the form "where | what | print" and from a computed value. A
+printed number agrees if the computed one rounds to it, or lies within the row's tolerance. A
+statement agrees if it holds. Where print and computation differ, the row has a remark with the
+reason, and the computed value must equal the recorded one.
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ class Row(NamedTuple):
 
     Attributes:
         where: Section, figure or table; or another publication.
-        what: What is stated.
-        printed: What the source has.
-        computed: What is computed.
-        difference: Computed less printed, and what is allowed; empty where nothing is subtracted.
-        agrees: Whether they agree.
-        sound: Whether the row is as it is known to be: in agreement, or, where print is known to
-            differ, at the computed value on record.
-        remark: A sentence where they differ, or on how they are meant.
+        what: Description of the quantity or statement.
+        printed: Printed value.
+        computed: Computed value.
+        difference: Computed less printed, and the tolerance; empty for a statement.
+        agrees: Whether print and computation agree.
+        sound: Whether the row is as expected: in agreement, or, where print is known to differ,
+            equal to the recorded computed value.
+        remark: Reason for a difference, or an explanation.
     """
 
     where: str
@@ -43,7 +43,7 @@ class Row(NamedTuple):
 
 
 def listed(values: Iterable[float], form: str = "") -> str:
-    """Numbers, each in a format, with commas between them."""
+    """Numbers in a format, separated by commas."""
     return ", ".join(format(value, form) for value in values)
 
 
@@ -63,20 +63,19 @@ def number(
     """A row that compares two numbers.
 
     Args:
-        statement: Where it is printed, what it is, and the number as printed; "1/3" and "π" are
-            understood.
+        statement: "where | what | print"; a printed number may be a fraction such as "1/3", or "π".
         computed: The computed number.
-        within: Difference allowed; half a unit in the printed number's last digit if None, which
-            a fraction or π has not.
-        known: The computed number on record, to a unit in its last digit; needed where print and
+        within: Tolerance; half a unit in the printed number's last digit if None. A fraction or π
+            requires a value.
+        known: The recorded computed number, to a unit in its last digit; required if print and
             computation differ.
-        digits: How many digits are shown.
-        remark: A sentence where they differ.
+        digits: Number of digits shown.
+        remark: Reason for a difference, or an explanation.
     """
     where, what, printed = statement.split(" | ")
     value = math.pi if printed == "π" else float(Fraction(_plain(printed)))
     if within is None:
-        within = 0.5 * _unit(_plain(printed)) * (1.0 + 1e-9)  # and rounding's own
+        within = 0.5 * _unit(_plain(printed)) * (1.0 + 1e-9)  # allows for floating-point error
     difference = computed - value
     agrees = abs(difference) <= within
     sound = abs(computed - float(known)) <= _unit(known) if known else agrees
@@ -90,11 +89,11 @@ def claim(
     """A row on a statement that holds or does not.
 
     Args:
-        statement: Where it is printed, what it is about, and what is said.
-        computed: What is found.
-        holds: Whether what is said holds of what is found.
-        expected: Whether it is known to hold.
-        remark: A sentence where it does not.
+        statement: "where | what | print".
+        computed: Computed value, as text.
+        holds: Whether the statement holds for the computed value.
+        expected: Whether the statement is known to hold.
+        remark: Reason if it does not hold, or an explanation.
     """
     where, what, printed = statement.split(" | ")
     holds = bool(holds)

@@ -1,9 +1,9 @@
-"""How gaits scale at small slopes: local exponents, and where one power law gives way to another.
+"""Scaling of gaits at small slopes: local exponents, and transitions between power laws.
 
 A collision dissipates the fourth power of the step length if the foot velocity is normal to the
 ground, and the square if it has a tangential part. Gravity supplies step length times slope. So the
 step grows with the cube root of the slope, or in proportion to it (section 4.6.3). The exponent
-along a family is the tangent of the curve of gaits in logarithmic coordinates, from the exact
+along a branch of gaits is the tangent of the branch in logarithmic coordinates, from the exact
 derivatives of the stride map.
 """
 
@@ -24,7 +24,7 @@ _SMALL_SLOPE, _TOLERANCE = 1e-8, 1e-13
 
 
 class Exponents(NamedTuple):
-    """Local exponents of n gaits of a family.
+    """Local exponents of n gaits of a branch.
 
     Attributes:
         slope: Slope in rad, (n,).
@@ -38,29 +38,29 @@ class Exponents(NamedTuple):
 
 
 def local_exponents(family: GaitFamily) -> Exponents:
-    """The power of the slope with which the gaits of a family grow.
+    """Local exponents of stance angle and speed with slope, along a branch of gaits.
 
-    Infinite where the family folds. Between gaits, interpolate in ln(slope).
+    They are infinite at a fold. Between gaits, interpolate in ln(slope).
 
     Args:
-        family: A family of period-one gaits over slopes.
+        family: A branch of period-one gaits over slopes.
 
     Raises:
-        ValueError: if the family varies another parameter, or its gaits have another period.
+        ValueError: if another parameter varies along the branch, or its gaits have another period.
     """
     if family.parameter != "slope" or family.period != 1:
         raise ValueError("exponents are those of a family of period-one gaits over slopes")
     strides, slope = family.stride_map.with_tolerance(_TOLERANCE), family.slope
     points, m = strides.points_at(family.state), strides.dimension
     angle = points[:, :1, None]
-    # Relative to the stance angle, so that steps of every size look alike.
+    # Relative to the stance angle, so that the equations are well scaled for steps of every size.
     passage, change = strides.linearize(
         points, slope, by=("state", "slope"), along=angle * np.eye(m)
     )
     residual = change.ends / angle
     residual[:, :, :m] -= np.eye(m)
-    # The stride map is nearly the identity in one direction at small slopes. The energy balance
-    # states the same there without the loss of digits.
+    # The stride map is nearly the identity in one direction at small slopes. The energy balance is
+    # an equivalent equation there, without cancellation.
     residual[:, 1] = change.imbalance
     residual[:, :, m] *= slope[:, None]
     tangent = np.linalg.svd(residual)[2][:, -1]
@@ -77,11 +77,11 @@ def exponent_crossings(family: GaitFamily, exponent: float = 2.0 / 3.0) -> NDArr
     """Slopes at which the local exponent of the stance angle crosses a value.
 
     Args:
-        family: A family of period-one gaits over slopes.
+        family: A branch of period-one gaits over slopes.
         exponent: The value; midway between 1/3 and 1 by default.
 
     Returns:
-        Slopes in rad in order along the family, interpolated between its gaits.
+        Slopes in rad, in order along the branch, interpolated between its gaits.
     """
     local = local_exponents(family)
     excess, log_slope = local.stance_angle - exponent, np.log(local.slope)
@@ -93,13 +93,13 @@ def exponent_crossings(family: GaitFamily, exponent: float = 2.0 / 3.0) -> NDArr
 def transition_slope(walker: Walker | str, *, cube_root: float = CUBE_ROOT) -> float:
     """The slope at which the short-step gait's linear law meets a cube-root law (Fig. 4.5).
 
-    The laws angle = a slope and angle = b slope^(1/3) meet at (b / a)^(3/2). The document argues
+    The laws angle = a slope and angle = b slope^(1/3) meet at (b / a)^(3/2). Garcia (1999) argues
     that this is proportional to rho^(3/2) for point feet that weigh rho times the hip. The
     cube-root law is arbitrary there, since it cancels in the ratio of two walkers' slopes.
 
     Args:
-        walker: A walker whose short step is proportional to vanishing slopes.
-        cube_root: b. The default is that of the simplest walker, to which point feet tend.
+        walker: A walker with a short step proportional to the slope as the slope vanishes.
+        cube_root: The coefficient b; by default the simplest walker's, to which point feet tend.
 
     Returns:
         The slope in rad.

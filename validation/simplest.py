@@ -1,4 +1,4 @@
-"""Sections 4.3.3, 4.3.4 and 4.4: what walking costs, and the simplest walker."""
+"""Sections 4.3.3, 4.3.4 and 4.4: the cost of transport, and the simplest walker."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def _taller(walker: Walker) -> Walker:
 
 
 def costs() -> Iterator[Row]:
-    """Sections 4.3.3 and 4.3.4."""
+    """Sections 4.3.3 and 4.3.4: costs, speeds and collisions."""
     examples = [gait(name, slope, kind) for name, slope in _EXAMPLES.items() for kind in KINDS]
     worst = max(abs(walks.cost_of_transport / math.sin(walks.slope) - 1.0) for walks in examples)
     said = "Eq. 4.4 | cost of transport along the path | sin γ"
@@ -60,7 +60,7 @@ def costs() -> Iterator[Row]:
 
 
 def simplest_walker() -> Iterator[Row]:
-    """Section 4.4, but for chaos."""
+    """Section 4.4, except chaos."""
     counts = set(numbers_of_gaits(["D"], np.geomspace(1e-8, 0.1, 12)))
     said = "4.4 | gaits at each of 12 slopes from 1e-8 to 0.1 | 2"
     yield claim(said, listed(sorted(counts)), counts == {2})

@@ -27,7 +27,7 @@ _LOW = 1e-8
 
 
 def tuned_walkers() -> Iterator[Row]:
-    """Sections 4.6.1 and 4.6.2, but for de-tuning."""
+    """Sections 4.6.1 and 4.6.2, except de-tuning."""
     errors = gpw.tuning_errors("lab")
     failed = (errors.collinearity, errors.shank_under_knee)
     said = "4.6.1 | the lab walker fails conditions 3 and 4: by how many leg lengths | not 0"
@@ -76,7 +76,7 @@ def tuned_walkers() -> Iterator[Row]:
 
 
 def _tuned_over_untuned() -> Iterator[Row]:
-    """What tuning does for the steps of section 4.6.2."""
+    """Rows of section 4.6.2 on step length, speed and period of tuned and untuned walkers."""
     pairs = [
         (gait(TUNED[name], slope), gait(untuned, slope))
         for slope in (0.025, 0.035, 0.045)
@@ -98,17 +98,17 @@ def _tuned_over_untuned() -> Iterator[Row]:
 
 
 def de_tuned(fraction: float) -> Walker:
-    """The tuned kneed walker, a fraction of the way to the laboratory's."""
+    """The walker between the tuned kneed walker C (0) and the laboratory's walker (1)."""
     return gpw.interpolate(TUNED["C"], "lab", fraction)
 
 
 def de_tuning() -> Iterator[Row]:
-    """Fig. 4.8: the tuned kneed walker's gaits as it is changed into the laboratory's walker."""
+    """Fig. 4.8: gaits of walkers between the tuned kneed walker C and the laboratory's walker."""
     long, short = (
         [family(de_tuned(fraction), 1e-4, 0.12, kind) for fraction in (0.05, 0.2, 0.4)]
         for kind in KINDS
     )
-    # Families run from their slow end on, which is unstable up to the fold.
+    # Branches begin at their slow end, which is unstable up to the fold.
     for where, what, printed, values, form in (
         ("Fig. 4.8 (1)",
          "slope below which there is no long step, at 5, 20, 40 % de-tuned",
@@ -212,6 +212,6 @@ def observations() -> Iterator[Row]:
 
 
 def _stable_up_to(name: str) -> float:
-    """Where a tuned walker's long step, stable from vanishing slopes on, ceases to be; 0 if not."""
+    """Slope in rad up to which a tuned walker's long step is stable; 0 if unstable throughout."""
     found = family(TUNED[name], _LOW, 0.3)
     return found.period_doublings[0] if found.stable[0] else 0.0

@@ -1,4 +1,4 @@
-"""Walks that the rows look at, each found once however many rows ask for it."""
+"""Gaits and branches for the rows, cached so that each is computed once."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ Kind = Literal["long", "short"]
 KINDS: tuple[Kind, Kind] = ("long", "short")
 
 TUNED = {name: gpw.tune(walker) for name, walker in gpw.WALKERS.items()}
-"""The source's walkers with their tuning made exact, as the table's rounded digits are not."""
+"""The package's walkers with exact tuning; the rounded digits of Table 4.1 are tuned roughly."""
 
-# Why a family ends, in the words of `GaitFamily.ends`.
+# Reasons for the end of a branch, as in `GaitFamily.ends`.
 KNEE_MEETS_HEEL = "kneestrike and heelstrike coincide"
 STANCE_STOPS = "the stance leg barely passes the vertical"
 TANGENTIAL = "heelstrike becomes tangential"
@@ -33,12 +33,12 @@ def gait(walker: Walker | str, slope: float, kind: Kind = "long") -> Gait:
 def family(
     walker: Walker | str, low: float, high: float, kind: Kind = "long", resolution: float = 0.05
 ) -> GaitFamily:
-    """A family of gaits over slopes."""
+    """A branch of gaits over slopes."""
     return gpw.gait_family(walker, low, high, kind, resolution=resolution)
 
 
 def numbers_of_gaits(walkers: Iterable[Walker | str], slopes: Iterable[float]) -> list[int]:
-    """How many gaits there are at each slope, walker by walker."""
+    """Number of gaits at each slope, walker by walker."""
     slopes = list(slopes)
     return [len(gpw.find_gaits(walker, slope)) for walker in walkers for slope in slopes]
 
@@ -50,7 +50,7 @@ def exponents(walker: Walker | str, slope: float, kind: Kind = "long") -> tuple[
 
 
 def checked(walker: Walker | str, slope: float, kind: Kind = "long") -> RealityCheck:
-    """What a gait takes of ground and knees."""
+    """Feasibility of a gait: ground contact and knees."""
     return gpw.reality_check(walker, slope, gait(walker, slope, kind).state)
 
 
@@ -63,7 +63,7 @@ def sliding(walker: Walker | str, slope: float, kind: Kind) -> float:
 def boundary(
     low: float, high: float, below: Callable[[float], bool], accuracy: float
 ) -> tuple[float, float]:
-    """Enclose by bisection where something that holds at `low` ceases to, on the way to `high`."""
+    """Bracket, by bisection, where a condition that holds at `low` ceases to hold before `high`."""
     while high - low > accuracy:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if below(middle) else (low, middle)

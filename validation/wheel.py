@@ -26,29 +26,29 @@ KEEPS = math.cos(2.0 * HALF) ** 2
 """Share of its energy that a wheel keeps in a collision."""
 
 FASTEST = 1.2
-"""Squared rate over the top, times l/g, that no wheel reaches."""
+"""Upper bound of the squared angular velocity with the hub above the contact, times l/g."""
 
 _WHEEL = "Byl, Tedrake 2009"
 _ELSEWHERE = "Recomputed for their wheel, by another program."
 
 
 def wheels(deviation: float) -> Callable[[NDArray], tuple[NDArray, NDArray]]:
-    """What may come of a step, by the squared rate with which the hub came over the top.
+    """Random return map of a rimless wheel: the squared angular velocity at mid-stance.
 
-    From one top to the next only the slope between them matters: it says how far the hub falls to
-    the collision, and how far it then has to rise.
+    From one mid-stance to the next only the slope between them matters. The slope determines the
+    fall of the hub before the collision and its rise afterwards.
 
     Args:
-        deviation: Standard deviation of that slope, in rad.
+        deviation: Standard deviation of the slope in rad.
 
     Returns:
-        A return map, as `leading_eigenvalue` takes it.
+        A return map in the form of the argument `strides` of `leading_eigenvalue`.
     """
     points, weights = np.polynomial.legendre.leggauss(80)
     along, across = 2.0 * math.cos(HALF) * (1.0 - KEEPS), 2.0 * math.sin(HALF) * (1.0 + KEEPS)
 
     def strides(squares: NDArray) -> tuple[NDArray, NDArray]:
-        # Below a slope of `least` the hub does not come over the next top.
+        # On slopes below `least` the hub does not reach the next mid-stance.
         lacks = 2.0 * (1.0 - KEEPS) - KEEPS * squares
         least = math.atan2(across, along) - np.arccos(
             np.clip(lacks / math.hypot(along, across), -1.0, 1.0)
@@ -92,13 +92,13 @@ def leading_eigenvalue(
 
 
 def lasts(degrees: float, nodes: int = 80) -> float:
-    """Steps to a fall on average, by the standard deviation of the slope in degrees."""
+    """Mean number of steps to a fall; `degrees` is the standard deviation of the slope."""
     passing = leading_eigenvalue(wheels(math.radians(degrees)), 0.0, FASTEST, nodes)
     return 1.0 / (1.0 - passing)
 
 
 def rough_ground() -> Iterator[Row]:
-    """The wheel's two numbers, and what point feet make of steps."""
+    """Rows on the two numbers of the wheel, and on point feet on random steps."""
     said = f"{_WHEEL} | wheel of 8 spokes, slopes normal about 8° by"
     yield number(f"{said} 2°: steps to a fall | 4324.913", lasts(2.0), digits=8, remark=_ELSEWHERE)
     why = (
@@ -120,7 +120,7 @@ def rough_ground() -> Iterator[Row]:
 
 
 def _step_down(name: str, steeper: float) -> float:
-    """How a step down onto a turned foothold differs from a stride on a steeper slope."""
+    """Largest difference between a step down onto a turned foothold and a steeper slope."""
     walker, walks = WALKERS[name], gait(name, 0.009)
     on_slope = stride(walker, walks.slope + steeper, walks.state, tolerance=1e-13)
     turned = np.array([steeper] * 3 + [0.0] * 3)

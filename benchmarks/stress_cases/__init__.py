@@ -1,1 +1,1 @@
-"""Statements about walkers in hard conditions, to be tried few times by a test or many times."""
+"""Stress tests of walkers in difficult conditions, for a few trials in a test, or for many."""

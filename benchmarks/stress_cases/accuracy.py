@@ -1,4 +1,4 @@
-"""How errors fall with the step and with the tolerance."""
+"""Order of the method, and error as a function of the tolerance."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ ANY_ERROR = 1e12  # a tolerance that every step meets
 
 
 def fixed_steps(mine: Flock, states: NDArray, count: int) -> NDArray[np.float64]:
-    """States after `WHOLE`, in so many equal steps."""
+    """States (n, 6) at time `WHOLE`, after `count` equal steps; NaN if an event divided a step."""
     records = new_records(states, 0.05, end=0.0)[:, 0]
     for step in range(1, count + 1):
         records["end"], records["step"] = WHOLE * step / count, 2.0 * WHOLE
         mine.go_on(records, tolerance=ANY_ERROR)
     states = records["state"]
-    states[records["steps"] != count] = np.nan  # an event came and divided a step
+    states[records["steps"] != count] = np.nan  # an event divided a step
     return states
 
 
@@ -34,7 +34,7 @@ def fixed_steps(mine: Flock, states: NDArray, count: int) -> NDArray[np.float64]
     quick=30, long=3_000, bound=0.3, unit=f"order less {PAIR.order}, at the median",
 )  # fmt: skip
 def order(count: int, rng: np.random.Generator) -> Finding:
-    """In each kind's first phase, at steps so long that rounding is far below the error."""
+    """Test the first phase of each kind, with steps so long that rounding errors are negligible."""
     tried, failed, worst = 0, 0, 0.0
     for name, steps in (("lab", 2), ("A", 1), ("D", 1)):
         mine = flock(WALKERS[name])
@@ -63,9 +63,9 @@ def order(count: int, rng: np.random.Generator) -> Finding:
     quick=30, long=3_000, bound=0.25, unit="exponent less 1, for each gait",
 )  # fmt: skip
 def proportional(count: int, rng: np.random.Generator) -> Finding:
-    """Error of the next state, at the median over driven strides from near each gait.
+    """Test the median error of the next state, over driven strides from near each gait.
 
-    Coarser tolerances change little: steps are kept short of a swing, and err less already.
+    Coarser tolerances would change little, because steps are limited to less than a swing.
     """
     tried, worst = 0, 0.0
     tolerances = 10.0 ** np.arange(-4.0, -13.5, -1.0)

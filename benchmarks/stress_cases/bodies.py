@@ -1,7 +1,7 @@
-"""Walkers as four rigid bodies and a hip, for sums of momentum that share nothing with the engine.
+"""Walkers as four rigid bodies and a hip, for momentum balances independent of the engine.
 
-Points and velocities are complex numbers, forward plus i times up, seen from the stance foot's
-contact; a leg at angle 0 hangs along -i. Arrays run over walkers.
+Points and velocities are complex numbers, forward plus i times up, with the stance foot's contact
+as origin. A leg at angle 0 hangs along -i. Arrays run over walkers.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from gym_passive_walker import Walker
 
 
 class Body(NamedTuple):
-    """A rigid body: mass, moment of inertia, where its centre of mass is and how it moves."""
+    """A rigid body: mass, moment of inertia, centre of mass, its velocity, angular velocity."""
 
     mass: NDArray
     inertia: NDArray
@@ -38,15 +38,15 @@ class Leg(NamedTuple):
     contact: NDArray
 
     def momentum(self, about: NDArray) -> NDArray:
-        """Angular momentum about a point."""
+        """Angular momentum of the leg about a point."""
         return self.thigh.momentum(about) + self.shank.momentum(about)
 
 
 class Bodies:
-    """Walkers at dimensionless states, whose stance feet roll on the ground."""
+    """Walkers at dimensionless states (n, 6), with stance feet that roll on the ground."""
 
     def __init__(self, walkers: list[Walker], states: NDArray) -> None:
-        """Place the bodies; the stance leg is straight."""
+        """Compute positions and velocities of the bodies; the stance leg is straight."""
         self.size = np.array([w.leg_length for w in walkers])
         self.mass = np.array([w.total_mass for w in walkers])
         self.p = {
@@ -64,7 +64,7 @@ class Bodies:
         self.fastest = np.abs(rates).max(axis=0)
 
     def leg(self, thigh: NDArray, shank: NDArray, thigh_rate: NDArray, shank_rate: NDArray) -> Leg:
-        """A leg at the hip (Fig. 4.1)."""
+        """A leg below the hip (Fig. 4.1), from angles in rad and angular velocities, (n,) each."""
         p = self.p
         reach = p["shank_length"] - p["foot_radius"]
         kink = np.arcsin(p["thigh_length"] * np.sin(p["foot_angle"]) / reach)
@@ -96,5 +96,5 @@ class Bodies:
         return self.stance.momentum(about) + self.swing.momentum(about) + hip
 
     def scale(self) -> NDArray:
-        """An angular momentum of the size of the whole."""
+        """Scale of the whole walker's angular momentum, (n,)."""
         return self.mass * self.size**2 * self.fastest

@@ -1,4 +1,4 @@
-"""A statement about walkers, a way to try it many times, and how far it may be off."""
+"""A stress test: a statement about walkers, its check with random trials, and an error bound."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import numpy as np
 
 
 class Finding(NamedTuple):
-    """What trying a statement showed.
+    """Result of a stress test.
 
     Attributes:
-        tried: How many times it was tried.
-        failed: How many times it did not hold.
-        error: The largest error seen, in the unit that the case names; NaN where none is measured.
+        tried: Number of trials.
+        failed: Number of trials in which the statement did not hold.
+        error: Largest error, in the unit of the case; NaN if no error is measured.
     """
 
     tried: int
@@ -27,16 +27,16 @@ Check = Callable[[int, np.random.Generator], Finding]
 
 
 class Case(NamedTuple):
-    """A statement and how it is tried.
+    """A stress test.
 
     Attributes:
-        topic: Heading under which it stands.
-        statement: What must hold.
-        check: Tries it about so many times, with these random numbers.
-        quick: How many times in a fast test.
-        long: How many times in a long one.
-        bound: Largest error allowed; NaN where none is measured.
-        unit: What the error is measured in.
+        topic: Heading of the test in the table.
+        statement: Property that must hold.
+        check: Function of an approximate number of trials and a random generator.
+        quick: Number of trials in a fast test.
+        long: Number of trials in a long test.
+        bound: Largest permitted error; NaN if no error is measured.
+        unit: Unit of the error.
     """
 
     topic: str
@@ -48,12 +48,12 @@ class Case(NamedTuple):
     unit: str
 
     def run(self, *, long: bool = False) -> Finding:
-        """Try it, always with the same random numbers."""
+        """Run the test, with random numbers that are equal in every run."""
         rng = np.random.default_rng(zlib.crc32(self.statement.encode()))
         return self.check(self.long if long else self.quick, rng)
 
     def holds(self, finding: Finding) -> bool:
-        """Whether nothing failed and the error is within its bound."""
+        """Whether no trial failed and the error is within its bound."""
         within = np.isnan(self.bound) or finding.error <= self.bound
         return finding.tried > 0 and finding.failed == 0 and bool(within)
 
@@ -64,7 +64,7 @@ CASES: list[Case] = []
 def case(
     topic: str, statement: str, *, quick: int, long: int, bound: float = np.nan, unit: str = ""
 ) -> Callable[[Check], Check]:
-    """Enter a check among the `CASES`."""
+    """Decorator that adds a check to `CASES`."""
 
     def enter(check: Check) -> Check:
         CASES.append(Case(topic, statement, check, quick, long, bound, unit))

@@ -1,4 +1,4 @@
-"""Chaos forgets where a walk began, but not how it walks on average."""
+"""Statistics of chaotic walks, which do not depend on the initial state."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ TOPIC = "Chaos"
 SLOPE = 0.0186
 """The simplest walker's steps are chaotic here, and it does not fall."""
 
-FORGOTTEN = 60  # strides after which nothing is left of how a walk began
+FORGOTTEN = 60  # strides after which a walk is independent of its initial state
 
 
 def engine_stride(states: NDArray, tolerance: float) -> NDArray[np.float64]:
-    """The next section states of simplest walkers; NaN for those that fell."""
+    """Next states on the Poincaré section of simplest walkers, (n, 6); NaN after a fall."""
     walks = flock(WALKERS["D"]).follow(states, slope=SLOPE, tolerance=tolerance)
     return np.where(walks["outcome"][:, None] == Outcome.HEELSTRIKE, walks["state"], np.nan)
 
 
 def pace(y: NDArray) -> NDArray[np.float64]:
-    """Rates and accelerations of the simplest walker, as printed by its authors."""
+    """Angular velocities and accelerations of the simplest walker, by the printed equations."""
     stance, swing, stance_rate, swing_rate = y
-    # Theirs is phi = stance - swing: phi'' = theta'' + (theta'^2 - cos(theta - slope)) sin(phi).
+    # Printed with phi = stance - swing: phi'' = theta'' + (theta'^2 - cos(theta - slope)) sin(phi).
     leaning = np.sin(stance - SLOPE)
     between = leaning + np.sin(stance - swing) * (stance_rate**2 - np.cos(stance - SLOPE))
     return np.array([stance_rate, swing_rate, leaning, leaning - between])
@@ -42,7 +42,7 @@ def classical(y: NDArray, h: NDArray) -> NDArray[np.float64]:
 
 
 def classical_stride(states: NDArray, h: float) -> NDArray[np.float64]:
-    """The same stride by other equations, another method and another search for the strike."""
+    """Next states (n, 6) by the printed equations, another integrator and another event search."""
     y = states[:, [0, 1, 3, 4]].T.copy()
     walking = np.arange(y.shape[1])
     after = np.full_like(y, np.nan)
@@ -74,7 +74,7 @@ def classical_stride(states: NDArray, h: float) -> NDArray[np.float64]:
     quick=40, long=400, bound=4.5, unit="standard error",
 )  # fmt: skip
 def statistics(count: int, rng: np.random.Generator) -> Finding:
-    """Each walker's average over its strides is one sample; trajectories agree for some strides."""
+    """Test with each walker's mean over its strides as one sample."""
     origin = start(gaits("D", SLOPE)[0])
     methods = [
         lambda states: engine_stride(states, 1e-5),

@@ -1,4 +1,4 @@
-"""Events that crowd: two at once, in either order, within one step, or at the very start."""
+"""Events that coincide: two at once, in either order, within one step, or at the start."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from gym_passive_walker import Outcome
 
 TOPIC = "Coinciding events"
 LEAD = 0.3
-"""How long before its events a walk starts, in sqrt(l/g)."""
+"""Time from the start of a walk to its events, in sqrt(l/g)."""
 
 TOLERANCES = (1e-2, 1e-4, 1e-6, 1e-10, 1e-13)
 
 
 def before(mine: Flock, states: NDArray, phase: int) -> NDArray[np.float64]:
-    """States from which walkers come to `states` after `LEAD`."""
+    """States (k, 6) from which walkers reach `states` after `LEAD`."""
     back = mine.follow(states * BACKWARDS, LEAD, phase=phase, tolerance=1e-14)
     starts = back["state"] * BACKWARDS
     on_the_way = (back["outcome"] == Outcome.RUNNING) & (back["phase"] == phase)
@@ -26,7 +26,10 @@ def before(mine: Flock, states: NDArray, phase: int) -> NDArray[np.float64]:
 
 
 def knees_about_to_strike(rng: np.random.Generator, height: NDArray) -> NDArray[np.float64]:
-    """Legs that become straight where stance plus swing angle is `height`, and falling."""
+    """States (n, 6) of a knee that becomes straight when stance plus swing angle is `height`.
+
+    The foot is falling.
+    """
     n = len(height)
     angle, rate = rng.uniform(0.15, 0.4, n), rng.uniform(0.6, 1.2, n)
     thigh_rate = rate - rng.uniform(1.0, 1.5, n)
@@ -36,7 +39,7 @@ def knees_about_to_strike(rng: np.random.Generator, height: NDArray) -> NDArray[
 
 
 def knee_and_heel(heights: NDArray, outcome: Outcome, rng: np.random.Generator) -> Finding:
-    """Walk to a kneestrike at known heights of the foot, which must end the stride as expected."""
+    """Test kneestrikes at known heights of the foot, which determine the outcome of the stride."""
     tried = failed = 0
     worst = 0.0
     for walker in KNEED.values():
@@ -60,7 +63,7 @@ def knee_and_heel(heights: NDArray, outcome: Outcome, rng: np.random.Generator) 
     quick=200, long=20_000, bound=100.0, unit="tolerance",
 )  # fmt: skip
 def knee_then_heel(count: int, rng: np.random.Generator) -> Finding:
-    """Both strikes at their times."""
+    """Test the times of both impacts."""
     return knee_and_heel(10.0 ** rng.uniform(-11.0, -2.0, count), Outcome.HEELSTRIKE, rng)
 
 
@@ -70,7 +73,7 @@ def knee_then_heel(count: int, rng: np.random.Generator) -> Finding:
     quick=200, long=20_000, bound=100.0, unit="tolerance",
 )  # fmt: skip
 def heel_then_knee(count: int, rng: np.random.Generator) -> Finding:
-    """The foot came down before the knee locked."""
+    """Test feet that touch the ground before the knee locks."""
     return knee_and_heel(-(10.0 ** rng.uniform(-11.0, -2.0, count)), Outcome.KNEE_NOT_LOCKED, rng)
 
 
@@ -80,7 +83,7 @@ def heel_then_knee(count: int, rng: np.random.Generator) -> Finding:
     quick=200, long=20_000, bound=100.0, unit="tolerance",
 )  # fmt: skip
 def knee_with_heel(count: int, rng: np.random.Generator) -> Finding:
-    """To within rounding; which of both is a matter of the last digit."""
+    """Test coincidence within rounding, where the last digit decides between the two outcomes."""
     tried = failed = 0
     worst = 0.0
     for walker in KNEED.values():
@@ -104,7 +107,7 @@ def knee_with_heel(count: int, rng: np.random.Generator) -> Finding:
     quick=3_000, long=20_000, bound=1.0, unit="tolerance",
 )  # fmt: skip
 def strike_or_fall(count: int, rng: np.random.Generator) -> Finding:
-    """Legs flat on the ground; which event comes first is asked where it can be told."""
+    """Test legs near the ground; the order of the events is tested where their times differ."""
     tried = failed = 0
     worst = 0.0
     for walker in STRAIGHT.values():
@@ -135,7 +138,7 @@ def strike_or_fall(count: int, rng: np.random.Generator) -> Finding:
     quick=200, long=20_000, bound=1e-12, unit="time, angles and rates",
 )  # fmt: skip
 def start_on_an_event(count: int, rng: np.random.Generator) -> Finding:
-    """Both feet on the ground just after heelstrike, and the knee straight."""
+    """Test starts just after heelstrike, with both feet on the ground and the knee straight."""
     tried = failed = 0
     worst = 0.0
     for _, gait in every_gait():

@@ -1,4 +1,4 @@
-"""What the motion must keep: energy, momenta, its course in reverse and in a mirror."""
+"""Invariants of the motion: energy, momenta, time reversal and mirror symmetry."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SIMPLEST = WALKERS["D"]
 
 
 def crowds(rng: np.random.Generator, count: int) -> list[Flock]:
-    """Walkers of each kind, of many shapes."""
+    """Walkers of each kind, with random shapes."""
     n = max(1, count // 3)
     return [
         flock_of(random_shapes(rng, n, knees=True)),
@@ -36,7 +36,7 @@ def crowds(rng: np.random.Generator, count: int) -> list[Flock]:
 
 
 def thrown(rng: np.random.Generator, mine: Flock) -> NDArray[np.float64]:
-    """Section states, near enough to a gait that many come to a heelstrike."""
+    """States on the Poincaré section, (n, 6), so near to a gait that many reach a heelstrike."""
     n = len(mine.bodies)
     angle = rng.uniform(0.05, 0.5, n)
     rates = rng.normal(size=(n, 3)) * 0.3 - np.stack([angle * 3.5 + 0.2, angle, angle], axis=1)
@@ -52,7 +52,7 @@ def thrown(rng: np.random.Generator, mine: Flock) -> NDArray[np.float64]:
     quick=3_000, long=300_000, bound=1e-12, unit="energy that moved",
 )  # fmt: skip
 def ledger(count: int, rng: np.random.Generator) -> Finding:
-    """Whatever the walker's shape, its torque and how the stride ends."""
+    """Test random shapes, torques and slopes, for any end of the stride."""
     tried, worst = 0, 0.0
     for mine in crowds(rng, count):
         starts = thrown(rng, mine)
@@ -71,7 +71,7 @@ def ledger(count: int, rng: np.random.Generator) -> Finding:
     quick=3_000, long=100_000, bound=1e-13, unit="m l² rate",
 )  # fmt: skip
 def heelstrike_momenta(count: int, rng: np.random.Generator) -> Finding:
-    """Summed over bodies, which share no equation with the engine, a rounding error before it."""
+    """Test momenta summed over `Bodies`, from a state a rounding error before heelstrike."""
     tried, failed, worst = 0, 0, 0.0
     for knees in (True, False):
         walkers = random_shapes(rng, max(1, count // 2), knees=knees)
@@ -103,7 +103,7 @@ def heelstrike_momenta(count: int, rng: np.random.Generator) -> Finding:
     quick=3_000, long=100_000, bound=1e-13, unit="m l² rate",
 )  # fmt: skip
 def kneestrike_momenta(count: int, rng: np.random.Generator) -> Finding:
-    """A shank a rounding error from its stop reaches it before anything else has moved."""
+    """Test a shank that is a rounding error away from its stop, so that only the impact acts."""
     walkers = random_shapes(rng, count, knees=True)
     before = random_states(rng, count, straight=True, angle=1.0)
     before[:, 2] -= 1e-15
@@ -119,10 +119,10 @@ def kneestrike_momenta(count: int, rng: np.random.Generator) -> Finding:
 
 
 def in_flight(rng: np.random.Generator, mine: Flock) -> tuple[NDArray, int]:
-    """States that move for a while without an event, and their phase."""
+    """States (n, 6) that move for some time without an event, and their phase."""
     n, free = len(mine.bodies), mine.kneed
     states = random_states(rng, n, straight=not free, angle=0.3, rate=0.3)
-    states[:, 1] = np.abs(states[:, 0]) + 0.6  # no strike is near
+    states[:, 1] = np.abs(states[:, 0]) + 0.6  # far from an impact
     states[:, 2] = states[:, 1] - 0.5 if free else states[:, 1]
     return states, FREE if free else mine.straight_phase
 
@@ -133,7 +133,7 @@ def in_flight(rng: np.random.Generator, mine: Flock) -> tuple[NDArray, int]:
     quick=3_000, long=300_000, bound=1e-12, unit="angles and rates",
 )  # fmt: skip
 def time_reversal(count: int, rng: np.random.Generator) -> Finding:
-    """With or without a torque, on any slope."""
+    """Test random torques and slopes."""
     tried, worst = 0, 0.0
     for mine in crowds(rng, count):
         states, phase = in_flight(rng, mine)
@@ -157,7 +157,7 @@ def time_reversal(count: int, rng: np.random.Generator) -> Finding:
     quick=600, long=60_000, bound=1e-12, unit="angles and rates",
 )  # fmt: skip
 def mirror(count: int, rng: np.random.Generator) -> Finding:
-    """Slope and torque turn round as well."""
+    """Test mirrored walkers with mirrored slope and torque."""
     tried, worst = 0, 0.0
     for knees in (True, False):
         walkers = random_shapes(rng, max(1, count // 2), knees=knees)
@@ -181,7 +181,7 @@ def mirror(count: int, rng: np.random.Generator) -> Finding:
     quick=20, long=200, bound=1e-13, unit="gravity's work a stride",
 )  # fmt: skip
 def swapped_legs(count: int, rng: np.random.Generator) -> Finding:
-    """Each heelstrike gives the legs each other's role; the hip must not notice."""
+    """Test that the exchange of the legs' roles at heelstrike does not move the hip."""
     tried, worst = 0, 0.0
     for _, gait in every_gait():
         if not gait.stable:

@@ -1,4 +1,4 @@
-"""What adds up over a hundred thousand swings, or a million strides."""
+"""Accumulated error over a hundred thousand swings, or a million strides."""
 
 from __future__ import annotations
 
@@ -12,29 +12,29 @@ from gym_passive_walker.engine.run import new_records
 from gym_passive_walker.physics.systems import SYSTEMS, system_of
 
 TOPIC = "Drift"
-TICK = 50.0  # time in sqrt(l/g) that a swinging walker is followed at once
+TICK = 50.0  # time in sqrt(l/g) of one call for a swinging walker
 
 ROCKER = Walker(
     thigh_length=0.05, shank_length=0.95, foot_radius=0.94, thigh_mass=0.01, shank_mass=1.0,
     shank_com=0.6, shank_gyration=0.2, shank_offset=0.15, knees=False, gravity=1.0,
 )  # fmt: skip
-"""Set down on its round foot it rocks; its other leg hangs forward, so nothing ever strikes."""
+"""A walker that rocks on its round foot; its other leg hangs forward, so there is no impact."""
 
 HANGER = Walker(
     thigh_length=0.5, shank_length=0.5, thigh_mass=1.0, thigh_com=-0.3, thigh_gyration=0.2,
     thigh_offset=-0.15, shank_mass=0.01, shank_com=0.3, knees=False, gravity=1.0,
 )  # fmt: skip
-"""Hung up by its foot it swings like a double pendulum: its legs weigh beyond the hip."""
+"""A walker hung up by its foot, a double pendulum: its legs' centres of mass are past the hip."""
 
 
 def swing_on(walker: Walker, gravity: float, angles: tuple[float, float], swings: int) -> Finding:
-    """Follow a locked walker, and compare its energy with the first at each tick.
+    """Simulate a locked walker, and compare its energy with the initial energy at each `TICK`.
 
     Args:
         walker: The walker.
-        gravity: 1 where it stands, -1 where it hangs.
-        angles: Of stance and swing leg, where it starts at rest.
-        swings: How often 2π √(l/g) passes.
+        gravity: 1 for a standing walker, -1 for a hanging one.
+        angles: Initial angles of stance and swing leg in rad, at rest.
+        swings: Duration in units of 2π √(l/g).
     """
     mine = flock(walker)
     state = np.array([[angles[0], angles[1], angles[1], 0.0, 0.0, 0.0]])
@@ -58,7 +58,7 @@ def swing_on(walker: Walker, gravity: float, angles: tuple[float, float], swings
     quick=200, long=100_000, bound=1e-10, unit="largest kinetic energy",
 )  # fmt: skip
 def rocking(count: int, rng: np.random.Generator) -> Finding:
-    """Set down off balance, the other leg swinging along."""
+    """Test a walker that starts off balance, with a swinging leg."""
     return swing_on(ROCKER, 1.0, (0.15, 0.4), count)
 
 
@@ -68,7 +68,7 @@ def rocking(count: int, rng: np.random.Generator) -> Finding:
     quick=200, long=100_000, bound=1e-10, unit="largest kinetic energy",
 )  # fmt: skip
 def hanging(count: int, rng: np.random.Generator) -> Finding:
-    """A double pendulum."""
+    """Test a walker that swings as a double pendulum."""
     return swing_on(HANGER, -1.0, (0.15, 0.6), count)
 
 
@@ -78,7 +78,7 @@ def hanging(count: int, rng: np.random.Generator) -> Finding:
     quick=1_000, long=1_000_000, bound=1e-12, unit="angles and rates",
 )  # fmt: skip
 def million_strides(count: int, rng: np.random.Generator) -> Finding:
-    """All of the presets' stable gaits, side by side."""
+    """Test all stable gaits of the presets, in batches."""
     stable = [gait for _, gait in every_gait() if gait.stable]
     tried, failed, worst = 0, 0, 0.0
     kinds = {system_of(gait.walker).name for gait in stable}

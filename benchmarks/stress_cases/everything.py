@@ -1,4 +1,4 @@
-"""All statements, in the order in which they are printed."""
+"""All stress tests, in the order in which they are printed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Walkers and slopes far from any workshop, and throws far from any gait."""
+"""Walkers and slopes of extreme size, and initial states far from any gait."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ ENDINGS = [int(outcome) for outcome in Outcome if outcome not in NO_ENDINGS]
 
 
 def resized(walker: Walker, length: float, mass: float, gravity: float) -> Walker:
-    """The same walker in another size, of another metal, on another planet."""
+    """The walker with its lengths, masses and gravity multiplied by factors."""
     factor = dict.fromkeys(LENGTHS, length) | dict.fromkeys(MASSES, mass) | {"gravity": gravity}
     changes = {
         field.name: factor[field.name] * getattr(walker, field.name)
@@ -35,7 +35,7 @@ def resized(walker: Walker, length: float, mass: float, gravity: float) -> Walke
 
 
 def ended(records: NDArray) -> NDArray[np.bool_]:
-    """Whether each stride ended in a known way, in its time, at finite numbers."""
+    """Whether each stride has a valid outcome, a permitted duration and finite numbers, (n,)."""
     outcome = records["outcome"].copy()
     outcome[outcome == Outcome.RUNNING] = Outcome.STALLED
     in_time = (records["time"] >= 0.0) & (records["time"] <= LONGEST_STRIDE * (1.0 + 1e-15))
@@ -47,7 +47,7 @@ def ended(records: NDArray) -> NDArray[np.bool_]:
 
 
 def random_throws(rng: np.random.Generator, count: int, straight: bool):
-    """Any upright state at any pace, slope and torque: ordinary, wild, or almost at rest."""
+    """Random states (n, 6), slopes and torques: ordinary, violent, or almost at rest."""
     pace = 10.0 ** rng.uniform(-6.0, 2.0, (count, 1))
     angles = rng.uniform(-1.0, 1.0, (count, 3)) * [0.5 * np.pi, np.pi, np.pi]
     angles *= np.minimum(1.0, 10.0 ** rng.uniform(-6.0, 1.0, (count, 1)))
@@ -67,7 +67,7 @@ def random_throws(rng: np.random.Generator, count: int, straight: bool):
     quick=100_000, long=10_000_000,
 )  # fmt: skip
 def any_throw(count: int, rng: np.random.Generator) -> Finding:
-    """Of every preset, with and without the rule on toes, at coarse and fine tolerances."""
+    """Test every preset, with and without `end_on_toe_stub`, at coarse and fine tolerances."""
     tried = failed = 0
     portion = 20_000
     names = list(WALKERS)
@@ -96,7 +96,7 @@ def any_throw(count: int, rng: np.random.Generator) -> Finding:
     quick=2_000, long=200_000, bound=1e-12, unit="energy that moved",
 )  # fmt: skip
 def huge_torque(count: int, rng: np.random.Generator) -> Finding:
-    """Turning the legs either way, from a gait."""
+    """Test torques of both signs, from states near a gait."""
     tried, failed, worst = 0, 0, 0.0
     for name, gait in every_gait():
         n = count // len(WALKERS)
@@ -119,7 +119,7 @@ def huge_torque(count: int, rng: np.random.Generator) -> Finding:
     quick=2_000, long=200_000, bound=1e-12, unit="rad, energy that moved",
 )  # fmt: skip
 def swing_overrotation(count: int, rng: np.random.Generator) -> Finding:
-    """Forward or backward, at three to a hundred times the pace of a walk."""
+    """Test swing legs that rotate forward or backward, 3 to 100 times as fast as in a walk."""
     tried, failed, worst = 0, 0, 0.0
     for walker in WALKERS.values():
         mine, n = flock(walker), count // len(WALKERS)
@@ -134,7 +134,7 @@ def swing_overrotation(count: int, rng: np.random.Generator) -> Finding:
         failed += int((~over & forward).sum())
         beyond = np.abs(np.abs(walks["state"][over, 1:3]).max(axis=1) - np.pi)
         worst = max(worst, float(beyond.max()))
-        if mine.works:  # its ledger is its hip's, and all motion here the foot's
+        if mine.works:  # the simplest walker's energy balance does not include the swing leg
             worst = max(worst, float(mine.ledger(states, walks).max()))
     return Finding(tried, failed, worst)
 
@@ -146,7 +146,7 @@ def swing_overrotation(count: int, rng: np.random.Generator) -> Finding:
     quick=5, long=80, bound=1e-12, unit="state, energy lost",
 )  # fmt: skip
 def shallow_slopes(count: int, rng: np.random.Generator) -> Finding:
-    """Of every walker that can stand upright on level ground."""
+    """Test the presets that can stand upright on level ground."""
     tried, failed, worst = 0, 0, 0.0
     for name in ("B", "D", "E", "F"):
         for slope in np.geomspace(1e-10, 1e-2, count):
@@ -169,7 +169,7 @@ def shallow_slopes(count: int, rng: np.random.Generator) -> Finding:
     quick=2_000, long=200_000, bound=1e-12, unit="energy that moved",
 )  # fmt: skip
 def slopes_without_gaits(count: int, rng: np.random.Generator) -> Finding:
-    """Downhill or uphill, whether or not the walker could walk there."""
+    """Test slopes downhill and uphill, also slopes without a gait."""
     tried, failed, worst = 0, 0, 0.0
     for name, gait in every_gait():
         n = count // len(WALKERS)
@@ -193,7 +193,7 @@ def slopes_without_gaits(count: int, rng: np.random.Generator) -> Finding:
     quick=25, long=400, bound=30.0, unit="mass of the foot / mass of the hip",
 )  # fmt: skip
 def vanishing_feet(count: int, rng: np.random.Generator) -> Finding:
-    """Below the rounding of the motion itself, 10⁻¹³, the difference cannot be seen."""
+    """Test down to 10⁻¹³, the rounding error of the motion; smaller differences are hidden."""
     walker, gait = WALKERS["D"], gaits("D")[0]
     time, failed, worst = np.repeat([1.0, walker.time_unit], 3), 0, 0.0
     exact = stride(walker, gait.slope, gait.state, hip_torque=0.1, tolerance=1e-14)
@@ -215,7 +215,7 @@ def vanishing_feet(count: int, rng: np.random.Generator) -> Finding:
     quick=20, long=1_000, bound=1e-12, unit="dimensionless state and energies",
 )  # fmt: skip
 def sizes(count: int, rng: np.random.Generator) -> Finding:
-    """To rounding, which the stride map of an unstable gait magnifies."""
+    """Test equality up to rounding errors, which the stride map of an unstable gait amplifies."""
     tried, failed, worst = 0, 0, 0.0
     for _, gait in every_gait():
         walker = gait.walker
@@ -232,7 +232,7 @@ def sizes(count: int, rng: np.random.Generator) -> Finding:
 
 
 def walked(walker: Walker, slope: float, state: NDArray) -> NDArray[np.float64]:
-    """A driven stride in dimensionless numbers: outcome, state, times, lengths and energies."""
+    """A driven stride in dimensionless numbers: outcome, times, lengths, energies and state."""
     units = np.repeat([1.0, walker.time_unit], 3)
     energy = walker.total_mass * walker.gravity * walker.leg_length
     torque = 0.003 * (walker.gravity * walker.leg_length if walker.massless_legs else energy)

@@ -1,4 +1,4 @@
-"""Dimensionless motion of many walkers at once, forwards and backwards in time."""
+"""Dimensionless motion of batches of walkers, forwards and backwards in time."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ FREE = 0
 """The phase in which a kneed walker's stride begins."""
 
 BACKWARDS = np.array([1.0, 1.0, 1.0, -1.0, -1.0, -1.0])
-"""Turns a state into the one of a film played backwards."""
+"""Factors that reverse the velocities of a state, for motion backwards in time."""
 
 STRAIGHT = {name: walker for name, walker in WALKERS.items() if not walker.knees}
 KNEED = {name: walker for name, walker in WALKERS.items() if walker.knees}
 
 
 class Flock(NamedTuple):
-    """Walkers of one kind, alike or each with its own shape.
+    """Walkers of one kind, equal or each with its own shape.
 
     Attributes:
-        system: Which equations they obey.
-        bodies: Their constants, (1 or n, 1, constants).
+        system: Equations of motion.
+        bodies: Constants of the walkers, (1 or n, 1, constants).
     """
 
     system: System
@@ -46,12 +46,12 @@ class Flock(NamedTuple):
 
     @property
     def works(self) -> bool:
-        """Whether a hip torque works, and the swing leg has energy."""
+        """Whether a hip torque does work and the swing leg has energy."""
         return bool(self.system.works.hip)
 
     @property
     def body(self) -> Any:
-        """The constants as the statements take them, (1 or n,) each."""
+        """The constants in the form that the equations require, (1 or n,) each."""
         return self.system.Body(*self.bodies[:, 0].T)
 
     def kinetic_energy(self, states: NDArray) -> NDArray[np.float64]:
@@ -59,7 +59,7 @@ class Flock(NamedTuple):
         return self.system.kinetic_energy(self.body, State(*states.T))
 
     def gravity_work(self, starts: NDArray, records: NDArray) -> NDArray[np.float64]:
-        """Work of gravity / (m g l) since the starts, in the stride that a record tells of."""
+        """Work of gravity / (m g l) from initial states (n, 6) to records (n,), shape (n,)."""
         start, end = State(*starts.T), State(*records["state"].T)
         gain = self.system.potential_gain(self.body, start, end, Ground(*records["ground"].T))
         struck = records["outcome"] == Outcome.HEELSTRIKE
@@ -78,18 +78,18 @@ class Flock(NamedTuple):
         tolerance: float = 1e-13,
         end_on_toe_stub: bool = False,
     ) -> NDArray:
-        """Records (n,) of walkers followed for some time, or to what ends their stride.
+        """Records (n,) of walkers simulated for some time, or to the end of their stride.
 
         Args:
-            states: Dimensionless, (n, 6).
-            time: Dimensionless, as slope in rad and dimensionless torque one or n of them.
-            slope: See `time`.
-            torque: See `time`.
-            rise: Height of the next foothold; see `time`.
-            turn: By how much it slopes more steeply, in rad; see `time`.
-            phase: In which the walkers are; just after heelstrike where None.
-            tolerance: Of the integration.
-            end_on_toe_stub: As for `stride`.
+            states: Dimensionless states, (n, 6).
+            time: Dimensionless time; a number or (n,).
+            slope: Slope in rad; a number or (n,).
+            torque: Dimensionless hip torque; a number or (n,).
+            rise: Dimensionless height change to the next foothold; a number or (n,).
+            turn: Slope of the next foothold beyond this one's, in rad; a number or (n,).
+            phase: Phase at the start; None is the phase just after heelstrike.
+            tolerance: Tolerance of the integration.
+            end_on_toe_stub: Whether a swing foot that touches the ground early ends the stride.
         """
         records = new_records(
             states, slope, torque, height_change=rise, slope_change=turn, end=time
@@ -111,7 +111,7 @@ class Flock(NamedTuple):
         end_on_toe_stub: bool = False,
         from_section: bool = False,
     ) -> NDArray:
-        """Carry records (n,) on from where they stand, in place."""
+        """Continue the integration of records (n,), in place."""
         with np.errstate(all="ignore"):
             advance(
                 self.system, self.bodies, records[:, None],
@@ -120,7 +120,7 @@ class Flock(NamedTuple):
         return records
 
     def books(self, starts: NDArray, records: NDArray) -> tuple[NDArray, NDArray]:
-        """What is missing in each ledger, and the energy that moved in it; both / (m g l)."""
+        """Error of each energy balance, and its sum of absolute terms; both (n,) over m g l."""
         before = self.kinetic_energy(starts)
         gained = self.kinetic_energy(records["state"]) - before
         gravity = self.gravity_work(starts, records)
@@ -131,18 +131,18 @@ class Flock(NamedTuple):
         return missing, before + np.abs(gained) + np.abs(gravity) + turned + lost
 
     def ledger(self, starts: NDArray, records: NDArray) -> NDArray[np.float64]:
-        """What is missing in each ledger, relative to the energy that moved in it."""
+        """Error of each energy balance relative to its sum of absolute terms, (n,)."""
         missing, moved = self.books(starts, records)
         return missing / moved
 
 
 def flock(walker: Walker, *, using: tuple[str, ...] = ()) -> Flock:
-    """Any number of walkers that are alike, with what else there is of `EXTRAS` and `UNEVEN`."""
+    """Any number of equal walkers; `using` names items of `EXTRAS` and `UNEVEN`."""
     return Flock(system_of(walker, using=using), bodies(walker))
 
 
 def random_shapes(rng: np.random.Generator, count: int, *, knees: bool) -> list[Walker]:
-    """Walkers of ordinary proportions with masses on all sides and feet of all sizes."""
+    """Walkers of ordinary proportions, with random offsets of masses and random foot radii."""
     walkers = []
     for _ in range(count):
         thigh, shank = rng.uniform(0.3, 0.7, 2)
@@ -175,7 +175,7 @@ def flock_of(walkers: list[Walker]) -> Flock:
 
 
 def mirrored(walker: Walker) -> Walker:
-    """The walker seen in a mirror."""
+    """The mirror image of a walker."""
     return replace(
         walker,
         thigh_offset=-walker.thigh_offset,
@@ -187,7 +187,7 @@ def mirrored(walker: Walker) -> Walker:
 def random_states(
     rng: np.random.Generator, count: int, *, straight: bool, angle: float = 1.5, rate: float = 1.5
 ) -> NDArray[np.float64]:
-    """States with angles up to a size, moving at any pace."""
+    """Random states (count, 6), with angles up to `angle` and normal angular velocities."""
     states = np.concatenate(
         [rng.uniform(-angle, angle, (count, 3)), rng.normal(scale=rate, size=(count, 3))], axis=1
     )

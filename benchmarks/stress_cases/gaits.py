@@ -1,4 +1,4 @@
-"""Gaits that walks start from, in dimensionless units."""
+"""Gaits of the presets, and their dimensionless states."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SLOPES = {
     "A": 0.01, "B": 0.01, "C": 0.03, "D": 0.009, "E": 0.01, "F": 0.01, "lab": 0.036,
     "lab-straight": 0.04,
 }  # fmt: skip
-"""A slope that each walker has a gait on."""
+"""A slope in rad on which each walker has a gait."""
 
 
 @lru_cache
@@ -25,7 +25,7 @@ def gaits(name: str, slope: float | None = None) -> list[Gait]:
 
 
 def start(gait: Gait) -> NDArray[np.float64]:
-    """The gait's dimensionless section state."""
+    """The gait's dimensionless state on the Poincaré section, (6,)."""
     return np.asarray(gait.state) * np.repeat([1.0, gait.walker.time_unit], 3)
 
 

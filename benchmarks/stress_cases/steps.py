@@ -1,4 +1,4 @@
-"""Ground that steps up and down: strikes on the next foothold, and none anywhere else."""
+"""Uneven ground with steps up and down: heelstrikes on the next foothold, and nowhere else."""
 
 from __future__ import annotations
 
@@ -17,17 +17,18 @@ TOPIC = "Uneven ground"
 _TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12)
 _PORTION = 10_000
 _ROUNDING = 1e-14  # of energies in m g l
-_GRAZE = 0.01  # relative change of a start beside which a graze ends either way
+_GRAZE = 0.01  # relative change of an initial state within which a graze may have either outcome
 _ONE_IN = 20_000
 
 
 class Wild(NamedTuple):
-    """Strides of one walker from wild starts, each towards a foothold of its own.
+    """Strides of one walker from random states, each towards its own foothold.
 
     Attributes:
         flock: The walker, any number of times.
-        states: Dimensionless, just after heelstrike, (n, 6).
-        ground: Slope, and the next foothold's rise and turn, (n,) each.
+        states: Dimensionless states just after heelstrike, (n, 6).
+        ground: Slope in rad, and the next foothold's dimensionless height change and slope change
+            in rad, (n,) each.
     """
 
     flock: Flock
@@ -39,7 +40,7 @@ class Wild(NamedTuple):
         return self.flock.follow(self.states, tolerance=tolerance, **self.ground)
 
     def beside(self, i: int, count: int, rng: np.random.Generator) -> Wild:
-        """Strides from starts beside one of them, towards footholds beside its own."""
+        """Strides from states near that of stride `i`, towards footholds near its own."""
         shake = 1.0 + _GRAZE * rng.uniform(-1.0, 1.0, (count, 6))
         states = self.states[i] * shake
         if not self.flock.kneed:
@@ -49,7 +50,7 @@ class Wild(NamedTuple):
 
 
 def footholds(rng: np.random.Generator, count: int) -> dict[str, NDArray[np.float64]]:
-    """Slopes, and footholds of random steps, of stairs, or turned, a third of each."""
+    """Slopes, and footholds with random steps, stairs or slope changes, a third of each."""
     kind = rng.integers(3, size=count)
     size = rng.choice([1e-5, 1e-3, 0.01, 0.05], count)
     rises = [
@@ -65,7 +66,7 @@ def footholds(rng: np.random.Generator, count: int) -> dict[str, NDArray[np.floa
 
 
 def wild(rng: np.random.Generator, name: str, count: int) -> Wild:
-    """Strides of a preset from both feet on the ground, at rates from a walk's to a throw's."""
+    """Strides of a preset from both feet on the ground, with random angular velocities."""
     walker = WALKERS[name]
     angle = rng.uniform(0.02, 0.7, count)
     pace = rng.choice([0.3, 1.0, 2.0], count)[:, None] * rng.normal(size=(count, 3))
@@ -77,7 +78,7 @@ def wild(rng: np.random.Generator, name: str, count: int) -> Wild:
 
 
 def portions(rng: np.random.Generator, count: int):
-    """Strides of every preset in turn, and the tolerance to follow them with."""
+    """Strides of every preset in turn, each with a tolerance and the number of the turn."""
     size = min(_PORTION, max(1, count // (len(WALKERS) * len(_TOLERANCES))))
     for turn in range(max(1, count // (size * len(WALKERS) * len(_TOLERANCES)))):
         for name in WALKERS:
@@ -92,7 +93,7 @@ def portions(rng: np.random.Generator, count: int):
     quick=60_000, long=10_000_000, bound=10.0, unit="tolerance × energy of its angles and rates",
 )  # fmt: skip
 def strikes_on_steps(count: int, rng: np.random.Generator) -> Finding:
-    """A stride's ledger closes only where its strike happened where the walker was."""
+    """Test the energy balance, which a heelstrike at a wrong place violates."""
     tried, failed, worst = 0, 0, 0.0
     for strides, tolerance, _ in portions(rng, count):
         walks = strides.walk(tolerance)
@@ -115,7 +116,7 @@ def strikes_on_steps(count: int, rng: np.random.Generator) -> Finding:
     quick=60_000, long=10_000_000, bound=1.0, unit="1 in 20,000",
 )  # fmt: skip
 def ends_on_steps(count: int, rng: np.random.Generator) -> Finding:
-    """A graze is a stride beside which, within a hundredth of its start, others end that way."""
+    """Test outcomes; in a graze, a change of the state within `_GRAZE` changes the outcome."""
     tried = dict.fromkeys(_TOLERANCES, 0)
     others, failed = tried.copy(), 0
     for strides, tolerance, _ in portions(rng, count):

@@ -1,6 +1,6 @@
-"""Strikes that are hard to see: glancing, together, at the start, or two in one integration step.
+"""Impacts that are difficult to detect: grazing ones, or two roots in one integration step.
 
-A strike is set up exactly and played backwards for a while; a walk from there must find it.
+An impact is set up exactly and integrated backwards; a walk from that state must find the impact.
 """
 
 from __future__ import annotations
@@ -16,25 +16,25 @@ from gym_passive_walker import Outcome
 
 TOPIC = "Glancing strikes"
 LEAD = 0.3
-"""How long before its strike a walk starts, in sqrt(l/g)."""
+"""Time from the start of a walk to its impact, in sqrt(l/g)."""
 
 TOLERANCES = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-13)
-"""From steps so long that much can happen within one, to short ones."""
+"""Tolerances from long integration steps, with several events in one, to short steps."""
 
 
 FOOT, KNEE = np.array([1.0, 1.0, 0.0]), np.array([0.0, 1.0, -1.0])
-"""What vanishes at a strike, as weights of the three angles."""
+"""Event functions of heelstrike and kneestrike, as weights of the three angles."""
 
 
 class Touch(NamedTuple):
-    """Walkers whose swing foot, or knee, touches, about to be lifted again.
+    """Walkers with a swing foot, or a knee, that touches for an instant and is lifted again.
 
     Attributes:
         flock: The walkers.
         event: `FOOT` or `KNEE`.
-        states: At the touch, (n, 6).
-        torque: What lifts, (n,).
-        lift: Acceleration of what vanishes at the touch, (n,).
+        states: Dimensionless states at the touch, (n, 6).
+        torque: Dimensionless hip torque, which lifts, (n,).
+        lift: Second time derivative of the event function at the touch, (n,).
     """
 
     flock: Flock
@@ -45,11 +45,11 @@ class Touch(NamedTuple):
 
     @property
     def phase(self) -> int:
-        """The phase that such a strike ends."""
+        """The phase that ends with the impact."""
         return FREE if self.event is KNEE else self.flock.straight_phase
 
     def lowered(self, angle: NDArray, rate: NDArray) -> Touch:
-        """The same with the swing leg, or the thigh, lower by an angle and falling at a rate."""
+        """A copy with the swing leg, or the thigh, lower by an angle and falling at a rate."""
         legs = slice(1, 2 if self.event is KNEE else 3)
         states = self.states.copy()
         states[:, :3][:, legs] -= angle[:, None]
@@ -57,7 +57,7 @@ class Touch(NamedTuple):
         return self._replace(states=states)
 
     def before(self, lead: NDArray | float) -> NDArray[np.float64]:
-        """States from which these walkers come to the touch after a time."""
+        """States (n, 6) from which these walkers reach the touch after a time `lead`."""
         back = self.flock.follow(
             self.states * BACKWARDS, lead, torque=self.torque, tolerance=1e-14, phase=self.phase
         )
@@ -66,19 +66,19 @@ class Touch(NamedTuple):
         return states
 
     def walk(self, states: NDArray, tolerance: float) -> NDArray:
-        """Records of the walks that start there."""
+        """Records (n,) of walks from states (n, 6)."""
         return self.flock.follow(
             states, 2.0, torque=self.torque, tolerance=tolerance, phase=self.phase
         )
 
     def struck(self, walks: NDArray) -> NDArray[np.bool_]:
-        """Whose foot, or knee, has struck."""
+        """Whether each walk has had the impact, (n,)."""
         if self.event is KNEE:
             return walks["knee_time"] > 0.0
         return walks["outcome"] == Outcome.HEELSTRIKE
 
     def time(self, walks: NDArray) -> NDArray[np.float64]:
-        """When it struck."""
+        """Time of each walk's impact, (n,)."""
         return walks["knee_time" if self.event is KNEE else "time"]
 
 
@@ -93,7 +93,7 @@ def touches(rng: np.random.Generator, count: int) -> list[Touch]:
         states = np.stack([stance, angle, angle, -rate, rate, rate], axis=1)
         torque = np.full(n, 2.0 if not mine.works else 0.3)
         touch = Touch(mine, event, states, torque, np.ones(n))
-        step = 1e-3  # there and back: what is left of the motion is its curvature
+        step = 1e-3  # forwards and backwards in time: the sum leaves the second derivative
         ways = [
             mine.follow(s, step, torque=torque, phase=touch.phase)["state"][:, :3] - states[:, :3]
             for s in (states, states * BACKWARDS)
@@ -109,7 +109,7 @@ def touches(rng: np.random.Generator, count: int) -> list[Touch]:
     quick=6_000, long=60_000, bound=20.0, unit="tolerance / rate",
 )  # fmt: skip
 def almost_tangential(count: int, rng: np.random.Generator) -> Finding:
-    """The time of a strike is as uncertain as the angle, over the rate at which it closes."""
+    """Test times of impacts; their error is that of the angle over the closing rate."""
     tried = failed = 0
     worst = 0.0
     for touch in touches(rng, count):
@@ -134,7 +134,7 @@ def almost_tangential(count: int, rng: np.random.Generator) -> Finding:
     quick=6_000, long=60_000, bound=20.0, unit="tolerance / rate",
 )  # fmt: skip
 def pair_of_roots(count: int, rng: np.random.Generator) -> Finding:
-    """In and out again: the way in counts, at the rate it is taken with."""
+    """Test two roots in one step; the first counts, with an error that depends on its rate."""
     tried = failed = 0
     worst = 0.0
     for touch in touches(rng, count):
@@ -159,7 +159,7 @@ def pair_of_roots(count: int, rng: np.random.Generator) -> Finding:
     quick=6_000, long=60_000,
 )  # fmt: skip
 def near_miss(count: int, rng: np.random.Generator) -> Finding:
-    """It may strike later, when it comes down again."""
+    """Test near misses; a later impact is permitted."""
     tried = failed = 0
     for touch in touches(rng, count):
         height = 10.0 ** rng.uniform(-11.0, -2.0, len(touch.states))
@@ -181,7 +181,7 @@ def near_miss(count: int, rng: np.random.Generator) -> Finding:
     quick=6_000, long=60_000, bound=3.0, unit="√(tolerance / lift)",
 )  # fmt: skip
 def mere_touch(count: int, rng: np.random.Generator) -> Finding:
-    """Whether it strikes is below the tolerance; when it does is known to its square root only."""
+    """Test times of touches: an impact is optional, with an error of the tolerance's root."""
     tried = failed = 0
     worst = 0.0
     for touch in touches(rng, count):
@@ -203,7 +203,7 @@ def mere_touch(count: int, rng: np.random.Generator) -> Finding:
     quick=200, long=5_000,
 )  # fmt: skip
 def grazing_fall(count: int, rng: np.random.Generator) -> Finding:
-    """Held against the same walk looked at a thousand times a unit of time."""
+    """Test falls against walks in a thousand short steps per unit of time."""
     tried = failed = 0
     for walker in STRAIGHT.values():
         mine = flock(walker)
@@ -224,7 +224,7 @@ def grazing_fall(count: int, rng: np.random.Generator) -> Finding:
             mine.go_on(closely, tolerance=1e-13)
             lowest = np.minimum(lowest, closely["state"][:, 0])
         fell = closely["outcome"] == Outcome.FELL_FORWARD
-        deeper = closely["state"][:, 3] ** 2 / (2.0 * lift)  # the depth that it would reach
+        deeper = closely["state"][:, 3] ** 2 / (2.0 * lift)  # depth that the leg would reach
         margin = np.where(fell, deeper, lowest + 0.5 * np.pi)
         for tolerance in TOLERANCES:
             walks = mine.follow(states, 0.6, tolerance=tolerance, **options)

@@ -1,4 +1,4 @@
-"""A stance leg that hardly gets over the vertical: the time that it takes grows without bound."""
+"""Stance legs that barely pass the vertical, for which the required time is unbounded."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from gym_passive_walker import WALKERS, Outcome
 
 TOPIC = "Extremes"
 HELD = 0.8
-"""Torque at which a massless swing leg rests far in front, so that no strike comes between."""
+"""Torque that holds a massless swing leg far in front, so that there is no earlier impact."""
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(200)
 
 
 def time_over(delta: float, first: float, last: float) -> float:
-    """Time of an inverted pendulum that passes the vertical with rate √(2 delta).
+    """Time of an inverted pendulum that passes the vertical with angular velocity √(2 delta).
 
-    With sin(φ/2) = √(delta/2) sinh u the rate √(2 delta + 4 sin²(φ/2)) turns the integral of dφ
-    over it into a smooth one of du / √(1 - sin²(φ/2)).
+    The time is the integral of dφ / √(2 delta + 4 sin²(φ/2)). The substitution
+    sin(φ/2) = √(delta/2) sinh u gives a smooth integral of du / √(1 - sin²(φ/2)).
     """
     root = np.sqrt(0.5 * delta)
     ends = np.arcsinh(np.sin(0.5 * np.array([first, last])) / root)
@@ -35,7 +35,7 @@ def time_over(delta: float, first: float, last: float) -> float:
     quick=50, long=2_000, bound=1.0, unit="10⁻¹⁵ / energy left",
 )  # fmt: skip
 def barely_over(count: int, rng: np.random.Generator) -> Finding:
-    """About ln(1 / energy left), and as uncertain as rounding makes the energy."""
+    """Test the time, about ln(1 / energy left); its error comes from rounding of the energy."""
     mine = flock(WALKERS["D"])
     left = 10.0 ** rng.uniform(-12.0, -1.0, count)
     angle, slope = rng.uniform(0.1, 0.4, count), rng.uniform(-0.05, 0.05, count)

@@ -1,4 +1,4 @@
-"""Anything at all: random walkers thrown any way, and environments in which anyone acts anyhow."""
+"""Random walkers with random initial states, and environments with random actions."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from gym_passive_walker.envs.walker_env import PassiveWalkerEnv
 from gym_passive_walker.physics.systems import bodies, system_of
 
 TOPIC = "Anything at all"
-_SHAPES, _THROWS = 200, 50  # of a portion, and of each shape
+_SHAPES, _THROWS = 200, 50  # shapes of a portion; initial states of each shape
 _TOLERANCES = (1e-4, 1e-8, 1e-12)
-_ROUNDING = 1e-14  # of energies in m g l: a walker almost at rest moves less than it weighs
+_ROUNDING = 1e-14  # of energies in m g l: for a walker almost at rest, the terms nearly cancel
 
 
 def crowd(rng: np.random.Generator, kind: int) -> Flock:
@@ -35,7 +35,7 @@ def crowd(rng: np.random.Generator, kind: int) -> Flock:
     quick=60_000, long=10_000_000, bound=1000.0, unit="tolerance × energy of its angles and rates",
 )  # fmt: skip
 def any_walker(count: int, rng: np.random.Generator) -> Finding:
-    """With knees, with straight legs and with legs without mass, in turn."""
+    """Test walkers with knees, with straight legs and with massless legs, in turn."""
     tried, failed, worst = 0, 0, 0.0
     portion = _SHAPES * _THROWS
     for turn in range(max(3, count // portion)):
@@ -51,7 +51,8 @@ def any_walker(count: int, rng: np.random.Generator) -> Finding:
         failed += int((~known).sum())
         if mine.works:
             missing, moved = mine.books(states, walks)
-            # A tolerance is of the largest angle or rate: a slow walker errs by more than it moves.
+            # The tolerance is relative to the largest angle or angular velocity, so a slow walker's
+            # error may exceed its energies.
             largest = np.maximum(np.abs(states), np.abs(walks["state"])).max(axis=1)
             share = missing / (tolerance * (moved + largest**2) + _ROUNDING)
             worst = max(worst, float(share[known].max()))
@@ -59,7 +60,7 @@ def any_walker(count: int, rng: np.random.Generator) -> Finding:
 
 
 def any_scene(rng: np.random.Generator, kind: int) -> PassiveWalkerEnv:
-    """An environment of some walker under some rules."""
+    """An environment with a random walker and random options."""
     knees = kind == 0
     walker = WALKERS["D"] if kind == 2 else random_shapes(rng, 1, knees=knees)[0]
     return PassiveWalkerEnv(
@@ -84,7 +85,7 @@ def any_scene(rng: np.random.Generator, kind: int) -> PassiveWalkerEnv:
     quick=3_000, long=1_000_000, bound=1e-9, unit="largest sum of an episode",
 )  # fmt: skip
 def any_step(count: int, rng: np.random.Generator) -> Finding:
-    """Each environment for some episodes, actions also far beyond the box."""
+    """Test each environment for some episodes, with actions also far outside the action space."""
     tried, failed, worst = 0, 0, 0.0
     while tried < count:
         env = any_scene(rng, int(rng.integers(3)))
@@ -110,7 +111,7 @@ def any_step(count: int, rng: np.random.Generator) -> Finding:
 
 
 def _named(info: dict[str, object], over: bool) -> bool:
-    """Whether an outcome is told where a stride or an episode has ended, and nowhere else."""
+    """Whether the outcome in `info` is valid: present at an end, else absent or a heelstrike."""
     outcome = info.get("outcome")
     if over:
         return outcome in OUTCOMES[1:] and outcome not in ("heelstrike", "diverged")

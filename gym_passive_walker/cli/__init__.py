@@ -1,8 +1,8 @@
-"""The command line: walkers, their gaits, walks and pictures, without writing Python.
+"""The command line `passive-walker`: walkers, gaits, walks and pictures without writing Python.
 
-A command is a function in one of these modules: it takes a parser, asks it for what it needs, and
-returns what to do with the answers. Its docstring is its help: a line, and examples. `COMMANDS`
-lists them all.
+A command is a function in one of these modules. It adds its arguments to a parser and returns a
+function that runs the command. Its docstring is its help: a summary line, then examples. `COMMANDS`
+lists all commands.
 """
 
 from __future__ import annotations
@@ -28,20 +28,20 @@ COMMANDS = (
     walkers, gait, family, bifurcation, basin, check, robustness, gauntlet, sweep, scene, simulate,
     strobe, video, figures, evaluate, play, warmup,
 )  # fmt: skip
-"""What the command line can do, by the functions' names."""
+"""All commands; each has the name of its function."""
 
 _PROGRAM = "passive-walker"
 
 
 class _Parser(argparse.ArgumentParser):
-    """A parser that says in one sentence what it did not understand."""
+    """A parser that reports an error in one sentence and exits with status 2."""
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"error: {message} (see {self.prog} --help)\n")
 
 
 def parser() -> argparse.ArgumentParser:
-    """What the command line understands."""
+    """The parser of the command line, with all commands."""
     top = _Parser(prog=_PROGRAM, description="Passive walkers and their gaits.")
     version = f"{_PROGRAM} {gym_passive_walker.__version__}"
     top.add_argument("--version", action="version", version=version)
@@ -61,13 +61,13 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run a command; bad input ends with a sentence, not a traceback.
+    """Run a command; invalid input prints a sentence instead of a traceback.
 
     Args:
-        words: What stands behind the program's name; `sys.argv` if None.
+        words: Arguments after the program's name; those of `sys.argv` if None.
 
     Returns:
-        The exit status: 0; 1 where there is no such gait; 2 where the input is at fault or a file
+        The exit status: 0 on success; 1 if no gait is found; 2 if the input is invalid or a file
         cannot be written; 130 after Ctrl-C.
     """
     refusals = {GaitNotFound: 1, ValueError: 2, ImportError: 2, OSError: 2}
@@ -75,7 +75,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def _command(words: Sequence[str] | None) -> None:
-    """Print what a command found, and write its files."""
+    """Print the report of a command, and write its files."""
     top = parser()
     arguments = top.parse_args(words)
     if "run" not in arguments:

@@ -1,4 +1,4 @@
-"""What commands ask for: walkers, slopes, gaits."""
+"""Arguments that commands share: walkers, slopes, gaits."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ A_WALKER = (
     f"{', '.join(WALKERS)}, or a JSON, YAML or TOML file of your own walker's parameters, such as "
     '{"preset": "C", "hip_mass": 1.0}'
 )
-"""What a walker is, to a command."""
+"""Help text of an argument that names a walker."""
 
 
 def a_walker(text: str) -> Walker:
-    """As `as_walker`, for parsers, which say what is wrong beside the argument's name."""
+    """Parse a walker by `as_walker`; the parser prints an error with the argument's name."""
     try:
         return as_walker(text)
     except (ValueError, ImportError) as error:
@@ -33,7 +33,7 @@ def a_walker(text: str) -> Walker:
 
 
 def a_terrain(text: str) -> Terrain:
-    """As `terrain_from`, for parsers."""
+    """Parse a terrain by `terrain_from`; the parser prints an error with the argument's name."""
     try:
         return terrain_from(text)  # type: ignore[return-value]
     except (ValueError, ImportError) as error:
@@ -41,13 +41,13 @@ def a_terrain(text: str) -> Terrain:
 
 
 def add_terrain(command: ArgumentParser) -> None:
-    """Ask for the ground."""
+    """Add the argument --terrain."""
     about = f"{EXAMPLES}, or a mapping as JSON or in a file (smooth ground)"
     command.add_argument("--terrain", type=a_terrain, metavar="GROUND", help=about)
 
 
 def add_walker(command: ArgumentParser) -> None:
-    """Ask for a walker; `walker_of` gives it."""
+    """Add arguments for a walker; `walker_of` returns the walker."""
     command.add_argument("walker", type=a_walker, metavar="WALKER", help=A_WALKER)
     command.add_argument(
         "--tune", action="store_true", help="first meet the conditions for walking at slope 0"
@@ -55,30 +55,30 @@ def add_walker(command: ArgumentParser) -> None:
 
 
 def walker_of(arguments: Namespace) -> Any:
-    """The walker that was asked for."""
+    """The walker given by the arguments, tuned if requested."""
     return tune(arguments.walker) if arguments.tune else arguments.walker
 
 
 def add_slope(command: ArgumentParser) -> None:
-    """Ask for a slope."""
+    """Add an argument for a slope."""
     command.add_argument("slope", type=float, metavar="SLOPE", help="in rad, downhill")
 
 
 def add_slopes(command: ArgumentParser) -> None:
-    """Ask for a range of slopes."""
+    """Add arguments for a range of slopes."""
     command.add_argument("low", type=float, metavar="LOW", help="lowest slope in rad, above 0")
     command.add_argument("high", type=float, metavar="HIGH", help="highest slope in rad")
 
 
 def add_kind(command: ArgumentParser) -> None:
-    """Ask which of a slope's gaits is meant."""
+    """Add an argument that selects the long-step or the short-step gait."""
     command.add_argument(
         "--kind", choices=("long", "short"), default="long", help="which gait (%(default)s step)"
     )
 
 
 def add_motors(command: ArgumentParser, *, push_off: bool = True) -> None:
-    """Ask for what works the walker's motors; `map_of` returns the stride map."""
+    """Add arguments for the walker's actuation; `map_of` returns the stride map."""
     add = command.add_argument
     about = "{}, in every stride, in {} (%(default)s)"
     add("--torque", type=float, default=0.0, metavar="T", help=about.format("hip torque", "N m"))
@@ -91,7 +91,7 @@ def add_motors(command: ArgumentParser, *, push_off: bool = True) -> None:
 
 
 def add_controller(command: ArgumentParser) -> None:
-    """Ask for a controller; `map_of` returns the stride map."""
+    """Add arguments for a controller; `map_of` returns the stride map."""
     command.add_argument(
         "--controller", metavar="NAME", help="what works the motors: a feedback "
         f"({', '.join(BASELINES)}), a trained policy or its folder"
@@ -102,10 +102,10 @@ def add_controller(command: ArgumentParser) -> None:
 
 
 def map_of(arguments: Namespace, slope: float | None = None) -> StrideMap:
-    """The stride map of the walker, its motors or its controller that were asked for.
+    """The stride map of the walker and the actuation or controller given by the arguments.
 
     Raises:
-        ValueError: if there are both motors and a controller.
+        ValueError: if both torques or a push-off and a controller are given.
     """
     parts = (getattr(arguments, name, 0.0) for name in ("torque", "ankle_torque", "push_off"))
     held, walker = Actuation(*parts), walker_of(arguments)
@@ -117,7 +117,7 @@ def map_of(arguments: Namespace, slope: float | None = None) -> StrideMap:
 
 
 def gait_of(arguments: Namespace) -> Gait:
-    """The gait of the walker, slope and kind that were asked for.
+    """The gait of the walker, slope and kind given by the arguments.
 
     Raises:
         GaitNotFound: if there is none.
@@ -126,7 +126,7 @@ def gait_of(arguments: Namespace) -> Gait:
 
 
 def add_walk(command: ArgumentParser, *, strides: int) -> None:
-    """Ask for a walk."""
+    """Add arguments for a walk: walker, slope, initial state, actuation and terrain."""
     add_walker(command)
     add_slope(command)
     add_kind(command)
@@ -146,10 +146,10 @@ def add_walk(command: ArgumentParser, *, strides: int) -> None:
 
 
 def start_of(arguments: Namespace) -> NDArray[np.float64]:
-    """Where a walk starts: at the state that was asked for, or on the gait."""
+    """Initial state of a walk, shape (6,): the state given by the arguments, or the gait's."""
     if arguments.state is not None:
         return np.array(arguments.state)
     walks = map_of(arguments, arguments.slope)
-    # Motors that are held push a walker off its passive gait, and it is looked at as it goes.
+    # With constant actuation, a walk starts on the passive gait, so that it shows the transient.
     passive = walker_of(arguments) if not walks.controlled else walks
     return find_gait(passive, arguments.slope, kind=arguments.kind).state

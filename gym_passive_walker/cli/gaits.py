@@ -1,4 +1,4 @@
-"""Commands about gaits: each takes a parser, asks for what it needs, and returns what to do."""
+"""Commands about gaits; each adds its arguments to a parser and returns the function to run."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _FAMILY = ("slope", "stance_angle", "step_period", "step_length", "speed", "frou
 
 
 def walkers(command: ArgumentParser) -> Callable[[Namespace], Report]:
-    """List the walkers that come with the package, and say what each of them is.
+    """List the walkers that come with the package, with a description of each.
 
     passive-walker walkers
     """
@@ -69,7 +69,7 @@ def gait(command: ArgumentParser) -> Callable[[Namespace], Report]:
     def run(arguments: Namespace) -> Report:
         walker, slope, period = walker_of(arguments), arguments.slope, arguments.period
         strides = map_of(arguments, slope)
-        # Where there is none, the search for one says why; a policy holds one.
+        # If there is none, `find_gait` raises an error with the reason; a policy has one gait.
         found = [] if strides.controlled else find_gaits(strides, period=period)
         gaits = found or [find_gait(strides, period=period)]
         records = [record(gait, _GAIT) for gait in gaits]
@@ -88,7 +88,7 @@ def gait(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
 
 def family(command: ArgumentParser) -> Callable[[Namespace], Report]:
-    """Follow a gait over slopes, through folds, to where it ends and why.
+    """Continue a branch of gaits over slopes, through folds, to its ends and their reasons.
 
     passive-walker family lab 0.005 0.1
     passive-walker family C 0.01 0.1 --kind short --json
@@ -117,7 +117,7 @@ def family(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
 
 def bifurcation(command: ArgumentParser) -> Callable[[Namespace], Report]:
-    """Say where walks settle, slope by slope: a gait, its doublings, chaos, or a fall.
+    """Compute a bifurcation diagram: the long-term behaviour of walks over a range of slopes.
 
     passive-walker bifurcation C 0.07 0.098 --slopes 15
     passive-walker bifurcation C 0.0 0.06 --controller rolling-ppo
@@ -156,7 +156,7 @@ def bifurcation(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
 
 def basin(command: ArgumentParser) -> Callable[[Namespace], Report]:
-    """Say how many starts on a slice through a gait lead to which gait, and how many to a fall.
+    """Count the initial states on a slice through a gait that lead to each gait, or to a fall.
 
     passive-walker basin lab 0.036 --resolution 100
     """
@@ -192,7 +192,7 @@ def basin(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
 
 def check(command: ArgumentParser) -> Callable[[Namespace], Report]:
-    """Say whether a gait could happen: scuffing, knee lock, contact, friction, hyperextension.
+    """Check a gait's feasibility: scuffing, knee lock, contact, friction, hyperextension.
 
     passive-walker check lab 0.036
     passive-walker check C 0.03 --friction 0.5
@@ -213,5 +213,5 @@ def check(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
 
 def _rows(columns: dict[str, Any]) -> list[dict[str, Any]]:
-    """Columns of a table as its rows."""
+    """Convert the columns of a table to its rows."""
     return [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]

@@ -1,4 +1,4 @@
-"""Commands that draw: strobe pictures, films, and the source document's figures."""
+"""Commands that draw: stroboscopic pictures, videos, and the figures of Garcia (1999)."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from gym_passive_walker.viewer.play import play as shown
 
 
 def strobe(command: ArgumentParser) -> Callable[[Namespace], Report]:
-    """Draw a walk as a strobe picture.
+    """Draw a walk as a stroboscopic picture.
 
     passive-walker strobe lab 0.036 --strides 3 --out walk.png
     passive-walker strobe C 0.036 --terrain stairs:rise=-0.01 --out stairs.png
@@ -40,7 +40,7 @@ def strobe(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
 
 def video(command: ArgumentParser) -> Callable[[Namespace], Report]:
-    """Film a walk at its own pace.
+    """Write a video of a walk, in real time or in slow motion.
 
     passive-walker video lab 0.036 --strides 10 --out walk.mp4
     passive-walker video D 0.009 --slower 4 --out walk.gif
@@ -69,7 +69,7 @@ def video(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
 
 def play(command: ArgumentParser) -> Callable[[Namespace], Report]:
-    """Watch a walker in a window; push it, and change it while it walks.
+    """Show a walker in a window; push it, and change its parameters while it walks.
 
     passive-walker play
     passive-walker play C 0.03
@@ -95,7 +95,7 @@ def play(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
 
 def figures(command: ArgumentParser) -> Callable[[Namespace], Report]:
-    """Draw figures of the source document, computed anew; all of them if none is named.
+    """Recompute and draw figures of Garcia (1999), chapter 4; all of them if none is named.
 
     passive-walker figures 4.6 4.10 --out figures
     """
@@ -122,7 +122,7 @@ def figures(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
 
 def _add_out(command: ArgumentParser, default: str, about: str) -> None:
-    """Ask where a picture goes."""
+    """Add the argument --out for a picture or a video."""
     command.add_argument(
         "--out", type=Path, default=Path(default), metavar="FILE", help=f"{about} (%(default)s)"
     )

@@ -1,4 +1,4 @@
-"""What commands have to say: tables for people, JSON for programs."""
+"""Output of commands: tables for people, JSON for programs."""
 
 from __future__ import annotations
 
@@ -34,20 +34,20 @@ _LABELS = {
     "outcome": "ends with",
     "about": "what it is",
 }
-"""Names of quantities with their units: the presets', and what a walker's file is taken to be in.
+"""Labels of quantities with SI units, which the presets use and a walker's file is taken to use.
 
-A quantity without a unit is called by its name.
+A quantity that is not listed has its name as its label.
 """
 
 
 class Report(NamedTuple):
-    """What a command has found out.
+    """The result of a command.
 
     Attributes:
-        text: For people.
-        data: For programs: anything that `plain` makes plain.
-        files: What writes further files, by their paths. They are written after the rest is
-            printed, so that a full disk loses nothing that was computed.
+        text: Output for people.
+        data: Output for programs: anything that `plain` converts to JSON.
+        files: Functions that write further files, by path. They are called after the text is
+            printed, so that a full disk does not lose the result.
     """
 
     text: str
@@ -56,12 +56,12 @@ class Report(NamedTuple):
 
 
 def record(source: Any, names: Iterable[str]) -> dict[str, Any]:
-    """Some of an object's attributes by name."""
+    """Some of an object's attributes, as a dict by name."""
     return {name: getattr(source, name) for name in names}
 
 
 def listing(title: str, values: Mapping[str, Any]) -> str:
-    """A title, and below it a quantity a line."""
+    """A title, and below it one line for each quantity."""
     labels = [_label(name) for name in values]
     width = max(map(len, labels))
     lines = [
@@ -72,7 +72,7 @@ def listing(title: str, values: Mapping[str, Any]) -> str:
 
 
 def table(rows: Sequence[Mapping[str, Any]]) -> str:
-    """Rows with the same quantities below each other; words to the left, numbers to the right."""
+    """A table with a column for each quantity; text aligned left, numbers right."""
     cells = [[_label(name) for name in rows[0]]]
     cells += [[_written(value) for value in row.values()] for row in rows]
     words = [isinstance(value, str) for value in rows[0].values()]
@@ -88,7 +88,7 @@ def table(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON has it: NaN is null, a complex number its parts, an outcome its name."""
+    """Convert a value for JSON: NaN to null, a complex number to its parts, an enum to its name."""
     match value:
         case Enum():
             return value.name
@@ -116,7 +116,7 @@ def _label(name: str) -> str:
 
 
 def _written(value: Any, digits: int = 6) -> str:
-    """A quantity as people read it."""
+    """A quantity as text, with `digits` significant digits."""
     match value:
         case Enum():
             return value.name.lower().replace("_", " ")

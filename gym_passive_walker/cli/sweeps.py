@@ -1,4 +1,4 @@
-"""The command that does an analysis many times over."""
+"""The command `sweep`, which repeats an analysis over many parameters."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from gym_passive_walker.sweeps.tasks import ANALYSES
 
 
 def sweep(command: ArgumentParser) -> Callable[[Namespace], Report]:
-    """Do an analysis over a grid, a list or a random sample, on all processors; resumable.
+    """Run an analysis over a grid, a list or a random sample, on all CPU cores; resumable.
 
     passive-walker sweep lab.yaml
     passive-walker sweep lab.yaml --out found --workers 2

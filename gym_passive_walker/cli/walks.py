@@ -1,4 +1,4 @@
-"""Commands that follow a walk: its strides, its pictures, and walks under a policy."""
+"""Commands about walks: their strides, scenes, and walks under a policy."""
 
 from __future__ import annotations
 
@@ -40,12 +40,11 @@ _STRIDE += ("hip_work",)
 
 
 def simulate(command: ArgumentParser) -> Callable[[Namespace], Report]:
-    """Follow a walk stride by stride; write what it passes through as CSV or NPZ.
+    """Simulate a walk stride by stride; write its trajectory as CSV or NPZ.
 
     passive-walker simulate lab 0.036 --strides 20
-    passive-walker simulate lab 0.036 --terrain rough:height_std=0.002,slope_std=0.005
-    --terrain-seed 3 passive-walker simulate lab 0.036 --state 0.3 -0.3 -0.3 -1.5 -0.8 -2 --out
-    walk.csv
+    passive-walker simulate lab 0.036 --terrain rough:height_std=0.002 --terrain-seed 3
+    passive-walker simulate lab 0.036 --state 0.3 -0.3 -0.3 -1.5 -0.8 -2 --out walk.csv
     """
     add_walk(command, strides=10)
     add = command.add_argument
@@ -97,7 +96,7 @@ _WRITERS = {".csv": Trajectory.to_csv, ".npz": _write_npz}
 
 
 def scene(command: ArgumentParser) -> Callable[[Namespace], Report]:
-    """Say what an agent observes, does and is paid for in a scene, and what ends an episode.
+    """Explain a scene: observations, actions, reward and termination reasons.
 
     passive-walker scene level
     passive-walker scene rough --json
@@ -111,7 +110,7 @@ def scene(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
 
 def evaluate(command: ArgumentParser) -> Callable[[Namespace], Report]:
-    """Let a policy walk some episodes in a scene, beside the same walker without a motor.
+    """Evaluate a policy over some episodes of a scene, beside the walker without an actuator.
 
     passive-walker evaluate level-ppo
     passive-walker evaluate lab-ppo --scene level --walker lab --slope 0.01

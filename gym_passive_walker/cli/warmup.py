@@ -1,4 +1,4 @@
-"""The command that compiles everything ahead, so that nothing else ever waits for it."""
+"""The command `warmup`, which compiles all kernels ahead of their first use."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from gym_passive_walker.sweeps.node import pieces
 
 
 def warmup(command: ArgumentParser) -> Callable[[Namespace], Report]:
-    """Compile everything that walks, once; from then on every start is a quick one.
+    """Compile all kernels once and cache them, so that later starts are quick.
 
     passive-walker warmup
     """

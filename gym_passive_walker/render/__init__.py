@@ -1,11 +1,11 @@
-"""Pictures: states in, pictures out.
+"""Pictures, frames and plots of walkers, drawn from their states.
 
-`Screen` draws frames with pygame (the extra "render"); `strobe`, `strobe_of`, `phase_portrait` and
-what objects `plot` are drawn with matplotlib (the extra "figures"). Neither library is loaded
-before it is needed. `tiled` puts a vector environment's frames into one picture.
+`Screen` draws frames with pygame (the extra "render"). `strobe`, `strobe_of`, `phase_portrait` and
+the `plot` methods of objects draw with matplotlib (the extra "figures"). Neither library is
+imported before it is needed. `tiled` arranges a vector environment's frames in one picture.
 """
 
-# These two enter what objects plot.
+# Importing these two modules registers the `plot` methods of objects.
 import gym_passive_walker.render.plots
 import gym_passive_walker.render.sketch  # noqa: F401
 from gym_passive_walker.render.portrait import phase_portrait

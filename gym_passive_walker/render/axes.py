@@ -1,9 +1,9 @@
 """The one style of all figures: sizes, lines, labels, legends.
 
-As in pyplot, a picture is drawn on the current axes unless others are given. `OWN` is for what is
-written to a file: a figure made without pyplot, so that nothing stays behind. Lines differ in
-colour (Okabe and Ito's, which the colour-blind distinguish) and in dash and marker besides, so that
-a figure survives a grey printer.
+As in pyplot, a picture is drawn on the current axes unless others are given. `OWN` makes a figure
+without pyplot, for a picture that is written to a file: no open figure stays behind. Lines differ
+in colour (Okabe and Ito's palette, which colour-blind people distinguish). They also differ in dash
+and marker, so that a figure printed in grey stays readable.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SLOPE, ANGLE, SPEED = "slope γ (rad)", "stance angle θ (rad)", "speed v / √(g l)"
-"""Labels of axes. Angles are in rad; all else is over its dimensionless unit."""
+"""Labels of axes. Angles are in rad; all other quantities are dimensionless."""
 
 BLACK, GREY = "#000000", "#808080"
 BLUE, VERMILION, GREEN, PURPLE = "#0072B2", "#D55E00", "#009E73", "#CC79A7"
@@ -33,17 +33,17 @@ _DASHES = ("-", (0, (5, 1.5)), (0, (1, 1)), (0, (5, 1.5, 1, 1.5)), (0, (8, 2)))
 _MARKERS = "osD^vPX*"
 
 OWN: Any = object()
-"""In place of axes: a figure of the picture's own, which pyplot does not know."""
+"""Passed in place of axes: draw in a new figure that is not registered with pyplot."""
 
 HEAVY, LIGHT = 2.6, 0.9
-"""Widths of lines: of what is stable, and of what is not."""
+"""Line widths in points of stable and of unstable gaits."""
 
 _DPI = 200
-_COLUMN = 1.6  # of a legend, in inches
+_COLUMN = 1.6  # width in inches of a legend's column
 
 
 def series(index: int) -> dict[str, Any]:
-    """Colour, dash and marker of the curve with this number."""
+    """Colour, dash and marker of the curve with this index, as matplotlib's keywords."""
     return {
         "color": _COLOURS[index % len(_COLOURS)],
         "linestyle": _DASHES[index % len(_DASHES)],
@@ -59,14 +59,14 @@ def panels(
     ax: Axes | None = OWN,
     **options: Any,
 ) -> tuple[Figure, list[Axes]]:
-    """An empty figure with axes, row by row.
+    """An empty figure and its axes, row by row.
 
     Args:
-        rows: Of axes.
-        columns: Likewise.
+        rows: Number of rows of axes.
+        columns: Number of columns of axes.
         size: Width and height in inches.
-        ax: `OWN`, or None for pyplot: its current figure if that is empty, else another.
-        **options: As of matplotlib's `Figure.subplots`.
+        ax: `OWN`, or None for pyplot's current figure if that is empty, else a new one.
+        **options: Keywords of matplotlib's `Figure.subplots`.
 
     Raises:
         ImportError: if matplotlib is not installed.
@@ -81,7 +81,7 @@ def panels(
         empty = pyplot.get_fignums() and not pyplot.gcf().axes
         figure = pyplot.gcf() if empty else pyplot.figure(figsize=size)
     if figure.get_layout_engine() is None:
-        figure.set_layout_engine("constrained")  # which leaves room for legends
+        figure.set_layout_engine("constrained")  # this engine leaves room for legends
     axes = list(figure.subplots(rows, columns, squeeze=False, **options).ravel())
     for each in axes:
         plain(each)
@@ -89,13 +89,16 @@ def panels(
 
 
 def plain(ax: Axes) -> None:
-    """Take off what says nothing."""
+    """Hide the top and right borders, and shrink the tick labels."""
     ax.spines[["top", "right"]].set_visible(False)
     ax.tick_params(labelsize="small")
 
 
 def axes_for(ax: Axes | None, size: tuple[float, float] = (5.6, 4.0)) -> Axes:
-    """The axes given, or pyplot's current ones: in a figure of this size, if there are none."""
+    """The axes given, else pyplot's current ones, else new ones in a figure of this size (inches).
+
+    With `OWN`, new axes in a figure without pyplot.
+    """
     if given(ax):
         return ax
     if ax is None:
@@ -119,12 +122,12 @@ def figure_of(ax: Axes | NDArray) -> Figure:
 
 
 def legend(ax: Axes, *, columns: int = 3, gap: float = 40.0) -> None:
-    """Say what the lines are where it covers nothing: below the axes.
+    """Put a legend below the axes, where it covers nothing.
 
     Args:
         ax: The axes.
-        columns: Of the legend, if the axes are wide enough.
-        gap: Left for the label of the horizontal axis, in points.
+        columns: Largest number of columns; there are fewer if the axes are narrow.
+        gap: Room for the label of the horizontal axis, in points.
     """
     from matplotlib.transforms import ScaledTranslation
 
@@ -140,12 +143,12 @@ def legend(ax: Axes, *, columns: int = 3, gap: float = 40.0) -> None:
 
 
 def picture_path(path: str | PathLike[str]) -> Path:
-    """A path that a figure may be written to, in a folder that is made if need be.
+    """Check a path that a figure is to be written to, and create its folder if needed.
 
-    ".png" is added to a name without an ending.
+    ".png" is added to a name without a suffix.
 
     Raises:
-        ValueError: if its ending is that of no picture.
+        ValueError: if matplotlib cannot write a picture with this suffix.
         ImportError: if matplotlib is not installed.
         OSError: if no file can be written there.
     """
@@ -163,16 +166,16 @@ def picture_path(path: str | PathLike[str]) -> Path:
 
 
 def save(figure: Figure, path: str | PathLike[str] | None, caption: str = "") -> Figure:
-    """Write a figure to a file, if one is named, of the kind that its ending says.
+    """Write a figure to a file, if one is named; the suffix selects the format.
 
     Args:
         figure: The figure.
         path: The file; None writes nothing.
-        caption: What it shows, kept inside of PNG, SVG and PDF files.
+        caption: Description of the figure, stored in the metadata of PNG, SVG and PDF files.
 
     Raises:
-        ValueError: if the ending is that of no picture.
-        OSError: if the file cannot be written; what was there before stays.
+        ValueError: if matplotlib cannot write a picture with this suffix.
+        OSError: if the file cannot be written; an existing file stays unchanged.
     """
     if path is not None:
         path = picture_path(path)
@@ -185,5 +188,5 @@ def save(figure: Figure, path: str | PathLike[str] | None, caption: str = "") ->
 
 
 def broken(values: NDArray, at: NDArray) -> NDArray[np.float64]:
-    """Values with a gap before each of some places, where a line is to be lifted."""
+    """Values with NaN inserted before each index in `at`, where a drawn line is interrupted."""
     return np.insert(np.asarray(values, dtype=float), at, np.nan)

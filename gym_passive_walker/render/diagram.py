@@ -22,7 +22,7 @@ SHOWN = Walker(
     shank_length=0.55, shank_offset=0.06, shank_mass=0.1, shank_gyration=0.1, shank_com=0.2,
     foot_radius=0.22, foot_angle=0.16, hip_mass=0.4,
 )  # fmt: skip
-"""A walker all of whose parameters are large enough to be seen."""
+"""A walker with every parameter large enough to be seen."""
 
 _SLOPE, _STANCE, _THIGH, _SHANK = 0.1, -0.28, 0.78, 0.36
 _THIN = {"color": GREY, "linewidth": 0.7}
@@ -69,7 +69,7 @@ def _down(angle: float) -> NDArray[np.float64]:
 
 
 def _segment(ax: Axes, top: NDArray, bottom: NDArray, name: str, side: float) -> None:
-    """Enter the length, centre of mass, offset and gyration of a thigh or a shank."""
+    """Draw the length, centre of mass, offset and radius of gyration of a thigh or a shank."""
     length, com, offset, gyration = (
         getattr(SHOWN, f"{name}_{what}") for what in ("length", "com", "offset", "gyration")
     )
@@ -94,7 +94,7 @@ def _segment(ax: Axes, top: NDArray, bottom: NDArray, name: str, side: float) ->
 
 
 def _measure(ax: Axes, start: NDArray, end: NDArray, aside: float, back: NDArray) -> None:
-    """A double arrow beside a distance, and lines to its ends."""
+    """Draw a double arrow beside a distance, and lines to its ends."""
     one, other = start + aside * back, end + aside * back
     for point, shifted in ((start, one), (end, other)):
         ax.plot(*np.array([point, shifted]).T, **_THIN)
@@ -103,7 +103,7 @@ def _measure(ax: Axes, start: NDArray, end: NDArray, aside: float, back: NDArray
 
 
 def _note(ax: Axes, at: NDArray, away: tuple[float, float], text: str) -> None:
-    """A name beside a point, with a line to it."""
+    """Write a name beside a point, with a line to it."""
     ax.annotate(
         text, _pair(at), _pair(at + np.array(away)), fontsize="small", va="center",
         arrowprops={"arrowstyle": "-", "color": GREY, "linewidth": 0.5, "shrinkB": 0.0},
@@ -118,7 +118,7 @@ def _angle(
     ax: Axes, at: NDArray, first: ArrayLike, second: ArrayLike, reach: float, text: str,
     away: tuple[float, float],
 ) -> None:  # fmt: skip
-    """An arc between two directions from a point, with both drawn as dashed lines."""
+    """Draw an arc between two directions from a point, with both drawn as dashed lines."""
     ends = [math.atan2(ray[1], ray[0]) for ray in np.array([first, second])]
     for end in ends:
         ray = at + 1.15 * reach * np.array([math.cos(end), math.sin(end)])

@@ -1,6 +1,7 @@
-"""The figures of the source document, computed: a function and a caption each, `draw` for all.
+"""The figures of Garcia (1999), chapter 4, recomputed: a function and a caption for each.
 
-Each returns a matplotlib Figure that belongs to nobody; nothing is shown and nothing is global.
+Each function returns a matplotlib Figure that pyplot does not know; nothing is shown. `draw` writes
+one of them to a file.
 """
 
 from __future__ import annotations
@@ -49,13 +50,13 @@ _KINDS: tuple[tuple[GaitKind, float], ...] = (("long", 1.8), ("short", 0.9))
 
 
 def families(walker: Walker, low: float, high: float, looks: int = 8) -> list[GaitFamily]:
-    """Every family of gaits that passes one of some slopes, followed over their range.
+    """Every branch of periodic gaits that passes one of `looks` slopes, continued over the range.
 
     Args:
         walker: The walker.
         low: Lowest slope in rad.
         high: Highest slope in rad.
-        looks: At how many slopes gaits are looked for.
+        looks: Number of slopes, evenly spaced, at which gaits are searched for.
     """
     found: list[GaitFamily] = []
     for slope in np.linspace(low, high, looks):
@@ -66,7 +67,7 @@ def families(walker: Walker, low: float, high: float, looks: int = 8) -> list[Ga
 
 
 def _passes(family: GaitFamily, gait: Gait) -> bool:
-    """Whether a family goes through a gait, as nearly as its points lie apart."""
+    """Whether a branch passes through a gait, within the distance of its points."""
     apart = np.hypot(
         np.log(family.slope / gait.slope), np.log(family.stance_angle / gait.stance_angle)
     )
@@ -81,7 +82,7 @@ def _lab() -> tuple[Walker, float, Any]:
 def transition(by: str = _ANGLE) -> Figure:
     """Figs. 4.5 and 4.11: the short step's change of scaling, for feet of two masses."""
     figure, (ax,) = panels(size=(5.8, 5.2))
-    # E lies broad and pale under F, whose long steps it shares.
+    # E and F have the same long steps: E is drawn broad and pale under F.
     for name, ratio, colour, width in (("E", 0.125, SKY_BLUE, 4.0), ("F", 0.05 / 0.9, BLACK, 1.2)):
         dashes: tuple[tuple[GaitKind, Any], ...] = (("long", "-"), ("short", (0, (4, 1.5))))
         for kind, dash in dashes:
@@ -116,7 +117,7 @@ def lab_families(by: str = _ANGLE) -> Figure:
 
 
 def detuning(fractions: tuple[float, ...] = (0.0, 0.05, 0.3, 0.6, 0.75, 1.0)) -> Figure:
-    """Fig. 4.8: families of the tuned kneed walker as it is changed into the laboratory's."""
+    """Fig. 4.8: branches of gaits between the tuned kneed walker C and the laboratory's walker."""
     figure, axes = panels(2, 3, (9.2, 6.4), sharex=True, sharey=True)
     tuned, lab = tune(WALKERS["C"]), WALKERS["lab"]
     drawn = []
@@ -149,7 +150,7 @@ def tuned_families(by: str = _ANGLE) -> Figure:
             style = {**series(index), "linewidth": width, "markersize": 4.5}
             style["fillstyle"] = "full" if kind == "long" else "none"
             for ax, spaced in zip(axes, (np.asarray, np.log), strict=True):
-                # Markers at equal distances along the axis, each walker's a little apart.
+                # Markers at equal distances along the axis, shifted a little for each walker.
                 where = spaced(family.slope)
                 at = np.linspace(where.min(), where.max(), 9)[1:] - index * np.ptp(where) / 50.0
                 marked = sorted({int(np.argmin(np.abs(where - x))) for x in at})
@@ -192,8 +193,8 @@ class Plate(NamedTuple):
     """A figure that can be drawn.
 
     Attributes:
-        draw: Draws it.
-        caption: What it shows, for whoever sees nothing but it.
+        draw: Function without arguments that returns the figure.
+        caption: Description of the figure that is complete without the page around it.
     """
 
     draw: Callable[[], Figure]
@@ -269,18 +270,18 @@ KINDS = ("png", "svg", "pdf")
 
 
 def draw(name: str, folder: str | Path, kind: str = "png") -> Path:
-    """Draw a figure to a file, which carries its caption.
+    """Draw a figure to a file, with its caption in the file's metadata.
 
     Args:
         name: One of `FIGURES`.
-        folder: Where to write it; made if it is not there.
-        kind: Of the file, one of `KINDS`.
+        folder: Folder to write to; created if it does not exist.
+        kind: File format, one of `KINDS`.
 
     Returns:
-        The file.
+        Path of the file.
 
     Raises:
-        ValueError: if there is no such figure, or no such kind.
+        ValueError: if the figure or the format is unknown.
     """
     if name not in FIGURES:
         raise ValueError(f"no figure {name!r}: choose from {', '.join(FIGURES)}")

@@ -1,4 +1,4 @@
-"""Films of a walk, at its own pace."""
+"""Videos of a walk, in real time or in slow motion."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from gym_passive_walker.render.ground import ground_under
 from gym_passive_walker.render.screen import Screen
 
 FPS = 30
-"""Frames of a film's second."""
+"""Frames per second of a video."""
 
 _SAMPLES = 200  # of a stride, from which frames are taken
 _KINDS = (".mp4", ".gif")
-_GIF_FPS = 30  # more of them few browsers show
+_GIF_FPS = 30  # few browsers show more frames per second
 
 
 def film_path(path: str | Path) -> Path:
-    """A path that a film may be written to, in a folder that is made if need be.
+    """Check a path that a video is to be written to, and create its folder if needed.
 
     Raises:
-        ValueError: if its ending is that of no film.
+        ValueError: if the suffix is neither .mp4 nor .gif.
         OSError: if no file can be written there.
     """
     path = Path(path)
@@ -42,16 +42,16 @@ def film_path(path: str | Path) -> Path:
 
 
 class Film:
-    """A film that is written frame by frame; a context, or closed by `close`.
+    """A video that is written frame by frame; a context manager, or closed by `close`.
 
     Args:
         path: The file, .mp4 or .gif.
         size: Width and height of a frame in pixels, even numbers.
-        fps: Frames a second.
-        shrink: By what whole number a GIF is smaller than its frames.
+        fps: Frames per second.
+        shrink: Whole number by which the width and height of a GIF are divided.
 
     Raises:
-        ValueError: if a film of no such kind can be written.
+        ValueError: if the suffix of `path` is neither .mp4 nor .gif.
         ImportError: if moviepy is not installed.
         OSError: if the file cannot be written.
     """
@@ -78,14 +78,14 @@ class Film:
             self._files = files.pop_all()
 
     def write(self, frame: NDArray[np.uint8]) -> None:
-        """Add a frame, shape (height, width, 3)."""
+        """Add a frame, uint8 of shape (height, width, 3)."""
         self._writer.write_frame(frame)
 
     def close(self) -> None:
-        """Finish the file, which then takes its name.
+        """Finish the file and move it to its final path.
 
         Raises:
-            OSError: if it could not be written; what was there before stays.
+            OSError: if it could not be written; an existing file stays unchanged.
         """
         with self._files:
             process = self._writer.proc
@@ -105,7 +105,7 @@ class Film:
         if kind is None:
             self.close()
             return
-        with self._files:  # half a film is none
+        with self._files:  # an unfinished video is discarded
             self._writer.close()
             raise error or kind
 
@@ -122,25 +122,26 @@ def film(
     terrain_seed: int = 0,
     slower: float = 1.0,
 ) -> int:
-    """Film a walk.
+    """Write a video of a walk.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes; or a stride map or a `Gait`, whose
-            motors are those of the walk.
+        walker: The walker, in a form that `as_walker` takes; or a stride map or a `Gait`, with its
+            actuation.
         slope: Slope in rad, positive downhill.
-        state: [stance, thigh, shank] angles in rad, then their rates, just after heelstrike, (6,).
-        path: The film's file, .mp4 or .gif.
-        strides: How many strides to follow.
-        hip_torque: Torque held through a stride: a number, or one for each.
-        terrain: How footholds lie; smooth when None.
-        terrain_seed: Which of the terrain's walks, if it is random.
-        slower: How many times slower than the walk; a second is the walker's unit of time.
+        state: [stance, thigh, shank] angles in rad, then their angular velocities in rad per unit
+            of time, just after heelstrike, shape (6,).
+        path: The video file, .mp4 or .gif.
+        strides: Number of strides.
+        hip_torque: Torque held through each stride: a number, or shape (strides,).
+        terrain: Terrain of the footholds; smooth ground when None.
+        terrain_seed: Seed of a random terrain.
+        slower: Factor of slow motion; at 1, a second shows one unit of time of the walker.
 
     Returns:
-        How many frames it has.
+        Number of frames.
 
     Raises:
-        ValueError: if a number is out of its range, or a film of no such kind can be written.
+        ValueError: if a number is out of its range, or the suffix is neither .mp4 nor .gif.
         ImportError: if pygame or moviepy is not installed.
     """
     path, slower = film_path(path), number(slower, "slower", above=0.0)

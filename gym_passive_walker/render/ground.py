@@ -1,4 +1,4 @@
-"""Uneven ground as pictures show it: footholds that were passed, and those ahead."""
+"""The surface of uneven ground in pictures: footholds that were passed, and those ahead."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.render.pose import SOLE_SPAN, pose
 from gym_passive_walker.walkers import Walker
 
-_EDGE = 0.05  # leg lengths from where a sole ends to where its foothold does
-_SHORTEST = 0.05  # leg lengths: the least guess of a step whose length is not known
+_EDGE = 0.05  # leg lengths from the end of a sole to the end of its foothold
+_SHORTEST = 0.05  # leg lengths: the smallest guess of an unknown step length
 
 
 def profile(
@@ -28,19 +28,20 @@ def profile(
 ) -> NDArray[np.float64]:
     """The surface of the ground: a patch for each foothold along its own slope, steps between.
 
-    Where the walker has not been yet, or is no longer remembered, steps are taken for equally long.
+    Footholds ahead, and those too long ago to be recorded, are placed at equal step lengths. All
+    lengths are in the walker's units.
 
     Args:
-        walker: Who walks, in whose units lengths are.
-        terrain: How footholds lie.
-        key: Of the walk.
-        first: Number of the first foothold whose place is known.
-        known: Where strides began to touch it and those that follow, (n, 2).
-        reach: Between which x along the slope the ground is shown.
-        length: Of steps that are not known; those that are tell their own, if there are any.
+        walker: The walker.
+        terrain: Terrain of the footholds.
+        key: Key of the walk's random numbers.
+        first: Index of the first foothold of `known`.
+        known: Contact points (x, y) at the beginning of consecutive strides, shape (n, 2).
+        reach: Smallest and largest x along the slope to show.
+        length: Length of unknown steps; ignored if `known` has several rows, which give their mean.
 
     Returns:
-        Points (x, y) along the slope that is walked and off it, (m, 2), x rising.
+        Points (x, y) along and off the slope, shape (m, 2), with x increasing.
     """
     if len(known) > 1:
         length = float(np.diff(known[:, 0]).mean())
@@ -58,8 +59,8 @@ def profile(
             guessed[last + 1 :] - guessed[last] + touched[-1],
         ]
     )
-    # A foothold ends beyond where its foot can roll, and lets a shorter step than usual reach the
-    # next one; a foot that rolls on for most of a step leaves half of the rest to the other.
+    # A foothold ends beyond the point to which its foot can roll, so that a shorter step than usual
+    # still reaches the next one. A large foot rolls for most of a step: then the rest is halved.
     share = walker.foot_radius / walker.leg_length
     steps = np.diff(laid.real)
     rolls = walker.foot_radius * (SOLE_SPAN + 0.5 * steps / walker.leg_length)
@@ -72,11 +73,11 @@ def profile(
 
 
 def ground_under(walk: Trajectory, margin: float) -> NDArray[np.float64] | None:
-    """The surface under a walk, and some way before it and beyond; None where it is smooth.
+    """The surface under a walk as points (x, y), shape (m, 2); None on smooth ground.
 
     Args:
         walk: The walk.
-        margin: How far, in the walker's units.
+        margin: Distance shown before the walk and beyond it, in the walker's units of length.
     """
     if walk.terrain is None:
         return None
@@ -95,7 +96,7 @@ def ground_under(walk: Trajectory, margin: float) -> NDArray[np.float64] | None:
 
 
 def height(surface: NDArray[np.float64], x: NDArray[np.float64] | float) -> NDArray[np.float64]:
-    """How high a surface is at some places."""
+    """Height of a surface, points of shape (m, 2), at some x; of the shape of `x`."""
     return np.asarray(np.interp(x, surface[:, 0], surface[:, 1]))
 
 
@@ -107,5 +108,5 @@ def between(surface: NDArray[np.float64], low: float, high: float) -> NDArray[np
 
 
 def _steps(distance: float, length: float) -> int:
-    """Footholds in a distance, one more than may be seen."""
+    """Number of footholds in a distance, and one more for safety."""
     return max(0, math.ceil(distance / length)) + 1

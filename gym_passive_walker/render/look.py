@@ -1,4 +1,4 @@
-"""What a walker looks like, whoever draws it: colours that the colour-blind tell apart."""
+"""Colours of a walker, in frames and in plots; colour-blind people can distinguish them."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ WARNING: Colour = (200, 30, 30)
 
 
 def unit(colour: Colour) -> tuple[float, float, float]:
-    """A colour by parts from 0 to 1, as matplotlib takes it."""
+    """A colour with components from 0 to 1, as matplotlib requires."""
     red, green, blue = colour
     return red / 255, green / 255, blue / 255
 
 
 def shaded(colour: Colour, towards: Colour, share: float) -> Colour:
-    """A colour with a share of another mixed in."""
+    """A colour mixed with a share, from 0 to 1, of another."""
     red, green, blue = (round(a + share * (b - a)) for a, b in zip(colour, towards, strict=True))
     return red, green, blue

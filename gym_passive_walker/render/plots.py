@@ -1,4 +1,4 @@
-"""What `plot` draws: a picture for each kind of object that shows itself."""
+"""The `plot` methods of gaits, branches, walks and other results."""
 
 from __future__ import annotations
 
@@ -49,9 +49,9 @@ MEASURES = {
     "froude_speed": SPEED,
     "largest_multiplier": "modulus of the largest multiplier",
 }
-"""What a family can be drawn by, and its label."""
+"""Quantities that a branch of gaits can be drawn by, and their axis labels."""
 
-_CELLS, _STRIDES = 61, 100  # of the basin of a controlled gait
+_CELLS, _STRIDES = 61, 100  # resolution and strides of the basin of a controlled gait
 
 _OWN_UNITS = {
     "mass": "mass",
@@ -60,7 +60,7 @@ _OWN_UNITS = {
     "impulse": "push_off",
     "acceleration": "gravity",
 }
-"""By how parameters end; all others are lengths."""
+"""Endings of the names of parameters by unit; all other parameters are lengths."""
 
 _ENDS = {
     continuation.KNEE_MEETS_HEEL: "X",
@@ -69,23 +69,23 @@ _ENDS = {
     continuation.VANISHED: "o",
     continuation.LOST: "x",
 }
-"""A marker for each reason for which a family ends, but the end of the range asked for."""
+"""A marker for each reason for which a branch ends, except the end of the requested range."""
 
 
 def draw_family(
     ax: Axes, family: GaitFamily, by: str = "stance_angle", label: str = "", **style: Any
 ) -> None:
-    """Draw a family: heavy where it is stable, light where not, with its ends and their reasons.
+    """Draw a branch of gaits: heavy where stable, light where unstable, a marker at each end.
 
     Args:
-        ax: Where.
-        family: The family.
-        by: One of `MEASURES`.
-        label: For a legend.
-        **style: For matplotlib's lines.
+        ax: Axes to draw on.
+        family: The branch of gaits.
+        by: Quantity of the vertical axis, one of `MEASURES`.
+        label: Label in the legend.
+        **style: Keywords of matplotlib's lines.
 
     Raises:
-        ValueError: if a family cannot be drawn by this.
+        ValueError: if `by` is not one of `MEASURES`.
     """
     if by not in MEASURES:
         raise ValueError(f"a family is drawn by {', '.join(MEASURES)}, not by {by!r}")
@@ -95,7 +95,7 @@ def draw_family(
     doublings = [_place(family, x, -_to_minus_one(family)) for x in family.period_doublings]
     halts = [_place(family, x, family.step_period) for x in family.halts]
     along = np.arange(len(family))
-    # The heavy part goes on from its last gait to where it loses its stability.
+    # The heavy line continues from the last stable gait to the period doubling.
     fine = np.sort(np.append(along, doublings))
     heavy = np.isin(fine, np.append(along[family.stable], doublings))
     curve = np.interp(fine, along, family.value), np.interp(fine, along, value)
@@ -112,7 +112,7 @@ def draw_family(
 
 
 def varied_label(parameter: str) -> str:
-    """What is varied along a family, with its unit: the walker's own."""
+    """Axis label of the parameter of a branch, with the walker's own unit."""
     if parameter in ("slope", "foot_angle"):
         return SLOPE if parameter == "slope" else "foot angle (rad)"
     unit = next((unit for unit, ends in _OWN_UNITS.items() if parameter.endswith(ends)), "length")
@@ -120,17 +120,17 @@ def varied_label(parameter: str) -> str:
 
 
 def _to_minus_one(family: GaitFamily) -> NDArray[np.float64]:
-    """How far each gait is from doubling its period."""
+    """Distance of each gait's Floquet multipliers to -1, where the period doubles, shape (n,)."""
     return np.abs(family.multipliers + 1.0).min(axis=1)
 
 
 def _place(family: GaitFamily, value: float, likely: NDArray) -> float:
-    """Where along a family it passes a value, as an index with a fraction.
+    """Fractional index along a branch at which its parameter has a value.
 
     Args:
-        family: The family, which may pass the value more than once.
-        value: Of what is varied.
-        likely: Of several places, the one where this is largest is meant, (n,).
+        family: The branch, of n gaits, which may pass the value more than once.
+        value: Value of the branch's parameter.
+        likely: Score of each gait, shape (n,); of several places, that of the highest is returned.
     """
     here, there = family.value[:-1], family.value[1:]
     passed = np.flatnonzero((here - value) * (there - value) <= 0.0)
@@ -141,7 +141,7 @@ def _place(family: GaitFamily, value: float, likely: NDArray) -> float:
 
 
 def family_key(ax: Axes, *families: GaitFamily) -> None:
-    """Enter in the legend what widths and markers of some families mean, as far as they occur."""
+    """Add legend entries for the line widths and markers that occur in some branches."""
 
     def enter(label: str, **style: Any) -> None:
         ax.plot([], [], color=GREY, label=label, **style)
@@ -210,7 +210,7 @@ def _basin(basin: Basin, ax: Axes | None = None) -> Axes:
 
     ax = axes_for(ax, (5.6, 4.8))
     settled, rates = basin.settled.astype(int), basin.stance_rate * units_of(basin.walker).time
-    # From dark to pale, so that greys tell them apart too.
+    # The shades differ in brightness, so that they stay distinct when printed in grey.
     shades = ["#f2f2f2", "#8c8c8c", BLUE, SKY_BLUE, GREEN, VERMILION]
     kinds = [(-1, "falls"), (UNSETTLED, "walks on, settles on no gait")]
     for i, gait in enumerate(basin.gaits):
@@ -313,7 +313,11 @@ def _trajectory(walk: Trajectory, ax: Axes | None = None) -> Axes | NDArray:
 
 @picture.register(Gait)
 def _gait(gait: Gait, ax: Axes | None = None, optimum: Any = None) -> Axes | NDArray:
-    """Portrait and multipliers; under a controller its torques (beside an optimum's), its basin."""
+    """Draw a gait's phase portrait and Floquet multipliers, and two more panels.
+
+    These are angles over time and a stroboscopic picture. Under a controller, they are the torques,
+    beside those of `optimum` if given, and the basin of attraction.
+    """
     walk = simulate(gait, strides=max(2, gait.period), samples=400)
     if given(ax):
         portrait_of(ax, walk)
@@ -343,7 +347,7 @@ def _gait(gait: Gait, ax: Axes | None = None, optimum: Any = None) -> Axes | NDA
 
 
 def _torques(ax: Axes, walk: Trajectory, gait: Gait, optimum: Any) -> None:
-    """The hip's torque over the first stride, beside that of an optimal gait."""
+    """Draw the hip torque over the first stride, beside that of an optimal gait."""
     units, first = units_of(walk.walker), walk.strides == 0
     times, torques = walk.times[first] / units.time, walk.torques[first, 0] / units.torque
     name = gait.stride_map.controller_name
@@ -360,7 +364,7 @@ def _torques(ax: Axes, walk: Trajectory, gait: Gait, optimum: Any) -> None:
 
 
 def multipliers(ax: Axes, values: NDArray) -> None:
-    """Draw multipliers in the complex plane, inside of the unit circle if they are stable."""
+    """Draw Floquet multipliers in the complex plane; stable ones lie inside the unit circle."""
     turn = 2.0 * np.pi * np.linspace(0.0, 1.0, 200)
     ax.plot(np.cos(turn), np.sin(turn), color=GREY, linewidth=1.0)
     inside = np.abs(values) < 1.0

@@ -1,4 +1,4 @@
-"""How the angles of a walk move: over time, as in the upper part of Fig. 4.3, and their rates."""
+"""Angles of a walk over time, as in the upper part of Fig. 4.3, and its phase portrait."""
 
 from __future__ import annotations
 
@@ -39,9 +39,9 @@ PARTS = (("stance leg", BLUE, "-"), ("swing thigh", VERMILION, (0, (5, 1.5))),
 
 
 def _by_leg(walk: Trajectory) -> NDArray[np.float64]:
-    """Angles of both legs' thigh and shank, shape (n, 2, 2).
+    """Angles in rad of both legs' thigh and shank, shape (n, 2, 2).
 
-    The first leg is the one that stands in stride 0; it keeps its place when the roles change.
+    The first leg is the stance leg of stride 0; it keeps its index when the roles change.
     """
     stance, thigh, shank = walk.states[:, :3].T - walk.tilts  # from the slope's normal
     standing = np.stack([stance, stance], axis=-1)
@@ -51,7 +51,7 @@ def _by_leg(walk: Trajectory) -> NDArray[np.float64]:
 
 
 def angles_over_time(ax: Axes, walk: Trajectory) -> None:
-    """Draw each leg's angles over time, through both its roles; upright lines are heelstrikes."""
+    """Draw each leg's angles over time, through both its roles; vertical lines are impacts."""
     times = walk.times / units_of(walk.walker).time
     angles = _by_leg(walk)
     segments = (", thigh", ", shank") if walk.walker.knees else ("",)
@@ -63,7 +63,7 @@ def angles_over_time(ax: Axes, walk: Trajectory) -> None:
             )  # fmt: skip
     heels = np.flatnonzero(np.diff(walk.strides)) + 1
     knees = np.setdiff1d(walk.struck, heels)
-    few = len(walk.outcomes) <= 12  # beyond, they would be a hatching
+    few = len(walk.outcomes) <= 12  # more lines would hide the curves
     for label, dash, at in (("heelstrike", "-", heels), ("kneestrike", ":", knees)):
         for index, time in enumerate(times[at] if few else ()):
             ax.axvline(time, color=GREY, linewidth=0.8, linestyle=dash, label=label * (not index))
@@ -71,12 +71,12 @@ def angles_over_time(ax: Axes, walk: Trajectory) -> None:
 
 
 def rates_over_angles(ax: Axes, states: NDArray, struck: NDArray, knees: bool) -> None:
-    """Draw how a walk's angles move against their rates, by the roles of the legs.
+    """Draw angular velocities over angles, for the stance leg and the swing leg.
 
     Args:
-        ax: Where.
-        states: Angles in rad, and dimensionless rates, (n, 6).
-        struck: The first samples after each strike. Lines are lifted there; dots join them.
+        ax: Axes to draw on.
+        states: Angles in rad and dimensionless angular velocities, shape (n, 6).
+        struck: Index of the first sample after each impact, where a dotted line bridges the jump.
         knees: Whether thigh and shank differ.
     """
     parts = PARTS if knees else (PARTS[0], ("swing leg", *PARTS[1][1:]))
@@ -96,7 +96,7 @@ def rates_over_angles(ax: Axes, states: NDArray, struck: NDArray, knees: bool) -
 
 
 def portrait_of(ax: Axes, walk: Trajectory) -> None:
-    """Draw a walk's rates over its angles."""
+    """Draw the phase portrait of a walk: angular velocities over angles."""
     states = units_of(walk.walker).to_dimensionless(walk.states)
     rates_over_angles(ax, states, walk.struck, walk.walker.knees)
 
@@ -111,24 +111,25 @@ def phase_portrait(
     hip_torque: ArrayLike | None = None,
     path: str | PathLike[str] | None = None,
 ) -> NDArray:
-    """Angles of both legs over time, like the upper part of Fig. 4.3, and rates over angles.
+    """Draw both legs' angles over time, like the upper part of Fig. 4.3, and the phase portrait.
 
-    Lines break where a collision changes the rates, which dots join.
+    A dotted line bridges each jump of the angular velocities at an impact.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes; or a stride map or a `Gait`, whose
-            slope, state and motors are those of the walk where they are not given.
+        walker: The walker, in a form that `as_walker` takes; or a stride map or a `Gait`, which
+            supplies the actuation, and the slope and state where they are not given.
         slope: Slope in rad, positive downhill.
-        state: [stance, thigh, shank] angles in rad, then their rates, just after heelstrike, (6,).
-        strides: How many strides to follow.
-        samples: Instants of each stride.
-        hip_torque: Torque held through a stride: a number, or one for each.
-        path: File to write, of any kind that matplotlib knows by its ending.
+        state: [stance, thigh, shank] angles in rad, then their angular velocities in rad per unit
+            of time, just after heelstrike, shape (6,).
+        strides: Number of strides.
+        samples: Samples of each stride.
+        hip_torque: Torque held through each stride: a number, or shape (strides,).
+        path: File to write, in any format that matplotlib derives from its suffix.
 
     Returns:
-        Its two axes in pyplot's current figure if that is empty, else in another; where a file is
-        written, in a figure of their own. They show each leg's angles over time, and rates over
-        angles of the leg that stands and of the one that swings.
+        Two axes, shape (2,): each leg's angles over time, and angular velocities over angles of the
+        stance leg and the swing leg. They are in pyplot's current figure if that is empty, else in
+        a new one; if a file is written, in a figure without pyplot.
 
     Raises:
         ValueError: if a number is not finite or out of its range.
@@ -142,7 +143,7 @@ def phase_portrait(
 
 
 def both(walk: Trajectory, ax: Axes | None) -> NDArray:
-    """Two panels of a walk: angles over time, and rates over angles."""
+    """Draw two panels of a walk: angles over time, and angular velocities over angles."""
     figure, (over_time, portrait) = panels(1, 2, (9.2, 4.4), ax)
     angles_over_time(over_time, walk)
     portrait_of(portrait, walk)

@@ -1,7 +1,7 @@
-"""Where the parts of a walker are: the geometry of Fig. 4.1, and nothing else.
+"""Positions of the parts of a walker: the geometry of Fig. 4.1.
 
 Points are (x, y): x along the slope, positive downhill; y away from the ground. Lengths are in the
-walker's own units, and all functions take whole arrays of states.
+walker's own units, and all functions accept arrays of states.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from gym_passive_walker.physics.systems import body_of
 from gym_passive_walker.walkers import Walker, WalkerLike, as_walker
 
 SOLE_SPAN = 0.5
-"""Half the angle in rad that a foot's arc spans; gaits roll through about half of it."""
+"""Half the angle in rad that a foot's arc spans; gaits roll over about half of the arc."""
 
 SOLE_POINTS = 21
 """Points along a foot's arc; the middle one lies on the line from the hip through its centre."""
@@ -58,13 +58,13 @@ class Pose(NamedTuple):
 
 
 def _turned(along: float | NDArray, across: float | NDArray, angle: NDArray) -> NDArray:
-    """A vector fixed to a leg: `along` it from foot to hip, `across` it backwards, as (x, y)."""
+    """A vector (x, y) fixed to a leg: `along` from foot to hip, `across` backwards."""
     back, up = turned(along, across, *sine_cosine(angle))
     return np.stack([-back, up], axis=-1)
 
 
 def _leg(walker: Walker, hip: NDArray, thigh: NDArray, shank: NDArray) -> Leg:
-    """A leg that hangs from a hip."""
+    """Positions of a leg below a hip, from its angles in rad."""
     radius, bend = walker.foot_radius, walker.shank_angle
     reach = walker.shank_length - radius
     knee = hip + _turned(
@@ -86,16 +86,18 @@ def pose(
     contact_y: ArrayLike = 0.0,
     tilt: ArrayLike = 0.0,
 ) -> Pose:
-    """Where the parts of a walker are.
+    """Positions of the parts of a walker.
 
     Args:
         walker: The walker, in a form that `as_walker` takes.
-        state: [stance, thigh, shank] angles in rad, then their rates (which change nothing), shape
+        state: [stance, thigh, shank] angles in rad, then their angular velocities (ignored), shape
             (6,) or (..., 6). A straight-legged walker's shank is ignored.
-        contact_x: Where the stance foot touches the ground, a number or of the states' shape.
-        contact_y: Its height over the slope, likewise.
-        tilt: By how much the ground there slopes more steeply, in rad, likewise: angles are from
-            its normal.
+        contact_x: Contact point of the stance foot along the slope, in the walker's units of
+            length; a number or shape (...).
+        contact_y: Height of the contact point over the slope, in the walker's units of length; a
+            number or shape (...).
+        tilt: Slope of the ground at the contact beyond the slope that is walked, in rad; a number
+            or shape (...). Angles in `state` are measured from the normal of that ground.
 
     Returns:
         The `Pose`.
@@ -124,16 +126,16 @@ def pose(
 
 
 def leg_line(walker: Walker) -> float:
-    """Length of the line from the foot's centre to the hip, leg straight."""
+    """Distance from the foot's centre to the hip of a straight leg, in the walker's units."""
     return float(body_of(walker).leg * walker.leg_length)
 
 
 def level(points: ArrayLike, slope: float) -> NDArray[np.float64]:
-    """Turn points given along the slope so that gravity points down: (right, up).
+    """Rotate points so that gravity points down: (right, up), shape (..., 2).
 
     Args:
         points: (x, y) along and off the slope, shape (..., 2).
-        slope: Slope in rad; a walker goes down it to the right.
+        slope: Slope in rad; it descends to the right.
     """
     points = np.asarray(points, dtype=float)
     sine, cosine = math.sin(slope), math.cos(slope)
@@ -141,5 +143,5 @@ def level(points: ArrayLike, slope: float) -> NDArray[np.float64]:
 
 
 def legs_by_identity(pose: Pose, strides: int) -> tuple[Leg, Leg]:
-    """The two legs in an order that outlasts heelstrikes: first the one that stood at stride 0."""
+    """The two legs in an order that heelstrikes do not change: first the stance leg of stride 0."""
     return (pose.swing, pose.stance) if strides % 2 else (pose.stance, pose.swing)

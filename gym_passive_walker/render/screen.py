@@ -1,4 +1,4 @@
-"""A walker in motion: frames for a window or for a film, drawn with pygame."""
+"""Frames of a walker in motion, for a window or a video, drawn with pygame."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ if TYPE_CHECKING:
 
 MODES = ("human", "rgb_array")
 
-_OVERSAMPLING = 2  # frames are drawn this much larger, then shrunk: smooth edges everywhere
-_LEG_SHARE = 0.62  # of the frame's height
-_GROUND_SHARE = 0.17  # of the frame's height, under the hip
-_MARKS = 4  # on the ground, to a leg length
-_GHOSTS, _GHOST_APART = 5, 0.22  # how many, and how far the hip is from one to the next
-_LEVEL = np.array([[-1.0, 0.0], [1.0, 0.0]])  # ground that is the slope itself
-_VIEW = np.linspace(-0.75, 0.75, 31)  # leg lengths: the camera keeps to the mean height of these
-_PUSH, _FRAMES = 0.45, 8  # leg lengths of the largest push's arrow; frames until it has faded
-_SCUFF = 1e-3  # depth in leg lengths from which on a foot is seen to scuff
+_OVERSAMPLING = 2  # frames are drawn this much larger, then shrunk, for smooth edges
+_LEG_SHARE = 0.62  # leg length as a share of the frame's height
+_GROUND_SHARE = 0.17  # height of the ground in the frame, as a share, under the hip
+_MARKS = 4  # on the ground, per leg length
+_GHOSTS, _GHOST_APART = 5, 0.22  # number, and distance of their hips in leg lengths
+_LEVEL = np.array([[-1.0, 0.0], [1.0, 0.0]])  # smooth ground: the slope itself
+_VIEW = np.linspace(-0.75, 0.75, 31)  # leg lengths: range that gives the camera's mean height
+_PUSH, _FRAMES = 0.45, 8  # length of the largest push's arrow in leg lengths; frames it lasts
+_SCUFF = 1e-3  # smallest depth in leg lengths that is drawn as scuffing
 
 
 def load_pygame() -> ModuleType:
@@ -69,26 +69,26 @@ def open_window(pygame: ModuleType, size: tuple[int, int]) -> Any:
 
 
 class Screen:
-    """Draws one walker, frame by frame; the camera goes along with the hip.
+    """Draws one walker, frame by frame; the camera follows the hip.
 
-    The slope is as steep as it is. Marks on the ground stand a quarter of a leg length apart, and
-    long ones with a number one leg length l. Each leg keeps its colour through heelstrikes if
-    `draw` is told how many there were. Pale ghosts stand where the walker was; an arrow about the
-    hip is the motor's torque, longer as it is larger; what of the swing foot is below the ground,
-    where the model lets it pass, is drawn in the colour of warnings; a push is an arrow from the
-    hip that fades over some frames.
+    The slope has its true angle. Marks on the ground are a quarter of a leg length apart; long
+    marks with a number are one leg length l apart. Each leg keeps its colour through heelstrikes if
+    `draw` receives their number. Pale ghosts show earlier postures. An arrow around the hip shows
+    the hip torque, longer for a larger torque. The part of the swing foot below the ground, which
+    the model permits, is drawn in the warning colour. A push is an arrow from the hip that fades
+    over some frames.
 
-    As "rgb_array" it needs no display and opens no window. As "human" it opens one, and keeps the
-    pace of `fps`; once its user has closed it, frames are no longer drawn.
+    With "rgb_array" no display is needed and no window opens. With "human" a window opens and shows
+    `fps` frames per second; after the user has closed it, frames are no longer drawn.
 
     Args:
         walker: The walker, in a form that `as_walker` takes.
         mode: "human" or "rgb_array".
-        fps: Frames per second of a window; 0 shows frames as fast as they come.
-        size: Width and height of a frame in pixels; even numbers, for films.
+        fps: Frames per second of a window; 0 shows frames without delay.
+        size: Width and height of a frame in pixels; a video requires even numbers.
 
     Raises:
-        ValueError: if the mode is not known, or the size is not positive.
+        ValueError: if the mode is unknown, the size is not positive or `fps` is not finite.
         ImportError: if pygame is not installed.
     """
 
@@ -134,22 +134,23 @@ class Screen:
         """Draw one frame.
 
         Args:
-            state: [stance, thigh, shank] angles in rad and their rates, shape (6,).
+            state: [stance, thigh, shank] angles in rad and their angular velocities, shape (6,).
             slope: Slope in rad, positive downhill.
-            contact_x: Where the stance foot touches the ground, along the slope.
-            strides: Heelstrikes so far: the legs change roles, not colours.
-            contact_y: Height of the contact over the slope.
-            tilt: By how much the ground there slopes more steeply; angles are from its normal.
+            contact_x: Contact point of the stance foot along the slope, in the walker's units.
+            strides: Number of heelstrikes so far; the legs change roles, not colours.
+            contact_y: Height of the contact point over the slope, in the walker's units.
+            tilt: Slope of the ground at the contact beyond the slope that is walked, in rad; angles
+                are measured from the normal of that ground.
             torque: Hip torque as a share of the largest, from -1 to 1.
-            push: What has just pushed the hip along the ground, downhill, as a share of the
-                largest, from -1 to 1.
+            push: Impulse on the hip that has just acted along the ground, as a share of the
+                largest, from -1 to 1; positive downhill.
             notes: Lines of text for the upper left and the upper right corner.
-            warning: A line below those on the left that is not to be overlooked.
-            profile: The ground as points (x, y) along and off the slope, shape (n, 2), x rising;
-                None is the slope itself.
+            warning: A line in the warning colour below those on the left.
+            profile: The ground as points (x, y) along and off the slope, shape (n, 2), with x
+                increasing; None is the slope itself.
 
         Returns:
-            The frame, uint8 of shape (height, width, 3), as "rgb_array"; nothing as "human".
+            The frame, uint8 of shape (height, width, 3), with "rgb_array"; None with "human".
 
         Raises:
             ValueError: if the state has another shape or is not finite.
@@ -187,12 +188,12 @@ class Screen:
 
     @property
     def seen(self) -> float:
-        """How far from its middle a frame shows the ground, corners and all, in lengths of x."""
+        """Distance from a frame's middle to its farthest visible ground, in the walker's units."""
         pixels = 0.6 * math.hypot(*self._canvas.get_size())
         return pixels / self._brush.scale * self.walker.leg_length
 
     def hip_on_frame(self, state: ArrayLike, slope: float) -> tuple[float, float]:
-        """Where a frame shows the hip, in pixels from its upper left corner."""
+        """Position of the hip in a frame, in pixels right and down from the upper left corner."""
         posture = pose(self.walker, state)
         self._look_at(posture, slope, _LEVEL)
         x, y = self._brush.at(posture.hip) / _OVERSAMPLING
@@ -205,7 +206,7 @@ class Screen:
         self._window, self._open = None, False
 
     def _show(self, frame: Any) -> None:
-        """Put a frame on the window, and wait for its time."""
+        """Show a frame in the window, and wait so that `fps` is not exceeded."""
         pygame = self._pygame
         if self._window is None:
             self._window = open_window(pygame, self.size)
@@ -218,16 +219,16 @@ class Screen:
             self._clock.tick(self.fps)
 
     def _look_at(self, posture: Pose, slope: float, ground: NDArray) -> None:
-        """Let the camera go along with the hip, at the height of the ground around."""
+        """Move the camera to the hip, at the mean height of the ground around."""
         wide, high = self._canvas.get_size()
         around = posture.hip[0] + self.walker.leg_length * _VIEW
         camera = np.array([posture.hip[0], height(ground, around).mean()])
         self._brush.look_at(camera, slope, (0.5 * wide, (1.0 - _GROUND_SHARE) * high))
 
     def _follow(self, posture: Pose, strides: int) -> None:
-        """Draw the ghosts of a walk, and keep the posture as one of them if it is far enough on.
+        """Draw the ghosts of a walk, and record the posture as one if it is far enough ahead.
 
-        Where the walker jumps, as at a reset, another walk begins.
+        If the walker jumps, as at a reset, all ghosts are removed.
         """
         length = self.walker.leg_length
         if self._trail:
@@ -239,7 +240,7 @@ class Screen:
         for age, (ghost, struck) in enumerate(reversed(self._trail)):
             paleness = 0.62 + 0.30 * age / _GHOSTS
             if posture.hip[0] - ghost.hip[0] < 0.5 * _GHOST_APART * length:
-                continue  # as good as the walker itself
+                continue  # the walker would cover it
             near, far = legs_by_identity(ghost, struck)
             for leg, colour in ((far, look.LEGS[1]), (near, look.LEGS[0])):
                 places = self._brush.at(np.array([ghost.hip, leg.knee, leg.tip]))
@@ -248,7 +249,7 @@ class Screen:
             self._trail.append((posture, strides))
 
     def _pushed(self, hip: NDArray) -> None:
-        """The last push, until it has faded."""
+        """Draw the last push, until it has faded."""
         if self._since < _FRAMES:
             start = self._brush.at(hip)
             colour = look.shaded(look.PUSH, look.SKY, self._since / _FRAMES)
@@ -256,7 +257,7 @@ class Screen:
             self._since += 1
 
     def _leg(self, hip: NDArray, leg: Leg, colour: look.Colour) -> None:
-        """Thigh, shank and foot."""
+        """Draw thigh, shank and foot."""
         brush = self._brush
         instep = leg.foot + 0.45 * (leg.tip - leg.foot)
         knee, instep, tip = (brush.at(place) for place in (leg.knee, instep, leg.tip))
@@ -273,10 +274,10 @@ class Screen:
             brush.disc(knee, 0.016, dark)
 
     def _ground(self, profile: NDArray) -> None:
-        """The ground, with marks that pass by as the walker goes, and numbers: the scale.
+        """Draw the ground, with marks and numbers that show the scale.
 
         Args:
-            profile: Points (x, y) along and off the slope, (n, 2); level beyond both ends.
+            profile: Points (x, y) along and off the slope, shape (n, 2); level beyond both ends.
         """
         brush, length, seen = self._brush, self.walker.leg_length, self.seen
         middle, floor = brush.camera
@@ -297,7 +298,7 @@ class Screen:
         brush.line(surface, 0.005, look.GROUND_LINE)
 
     def _scuff(self, leg: Leg, profile: NDArray) -> None:
-        """Mark what of the swing foot is below the ground, where the model lets it pass."""
+        """Mark the part of the swing foot below the ground, which the model permits."""
         depth = height(profile, leg.sole[:, 0]) - leg.sole[:, 1]
         if depth.max() > _SCUFF * self.walker.leg_length:
             below = self._brush.at(leg.sole[depth > 0.0])
@@ -308,7 +309,7 @@ class Screen:
             self._brush.write("foot scuffs", place, "midtop", look.WARNING)
 
     def _write(self, notes: tuple[Sequence[str], Sequence[str]], warning: str) -> None:
-        """Lettering in the upper corners."""
+        """Write the text in the upper corners."""
         width, edge = self._canvas.get_width(), 0.03 * self._canvas.get_height()
         for lines, across, anchor in (
             (notes[0], edge, "topleft"),

@@ -1,4 +1,4 @@
-"""What a walker is made of: a sketch like Fig. 4.1, its masses drawn to scale."""
+"""The `plot` method of a walker: a sketch like Fig. 4.1, with masses drawn to scale."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-_POSTURE = np.array([-0.15, 0.5, 0.05, 0.0, 0.0, 0.0])  # all parts side by side
-_LARGEST = 16.0  # diameter in points of a disc for the whole mass; areas are as masses
+_POSTURE = np.array([-0.15, 0.5, 0.05, 0.0, 0.0, 0.0])  # no part hides another
+_LARGEST = 16.0  # diameter in points of a disc for the total mass; area is proportional to mass
 
 
 @picture.register(Walker)
@@ -72,7 +72,7 @@ def _bodies(walker: Walker, hip: NDArray, leg: Leg) -> list[tuple[float, float, 
 
 
 def _mass(ax: Axes, walker: Walker, mass: float, centre: NDArray) -> None:
-    """A disc whose area is as the mass."""
+    """Draw a disc with an area proportional to the mass."""
     if mass:
         size = _LARGEST * math.sqrt(mass / walker.total_mass)
         ax.plot(*centre, "o", color=BLACK, markersize=size, zorder=3)

@@ -1,4 +1,4 @@
-"""Still pictures of a walk and of a walker: a strobe photograph, as in Fig. 4.3, and a sketch."""
+"""Stroboscopic pictures of a walk, as in Fig. 4.3."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ if TYPE_CHECKING:
     Path = str | PathLike[str]
 
 LEGS = tuple(look.unit(colour) for colour in look.LEGS)
-"""Colours of the leg that stands in the first stride, and of the other."""
+"""Colours of the stance leg of the first stride, and of the other leg."""
 
 GROUND, LINE, HIP = (look.unit(colour) for colour in (look.GROUND, look.GROUND_LINE, look.HIP))
-_FAINT = 0.3  # of a leg that stands, between its strikes: the swing leg is what moves
+_FAINT = 0.3  # opacity of a stance leg between heelstrikes, so that the swing leg stands out
 
 
 def strobe(
@@ -57,21 +57,22 @@ def strobe(
     ax: Axes | None = None,
     path: Path | None = None,
 ) -> Axes:
-    """A strobe picture of a walk, like the lower part of Fig. 4.3, its kneestrikes marked.
+    """Draw a stroboscopic picture of a walk, like the lower part of Fig. 4.3, with its kneestrikes.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes; or a stride map or a `Gait`, whose
-            slope, state and motors are those of the walk where they are not given.
+        walker: The walker, in a form that `as_walker` takes; or a stride map or a `Gait`, which
+            supplies the actuation, and the slope and state where they are not given.
         slope: Slope in rad, positive downhill.
-        state: [stance, thigh, shank] angles in rad, then their rates, just after heelstrike, (6,).
-        strides: How many strides to follow.
-        flashes: Pictures of each stride, evenly spaced in time, both ends included.
-        hip_torque: Torque held through a stride: a number, or one for each.
-        terrain: How footholds lie; smooth when None.
-        terrain_seed: Which of the terrain's walks, if it is random.
-        ax: Axes to draw on; None is pyplot's current ones, or where a file is written a figure of
-            its own.
-        path: File to write, of any kind that matplotlib knows by its ending.
+        state: [stance, thigh, shank] angles in rad, then their angular velocities in rad per unit
+            of time, just after heelstrike, shape (6,).
+        strides: Number of strides.
+        flashes: Postures of each stride, evenly spaced in time, both ends included.
+        hip_torque: Torque held through each stride: a number, or shape (strides,).
+        terrain: Terrain of the footholds; smooth ground when None.
+        terrain_seed: Seed of a random terrain.
+        ax: Axes to draw on; None is pyplot's current ones, or a figure without pyplot if a file is
+            written.
+        path: File to write, in any format that matplotlib derives from its suffix.
 
     Returns:
         The axes.
@@ -86,7 +87,7 @@ def strobe(
         walker, slope, state, strides=strides, samples=flashes, hip_torque=hip_torque,
         terrain=terrain, terrain_seed=terrain_seed,
     )  # fmt: skip
-    # A heelstrike is one posture, though the walk has it before and after.
+    # A walk has two states at a heelstrike, before and after, of one posture: draw it once.
     once = np.append(np.diff(walk.strides) == 0, True)
     torques: list[float | None] = [None] * strides
     if hip_torque is not None:
@@ -110,7 +111,7 @@ def strobe(
 def _kneestrikes(
     walk: Trajectory, strides_of: MapLike, torques: list[float | None], samples: int
 ) -> NDArray[np.float64]:
-    """Hip, knee and foot of each swing leg whose knee strikes its stop, (k, 3, 2)."""
+    """Hip, knee and foot of the swing leg at each kneestrike, shape (k, 3, 2)."""
     walker, knees = walk.walker, []
     ground = ground_of(walk.terrain, walk.terrain_seed, len(torques))
     for first, torque, (tilt, rise, turn) in zip(
@@ -149,25 +150,27 @@ def strobe_of(
     ax: Axes | None = None,
     path: Path | None = None,
 ) -> Axes:
-    """A strobe picture of a walk that was recorded, one posture for each state.
+    """Draw a stroboscopic picture of a recorded walk, one posture for each state.
 
     Args:
         walker: The walker, in a form that `as_walker` takes.
-        states: [stance, thigh, shank] angles in rad, then their rates, shape (n, 6).
-        contact_x: Where the stance foot touches the ground, along the slope, shape (n,).
+        states: [stance, thigh, shank] angles in rad, then their angular velocities, shape (n, 6).
+        contact_x: Contact point of the stance foot along the slope, in the walker's units of
+            length, shape (n,).
         slope: Slope in rad, positive downhill.
-        contact_y: Height of the contacts over the slope, shape (n,), or a number.
-        tilts: By how much the ground there slopes more steeply, in rad, likewise: angles are from
-            its normal.
-        surface: The ground as points (x, y) along and off the slope, (m, 2), x rising; the
-            slope itself when None.
-        strides: Heelstrikes before each state, shape (n,), so that a leg keeps its colour; a
-            number if there were none between them.
-        kneestrikes: Of each leg whose knee strikes its stop hip, knee and foot, (x, y) along and
-            off the slope, shape (k, 3, 2).
-        ax: Axes to draw on; None is pyplot's current ones, or where a file is written a figure of
-            its own.
-        path: File to write, of any kind that matplotlib knows by its ending.
+        contact_y: Height of the contact point over the slope, in the walker's units of length; a
+            number or shape (n,).
+        tilts: Slope of the ground at each contact beyond the slope that is walked, in rad; a number
+            or shape (n,). Angles are measured from the normal of that ground.
+        surface: The ground as points (x, y) along and off the slope, shape (m, 2), with x
+            increasing; the slope itself when None.
+        strides: Number of heelstrikes before each state, shape (n,), so that a leg keeps its
+            colour; a number if no heelstrike lies between the states.
+        kneestrikes: Hip, knee and foot of the swing leg at each kneestrike, as (x, y) along and off
+            the slope, shape (k, 3, 2).
+        ax: Axes to draw on; None is pyplot's current ones, or a figure without pyplot if a file is
+            written.
+        path: File to write, in any format that matplotlib derives from its suffix.
 
     Returns:
         The axes.
@@ -211,7 +214,7 @@ def strobe_of(
     for colour, label in zip(LEGS, ("leg that stands first", "other leg"), strict=True):
         ax.plot([], [], color=colour, linewidth=1.6, label=label)
     if len(kneestrikes := np.reshape(kneestrikes, (-1, 3, 2))):
-        # Few strikes come at a flash: the leg is drawn as well, or the mark would hang in the air.
+        # Kneestrikes fall between flashes: without the leg, the mark would stand alone.
         for leg in kneestrikes:
             ax.plot(*level(leg, slope).T, color=HIP, linewidth=0.8, linestyle=":", zorder=3.5)
         style = {"color": "white", "markeredgecolor": HIP, "markersize": 6.0, "zorder": 4}
@@ -227,7 +230,7 @@ def strobe_of(
 
 
 def _leg(ax: Axes, own: Pose, leg: Leg, slope: float, shod: bool, **style: Any) -> None:
-    """One leg, as Fig. 4.1 draws it: lines down to the sole, and the sole."""
+    """Draw one leg as in Fig. 4.1: lines down to the sole, and the sole."""
     style |= {"solid_capstyle": "round", "solid_joinstyle": "round"}
     ax.plot(*level(np.vstack([own.hip, leg.knee, leg.tip]), slope).T, **style)
     if shod:
@@ -241,7 +244,7 @@ def ground(
     length: float,
     surface: ArrayLike | None = None,
 ) -> None:
-    """The ground under a picture, with a mark each half leg length and a number each whole one."""
+    """Draw the ground, with a numbered mark every half leg length."""
     flat = np.column_stack([span, np.zeros(2)])
     line = flat if surface is None else between(np.asarray(surface), *span)
     shown = level(line, slope)

@@ -11,29 +11,30 @@ from numpy.typing import NDArray
 from gym_passive_walker.render import look
 
 _WIDTH = 1600  # of a picture with many tiles
-_LARGEST, _SMALLEST = 800, 160  # widths of tiles, which are 16 to 9
+_LARGEST, _SMALLEST = 800, 160  # widths in pixels of tiles, which have the aspect ratio 16:9
 
 
 def tile_size(count: int) -> tuple[int, int]:
-    """Width and height in pixels of each of so many frames that go into one picture; both even."""
+    """Width and height in pixels, both even, of each of `count` frames in one picture."""
     width = min(_LARGEST, max(_SMALLEST, _WIDTH // columns_of(count)))
     return width // 2 * 2, width * 9 // 32 * 2
 
 
 def columns_of(count: int) -> int:
-    """Columns of a picture of so many frames: about as many as rows."""
+    """Number of columns in a picture of `count` frames; about the number of rows."""
     return math.ceil(math.sqrt(count))
 
 
 def tiled(frames: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
-    """One picture of many frames, row by row.
+    """Arrange frames in one picture, row by row.
 
     Args:
-        frames: What a vector environment's `render` gives: one or more frames of one shape
-            (height, width, 3).
+        frames: Frames as a vector environment's `render` returns them: one or more, uint8, all of
+            shape (height, width, 3).
 
     Returns:
-        The picture, (rows * height, columns * width, 3); places left over have the sky's colour.
+        The picture, uint8 of shape (rows * height, columns * width, 3). Unused tiles have the sky's
+        colour.
 
     Raises:
         ValueError: if there are no frames, or they differ in shape.

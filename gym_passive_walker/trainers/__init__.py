@@ -1,1 +1,1 @@
-"""Walkers as trainers that live on tensors take them: rsl_rl, skrl, torchrl."""
+"""Vectorized environments for trainers that use PyTorch tensors: rsl_rl, skrl, torchrl."""

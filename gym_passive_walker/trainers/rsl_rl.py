@@ -1,4 +1,4 @@
-"""Walkers for rsl_rl: `OnPolicyRunner(RslRlWalkers(64), ...)`."""
+"""A vectorized environment for rsl_rl: `OnPolicyRunner(RslRlWalkers(64), ...)`."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
 
 
 class RslRlWalkers(VecEnv):
-    """Walkers as rsl_rl takes them.
+    """Walkers as an rsl_rl `VecEnv`.
 
-    Timeouts are told apart from falls (``extras["time_outs"]``), and what an episode came to is
-    logged. rsl_rl bootstraps a timeout by the value of the step's own observation.
+    ``extras["time_outs"]`` distinguishes timeouts from falls. The distance of each finished episode
+    is logged. rsl_rl bootstraps a timeout by the value of the step's own observation.
 
     Args:
-        num_envs: How many walkers.
+        num_envs: Number of walkers.
         max_episode_steps: Steps after which an episode is truncated.
         seed: Seeds the walkers with seed, seed + 1, ...
-        envs: What makes them; `gpu.environment.PassiveWalkerGpuEnv` for some on the device.
-        **scene: As of the walkers.
+        envs: Class of the environment; `gpu.environment.PassiveWalkerGpuEnv` runs on the GPU.
+        **scene: Further arguments of `envs`, such as the scene.
     """
 
     def __init__(
@@ -45,11 +45,14 @@ class RslRlWalkers(VecEnv):
         self._observations, _ = self.walkers.reset(seed=seed)
 
     def get_observations(self) -> TensorDict:
-        """What the walkers see; nothing moves."""
+        """Current observations, under the key "policy"; no step is made."""
         return TensorDict({"policy": self._observations}, batch_size=[self.num_envs])
 
     def step(self, actions: Tensor) -> tuple[TensorDict, Tensor, Tensor, dict[str, Any]]:
-        """A step of every walker; who has ended begins anew."""
+        """Step every walker; finished episodes are reset.
+
+        Returns observations, rewards (n,), done flags (n,) and extras.
+        """
         self._observations, rewards, fell, late, info = self.walkers.step(actions)
         done = fell | late
         self.episode_length_buf = torch.where(done, 0, self.episode_length_buf + 1)

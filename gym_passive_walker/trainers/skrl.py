@@ -1,4 +1,4 @@
-"""Walkers for skrl: `SkrlWalkers(64)` in place of `wrap_env(...)`."""
+"""A vectorized environment for skrl: `SkrlWalkers(64)` in place of `wrap_env(...)`."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
 
 
 class SkrlWalkers(Wrapper):
-    """Walkers as skrl takes them: tensors all the way, rewards and endings in columns.
+    """Walkers as a skrl `Wrapper`: tensors only, with rewards and flags of shape (n, 1).
 
-    Like skrl's own wrapper of vector environments it begins all episodes once, and from then on
-    each where it ends.
+    Like skrl's own wrapper of vector environments, the first `reset` resets all walkers. Afterwards
+    each walker is reset when its episode ends.
 
     Args:
-        num_envs: How many walkers.
+        num_envs: Number of walkers.
         seed: Seeds the walkers with seed, seed + 1, ...
-        **scene: As of `PassiveWalkerTorchEnv`.
+        **scene: Further arguments of `PassiveWalkerTorchEnv`, such as the scene.
     """
 
     def __init__(self, num_envs: int = 64, *, seed: int | None = None, **scene: Any) -> None:
@@ -28,27 +28,27 @@ class SkrlWalkers(Wrapper):
         self._begun: Tensor | None = None
 
     def reset(self) -> tuple[Tensor, dict[str, Any]]:
-        """Begin all episodes, the first time; later they go on."""
+        """Reset all walkers on the first call; later calls return the current observations."""
         begun = self._begun
         if begun is None:
             begun = self._begun = self._env.reset(seed=self._seed)[0]
         return begun, {}
 
     def step(self, actions: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor, dict[str, Any]]:
-        """A step of every walker; who has ended begins anew."""
+        """Step every walker; finished episodes are reset."""
         observations, rewards, fell, late, info = self._env.step(actions)
         self._begun = observations
         rewards, fell, late = (x[:, None] for x in (rewards.float(), fell, late))
         return observations, rewards, fell, late, info
 
     def state(self) -> Tensor | None:
-        """Nothing more than what is observed."""
+        """Return None: there is no state beyond the observations."""
         return None
 
     def render(self, *_: Any, **__: Any) -> Any:
-        """A picture of each walker."""
+        """Return a frame of each walker."""
         return self._env.render()
 
     def close(self) -> None:
-        """Close what draws."""
+        """Close the environment and its windows."""
         self._env.close()

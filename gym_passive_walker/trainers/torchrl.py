@@ -1,4 +1,4 @@
-"""Walkers for torchrl: an `EnvBase` over a batch of them."""
+"""A vectorized environment for torchrl: an `EnvBase` over a batch of walkers."""
 
 from __future__ import annotations
 
@@ -13,14 +13,15 @@ from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
 
 
 class TorchRlWalkers(EnvBase):
-    """Walkers as torchrl takes them.
+    """Walkers as a torchrl `EnvBase`.
 
-    torchrl begins episodes itself, by a mask: so the environment below does not.
+    torchrl resets finished episodes itself, by a mask, so autoreset is disabled in the environment
+    below.
 
     Args:
-        num_envs: How many walkers.
+        num_envs: Number of walkers.
         seed: Seeds the walkers with seed, seed + 1, ...
-        **scene: As of `PassiveWalkerTorchEnv`.
+        **scene: Further arguments of `PassiveWalkerTorchEnv`, such as the scene.
     """
 
     def __init__(self, num_envs: int = 64, *, seed: int | None = None, **scene: Any) -> None:
