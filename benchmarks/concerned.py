@@ -81,7 +81,7 @@ _CONCERNING = {
     "gaits/reality": "reality",
     "gaits/search": "gaits families",
     "gaits/stability": "jacobian",
-    "gaits/stride_map": "stride_map",
+    "gaits/stride_map": "stride_map control/controlled",
     "gaits/terrain": "envs/terrain physics/footholds first_passage",
     "policies/__init__": "network shipped",
     "policies/network": "network",
