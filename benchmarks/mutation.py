@@ -44,6 +44,7 @@ WITHIN = {
     **dict.fromkeys(("envs/checks", "envs/reality", "gaits/forces", "gaits/terrain"), _FATES),
     "envs/starts": _TICKS,
     "envs/task": _FATES + _TICKS,
+    "envs/transitions": _TICKS,
 }
 """Compiled code that files are in besides their own."""
 CHANGED_BY_COPY = "tests/engine/test_cache.py::test_a_source_that_changes_has_another_fingerprint"
