@@ -31,7 +31,13 @@ def walks(policy, scene, episodes=4, **env):
 
 
 @pytest.mark.parametrize(
-    "policy", [Passive(), ConstantTorque(0.01, "level"), LinearFeedback("steep")]
+    "policy",
+    [
+        Passive(),
+        ConstantTorque(0.01, "level"),
+        ConstantTorque(-0.2, "level"),
+        LinearFeedback("steep"),
+    ],
 )
 def test_policies_act_on_one_observation_and_on_batches_alike(policy):
     rng = np.random.default_rng(0)
