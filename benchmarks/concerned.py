@@ -54,6 +54,7 @@ _CONCERNING = {
     "envs/custom": "custom",
     "envs/disturbances": "disturbances reality_rules terrain contact",
     "envs/fates": "disturbances reality_rules terrain contact",
+    "envs/frames": "frames render/ground",
     "envs/infos": "infos",
     "envs/reality": "reality_rules disturbances",
     "envs/sb3": "sb3 crowds",
