@@ -43,6 +43,7 @@ WITHIN = {
     **dict.fromkeys(("envs/checks", "envs/constraints", "gaits/forces", "gaits/terrain"), _FATES),
     "envs/starts": _TICKS,
     "envs/task": _FATES + _TICKS,
+    "envs/transitions": _TICKS,
 }
 """Patterns of compiled code, besides a file's own, that depends on the file."""
 CHANGED_BY_COPY = "tests/engine/test_cache.py::test_a_source_that_changes_has_another_fingerprint"

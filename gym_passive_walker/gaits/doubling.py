@@ -149,10 +149,11 @@ def _next_doubling(curve: Curve, birth: Point, high: float) -> Point | None:
     along = points_along(curve, here, first=step, longest=longest, shortest=_SHORTEST_STEP)
     with progress(f"gaits of period {curve.period}") as followed:
         for there in islice(along, _MOST_STEPS):
+            if doubling_test(here) * doubling_test(there) < 0.0:
+                found = locate(curve, here, there, doubling_test)
+                return None if found is None or found.y[-1] > high else found
             if there.y[-1] > high:
                 return None
-            if doubling_test(here) * doubling_test(there) < 0.0:
-                return locate(curve, here, there, doubling_test)
             here = there
             followed()
     return None

@@ -235,6 +235,18 @@ def test_what_is_said_of_the_walkers_is_true(told):
             assert off > 1e-2 if "not tuned" in about else off < 1e-3
 
 
+def test_how_far_a_walker_is_off_tuning_is_told_whichever_way_it_is_off(capsys):
+    assert main(["walkers"]) == 0
+    head, *rows = (re.split(r"\s{2,}", x.strip()) for x in capsys.readouterr().out.splitlines())
+    column = head.index("off tuning (legs)")
+    told = {row[0]: float(row[column]) for row in rows if row[0] in gpw.WALKERS}
+    assert list(told) == list(gpw.WALKERS)
+    errors = {name: gpw.tuning_errors(walker) for name, walker in gpw.WALKERS.items()}
+    assert any(min(error) < -1e-3 for error in errors.values())
+    for name, off in told.items():
+        assert off == pytest.approx(max(map(abs, errors[name])), rel=1e-3, abs=1e-12)
+
+
 def test_a_gait_is_told_to_the_last_digit(told):
     (gait,) = told("gait", "lab", 0.036)
     exact = gpw.find_gait("lab", 0.036)
@@ -469,6 +481,8 @@ def test_a_policy_may_drive_another_walker_on_another_slope(mine, told):
     rows = told("evaluate", "lab-ppo", "--walker", "A", "--slope", 0.02, "--episodes", 2)
     assert {row["slopes"] for row in rows} == {0.02} and rows[0]["distance"] > 10.0
     assert told("evaluate", "passive", "--scene", "lab", "--walker", mine, "--episodes", 1)
+    level = told("evaluate", "passive", "--scene", "lab", "--slope", 0, "--episodes", 1)
+    assert {row["slopes"] for row in level} == {0.0}
 
 
 def test_a_strobe_picture_is_drawn(tmp_path, capsys):

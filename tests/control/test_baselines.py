@@ -8,7 +8,14 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.control.baselines import BASELINES, ConstantTorque, LinearFeedback, Passive
+from gym_passive_walker.control import optimal
+from gym_passive_walker.control.baselines import (
+    BASELINES,
+    ConstantTorque,
+    LinearFeedback,
+    Passive,
+    Schedule,
+)
 from gym_passive_walker.control.feedback import gains, powered_gait
 from gym_passive_walker.envs.registration import ID, REWARD_THRESHOLD
 from gym_passive_walker.envs.scene import make_scene
@@ -24,7 +31,13 @@ def walks(policy, scene, episodes=4, **env):
 
 
 @pytest.mark.parametrize(
-    "policy", [Passive(), ConstantTorque(0.01, "level"), LinearFeedback("steep")]
+    "policy",
+    [
+        Passive(),
+        ConstantTorque(0.01, "level"),
+        ConstantTorque(-0.2, "level"),
+        LinearFeedback("steep"),
+    ],
 )
 def test_policies_act_on_one_observation_and_on_batches_alike(policy):
     rng = np.random.default_rng(0)
@@ -35,6 +48,17 @@ def test_policies_act_on_one_observation_and_on_batches_alike(policy):
     for one, action in zip(batch, together, strict=True):
         alone, _ = policy.predict(one)
         assert alone.shape == (1,) and alone == pytest.approx(action)
+
+
+@pytest.mark.parametrize("actions", [("hip", "push_off"), ("push_off", "hip"), ("push_off",)])
+def test_an_optimal_gait_s_motors_are_each_a_share_of_their_own_largest(actions):
+    gait = replace(optimal.load("level")[3], push_off=0.01)
+    scene = make_scene(actions=actions, max_hip_torque=0.04, max_push_off=0.3)
+    plan = Schedule(scene, gait).plan(np.array([gait.point]), 0.0)[0]
+    given = plan * [scene.largest(name) for name in actions]
+    for column, name in zip(given.T, actions, strict=True):
+        expected = gait.torques if name == "hip" else [gait.push_off] * len(gait.torques)
+        np.testing.assert_allclose(column, expected, rtol=1e-12)
 
 
 def test_a_policy_is_told_when_an_episode_begins_and_asked_to_act_without_noise():

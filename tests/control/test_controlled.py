@@ -412,6 +412,21 @@ def test_a_policy_that_sees_the_ground_ahead_is_shown_it(seeing):
     )
 
 
+@pytest.mark.parametrize("terrain", [gpw.stairs(0.002), gpw.waves(0.002, 3)])
+def test_on_ground_that_repeats_a_policy_sees_what_lies_ahead_of_each_foothold(terrain, seeing):
+    """Also of the last ones, ahead of which the first come again."""
+    policy, state = seeing
+    scene = policy.scene
+    strides = gpw.stride_map(controller=policy, terrain=terrain)
+    point = strides.points_at(state)
+    begun = strides.states_at(point)[0]
+    walk = [stride.state for stride in strides.walk(begun, scene.slope, count=2)]
+    ends = in_environment(policy, make_scene(scene, terrain=terrain), begun, len(walk))
+    np.testing.assert_allclose(walk, ends, atol=1e-6)
+    end = strides.apply(point, strides=2).ends
+    np.testing.assert_allclose(strides.states_at(end)[0], walk[-1], atol=1e-6)
+
+
 @pytest.mark.parametrize("controller", [None, "rough-ppo"])
 def test_a_stride_of_a_map_with_terrain_is_over_its_footholds(controller, seeing):
     """Given or not, the foothold is where the terrain has it, and so does the strike come."""

@@ -22,6 +22,7 @@ SCENES = {
     "push-off": {"actions": ("hip", "push_off"), "slope": 0.02, "energy": "positive"},
     "rough": {"scene": "rough", "pushes": {"rate": 0.3, "impulse": (-0.02, 0.02)}},
     "point feet": {"walker": "E", "slope": 0.009, "actions": ("hip", "ankle", "push_off")},
+    "simplest": {"walker": "D", "slope": 0.009, "actions": ("hip", "ankle", "push_off")},
     "strides": {"scene": "steep"},
     "commanded": {"command": (0.1, 0.2)},
 }
@@ -184,6 +185,55 @@ def test_an_ending_of_ones_own_ends_episodes_wherever_they_are_walked():
         _, _, dones, infos = sb3.step(np.zeros((2, 1), np.float32))
     assert dones.all() and all(info["outcome"] == "stopped" for info in infos)
     assert not any(info["TimeLimit.truncated"] for info in infos)
+
+
+def struck(step):
+    """An ending with the first stride."""
+    return step.heelstrike
+
+
+def test_an_ending_at_a_heelstrike_hides_nothing_of_the_stride():
+    plain, env = (PassiveWalkerVectorEnv(COUNT, make_scene(terminated=r)) for r in (None, struck))
+    plain.reset(seed=2), env.reset(seed=2)
+    landed = np.zeros(COUNT, bool)
+    while not landed.any():
+        expected, (_, _, ended, _, infos) = (
+            each.step(np.full((COUNT, 1), 0.1)) for each in (plain, env)
+        )
+        landed = expected[4].get("_step_length", landed)
+        np.testing.assert_array_equal(ended, landed | expected[2])
+    for name in ("step_length", "collision_cost", "outcome"):
+        np.testing.assert_array_equal(infos[name][landed], expected[4][name][landed])
+
+
+def paid_to_step(step):
+    """A reward that has nothing of the environment's own."""
+    return 1.0 + step.distance**2
+
+
+@pytest.mark.parametrize("changes", [{}, {"pushes": {"rate": 0.3, "impulse": 0.01}}])
+@pytest.mark.parametrize("rule", [paid_to_step, {"alive": 0.5, "energy": -3.0}])
+def test_an_episode_s_return_is_the_sum_of_ones_own_rewards(rule, changes):
+    env = PassiveWalkerVecEnv(2, make_scene(reward=rule, terminated=late, **changes), seed=0)
+    env.reset()
+    paid = np.zeros(2)
+    for _ in range(11):
+        _, rewards, dones, infos = env.step(np.full((2, 1), 0.3))
+        paid += rewards
+    assert dones.all()
+    assert [info["episode"]["r"] for info in infos] == pytest.approx(paid, abs=1e-5)
+
+
+def test_commands_are_those_of_each_walker_whoever_begins_again():
+    seen_by = {"observation": lambda step: (step.command, step.slope)}
+    scenes = (make_scene("commanded", slope=(0.0, 0.02), **rules) for rules in ({}, seen_by))
+    plain, env = (PassiveWalkerVectorEnv(4, s, autoreset_mode="Disabled") for s in scenes)
+    for mask in ([True] * 4, [False, True, False, True], [False, False, True, False]):
+        options = {"reset_mask": np.array(mask)}
+        expected, found = (each.reset(seed=3, options=options)[0] for each in (plain, env))
+        np.testing.assert_array_equal(found, expected[:, [8, 7]])
+        expected, found = (each.step(np.zeros((4, 1)))[0] for each in (plain, env))
+        np.testing.assert_array_equal(found, expected[:, [8, 7]])
 
 
 def shown(step):

@@ -233,6 +233,33 @@ def test_an_observation_asked_for_again_errs_in_the_same_way(assert_same):
     assert np.all(seen >= task.LOWEST) and np.all(seen <= task.BOUNDS)
 
 
+def test_what_erring_sensors_tell_lies_in_the_space_of_observations():
+    """Errors as large as what is observed, of every entry: of the knee and of the slope too."""
+    noise = tuple(np.array(task.BOUNDS, float).clip(max=5.0).tolist())
+    env = PassiveWalkerVectorEnv(200, "commanded", observation_noise=noise)
+    seen, _ = env.reset(seed=0)
+    for _ in range(20):
+        assert env.observation_space.contains(seen)
+        seen, *_ = env.step(np.zeros((200, 1)))
+    assert seen[:, 6].min() == 0.0 and seen[:, 6].max() == 1.0
+
+
+def test_nothing_that_befell_a_walker_outlasts_its_episode(assert_same):
+    """What an episode is and tells does not depend on the one before."""
+    used, fresh = (one(**EVERYTHING | {"observation_noise": 0.0}) for _ in range(2))
+    told = []
+    for env, actions in ((used, 0), (used, 1), (fresh, 1)):
+        seen, _ = env.reset(seed=5)
+        told.append([(seen, env.state, {})])
+        for action in some(1, 15, seed=actions)[:, 0]:
+            seen, reward, *_, info = env.step(action)
+            told[-1].append((seen, reward, env.state, info))
+    assert told[0][-1][-1]["pushes"] > 0
+    for again, anew in zip(told[1], told[2], strict=True):
+        for found, expected in zip(again, anew, strict=True):
+            assert_same(found, expected)
+
+
 def test_delayed_actions_come_as_many_steps_late(assert_same):
     late, prompt = one(action_delay=3), one()
     late.reset(seed=0), prompt.reset(seed=0)

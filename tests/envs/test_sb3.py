@@ -141,6 +141,7 @@ def test_attributes_are_told_and_noted():
     assert env.has_attr("slope") and not env.has_attr("wings")
     env.set_attr("note", "mine", indices=1)
     assert env.get_attr("note", indices=1) == ["mine"]
+    assert [hasattr(lane, "note") for lane in env.lanes] == [False, True, False]
     with pytest.raises(AttributeError):
         env.set_attr("slope", 0.1)
     assert env.env_is_wrapped(Monitor) == [False] * 3

@@ -197,6 +197,17 @@ def test_a_mask_that_is_none_is_refused(make_vec, mask, error):
         env.reset(options={"reset_mask": mask})
 
 
+@pytest.mark.parametrize("seed", [7, [7, 8, 9, 10], [7, None, 9, None]])
+def test_of_environments_that_are_reset_each_has_its_own_seed(make_vec, seed):
+    """Those between them that are not reset go on, and take no seed from the others."""
+    env, other = (make_vec(4, autoreset_mode="Disabled", scene="rolling") for _ in range(2))
+    mask = np.array([True, False, True, False])
+    expected, _ = other.reset(seed=7)
+    before, _ = env.reset(seed=30)
+    seen, _ = env.reset(seed=seed, options={"reset_mask": mask})
+    np.testing.assert_array_equal(seen, np.where(mask[:, None], expected, before))
+
+
 def test_all_are_reset_before_some_of_them(make_vec):
     env = make_vec(2)
     with pytest.raises(ResetNeeded):

@@ -35,7 +35,10 @@ OF_A_WALKER = {
 }
 
 
-@pytest.mark.parametrize("slope", [np.nan, np.inf, 2.0, -2.0, "steep", None], ids=str)
+UPRIGHT = 0.5 * np.pi
+
+
+@pytest.mark.parametrize("slope", [np.nan, np.inf, 2.0, UPRIGHT, -UPRIGHT, "steep", None], ids=str)
 @pytest.mark.parametrize("what", AT_A_SLOPE)
 def test_a_senseless_slope_is_refused(what, slope):
     with pytest.raises(ValueError, match="must be"):

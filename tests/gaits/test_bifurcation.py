@@ -30,6 +30,13 @@ def test_the_simplest_walker_first_doubles_where_it_is_known_to(cascade):
     assert cascade.slopes[0] == pytest.approx(0.0150884379, abs=1e-10)
 
 
+def test_no_doubling_is_looked_for_beyond_the_steepest_slope(cascade):
+    for beyond, periods in ((-1e-5, (1,)), (1e-5, (1, 2))):
+        short = doubling_cascade("D", 0.012, cascade.slopes[1] + beyond, doublings=2)
+        assert short.periods == periods
+        assert short.slopes == pytest.approx(cascade.slopes[: len(periods)], rel=1e-9)
+
+
 def test_tuned_c_first_doubles_below_the_printed_slope():
     # Print has "about 0.084", for the table's rounded parameters read off a plot.
     cascade = doubling_cascade(tune(WALKERS["C"]), 0.06, 0.1, doublings=1)
@@ -220,6 +227,15 @@ def test_a_sequence_s_period_is_its_smallest(period):
     values = np.tile(np.arange(1.0, period + 1.0), 24)[:24]
     assert period_of(values, 10) == period
     assert period_of(values + np.linspace(0.0, 1e-3, 24), 10) == 0
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_a_period_does_not_depend_on_the_size_of_numbers(size):
+    """Two values repeat to a share of the larger one, which is just below or above what counts."""
+    for off, period in ((0.9, 2), (1.1, 0)):
+        values = np.tile([1.0, 0.5], 12)
+        values[-1] += off * 1e-4
+        assert period_of(size * values, 10, 1e-4) == period
 
 
 def test_what_makes_no_sense_is_refused():

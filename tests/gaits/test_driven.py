@@ -174,3 +174,17 @@ def test_a_family_ends_on_the_level_where_its_steps_vanish():
     assert family.ends[0].value == pytest.approx(0.0, abs=1e-12)
     ratio = family.stance_angle[:3] / family.slope[:3]
     np.testing.assert_allclose(ratio, ratio[0], rtol=1e-2)
+
+
+@pytest.mark.parametrize("drive", [(0.004, 0.004, 0.04), (-0.0003, 0.001, 0.01)])
+def test_the_cost_of_transport_has_the_work_of_every_motor(drive):
+    """Also of one that brakes: the absolute work counts."""
+    gait = find_gait(stride_map("E", 0.004, controller=own("E", Actuation(*drive))))
+    walk = stride("E", 0.004, gait.state, **gait.controller._asdict(), tolerance=1e-12)
+    works = walk.hip_work_absolute, walk.ankle_work_absolute, walk.push_off_work
+    assert min(works) > 0.0
+    way = walk.weight * walk.step_length
+    costs = gait.hip_cost, gait.ankle_cost, gait.push_off_cost
+    np.testing.assert_allclose(costs, np.array(works) / way, rtol=1e-8)
+    assert gait.motor_cost == pytest.approx(sum(works) / way, rel=1e-8)
+    assert gait.cost_of_transport == pytest.approx(np.sin(0.004) + gait.motor_cost, rel=1e-8)

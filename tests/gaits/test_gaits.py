@@ -295,10 +295,13 @@ def test_a_walker_of_another_size_gets_the_same_advice():
             for name, value in asdict(tune("lab")).items()
             if name.endswith(("length", "offset", "gyration", "com", "radius", "mass"))
         },
+        gravity=1.6,
     )
     small, large = missed(tune("lab"), 0.036), missed(giant, 0.036)
     assert large.slope == pytest.approx(small.slope, rel=1e-9)
-    assert large.walker.thigh_gyration == pytest.approx(10.0 * small.walker.thigh_gyration)
+    for name, value in asdict(small.walker).items():
+        sizes = {"foot_angle": value, "knees": value, "gravity": 1.6}
+        assert getattr(large.walker, name) == pytest.approx(sizes.get(name, 10.0 * value)), name
 
 
 def test_a_guess_in_vain_is_told_to_do_without():

@@ -8,6 +8,7 @@ import pytest
 from gym_passive_walker import WALKERS, find_gait, lab_walker_from_parts, stride, stride_jacobian
 from gym_passive_walker.gaits.passage import NoStride
 from gym_passive_walker.physics.systems import FITTINGS
+from gym_passive_walker.units import units_of
 from tests.physics.examples import LONG_GAITS
 
 STENCIL = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
@@ -33,8 +34,9 @@ def state_of(point, walker):
     return np.array([angle, -angle, -angle, *rates, *([] if walker.knees else rates[-1:])])
 
 
-def next_point(walker, slope, point, torque=0.0):
-    end = stride(walker, slope, state_of(point, walker), hip_torque=torque, tolerance=1e-14)
+def next_point(walker, slope, point, torque=0.0, **motors):
+    state = state_of(point, walker)
+    end = stride(walker, slope, state, hip_torque=torque, **motors, tolerance=1e-14)
     return coordinates(end.state, walker)
 
 
@@ -98,6 +100,37 @@ def test_the_derivative_by_a_parameter_is_that_of_the_map(name, parameter):
         lambda x: next_point(replace(walker, **{parameter: x}), slope, point), value, step
     )
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-9 * max(1.0, np.abs(found).max()))
+
+
+MOTORS = {"hip_torque": 0.004, "ankle_torque": 0.003, "push_off": 0.03}
+
+
+DRIVEN = [
+    (name, parameter)
+    for name, mass in (("E", "thigh_mass"), ("D", "hip_mass"))
+    for parameter in (*MOTORS, "thigh_length", "shank_length", mass, "gravity")
+]
+
+
+@pytest.mark.parametrize(("name", "parameter"), DRIVEN)
+def test_under_motors_a_parameter_changes_their_units_as_well(name, parameter):
+    """What motors do is held in the walker's own units as its size, its mass or gravity changes."""
+    walker, (slope, state) = WALKERS[name], start(name)
+    units = units_of(walker)
+    scale = {"hip_torque": units.torque, "ankle_torque": units.energy, "push_off": units.impulse}
+    held = {motor: share * scale[motor] for motor, share in MOTORS.items()}
+    point = coordinates(state, walker)
+    found = stride_jacobian(walker, slope, state, wrt=parameter, **held)[:, 0]
+
+    def moved(x):
+        changed = {} if parameter in held else {parameter: x}
+        motors = {name: x if name == parameter else value for name, value in held.items()}
+        torque = motors.pop("hip_torque")
+        return next_point(replace(walker, **changed), slope, point, torque, **motors)
+
+    value = held.get(parameter, getattr(walker, parameter, 0.0))
+    expected = differences(moved, value, 3e-3 * value)
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=2e-9 * max(1.0, np.abs(found).max()))
 
 
 @pytest.mark.parametrize("name", ["C", "lab", "lab from its parts"])

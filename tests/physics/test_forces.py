@@ -161,6 +161,25 @@ def test_the_simplest_walker_stands_on_the_force_along_its_leg():
     np.testing.assert_allclose(found.tangential, -along * np.sin(stance), rtol=1e-12, atol=1e-14)
 
 
+def test_an_ankle_torque_turns_the_simplest_walker_s_hip():
+    """Newton's law of its mass, in the walker's own units: the ground's force accelerates it."""
+    walker, slope, torque = replace(WALKERS["D"], hip_mass=3.0), 0.05, 0.9
+    states = random_states(10, True, seed=2)
+    phases = np.full(10, Stage.SIMPLEST)
+    found = forces(walker, slope, states, phases, ankle_torque=torque)
+    sine, cosine, length = np.sin(states[:, 0]), np.cos(states[:, 0]), walker.leg_length
+    rate, turn = states[:, 3], found.accelerations[:, 0]
+    gravity = walker.gravity * length * np.sin(states[:, 0] - slope)
+    moment = gravity - torque / walker.hip_mass
+    np.testing.assert_allclose(length**2 * turn, moment, rtol=1e-12)
+    downhill = length * (rate**2 * sine - turn * cosine)
+    up = -length * (rate**2 * cosine + turn * sine)
+    weight = walker.hip_mass * walker.gravity
+    forced = found.tangential + weight * np.sin(slope), found.normal - weight * np.cos(slope)
+    np.testing.assert_allclose(forced[0], walker.hip_mass * downhill, rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(forced[1], walker.hip_mass * up, rtol=1e-10, atol=1e-12)
+
+
 @pytest.mark.parametrize("name", KNEED)
 def test_kneestrike_impulses_are_those_that_stop_the_shank(name):
     walker = KNEED[name]

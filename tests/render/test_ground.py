@@ -56,6 +56,24 @@ def test_stance_feet_touch_the_ground_and_swing_feet_land_on_it(name, terrain):
     assert deep.min() > -length / LEG_ON_A_FRAME
 
 
+@pytest.mark.parametrize("name", WALKS)
+def test_the_foothold_on_which_a_walk_ends_is_where_a_longer_one_goes_on(name):
+    ground = gpw.footholds([0.0, 0.0, 0.001, 0.0], [0.0, 0.002, -0.004, 0.004])
+    gait = gpw.find_gait(name, WALKS[name])
+    short, long = (
+        gpw.simulate(name, WALKS[name], gait.state, count, terrain=ground) for count in (2, 3)
+    )
+    length = short.walker.leg_length
+    surface = ground_under(short, length)
+    first = np.argmax(long.strides == 2)
+    assert long.strides[first] == 2 and long.tilts[first] == -0.004
+    place = long.contact_x[first]
+    assert height(surface, place) == pytest.approx(long.contact_y[first], abs=1e-7 * length)
+    further = height(surface, place + 1e-3 * length)
+    steep = (further - height(surface, place)) / (1e-3 * length)
+    assert np.arctan(-steep) == pytest.approx(long.tilts[first], abs=1e-6)
+
+
 def test_a_picture_of_smooth_ground_needs_no_footholds():
     gait = gpw.find_gait("lab", 0.036)
     assert ground_under(gpw.simulate("lab", 0.036, gait.state), 1.0) is None

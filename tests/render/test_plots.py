@@ -2,6 +2,7 @@
 
 import csv
 import sys
+from dataclasses import asdict, replace
 
 import matplotlib.figure
 import numpy as np
@@ -43,6 +44,42 @@ def shown(gait, family):
         gpw.basin_of_attraction(lab, slope, resolution=12),
         gpw.closed_loop_gait(LinearFeedback("steep"), "steep"),
     ]
+
+
+def drawn(one):
+    """All that an object's picture has of numbers: its lines, and the cells of meshes."""
+    axes = np.ravel(one.plot(OWN))
+    meshes = [mesh for ax in axes for mesh in ax.collections if hasattr(mesh, "get_coordinates")]
+    return [
+        *(line.get_xydata() for ax in axes for line in ax.lines),
+        *(mesh.get_coordinates().reshape(-1, 2) for mesh in meshes),
+    ]
+
+
+ANALYSES = {
+    "check": lambda gait: gpw.reality_check(gait, strides=2),
+    "basin": lambda gait: gpw.basin_of_attraction(gait.walker, gait.slope, resolution=12),
+    "walk": lambda gait: gpw.simulate(gait, strides=2, samples=20),
+    "diagram": lambda gait: gpw.bifurcation_diagram(gait.walker, [0.03, 0.036], settle=20, keep=34),
+}
+
+
+@pytest.mark.parametrize("analysis", ANALYSES.values(), ids=ANALYSES)
+def test_pictures_are_the_same_whatever_the_size_of_the_walker(gait, analysis):
+    """What they draw is dimensionless: over leg length, total mass and gravity."""
+    lengths = ("length", "offset", "gyration", "com", "radius")
+    factors = {**dict.fromkeys(lengths, 20.0), "mass": 3.0}
+    changed = {
+        name: factors[end] * value
+        for name, value in asdict(gait.walker).items()
+        for end in factors
+        if name.endswith(end)
+    }
+    giant = gpw.find_gait(replace(gait.walker, **changed, gravity=1.6), gait.slope)
+    ours, theirs = (drawn(analysis(one)) for one in (gait, giant))
+    assert len(ours) == len(theirs) > 0
+    for one, other in zip(ours, theirs, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-5, atol=1e-5)
 
 
 def test_each_says_in_a_short_line_what_it_is(shown):

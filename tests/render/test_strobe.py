@@ -73,6 +73,28 @@ def test_a_kneestrike_is_marked_where_thigh_and_shank_meet():
     np.testing.assert_array_equal([leg[1] for leg in legs], marked)  # the mark is on the leg
 
 
+def test_kneestrikes_are_marked_on_the_legs_of_a_walk_over_tilted_footholds():
+    ground = {"terrain": footholds([0.0, 0.0, 0.002], [0.0, 0.02, -0.02])}
+    ax = strobe("lab", SLOPE, GAIT, strides=3, ax=OWN, **ground)
+    (marked,) = [line.get_xydata() for line in ax.lines if line.get_marker() == "D"]
+    walk = simulate("lab", SLOPE, GAIT, strides=3, samples=20_001, **ground)
+    assert len(marked) == len(walk.outcomes) > 1
+    for stride, mark in enumerate(marked):
+        struck = np.argmax((walk.strides == stride) & (walk.phases == Stage.LOCKED))
+        contact = walk.contact_x[struck], walk.contact_y[struck], walk.tilts[struck]
+        knee = pose("lab", walk.states[struck], *contact).swing.knee
+        np.testing.assert_allclose(mark, level(knee, SLOPE), atol=1e-4)
+
+
+def test_marks_on_the_ground_count_leg_lengths():
+    ax = strobe("lab", SLOPE, GAIT, strides=3, ax=OWN)
+    values = np.array([float(text.get_text().strip("$").split("\\")[0]) for text in ax.texts])
+    places = np.array([text.get_position() for text in ax.texts])
+    apart = np.linalg.norm(places - places[0], axis=1) / WALKERS["lab"].leg_length
+    assert len(values) > 3
+    np.testing.assert_allclose(values - values[0], apart, atol=1e-9)
+
+
 def test_a_fall_can_be_pictured():
     ax = strobe("lab", SLOPE, [0.3, -0.3, -0.3, -0.1, 0.0, 0.0], flashes=4)
     assert len(hips(ax)) == 4
