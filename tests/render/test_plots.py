@@ -60,7 +60,9 @@ ANALYSES = {
     "check": lambda gait: gpw.reality_check(gait, strides=2),
     "basin": lambda gait: gpw.basin_of_attraction(gait.walker, gait.slope, resolution=12),
     "walk": lambda gait: gpw.simulate(gait, strides=2, samples=20),
-    "diagram": lambda gait: gpw.bifurcation_diagram(gait.walker, [0.03, 0.036], n_transient=20, n_recorded=34),
+    "diagram": lambda gait: gpw.bifurcation_diagram(
+        gait.walker, [0.03, 0.036], n_transient=20, n_recorded=34
+    ),
 }
 
 
