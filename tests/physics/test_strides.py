@@ -24,7 +24,7 @@ def units(walker) -> np.ndarray:
 
 def assert_same_stride(walker, slope, state, torque, **precision) -> oracle.Walk:
     """Compare every number of a stride with the oracle's, at the engine's best."""
-    expected = oracle.walk(walker, slope, state, torque=torque, max_stride_time=100.0)
+    expected = oracle.walk(walker, slope, state, torque=torque, longest=100.0)
     found = stride(walker, slope, state, hip_torque=torque, tolerance=1e-14)
     time, energy = walker.time_unit, units_of(walker).energy
     assert found.outcome == expected.outcome
