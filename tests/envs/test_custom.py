@@ -147,7 +147,7 @@ def test_a_walk_on_tensors_is_judged_alike(name):
 
     scene = scene_of(name, reward=reward, observation=observation, terminated=late)
     scene = make_scene(scene, pushes={}, stub=False)
-    size, torques = 9 + len(scene.actions), 0.02 * np.random.default_rng(0).normal(size=(40, 3))
+    size, torques = 9 + len(scene.actions), 0.05 * np.random.default_rng(0).normal(size=(40, 3))
     policy = lambda seen: torch.tanh(seen @ torch.from_numpy(torques[:size, : len(scene.actions)]))  # noqa: E731
     walk = rollout(policy, scene, 60, count=COUNT, seed=3)
     env = PassiveWalkerVectorEnv(COUNT, scene)
@@ -157,7 +157,7 @@ def test_a_walk_on_tensors_is_judged_alike(name):
         going = walk.going[k].numpy()
         np.testing.assert_allclose(walk.observations[k][going], seen[going], atol=2e-6)
         seen, rewards, ended, *_ = env.step(policy(torch.from_numpy(seen).double()).numpy())
-        np.testing.assert_allclose(walk.rewards[k][going], rewards[going], rtol=2e-6, atol=2e-5)
+        np.testing.assert_allclose(walk.rewards[k][going], rewards[going], rtol=2e-6, atol=5e-6)
         np.testing.assert_array_equal(walk.outcomes[k][going] > 1, ended[going])
         strides[going] = env.batch.ledger["strides"][going]
     assert strides.max() >= 1 and not walk.going[-1].all()
