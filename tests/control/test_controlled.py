@@ -364,6 +364,22 @@ def test_a_policy_s_gaits_come_in_pieces_that_do_not_depend_on_where_they_were_b
     assert steps == pytest.approx(round(steps), abs=1e-3)
 
 
+@pytest.mark.parametrize(("action", "least"), [("push_off", 0.0), ("hip", -1.0), ("ankle", -1.0)])
+def test_actions_beyond_their_bounds_are_clipped_as_in_the_environment(action, least):
+    scene = make_scene(walker="E", slope=0.009, actions=(action,))
+    state = gpw.find_gait("E", 0.009).state
+
+    def walked(value):
+        strides = gpw.stride_map(
+            controller=lambda seen: np.full((len(seen), 1), value), scene=scene
+        )
+        return strides.stride(state).state
+
+    for value in (-3.0, -0.1, 2.0):
+        np.testing.assert_array_equal(walked(value), walked(np.clip(value, least, 1.0)))
+    assert np.abs(walked(0.1) - walked(0.0)).max() > 1e-6
+
+
 def in_environment(policy, scene, state, count):
     """States after each stride of one walker in the environment, (count, 6)."""
     worlds, ends = PassiveWalkerVectorEnv(1, scene, max_episode_steps=-1), []
