@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from gym_passive_walker.control import optimal
 from gym_passive_walker.control.baselines import LinearFeedback
 from gym_passive_walker.control.maps import acting_as
 from gym_passive_walker.envs.scene import make_scene
@@ -422,6 +423,14 @@ def test_motors_that_do_the_same_in_each_stride_act_alike_as_a_policy(drive):
     walk = [stride.state for stride in strides.walk(state, 0.009, count=2)]
     found = in_environment(policy, make_scene(scene, tolerance=1e-10), state, 2)
     np.testing.assert_allclose(found, walk, atol=1e-6)
+
+
+def test_an_optimal_gait_is_played_on_the_slope_that_is_given():
+    gait = optimal.load("level")[3]
+    given, own = (
+        gpw.stride_map(None, slope, controller=gait, scene="level") for slope in (0.01, None)
+    )
+    assert (given.slope, own.slope) == (0.01, gait.slope)
 
 
 @pytest.fixture(scope="module")
