@@ -1,11 +1,11 @@
 """How fast are walkers on a CUDA device? Strides, ticks and learning a second, beside processors.
 
     python -m benchmarks.gpu               all parts
-    python -m benchmarks.gpu strides       one of them: precision, strides, ticks, learning
+    python -m benchmarks.gpu strides       one of them: strides, ticks, learning
 
 Each part prints its table and puts it into docs/benchmarks.md. It needs a device and the extras
 "gpu" and, for `learning`, "train" and "rsl-rl". With NUMBA_ENABLE_CUDASIM=1 it is rehearsed by a
-few walkers on a simulated one, and nothing is kept but `precision`, no matter of speed.
+few walkers on a simulated one, and nothing is kept.
 """
 
 from __future__ import annotations
@@ -20,12 +20,13 @@ import numpy as np
 
 import gym_passive_walker  # noqa: F401  (registers the environment)
 from benchmarks import engine
-from benchmarks.problem import STARTS, error, problem
+from benchmarks.problem import error, problem
 from benchmarks.report import command, keep, machine, seconds, table
-from gym_passive_walker.gpu import crowd, device
+from gym_passive_walker.gpu import device
 from gym_passive_walker.gpu.crowd import Crowd
 from gym_passive_walker.gpu.device import SIMULATED, cuda
-from gym_passive_walker.gpu.strides import WAYS, Strides
+from gym_passive_walker.gpu.strides import advance_there
+from gym_passive_walker.physics.systems import SYSTEMS
 
 SIZES = [4, 16] if SIMULATED else [10**k for k in range(3, 8)]
 LARGEST_HERE = 10**6
@@ -85,37 +86,13 @@ def _told(name: str, text: str) -> None:
     keep(name, f"{text}\n\n{there}; processor: {machine('numba-cuda', 'torch')}.")
 
 
-def precision() -> None:
-    """Errors of strides in double and in single precision, and the integration steps they take."""
-    rows = []
-    for name in ("kneed", "straight", "simplest"):
-        p = problem(name)
-        fresh, exact = engine.crowd(p, STARTS), engine.strides(p, 1e-14)
-        for tolerance in (1e-3, 1e-4, 1e-5, 1e-6):
-            told: list[float] = []
-            for single in (False, True):
-                records = device.put(fresh)
-                carry = Strides(p.system.name, single=single)
-                carry(records, device.put(np.array(p.body)[None, None]), tolerance=tolerance)
-                ended = device.back(records)
-                told += [error(ended["state"][:, 0], exact), float(ended["steps"].mean())]
-            rows.append((name, f"{tolerance:.0e}", told[0], told[2], told[1], told[3]))
-    heads = ["walker", "tolerance", "error, double", "single", "steps, double", "single"]
-    keep("gpu precision", f"{table(heads, rows)}\n\nThe largest error of {STARTS} strides.")
-
-
 def carried() -> None:
-    """Strides a second of each kind of walker, by both ways and precisions."""
+    """Strides a second of each kind of walker."""
     text = []
     for name, tolerance in _WALKS:
         p, rows = problem(name), []
         exact = engine.strides(p, 1e-14)  # six digits finer than what is asked for
-        makers = [(f"device, {way}", Strides(p.system.name, way)) for way in WAYS]
-        makers += [("device, loop, single", Strides(p.system.name, single=True))]
-        for label, carry in makers:
-            rows += [
-                (label, count, *_strides(p, carry, tolerance, count, exact)) for count in SIZES
-            ]
+        rows += [("GPU", count, *_strides(p, tolerance, count, exact)) for count in SIZES]
         for count in SIZES:
             if count <= LARGEST_HERE:
                 one = engine.microseconds(p, count, tolerance, CORES)
@@ -126,7 +103,7 @@ def carried() -> None:
     _told("gpu strides", "\n\n".join(text))
 
 
-def _strides(p: Any, carry: Any, tolerance: float, count: int, exact: Any) -> tuple[float, float]:
+def _strides(p: Any, tolerance: float, count: int, exact: Any) -> tuple[float, float]:
     """Error of the problem's strides on the device, and how many it makes in a second."""
     fresh = device.put(engine.crowd(p, count))
     body, records = device.put(np.array(p.body)[None, None]), device.put(engine.crowd(p, count))
@@ -134,7 +111,7 @@ def _strides(p: Any, carry: Any, tolerance: float, count: int, exact: Any) -> tu
 
     def job() -> None:
         _copied(records, fresh)
-        carry(records, body, tolerance=tolerance)
+        advance_there(SYSTEMS[p.system.name], body, records, tolerance=tolerance)
 
     alone, both = seconds(begin), seconds(_finished(job))
     states = device.back(records)["state"][: len(p.starts), 0]
@@ -145,8 +122,7 @@ def ticks() -> None:
     """Control ticks a second with random actions, episodes beginning again on the device."""
     rows = []
     for count in SIZES:
-        for way in crowd.WAYS:
-            rows.append((f"device, {way}", count, count / _tick(Crowd(count, way=way))))
+        rows.append(("GPU", count, count / _tick(Crowd(count))))
         if count <= LARGEST_HERE:
             rows.append((f"processor, {CORES} cores", count, count / _tick_here(count)))
     _told("gpu ticks", table(["by", "walkers", "ticks/s"], rows))
@@ -228,7 +204,7 @@ def _ppo_fast(count: int, steps: int) -> Callable[[], object]:
     return lambda: model.learn(2 * steps * count)
 
 
-PARTS = {"precision": precision, "strides": carried, "ticks": ticks, "learning": learning}
+PARTS = {"strides": carried, "ticks": ticks, "learning": learning}
 
 
 if __name__ == "__main__":

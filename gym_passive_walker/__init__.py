@@ -15,6 +15,7 @@ from gym_passive_walker import math
 from gym_passive_walker.control.maps import closed_loop_gait, stride_map
 from gym_passive_walker.control.optimal import optimal_gait, optimal_gaits
 from gym_passive_walker.control.optimum import OptimalGait
+from gym_passive_walker.envs.explain import explain
 from gym_passive_walker.envs.registration import register as _register
 from gym_passive_walker.envs.transitions import Transition
 from gym_passive_walker.evaluation.robustness import Robustness, robustness
@@ -100,6 +101,7 @@ __all__ = [
     "collision_matrix",
     "crisis_slope",
     "doubling_cascade",
+    "explain",
     "find_gait",
     "find_gaits",
     "foot_velocity",

@@ -22,6 +22,7 @@ from gym_passive_walker.cli.arguments import (
 from gym_passive_walker.cli.report import Report, record, table
 from gym_passive_walker.control.baselines import BASELINES, Passive
 from gym_passive_walker.control.controllers import acting
+from gym_passive_walker.envs import explain
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.scene import SCENES
 from gym_passive_walker.evaluation.walks import evaluate as evaluated
@@ -90,6 +91,20 @@ def _write_npz(walk: Trajectory, path: Path) -> None:
 
 
 _WRITERS = {".csv": Trajectory.to_csv, ".npz": _write_npz}
+
+
+def scene(command: ArgumentParser) -> Callable[[Namespace], Report]:
+    """Say what an agent observes, does and is paid for in a scene, and what ends an episode.
+
+    passive-walker scene level
+    passive-walker scene rough --json
+    """
+    command.add_argument("scene", choices=list(SCENES), help=", ".join(SCENES))
+
+    def run(arguments: Namespace) -> Report:
+        return Report(explain.as_text(arguments.scene), explain.as_rows(arguments.scene))
+
+    return run
 
 
 def evaluate(command: ArgumentParser) -> Callable[[Namespace], Report]:

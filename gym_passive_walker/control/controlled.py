@@ -488,7 +488,7 @@ class ControlledMap(StrideMap):
         slopes = for_each(slopes, n)
         steps = self._steps(states, slopes, each, rises=rises, turns=turns, ahead=ahead)
         found = Samples(
-            np.full((n, k, _STATE), np.nan), np.zeros((n, k), np.int64), np.zeros((n, k, 2))
+            np.full((n, k, _STATE), np.nan), np.zeros((n, k), np.int64), np.zeros((n, k, 3))
         )
         rows, columns = np.nonzero(np.isfinite(times))
         wanted = times[rows, columns]
@@ -501,7 +501,7 @@ class ControlledMap(StrideMap):
             records["end"][:, 0] = wanted[some]
             seen = go_on(self.walkers, records, lanes=here[0], on_section=first, uneven=uneven)
             found.states[here], found.stages[here] = seen.states, seen.stages
-            found.torques[here] = records["control"][:, 0]
+            found.controls[here] = np.column_stack([records["control"][:, 0], records["push_off"]])
         return found
 
     def _step_at(self, steps: Steps, walkers: NDArray, times: NDArray) -> NDArray[np.intp]:

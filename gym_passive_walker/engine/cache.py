@@ -18,7 +18,14 @@ from pathlib import Path
 
 _ROOT = Path(__file__).parent.parent
 _SOURCES = ("physics/*", "engine/*", "envs/task", "envs/fates", "envs/reality", "envs/checks")
-_SOURCES += ("envs/starts", "envs/ticks", "gaits/forces", "gaits/terrain")
+_SOURCES += (
+    "envs/starts",
+    "envs/ticks",
+    "envs/custom",
+    "envs/transitions",
+    "gaits/forces",
+    "gaits/terrain",
+)
 """What is compiled, and what it is made of."""
 _DIGEST = hashlib.sha256().digest_size
 

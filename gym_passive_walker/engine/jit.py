@@ -185,4 +185,12 @@ call: Any = _call
 fma: Any = _fma
 address: Any = _address
 view: Any = _view
+
+
+@inlined
+def entry(array, i):  # type: ignore[no-untyped-def]
+    """Where an entry of an array lies; a slice would be counted as another owner of the array."""
+    return address(array) + i * array.itemsize
+
+
 uniform: Any = _uniform

@@ -25,16 +25,21 @@ _COMPARED = {"<": "olt", "<=": "ole", ">": "ogt", ">=": "oge"}
 _ARITHMETIC = {"mul": "fmul", "div": "fdiv", "add": "fadd", "sub": "fsub"}
 _INTRINSICS = {"abs": "fabs", "sqrt": "sqrt"}
 _OF_THE_SYSTEM = ("exp", "tanh")  # functions of its library, of single numbers
+_ROUNDING = 2e-15  # what rounding may do, to numbers about one
 
 
 class Module:
     """Native functions that belong together, as text for LLVM.
 
+    Args:
+        fuses: Whether a product that only a sum needs is rounded together with it.
+
     Attributes:
         table: The constants of the module's vectors, and where in its table they stand.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, fuses: bool = True) -> None:
+        self.fuses = fuses
         self.functions: list[str] = []
         self.declared: set[str] = set()
         self.table: dict[str, int] = {}
@@ -229,15 +234,7 @@ def uses(roots: Iterable[Expression]) -> Counter[Expression]:
 
 
 class Emitter:
-    """Instructions for expressions, each computed once.
-
-    Attributes:
-        rounding: What rounding may do, to numbers about one.
-        fuses: Whether a product that only a sum needs is rounded together with it.
-    """
-
-    rounding = 2e-15
-    fuses = True
+    """Instructions for expressions, each computed once."""
 
     def __init__(
         self, owner: Function, uses: Counter[Expression], *, vector: bool, lane: bool
@@ -288,7 +285,7 @@ class Emitter:
         if op == "near":
             return self(args[0])
         if op == "rounding":
-            return self._constant(self.rounding)
+            return self._constant(_ROUNDING)
         if op == "inverse root":
             return self._inverse_root(self(args[0]), *args[1:])
         if op == "read":
@@ -301,11 +298,14 @@ class Emitter:
         if op in _INTRINSICS:
             return self._call(_INTRINSICS[op], *values)
         if op in _OF_THE_SYSTEM:
-            self.owner.module.declared.add(f"declare double @{op}(double)")
-            return self.owner.new(f"call double @{op}(double {values[0]})")
+            return self._from_library(op, *values)
         if op in ("neg", "flip"):
             return self._negative(*values) if op == "neg" else self._flipped(*values)
         return self.owner.new(self._operation(op, *values))
+
+    def _from_library(self, name: str, value: str) -> str:
+        self.owner.module.declared.add(f"declare double @{name}(double)")
+        return self.owner.new(f"call double @{name}(double {value})")
 
     def _operation(self, op: str, *values: str) -> str:
         """The instruction for an operation on values."""
@@ -337,7 +337,7 @@ class Emitter:
         return self.owner.new(self._operation(x.op, self(a), self(b)))
 
     def _fusible(self, x: Expression) -> bool:
-        return self.fuses and x.op == "mul" and self.uses[x] == 1
+        return self.owner.module.fuses and x.op == "mul" and self.uses[x] == 1
 
     def _negative(self, x: str) -> str:
         return self.owner.new(f"fneg {self.number} {x}")

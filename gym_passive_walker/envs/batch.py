@@ -128,6 +128,7 @@ class Batch:
                     f"{name} must be in a row, one for each of {count} environments, not {found}"
                 )
         self.scene, self.count, self.token = scene, count, Token()
+        self._given = {"walkers": walkers, "slopes": slopes, "step_limit": step_limit}
         self.seen = task.SIZE + (scene.command is not None) + 2 * scene.preview
         self.custom = Custom(scene, count) if any(getattr(scene, name) for name in RULES) else None
         self._plain: NDArray[np.float32] | None = None  # what is seen where that is not asked for
@@ -147,6 +148,8 @@ class Batch:
             shared.setdefault((walker, slope), Starts(scene, walker, slope))
             for walker, slope in zip(self.walkers, slope_of, strict=True)
         ]
+        own = self.custom is not None and (self.custom.seen or not self.custom.native)
+        self._apart = own or disturbed(scene)  # a step is more than one call of compiled code
         self._alike_starts = len(shared) == 1
         self._alike = walkers is None and not scene.randomise
         self.disturbances: Disturbances | None = None
@@ -163,6 +166,26 @@ class Batch:
         self.randoms: list[np.random.Generator] = []
         self.machinery = self._machinery()
         self.door = self._door()
+
+    def changed(self, scene: Scene) -> Batch:
+        """As many walkers in another scene, whose episodes are yet to begin; see `become`.
+
+        Raises:
+            SceneError: if its agents would observe or do other things.
+        """
+        fresh = Batch(scene, self.count, threads=self.threads, **self._given)
+        if (fresh.seen, scene.actions) != (self.seen, self.scene.actions):
+            raise SceneError(
+                f"an environment keeps its {self.seen} numbers of observation and its actions "
+                f"{self.scene.actions}, and the new scene has {fresh.seen} and {scene.actions}: "
+                "they cannot change; make another environment"
+            )
+        fresh.ledger["truncated"] = 1
+        return fresh
+
+    def become(self, fresh: Batch) -> None:
+        """Be what `changed` returned, with the random numbers of this batch."""
+        self.__dict__ = fresh.__dict__ | {"randoms": self.randoms, "token": self.token}
 
     @property
     def own_seen(self) -> int | None:
@@ -385,15 +408,15 @@ class Batch:
             raise ValueError(f"motors are charged for {allowed} or None, not {energy!r}")
         self.rules["charged"] = task.ENERGIES.index(energy)
 
-    def reward_terms(self, lane: int) -> dict[str, float]:
-        """Of what a walker's last reward is made, by name; it is their sum."""
+    def reward_terms(self) -> dict[str, NDArray[np.float64]]:
+        """Terms (count,) of the last rewards by name; a reward is their sum."""
         if self.custom and "reward" in self.custom.rules:
-            return self.custom.terms(lane)
-        row, scene = self.ledger[lane], self.scene
-        terms = {"distance": row["distance"], "energy": -scene.energy_weight * row["energy"]}
+            return self.custom.terms()
+        ledger, scene = self.ledger, self.scene
+        terms = {"distance": ledger["distance"], "energy": -scene.energy_weight * ledger["energy"]}
         if scene.command is not None:
-            terms["command"] = row["reward"] - sum(terms.values())
-        return {name: float(term) for name, term in terms.items()}
+            terms["command"] = ledger["reward"] - (terms["distance"] + terms["energy"])
+        return {name: np.array(term) for name, term in terms.items()}
 
     def observe(self, observations: NDArray[np.float32]) -> None:
         """Write all walkers' observations, flat: shape (count * seen,)."""
@@ -405,8 +428,11 @@ class Batch:
             self.disturbances.observe(self.ledger, np.arange(self.count), observations)
 
     def told(self) -> dict[str, NDArray]:
-        """What `info` tells at every step of what befell walkers: a number for each of them."""
-        return self.disturbances.told(self.bodies) if self.disturbances else {}
+        """Entries (count,) of `info` at every step besides those of `task.EVERY_STEP`."""
+        found = self.disturbances.told(self.bodies) if self.disturbances else {}
+        if self.scene.reward_terms:
+            found |= {f"reward_{name}": term for name, term in self.reward_terms().items()}
+        return found
 
     def step(
         self,
@@ -434,9 +460,10 @@ class Batch:
         Raises:
             ValueError: if an action is no finite number; nothing has changed then.
         """
-        custom, plain = self.custom, observations if self._plain is None else self._plain
-        if not custom:
+        custom, plain = self.custom, self._plain
+        if not (custom and self._apart):
             return self._step(actions, observations, rewards, terminated, truncated, again=again)
+        plain = observations if plain is None else plain
         if self.disturbances:
             custom.before(self)
         results = rewards, terminated, truncated
@@ -505,7 +532,7 @@ class Batch:
         self, action: NDArray[np.floating], observation: NDArray[np.float32]
     ) -> tuple[int, int]:
         """A step of a batch of one; what `step` fills besides is left at the door."""
-        if self.disturbances or (self.custom and (self.custom.seen or not self.custom.native)):
+        if self._apart:
             return self.step(action, observation, *self.door.results)
         self.door.actions[...] = action
         wrong, strides, endings = ticks.step_here.compiled(self.door.where, observation)

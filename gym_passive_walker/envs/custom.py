@@ -8,7 +8,6 @@ not accept arrays, walker by walker.
 from __future__ import annotations
 
 import warnings
-from collections import Counter
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from gym_passive_walker.arguments import number, shown, unknown
 from gym_passive_walker.engine import compiled
 from gym_passive_walker.engine.expressions import Expression, choose
-from gym_passive_walker.engine.native import Emitter, Function, Memory, Module, uses
+from gym_passive_walker.engine.native import Memory, Module, uses
 from gym_passive_walker.envs import task, transitions
 from gym_passive_walker.envs.checks import SceneError
 from gym_passive_walker.envs.transitions import (
@@ -48,9 +47,20 @@ TERMS: dict[str, Callable[[Transition], Any]] = {
     "collision_loss": lambda step: step.collision_loss,
     "push_off_work": lambda step: step.push_off_work,
 }
-"""Terms of a weighted reward: distance of the hip, energy charged, 1 for each step without a
-fall, 1 for a fall, distance by which a stride misses its command, squares of the actions, squares
-of their changes, energy lost at impacts, work of the push-off."""
+"""Terms of a weighted reward; `ABOUT_TERMS` says what each one is."""
+
+ABOUT_TERMS = {
+    "distance": "distance of the hip along the slope / l",
+    "energy": "energy that the actuators are charged for / (m g l)",
+    "alive": "1 for each step without a fall",
+    "fell": "1 for a fall",
+    "command": "| step length - command * step period | / l of each stride",
+    "action": "sum of the squares of the actions",
+    "action_change": "sum of the squares of the changes of the actions",
+    "collision_loss": "energy lost at impacts / (m g l)",
+    "push_off_work": "work of the push-off / (m g l)",
+}
+"""Terms of a weighted reward, in words."""
 
 
 _ALL = (1 << len(PARTS)) - 1
@@ -99,15 +109,6 @@ def checked_rule(name: str, given: Any) -> Any:
         weights = ", or weights by name" * (name == "reward")
         raise SceneError(f"{name} must be a function of a step{weights}, not {shown(given)}")
     return given
-
-
-class _Plain(Function):
-    """Compiled code that rounds each operation, as Python does (no fused multiply-add)."""
-
-    def _emitter(self, uses: Counter[Expression], *, vector: bool, lane: bool) -> Emitter:
-        emitter = super()._emitter(uses, vector=vector, lane=lane)
-        emitter.fuses = False
-        return emitter
 
 
 class Rule:
@@ -175,6 +176,13 @@ class Rule:
 
     def _compile(self) -> None:
         """Compile the function, and find the fields that it reads."""
+        module = Module(fuses=False)
+        self.write(module)
+        engine = compiled.loaded(compiled.object_code(module))
+        self.native = engine.get_function_address("rule")
+
+    def write(self, module: Module) -> None:
+        """Add the function, by the name "rule", to a module that rounds each operation."""
         known: dict = {}
         self.size = len(self._traced(_read(Memory(NOTE, 1, known), None, self.actions)))
         self._check_size(self.size)
@@ -198,12 +206,9 @@ class Rule:
             parts = [*PARTS] if noting else [(), *PARTS[1:]]  # the ledger itself is read
             self.noted = sum(1 << i for i, part in enumerate(parts) if read & {*part})
 
-        module = Module()
-        function = _Plain(module, "rule", layouts)
+        function = module.function("rule", layouts)
         function.once(code)
         function.end()
-        engine = compiled.loaded(compiled.object_code(module))
-        self.native = engine.get_function_address("rule")
 
     def __call__(self, notes: NDArray) -> NDArray[np.float64]:
         """Results (n, size) for transitions (n,), by arrays or walker by walker."""
@@ -275,6 +280,8 @@ class Custom:
         notes: Transitions of the last step, (count,) of NOTE.
         rules: Functions by name: "reward", "observation", "terminated".
         noted: Groups of `transitions.PARTS` to record, as bits.
+        native: Whether reward and termination are compiled.
+        seen: Size of the observation; None with the environment's own.
     """
 
     def __init__(self, scene: Any, count: int) -> None:
@@ -286,21 +293,12 @@ class Custom:
                 self.rules[name] = Rule(name, rule_of(given), self._actions)
         self._judged = [name for name in ("reward", "terminated") if name in self.rules]
         self._slow = [name for name in self._judged if not self.rules[name].native]
+        self.native = not self._slow
+        self.seen = self.rules["observation"].size if "observation" in self.rules else None
         self.noted = 0
         for rule in self.rules.values():
             weighted = isinstance(rule.function, Weighted)  # `terms` reads the ledger's fields
             self.noted |= rule.noted | int(weighted)
-
-    @property
-    def seen(self) -> int | None:
-        """Size of the observation; None with the environment's own."""
-        rule = self.rules.get("observation")
-        return rule and rule.size
-
-    @property
-    def native(self) -> bool:
-        """Whether reward and termination are compiled."""
-        return not self._slow
 
     def address(self, name: str) -> int:
         """Address of a compiled function; 0 if there is none."""
@@ -346,13 +344,13 @@ class Custom:
         else:
             rows[lanes] = rule(notes)
 
-    def terms(self, lane: int) -> dict[str, float]:
-        """Terms of a walker's last reward by name; a function has the one term "reward"."""
-        note, rule = self.notes[lane : lane + 1], self.rules["reward"]
-        if isinstance(rule.function, Weighted):
-            step = of_notes(note, self._actions)
-            return {name: np.ravel(x)[0].item() for name, x in rule.function.terms(step).items()}
-        return {"reward": note["paid"][0].item()}
+    def terms(self) -> dict[str, NDArray[np.float64]]:
+        """Terms (count,) of the last rewards by name; a function has the one term "function"."""
+        function = self.rules["reward"].function
+        if not isinstance(function, Weighted):
+            return {"function": self.notes["paid"].copy()}
+        terms = function.terms(of_notes(self.notes, self._actions))
+        return {name: np.array(np.broadcast_to(x, len(self.notes))) for name, x in terms.items()}
 
 
 RULES = ("reward", "observation", "terminated")

@@ -17,11 +17,9 @@ from gym_passive_walker.engine import compiled
 from gym_passive_walker.engine.expressions import choose, larger
 from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.native import Memory, Module
-from gym_passive_walker.gaits.forces import borne, struck
-from gym_passive_walker.physics import legs, straight
-from gym_passive_walker.physics.bodies import SimplestBody
+from gym_passive_walker.gaits.forces import borne, landing, pushed_off, struck
+from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import Control, Outcome, Phase, State, System
-from gym_passive_walker.physics.numbers import sine_cosine
 from gym_passive_walker.physics.systems import SYSTEMS
 
 READINGS = {
@@ -169,27 +167,21 @@ def _before(system: System, outcome: Outcome, record: Memory, body: Memory) -> N
     state = State(*record.entries("state"))
     velocity: tuple[Any, Any] = (0.0, 0.0)
     if outcome == Outcome.HEELSTRIKE:
-        state, velocity = _landing(system, record, body, state)
+        constants, ground = compiled.constants_of(system, body), compiled.ground_of(system, record)
+        push_off: Any = 0.0
+        if "push_off" not in system.absent:
+            push_off = record["push_off"]
+            back, up, stance_knee, _ = pushed_off(constants, state, push_off, ground)
+            pushes = push_off > 0.0
+            _note(body, friction=_ratio(back, choose(pushes, up, 1.0)))
+            if "knee_along" in constants._fields:
+                _note(body, stance_knee_impulse=choose(pushes, stance_knee, np.inf))
+        state, velocity = landing(constants, state, push_off, ground)
         state = state._replace(
             stance_rate=state.thigh_rate, thigh_rate=state.stance_rate, shank_rate=state.stance_rate
         )
     for i, value in enumerate((*state[3:], *velocity)):
         body["before", i] = value
-
-
-def _landing(system: System, record: Memory, body: Memory, state: State) -> tuple[State, Any]:
-    """The state before a heelstrike, push-off done, and the velocity of the foot that lands."""
-    constants, ground = compiled.constants_of(system, body), compiled.ground_of(system, record)
-    push_off: Any = 0.0 if "push_off" in system.absent else record["push_off"]
-    if not isinstance(constants, SimplestBody):
-        return straight.strike_with(constants, state, push_off, ground)[:2]
-    # A leg without mass takes the swing foot along as the hip is pushed.
-    state = legs.standing(constants, state, ground)
-    old, new = state.stance + ground.turn, state.thigh + ground.turn
-    state = state._replace(stance=old, thigh=new)
-    back, up = legs.striking_velocity(constants, state, ground.turn)
-    sine, cosine = sine_cosine(old)
-    return state, (back + push_off * sine, up + push_off * cosine)
 
 
 def _after(system: System, outcome: Outcome, record: Memory, body: Memory) -> None:

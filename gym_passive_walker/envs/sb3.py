@@ -47,6 +47,10 @@ class Lane:
         """How it is drawn."""
         return self._vec_env.worlds.render_mode
 
+    def set_scene(self, scene: Any = None, **changes: Any) -> None:
+        """Change the scene of all walkers; see `PassiveWalkerVectorEnv`."""
+        self._vec_env.set_scene(scene, **changes)
+
     @property
     def walker(self) -> Walker:
         """The walker of this episode."""
@@ -118,7 +122,7 @@ class PassiveWalkerVecEnv(VecEnv):
             autoreset_mode="SameStep",
             **changes,
         )
-        self.batch, self.scene = self.worlds.batch, self.worlds.scene
+        self.batch = self.worlds.batch
         self.token = self.batch.token
         num_envs = self.worlds.num_envs
         self.lanes = [Lane(self, i) for i in range(num_envs)]
@@ -180,6 +184,7 @@ class PassiveWalkerVecEnv(VecEnv):
             lanes = np.flatnonzero(dones).tolist()
             for i in lanes:
                 infos[i] = self._last_info(i, observations[i].copy(), bool(terminated[i]))
+            self.worlds.renew()
             self.batch.start(lanes, flat)
         return observations, rewards.astype(np.float32), dones, infos
 
@@ -252,6 +257,15 @@ class PassiveWalkerVecEnv(VecEnv):
     ) -> NDArray[np.float32]:
         """Give the strides that begin slopes of their own; see `PassiveWalkerVectorEnv`."""
         return self.worlds.set_slopes(slopes, mask)
+
+    @property
+    def scene(self) -> Scene:
+        """What is simulated."""
+        return self.worlds.scene
+
+    def set_scene(self, scene: Any = None, **changes: Any) -> None:
+        """Change the scene, for a curriculum; see `PassiveWalkerVectorEnv`."""
+        self.worlds.set_scene(scene, **changes)
 
     def charge_for(self, energy: str | None) -> None:
         """Charge all motors for another kind of hip work; see `PassiveWalkerVectorEnv`."""

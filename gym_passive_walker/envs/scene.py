@@ -100,6 +100,7 @@ class Scene:
             `custom.TERMS` by name: ``{"distance": 1.0, "energy": -10.0}``.
         observation: What agents see instead: a function of a `Transition` that gives numbers.
         terminated: What ends episodes besides falls: a function of a `Transition`.
+        reward_terms: Whether `info` has the terms of each reward: "reward_distance" and so on.
     """
 
     walker: Walker = "C"  # type: ignore[assignment]
@@ -133,6 +134,7 @@ class Scene:
     reward: Callable[[Any], Any] | dict[str, float] | None = None
     observation: Callable[[Any], Any] | None = None
     terminated: Callable[[Any], Any] | None = None
+    reward_terms: bool = False
 
     def __post_init__(self) -> None:
         """Check every argument, and choose what was left open."""
@@ -186,6 +188,8 @@ class Scene:
         bound("scuff_depth", 0.0, 1.0)
         if self.start is not None:
             put("start", self._checked_start())
+        if not isinstance(self.reward_terms, bool):
+            raise SceneError(f"reward_terms must be True or False, not {shown(self.reward_terms)}")
         for name in RULES:
             put(name, checked_rule(name, getattr(self, name)))
 

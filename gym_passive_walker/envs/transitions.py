@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gym_passive_walker.engine.jit import Kernel, address, call, inlined
+from gym_passive_walker.engine.jit import Kernel, address, call, entry, inlined
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.envs import task
 from gym_passive_walker.envs.checks import CHECKS
@@ -121,7 +121,6 @@ NOTE = np.dtype(
 )
 """Layout of the recorded transition of one walker, and of the results of its functions."""
 
-_ROW, _NOTE = task.LEDGER.itemsize, NOTE.itemsize
 _LEDGER, _STATES, _ACTS, _WORKS, _TIMES = (1 << part for part in range(len(PARTS)))
 
 
@@ -191,7 +190,7 @@ def after(
     Returns:
         Number of episodes that end.
     """
-    count, endings, rows, at = rules[0].actions, 0, address(ledger), address(notes)
+    count = rules[0].actions
     for i in range(len(records)):
         record, row = records[i, 0], ledger[i]
         if record.outcome == RESTING:
@@ -222,28 +221,12 @@ def after(
             lost = row.collision_cost * row.step_length if struck else record.knee_loss
             note.collision_loss = lost - note.lost
         if paid != 0:
-            call(paid, rows + i * _ROW, at + i * _NOTE, 0, 0, 0.0, 0.0)
+            call(paid, entry(ledger, i), entry(notes, i), 0, 0, 0.0, 0.0)
         if ends != 0:
-            call(ends, rows + i * _ROW, at + i * _NOTE, 0, 0, 0.0, 0.0)
-        if at_once:
-            endings += entered(row, note, i, paid != 0, ends != 0, rewards, terminated)
-    return endings
-
-
-@inlined
-def entered(row, note, i, pays, stops, rewards, terminated):
-    """See `enter`."""
-    if pays:
-        row.total += note.paid - row.reward
-        row.reward = note.paid
-        rewards[i] = note.paid
-    if not stops or note.ends == 0.0 or row.ending != 0:
+            call(ends, entry(ledger, i), entry(notes, i), 0, 0, 0.0, 0.0)
+    if not at_once:
         return 0
-    row.ending = STOPPED
-    if row.outcome == 0:
-        row.outcome = STOPPED
-    terminated[i] = True
-    return 1 - row.truncated
+    return enter(records, ledger, notes, paid != 0, ends != 0, rewards, terminated)
 
 
 @Kernel
@@ -251,8 +234,19 @@ def enter(records, ledger, notes, pays, stops, rewards, terminated):
     """Enter rewards and terminations in `notes`; returns the number of episodes that end."""
     endings = 0
     for i in range(len(ledger)):
-        if records[i, 0].outcome != RESTING:
-            endings += entered(ledger[i], notes[i], i, pays, stops, rewards, terminated)
+        if records[i, 0].outcome == RESTING:
+            continue
+        row, note = ledger[i], notes[i]
+        if pays:
+            row.total += note.paid - row.reward
+            row.reward = note.paid
+            rewards[i] = note.paid
+        if stops and note.ends != 0.0 and row.ending == 0:
+            row.ending = STOPPED
+            if row.outcome == 0:
+                row.outcome = STOPPED
+            terminated[i] = True
+            endings += 1 - row.truncated
     return endings
 
 
@@ -260,4 +254,4 @@ def enter(records, ledger, notes, pays, stops, rewards, terminated):
 def look(notes, function, numbers):
     """Write observations (n, size) by a compiled function."""
     for i in range(len(notes)):
-        call(function, address(notes[i:]), address(numbers[i]), 0, 0, 0.0, 0.0)
+        call(function, entry(notes, i), address(numbers[i]), 0, 0, 0.0, 0.0)

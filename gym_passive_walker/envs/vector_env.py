@@ -99,6 +99,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         self._ended = self._everyone.copy()
         self._any_ended = True
         self._begun = False
+        self._next: Batch | None = None  # in the scene that `set_scene` has asked for
 
     @one_thread
     def reset(  # type: ignore[override]
@@ -127,6 +128,10 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             lanes = np.flatnonzero(mask)
             if not self._begun and len(lanes) < self.num_envs:
                 raise ResetNeeded("reset all environments before some of them")
+        if self._next is not None:
+            if len(lanes) < self.num_envs:
+                raise ResetNeeded("the scene has changed: reset all environments")
+            self.renew()
         seed_randoms(self.batch, seed, lanes.tolist())
         observations = np.empty((self.num_envs, self.batch.seen), np.float32)
         self.batch.observe(observations.reshape(-1))
@@ -171,10 +176,22 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         rewards = np.empty(self.num_envs)
         terminated, truncated = np.empty((2, self.num_envs), bool)
         flat, again = observations.reshape(-1), self._any_ended
+        waiting = self._ended.copy() if self._next is not None else None
+        if waiting is not None and again:
+            if waiting.all():  # NEXT_STEP: all begin in the new scene
+                self.renew()
+                waiting = None
+            else:  # once the others have ended too
+                again = False
         strides, endings = self.batch.step(
             actions.reshape(-1), flat, rewards, terminated, truncated, again=again
         )
-        stepped = ~self._ended if again else None  # NEXT_STEP: this was the reset of others
+        if waiting is not None:
+            truncated |= waiting
+            endings += int(waiting.sum())
+        stepped = (
+            ~self._ended if self._any_ended else None
+        )  # NEXT_STEP: this was the reset of others
         if not endings or self.autoreset_mode != AutoresetMode.SAME_STEP:
             if self._any_ended or endings:
                 self._ended, self._any_ended = terminated | truncated, endings > 0
@@ -191,8 +208,36 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             "_final_info": ended.copy(),
             **self._infos(~ended, strides + endings),
         }
+        if self._next is not None:
+            self.renew()
         self.batch.start(np.flatnonzero(ended), flat)
         return observations, rewards, terminated, truncated, infos
+
+    @one_thread
+    def set_scene(
+        self, scene: Scene | str | Mapping[str, Any] | None = None, **changes: Any
+    ) -> None:
+        """Change what is simulated in all environments, for a curriculum.
+
+        The next step truncates all episodes; those that follow are of the new scene.
+
+        Args:
+            scene: Another scene; the present one if None.
+            **changes: Arguments of the scene that change.
+
+        Raises:
+            SceneError: if there is no such scene, or its observations or actions are other ones;
+                nothing has changed then.
+        """
+        now = self.scene if self._next is None else self._next.scene
+        self._next = self.batch.changed(make_scene(now if scene is None else scene, **changes))
+        self.batch.rules["step_limit"] = 0.0
+
+    def renew(self) -> None:
+        """Go over to the scene that `set_scene` has asked for; all episodes have ended."""
+        if self._next is not None:
+            self.batch.become(self._next)
+            self.scene, self._next = self.batch.scene, None
 
     @one_thread
     def set_slopes(
@@ -225,9 +270,9 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         return observations
 
     @property
-    def reward_terms(self) -> list[dict[str, float]]:
-        """Of what each environment's last reward is made, by name; it is their sum."""
-        return [self.batch.reward_terms(i) for i in range(self.num_envs)]
+    def reward_terms(self) -> dict[str, NDArray[np.float64]]:
+        """Terms (num_envs,) of the last rewards by name; a reward is their sum."""
+        return self.batch.reward_terms()
 
     @property
     def charged_for(self) -> str:

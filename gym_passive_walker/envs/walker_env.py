@@ -130,6 +130,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     - "diverged": the motion left the range of numbers; no ordinary action gets there.
     - "lost_contact", "slipped", "stance_knee_gave_way", "scuffed": where `reality` has the check
       "contact", "friction", "knee lock" or "scuffing" end episodes. The stride does not count.
+    - "stopped": the scene's own `terminated` holds.
 
     Truncation: after 4000 steps (`max_episode_steps` of `gymnasium.make`).
 
@@ -178,9 +179,30 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `friction`       | 0.8                 | coefficient of foot and ground             |
     | `knee_latch`     | 0.0                 | torque that holds the stance knee          |
     | `scuff_depth`    | 0.01                | how deep the swing foot may pass           |
+    | `reward`         | None                | function of a `Transition`, or weights     |
+    | `observation`    | None                | function of a `Transition`: the numbers    |
+    | `terminated`     | None                | function of a `Transition`: ends episodes  |
+    | `reward_terms`   | False               | whether `info` has the reward's terms      |
     | `render_mode`    | None                | "human", "rgb_array" or None               |
 
     `gymnasium.make_vec` takes the same, and runs all environments in one kernel.
+
+    `reward`, `observation` and `terminated` are functions of a `gym_passive_walker.Transition`, the
+    result of one control step. They replace the reward and the observation above; `terminated` ends
+    episodes in addition to the rules above. A function is compiled if it uses arithmetic,
+    comparisons and `gym_passive_walker.math` alone; others are called after each step. Of a reward,
+    weights of terms by name are enough: `reward={"distance": 1.0, "energy": -10.0, "alive": 0.1}`.
+
+    ```python
+    >>> from gym_passive_walker.math import exp
+    >>> def keep_speed(step):
+    ...     return exp(-100.0 * (step.distance / step.duration - 0.15) ** 2) - 10.0 * step.energy
+    >>> env = gym.make("PassiveWalker-v0", reward=keep_speed)
+
+    ```
+
+    `gym_passive_walker.explain(env)` prints observation, action, reward and endings as tables.
+    `env.unwrapped.set_scene(slope=0.02)` changes arguments for the episodes that follow.
 
     ## Version History
 
@@ -285,7 +307,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             }
             if struck:
                 info |= zip(task.EVERY_STRIDE, door.of_stride.tolist(), strict=True)
-            if batch.disturbances:
+            if batch.disturbances or self.scene.reward_terms:
                 info |= {name: column.item() for name, column in batch.told().items()}
             if struck or ended:
                 info["outcome"] = interface.OUTCOMES[outcome]
@@ -361,10 +383,28 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         self.batch.observe(observation)
         return observation
 
+    @one_thread
+    def set_scene(
+        self, scene: Scene | str | Mapping[str, Any] | None = None, **changes: Any
+    ) -> None:
+        """Change what is simulated, for a curriculum. The episode under way ends: call `reset`.
+
+        Args:
+            scene: Another scene; the present one if None.
+            **changes: Arguments of the scene that change.
+
+        Raises:
+            SceneError: if there is no such scene, or its observations or actions are other ones;
+                nothing has changed then.
+        """
+        scene = make_scene(self.scene if scene is None else scene, **changes)
+        self.batch.become(self.batch.changed(scene))
+        self.scene, self._ready = scene, False
+
     @property
     def reward_terms(self) -> dict[str, float]:
-        """Of what the last step's reward is made, by name; it is their sum."""
-        return self.batch.reward_terms(0)
+        """Terms of the last reward by name; the reward is their sum."""
+        return {name: term.item() for name, term in self.batch.reward_terms().items()}
 
     @property
     def charged_for(self) -> str:

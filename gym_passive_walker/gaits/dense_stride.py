@@ -19,13 +19,12 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import brentq
 
 from gym_passive_walker.gaits.actuation import Actuation
-from gym_passive_walker.gaits.forces import forces, impulses
+from gym_passive_walker.gaits.forces import forces, landing, pushed_off, struck
 from gym_passive_walker.gaits.given import walk_of
-from gym_passive_walker.gaits.measures import foot_velocity
 from gym_passive_walker.gaits.passage import NoStride
 from gym_passive_walker.gaits.stride import Stride
 from gym_passive_walker.gaits.stride_map import MapLike, Samples, StrideMap
-from gym_passive_walker.physics.hybrid import State
+from gym_passive_walker.physics.hybrid import Ground, State
 from gym_passive_walker.physics.systems import body_of, system_of
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker
@@ -277,7 +276,7 @@ def phases_of(
             instants.add(count * held)
     phases = []
     for first, last in pairwise(sorted(instants)):
-        torques = look(np.array([0.5 * (first + last)])).torques[0, 0]
+        torques = look(np.array([0.5 * (first + last)])).controls[0, 0]
         hip, ankle = float(torques[0]) * own.torque, float(torques[1]) * own.energy
         series = fit(samples, first, last, units=units, accuracy=10.0 * tolerance)
         for piece in series:
@@ -286,23 +285,49 @@ def phases_of(
     return phases
 
 
-def collision(walker: Walker, last: Phase, after: NDArray) -> tuple[Impulse, Extreme]:
-    """Impulses of the collision that ends a phase: at kneestrike while the knee is free.
+def kneestrike(walker: Walker, last: Phase, after: NDArray) -> tuple[Impulse, Extreme]:
+    """Impulses of the kneestrike that ends a phase.
 
     Args:
         walker: The walker.
         last: The phase.
-        after: The state (6,) that the collision leads to, with the roles that legs then have.
+        after: State (6,) that the kneestrike leads to.
 
     Returns:
         That on the stance foot, and that on the stance knee's stop, positive when it is pressed.
     """
-    before, foot_jump = last.state_at(last.end), np.zeros(2)
-    if last.locked or not walker.knees:  # at heelstrike the legs exchange their roles
-        jumps = after[3:] - before[[4, 3, 3]]
-        foot_jump = -np.array(foot_velocity(walker, before))
-    else:
-        jumps = after[3:] - before[3:]
-    given = impulses(walker, after[None, :3], jumps[None], foot_jump)
-    ground = Impulse(float(given.normal[0]), float(given.tangential[0]), last.end)
-    return ground, Extreme(float(given.stance_knee[0]), last.end)
+    jumps = (after - last.state_at(last.end))[3:] * units_of(walker).time
+    return _given(walker, struck(body_of(walker), after[:3], jumps, (0.0, 0.0)), last.end)
+
+
+def heelstrike(
+    walker: Walker, last: Phase, after: NDArray, push_off: float
+) -> tuple[tuple[Impulse, Extreme], tuple[Impulse, Extreme]]:
+    """Impulses of the heelstrike that ends a phase, and of the push-off before it.
+
+    Args:
+        walker: The walker.
+        last: The phase.
+        after: State (6,) that the heelstrike leads to, with the roles that legs then have.
+        push_off: Impulse along the old stance leg, dimensionless.
+
+    Returns:
+        That of the ground on the new stance foot, and that on the new stance knee's stop, positive
+        when it is pressed; the same of the push-off, on the old foot and knee; NaN without one.
+    """
+    units, body, level = units_of(walker), body_of(walker), Ground(0.0, 1.0)
+    before = State(*units.to_dimensionless(last.state_at(last.end)))
+    left = pushed_off(body, before, push_off, level) if push_off else (np.nan,) * 4
+    old, (back, up) = landing(body, before, push_off, level)
+    rates = np.array([old.thigh_rate, old.stance_rate, old.stance_rate])
+    jumps = units.to_dimensionless(after)[3:] - rates
+    given = _given(walker, struck(body, after[:3], jumps, (-back, -up)), last.end)
+    return given, _given(walker, left, last.end)
+
+
+def _given(walker: Walker, carried: tuple[float, ...], time: float) -> tuple[Impulse, Extreme]:
+    """Impulses (back, up, on the stance knee's stop, …), in the walker's own units."""
+    units, (back, up, knee, _) = units_of(walker), map(float, carried)
+    scale = units.force * units.time
+    ground = Impulse(up * scale, -back * scale, time)
+    return ground, Extreme(knee * units.energy * units.time if walker.knees else np.nan, time)

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker.physics import legs, straight
 from gym_passive_walker.physics.bodies import KneedBody, SimplestBody
 from gym_passive_walker.physics.hybrid import Control, Ground, State
 from gym_passive_walker.physics.legs import hip_torque as torque_at_hip
@@ -148,6 +149,46 @@ def struck(body, angles, jumps, foot_jump):
     """
     still = (0.0, 0.0, 0.0)
     return reactions(linked(body), angles, still, jumps, foot_jump, 0.0)
+
+
+def landing(body, state, push_off, ground):
+    """The state just before a heelstrike, push-off done.
+
+    Args:
+        body: The walker.
+        state: Its state as the swing foot lands.
+        push_off: Impulse along the stance leg; a number 0.0 if there is none.
+        ground: Where it lands.
+
+    Returns:
+        That state, with straight legs and angles from the next foothold's normal; and the velocity
+        (back, up) there of the foot that lands.
+    """
+    if not isinstance(body, SimplestBody):
+        return straight.strike_with(body, state, push_off, ground)[:2]
+    # A leg without mass takes the swing foot along as the hip is pushed.
+    state = legs.standing(body, state, ground)
+    old, new = state.stance + ground.turn, state.thigh + ground.turn
+    state = state._replace(stance=old, thigh=new)
+    back, up = legs.striking_velocity(body, state, ground.turn)
+    sine, cosine = sine_cosine(old)
+    return state, (back + push_off * sine, up + push_off * cosine)
+
+
+def pushed_off(body, state, push_off, ground):
+    """Impulses on the foot that leaves and on both knees' stops: `reactions` to a push-off.
+
+    The arguments are those of `landing`.
+    """
+    state = legs.standing(body, state, ground)
+    if isinstance(body, SimplestBody):
+        sine, cosine = sine_cosine(state.stance)
+        return push_off * sine, push_off * cosine, 0.0, 0.0
+    (back, up), stance, swing, _ = legs.push_off(body, state.stance, state.thigh)
+    hip_back, hip_up = legs.hip(body, state.stance)
+    foot = push_off * (back - stance * hip_up), push_off * (up + stance * hip_back)
+    jumps = push_off * stance, push_off * swing, push_off * swing
+    return struck(body, (state.stance, state.thigh, state.thigh), jumps, foot)
 
 
 class Reactions(NamedTuple):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,9 +20,10 @@ from gym_passive_walker.gaits.dense_stride import (
     Extreme,
     Impulse,
     Phase,
-    collision,
     foot_clearance,
     greatest,
+    heelstrike,
+    kneestrike,
     least,
     phases_of,
     ratio_turns,
@@ -82,6 +83,8 @@ class RealityCheck(Table):
         stance_friction: Greatest coefficient of friction needed between collisions.
         kneestrike_impulse: Of the ground on the stance foot at kneestrike.
         heelstrike_impulse: Of the ground on the new stance foot at heelstrike.
+        stance_knee_at_push_off: Impulse of a push-off on the old stance knee's stop.
+        push_off_impulse: Impulse of the ground on the old stance foot at a push-off.
         knee_flexion: Least flexion in rad of the new swing knee from heelstrike to kneestrike:
             negative when it hyperextends.
         release_velocity: Velocity of the old stance foot away from the ground just after
@@ -105,6 +108,8 @@ class RealityCheck(Table):
     stance_friction: Extreme
     kneestrike_impulse: Impulse
     heelstrike_impulse: Impulse
+    stance_knee_at_push_off: Extreme
+    push_off_impulse: Impulse
     knee_flexion: Extreme
     release_velocity: Extreme
     release_depth: Extreme
@@ -123,12 +128,14 @@ class RealityCheck(Table):
                 self.stance_knee_torque.value,
                 self.stance_knee_at_kneestrike.value,
                 self.stance_knee_at_heelstrike.value,
+                self.stance_knee_at_push_off.value,
             ),
             "contact": never_negative(self.least_normal_force.value, knee.normal, heel.normal),
             "friction": never_negative(
                 self.friction - self.stance_friction.value,
                 self.friction - knee.friction.value,
                 self.friction - heel.friction.value,
+                self.friction - self.push_off_impulse.friction.value,
             ),
             "hyperextension": never_negative(self.knee_flexion.value),
             "release": never_negative(self.release_velocity.value),
@@ -146,12 +153,18 @@ class RealityCheck(Table):
         weight = units.force
         knee, heel = self.kneestrike_impulse, self.heelstrike_impulse
         knee_normal, heel_normal = Extreme(knee.normal, knee.time), Extreme(heel.normal, heel.time)
+
+        def pushed(what: str, extreme: Extreme, unit: float, name: str) -> list[Any]:
+            there = not np.isnan(self.push_off_impulse.normal)
+            return [(what, extreme, unit * time, name)] if there else []
+
         table: dict[str, list[tuple[str, Extreme, float, str]]] = {
             "scuffing": [("swing foot's least clearance", self.clearance, length, "l")],
             "knee lock": [
                 ("stance knee's least torque", self.stance_knee_torque, torque, "m g l"),
                 ("  impulse at kneestrike", self.stance_knee_at_kneestrike, torque * time, "m l v"),
                 ("  impulse at heelstrike", self.stance_knee_at_heelstrike, torque * time, "m l v"),
+                *pushed("  impulse at push-off", self.stance_knee_at_push_off, torque, "m l v"),
                 ("swing knee's least torque", self.swing_knee_torque, torque, "m g l"),
             ],
             "contact": [
@@ -164,6 +177,7 @@ class RealityCheck(Table):
                 ("needed between collisions", self.stance_friction, 1.0, ""),
                 ("needed at kneestrike", knee.friction, 1.0, ""),
                 ("needed at heelstrike", heel.friction, 1.0, ""),
+                *pushed("needed at push-off", self.push_off_impulse.friction, 1.0 / time, ""),
             ],
             "hyperextension": [("swing knee's least flexion", self.knee_flexion, 1.0, "rad")],
             "release": [
@@ -261,12 +275,15 @@ def reality_check(
 
     Raises:
         NoStride: if a stride does not end with a heelstrike, or has no time for its straight leg.
-        ValueError: if a number is not finite or out of its range, or a stride has a push-off,
-            whose impulse on the foot that leaves is not in these checks.
+        ValueError: if a number is not finite or out of its range, or the map has a terrain: a
+            foot's clearance has no meaning between footholds.
     """
     walker, slope, state, motors, period, controlled = walk_of(walker, slope, state, hip_torque)
     if controlled is not None and controlled.terrain is not None:
-        raise ValueError("reality_check looks at walks on smooth ground, not on a terrain")
+        raise ValueError(
+            "reality_check needs smooth ground: on a terrain the ground between two footholds is "
+            "not defined, and so is the clearance of the swing foot"
+        )
     slope, strides = one_slope(slope), whole(period if strides is None else strides, "strides")
     friction = number(friction, "friction", least=0.0, most=math.inf)
     tolerance, here = check_tolerance(tolerance), check_state(state)
@@ -277,8 +294,9 @@ def reality_check(
         raise ValueError(f"reality_check takes one walker: state must be (6,), not {here.shape}")
     time = 0.0
     phases: list[Phase] = []
-    knees, heels = [], []
+    knees, heels, pushes = [], [], []
     velocities, depths, clearances, flexions = [], [], [], []
+    own = units_of(walker)
     for count in range(1, strides + 1):
         end = walks.stride(here, slope)
         if end.outcome != Outcome.HEELSTRIKE:
@@ -286,12 +304,8 @@ def reality_check(
                 f"stride {count} does not end with a heelstrike but with "
                 f"{Outcome(end.outcome).name}, so there is nothing to check"
             )
-        if np.any(end.push_off_work):
-            raise ValueError(
-                "reality_check does not know the impulse of a push-off on the foot that leaves, "
-                f"and stride {count} ends with one"
-            )
         parts = phases_of(walks, slope, here, end, offset=time)
+        first = walks.dimensionless(here)
         velocity = float(foot_clearance(walker, here[None])[1][0])
         depth, clearance = _release_and_passing(
             turns(phase.clearance for phase in parts), rising=velocity >= 0.0
@@ -305,8 +319,11 @@ def reality_check(
             bent = turns(phase.flexion for phase in free)
             flexions.append(Extreme(0.0, time) if bends else least(bent))
             locked = parts[len(free)]
-            knees.append(collision(walker, free[-1], locked.state_at(locked.start)))
-        heels.append(collision(walker, parts[-1], end.state))
+            knees.append(kneestrike(walker, free[-1], locked.state_at(locked.start)))
+        look = walks.look(first, np.array([slope]), np.array([[float(end.duration) / own.time]]))
+        heel, push = heelstrike(walker, parts[-1], end.state, float(look.controls[0, 0, 2]))
+        heels.append(heel)
+        pushes += [push] * (not np.isnan(push[0].normal))
         phases += parts
         time, here = time + float(end.duration), end.state
 
@@ -332,6 +349,8 @@ def reality_check(
         stance_friction=greatest(e._replace(value=abs(e.value)) for e in ratios),
         kneestrike_impulse=worst(knees),
         heelstrike_impulse=worst(heels),
+        stance_knee_at_push_off=least(stop for _, stop in pushes),
+        push_off_impulse=worst(pushes),
         knee_flexion=least(flexions),
         release_velocity=least(velocities),
         release_depth=least(depths),

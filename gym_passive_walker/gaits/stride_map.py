@@ -49,12 +49,12 @@ class Samples(NamedTuple):
     Attributes:
         states: (n, k, 6).
         stages: `Stage` of the swing leg, (n, k).
-        torques: Of hip and ankle, (n, k, 2).
+        controls: Hip torque, ankle torque and push-off, (n, k, 3).
     """
 
     states: NDArray[np.float64]
     stages: NDArray[np.int64]
-    torques: NDArray[np.float64]
+    controls: NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -495,8 +495,8 @@ class StrideMap(Section):
             self.walkers, states, slopes, controls=actuations[:, :2], save_at=times, rises=rises,
             turns=turns,
         )  # fmt: skip
-        torques = np.broadcast_to(actuations[:, None, :2], (*times.shape, 2))
-        return Samples(seen.states, seen.stages, torques)
+        controls = np.broadcast_to(actuations[:, None, :], (*times.shape, 3))
+        return Samples(seen.states, seen.stages, controls)
 
     def sample(self, points: NDArray, slopes: ArrayLike, times: NDArray) -> Samples:
         """Look at strides inside: every sample is as exact as the map itself.

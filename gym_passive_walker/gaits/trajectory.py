@@ -219,7 +219,7 @@ def simulate(
         strides=np.repeat(np.arange(made), samples),
         phases=seen.stages.ravel(),
         outcomes=np.array([int(walk.outcome) for walk in walks]),
-        torques=(seen.torques * [units.torque, units.energy]).reshape(-1, 2),
+        torques=(seen.controls[..., :2] * [units.torque, units.energy]).reshape(-1, 2),
         terrain=footholds,
         key=key,
     )

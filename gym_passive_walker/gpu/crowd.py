@@ -15,34 +15,33 @@ from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import options
 from gym_passive_walker.envs import fates, task
 from gym_passive_walker.envs.batch import rules_of, system_in
-from gym_passive_walker.envs.custom import RULES
+from gym_passive_walker.envs.custom import Custom, Rule
 from gym_passive_walker.envs.disturbances import Disturbances, disturbed
 from gym_passive_walker.envs.reality import ROOM
-from gym_passive_walker.envs.scene import Scene, make_scene, plain
+from gym_passive_walker.envs.scene import Scene, SceneError, make_scene
 from gym_passive_walker.envs.starts import Starts
+from gym_passive_walker.envs.transitions import NOTE
 from gym_passive_walker.gpu import device, episodes
-from gym_passive_walker.gpu.bookkeeping import Bound
 from gym_passive_walker.gpu.episodes import Play, Walkers, World
 from gym_passive_walker.gpu.lane import machinery
-from gym_passive_walker.gpu.strides import Strides
 from gym_passive_walker.physics.systems import bodies
 
 DRAWN = 4096
 """Walkers that the episodes of a scene with random ones draw from."""
 
 
-WAYS = "loop", "sorted", "passes"
-"""How threads go through phases: each takes its walker through all of them, in the order of their
-numbers or so that neighbours begin in the same phase; or one phase after the other, over those
-alone who wait in it, where nothing befalls walkers on their way."""
-
-
 @lru_cache
 def _kernels(
-    system: str, pushed: bool, watched: bool, fateful: bool, way: str
-) -> tuple[Any, Any, Any]:
-    """What resets walkers, what steps them, and what commands them before passes."""
-    bound = machinery(system, pushed=pushed, watched=watched).bound
+    system: str, pushed: bool, watched: bool, fateful: bool, rules: tuple[Rule, ...]
+) -> tuple[Any, Any]:
+    """The kernels that reset walkers, and that step them."""
+    bound = machinery(system, pushed=pushed, watched=watched, rules=rules).bound
+    if rules:
+        bound = bound.instead({
+            episodes.plain_before: episodes.own_before,
+            episodes.plain_after: episodes.own_after,
+            episodes.plain_sight: episodes.own_sight,
+        })  # fmt: skip
     if fateful:
         bound = bound.instead({
             fates.copied: episodes.as_it_is,
@@ -50,9 +49,7 @@ def _kernels(
             episodes.calm_begin: episodes.fateful_begin,
             episodes.calm_step: episodes.fateful_step,
         })  # fmt: skip
-    if way == "passes":
-        bound = bound.instead({episodes.calm_step: episodes.calm_settle})
-    kernels = episodes.reset_kernel, episodes.step_kernel, episodes.command_kernel
+    kernels = episodes.reset_kernel, episodes.step_kernel
     return tuple(device.kernel(bound.rebound(kernel)) for kernel in kernels)  # type: ignore[return-value]
 
 
@@ -67,7 +64,6 @@ class Crowd:
         scene: As of `PassiveWalkerEnv`.
         step_limit: Steps after which an episode is truncated.
         seed: Of the first walker: any whole number below 2^64.
-        way: How threads go through phases, one of WAYS.
         **changes: As of `PassiveWalkerEnv`.
 
     Attributes:
@@ -75,8 +71,8 @@ class Crowd:
         walkers: What is kept of each walker, likewise.
 
     Raises:
-        NoDevice: if there is no device.
-        SceneError: if there is no such scene.
+        NoDevice: if there is no GPU.
+        SceneError: if there is no such scene, or a function of it cannot be compiled.
     """
 
     def __init__(
@@ -86,31 +82,30 @@ class Crowd:
         *,
         step_limit: float = math.inf,
         seed: int = 0,
-        way: str = "sorted",
         **changes: Any,
     ) -> None:
         device.need_device()
-        self.scene = plain(make_scene(scene, **changes), "walkers on a device have", *RULES)
+        self.scene = make_scene(scene, **changes)
         self.count = whole(count, "count")
-        self.seen = task.SIZE + (self.scene.command is not None) + 2 * self.scene.preview
+        self.custom = Custom(self.scene, 0)
+        for name, rule in self.custom.rules.items():
+            if not rule.native:
+                raise SceneError(
+                    f"{name} cannot be compiled, which walkers on a GPU need: use gpw.math, and "
+                    "its where() instead of if"
+                )
+        self._shown = task.SIZE + (self.scene.command is not None) + 2 * self.scene.preview
+        self.seen = self.custom.seen or self._shown
         system, fateful = system_in(self.scene, self.scene.walker), disturbed(self.scene)
         self._system, pushed, watched = system, bool(self.scene.pushes), bool(self.scene.reality)
-        if way not in WAYS or (fateful and way == "passes"):
-            raise ValueError(
-                f"threads go through phases as {', '.join(WAYS)} (passes where nothing befalls "
-                f"walkers on their way), not {way!r}"
-            )
-        self._way = way
-        kernels = _kernels(system.name, pushed, watched, fateful, way)
-        self._reset, self._step, self._command = kernels
-        here = machinery(system.name, pushed=pushed, watched=watched)
+        rules = tuple(self.custom.rules.values())
+        self._reset, self._step = _kernels(system.name, pushed, watched, fateful, rules)
+        here = machinery(system.name, pushed=pushed, watched=watched, rules=rules)
         drawn = self._drawn()
         self.walkers = self._walkers(drawn, seed, own=fateful or len(drawn) > 1)
         self._limit = step_limit
         self._world = self._as_told(here, drawn)
         self.play = self._play()
-        self._order, self._none = _ordering()
-        self._passes = Strides(system.name, "passes") if way == "passes" else None
 
     def _drawn(self) -> NDArray[np.float64]:
         """Constants of the walkers that episodes draw from."""
@@ -132,8 +127,7 @@ class Crowd:
             episodes=device.put(np.zeros(count, np.int64)),
             fates=device.room(count if fateful else 0, fates.FATE),
             pending=device.room((count if fateful else 0, *late), float),
-            order=device.room(count if self._way == "sorted" else 0, np.int64),
-            counts=device.room(2, np.int64),
+            notes=device.put(np.zeros(count if self.custom.rules else 0, NOTE)),
         )
 
     def _keys(self, seed: int) -> NDArray[np.uint64]:
@@ -166,6 +160,10 @@ class Crowd:
             np.zeros(1, RECORD), np.zeros(1, task.LEDGER), np.zeros(1, fates.FATE),
             np.array([starts.low, starts.high]), nodes, states, np.array([scene.perturbation]),
             drawn, befall.odds, here.natives, *befall.terrain,
+            np.array([
+                self.custom.noted,
+                *(here.rules.get(name, 0) for name in ("reward", "terminated", "observation")),
+            ]),
         )  # fmt: skip
         return World(*map(device.put, arrays))
 
@@ -178,33 +176,17 @@ class Crowd:
             terminated=device.room(count, bool),
             truncated=device.room(count, bool),
             last=device.put(np.zeros(count * self.seen, np.float32)),
+            plain=device.room(count * self._shown if self.custom.seen else 0, np.float32),
+            numbers=device.room((count, self.custom.seen or 0), float),
         )
 
     def reset(self, *, stream: Any = 0) -> None:
         """Begin an episode of every walker."""
-        arguments = self.walkers, self._world, self.play.observations
-        device.launch(self._reset, self.count, *arguments, stream=stream)
+        device.launch(self._reset, self.count, self.walkers, self._world, self.play, stream=stream)
 
     def step(self, *, stream: Any = 0) -> None:
         """A step of every walker, by `play.actions`: nothing is moved to or from the device.
 
         A walker whose action is no finite number stays as it is, and its reward is not a number.
         """
-        count, everything = self.count, (self.walkers, self._world, self.play)
-        if self._way == "sorted":
-            device.launch(self._none, 1, self.walkers.counts, stream=stream)
-            device.launch(self._order, count, self.walkers, stream=stream)
-        elif self._passes:
-            device.launch(self._command, count, *everything, stream=stream)
-            self._passes(
-                self.walkers.records, self.walkers.bodies, tolerance=self.scene.tolerance,
-                scuff=bool(self.scene.stub), from_section=False, stream=stream,
-            )  # fmt: skip
-        device.launch(self._step, count, *everything, stream=stream)
-
-
-@lru_cache
-def _ordering() -> tuple[Any, Any]:
-    """What orders walkers, and what begins to count them."""
-    order = Bound({}).rebound(episodes.order_kernel)
-    return device.kernel(order), device.kernel(device.none_kernel)
+        device.launch(self._step, self.count, self.walkers, self._world, self.play, stream=stream)

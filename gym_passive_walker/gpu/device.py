@@ -8,7 +8,6 @@ from typing import Any
 
 import numba.cuda
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
 cuda: Any = numba.cuda
@@ -85,34 +84,6 @@ def launch(kernel: Any, count: int, *arguments: Any, stream: Any = 0) -> None:
     with warnings.catch_warnings():  # what a device does in silence
         warnings.simplefilter("ignore", RuntimeWarning)
         kernel[count, 1](*arguments)
-
-
-def place_of(mine, which, counts):
-    """A place of this thread's own among those of its kind, from 0 on.
-
-    Blocks count for themselves before they ask for places: a counter serves one thread at a time.
-
-    Args:
-        mine: Whether this thread wants one.
-        which: Of which kind, 0 or 1.
-        counts: How many of each kind have one, (2,).
-    """
-    block, first = cuda.shared.array(4, types.int64), cuda.threadIdx.x == 0
-    if first:
-        block[0] = block[1] = 0
-    cuda.syncthreads()
-    rank = cuda.atomic.add(block, which, 1) if mine else 0
-    cuda.syncthreads()
-    if first:
-        block[2] = cuda.atomic.add(counts, 0, block[0])
-        block[3] = cuda.atomic.add(counts, 1, block[1])
-    cuda.syncthreads()
-    return block[2 + which] + rank
-
-
-def none_kernel(counts):
-    """Begin to count."""
-    counts[0] = counts[1] = 0
 
 
 def kernel(function: Callable[..., None]) -> Any:

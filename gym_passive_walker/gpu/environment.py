@@ -32,7 +32,6 @@ class PassiveWalkerGpuEnv:
         scene: As of `PassiveWalkerEnv`.
         max_episode_steps: Steps after which an episode is truncated; -1 or None for never.
         seed: Of the first walker; the next have those that follow.
-        way: As of `Crowd`.
         **changes: As of `PassiveWalkerEnv`.
 
     Attributes:
@@ -51,14 +50,15 @@ class PassiveWalkerGpuEnv:
         *,
         max_episode_steps: int | None = MAX_EPISODE_STEPS,
         seed: int = 0,
-        way: str = "sorted",
         **changes: Any,
     ) -> None:
         limit, self.token = interface.step_limit(max_episode_steps), Token()
-        self.crowd = Crowd(num_envs, scene, step_limit=limit, seed=seed, way=way, **changes)
+        self.crowd = Crowd(num_envs, scene, step_limit=limit, seed=seed, **changes)
         self.device = torch.device("cpu" if SIMULATED else "cuda")
         self.num_envs = num_envs
-        self.observation_space = interface.observation_space(self.crowd.scene)
+        self.observation_space = interface.observation_space(
+            self.crowd.scene, self.crowd.custom.seen
+        )
         self.action_space = interface.action_space(self.crowd.scene.actions)
         self._play = self.crowd.play._make(map(_tensor, self.crowd.play))
         self._told = _tensor(self.crowd.walkers.told.view(np.float64)).view(num_envs, -1)

@@ -14,9 +14,9 @@ import numpy as np
 
 from gym_passive_walker.engine.chance import uniform, word
 from gym_passive_walker.engine.run import carry_on
-from gym_passive_walker.envs import fates, task
+from gym_passive_walker.envs import fates, task, transitions
 from gym_passive_walker.envs.starts import DRAWS, between
-from gym_passive_walker.gpu.device import cuda, kind, place_of
+from gym_passive_walker.gpu.device import cuda, kind
 from gym_passive_walker.gpu.lane import RUN, TILE
 
 _START, _WHO = 200, 201  # streams of random numbers of a walker's key
@@ -34,8 +34,7 @@ class Walkers(NamedTuple):
         episodes: That each has begun.
         fates: Of `fates.FATE`; of none where nothing befalls them.
         pending: Actions that come late, (n, steps, actions); likewise.
-        order: Which walker each thread takes.
-        counts: How many walkers stand in the first phase, and in another, as order is made.
+        notes: Of `transitions.NOTE`; of none without users' own functions.
     """
 
     records: Any
@@ -46,8 +45,7 @@ class Walkers(NamedTuple):
     episodes: Any
     fates: Any
     pending: Any
-    order: Any
-    counts: Any
+    notes: Any
 
 
 class World(NamedTuple):
@@ -69,6 +67,8 @@ class World(NamedTuple):
         natives: Of `reality.NATIVE`.
         table: Of the terrain's footholds.
         spread: Likewise.
+        own: Fields that users' functions read, and the numbers by which their reward, termination
+            and observation are called; see `transitions.after`.
     """
 
     phases: Any
@@ -86,6 +86,7 @@ class World(NamedTuple):
     natives: Any
     table: Any
     spread: Any
+    own: Any
 
 
 class Play(NamedTuple):
@@ -98,6 +99,8 @@ class Play(NamedTuple):
         terminated: Filled.
         truncated: Filled.
         last: Filled with observations before another episode began.
+        plain: The environment's observations, where a user's function makes others.
+        numbers: Results of that function, (n, size).
     """
 
     actions: Any
@@ -106,6 +109,8 @@ class Play(NamedTuple):
     terminated: Any
     truncated: Any
     last: Any
+    plain: Any
+    numbers: Any
 
 
 DESK = kind(
@@ -178,6 +183,55 @@ befall = calm_begin
 """What begins besides; bound to `fateful_begin` where something befalls walkers."""
 
 
+def plain_before(walkers, world, i):
+    """Nothing is recorded before a step without users' own functions."""
+
+
+def plain_after(walkers, world, i, actions, rewards, terminated):
+    """Nothing is evaluated after it."""
+
+
+def plain_sight(walkers, world, play, i, observations, begins):
+    """Nothing else is seen."""
+
+
+def own_before(walkers, world, i):
+    """Record the state before a step."""
+    own = slice_of(i)
+    transitions.before(walkers.records[own], walkers.notes[own], world.own[0])
+
+
+def own_after(walkers, world, i, actions, rewards, terminated):
+    """Evaluate a user's reward and termination."""
+    own = slice_of(i)
+    if len(walkers.fates) > 0:
+        walkers.notes[i].push = walkers.fates[i].impulse
+    transitions.after(
+        walkers.records[own], walkers.ledger[own], world.rules, world.phases, actions,
+        walkers.notes[own], world.own[0], world.own[1], world.own[2], True, rewards, terminated,
+    )  # fmt: skip
+
+
+def own_sight(walkers, world, play, i, observations, begins):
+    """Clear the transition if an episode begins; observe by a user's function if there is one."""
+    own = slice_of(i)
+    notes = walkers.notes[own]
+    if begins:
+        lanes = cuda.local.array(1, np.int64)
+        lanes[0] = 0
+        transitions.begin(walkers.records[own], walkers.ledger[own], world.phases, lanes, notes)
+        if len(walkers.fates) > 0:
+            notes[0].command = walkers.fates[i].command
+    if world.own[3] != 0:
+        transitions.look(notes, world.own[3], play.numbers[own])
+        for k in range(len(observations)):
+            observations[k] = play.numbers[i, k]
+
+
+before, after, sight = plain_before, plain_after, plain_sight
+"""Users' own functions; bound to `own_before`, `own_after`, `own_sight` where there are some."""
+
+
 def carry_through(records, bodies, fates_, phases, options, tiles, courses, odds, natives):
     """Carry the one walker to the end of its step; as of `fates.carry_through`."""
     record, fate = records[0, 0], fates_[0]
@@ -224,32 +278,19 @@ one_step = calm_step
 """A walker's step; bound to `fateful_step` where something befalls walkers."""
 
 
-def command_kernel(walkers, world, play):
-    """Set the torques of the walker of this thread, which waits where it stands then."""
-    i = cuda.grid(1)
-    if i < len(walkers.records):
-        own, count = slice_of(i), len(play.actions) // len(walkers.records)
-        actions = play.actions[i * count : (i + 1) * count]
-        wrong = task.command(walkers.records[own], walkers.ledger[own], world.rules[0], actions)
-        if wrong >= 0:  # its time is up
-            walkers.records[i, 0].end = walkers.records[i, 0].time
-
-
-def calm_settle(
-    walkers, world, i, tiles, courses, actions, observations, rewards, terminated, truncated
-):
-    """What the step of a walker has come to that others have carried on."""
-    own, body = slice_of(i), own_body(walkers, i)
-    task.settle(
-        walkers.records[own], walkers.bodies[body], walkers.ledger[own], world.rules[0],
-        world.phases, observations, rewards, terminated, truncated,
-    )  # fmt: skip
+def own_rows(walkers, play, i):
+    """A walker's observation, and the environment's: the same without users' own functions."""
+    count = len(walkers.records)
+    seen, shown = len(play.observations) // count, len(play.plain) // count
+    observations = play.observations[i * seen : (i + 1) * seen]
+    if shown == 0:
+        return observations, observations
+    return observations, play.plain[i * shown : (i + 1) * shown]
 
 
 def play_on(walkers, world, play, i, tiles, courses, desk):
     """A step of a walker, and the beginning of its next episode if this one has ended."""
-    seen, own = len(play.observations) // len(walkers.records), slice_of(i)
-    observations = play.observations[i * seen : (i + 1) * seen]
+    own, (observations, plain) = slice_of(i), own_rows(walkers, play, i)
     rewards, terminated, truncated = play.rewards[own], play.terminated[own], play.truncated[own]
     actions, finite = desk.actions[: len(play.actions) // len(walkers.records)], True
     for j in range(len(actions)):
@@ -258,39 +299,34 @@ def play_on(walkers, world, play, i, tiles, courses, desk):
     if not finite:
         rewards[0], terminated[0], truncated[0] = math.nan, False, False
         return
+    before(walkers, world, i)
     one_step(
-        walkers, world, i, tiles, courses, actions, observations, rewards, terminated, truncated
+        walkers, world, i, tiles, courses, actions, plain, rewards, terminated, truncated
     )  # fmt: skip
+    after(walkers, world, i, actions, rewards, terminated)
+    sight(walkers, world, play, i, observations, False)
     walkers.told[i] = walkers.ledger[i]
-    for k in range(seen):
-        play.last[i * seen + k] = observations[k]
+    for k in range(len(observations)):
+        play.last[i * len(observations) + k] = observations[k]
     if terminated[0] or truncated[0]:
-        begin(walkers, world, i, desk, observations)
+        begin(walkers, world, i, desk, plain)
+        sight(walkers, world, play, i, observations, True)
 
 
-def reset_kernel(walkers, world, observations):
+def reset_kernel(walkers, world, play):
     """Begin an episode of every walker."""
     i = cuda.grid(1)
     if i < len(walkers.records):
-        desks, seen = cuda.local.array(1, DESK), len(observations) // len(walkers.records)
-        begin(walkers, world, i, desks[0], observations[i * seen : (i + 1) * seen])
+        desks = cuda.local.array(1, DESK)
+        observations, plain = own_rows(walkers, play, i)
+        begin(walkers, world, i, desks[0], plain)
+        sight(walkers, world, play, i, observations, True)
 
 
 def step_kernel(walkers, world, play):
     """A step of every walker."""
-    j = cuda.grid(1)
-    if j < len(walkers.records):
-        i = walkers.order[j] if len(walkers.order) > 0 else j
+    i = cuda.grid(1)
+    if i < len(walkers.records):
         tiles, courses = cuda.local.array(1, TILE), cuda.local.array(1, RUN)
         desks = cuda.local.array(1, DESK)
         play_on(walkers, world, play, i, tiles, courses, desks[0])
-
-
-def order_kernel(walkers):
-    """Have threads that lie together take walkers in the same phase: the first from the front."""
-    i = cuda.grid(1)
-    there = i < len(walkers.records)
-    later = there and walkers.records[i, 0].phase != 0
-    place = place_of(there, 1 if later else 0, walkers.counts)
-    if there:
-        walkers.order[len(walkers.records) - 1 - place if later else place] = i

@@ -15,7 +15,7 @@ from numba import types
 intrinsic: Any = numba.cuda.extending.intrinsic
 
 _NUMBER, _WORD = ir.DoubleType(), ir.IntType(64)
-sqrt, sin, cos = math.sqrt, math.sin, math.cos
+exp, sqrt, tanh = math.exp, math.sqrt, math.tanh
 
 
 def _entry(builder, place, kind):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -12,6 +13,7 @@ from gym_passive_walker.engine import jit, lanes
 from gym_passive_walker.engine.compiled import phases_of, written
 from gym_passive_walker.engine.lanes import WAITING, came, leave
 from gym_passive_walker.engine.layout import COURSE, PAIR, tile_for
+from gym_passive_walker.envs.custom import Rule
 from gym_passive_walker.envs.reality import equipped, look_code, push_code
 from gym_passive_walker.gpu import primitives
 from gym_passive_walker.gpu.bookkeeping import Bound
@@ -39,6 +41,11 @@ def carry(records, bodies, phase, number, tiles, courses, options):
     leave(records[0], bodies[0], tiles, phase, 0, event, options)
 
 
+def entry(array, i):
+    """Where an entry of an array lies."""
+    return jit.address(array[i:])
+
+
 class Machinery:
     """A system's traced code and the engine's bookkeeping, for a device.
 
@@ -46,42 +53,52 @@ class Machinery:
         system: Its name.
         pushed: Whether walkers are pushed.
         watched: Whether ground and knees are looked at.
-        single: Whether its equations are computed in single precision. Records stay in double, and
-            so does the landing on events.
+        rules: Users' own functions.
 
     Attributes:
         phases: What the engine knows of the system's phases, with numbers for addresses.
         natives: What else is done to walkers, likewise.
         bound: Makes a device's function of one of the engine's.
+        rules: The numbers by which users' functions are called, by their names.
     """
 
     phases: NDArray
     natives: NDArray
 
     def __init__(
-        self, system: str, *, pushed: bool = False, watched: bool = False, single: bool = False
+        self,
+        system: str,
+        *,
+        pushed: bool = False,
+        watched: bool = False,
+        rules: Sequence[Rule] = (),
     ) -> None:
         of, pushes, looks = SYSTEMS[system], None, None
-        source = Source(single=single)
+        source = Source()
         written(of, module=source, width=1)
         phases = phases_of(of, source)
         if pushed:
-            pushes = source = Source(source, "pushed_", single=single)
+            pushes = source = Source(source, "pushed_")
             push_code(of, source)
         if watched:
-            looks = source = Source(source, "watched_", single=single)
+            looks = source = Source(source, "watched_")
             look_code(of, source)
+        self.rules = {}
+        for rule in rules:
+            source = Source(source, f"{rule.name}_", fuses=False)
+            rule.write(source)
+            self.rules[rule.name] = source.get_function_address("rule")
         self.phases, self.natives = equipped(of, phases, pushes, looks)
         call = _compiled(source, f"<the equations {system}>")
         own = {getattr(jit, name): primitives.BY_NAME[name] for name in ("address", "fma")}
         own[jit.call] = call
-        self.bound = Bound(own).instead({lanes.carry: carry})
+        self.bound = Bound(own).instead({lanes.carry: carry, jit.entry: entry})
 
 
 def _compiled(source: Source, name: str) -> Any:
     """The device's function that calls each of a source's functions by its number."""
     names = dict(primitives.BY_NAME)
-    names |= {"fabs": abs, "inf": np.inf, "nan": np.nan, "single": np.float32}
+    names |= {"fabs": abs, "inf": np.inf, "nan": np.nan}
     exec(compile(str(source), name, "exec"), names)
     for part in source.parts:
         names[part] = primitives.inlined(names[part])
@@ -92,7 +109,7 @@ def _compiled(source: Source, name: str) -> Any:
 
 @lru_cache
 def machinery(
-    system: str, *, pushed: bool = False, watched: bool = False, single: bool = False
+    system: str, *, pushed: bool = False, watched: bool = False, rules: tuple[Rule, ...] = ()
 ) -> Machinery:
     """The machinery of a system; see `Machinery`."""
-    return Machinery(system, pushed=pushed, watched=watched, single=single)
+    return Machinery(system, pushed=pushed, watched=watched, rules=rules)

@@ -16,8 +16,8 @@ else:
     from gym_passive_walker.gpu import instructions as _own
 
 NAMES = (
-    "address", "apart", "bits", "cos", "flip", "fma", "get", "get_whole", "of_bits", "put",
-    "put_whole", "select", "sin", "sqrt",
+    "address", "apart", "bits", "exp", "flip", "fma", "get", "get_whole", "of_bits", "put",
+    "put_whole", "select", "sqrt", "tanh",
 )  # fmt: skip
 """Of the primitives."""
 

@@ -5,19 +5,21 @@ An address is an array of the numbers that begin at it.
 
 from __future__ import annotations
 
+import math
+
 import numba
 import numpy as np
 
 from gym_passive_walker.engine.jit import fma as _fma
 
 _fused = numba.njit(lambda a, b, c: _fma(a, b, c))
-sqrt, sin, cos = np.sqrt, np.sin, np.cos
+exp, tanh = (numba.njit(function) for function in (lambda x: math.exp(x), lambda x: math.tanh(x)))
+sqrt = np.sqrt
 
 
 def fma(a, b, c):
-    """The sum a * b + c, rounded once; of singles, as good as once."""
-    whole = _fused(a, b, c)
-    return np.float32(whole) if np.dtype(type(c)) == np.float32 else whole
+    """The sum a * b + c, rounded once."""
+    return _fused(a, b, c)
 
 
 def address(array):

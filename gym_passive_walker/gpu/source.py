@@ -26,19 +26,17 @@ class Source(Module):
 
     Args:
         before: Whose functions come before these in the same text.
-        kind: What tells these by their names from those.
-        single: Whether to compute in single precision what memory keeps in double.
+        kind: Prefix of the functions' names.
+        fuses: Whether a product that only a sum needs is rounded together with it.
 
     Attributes:
         names: Of the functions that `call` finds.
         parts: Of those that stand for one code of many: each is called in one place.
     """
 
-    def __init__(
-        self, before: Source | None = None, kind: str = "", *, single: bool = False
-    ) -> None:
-        super().__init__()
-        self.before, self.kind, self.single = before, kind, single
+    def __init__(self, before: Source | None = None, kind: str = "", *, fuses: bool = True) -> None:
+        super().__init__(fuses=fuses)
+        self.before, self.kind = before, kind
         self.names: list[str] = list(before.names) if before else []
         self.parts: list[str] = list(before.parts) if before else []
 
@@ -106,8 +104,7 @@ class _Function(Function):
         return "\n    ".join([f"def {name}(first, second, x, y):", *self.lines, "return"])
 
     def _emitter(self, uses: Counter[Expression], *, vector: bool, lane: bool) -> Emitter:
-        kind = _Single if self.module.single else _Emitter
-        return kind(self, uses, vector=False, lane=False)
+        return _Emitter(self, uses, vector=False, lane=False)
 
 
 class _Emitter(Emitter):
@@ -134,6 +131,9 @@ class _Emitter(Emitter):
     def _call(self, name: str, *operands: str) -> str:
         return self.owner.new(f"{name}({', '.join(operands)})")
 
+    def _from_library(self, name: str, value: str) -> str:
+        return self._call(name, value)
+
     def _constant(self, value: float) -> str:
         return f"({value!r})"
 
@@ -155,26 +155,3 @@ class _Emitter(Emitter):
         field, offset = self.owner.layouts[base].fields[name][:2]  # type: ignore[index]
         whole = "_whole" if field.base.kind == "i" else ""
         return ("first", "second")[base], offset // 8 + index, whole
-
-
-class _Single(_Emitter):
-    """The same in single precision, but for sines: what suits doubles says nothing of singles."""
-
-    rounding = 1e-6
-
-    def _of(self, x: Expression) -> str:
-        if x.op in ("sin", "cos"):
-            return self.owner.new(f"{x.op}({self(x.args[0])})")
-        return super()._of(x)
-
-    def _inverse_root(self, x: str, start: int, places: tuple[int, ...]) -> str:
-        return self.owner.new(f"single({super()._inverse_root(x, start, places)})")
-
-    def _constant(self, value: float) -> str:
-        return f"single({value!r})"
-
-    def _splat(self, value: str) -> str:
-        return f"single({super()._splat(value)})"
-
-    def _load(self, place: tuple) -> str:
-        return self.owner.new(f"single({super()._load(place)})")

@@ -23,7 +23,7 @@ def checks(walker, answer="report"):
 
 def world(walker, **changes):
     """A walker on its passive gait."""
-    arguments = {"walker": walker, "slope": SLOPES[walker], "perturbation": 0.0, "stub": False}
+    arguments = {"walker": walker, "slope": SLOPES.get(walker), "perturbation": 0.0, "stub": False}
     return gym.make(ID, **arguments | changes).unwrapped
 
 
@@ -72,6 +72,29 @@ def test_what_is_told_of_a_stride_is_what_the_reality_check_finds(walker):
     passing = min(found.clearance.value, found.release_depth.value) / units.length
     assert lowest == pytest.approx(passing, abs=1e-3) or passing >= 0.0
     assert lowest >= passing - 1e-9
+
+
+@pytest.mark.parametrize("walker", ["lab", "E", "D"])
+def test_what_a_push_off_needs_of_the_leaving_foot_counts(walker):
+    slope, push_off = {"lab": 0.03}.get(walker, 0.0), 0.02
+    given = gpw.Actuation(push_off=push_off * units_of(gpw.WALKERS[walker]).impulse)
+    gait = gpw.find_gait(gpw.stride_map(walker, slope, controller=given))
+    found = gpw.reality_check(gait)
+    env = world(
+        walker, slope=slope, tick=0.02, tolerance=1e-12, reality=checks(walker),
+        actions=("push_off",), max_push_off=push_off,
+    )  # fmt: skip
+    infos = walked(env, action=1.0, options={"state": gait.state})
+    assert infos[-1]["outcome"] == "heelstrike"
+    if env.walker.knees:
+        scale = units_of(env.walker).impulse * env.walker.leg_length
+        bent = found.stance_knee_at_push_off.value, found.stance_knee_at_heelstrike.value
+        least = min(*bent, found.stance_knee_at_kneestrike.value) / scale
+        assert infos[-1]["stance_knee_impulse"] >= least - 1e-9
+        assert infos[-1]["stance_knee_impulse"] == pytest.approx(min(bent) / scale, rel=1e-6)
+    heel, push = found.heelstrike_impulse.friction.value, found.push_off_impulse.friction.value
+    assert infos[-1]["friction"] >= max(heel, push) - 1e-9
+    assert infos[-1]["friction"] == pytest.approx(max(heel, push), abs=0.02)
 
 
 @pytest.mark.parametrize("walker", SLOPES)

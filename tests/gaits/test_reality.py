@@ -8,16 +8,19 @@ import pytest
 
 from gym_passive_walker import (
     WALKERS,
+    Actuation,
     collision_matrix,
     find_gait,
     measures,
     reality_check,
     stride,
+    stride_map,
     tune,
 )
 from gym_passive_walker.gaits.dense_stride import Impulse, foot_clearance, states_at
 from gym_passive_walker.gaits.forces import forces
 from gym_passive_walker.gaits.passage import NoStride
+from gym_passive_walker.units import units_of
 
 SLOPE = 0.036
 START = np.array([0.25, -0.25, -0.25, -1.06, -0.35, -1.5])
@@ -35,6 +38,16 @@ GAITS = [
 ]
 
 
+PUSHED = [("lab", 0.03), ("C", 0.0), ("F", 0.0), ("E", 0.0), ("D", 0.0)]
+"""Walkers on a slope that walk with a push-off."""
+
+
+def pushed(name, slope):
+    """A gait with a push-off."""
+    push_off = 0.02 * units_of(WALKERS[name]).impulse
+    return find_gait(stride_map(name, slope, controller=Actuation(push_off=push_off)))
+
+
 def checked(name, slope, kind="long", **options):
     gait = find_gait(name, slope, kind)
     return reality_check(gait.walker, slope, gait.state, **options)
@@ -50,12 +63,15 @@ def looked_at(name, slope, state, count=4001, hip_torque=0.0):
     return times, states, phases, foot_clearance(walker, states)[0], carried
 
 
-@pytest.mark.parametrize(("name", "slope", "kind"), GAITS)
+@pytest.mark.parametrize(
+    ("name", "slope", "kind"), [*GAITS, *((*walk, "pushed") for walk in PUSHED)]
+)
 def test_the_ground_carries_the_weight_over_a_gait(name, slope, kind):
     """A periodic walk keeps its momentum: force and impulses together balance gravity."""
-    gait = find_gait(name, slope, kind)
-    check, walker = reality_check(name, slope, gait.state), WALKERS[name]
-    given = np.nansum([check.kneestrike_impulse, check.heelstrike_impulse], axis=0)[:2]
+    gait = pushed(name, slope) if kind == "pushed" else find_gait(name, slope, kind)
+    check, walker = reality_check(gait), WALKERS[name]
+    impulses = check.kneestrike_impulse, check.heelstrike_impulse, check.push_off_impulse
+    given = np.nansum(impulses, axis=0)[:2]
     nodes, weights = np.polynomial.legendre.leggauss(40)
     instants = [0.0, float(gait.stride.duration)]
     if walker.knees:
@@ -68,6 +84,18 @@ def test_the_ground_carries_the_weight_over_a_gait(name, slope, kind):
     weight = walker.total_mass * walker.gravity * float(gait.stride.duration)
     expected = [weight * np.cos(slope), -weight * np.sin(slope)]
     np.testing.assert_allclose(given, expected, rtol=1e-10, atol=1e-10 * weight)
+
+
+@pytest.mark.parametrize(("name", "slope"), PUSHED)
+def test_a_push_off_acts_along_the_leg_and_needs_that_much_friction(name, slope):
+    gait = pushed(name, slope)
+    check, units = reality_check(gait), units_of(gait.walker)
+    given, angle = check.push_off_impulse, gait.stance_angle
+    expected = 0.02 * units.impulse * np.array([np.cos(angle), np.sin(angle)])
+    np.testing.assert_allclose(given[:2], expected, rtol=1e-9)
+    assert given.friction.value == pytest.approx(np.tan(angle), rel=1e-9)
+    assert str(check).count("push-off") == 2 and "push-off" not in str(checked("D", 0.009))
+    assert not reality_check(gait, friction=0.99 * np.tan(angle)).passed["friction"]
 
 
 @pytest.mark.parametrize(("name", "slope", "kind"), GAITS)

@@ -13,7 +13,7 @@ from unittest import mock
 import numpy as np
 
 
-def ptx(capability: int, scene: str, way: str) -> dict[str, str]:
+def ptx(capability: int, scene: str) -> dict[str, str]:
     """PTX of all kernels of a scene."""
     import numba.cuda.api
     import numba.cuda.cudadrv.devices as devices
@@ -42,7 +42,7 @@ def ptx(capability: int, scene: str, way: str) -> dict[str, str]:
         device, need_device=lambda: None, put=_put, room=_room, launch=compiled
     )
     with here:
-        there = crowd.Crowd(2, eval(scene), way=way)
+        there = crowd.Crowd(2, eval(scene))
         there.reset()
         there.step()
     return found
@@ -59,7 +59,7 @@ def _room(shape, of):
     return _put(np.zeros(shape, of))
 
 
-def on_processor(name: str, single: bool) -> float:
+def on_processor(name: str) -> float:
     """By how much strides by the device's functions, compiled for this processor, are off."""
     import numba
     import numba.cuda.extending
@@ -78,16 +78,12 @@ def on_processor(name: str, single: bool) -> float:
     primitives.jitted = primitives.inlined = bookkeeping.jitted = jitted
     from tests.gpu.thrown import thrown
 
-    here, (own, records) = lane.machinery(name, single=single), thrown(name, 200)
+    here, (own, records) = lane.machinery(name), thrown(name, 200)
     carry_on, told = here.bound(run.carry_on), run.options(1e-8, from_section=True)
     usual, desk = records.copy(), (np.zeros(1, tile_for(PAIR, 1)), np.zeros(1, COURSE))
     run.advance(SYSTEMS[name], own, usual, tolerance=1e-8)
     for i in range(len(records)):
         carry_on(records[i : i + 1], own, here.phases, told, *desk)
-    if single:
-        near = usual["outcome"] == 1
-        assert np.array_equal(near, records["outcome"] == 1)
-        return float(np.abs(usual["state"] - records["state"])[near].max())
     return 0.0 if usual.tobytes() == records.tobytes() else np.inf
 
 
@@ -125,7 +121,7 @@ def in_silence() -> None:
 if __name__ == "__main__":
     what, *told = sys.argv[1:]
     if what == "processor":
-        print(on_processor(told[0], told[1:] == ["single"]))
+        print(on_processor(told[0]))
     elif what == "device":
         print(*on_device(told[0]))
     elif what == "silence":

@@ -3,17 +3,44 @@
 import numpy as np
 import pytest
 
+import gym_passive_walker as gpw
 from gym_passive_walker.engine.chance import uniform, word
 from gym_passive_walker.envs import task
 from gym_passive_walker.envs.batch import Batch
-from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.envs.scene import SceneError, make_scene
 from gym_passive_walker.envs.starts import DRAWS, Starts
 from gym_passive_walker.gpu import crowd as crowds
 from gym_passive_walker.gpu import device
-from gym_passive_walker.gpu.crowd import WAYS, Crowd
+from gym_passive_walker.gpu.crowd import Crowd
 from gym_passive_walker.physics.systems import bodies
 
+
+def own_reward(step):
+    """Speed close to 0.15, smooth actions, a small charge."""
+    change = (step.action[0] - step.last_action[0]) ** 2
+    speed = step.distance / step.duration
+    return gpw.math.exp(-((speed - 0.15) ** 2) / 0.01) - 0.1 * change - step.hip_work_absolute
+
+
+def own_observation(step):
+    """Swing leg, its rate before and after, the command and the last push."""
+    state = step.state
+    rates = step.before.thigh_rate, gpw.math.tanh(state.thigh_rate)
+    return state.thigh - state.stance, *rates, step.command, step.push, step.steps
+
+
+def too_fast(step):
+    """A limit of the stance leg's angular velocity."""
+    return abs(step.state.stance_rate) > 0.45
+
+
+OWN = {"reward": own_reward, "observation": own_observation, "terminated": too_fast}
 SCENES = {
+    "own functions": {**OWN, "tick": 0.4},
+    "own functions, pushed": {
+        **OWN, "pushes": {"rate": 0.5, "impulse": (-0.05, 0.05)}, "command": (0.1, 0.2),
+    },
+    "own reward alone": {"reward": {"distance": 1.0, "energy": -2.0, "alive": 0.1}},
     "level": {},
     "one torque a stride": {"slope": 0.11, "control": "stride"},
     "random slopes": {"slope": (0.0, 0.06), "tick": 0.4},
@@ -90,9 +117,9 @@ def same(found, known):
     return found.tobytes() == np.ascontiguousarray(known, found.dtype).tobytes()
 
 
-def rows(scene, count, *, seed=0, way="sorted", steps=20, limit=15):
+def rows(scene, count, *, seed=0, steps=20, limit=15):
     """A crowd's observations, rewards and endings over some steps by random actions."""
-    there = Crowd(count, scene, seed=seed, way=way, step_limit=limit)
+    there = Crowd(count, scene, seed=seed, step_limit=limit)
     there.reset()
     random, found = np.random.default_rng(0).uniform(-1.2, 1.2, (steps, 50, 3)), []
     for actions in random:
@@ -149,20 +176,16 @@ def test_random_walkers_are_drawn_and_walk_as_they_would_alone(monkeypatch):
     assert set(there.walkers.bodies[:, 0, 0]) <= set(bodies(*drawn)[:, 0, 0])
 
 
-@pytest.mark.parametrize("way", WAYS)
-def test_the_same_seed_is_the_same_walk_whatever_the_batch_and_the_way(way):
+def test_the_same_seed_is_the_same_walk_whatever_the_batch():
     scene = {"slope": 0.03, "tick": 0.6}
-    together = rows(scene, 6, way="loop")
-    for part in (rows(scene, 6, way=way), rows(scene, 2, seed=3, way=way)):
-        first = 0 if len(part[0][1]) == 6 else 3
-        for all_of_them, some in zip(together, part, strict=True):
-            for whole, own in zip(all_of_them, some, strict=True):
-                np.testing.assert_array_equal(whole[first : first + len(own)], own)
+    together, part = rows(scene, 6), rows(scene, 2, seed=3)
+    for all_of_them, some in zip(together, part, strict=True):
+        for whole, own in zip(all_of_them, some, strict=True):
+            np.testing.assert_array_equal(whole[3 : 3 + len(own)], own)
 
 
-@pytest.mark.parametrize("way", WAYS)
-def test_an_action_that_is_no_number_stops_its_walker_alone(way):
-    there = Crowd(3, "level", way=way)
+def test_an_action_that_is_no_number_stops_its_walker_alone():
+    there = Crowd(3, "level")
     there.reset()
     there.play.actions[:] = [0.1, np.nan, 0.2]
     before = there.play.observations.copy()
@@ -175,9 +198,8 @@ def test_an_action_that_is_no_number_stops_its_walker_alone(way):
     assert there.walkers.ledger["steps"].tolist() == [2, 1, 2]
 
 
-@pytest.mark.parametrize("way", WAYS)
-def test_a_step_moves_nothing_to_or_from_the_device(way, monkeypatch):
-    there = Crowd(4, "level", way=way)
+def test_a_step_moves_nothing_to_or_from_the_device(monkeypatch):
+    there = Crowd(4, "level")
     there.reset()
     there.step()
 
@@ -204,8 +226,9 @@ def test_another_seed_is_another_walk():
     assert same(there.play.observations[: task.SIZE], first[task.SIZE :])
 
 
-def test_passes_are_for_scenes_in_which_nothing_befalls_walkers():
-    with pytest.raises(ValueError, match="passes where nothing befalls"):
-        Crowd(2, "pushed", way="passes")
-    with pytest.raises(ValueError, match="not 'at once'"):
-        Crowd(2, "level", way="at once")
+def test_a_function_that_cannot_be_compiled_is_refused():
+    def slow(step):
+        return float(np.asarray(step.distance).sum())
+
+    with pytest.warns(UserWarning), pytest.raises(SceneError, match="reward cannot be compiled"):
+        Crowd(2, "level", reward=slow)

@@ -12,7 +12,7 @@ from gym_passive_walker import gpu
 from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.gpu import device
-from gym_passive_walker.gpu.strides import WAYS, Strides
+from gym_passive_walker.gpu.strides import advance_there
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.physics.systems import SYSTEMS
 from gym_passive_walker.units import units_of
@@ -20,10 +20,10 @@ from tests.gpu.thrown import thrown
 from tests.physics.examples import LONG_GAITS
 
 
-def carried(name, records, own, *, way="loop", single=False, tolerance=1e-8, **told):
+def carried(name, records, own, *, tolerance=1e-8, **told):
     """Records that a device has carried on."""
     there = device.put(records)
-    Strides(name, way, single=single)(there, device.put(own), tolerance=tolerance, **told)
+    advance_there(SYSTEMS[name], device.put(own), there, tolerance=tolerance, **told)
     return device.back(there)
 
 
@@ -32,19 +32,17 @@ def bits(records):
     return np.array(records).view(np.ndarray).tobytes()
 
 
-@pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("name", SYSTEMS)
-def test_a_stride_on_a_device_is_the_processors(name, way):
+def test_a_stride_on_a_device_is_the_processors(name):
     own, records = thrown(name, 24)
     usual = advance(SYSTEMS[name], own, records.copy(), tolerance=1e-8)
-    assert bits(carried(name, records, own, way=way)) == bits(usual)
+    assert bits(carried(name, records, own)) == bits(usual)
     assert {Outcome.HEELSTRIKE, Outcome.FELL_FORWARD, Outcome.OVER_THE_TOP} <= set(
         usual["outcome"].ravel().tolist()
     )
 
 
-@pytest.mark.parametrize("way", WAYS)
-def test_every_outcome_comes_about_on_a_device_as_on_a_processor(way):
+def test_every_outcome_comes_about_on_a_device_as_on_a_processor():
     system = SYSTEMS["kneed"]
     own, records = thrown("kneed", 40, seed=1)
     slope, beyond = LONG_GAITS["C"].slope, records[:1].copy()
@@ -57,7 +55,7 @@ def test_every_outcome_comes_about_on_a_device_as_on_a_processor(way):
     found = set()
     for scuff in (False, True):
         usual = advance(system, own, everyone.copy(), tolerance=1e-6, scuff=scuff)
-        there = carried("kneed", everyone, own, way=way, tolerance=1e-6, scuff=scuff)
+        there = carried("kneed", everyone, own, tolerance=1e-6, scuff=scuff)
         assert bits(there) == bits(usual)
         found |= set(usual["outcome"].ravel().tolist())
     assert found == set(Outcome) - {Outcome.KNEESTRIKE, Outcome.STALLED}
@@ -68,7 +66,7 @@ def test_a_walk_does_not_depend_on_who_walks_beside():
     together = carried("kneed", records, own)
     apart = [carried("kneed", records[i : i + 1], own) for i in (3, 8)]
     assert [bits(one) for one in apart] == [bits(together[i : i + 1]) for i in (3, 8)]
-    backwards = carried("kneed", records[::-1], own, way="passes")
+    backwards = carried("kneed", records[::-1], own)
     assert bits(backwards[::-1]) == bits(together)
 
 
@@ -76,8 +74,7 @@ def test_walkers_of_one_batch_may_differ():
     own, records = thrown("straight", 6)
     each = np.repeat(own, 6, axis=0) * (1.0 + 0.01 * np.arange(6))[:, None, None]
     usual = advance(SYSTEMS["straight"], each, records.copy(), tolerance=1e-8)
-    for way in WAYS:
-        assert bits(carried("straight", records, each, way=way)) == bits(usual)
+    assert bits(carried("straight", records, each)) == bits(usual)
 
 
 def test_a_tick_goes_on_from_where_it_was():
@@ -88,20 +85,9 @@ def test_a_tick_goes_on_from_where_it_was():
     for end in (1.7, 2.4, 6.0):
         usual["end"] = there["end"] = end
         usual = advance(SYSTEMS["kneed"], own, usual, tolerance=1e-8, from_section=False)
-        there = carried("kneed", there, own, way="passes", from_section=False)
+        there = carried("kneed", there, own, from_section=False)
         assert bits(there) == bits(usual)
     assert Outcome.HEELSTRIKE in usual["outcome"]
-
-
-def test_single_precision_costs_six_digits_and_no_outcome():
-    own, records = thrown("kneed", 30, wild=0.05)
-    records = records[:15]
-    exact = advance(SYSTEMS["kneed"], own, records.copy(), tolerance=1e-10)
-    single = carried("kneed", records, own, single=True, tolerance=1e-5)
-    assert np.array_equal(single["outcome"], exact["outcome"])
-    struck = (exact["outcome"] == Outcome.HEELSTRIKE)[:, 0]
-    error = np.abs(single["state"] - exact["state"])[struck].max()
-    assert 1e-8 < error < 1e-5
 
 
 def test_the_door_gives_the_strides_of_the_other_door():
@@ -111,11 +97,6 @@ def test_the_door_gives_the_strides_of_the_other_door():
     usual = gpw.stride("C", gait.slope, states, hip_torque=0.01)
     for found, known in zip(there, usual, strict=True):
         np.testing.assert_array_equal(found, known)
-
-
-def test_threads_know_no_other_ways():
-    with pytest.raises(ValueError, match="loop or passes, not 'sorted'"):
-        Strides("kneed", "sorted")
 
 
 def test_a_device_keeps_what_the_engine_keeps():

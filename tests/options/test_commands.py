@@ -35,6 +35,7 @@ def motors(before, after="", walker="E", at="0.01"):
 
 TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
     "walkers": ("", {}),
+    "scene": ("level", {"scene": "rough"}),
     "gait": (
         "C 0.03",
         {

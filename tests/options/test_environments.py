@@ -76,6 +76,7 @@ OTHER = {
     "reward": halved,
     "observation": rates,
     "terminated": late,
+    "reward_terms": True,
     "scuff_depth": To(1.0, dict(scuff_depth=1e-6, max_hip_torque=0.0, **ends("scuffing"))),
 }
 """Another value of each argument of a scene."""
@@ -292,6 +293,14 @@ def charges(env, energy):
     return [env.step(act if hasattr(env, "num_envs") else act[0])[1] for _ in range(20)]
 
 
+def renewed(env, scene=None, **changes):
+    """Steps after a change of scene."""
+    env.set_scene(scene, **changes)
+    env.reset(seed=1)
+    act = np.full((getattr(env, "num_envs", 1), 1), 0.5, np.float32)
+    return [env.step(act if hasattr(env, "num_envs") else act[0])[:2] for _ in range(2)]
+
+
 def steps(make, action):
     env = make()
     act = np.full(env.action_space.shape, action, np.float32)
@@ -340,6 +349,12 @@ METHODS = {
         dict(energy="absolute"),
         of=PassiveWalkerEnv.charge_for,
     ),
+    "PassiveWalkerEnv.set_scene": Call(
+        lambda **given: renewed(single(), **given),
+        dict(),
+        dict(scene="steep"),
+        of=PassiveWalkerEnv.set_scene,
+    ),
     "PassiveWalkerEnv.set_state": Call(
         lambda state: goes_on(single, state),
         dict(state=single().get_state()),
@@ -366,6 +381,12 @@ METHODS = {
         dict(energy=None),
         dict(energy="absolute"),
         of=PassiveWalkerVectorEnv.charge_for,
+    ),
+    "PassiveWalkerVectorEnv.set_scene": Call(
+        lambda **given: renewed(vector(), **given),
+        dict(),
+        dict(scene="steep"),
+        of=PassiveWalkerVectorEnv.set_scene,
     ),
     "PassiveWalkerVectorEnv.set_state": Call(
         lambda state: goes_on(vector, state),

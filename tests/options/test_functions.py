@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import inspect
+from contextlib import redirect_stdout
 from dataclasses import replace
 from functools import cache
+from io import StringIO
 
 import numpy as np
 import pytest
@@ -34,6 +36,13 @@ PART = gpw.Part(mass=1.0, com=0.1, inertia=0.01)
 STEEP = Later(lambda: LinearFeedback("steep"))
 
 
+def explained(env):
+    """What is printed."""
+    with redirect_stdout(StringIO()) as said:
+        gpw.explain(env)
+    return said.getvalue()
+
+
 def mapped(**options):
     """A stride of a map, from where walks begin."""
     strides = gpw.stride_map(**options)
@@ -47,6 +56,7 @@ def shorter(before, after):
 
 OPTIONS = {
     "as_walker": Call(gpw.as_walker, dict(walker="lab"), dict(walker="C")),
+    "explain": Call(explained, dict(env="level"), dict(env="rough")),
     "assemble": Call(
         gpw.assemble,
         dict(

@@ -1,0 +1,192 @@
+"""What an agent observes, does and is paid for in a scene, and what ends an episode, as tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from gym_passive_walker.arguments import shown
+from gym_passive_walker.envs import interface
+from gym_passive_walker.envs.batch import Batch
+from gym_passive_walker.envs.custom import ABOUT_TERMS, Custom
+from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
+from gym_passive_walker.envs.scene import Scene, make_scene
+from gym_passive_walker.physics.systems import kind_of
+from gym_passive_walker.walkers import describe
+
+_ANGLES = "stance leg angle", "swing thigh angle", "swing shank angle"
+_SEEN = (
+    *((angle, "rad") for angle in _ANGLES),
+    *((f"{angle[:-6]} angular velocity", "sqrt(g/l)") for angle in _ANGLES),
+    ("knee locked", "1 or 0"),
+    ("slope, positive downhill", "rad"),
+)
+_CHANNELS = {
+    "hip": ("hip torque, positive swings the free leg forward", "m g l"),
+    "ankle": ("ankle torque, positive tips the walker forward", "m g l"),
+    "push_off": ("push-off impulse at the next heelstrike", "m sqrt(g l)"),
+}
+_CHECKS = {
+    "contact": "the ground would have to pull at the foot",
+    "friction": "the foot needs more friction than {friction:g}",
+    "knee lock": "the stance knee flexes against more than {knee_latch:g} m g l",
+    "scuffing": "the swing foot is more than {scuff_depth:g} l below the ground",
+}
+
+Rows = list[dict[str, Any]]
+
+
+def explain(env: Any = "level") -> None:
+    """Print what an agent observes, does and is paid for, and what ends an episode.
+
+    Args:
+        env: An environment, single, vector or stable-baselines3's; or a scene, by its name, as a
+            mapping or as a `Scene`. Of an environment, the present observation and the terms of the
+            last reward are printed as well; of several walkers, those of the first.
+
+    Raises:
+        SceneError: if there is no such scene.
+        TypeError: if the environment is not of this package.
+
+    Example:
+        >>> import gym_passive_walker as gpw
+        >>> gpw.explain("pushed")  # doctest: +ELLIPSIS
+        walker 'C' ...
+    """
+    print(as_text(env))
+
+
+def as_text(env: Any = "level") -> str:
+    """The tables of `explain` as text."""
+    scene, *_ = _parts(env)
+    every = f"every {scene.tick:g} sqrt(l/g) and" if scene.control == "tick" else "only"
+    slope = " to ".join(f"{bound:g}" for bound in np.atleast_1d(scene.slope))
+    lines = [
+        f"{describe(scene.walker)}, slope {slope} rad; an action is chosen {every} after a "
+        "heelstrike.",
+        "Units: leg length l, mass m, time sqrt(l/g).",
+    ]
+    for title, rows in as_rows(env).items():
+        heads = list(rows[0])
+        cells = [heads, *([_written(row[head]) for head in heads] for row in rows)]
+        widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+        lines += ["", title]
+        for row in cells:
+            padded = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+            lines.append(("  " + "  ".join(padded)).rstrip())
+    return "\n".join(lines)
+
+
+def as_rows(env: Any = "level") -> dict[str, Rows]:
+    """The tables of `explain` as rows: "observation", "action", "reward" and "episode end"."""
+    scene, batch, limit = _parts(env)
+    seen: Rows = [{"number": i, **row} for i, row in enumerate(_observed(scene))]
+    paid = _rewarded(scene)
+    if batch is not None:
+        now = np.empty(batch.count * batch.seen, np.float32)
+        batch.observe(now)
+        for row, value in zip(seen, now[: batch.seen].tolist(), strict=True):
+            row["now"] = value
+        last = {name: float(term[0]) for name, term in batch.reward_terms().items()}
+        for row in paid:
+            row["last"] = last[row["term"]]
+    acts: Rows = [
+        {
+            "number": i,
+            "action": _CHANNELS[name][0],
+            "min": 0.0 if name == "push_off" else -1.0,
+            "max": 1.0,
+            "action 1 is": f"{scene.largest(name):g} {_CHANNELS[name][1]}",
+        }
+        for i, name in enumerate(scene.actions)
+    ]
+    return {"observation": seen, "action": acts, "reward": paid, "episode end": _ends(scene, limit)}
+
+
+def _parts(env: Any) -> tuple[Scene, Batch | None, float | None]:
+    """A scene, its walkers if an episode is under way, and its limit of steps."""
+    if isinstance(env, Scene | str | Mapping):
+        return make_scene(env), None, MAX_EPISODE_STEPS
+    inner = getattr(env, "worlds", getattr(env, "unwrapped", env))
+    if not isinstance(batch := getattr(inner, "batch", None), Batch):
+        raise TypeError(
+            f"explain takes an environment of this package or a scene, not {shown(env)}"
+        )
+    limit = float(batch.rules["step_limit"][0])
+    if limit == np.inf:
+        limit = getattr(getattr(env, "spec", None), "max_episode_steps", None) or np.inf
+    begun = bool(batch.randoms) and bool(np.any(batch.records["state"]))
+    return inner.scene, batch if begun else None, None if limit == np.inf else limit
+
+
+def _observed(scene: Scene) -> Rows:
+    """What an agent observes: name, unit and bounds of each number."""
+    own = Custom(scene, 0).seen if scene.observation else None
+    space = interface.observation_space(scene, own)
+    names = list(_SEEN)
+    if scene.command is not None:
+        names.append(("commanded speed", "sqrt(g l)"))
+    for k in range(1, scene.preview + 1):
+        names += [(f"height of foothold {k} ahead over the one before", "l")]
+        names += [("its slope less that of the one before", "rad")]
+    if own is not None:
+        names = [(f"of {_name(scene.observation)}", "")] * own
+    return [
+        {"observation": name, "unit": unit, "min": float(low), "max": float(high)}
+        for (name, unit), low, high in zip(names, space.low, space.high, strict=True)
+    ]
+
+
+def _rewarded(scene: Scene) -> Rows:
+    """Terms of the reward, which is their sum."""
+    if isinstance(scene.reward, Mapping):
+        about = {name: f"{w:g} times {ABOUT_TERMS[name]}" for name, w in scene.reward.items()}
+    elif scene.reward is not None:
+        about = {"function": f"result of {_name(scene.reward)}"}
+    else:
+        weight, kind = scene.energy_weight, scene.energy
+        about = {
+            "distance": f"{ABOUT_TERMS['distance']}; a stride that falls loses its own",
+            "energy": f"{-weight:g} times the {kind} work of the actuators / (m g l)",
+        }
+        if scene.command is not None:
+            about["command"] = (
+                f"{-scene.command_weight:g} times {ABOUT_TERMS['command']}, at most its length"
+            )
+    return [{"term": name, "what": text} for name, text in about.items()]
+
+
+def _ends(scene: Scene, limit: float | None) -> Rows:
+    """What ends an episode: the outcome, and when."""
+    found = {
+        "fell_forward": "the stance leg lies on the ground, ahead",
+        "fell_backward": "the stance leg lies on the ground, behind",
+        "over_the_top": "the swing leg has turned beyond upright",
+        "stalled": f"no heelstrike within {scene.longest_stride:g} sqrt(l/g)",
+        "diverged": "the motion is no longer finite",
+    }
+    if kind_of(scene.walker) == "kneed":
+        found["bent_knee"] = "the foot lands before the knee has locked"
+    if scene.stub:
+        found["stubbed_toe"] = "the locked swing leg is below the ground"
+    for check, answer in scene.reality.items():
+        if answer == "end":
+            found[interface.REASONS[check]] = _CHECKS[check].format(**vars(scene))
+    if scene.terminated is not None:
+        found["stopped"] = f"{_name(scene.terminated)} holds"
+    rows = [{"outcome": name, "when": when, "kind": "terminated"} for name, when in found.items()]
+    if limit is not None:
+        rows.append({"outcome": "", "when": f"{limit:g} steps", "kind": "truncated"})
+    return rows
+
+
+def _name(function: Any) -> str:
+    """What a function is called."""
+    return getattr(function, "__qualname__", type(function).__name__)
+
+
+def _written(value: Any) -> str:
+    """A cell."""
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
