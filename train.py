@@ -30,7 +30,7 @@ import gym_passive_walker.console as console
 import numba
 import torch
 
-from agents import commands, evaluation, files, pictures, worlds
+from agents import commands, envs, evaluation, files, pictures
 from agents.config import ALGORITHMS, DEFAULT_SCENE, Config, ConfigError, configure
 from agents.training import Run
 from gym_passive_walker.cli.arguments import A_WALKER
@@ -148,14 +148,14 @@ def train(args: argparse.Namespace) -> int:
             need("matplotlib", "train")
         if args.tensorboard:
             need("tensorboard", "train")
-        worlds.check(config)  # refuses nonsense before there is a folder
+        envs.check(config)  # refuses nonsense before there is a folder
         if args.search is None and args.ray is not None:
             raise ConfigError("--ray goes with --search: a training is done by this process")
         if args.search is not None:
             return find_better(config, args)
         folder = files.new_run(args.out, f"{config.scene}-{config.algo}")
     run = Run(config, folder, tensorboard=args.tensorboard)
-    print(f"{worlds.describe(config)}: {config.algo.upper()}, {config.steps:,} steps, in {folder}")
+    print(f"{envs.describe(config)}: {config.algo.upper()}, {config.steps:,} steps, in {folder}")
     try:
         finished = run.train(progress=not args.quiet)
     except OSError as error:

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from tqdm import tqdm
 
-from agents import worlds
+from agents import envs
 from agents.config import ALGORITHMS, ConfigError, configure, presets
 from agents.files import read_json
 from agents.learner import load_policy
@@ -168,7 +168,7 @@ def _learn(folder: Path, unit: Unit, budget: float) -> dict[str, Any]:
 def judge(policy: Policy, name: str) -> dict[str, Any]:
     """An agent's scores in a scene of some name: means over walks; costs over all their way."""
     scene = make_scene(name)
-    walks = evaluate(policy, worlds.arena(configure("ppo", name), EPISODES), seed=EPISODE_SEED)
+    walks = evaluate(policy, envs.arena(configure("ppo", name), EPISODES), seed=EPISODE_SEED)
     # Over all the way that all walks went, so that a stumble does not weigh as much as a walk.
     way = max(float(walks.length.sum()), 1e-300)
     gravity, hip, net = (

@@ -21,7 +21,7 @@ from gym_passive_walker.files import replacing
 from gym_passive_walker.walkers import as_walker
 
 _ARRAYS, _REPLAY, _NOTES = "arrays.npz", "replay.npz", "notes.json"
-_RECORDS, _RANDOMS = "worlds.npz", "worlds.json"
+_RECORDS, _RANDOMS = "envs.npz", "envs.json"
 _COUNTERS = ("num_timesteps", "_n_updates", "_episode_num")
 _LAST = ("_last_obs", "_last_original_obs", "_last_episode_starts")
 _STORED = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
@@ -159,9 +159,9 @@ def _checked(found: NDArray, name: str, own: NDArray) -> NDArray:
     return found
 
 
-def _save_walkers(worlds: VecEnv, folder: Path) -> None:
+def _save_walkers(envs: VecEnv, folder: Path) -> None:
     """Write where the walkers stand, and their random numbers."""
-    state = worlds.unwrapped.get_state()  # type: ignore[attr-defined]
+    state = envs.unwrapped.get_state()  # type: ignore[attr-defined]
     walkers, randoms = state.pop("walkers"), state.pop("random")
     np.savez(folder / _RECORDS, **state)
     # Walkers are many only where each differs from the others.
@@ -170,9 +170,9 @@ def _save_walkers(worlds: VecEnv, folder: Path) -> None:
     (folder / _RANDOMS).write_text(text, encoding="utf-8")
 
 
-def _restore_walkers(worlds: VecEnv, folder: Path) -> None:
+def _restore_walkers(envs: VecEnv, folder: Path) -> None:
     """Put back what `_save_walkers` wrote."""
-    native: Any = worlds.unwrapped
+    native: Any = envs.unwrapped
     rest: dict[str, Any] = read_json(folder / _RANDOMS)
     with reading(folder / _RANDOMS):
         walkers = [as_walker(parameters) for parameters in rest["walkers"]]

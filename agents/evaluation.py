@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from agents import worlds
+from agents import envs
 from agents.learner import learned
 from gym_passive_walker.arguments import whole
 from gym_passive_walker.control.baselines import Passive
@@ -45,12 +45,12 @@ def judge(
     """
     episodes, seed = whole(episodes, "episodes"), whole(seed, "seed", least=0)
     config, policy = learned(which)
-    arena = worlds.arena(config, episodes)
+    arena = envs.arena(config, episodes)
     columns = {
         name: evaluate(agent, arena, seed=seed)
         for name, agent in ((config.algo.upper(), policy), (Passive.name, Passive()))
     }
-    text = table(f"{worlds.describe(config)}; {episodes} episodes", columns)
+    text = table(f"{envs.describe(config)}; {episodes} episodes", columns)
     return text, [row for name, walks in columns.items() for row in walks.rows(name)]
 
 

@@ -48,7 +48,7 @@ class Schedule(BaseCallback):
         share = self.model.num_timesteps / self.model._total_timesteps
         policy: Any = self.model.policy
         policy.log_std.data.fill_(np.interp(share, self.shares, self.values))
-        self.training_env.env_method("charge_for", self.energy if share < self.until else None)
+        self.training_env.env_method("set_energy_cost", self.energy if share < self.until else None)
 
     def _on_step(self) -> bool:
         return True

@@ -25,11 +25,11 @@ from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from agents.config import Config, ConfigError, reason
+from agents.envs import training_envs
 from agents.files import CONFIG, read_arrays, reading
 from agents.first_order import SHAC
 from agents.networks import POLICIES
 from agents.ppo_fast import FastPPO
-from agents.worlds import training_worlds
 from gym_passive_walker.arguments import unknown
 from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.files import replacing
@@ -47,7 +47,7 @@ _PLAIN = (bool, int, float, str, type(None))
 _OURS = ("env", "venv", "seed", "device")  # what a configuration decides elsewhere
 
 
-def build(config: Config, worlds: VecEnv, **overrides: Any) -> BaseAlgorithm:
+def build(config: Config, envs: VecEnv, **overrides: Any) -> BaseAlgorithm:
     """An untrained algorithm on some environments, which it wraps in VecNormalize if so configured.
 
     Overrides are arguments of the algorithm that take the place of the configured ones.
@@ -61,14 +61,14 @@ def build(config: Config, worlds: VecEnv, **overrides: Any) -> BaseAlgorithm:
     try:
         if config.normalize is not None:
             gamma = arguments.get("gamma", 0.99)
-            worlds = VecNormalize(worlds, gamma=gamma, **config.normalize)
+            envs = VecNormalize(envs, gamma=gamma, **config.normalize)
         arguments["learning_rate"] = _schedule(arguments["learning_rate"])
         arguments["policy"] = POLICIES.get(arguments["policy"], arguments["policy"])
         arguments["policy_kwargs"] = _with_activation(arguments.get("policy_kwargs"))
         # Networks this small are faster on the CPU, and the same there on each run; but what
         # lives on tensors goes where there is a GPU.
         device = "auto" if of is FastPPO else "cpu"
-        return of(env=worlds, seed=config.seed, device=device, **arguments)
+        return of(env=envs, seed=config.seed, device=device, **arguments)
     except Exception as error:  # it may stumble over a wrong value anywhere
         raise ConfigError(
             f"{config.algo.upper()} cannot be built as its configuration says: {reason(error)}"
@@ -203,7 +203,7 @@ def load_policy(run: Path, config: Config | None = None) -> LearnedPolicy:
     # To act takes no memory of steps.
     short = {"n_steps": 2, "batch_size": 2}
     memory = {"buffer_size": 1} if config.algo == "sac" else short
-    model = build(config, training_worlds(config, 1), **memory)
+    model = build(config, training_envs(config, 1), **memory)
     restore_weights(model, run / MODEL)
     normalizer = model.get_vec_normalize_env()
     if normalizer is not None:

@@ -9,7 +9,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from agents import worlds
+from agents import envs
 from agents.evaluation import EPISODES, SEED
 from agents.learner import learned
 from gym_passive_walker.control.baselines import Passive
@@ -35,11 +35,11 @@ def draw_run(run: Path, rows: Sequence[dict[str, Any]]) -> None:
     """Draw a run's learning curve, a row an evaluation, and the gait of its policy."""
     config, policy = learned(run)
     with replacing(run / "learning_curve.png") as path:
-        passive = evaluate(Passive(), worlds.arena(config, EPISODES), seed=SEED).summary()
-        learning_curve(path, rows, passive, worlds.describe(config))
+        passive = evaluate(Passive(), envs.arena(config, EPISODES), seed=SEED).summary()
+        learning_curve(path, rows, passive, envs.describe(config))
     with replacing(run / "gait.png") as path:
-        title = f"{config.algo.upper()} on {worlds.describe(config)}"
-        gait(path, policy, worlds.single(config), seed=SEED, title=title)
+        title = f"{config.algo.upper()} on {envs.describe(config)}"
+        gait(path, policy, envs.single(config), seed=SEED, title=title)
 
 
 def learning_curve(

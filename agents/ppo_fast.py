@@ -86,7 +86,7 @@ def carried(walkers: PassiveWalkerVecEnv, device: torch.device) -> Any:
         walkers: What the processor carries.
         device: Where tensors are wanted.
     """
-    here = PassiveWalkerTorchEnv.around(walkers.worlds, device)
+    here = PassiveWalkerTorchEnv.around(walkers.envs, device)
     if device.type == "cuda":
         try:
             from gym_passive_walker.gpu.device import cuda
@@ -249,7 +249,7 @@ class FastPPO(BaseAlgorithm):
         """
         callback.on_rollout_start()
         native: Any = self.env.unwrapped  # type: ignore[union-attr]
-        self.walkers.charge_for(native.worlds.charged_for)
+        self.walkers.set_energy_cost(native.envs.energy_cost)
         net, scaled = self.policy, self._scaling()
         noise = torch.randn(self.n_steps, self.n_envs, len(net.log_std), device=self.device)
         noise *= net.log_std.exp()

@@ -11,7 +11,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import Logger
 from tqdm import tqdm
 
-from agents import checkpoint, files, worlds
+from agents import checkpoint, envs, files
 from agents.callbacks import Milestones, StopRequest
 from agents.config import Config
 from agents.evaluation import write_rows
@@ -42,11 +42,11 @@ class Run:
     def __init__(self, config: Config, folder: Path, *, tensorboard: bool = False) -> None:
         self.config, self.folder = config, folder
         log = {"tensorboard_log": str(folder / "tensorboard")} if tensorboard else {}
-        self.model: BaseAlgorithm = build(config, worlds.training_worlds(config), **log)
+        self.model: BaseAlgorithm = build(config, envs.training_envs(config), **log)
         if not tensorboard:  # the library would make an empty folder of logs for each run
             self.model.set_logger(Logger(None, []))
         self.exploring = explorers(config.algo, config.exploration)
-        self.exam = worlds.arena(config, EPISODES)
+        self.exam = envs.arena(config, EPISODES)
         self.notes: dict[str, Any] = {"best": None, "seconds": 0.0, "curve": []}
         newest = files.newest_checkpoint(folder)
         self.resumed = newest is not None

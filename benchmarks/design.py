@@ -142,7 +142,9 @@ def steep() -> None:
     ):
         (doubled, *_) = gpw.gait_family(walker, 0.05, 0.14).period_doublings
         slopes = np.append(np.linspace(0.05, 0.13, 400), doubled + np.array([-5e-4, 5e-4]))
-        diagram = gpw.bifurcation_diagram(walker, slopes[slopes > 0], settle=1500, keep=64)
+        diagram = gpw.bifurcation_diagram(
+            walker, slopes[slopes > 0], n_transient=1500, n_recorded=64
+        )
         ax.plot(diagram.slope, diagram.stance_angle, ".", color=colour, markersize=0.8)
         ax.axvline(doubled, color=colour, linestyle=":", label=f"{when}: doubles at {doubled:.4f}")
         below, above = diagram.period[-2:]

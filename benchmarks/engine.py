@@ -26,23 +26,28 @@ def crowd(p: Problem, count: int, torque: float = 0.0, end: float = LONGEST_STRI
 
 
 def move(
-    p: Problem, records: NDArray, tolerance: float, *, threads: int = 1, stub: bool = False
+    p: Problem,
+    records: NDArray,
+    tolerance: float,
+    *,
+    threads: int = 1,
+    end_on_toe_stub: bool = False,
 ) -> NDArray:
     """Carry records to their ends, in place; their states are given back."""
     body = np.array(p.body)[None, None]
-    advance(p.system, body, records, tolerance=tolerance, threads=threads, scuff=stub)
+    advance(p.system, body, records, tolerance=tolerance, threads=threads, scuff=end_on_toe_stub)
     return records["state"][:, 0]
 
 
 def again(
-    p: Problem, fresh: NDArray, tolerance: float, *, threads: int = 1, stub: bool = False
+    p: Problem, fresh: NDArray, tolerance: float, *, threads: int = 1, end_on_toe_stub: bool = False
 ) -> Callable[[], None]:
     """A job for the clock: carry copies of the same records to their ends each time."""
     records = fresh.copy()
 
     def job() -> None:
         records[:] = fresh
-        move(p, records, tolerance, threads=threads, stub=stub)
+        move(p, records, tolerance, threads=threads, end_on_toe_stub=end_on_toe_stub)
 
     return job
 

@@ -13,8 +13,8 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import VecEnv
 
 from agents.config import configure
+from agents.envs import training_envs
 from agents.learner import build
-from agents.worlds import training_worlds
 from benchmarks.report import machine, seconds, table
 
 WARMING = 40
@@ -27,11 +27,11 @@ MEASURED = 24
 class _Free(VecEnv):
     """The spaces of other environments, and nothing behind them."""
 
-    def __init__(self, worlds: VecEnv) -> None:
-        super().__init__(worlds.num_envs, worlds.observation_space, worlds.action_space)
-        self._zeros = np.zeros((worlds.num_envs, *worlds.observation_space.shape), np.float32)
-        self._answer = np.zeros(worlds.num_envs), np.zeros(worlds.num_envs, bool)
-        self._infos: list[dict] = [{} for _ in range(worlds.num_envs)]
+    def __init__(self, envs: VecEnv) -> None:
+        super().__init__(envs.num_envs, envs.observation_space, envs.action_space)
+        self._zeros = np.zeros((envs.num_envs, *envs.observation_space.shape), np.float32)
+        self._answer = np.zeros(envs.num_envs), np.zeros(envs.num_envs, bool)
+        self._infos: list[dict] = [{} for _ in range(envs.num_envs)]
 
     def reset(self) -> Any:
         return self._zeros
@@ -89,12 +89,12 @@ def report() -> str:
     """The table and its explanation."""
     torch.set_num_threads(1)
     config = configure("ppo", "level")
-    worlds = training_worlds(config)
-    frames = config.hyperparams["n_steps"] * worlds.num_envs
-    learners = [build(config, environment) for environment in (worlds, _Free(worlds))]
+    envs = training_envs(config)
+    frames = config.hyperparams["n_steps"] * envs.num_envs
+    learners = [build(config, environment) for environment in (envs, _Free(envs))]
     own, floor = _trained(learners, frames)
 
-    native = training_worlds(config)
+    native = training_envs(config)
     native.reset()
     random = np.random.default_rng(0)
     actions = [random.uniform(-0.1, 0.1, (native.num_envs, 1)) for _ in range(64)]
@@ -134,7 +134,7 @@ def on_tensors() -> str:
     learners, frames, names = [], [], []
     for algo in ("ppo", "ppo-fast"):
         config = configure(algo, "level")
-        learners.append(build(config, training_worlds(config)))
+        learners.append(build(config, training_envs(config)))
         frames.append(config.n_envs * config.hyperparams["n_steps"])
         names.append((f"`{algo}`", config.n_envs, config.hyperparams["n_epochs"]))
     for model in learners:

@@ -23,7 +23,7 @@ from benchmarks import engine
 from benchmarks.problem import error, problem
 from benchmarks.report import command, keep, machine, seconds, table
 from gym_passive_walker.gpu import device
-from gym_passive_walker.gpu.crowd import Crowd
+from gym_passive_walker.gpu.batch import DeviceBatch
 from gym_passive_walker.gpu.device import SIMULATED, cuda
 from gym_passive_walker.gpu.strides import advance_there
 from gym_passive_walker.physics.systems import SYSTEMS
@@ -122,13 +122,13 @@ def ticks() -> None:
     """Control ticks a second with random actions, episodes beginning again on the device."""
     rows = []
     for count in SIZES:
-        rows.append(("GPU", count, count / _tick(Crowd(count))))
+        rows.append(("GPU", count, count / _tick(DeviceBatch(count))))
         if count <= LARGEST_HERE:
             rows.append((f"processor, {CORES} cores", count, count / _tick_here(count)))
     _told("gpu ticks", table(["by", "walkers", "ticks/s"], rows))
 
 
-def _tick(there: Crowd) -> float:
+def _tick(there: DeviceBatch) -> float:
     """Time of a step of a crowd."""
     random = np.random.default_rng(0)
     few = [device.put(random.uniform(-1.0, 1.0, len(there.play.actions))) for _ in range(4)]
@@ -171,9 +171,9 @@ def learning() -> None:
 
     rows = []
     for count in SIZES if SIMULATED else (4096, 65_536, 524_288):
-        for label, worlds in (("device", PassiveWalkerGpuEnv), ("processor", here)):
+        for label, envs in (("device", PassiveWalkerGpuEnv), ("processor", here)):
             told = {**_PPO, "num_steps_per_env": steps}
-            runner = OnPolicyRunner(RslRlWalkers(count, worlds=worlds), told, device=where)
+            runner = OnPolicyRunner(RslRlWalkers(count, envs=envs), told, device=where)
 
             def job(runner: Any = runner) -> None:
                 runner.learn(2)
@@ -193,13 +193,11 @@ def _ppo_fast(count: int, steps: int) -> Callable[[], object]:
     from stable_baselines3.common.logger import Logger
 
     from agents.config import configure
+    from agents.envs import training_envs
     from agents.learner import build
-    from agents.worlds import training_worlds
 
     config, size = configure("ppo-fast", "level"), steps * count // 4
-    model = build(
-        config, training_worlds(config, count), n_steps=steps, batch_size=size, n_epochs=5
-    )
+    model = build(config, training_envs(config, count), n_steps=steps, batch_size=size, n_epochs=5)
     model.set_logger(Logger(None, []))
     return lambda: model.learn(2 * steps * count)
 

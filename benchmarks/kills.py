@@ -91,7 +91,7 @@ def remembered(folder: Path) -> Iterator[np.ndarray]:
     for path in sorted(newest.glob("*.npz")):
         with np.load(path) as arrays:
             yield from (arrays[name] for name in sorted(arrays.files))
-    yield from leaves(json.loads((newest / "worlds.json").read_text("utf-8")))
+    yield from leaves(json.loads((newest / "envs.json").read_text("utf-8")))
     notes = json.loads((newest / "notes.json").read_text("utf-8"))
     yield from leaves([notes[name] for name in ("counters", "numpy", "action_space")])
 

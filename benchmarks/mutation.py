@@ -41,7 +41,7 @@ LIBRARIES = ("numba", "scipy.optimize", "scipy.linalg", "gymnasium", "torch", "s
 """What tests import and no mutant changes."""
 _FATES, _TICKS = ("fates.*", "*-pushed-*", "*-watched-*"), ("ticks.*",)
 WITHIN = {
-    **dict.fromkeys(("envs/checks", "envs/reality", "gaits/forces", "gaits/terrain"), _FATES),
+    **dict.fromkeys(("envs/checks", "envs/constraints", "gaits/forces", "gaits/terrain"), _FATES),
     "envs/starts": _TICKS,
     "envs/task": _FATES + _TICKS,
     "envs/transitions": _TICKS,

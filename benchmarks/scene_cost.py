@@ -22,12 +22,12 @@ from gym_passive_walker.gaits.trajectory import simulate
 
 BEFALLS = {
     "pushes, one in twenty ticks": {"pushes": {"rate": 0.5, "impulse": (-1e-4, 1e-4)}},
-    "sensor noise": {"sensor_noise": 1e-3},
-    "motor noise": {"motor_noise": 1e-3},
-    "motor delay": {"motor_delay": 2},
+    "sensor noise": {"observation_noise": 1e-3},
+    "motor noise": {"action_noise": 1e-3},
+    "motor delay": {"action_delay": 2},
     "command": {"command": (0.1, 0.2)},
-    "reality reported": {
-        "reality": dict.fromkeys(("contact", "friction", "knee lock", "scuffing"), "report")
+    "constraints reported": {
+        "constraints": dict.fromkeys(("contact", "friction", "knee lock", "scuffing"), "report")
     },
 }
 """What may befall a walker, each at its price."""
@@ -54,7 +54,9 @@ def kinds() -> str:
             torqued = "torque" if torque else "passive"
             jobs[f"{name}, {torqued}"] = again(p, crowd(p, COUNT, torque), 1e-8)
     p = problem("kneed")
-    jobs["kneed, passive, watched for stubbed toes"] = again(p, crowd(p, COUNT), 1e-8, stub=True)
+    jobs["kneed, passive, watched for stubbed toes"] = again(
+        p, crowd(p, COUNT), 1e-8, end_on_toe_stub=True
+    )
     times = by_turns(jobs)
     lean = times["simplest, passive"]
     rows = []
@@ -90,12 +92,13 @@ def environments() -> str:
     scenes = {
         "simplest, passive": {"walker": "D", "slope": 0.009, "max_hip_torque": 0.0},
         "straight, passive": {"walker": "A", "slope": 0.03, "max_hip_torque": 0.0},
-        "kneed, passive": {"walker": "lab", "slope": 0.036, "max_hip_torque": 0.0, "stub": False},
-        "kneed, motor": {"walker": "lab", "slope": 0.036, "stub": False},
-        "kneed, motor, stub": {"walker": "lab", "slope": 0.036, "stub": True},
+        "kneed, passive": {"walker": "lab", "slope": 0.036, "max_hip_torque": 0.0,
+        "end_on_toe_stub": False},
+        "kneed, motor": {"walker": "lab", "slope": 0.036, "end_on_toe_stub": False},
+        "kneed, motor, stub": {"walker": "lab", "slope": 0.036, "end_on_toe_stub": True},
         "kneed, motor, stub, random slope": {"walker": "lab", "slope": (0.03, 0.04)},
         "kneed, motor, stub, random walker": {
-            "walker": "lab", "slope": 0.036, "randomise": {"foot_radius": 0.01},
+            "walker": "lab", "slope": 0.036, "domain_randomization": {"foot_radius": 0.01},
         },
         **{
             f"kneed, motor, stub, {name}": {"walker": "lab", "slope": 0.036} | arguments
@@ -106,7 +109,7 @@ def environments() -> str:
     actions = np.zeros((COUNT, 1))
     for name, scene in scenes.items():
         envs = gym.make_vec(
-            "PassiveWalker-v0", num_envs=COUNT, perturbation=0.01, threads=1,
+            "PassiveWalker-v0", num_envs=COUNT, reset_noise_scale=0.01, threads=1,
             max_episode_steps=-1, **scene,
         )  # fmt: skip
         envs.reset(seed=0)

@@ -144,8 +144,8 @@ def against() -> None:
 def ticks() -> None:
     """Control ticks of the environments, beside other environments of the field."""
     rows: list[tuple] = []
-    walker = _one(gym.make("PassiveWalker-v0", perturbation=0.02))
-    bare = _one(gym.make("PassiveWalker-v0", perturbation=0.02).unwrapped)
+    walker = _one(gym.make("PassiveWalker-v0", reset_noise_scale=0.02))
+    bare = _one(gym.make("PassiveWalker-v0", reset_noise_scale=0.02).unwrapped)
     pendulum = _one(gym.make("Pendulum-v1"))
     pendulum_bare = _one(gym.make("Pendulum-v1").unwrapped)
     rows += [

@@ -28,7 +28,7 @@ from gym_passive_walker.gaits.bifurcation import (
     lyapunov_exponents,
 )
 from gym_passive_walker.gaits.dense_stride import Extreme, Impulse
-from gym_passive_walker.gaits.design import Design, optimise_walker, tune_to_walk
+from gym_passive_walker.gaits.design import Design, optimize_walker, tune_to_walk
 from gym_passive_walker.gaits.doubling import Cascade, doubling_cascade
 from gym_passive_walker.gaits.family import GaitFamily, gait_family, parameter_family
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
@@ -56,7 +56,7 @@ from gym_passive_walker.walkers import (
     WalkerError,
     as_walker,
     assemble,
-    blend,
+    interpolate,
     lab_walker_from_parts,
     tune,
     tuning_errors,
@@ -96,7 +96,6 @@ __all__ = [
     "assemble",
     "basin_of_attraction",
     "bifurcation_diagram",
-    "blend",
     "closed_loop_gait",
     "collision_matrix",
     "crisis_slope",
@@ -107,6 +106,7 @@ __all__ = [
     "foot_velocity",
     "footholds",
     "gait_family",
+    "interpolate",
     "lab_walker_from_parts",
     "largest_push",
     "load_policy",
@@ -115,7 +115,7 @@ __all__ = [
     "measures",
     "optimal_gait",
     "optimal_gaits",
-    "optimise_walker",
+    "optimize_walker",
     "parameter_family",
     "reality_check",
     "robustness",

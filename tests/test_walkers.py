@@ -19,7 +19,7 @@ from gym_passive_walker import (
     Walker,
     WalkerError,
     assemble,
-    blend,
+    interpolate,
     lab_walker_from_parts,
     tune,
     tuning_errors,
@@ -293,35 +293,35 @@ def test_a_thigh_without_mass_cannot_balance_an_angled_foot():
 
 def test_a_blend_goes_from_one_walker_to_the_other():
     a, b = tune(LAB), LAB
-    assert blend(a, b, 0.0) == a
-    assert blend(a, b, 1.0) == b
-    half = blend(a, b, 0.5)
+    assert interpolate(a, b, 0.0) == a
+    assert interpolate(a, b, 1.0) == b
+    half = interpolate(a, b, 0.5)
     for name in NUMBERS:
         assert getattr(half, name) == pytest.approx(
             0.5 * (getattr(a, name) + getattr(b, name)), rel=1e-15
         )
-    beyond = blend(a, b, 1.5)
+    beyond = interpolate(a, b, 1.5)
     assert beyond.thigh_offset == pytest.approx(1.5 * b.thigh_offset - 0.5 * a.thigh_offset)
 
 
 def test_a_blend_detunes_in_proportion():
     """Tuning errors of walkers that differ in their offsets are linear in them (Fig. 4.8)."""
     whole = np.array(tuning_errors(LAB))
-    part = np.array(tuning_errors(blend(tune(LAB), LAB, 0.3)))
+    part = np.array(tuning_errors(interpolate(tune(LAB), LAB, 0.3)))
     np.testing.assert_allclose(part, 0.3 * whole, rtol=0.0, atol=1e-15)
 
 
 def test_a_blend_of_knees_and_none_is_refused():
     with pytest.raises(WalkerError, match="knees"):
-        blend(WALKERS["A"], WALKERS["C"], 0.5)
+        interpolate(WALKERS["A"], WALKERS["C"], 0.5)
 
 
 def test_a_blend_that_is_no_walker_is_refused():
     with pytest.raises(WalkerError):
-        blend(WALKERS["E"], WALKERS["F"], 10.0)
+        interpolate(WALKERS["E"], WALKERS["F"], 10.0)
     for fraction in (math.nan, "half", None, True):
         with pytest.raises(ValueError, match="fraction must be"):
-            blend(WALKERS["E"], WALKERS["F"], fraction)
+            interpolate(WALKERS["E"], WALKERS["F"], fraction)
 
 
 def test_the_laboratorys_parts_make_the_captions_walker():
@@ -433,7 +433,7 @@ def test_a_name_stands_for_its_walker():
         as_walker("nobody")
 
 
-@pytest.mark.parametrize("name", ["Walker", "WALKERS", "tune", "blend", "stride", "Outcome"])
+@pytest.mark.parametrize("name", ["Walker", "WALKERS", "tune", "interpolate", "stride", "Outcome"])
 def test_the_package_offers_its_public_names(name):
     assert name in gpw.__all__
     assert hasattr(gpw, name)

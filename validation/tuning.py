@@ -99,7 +99,7 @@ def _tuned_over_untuned() -> Iterator[Row]:
 
 def de_tuned(fraction: float) -> Walker:
     """The tuned kneed walker, a fraction of the way to the laboratory's."""
-    return gpw.blend(TUNED["C"], "lab", fraction)
+    return gpw.interpolate(TUNED["C"], "lab", fraction)
 
 
 def de_tuning() -> Iterator[Row]:
@@ -150,7 +150,8 @@ def de_tuning() -> Iterator[Row]:
     )
     yield claim(said, f"from {above:.8f} on", abs(above - 0.16372248) < 1e-7)
     straight = [
-        gpw.blend(TUNED["A"], "lab-straight", fraction) for fraction in (0.0, 0.25, 0.5, 0.75, 1.0)
+        gpw.interpolate(TUNED["A"], "lab-straight", fraction)
+        for fraction in (0.0, 0.25, 0.5, 0.75, 1.0)
     ]
     separate = all(
         family(walker, 0.07, 0.3, kind, 0.1).ends[1].reason == BOUND

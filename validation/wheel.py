@@ -126,7 +126,7 @@ def _step_down(name: str, steeper: float) -> float:
     turned = np.array([steeper] * 3 + [0.0] * 3)
     on_steps = stride(
         walker, walks.slope, walks.state - turned, tolerance=1e-13,
-        rise=-on_slope.step_length * math.sin(steeper), turn=steeper,
+        height_change=-on_slope.step_length * math.sin(steeper), slope_change=steeper,
     )  # fmt: skip
     shares = [
         getattr(on_steps, measure) / getattr(on_slope, measure) - 1.0

@@ -71,7 +71,7 @@ def knee_then_heel(count: int, rng: np.random.Generator) -> Finding:
 )  # fmt: skip
 def heel_then_knee(count: int, rng: np.random.Generator) -> Finding:
     """The foot came down before the knee locked."""
-    return knee_and_heel(-(10.0 ** rng.uniform(-11.0, -2.0, count)), Outcome.BENT_KNEE, rng)
+    return knee_and_heel(-(10.0 ** rng.uniform(-11.0, -2.0, count)), Outcome.KNEE_NOT_LOCKED, rng)
 
 
 @case(
@@ -90,7 +90,7 @@ def knee_with_heel(count: int, rng: np.random.Generator) -> Finding:
         for tolerance in TOLERANCES:
             walks = mine.follow(starts, 2.0, phase=FREE, tolerance=tolerance)
             outcome = walks["outcome"]
-            known = (outcome == Outcome.HEELSTRIKE) | (outcome == Outcome.BENT_KNEE)
+            known = (outcome == Outcome.HEELSTRIKE) | (outcome == Outcome.KNEE_NOT_LOCKED)
             tried += len(walks)
             failed += int((~known).sum())
             off = np.abs(walks["time"] - LEAD) / tolerance

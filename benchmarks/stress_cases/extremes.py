@@ -76,9 +76,14 @@ def any_throw(count: int, rng: np.random.Generator) -> Finding:
         mine, n = flock(walker), min(portion, count)
         states, slope, torque = random_throws(rng, n, not walker.knees)
         tolerance = float(rng.choice([1e-3, 1e-8, 1e-12]))
-        stub = bool(rng.random() < 0.5)
+        end_on_toe_stub = bool(rng.random() < 0.5)
         walks = mine.follow(
-            states, LONGEST_STRIDE, slope=slope, torque=torque, tolerance=tolerance, stub=stub
+            states,
+            LONGEST_STRIDE,
+            slope=slope,
+            torque=torque,
+            tolerance=tolerance,
+            end_on_toe_stub=end_on_toe_stub,
         )
         tried += n
         failed += int((~ended(walks)).sum())
@@ -113,7 +118,7 @@ def huge_torque(count: int, rng: np.random.Generator) -> Finding:
     "A swing leg thrown over the top is followed to the upright, with its energy",
     quick=2_000, long=200_000, bound=1e-12, unit="rad, energy that moved",
 )  # fmt: skip
-def over_the_top(count: int, rng: np.random.Generator) -> Finding:
+def swing_overrotation(count: int, rng: np.random.Generator) -> Finding:
     """Forward or backward, at three to a hundred times the pace of a walk."""
     tried, failed, worst = 0, 0, 0.0
     for walker in WALKERS.values():
@@ -123,7 +128,7 @@ def over_the_top(count: int, rng: np.random.Generator) -> Finding:
         states[:, 1] = states[:, 2] = rng.uniform(0.3, 0.6, n)
         states[:, 4] = states[:, 5] = rng.choice([-1.0, 1.0], n) * 10.0 ** rng.uniform(1.5, 2.0, n)
         walks = mine.follow(states, slope=rng.uniform(-0.1, 0.1, n), tolerance=1e-14)
-        over = walks["outcome"] == Outcome.OVER_THE_TOP
+        over = walks["outcome"] == Outcome.SWING_OVERROTATION
         tried += n
         forward = states[:, 4] > 0.0  # backwards it may meet the ground first
         failed += int((~over & forward).sum())

@@ -76,7 +76,7 @@ class Flock(NamedTuple):
         turn: ArrayLike = 0.0,
         phase: ArrayLike | None = None,
         tolerance: float = 1e-13,
-        stub: bool = False,
+        end_on_toe_stub: bool = False,
     ) -> NDArray:
         """Records (n,) of walkers followed for some time, or to what ends their stride.
 
@@ -89,21 +89,33 @@ class Flock(NamedTuple):
             turn: By how much it slopes more steeply, in rad; see `time`.
             phase: In which the walkers are; just after heelstrike where None.
             tolerance: Of the integration.
-            stub: As for `stride`.
+            end_on_toe_stub: As for `stride`.
         """
-        records = new_records(states, slope, torque, rise=rise, turn=turn, end=time)
+        records = new_records(
+            states, slope, torque, height_change=rise, slope_change=turn, end=time
+        )
         if phase is not None:
             records["phase"][:, 0] = phase
-        return self.go_on(records[:, 0], tolerance=tolerance, stub=stub, from_section=phase is None)
+        return self.go_on(
+            records[:, 0],
+            tolerance=tolerance,
+            end_on_toe_stub=end_on_toe_stub,
+            from_section=phase is None,
+        )
 
     def go_on(
-        self, records: NDArray, *, tolerance: float, stub: bool = False, from_section: bool = False
+        self,
+        records: NDArray,
+        *,
+        tolerance: float,
+        end_on_toe_stub: bool = False,
+        from_section: bool = False,
     ) -> NDArray:
         """Carry records (n,) on from where they stand, in place."""
         with np.errstate(all="ignore"):
             advance(
                 self.system, self.bodies, records[:, None],
-                tolerance=tolerance, scuff=stub, from_section=from_section,
+                tolerance=tolerance, scuff=end_on_toe_stub, from_section=from_section,
             )  # fmt: skip
         return records
 

@@ -44,7 +44,7 @@ def any_walker(count: int, rng: np.random.Generator) -> Finding:
         states, slope, torque = random_throws(rng, portion, kind != 0)
         tolerance = float(rng.choice(_TOLERANCES))
         walks = mine.follow(
-            states, slope=slope, torque=torque, tolerance=tolerance, stub=bool(turn % 2)
+            states, slope=slope, torque=torque, tolerance=tolerance, end_on_toe_stub=bool(turn % 2)
         )
         known = ended(walks)
         tried += portion
@@ -70,8 +70,8 @@ def any_scene(rng: np.random.Generator, kind: int) -> PassiveWalkerEnv:
         max_hip_torque=float(10.0 ** rng.uniform(-3.0, 1.0)),
         energy=str(rng.choice(ENERGIES)),
         energy_weight=float(10.0 ** rng.uniform(-1.0, 2.0)),
-        stub=knees and bool(rng.random() < 0.5),
-        randomise={"hip_mass": 0.3, "shank_com": 0.1} if rng.random() < 0.3 else {},
+        end_on_toe_stub=knees and bool(rng.random() < 0.5),
+        domain_randomization={"hip_mass": 0.3, "shank_com": 0.1} if rng.random() < 0.3 else {},
         start=(0.3, -0.3, -0.3, *(0.5 * rng.normal(size=3) - [0.8, 0.3, 0.6])),
         tolerance=float(rng.choice([1e-4, 1e-8])),
     )

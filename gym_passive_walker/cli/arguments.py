@@ -136,7 +136,13 @@ def add_walk(command: ArgumentParser, *, strides: int) -> None:
         "then their rates in rad/s, just after heelstrike (those of the gait)")  # fmt: skip
     add_motors(command)
     add_terrain(command)
-    add("--key", type=int, default=0, metavar="N", help="which ground at random (%(default)s)")
+    add(
+        "--terrain-seed",
+        type=int,
+        default=0,
+        metavar="N",
+        help="which ground at random (%(default)s)",
+    )
 
 
 def start_of(arguments: Namespace) -> NDArray[np.float64]:

@@ -128,13 +128,14 @@ def bifurcation(command: ArgumentParser) -> Callable[[Namespace], Report]:
     add_motors(command)
     add = command.add_argument
     add("--slopes", type=int, default=50, metavar="N", help="how many slopes (%(default)s)")
-    add("--settle", type=int, default=500, metavar="N", help="strides before (%(default)s)")
-    add("--keep", type=int, default=64, metavar="N", help="strides looked at (%(default)s)")
+    add("--n-transient", type=int, default=500, metavar="N", help="strides before (%(default)s)")
+    add("--n-recorded", type=int, default=64, metavar="N", help="strides looked at (%(default)s)")
 
     def run(arguments: Namespace) -> Report:
         slopes = np.linspace(arguments.low, arguments.high, arguments.slopes)
         found = bifurcation_diagram(
-            map_of(arguments), slopes, settle=arguments.settle, keep=arguments.keep,
+            map_of(arguments), slopes, n_transient=arguments.n_transient,
+            n_recorded=arguments.n_recorded,
             kind=arguments.kind,
         )  # fmt: skip
         angles = found.stance_angle

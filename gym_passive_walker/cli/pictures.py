@@ -31,7 +31,8 @@ def strobe(command: ArgumentParser) -> Callable[[Namespace], Report]:
         out = picture_path(arguments.out)
         drawn(
             map_of(arguments, arguments.slope), arguments.slope, start_of(arguments),
-            strides=arguments.strides, terrain=arguments.terrain, key=arguments.key, path=out,
+            strides=arguments.strides, terrain=arguments.terrain,
+            terrain_seed=arguments.terrain_seed, path=out,
         )  # fmt: skip
         return _saved([out])
 
@@ -43,7 +44,7 @@ def video(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
     passive-walker video lab 0.036 --strides 10 --out walk.mp4
     passive-walker video D 0.009 --slower 4 --out walk.gif
-    passive-walker video C 0.05 --terrain rough:height_std=0.002 --key 1 --out rough.mp4
+    passive-walker video C 0.05 --terrain rough:height_std=0.002 --terrain-seed 1 --out rough.mp4
     """
     add_walk(command, strides=10)
     _add_out(command, "walk.mp4", "a film, .mp4 or .gif")
@@ -60,7 +61,7 @@ def video(command: ArgumentParser) -> Callable[[Namespace], Report]:
         film(
             map_of(arguments, arguments.slope), arguments.slope, start_of(arguments),
             arguments.out, strides=arguments.strides, terrain=arguments.terrain,
-            key=arguments.key, slower=arguments.slower,
+            terrain_seed=arguments.terrain_seed, slower=arguments.slower,
         )  # fmt: skip
         return _saved([arguments.out])
 

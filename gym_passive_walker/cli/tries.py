@@ -16,7 +16,7 @@ from gym_passive_walker.render.axes import OWN, figure_of, picture_path, save
 from gym_passive_walker.walkers import is_walker
 
 _MEASURES = ("step_length", "period", "roughness", "sensitivity", "step_up", "step_down")
-_MEASURES += ("spread", "recovered", "recovered_error", "recovery")
+_MEASURES += ("initial_error", "recovered", "recovered_error", "recovery")
 
 
 def robustness(command: ArgumentParser) -> Callable[[Namespace], Report]:
@@ -27,7 +27,11 @@ def robustness(command: ArgumentParser) -> Callable[[Namespace], Report]:
     """
     known = ", ".join([*shipped_policies(), *BASELINES])
     add = command.add_argument
-    add("who", metavar="WHO", help=f"walks passively: {A_WALKER}; or acts: {known}, or a folder")
+    add(
+        "controller",
+        metavar="WALKER|CONTROLLER",
+        help=f"walks passively: {A_WALKER}; or acts: {known}, or a folder",
+    )
     add("--scene", choices=list(SCENES), help="where (the policy's own)")
     add("--slope", type=float, metavar="RAD", help="in rad, downhill (the scene's)")
     add("--roughness", type=float, default=0.002, metavar="L",
@@ -39,15 +43,16 @@ def robustness(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
     def run(arguments: Namespace) -> Report:
         out = None if arguments.out is None else picture_path(arguments.out)
-        if is_walker(arguments.who) and arguments.scene is None and arguments.slope is None:
+        if is_walker(arguments.controller) and arguments.scene is None and arguments.slope is None:
             raise ValueError("a passive walker needs --slope or --scene, as in --slope 0.036")
         found = tried(
-            arguments.who, arguments.scene, slope=arguments.slope, roughness=arguments.roughness,
+            arguments.controller, arguments.scene, slope=arguments.slope,
+            roughness=arguments.roughness,
             walkers=arguments.walkers, strides=arguments.strides, seed=arguments.seed,
         )  # fmt: skip
         lasting = found.first_passage
         data = {name: getattr(found, name) for name in _MEASURES} | {
-            "who": found.who, "slope": found.slope, "first_passage": lasting.mean,
+            "controller": found.controller, "slope": found.slope, "first_passage": lasting.mean,
             "first_passage_error": lasting.error, "first_passage_interval": lasting.interval,
             "falls": lasting.falls, "strides": lasting.strides, **found.columns(),
         }  # fmt: skip
@@ -64,7 +69,7 @@ def robustness(command: ArgumentParser) -> Callable[[Namespace], Report]:
                 for row in rows
             ]
         )
-        said = [listing(facts.pop("who"), facts), pushes]
+        said = [listing(facts.pop("controller"), facts), pushes]
         files = {} if out is None else {out: lambda path: save(figure_of(found.plot(OWN)), path)}
         return Report("\n\n".join(said), data, files)
 

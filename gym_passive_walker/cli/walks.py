@@ -43,8 +43,9 @@ def simulate(command: ArgumentParser) -> Callable[[Namespace], Report]:
     """Follow a walk stride by stride; write what it passes through as CSV or NPZ.
 
     passive-walker simulate lab 0.036 --strides 20
-    passive-walker simulate lab 0.036 --terrain rough:height_std=0.002,slope_std=0.005 --key 3
-    passive-walker simulate lab 0.036 --state 0.3 -0.3 -0.3 -1.5 -0.8 -2 --out walk.csv
+    passive-walker simulate lab 0.036 --terrain rough:height_std=0.002,slope_std=0.005
+    --terrain-seed 3 passive-walker simulate lab 0.036 --state 0.3 -0.3 -0.3 -1.5 -0.8 -2 --out
+    walk.csv
     """
     add_walk(command, strides=10)
     add = command.add_argument
@@ -67,14 +68,16 @@ def simulate(command: ArgumentParser) -> Callable[[Namespace], Report]:
         if out is not None:
             sampled = simulated(
                 walks, slope, state, arguments.strides, samples=arguments.samples,
-                terrain=arguments.terrain, key=arguments.key,
+                terrain=arguments.terrain, terrain_seed=arguments.terrain_seed,
             )  # fmt: skip
             files[out] = lambda path: _WRITERS[path.suffix](sampled, path)
         rows: list[dict[str, Any]] = []
         strides = whole(arguments.strides, "--strides")
-        ground = ground_of(arguments.terrain, arguments.key, strides)
+        ground = ground_of(arguments.terrain, arguments.terrain_seed, strides)
         for tilt, rise, turn in ground.tolist():
-            walk = stride(walks, slope + tilt, state, rise=rise * length, turn=turn)
+            walk = stride(
+                walks, slope + tilt, state, height_change=rise * length, slope_change=turn
+            )
             rows.append({"stride": len(rows) + 1, "stance_angle": state[0],
                          **record(walk, _STRIDE), "outcome": walk.outcome})  # fmt: skip
             if walk.outcome != Outcome.HEELSTRIKE:

@@ -115,9 +115,9 @@ class ControlledMap(StrideMap):
         return self.scene.tick if self.scene.control == "tick" else math.inf
 
     @property
-    def preview(self) -> int:
+    def terrain_lookahead(self) -> int:
         """How many footholds ahead the controller observes."""
-        return self.scene.preview
+        return self.scene.terrain_lookahead
 
     @property
     def parameters(self) -> dict[str, float]:
@@ -136,7 +136,7 @@ class ControlledMap(StrideMap):
         return Walkers(
             walker=self.walker, using=using, tolerance=self.tolerance,
             parameters={} if self.values is None else {str(self.parameter): self.values},
-            stub=bool(self.scene.stub) and self.walker.knees,
+            end_on_toe_stub=bool(self.scene.end_on_toe_stub) and self.walker.knees,
         )  # fmt: skip
 
     def beginning(self, slopes: ArrayLike) -> NDArray[np.float64]:
@@ -219,7 +219,7 @@ class ControlledMap(StrideMap):
         (n, m, width), moving = seeds.points.shape, seeds.moving
         if width and not self.exact:
             return self._differences(points, slopes, lanes, seeds, place)
-        tilt, rise, turn = self.ground[place]
+        tilt, height_change, slope_change = self.ground[place]
         slopes, sound = slopes + tilt, self._sound(points)
         states = self.state(np.where(np.isfinite(points), points, 0.5), place)
         change = self.state_by(points, seeds.points, place)
@@ -228,7 +228,8 @@ class ControlledMap(StrideMap):
                 if name != "slope":
                     change[:, :, tangent] += self.state_by_parameter(points, name, place)
         steps = self._steps(
-            states, slopes, lanes, np.flatnonzero(sound), seeds, change, rises=rise, turns=turn,
+            states, slopes, lanes, np.flatnonzero(sound), seeds, change, rises=height_change,
+            turns=slope_change,
             ahead=self.ahead(place),
         )  # fmt: skip
         of, rows, struck = steps.walkers, steps.rows, steps.outcomes == _STRUCK
@@ -341,9 +342,10 @@ class ControlledMap(StrideMap):
 
         moving = seeds.moving
         return follow(
-            self.walkers, new_records(states, slopes, rise=rises, turn=turns), choose,
+            self.walkers, new_records(states, slopes, height_change=rises, slope_change=turns),
+            choose,
             motors=[INPUTS[motor] for motor in self._motors], tick=self.hold,
-            longest=self.scene.longest_stride, lanes=lanes, chosen=chosen,
+            max_stride_time=self.scene.max_stride_time, lanes=lanes, chosen=chosen,
             change=change if seeds.points.shape[2] else None, moving=tuple(moving),
             columns=tuple(moving.values()), uneven=bool(np.any(rises) or np.any(turns)),
         )  # fmt: skip
@@ -424,7 +426,7 @@ class ControlledMap(StrideMap):
         """What the controller observes of walkers, as in the environment, (n, size)."""
         scene, record = self.scene, records[:, 0]
         size = task.SIZE + (scene.command is not None)
-        seen = np.zeros((len(records), size + 2 * scene.preview))
+        seen = np.zeros((len(records), size + 2 * scene.terrain_lookahead))
         links = np.array([phase.links for phase in self.walkers.system().phases])
         seen[:, :_STATE] = np.clip(record["state"], -_BOUNDS[:_STATE], _BOUNDS[:_STATE])
         seen[:, _STATE] = links[record["phase"]] == 2
@@ -432,7 +434,7 @@ class ControlledMap(StrideMap):
         if scene.command is not None:
             seen[:, task.SIZE] = np.mean(scene.command)
         if ahead is not None:
-            bounds = np.tile([task.HIGHEST, task.STEEPEST], scene.preview)
+            bounds = np.tile([task.HIGHEST, task.STEEPEST], scene.terrain_lookahead)
             seen[:, size:] = np.clip(ahead, -bounds, bounds)
         return seen
 
@@ -447,17 +449,20 @@ class ControlledMap(StrideMap):
         state: ArrayLike,
         slope: ArrayLike | None = None,
         *,
-        rise: ArrayLike | None = None,
-        turn: ArrayLike | None = None,
+        height_change: ArrayLike | None = None,
+        slope_change: ArrayLike | None = None,
         ahead: NDArray | None = None,
     ) -> Stride:
         """One stride with its ledger, in the walker's own units; see `StrideMap.stride`."""
         shape, starts = np.shape(state)[:-1], self.dimensionless(state)
-        own, rise, turn, ahead = self._footing(slope, rise, turn, ahead)
+        own, height_change, slope_change, ahead = self._footing(
+            slope, height_change, slope_change, ahead
+        )
         slopes = for_each(own, len(starts))
         units, system, n = self.units, self.walkers.system(), len(starts)
         steps = self._steps(
-            starts, slopes, np.arange(n), rises=np.divide(rise, units.length), turns=turn,
+            starts, slopes, np.arange(n), rises=np.divide(height_change, units.length),
+            turns=slope_change,
             ahead=ahead,
         )  # fmt: skip
         works, ended = np.zeros((2, 2, n)), new_records(starts, slopes)
@@ -516,9 +521,14 @@ class ControlledMap(StrideMap):
 
     def _until(self, state: NDArray, slope: float, time: float) -> Flow:
         """One walker's stride up to a time, from a state (1, 6)."""
-        one, (tilt, rise, turn) = np.zeros(1, int), self.ground[0]
+        one, (tilt, height_change, slope_change) = np.zeros(1, int), self.ground[0]
         steps = self._steps(
-            state, np.array([slope + tilt]), one, rises=rise, turns=turn, ahead=self.ahead(0)
+            state,
+            np.array([slope + tilt]),
+            one,
+            rises=height_change,
+            turns=slope_change,
+            ahead=self.ahead(0),
         )
         at = self._step_at(steps, one, np.array([time]))
         before, uneven = steps.before[at], self.terrain is not None

@@ -54,4 +54,6 @@ def acting(
 
 def changed(scene: SceneLike, changes: Mapping[str, Any]) -> Scene:
     """A scene with changes; whether a toe stub ends a walk depends on the new walker's legs."""
-    return make_scene(scene, **({"stub": None} if "walker" in changes else {}), **changes)
+    return make_scene(
+        scene, **({"end_on_toe_stub": None} if "walker" in changes else {}), **changes
+    )

@@ -175,7 +175,8 @@ def acting_as(strides: StrideMap, slope: float) -> tuple[Policy, Scene]:
         f"max_{name}" + "_torque" * (name != "push_off"): abs(held[name]) for name in used
     }
     scene = make_scene(
-        walker=strides.walker, slope=slope, control="stride", actions=used, stub=strides.stub,
+        walker=strides.walker, slope=slope, control="stride", actions=used,
+        end_on_toe_stub=strides.end_on_toe_stub,
         **largest,
     )  # fmt: skip
     shares = np.array([[np.sign(held[name]) for name in used]])
@@ -195,8 +196,12 @@ def calm(scene: Scene, slope: float | None = None) -> Scene:
     slope = float(np.mean(scene.slope)) if slope is None else one_slope(slope)
     command = None if scene.command is None else float(np.mean(scene.command))
     plain(scene, "controllers of stride maps have", "observation")
-    smooth = {"terrain": Terrain(), "preview": scene.preview} if scene.preview else {}
-    alike = {"energy": "absolute", "perturbation": 0.0, "randomise": {}}
+    smooth = (
+        {"terrain": Terrain(), "terrain_lookahead": scene.terrain_lookahead}
+        if scene.terrain_lookahead
+        else {}
+    )
+    alike = {"energy": "absolute", "reset_noise_scale": 0.0, "domain_randomization": {}}
     return make_scene(scene, **alike, **CALM | smooth | {"slope": slope, "command": command})
 
 

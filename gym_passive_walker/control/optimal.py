@@ -41,8 +41,8 @@ def optimal_gait(
     """The periodic gait of least cost of transport at a speed.
 
     The optimum is a local one: that which lies nearest to where the search starts. Where the scene
-    ends an episode on a stubbed toe (`stub`), the toe clears the ground on it. Where it does not,
-    the toe may stub: `stubs` of the gait says so.
+    ends an episode on a stubbed toe (`end_on_toe_stub`), the toe clears the ground on it. Where it
+    does not, the toe may stub: `stubs` of the gait says so.
 
     Args:
         scene: A `Scene`, its name, or a mapping of its arguments, of one slope: says which torques
@@ -55,7 +55,8 @@ def optimal_gait(
             often.
 
     Raises:
-        GaitNotFound: if none is found at that speed, or none that the scene's rule `stub` allows.
+        GaitNotFound: if none is found at that speed, or none that the scene's rule
+            `end_on_toe_stub` allows.
         ValueError: if the scene has a range of slopes, or the speed is not positive.
     """
     scene = make_scene(scene)

@@ -188,11 +188,11 @@ class Problem:
         """The push-off, if there may be any."""
         return self.largest_push * float(z[-1]) if self.pushes else None
 
-    def walk(self, z: NDArray, *, stub: bool = False) -> TickedStride:
+    def walk(self, z: NDArray, *, end_on_toe_stub: bool = False) -> TickedStride:
         """The stride."""
         return ticked_stride(
             self.scene.walker, self.slope, z[: self.m], self.torques(z), tick=self.tick,
-            push_off=self.push_off(z), stub=stub,
+            push_off=self.push_off(z), end_on_toe_stub=end_on_toe_stub,
         )  # fmt: skip
 
     def at(self, z: NDArray) -> tuple[float, NDArray, NDArray, NDArray]:
@@ -304,21 +304,23 @@ class Problem:
         if self.clears and not self.allowed(z):
             raise GaitNotFound(
                 f"no gait at speed {self.speed:g} by motors of {self._motors()} was found on which "
-                "the toe clears the ground, as the scene's rule `stub` asks for; try another "
-                "`start`, a speed nearer to one that has a gait, or a scene with stub=False"
+                "the toe clears the ground, as the scene's rule `end_on_toe_stub` asks for; try "
+                "another "
+                "`start`, a speed nearer to one that has a gait, or a scene with "
+                "end_on_toe_stub=False"
             )
         return z
 
     def allowed(self, z: NDArray) -> bool:
         """Whether the scene allows a gait: no toe stubs where that ends an episode."""
-        return not (self.scene.stub and self._stubs(z))
+        return not (self.scene.end_on_toe_stub and self._stubs(z))
 
     def _stubs(self, z: NDArray) -> bool:
         """Whether the toe would stub."""
         if not self.scene.walker.knees:
             return False
         try:
-            self.walk(z, stub=True)
+            self.walk(z, end_on_toe_stub=True)
         except NoStride:
             return True
         return False

@@ -95,7 +95,7 @@ def follow(
     *,
     motors: Sequence[str],
     tick: float,
-    longest: float = LONGEST,
+    max_stride_time: float = LONGEST,
     lanes: NDArray | None = None,
     change: NDArray | None = None,
     moving: Sequence[str] = (),
@@ -113,7 +113,7 @@ def follow(
             that says what their motors are given; of all walkers also once some strides have ended.
         motors: Which of INPUTS the motors are.
         tick: How long a control step is.
-        longest: When a stride is given up.
+        max_stride_time: When a stride is given up.
         lanes: Which of the crowd walkers are, where these differ in a parameter.
         change: Of the states along k tangents, (n, 6, k); None without tangents.
         moving: What else changes along tangents, one each: "slope", or parameters of the walkers.
@@ -123,7 +123,8 @@ def follow(
         in_turn: Whether control steps are followed one after the other with their tangents.
     """
     again = partial(
-        follow, crowd, records, choose, motors=motors, tick=tick, longest=longest, lanes=lanes,
+        follow, crowd, records, choose, motors=motors, tick=tick, max_stride_time=max_stride_time,
+        lanes=lanes,
         change=change, moving=moving, columns=columns, uneven=uneven,
     )  # fmt: skip
     chosen = np.arange(len(records)) if chosen is None else chosen
@@ -144,8 +145,8 @@ def follow(
         choice = choose(chosen, told, number)
         for place, held in zip(places, choice.held.T, strict=True):
             hold(told, place, held)
-        last = (number + 1) * tick >= longest
-        told["end"] = longest if last else (number + 1) * tick
+        last = (number + 1) * tick >= max_stride_time
+        told["end"] = max_stride_time if last else (number + 1) * tick
         told["moved"], told["turned"] = 0.0, 0.0
         before = told[on]
         walked = go_on(
@@ -328,7 +329,7 @@ def ticked_stride(
     *,
     tick: float,
     push_off: float | None = None,
-    stub: bool = False,
+    end_on_toe_stub: bool = False,
     tolerance: float = 1e-12,
 ) -> TickedStride:
     """Follow one walker through a stride, each torque held for a control step.
@@ -340,14 +341,16 @@ def ticked_stride(
         torques: Torques of the hip (N,), or of hip and ankle (2, N); see `ticked_strides`.
         tick: How long a torque is held.
         push_off: Impulse just before heelstrike, if there is one.
-        stub: Whether a stubbed toe ends the stride.
+        end_on_toe_stub: Whether a stubbed toe ends the stride.
         tolerance: Of the integration.
 
     Raises:
         NoStride: if the stride does not end with a heelstrike.
     """
     motors = ("ankle_torque",) * (np.ndim(torques) == 2) + ("push_off",) * (push_off is not None)
-    walkers = Walkers(walker=walker, tolerance=tolerance, stub=stub, using=motors)
+    walkers = Walkers(
+        walker=walker, tolerance=tolerance, end_on_toe_stub=end_on_toe_stub, using=motors
+    )
     points, held = (np.asarray(x, dtype=float)[None] for x in (point, torques))
     pushed = None if push_off is None else np.array([push_off])
     *parts, steps = ticked_strides(walkers, slope, points, held, tick=tick, push_offs=pushed)

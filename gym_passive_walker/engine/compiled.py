@@ -252,7 +252,7 @@ def _measure(system: System, body: Any, after: State, ground: Ground, record: Me
         record["spring_work"] = -system.spring_gain(body, start, end)
     for i in range(3):
         record["start", i] = after[i]
-    if "turn" not in system.absent:
+    if "slope_change" not in system.absent:
         back, up = legs.turned(ground.cosine, ground.sine, *sine_cosine(ground.turn))
         for i, value in enumerate(Ground(back, up)):
             record["ground", i] = value

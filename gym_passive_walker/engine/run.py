@@ -98,8 +98,8 @@ def new_records(
     controls: ArrayLike = 0.0,
     *,
     push_off: ArrayLike = 0.0,
-    rise: ArrayLike = 0.0,
-    turn: ArrayLike = 0.0,
+    height_change: ArrayLike = 0.0,
+    slope_change: ArrayLike = 0.0,
     end: ArrayLike = LONGEST_STRIDE,
     seeds: Seeds | None = None,
     planes: int = 0,
@@ -111,8 +111,8 @@ def new_records(
         slopes: In rad, one for all or (n,).
         controls: Of the hip alone, one for all or (n,); or of each control, (n, controls).
         push_off: Impulse at heelstrike, one for all or (n,).
-        rise: Height of the next foothold, one for all or (n,).
-        turn: By how much it slopes more steeply, one for all or (n,).
+        height_change: Height of the next foothold, one for all or (n,).
+        slope_change: By how much it slopes more steeply, one for all or (n,).
         end: When to stop, one for all or (n,).
         seeds: Directions of derivatives.
         planes: How many there are.
@@ -121,7 +121,7 @@ def new_records(
     values = records[:, 0]
     values["state"] = states
     values["ground"][:, 0], values["ground"][:, 1] = np.sin(slopes), np.cos(slopes)
-    values["ground"][:, 2], values["ground"][:, 3] = rise, turn
+    values["ground"][:, 2], values["ground"][:, 3] = height_change, slope_change
     controls = np.asarray(controls, dtype=float)
     values["control"][:, : controls.shape[1] if controls.ndim == 2 else 1] = (
         controls if controls.ndim == 2 else controls[..., None]
@@ -139,8 +139,8 @@ def new_records(
             if seed is not None:
                 changes[name] = seed
         if seeds.slopes is not None:
-            turn = np.stack([values["ground"][:, 1], -values["ground"][:, 0]], axis=-1)
-            changes["ground"][..., :2] = seeds.slopes[..., None] * turn[:, None]
+            slope_change = np.stack([values["ground"][:, 1], -values["ground"][:, 0]], axis=-1)
+            changes["ground"][..., :2] = seeds.slopes[..., None] * slope_change[:, None]
     return records
 
 

@@ -17,11 +17,11 @@ from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import in_parts, options, workspace
 from gym_passive_walker.envs import fates, saved, task, ticks
+from gym_passive_walker.envs.constraints import ROOM
 from gym_passive_walker.envs.custom import RULES, Custom
 from gym_passive_walker.envs.disturbances import Contact, Disturbances, disturbed
 from gym_passive_walker.envs.interface import refuse
 from gym_passive_walker.envs.one_thread import Token
-from gym_passive_walker.envs.reality import ROOM
 from gym_passive_walker.envs.scene import Scene, SceneError
 from gym_passive_walker.envs.starts import DRAWS, Starts, checked_state
 from gym_passive_walker.envs.transitions import STOPPED
@@ -40,7 +40,7 @@ def rules_of(scene: Scene, system: System, step_limit: float) -> NDArray:
     """A scene's rules, as the kernel reads them."""
     rules = np.zeros(1, task.RULES)
     rules["tick"] = scene.tick if scene.control == "tick" else math.inf
-    rules["longest_stride"] = scene.longest_stride
+    rules["max_stride_time"] = scene.max_stride_time
     rules["actions"] = len(scene.actions)
     for i, name in enumerate(scene.actions):
         channel = task.CHANNELS.index(name)
@@ -54,7 +54,7 @@ def rules_of(scene: Scene, system: System, step_limit: float) -> NDArray:
 
 def system_in(scene: Scene, *walkers: Walker) -> System:
     """Which equations walkers of one kind obey in a scene."""
-    using = {*scene.randomise, *scene.actions, *(UNEVEN if scene.terrain else ())}
+    using = {*scene.domain_randomization, *scene.actions, *(UNEVEN if scene.terrain else ())}
     return system_of(*walkers, using=using)
 
 
@@ -129,7 +129,7 @@ class Batch:
                 )
         self.scene, self.count, self.token = scene, count, Token()
         self._given = {"walkers": walkers, "slopes": slopes, "step_limit": step_limit}
-        self.seen = task.SIZE + (scene.command is not None) + 2 * scene.preview
+        self.seen = task.SIZE + (scene.command is not None) + 2 * scene.terrain_lookahead
         self.custom = Custom(scene, count) if any(getattr(scene, name) for name in RULES) else None
         self._plain: NDArray[np.float32] | None = None  # what is seen where that is not asked for
         if self.custom and self.custom.seen:
@@ -151,7 +151,7 @@ class Batch:
         own = self.custom is not None and (self.custom.seen or not self.custom.native)
         self._apart = own or disturbed(scene)  # a step is more than one call of compiled code
         self._alike_starts = len(shared) == 1
-        self._alike = walkers is None and not scene.randomise
+        self._alike = walkers is None and not scene.domain_randomization
         self.disturbances: Disturbances | None = None
         if disturbed(scene):
             self.disturbances = Disturbances(scene, self.system.name, count)
@@ -195,14 +195,14 @@ class Batch:
     @property
     def starts_alike(self) -> bool:
         """Whether compiled code alone may begin episodes: all walkers start alike, as they are."""
-        alike = self._alike_starts and not self.scene.randomise
+        alike = self._alike_starts and not self.scene.domain_randomization
         return alike and not self.disturbances and not self.custom
 
     def _machinery(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
         """Compiled phases, what the engine is told, and where one thread works."""
         here = self.disturbances
         phases = here.natives[0] if here else compiled(self.system.name)
-        told = options(self.scene.tolerance, scuff=bool(self.scene.stub))
+        told = options(self.scene.tolerance, scuff=bool(self.scene.end_on_toe_stub))
         return phases, told, *workspace()
 
     def _door(self) -> ticks.Door:
@@ -253,7 +253,7 @@ class Batch:
         states, asked = self._asked(options) if options else (None, None)
         draws = self.drawn(where)
         varied = {}
-        if self.scene.randomise:
+        if self.scene.domain_randomization:
             varied = {i: self._starts[i].varied(self.randoms[i]) for i in where.tolist()}
         slopes, gaits = self._nominal(where, draws[:, 0], asked, wanted=states is None)
         if states is not None:
@@ -392,11 +392,11 @@ class Batch:
         here.fates["due"] = np.where(here.fates["known"] != 0.0, times, here.fates["due"])
 
     @property
-    def charged_for(self) -> str:
+    def energy_cost(self) -> str:
         """What motors are charged for: "absolute", "positive" or "net" hip work."""
         return task.ENERGIES[int(self.rules["charged"][0])]
 
-    def charge_for(self, energy: str | None) -> None:
+    def set_energy_cost(self, energy: str | None) -> None:
         """Charge all motors for another kind of work from now on; None is the scene's own.
 
         Raises:
@@ -628,7 +628,10 @@ class Batch:
         if self.disturbances:
             befell = self.disturbances.checked(given, records["time"][:, 0], going)
         walkers = saved.check_walkers(
-            given["walkers"], self.walkers, [s.walker for s in self._starts], self.scene.randomise
+            given["walkers"],
+            self.walkers,
+            [s.walker for s in self._starts],
+            self.scene.domain_randomization,
         )
         kind = type(self.randoms[0].bit_generator) if self.randoms else np.random.PCG64
         randoms = saved.check_randoms(given["random"], self.count, kind)

@@ -70,26 +70,33 @@ def checked_pushes(pushes: Any) -> dict[str, Any]:
 def checked_noise(noise: Any, size: int) -> float | tuple[float, ...]:
     """Standard deviations of a sensor's errors: one of angles and rates, or one an entry."""
     if not _several(noise):
-        return bounded("sensor_noise", noise, 0.0, 10.0)
+        return bounded("observation_noise", noise, 0.0, 10.0)
     if len(noise) != size:
         raise SceneError(
-            f"sensor_noise must be a number, of angles and rates, or {size} of them, one for each "
+            f"observation_noise must be a number, of angles and rates, or {size} of them, one for "
+            "each "
             f"entry of the observation, not {shown(noise)}"
         )
-    return tuple(bounded(f"sensor_noise[{i}]", each, 0.0, 10.0) for i, each in enumerate(noise))
+    return tuple(
+        bounded(f"observation_noise[{i}]", each, 0.0, 10.0) for i, each in enumerate(noise)
+    )
 
 
-def checked_reality(reality: Any, *, knees: bool) -> dict[str, str]:
+def checked_constraints(constraints: Any, *, knees: bool) -> dict[str, str]:
     """What comes of each check; those that are ignored are left out."""
-    if not isinstance(reality, Mapping):
-        raise SceneError(f"reality must map checks to what comes of them, not {shown(reality)}")
-    if said := unknown(reality, CHECKS, "reality"):
+    if not isinstance(constraints, Mapping):
+        raise SceneError(
+            f"constraints must map checks to what comes of them, not {shown(constraints)}"
+        )
+    if said := unknown(constraints, CHECKS, "constraints"):
         raise SceneError(said)
-    for name, answer in reality.items():
+    for name, answer in constraints.items():
         if answer not in ANSWERS:
             allowed = ", ".join(map(repr, ANSWERS))
-            raise SceneError(f"reality[{name!r}] must be one of {allowed}, not {shown(answer)}")
-    found = {name: reality[name] for name in CHECKS if reality.get(name, "ignore") != "ignore"}
+            raise SceneError(f"constraints[{name!r}] must be one of {allowed}, not {shown(answer)}")
+    found = {
+        name: constraints[name] for name in CHECKS if constraints.get(name, "ignore") != "ignore"
+    }
     if "knee lock" in found and not knees:
         raise SceneError("'knee lock' is a check of walkers with knees: straight legs have none")
     return found

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.envs import fates, reality, saved, task
+from gym_passive_walker.envs import constraints, fates, saved, task
 from gym_passive_walker.envs.checks import CHECKS
 from gym_passive_walker.envs.scene import CALM, Scene
 from gym_passive_walker.gaits.terrain import Terrain
@@ -54,15 +54,15 @@ class Disturbances:
     def __init__(self, scene: Scene, system: str, count: int) -> None:
         self.scene, self._system = scene, system
         self.fates, self.odds = np.zeros(count, fates.FATE), _odds(scene)
-        self.pending = np.zeros((count, scene.motor_delay, len(scene.actions)))
+        self.pending = np.zeros((count, scene.action_delay, len(scene.actions)))
         self.terrain = (scene.terrain or Terrain()).arrays()
         self._limits = saved.FateLimits(self.odds[0])
 
     @property
     def natives(self) -> tuple[NDArray, NDArray]:
-        """The system's phases, and what else is done to walkers; see `reality.natives`."""
-        pushed, watched = bool(self.scene.pushes), bool(self.scene.reality)
-        return reality.natives(self._system, pushed=pushed, watched=watched)
+        """The system's phases, and what else is done to walkers; see `constraints.natives`."""
+        pushed, watched = bool(self.scene.pushes), bool(self.scene.constraints)
+        return constraints.natives(self._system, pushed=pushed, watched=watched)
 
     def part(self, first: int, last: int) -> tuple[NDArray, ...]:
         """What `fates.step` takes of the walkers from one to before another."""
@@ -118,10 +118,10 @@ class Disturbances:
             found["command"] = self.fates["command"]
         if self.scene.pushes:
             found |= {name: self.fates[name] for name in _OF_PUSHES}
-        notes = bodies[:, 0, -reality.ROOM :]
-        for check in self.scene.reality:
-            for name in reality.READINGS[check]:
-                found[name] = notes[:, reality.NOTES.index(name)]
+        notes = bodies[:, 0, -constraints.ROOM :]
+        for check in self.scene.constraints:
+            for name in constraints.READINGS[check]:
+                found[name] = notes[:, constraints.NOTES.index(name)]
         return found
 
     def get_state(self) -> dict[str, NDArray]:
@@ -156,14 +156,14 @@ def _odds(scene: Scene) -> NDArray:
     odds = np.zeros(1, fates.ODDS)
     if scene.pushes:
         odds["rate"], odds["push"] = scene.pushes["rate"], scene.pushes["impulse"]
-    noise = scene.sensor_noise
+    noise = scene.observation_noise
     odds["noise"] = noise if isinstance(noise, tuple) else [noise] * 6 + [0.0] * (task.SIZE - 6)
     odds["noisy"] = np.any(odds["noise"])
     if scene.command is not None:
         odds["commanded"], odds["command"] = True, np.broadcast_to(scene.command, 2)
-    odds["uneven"], odds["preview"] = scene.terrain is not None, scene.preview
-    odds["interval"] = fates.INTERVAL if scene.reality else math.inf
-    odds["ends"] = [scene.reality.get(check) == "end" for check in CHECKS]
-    for name in ("motor_noise", "command_weight", "friction", "knee_latch", "scuff_depth"):
+    odds["uneven"], odds["terrain_lookahead"] = scene.terrain is not None, scene.terrain_lookahead
+    odds["interval"] = fates.INTERVAL if scene.constraints else math.inf
+    odds["ends"] = [scene.constraints.get(check) == "end" for check in CHECKS]
+    for name in ("action_noise", "command_weight", "friction", "knee_latch", "scuff_depth"):
         odds[name] = getattr(scene, name)
     return odds

@@ -109,7 +109,7 @@ def _parts(env: Any) -> tuple[Scene, Batch | None, float | None]:
     """A scene, its walkers if an episode is under way, and its limit of steps."""
     if isinstance(env, Scene | str | Mapping):
         return make_scene(env), None, MAX_EPISODE_STEPS
-    inner = getattr(env, "worlds", getattr(env, "unwrapped", env))
+    inner = getattr(env, "envs", getattr(env, "unwrapped", env))
     if not isinstance(batch := getattr(inner, "batch", None), Batch):
         raise TypeError(
             f"explain takes an environment of this package or a scene, not {shown(env)}"
@@ -128,7 +128,7 @@ def _observed(scene: Scene) -> Rows:
     names = list(_SEEN)
     if scene.command is not None:
         names.append(("commanded speed", "sqrt(g l)"))
-    for k in range(1, scene.preview + 1):
+    for k in range(1, scene.terrain_lookahead + 1):
         names += [(f"height of foothold {k} ahead over the one before", "l")]
         names += [("its slope less that of the one before", "rad")]
     if own is not None:
@@ -163,15 +163,15 @@ def _ends(scene: Scene, limit: float | None) -> Rows:
     found = {
         "fell_forward": "the stance leg lies on the ground, ahead",
         "fell_backward": "the stance leg lies on the ground, behind",
-        "over_the_top": "the swing leg has turned beyond upright",
-        "stalled": f"no heelstrike within {scene.longest_stride:g} sqrt(l/g)",
+        "swing_overrotation": "the swing leg has turned beyond upright",
+        "stalled": f"no heelstrike within {scene.max_stride_time:g} sqrt(l/g)",
         "diverged": "the motion is no longer finite",
     }
     if kind_of(scene.walker) == "kneed":
-        found["bent_knee"] = "the foot lands before the knee has locked"
-    if scene.stub:
+        found["knee_not_locked"] = "the foot lands before the knee has locked"
+    if scene.end_on_toe_stub:
         found["stubbed_toe"] = "the locked swing leg is below the ground"
-    for check, answer in scene.reality.items():
+    for check, answer in scene.constraints.items():
         if answer == "end":
             found[interface.REASONS[check]] = _CHECKS[check].format(**vars(scene))
     if scene.terminated is not None:

@@ -18,7 +18,7 @@ import numpy as np
 from gym_passive_walker.engine.chance import normal, uniform
 from gym_passive_walker.engine.jit import Kernel, address, call, jitted
 from gym_passive_walker.engine.run import carry_on
-from gym_passive_walker.envs import reality, task
+from gym_passive_walker.envs import constraints, task
 from gym_passive_walker.envs.checks import CHECKS
 from gym_passive_walker.gaits.terrain import ground_at
 from gym_passive_walker.physics.bodies import StraightBody
@@ -55,12 +55,12 @@ ODDS = np.dtype(
         ("push", "f8", (2,)),  # least and greatest impulse
         ("noisy", "i8"),  # whether a sensor has errors
         ("noise", "f8", (task.SIZE,)),
-        ("motor_noise", "f8"),
+        ("action_noise", "f8"),
         ("commanded", "i8"),
         ("command", "f8", (2,)),
         ("command_weight", "f8"),
         ("uneven", "i8"),  # whether there is terrain
-        ("preview", "i8"),  # footholds ahead that agents see
+        ("terrain_lookahead", "i8"),  # footholds ahead that agents see
         ("interval", "f8"),  # from one look at a walker to the next; infinite without looks
         ("friction", "f8"),
         ("knee_latch", "f8"),
@@ -76,8 +76,8 @@ INTERVAL = 0.1
 _INSTANT = 1e-9  # times closer than this are one
 _DEPTH = 1e-9  # rounding of a foot's height
 _FIRST_REASON = len(Outcome)
-_HEELSTRIKE, _WORK, _ROOM = int(Outcome.HEELSTRIKE), len(reality.NOTES) - 1, reality.ROOM
-_BLANK = reality.BLANK
+_HEELSTRIKE, _WORK, _ROOM = int(Outcome.HEELSTRIKE), len(constraints.NOTES) - 1, constraints.ROOM
+_BLANK = constraints.BLANK
 RADIUS = StraightBody._fields.index("foot_radius")  # of every kind's constants
 _CONTACT, _FRICTION, _KNEE = range(len(CHECKS) - 1)
 # Streams of a walker's key.
@@ -96,7 +96,7 @@ def perceive(fate, row, odds, table, spread, observations, first):
     if odds.commanded:
         observations[first + task.SIZE] = fate.command
     first += task.SIZE + odds.commanded
-    for ahead in range(odds.preview):
+    for ahead in range(odds.terrain_lookahead):
         _, rise, turn = ground_at(table, spread, fate.key, row.strides + ahead)
         observations[first + 2 * ahead] = task.clipped(rise, task.HIGHEST)
         observations[first + 2 * ahead + 1] = task.clipped(turn, task.STEEPEST)
@@ -176,8 +176,8 @@ def sent(fates, ledger, odds, pending, actions):
             share = task.clipped(actions[i * count + j], 1.0)
             if late > 0:
                 share, pending[i, step % late, j] = pending[i, step % late, j], share
-            if odds.motor_noise > 0.0:
-                share += odds.motor_noise * normal(fate.key, step * count + j, _MOTOR)
+            if odds.action_noise > 0.0:
+                share += odds.action_noise * normal(fate.key, step * count + j, _MOTOR)
             actions[i * count + j] = share
 
 

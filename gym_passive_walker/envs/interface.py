@@ -43,7 +43,7 @@ def observation_space(scene: Scene, seen: int | None = None) -> Any:
     if seen is not None:
         return spaces.Box(-np.inf, np.inf, (seen,), np.float32)
     commanded = scene.command is not None
-    ahead = np.tile([task.HIGHEST, task.STEEPEST], scene.preview)
+    ahead = np.tile([task.HIGHEST, task.STEEPEST], scene.terrain_lookahead)
     low = np.concatenate([task.LOWEST, [0.0] * commanded, -ahead])
     high = np.concatenate([task.BOUNDS, [FASTEST] * commanded, ahead])
     return spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)

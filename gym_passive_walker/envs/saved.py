@@ -282,7 +282,7 @@ class RowLimits:
     """
 
     def __init__(self, rules: NDArray, phases: int, last: int) -> None:
-        longest, limit = float(rules["longest_stride"]), min(float(rules["step_limit"]), _MANY)
+        longest, limit = float(rules["max_stride_time"]), min(float(rules["step_limit"]), _MANY)
         time, largest = (0.0, longest), rules["largest"]
         torque, reason = largest[: len(Control._fields)], (0, last)
         self._records = Limits(

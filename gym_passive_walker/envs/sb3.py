@@ -45,7 +45,7 @@ class Lane:
     @property
     def render_mode(self) -> str | None:
         """How it is drawn."""
-        return self._vec_env.worlds.render_mode
+        return self._vec_env.envs.render_mode
 
     def set_scene(self, scene: Any = None, **changes: Any) -> None:
         """Change the scene of all walkers; see `PassiveWalkerVectorEnv`."""
@@ -64,16 +64,16 @@ class Lane:
     @property
     def state(self) -> NDArray[np.float64]:
         """Angles and rates in the walker's own units."""
-        return self._vec_env.worlds.states[self._index]
+        return self._vec_env.envs.states[self._index]
 
     @property
-    def charged_for(self) -> str:
+    def energy_cost(self) -> str:
         """What its motor is charged for: "absolute", "positive" or "net" hip work."""
-        return self._vec_env.batch.charged_for
+        return self._vec_env.batch.energy_cost
 
-    def charge_for(self, energy: str | None) -> None:
+    def set_energy_cost(self, energy: str | None) -> None:
         """Charge the motors of all walkers for another kind of work; see `PassiveWalkerEnv`."""
-        self._vec_env.charge_for(energy)
+        self._vec_env.set_energy_cost(energy)
 
     def render(self) -> NDArray[np.uint8] | None:
         """A picture of the walker."""
@@ -95,7 +95,7 @@ class PassiveWalkerVecEnv(VecEnv):
         **changes: As of `PassiveWalkerEnv`.
 
     Attributes:
-        worlds: The vector environment that carries them.
+        envs: The vector environment that carries them.
     """
 
     def __init__(
@@ -111,7 +111,7 @@ class PassiveWalkerVecEnv(VecEnv):
         render_mode: str | None = None,
         **changes: Any,
     ) -> None:
-        self.worlds = PassiveWalkerVectorEnv(
+        self.envs = PassiveWalkerVectorEnv(
             num_envs,
             scene,
             max_episode_steps=max_episode_steps,
@@ -122,13 +122,13 @@ class PassiveWalkerVecEnv(VecEnv):
             autoreset_mode="SameStep",
             **changes,
         )
-        self.batch = self.worlds.batch
+        self.batch = self.envs.batch
         self.token = self.batch.token
-        num_envs = self.worlds.num_envs
+        num_envs = self.envs.num_envs
         self.lanes = [Lane(self, i) for i in range(num_envs)]
         super().__init__(
             num_envs,
-            self.worlds.single_observation_space,
+            self.envs.single_observation_space,
             interface.action_space(self.scene.actions),
         )
         metadata: dict[str, Any] = self.metadata
@@ -143,7 +143,7 @@ class PassiveWalkerVecEnv(VecEnv):
         """Begin an episode in every environment, with the seeds and options that were set."""
         options = self._common_options()
         seeds = None if all(seed is None for seed in self._seeds) else self._seeds
-        observations, _ = self.worlds.reset(seed=seeds, options=options)
+        observations, _ = self.envs.reset(seed=seeds, options=options)
         self.reset_infos = [{} for _ in range(self.num_envs)]
         self._reset_seeds()
         self._reset_options()
@@ -184,7 +184,7 @@ class PassiveWalkerVecEnv(VecEnv):
             lanes = np.flatnonzero(dones).tolist()
             for i in lanes:
                 infos[i] = self._last_info(i, observations[i].copy(), bool(terminated[i]))
-            self.worlds.renew()
+            self.envs.renew()
             self.batch.start(lanes, flat)
         return observations, rewards.astype(np.float32), dones, infos
 
@@ -208,18 +208,18 @@ class PassiveWalkerVecEnv(VecEnv):
 
     def close(self) -> None:
         """Close what draws."""
-        self.worlds.close()
+        self.envs.close()
 
     def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
         """A picture of each walker."""
-        frames = self.worlds.render()
+        frames = self.envs.render()
         return [None] * self.num_envs if frames is None else list(frames)
 
     def get_attr(self, attr_name: str, indices: int | Iterable[int] | None = None) -> list[Any]:
         """An attribute of some environments: one of `Lane`, or else of the vector environment."""
         lanes = [self.lanes[i] for i in self._get_indices(indices)]
         return [
-            getattr(lane if hasattr(lane, attr_name) else self.worlds, attr_name) for lane in lanes
+            getattr(lane if hasattr(lane, attr_name) else self.envs, attr_name) for lane in lanes
         ]
 
     def set_attr(
@@ -256,25 +256,25 @@ class PassiveWalkerVecEnv(VecEnv):
         self, slopes: ArrayLike, mask: NDArray[np.bool_] | None = None
     ) -> NDArray[np.float32]:
         """Give the strides that begin slopes of their own; see `PassiveWalkerVectorEnv`."""
-        return self.worlds.set_slopes(slopes, mask)
+        return self.envs.set_slopes(slopes, mask)
 
     @property
     def scene(self) -> Scene:
         """What is simulated."""
-        return self.worlds.scene
+        return self.envs.scene
 
     def set_scene(self, scene: Any = None, **changes: Any) -> None:
         """Change the scene, for a curriculum; see `PassiveWalkerVectorEnv`."""
-        self.worlds.set_scene(scene, **changes)
+        self.envs.set_scene(scene, **changes)
 
-    def charge_for(self, energy: str | None) -> None:
+    def set_energy_cost(self, energy: str | None) -> None:
         """Charge all motors for another kind of hip work; see `PassiveWalkerVectorEnv`."""
-        self.worlds.charge_for(energy)
+        self.envs.set_energy_cost(energy)
 
     def get_state(self) -> dict[str, Any]:
         """All that decides what comes next; a copy."""
-        return self.worlds.get_state()
+        return self.envs.get_state()
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """Go back to a state that `get_state` gave."""
-        self.worlds.set_state(state)
+        self.envs.set_state(state)

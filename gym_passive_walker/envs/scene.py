@@ -19,9 +19,9 @@ from gym_passive_walker.arguments import (
 from gym_passive_walker.envs.checks import (
     SceneError,
     bounded,
+    checked_constraints,
     checked_noise,
     checked_pushes,
-    checked_reality,
     spread,
 )
 from gym_passive_walker.envs.custom import RULES, checked_rule
@@ -66,32 +66,32 @@ class Scene:
         max_push_off: Push-off of the action 1, in units of m sqrt(g l).
         energy_weight: What a unit of energy costs, in leg lengths of distance.
         energy: What motors are charged for: "absolute", "positive" or "net" work.
-        stub: Whether a locked swing leg below the ground ends the episode. None means where
-            there are knees; straight legs cannot but pass through the ground.
-        perturbation: How far a start may be from its gait, as a share of angle and rates. None is
-            0.10 for ticks and 0.05 for strides.
-        randomise: By how large a share walker parameters vary, drawn anew at each reset:
+        end_on_toe_stub: Whether a locked swing leg below the ground ends the episode. None means
+            where there are knees; straight legs cannot but pass through the ground.
+        reset_noise_scale: How far a start may be from its gait, as a share of angle and rates. None
+            is 0.10 for ticks and 0.05 for strides.
+        domain_randomization: By how large a share walker parameters vary, drawn anew at each reset:
             ``{"foot_radius": 0.1}``.
         start: Section state to start from instead of the passive gait: [stance, thigh, shank]
             angles in rad, then their rates in units of 1/sqrt(l/g).
-        longest_stride: Time after which a stride without heelstrike has stalled.
+        max_stride_time: Time after which a stride without heelstrike has stalled.
         tolerance: Error of the dynamics of a step; see `stride`.
         pushes: Impulses on the hip along the slope, at random times: "rate", how many there are on
             average in a unit of time, and "impulse", in units of m sqrt(g l) and positive downhill,
             a number or a range to draw from. None of them if empty.
-        sensor_noise: Standard deviation of what is added to each observation: of angles and rates
-            alike, or one for each of its entries.
-        motor_noise: Standard deviation of what is added to each action, a share of the largest.
-        motor_delay: By how many steps an agent's actions come late.
+        observation_noise: Standard deviation of what is added to each observation: of angles and
+            rates alike, or one for each of its entries.
+        action_noise: Standard deviation of what is added to each action, a share of the largest.
+        action_delay: By how many steps an agent's actions come late.
         command: Speed to keep over sqrt(g l), or (low, high), drawn anew at each reset; agents see
             it. None commands nothing.
         command_weight: What a stride loses for each leg length by which it misses the way that it
             was commanded to go in its time.
-        reality: What comes of the checks of `reality_check`, "scuffing", "knee lock", "contact"
+        constraints: What comes of the checks of `reality_check`, "scuffing", "knee lock", "contact"
             and "friction": "ignore", "report" or "end".
         terrain: How footholds lie, in a form that `terrain_from` takes: a `Terrain`, a mapping
             such as ``{"rough": {"height_std": 0.01}}``, text or a file; smooth when None.
-        preview: Of how many footholds ahead agents see the rise to them and their turn.
+        terrain_lookahead: Of how many footholds ahead agents see the rise to them and their turn.
         friction: Coefficient of friction of foot and ground.
         knee_latch: What a latch of the stance knee holds against flexion, as a torque in m g l, and
             in a strike as an impulse in m l sqrt(g l); 0 is a knee that is pressed on its stop.
@@ -113,21 +113,21 @@ class Scene:
     max_push_off: float = 0.2
     energy_weight: float = 10.0
     energy: str = "absolute"
-    stub: bool = None  # type: ignore[assignment]
-    perturbation: float = None  # type: ignore[assignment]
-    randomise: dict[str, float] = field(default_factory=dict)
+    end_on_toe_stub: bool = None  # type: ignore[assignment]
+    reset_noise_scale: float = None  # type: ignore[assignment]
+    domain_randomization: dict[str, float] = field(default_factory=dict)
     start: tuple[float, ...] | None = None
-    longest_stride: float = 20.0
+    max_stride_time: float = 20.0
     tolerance: float = 1e-8
     pushes: dict[str, Any] = field(default_factory=dict)
-    sensor_noise: float | tuple[float, ...] = 0.0
-    motor_noise: float = 0.0
-    motor_delay: int = 0
+    observation_noise: float | tuple[float, ...] = 0.0
+    action_noise: float = 0.0
+    action_delay: int = 0
     command: float | tuple[float, float] | None = None
     command_weight: float = 2.0
-    reality: dict[str, str] = field(default_factory=dict)
+    constraints: dict[str, str] = field(default_factory=dict)
     terrain: Terrain | None = None
-    preview: int = 0
+    terrain_lookahead: int = 0
     friction: float = 0.8
     knee_latch: float = 0.0
     scuff_depth: float = 0.01
@@ -153,35 +153,35 @@ class Scene:
                 raise SceneError(f"{name} must be {allowed}, not {shown(getattr(self, name))}")
         if self.max_hip_torque is None:
             put("max_hip_torque", _MAX_HIP_TORQUE[self.control])
-        if self.perturbation is None:
-            put("perturbation", _PERTURBATION[self.control])
-        if self.stub is None:
-            put("stub", self.walker.knees)
-        if not isinstance(self.stub, bool):
-            raise SceneError(f"stub must be True, False or None, not {shown(self.stub)}")
-        if self.stub and not self.walker.knees:
+        if self.reset_noise_scale is None:
+            put("reset_noise_scale", _PERTURBATION[self.control])
+        if self.end_on_toe_stub is None:
+            put("end_on_toe_stub", self.walker.knees)
+        if not isinstance(self.end_on_toe_stub, bool):
+            raise SceneError(f"stub must be True, False or None, not {shown(self.end_on_toe_stub)}")
+        if self.end_on_toe_stub and not self.walker.knees:
             raise SceneError("stub is a rule for walkers with knees: straight legs always scuff")
         bound("tick", 1e-3, 1e3)
         for name in CHANNELS:
             bound(_LARGEST[name], 0.0, 1e3)
         put("actions", self._checked_actions())
         bound("energy_weight", 0.0, 1e6)
-        bound("perturbation", 0.0, 0.9)
-        bound("longest_stride", 0.1, 1e3)
+        bound("reset_noise_scale", 0.0, 0.9)
+        bound("max_stride_time", 0.1, 1e3)
         try:
             put("tolerance", check_tolerance(self.tolerance))
         except (TypeError, ValueError) as error:
             raise SceneError(str(error)) from None
-        put("randomise", self._checked_shares())
+        put("domain_randomization", self._checked_shares())
         put("pushes", checked_pushes(self.pushes))
-        put("sensor_noise", checked_noise(self.sensor_noise, SIZE))
-        put("motor_delay", self._checked_delay())
+        put("observation_noise", checked_noise(self.observation_noise, SIZE))
+        put("action_delay", self._checked_delay())
         if self.command is not None:
             low, high = spread("command", self.command, 0.0, FASTEST)
             put("command", low if low == high else (low, high))
-        put("reality", checked_reality(self.reality, knees=self.walker.knees))
-        put("preview", self._checked_preview())
-        bound("motor_noise", 0.0, 1.0)
+        put("constraints", checked_constraints(self.constraints, knees=self.walker.knees))
+        put("terrain_lookahead", self._checked_preview())
+        bound("action_noise", 0.0, 1.0)
         bound("command_weight", 0.0, 1e3)
         bound("friction", 0.0, 1e3)
         bound("knee_latch", 0.0, 1e3)
@@ -233,32 +233,37 @@ class Scene:
 
     def _checked_shares(self) -> dict[str, float]:
         """Shares by which parameters of the walker may vary."""
-        if not isinstance(self.randomise, Mapping):
+        if not isinstance(self.domain_randomization, Mapping):
             raise SceneError(
-                f"randomise must map parameters to shares, not {shown(self.randomise)}"
+                "domain_randomization must map parameters to shares, not "
+                f"{shown(self.domain_randomization)}"
             )
-        if said := unknown(self.randomise, PARAMETERS, "randomise: a walker"):
+        if said := unknown(self.domain_randomization, PARAMETERS, "domain_randomization: a walker"):
             raise SceneError(said)
         return {
-            name: bounded(f"randomise[{name!r}]", share, 0.0, 0.5)
-            for name, share in sorted(self.randomise.items())
+            name: bounded(f"domain_randomization[{name!r}]", share, 0.0, 0.5)
+            for name, share in sorted(self.domain_randomization.items())
         }
 
     def _checked_preview(self) -> int:
         """A number of footholds, and the terrain that they are of."""
         try:
             object.__setattr__(self, "terrain", terrain_from(self.terrain))
-            preview = whole(self.preview, "preview", least=0, most=_FARTHEST)
+            terrain_lookahead = whole(
+                self.terrain_lookahead, "terrain_lookahead", least=0, most=_FARTHEST
+            )
         except ValueError as error:
             raise SceneError(str(error)) from None
-        if preview and self.terrain is None:
-            raise SceneError("preview shows footholds of a terrain: give one, or preview=0")
-        return preview
+        if terrain_lookahead and self.terrain is None:
+            raise SceneError(
+                "preview shows footholds of a terrain: give one, or terrain_lookahead=0"
+            )
+        return terrain_lookahead
 
     def _checked_delay(self) -> int:
         """A number of steps."""
         try:
-            return whole(self.motor_delay, "motor_delay", least=0, most=_LATEST)
+            return whole(self.action_delay, "action_delay", least=0, most=_LATEST)
         except ValueError as error:
             raise SceneError(f"{error} (of steps)") from None
 
@@ -304,8 +309,9 @@ def kept_argument(name: str, value: Any) -> Any:
 
 
 CALM: dict[str, Any] = {
-    "pushes": {}, "sensor_noise": 0.0, "motor_noise": 0.0, "motor_delay": 0, "reality": {},
-    "terrain": None, "preview": 0,
+    "pushes": {}, "observation_noise": 0.0, "action_noise": 0.0, "action_delay": 0,
+    "constraints": {},
+    "terrain": None, "terrain_lookahead": 0,
 }  # fmt: skip
 """Arguments of a scene in which nothing befalls a walker on its way."""
 
@@ -314,14 +320,14 @@ SCENES: dict[str, dict[str, Any]] = {
     "steep": {"slope": 0.11, "control": "stride"},
     "rolling": {"slope": (0.0, 0.06)},
     "lab": {"walker": "lab", "slope": 0.036},
-    "rough": {"slope": 0.02, "terrain": {"rough": {"height_std": 0.002}}, "preview": 2},
+    "rough": {"slope": 0.02, "terrain": {"rough": {"height_std": 0.002}}, "terrain_lookahead": 2},
     "pushed": {"pushes": {"rate": 0.05, "impulse": (-0.03, 0.03)}},
     "push-off": {
         "walker": "D",
         "control": "stride",
         "actions": ("push_off",),
         "max_push_off": 0.1,
-        "perturbation": 0.02,
+        "reset_noise_scale": 0.02,
         "start": (
             0.194588876,
             -0.194588876,

@@ -142,7 +142,7 @@ class Starts:
 
     def varied(self, rng: np.random.Generator) -> Walker:
         """The walker with its parameters varied, if the scene asks for it."""
-        shares = self.scene.randomise
+        shares = self.scene.domain_randomization
         if not shares:
             return self.walker
         for _ in range(100):
@@ -155,7 +155,9 @@ class Starts:
                 return replace(self.walker, **changed)
             except WalkerError:
                 continue
-        raise SceneError(f"randomise: hardly any walker lies within {shares} of this one")
+        raise SceneError(
+            f"domain_randomization: hardly any walker lies within {shares} of this one"
+        )
 
     @property
     def node_slopes(self) -> list[float]:

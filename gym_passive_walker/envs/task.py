@@ -70,7 +70,7 @@ LEDGER = np.dtype(
 RULES = np.dtype(
     [
         ("tick", "f8"),
-        ("longest_stride", "f8"),
+        ("max_stride_time", "f8"),
         ("actions", "i8"),  # how many an agent has
         ("channels", "i8", (len(CHANNELS),)),  # of them, indices into CHANNELS
         ("largest", "f8", (len(CHANNELS),)),  # of each channel; 0 if it is not in use
@@ -201,7 +201,7 @@ def tell(ledger, asked, steps, counts, measures):
 @jitted
 def begin(
     records, bodies, radii, ledger, blank_record, blank_row, phases, lanes,
-    slopes, gaits, draws, perturbation, observations,
+    slopes, gaits, draws, reset_noise_scale, observations,
 ):  # fmt: skip
     """Begin the episodes of some walkers, each near a section state.
 
@@ -221,7 +221,7 @@ def begin(
         gait = gaits[j if len(gaits) > 1 else 0]
         for k in range(6):
             which = 1 if k < 3 else (2 if k == 3 else 3)
-            record.state[k] = gait[k] * (1.0 + perturbation * (2.0 * draws[j, which] - 1.0))
+            record.state[k] = gait[k] * (1.0 + reset_noise_scale * (2.0 * draws[j, which] - 1.0))
         for k in range(3):
             record.start[k] = record.state[k]
         row.origin = radii[own] * record.state[0]
@@ -256,7 +256,7 @@ def command(records, ledger, rules, actions):
                 record.control[channel] = rules.largest[channel] * share
                 record.moved[channel] = 0.0
                 record.turned[channel] = 0.0
-        record.end = min(record.time + rules.tick, rules.longest_stride)
+        record.end = min(record.time + rules.tick, rules.max_stride_time)
     return -1
 
 
@@ -339,7 +339,7 @@ def settle(records, bodies, ledger, rules, phases, observations, rewards, termin
         if row.outcome != 0:
             forget_stride(row)
         row.outcome = record.outcome
-        if record.outcome == 0 and record.time >= rules.longest_stride:
+        if record.outcome == 0 and record.time >= rules.max_stride_time:
             row.outcome = _STALLED
         if row.broken != 0:
             row.outcome = row.broken

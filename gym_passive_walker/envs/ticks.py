@@ -31,7 +31,7 @@ STAYS = (
 PLACES = np.dtype(
     [(name, "i8") for name in STAYS]
     + [(f"of_{name}", "i8") for name in STAYS]  # how many entries each has
-    + [("constants", "i8"), ("low", "f8"), ("high", "f8"), ("perturbation", "f8")]
+    + [("constants", "i8"), ("low", "f8"), ("high", "f8"), ("reset_noise_scale", "f8")]
     + [("noted", "i8"), ("paid", "i8"), ("ends", "i8"), ("native", "i8")]
 )
 """Where they are, and what starts go by besides: constants of a body, and the range of slopes; and
@@ -90,7 +90,7 @@ def begin(where, lanes, alike, slopes, gaits, draws, observations):
             between(nodes, states, slopes, gaits)
     task.begin(
         records, bodies, radii, ledger, np.zeros(1, RECORD), np.zeros(1, task.LEDGER), phases,
-        lanes, slopes, gaits, draws, here.perturbation, observations,
+        lanes, slopes, gaits, draws, here.reset_noise_scale, observations,
     )  # fmt: skip
 
 
@@ -215,7 +215,7 @@ class Door:
         self._randoms: list[np.random.Generator] | None = None
         self._kept: dict[str, NDArray] = {}
         self._places = np.zeros(1, PLACES)
-        self._places["perturbation"] = scene.perturbation
+        self._places["reset_noise_scale"] = scene.reset_noise_scale
         self._places["constants"] = arrays["bodies"].shape[-1]
         self.where: int = self._places.ctypes.data
         self.desk = arrays["tiles"].ctypes.data, arrays["courses"].ctypes.data

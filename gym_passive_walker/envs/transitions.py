@@ -51,8 +51,8 @@ class Transition(NamedTuple):
         strides: Heelstrikes since the episode began.
         steps: Control steps since the episode began.
         slope: Slope of the ground in rad.
-        rise: Height of the next foothold above the present one.
-        turn: Slope of the next foothold less that of the present one, in rad.
+        height_change: Height of the next foothold above the present one.
+        slope_change: Slope of the next foothold less that of the present one, in rad.
         push: Impulse of all pushes on the hip in the step, over m sqrt(g l).
         command: Commanded speed over sqrt(g l); 0 without a command.
         action: Action, clipped to its bounds: a number for each of the scene's actions.
@@ -80,8 +80,8 @@ class Transition(NamedTuple):
     strides: Any
     steps: Any
     slope: Any
-    rise: Any
-    turn: Any
+    height_change: Any
+    slope_change: Any
     push: Any
     command: Any
     action: tuple[Any, ...]
@@ -103,7 +103,7 @@ OF_LEDGER = (
 
 PARTS = (
     OF_LEDGER,
-    ("before", "state", "knee_locked", "rise", "turn"),
+    ("before", "state", "knee_locked", "height_change", "slope_change"),
     ("action", "last_action"),
     ("hip_work", "hip_work_absolute", "ankle_work", "ankle_work_absolute", "push_off_work"),
     ("duration", "time", "collision_loss"),
@@ -142,7 +142,7 @@ def begin(records, ledger, phases, lanes, notes):
         note.collision_loss, note.heelstrike, note.fell = 0.0, 0.0, 0.0
         note.step_length, note.step_period = 0.0, 0.0
         note.strides, note.steps, note.push, note.slope = 0.0, 0.0, 0.0, ledger[i].slope
-        note.rise, note.turn = record.ground[2], record.ground[3]
+        note.height_change, note.slope_change = record.ground[2], record.ground[3]
 
 
 @Kernel
@@ -202,7 +202,7 @@ def after(
             for k in range(6):
                 note.state[k] = record.state[k]
             note.knee_locked = 1.0 if phases[record.phase].links == 2 else 0.0
-            note.rise, note.turn = record.ground[2], record.ground[3]
+            note.height_change, note.slope_change = record.ground[2], record.ground[3]
         if noted & _ACTS:
             for j in range(count):
                 note.last_action[j] = note.action[j]

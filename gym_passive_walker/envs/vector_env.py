@@ -275,12 +275,12 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         return self.batch.reward_terms()
 
     @property
-    def charged_for(self) -> str:
+    def energy_cost(self) -> str:
         """What motors are charged for: "absolute", "positive" or "net" hip work."""
-        return self.batch.charged_for
+        return self.batch.energy_cost
 
     @one_thread
-    def charge_for(self, energy: str | None) -> None:
+    def set_energy_cost(self, energy: str | None) -> None:
         """Charge all motors for another kind of hip work, from the next step on.
 
         Args:
@@ -289,7 +289,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         Raises:
             ValueError: if there is no such kind.
         """
-        self.batch.charge_for(energy)
+        self.batch.set_energy_cost(energy)
 
     def _infos(self, which: NDArray[np.bool_] | None, most: int) -> dict[str, Any]:
         """What single environments would put into `info`, with masks of who did.

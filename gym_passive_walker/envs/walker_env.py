@@ -57,8 +57,8 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     ## Observation Space
 
     A `Box` of shape (8,), float32, the same for all walkers and controls (a `command` is one number
-    more, from 0 to 1; a `preview` two for each foothold, its rise from -1 to 1 leg lengths and its
-    turn from -pi/2 to pi/2):
+    more, from 0 to 1; a `terrain_lookahead` two for each foothold, its rise from -1 to 1 leg
+    lengths and its turn from -pi/2 to pi/2):
 
     | Num | Observation                                    | Min   | Max  |
     | --- | ---------------------------------------------- | ----- | ---- |
@@ -100,7 +100,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     `info` tells at every step, in scenes that have them: "command"; "pushes" that have come,
     "push_work" / (m g l) that they did in this step, and "episode_push_work"; and what the checks
-    of `reality` go by in this step: "normal_force" / (m g), "normal_impulse" / (m sqrt(g l)),
+    of `constraints` go by in this step: "normal_force" / (m g), "normal_impulse" / (m sqrt(g l)),
     "stance_knee_torque" / (m g l), "stance_knee_impulse" / (m l sqrt(g l)) and "clearance" / l,
     the least of each (infinite where there was no strike), and the greatest coefficient of
     "friction" that was needed (infinite where the ground would have had to pull).
@@ -112,24 +112,26 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     Just after a heelstrike, at the walker's passive gait on the slope of the episode, or, where it
     has none, at its gait on the nearest of a few gentle slopes. Angles, stance rate and swing rates
-    are each multiplied by a number drawn from 1 - `perturbation` to 1 + `perturbation`. The slope
-    is drawn first, if it is a range. `reset(options={"state": ..., "slope": ...})` gives either of
-    them instead: the state [stance, thigh, shank] angles and their rates in the walker's own units.
+    are each multiplied by a number drawn from 1 - `reset_noise_scale` to 1 + `reset_noise_scale`.
+    The slope is drawn first, if it is a range. `reset(options={"state": ..., "slope": ...})` gives
+    either of them instead: the state [stance, thigh, shank] angles and their rates in the walker's
+    own units.
 
     ## Episode End
 
     Termination, with its reason in `info["outcome"]`:
 
     - "fell_forward", "fell_backward": the stance leg lies on the ground.
-    - "over_the_top": the swing leg has gone round beyond upright.
-    - "stubbed_toe": a locked swing leg is below the ground (if `stub`; a free knee may let the foot
-      scuff by a fraction of a percent of the leg, as in the source document). Without this rule
-      agents learn to snap the knee shut and sweep a stiff leg through the floor.
-    - "bent_knee": the foot came down in front before the knee had locked.
-    - "stalled": no heelstrike within `longest_stride`.
+    - "swing_overrotation": the swing leg has gone round beyond upright.
+    - "stubbed_toe": a locked swing leg is below the ground (if `end_on_toe_stub`; a free knee may
+      let the foot scuff by a fraction of a percent of the leg, as in the source document). Without
+      this rule agents learn to snap the knee shut and sweep a stiff leg through the floor.
+    - "knee_not_locked": the foot came down in front before the knee had locked.
+    - "stalled": no heelstrike within `max_stride_time`.
     - "diverged": the motion left the range of numbers; no ordinary action gets there.
-    - "lost_contact", "slipped", "stance_knee_gave_way", "scuffed": where `reality` has the check
-      "contact", "friction", "knee lock" or "scuffing" end episodes. The stride does not count.
+    - "lost_contact", "slipped", "stance_knee_gave_way", "scuffed": where `constraints` has the
+      check "contact", "friction", "knee lock" or "scuffing" end episodes. The stride does not
+      count.
     - "stopped": the scene's own `terminated` holds.
 
     Truncation: after 4000 steps (`max_episode_steps` of `gymnasium.make`).
@@ -161,21 +163,21 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `max_push_off`   | 0.2                 | push-off of action 1, over m sqrt(g l)     |
     | `energy_weight`  | 10.0                | leg lengths that a unit of energy is worth |
     | `energy`         | "absolute"          | "absolute", "positive" or "net" hip work   |
-    | `stub`           | True with knees     | whether a stubbed toe ends the episode     |
-    | `perturbation`   | 0.10 (stride: 0.05) | how far starts are from the gait           |
-    | `randomise`      | {}                  | parameter: share by which it varies        |
+    | `end_on_toe_stub`           | True with knees     | whether a stubbed toe ends the episode     |
+    | `reset_noise_scale`   | 0.10 (stride: 0.05) | how far starts are from the gait           |
+    | `domain_randomization`      | {}                  | parameter: share by which it varies        |
     | `start`          | None                | dimensionless state instead of the gait    |
-    | `longest_stride` | 20.0                | when a stride has stalled                  |
+    | `max_stride_time` | 20.0                | when a stride has stalled                  |
     | `tolerance`      | 1e-8                | error of the dynamics                      |
     | `pushes`         | {}                  | {"rate": ..., "impulse": (low, high)}      |
-    | `sensor_noise`   | 0.0                 | std of angles and rates; or of each entry  |
-    | `motor_noise`    | 0.0                 | std of actions                             |
-    | `motor_delay`    | 0                   | steps by which actions come late           |
+    | `observation_noise`   | 0.0                 | std of angles and rates; or of each entry  |
+    | `action_noise`    | 0.0                 | std of actions                             |
+    | `action_delay`    | 0                   | steps by which actions come late           |
     | `command`        | None                | speed over sqrt(g l); or (low, high)       |
     | `command_weight` | 2.0                 | price of a leg length beside the command   |
-    | `reality`        | {}                  | check: "ignore", "report" or "end"         |
+    | `constraints`        | {}                  | check: "ignore", "report" or "end"         |
     | `terrain`        | None                | {"rough": {"height_std": ...}} or another  |
-    | `preview`        | 0                   | footholds ahead that are seen              |
+    | `terrain_lookahead`        | 0                   | footholds ahead that are seen              |
     | `friction`       | 0.8                 | coefficient of foot and ground             |
     | `knee_latch`     | 0.0                 | torque that holds the stance knee          |
     | `scuff_depth`    | 0.01                | how deep the swing foot may pass           |
@@ -407,12 +409,12 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         return {name: term.item() for name, term in self.batch.reward_terms().items()}
 
     @property
-    def charged_for(self) -> str:
+    def energy_cost(self) -> str:
         """What the motor is charged for: "absolute", "positive" or "net" hip work."""
-        return self.batch.charged_for
+        return self.batch.energy_cost
 
     @one_thread
-    def charge_for(self, energy: str | None) -> None:
+    def set_energy_cost(self, energy: str | None) -> None:
         """Charge the motor for another kind of hip work, from the next step on.
 
         Args:
@@ -421,7 +423,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         Raises:
             ValueError: if there is no such kind.
         """
-        self.batch.charge_for(energy)
+        self.batch.set_energy_cost(energy)
 
     @property
     @one_thread

@@ -44,7 +44,7 @@ def _robustness(found: Robustness, ax: Axes | None = None) -> Axes | NDArray:
         ylabel="share that still walks", ylim=(0.7 * least, 1.3),
     )  # fmt: skip
     legend(survival, columns=2)
-    shown = found.answers[:15]
+    shown = found.period_response[:15]
     answers.bar(np.arange(1, len(shown) + 1), shown, color=BLUE)
     answers.axhline(0.0, color=BLACK, linewidth=0.6)
     answers.set(
@@ -57,7 +57,7 @@ def _robustness(found: Robustness, ax: Axes | None = None) -> Axes | NDArray:
         style = {"va": "top", "fontsize": "small", "linespacing": 1.6}
         told.text(place, 1.0, "\n".join(column), transform=told.transAxes, **style)
     figure.suptitle(
-        f"Walker {name_of(found.walker)} at slope {found.slope:.4g} rad, {found.who}",
+        f"Walker {name_of(found.walker)} at slope {found.slope:.4g} rad, {found.controller}",
         fontsize="medium",
     )
     return np.array(axes)

@@ -48,7 +48,8 @@ _SMALL = 1e-4  # leg lengths: a step whose answer is in proportion to it
 _ANSWERS = 60  # strides that are looked at after it
 _IDLE = {"pushes": {"rate": 0.0, "impulse": 0.0}, "terrain": Terrain()}
 _CALM = {
-    "sensor_noise": 0.0, "motor_noise": 0.0, "perturbation": 0.0, "randomise": {}, "reality": {},
+    "observation_noise": 0.0, "action_noise": 0.0, "reset_noise_scale": 0.0,
+    "domain_randomization": {}, "constraints": {},
 }  # fmt: skip
 
 
@@ -71,7 +72,7 @@ class Robustness(Table):
     """How much a walk bears. Lengths are in leg lengths l, times in sqrt(l/g).
 
     Attributes:
-        who: Who acts.
+        controller: Who acts.
         walker: Who walks.
         slope: On which slope, in rad.
         step_length: Of the gait.
@@ -81,20 +82,20 @@ class Robustness(Table):
         survivors: Share of walkers that are left there after each stride, (strides,).
         sensitivity: Gait sensitivity norm: root of the sum of squares of by how much the periods
             of the strides after a small step in the ground change, for each leg length of it.
-        answers: These changes, stride by stride, (strides,).
+        period_response: These changes, stride by stride, (strides,).
         step_up: Highest step of the ground that the walker walks on over, as it does over any lower
             one that was tried.
         step_down: Likewise, deepest.
         phases: When pushes came, as shares of the period, (k,).
         forward: Largest impulse on the hip downhill then, in m sqrt(g l), likewise, (k,).
         backward: Largest uphill, (k,).
-        spread: By which share of the gait's angle and rates starts were off, at most.
+        initial_error: By which share of the gait's angle and rates starts were off, at most.
         recovered: Share of starts within it from which the walker walks on.
         recovered_error: Standard error of this share.
         recovery: Strides after which a small error is a tenth of what it was; infinite if never.
     """
 
-    who: str
+    controller: str
     walker: Walker
     slope: float
     step_length: float
@@ -103,13 +104,13 @@ class Robustness(Table):
     first_passage: FirstPassage
     survivors: NDArray[np.float64]
     sensitivity: float
-    answers: NDArray[np.float64]
+    period_response: NDArray[np.float64]
     step_up: float
     step_down: float
     phases: NDArray[np.float64]
     forward: NDArray[np.float64]
     backward: NDArray[np.float64]
-    spread: float
+    initial_error: float
     recovered: float
     recovered_error: float
     recovery: float
@@ -117,7 +118,7 @@ class Robustness(Table):
     def facts(self) -> dict[str, str]:
         """Every measure with its unit, and its error where it is of a sample."""
         return {
-            "who": f"{self.who}, walker {name_of(self.walker)}",
+            "controller": f"{self.controller}, walker {name_of(self.walker)}",
             "downhill": f"{self.slope:.6g} rad",
             "step length": f"{self.step_length:.4g} l",
             "period": f"{self.period:.4g} √(l/g)",
@@ -129,7 +130,7 @@ class Robustness(Table):
             "push forward": f"{self.forward.min():.4g} to {self.forward.max():.4g} m √(g l)",
             "push backward": f"{self.backward.min():.4g} to {self.backward.max():.4g} m √(g l)",
             "starts": f"{self.recovered:.3f} ± {self.recovered_error:.3f} of those "
-            f"up to {self.spread:.0%} off walk on",
+            f"up to {self.initial_error:.0%} off walk on",
             "recovery": f"{self.recovery:g} strides to a tenth",
         }
 
@@ -139,14 +140,14 @@ class Robustness(Table):
 
 
 def robustness(
-    who: MapLike | Gait | ControllerLike,
+    controller: MapLike | Gait | ControllerLike,
     scene: SceneLike | None = None,
     *,
     slope: float | None = None,
     roughness: float = 0.002,
     walkers: int | None = None,
     strides: int = 200,
-    spread: float = 0.5,
+    initial_error: float = 0.5,
     starts: int = 512,
     seed: int = 0,
 ) -> Robustness:
@@ -159,9 +160,9 @@ def robustness(
         True
 
     Args:
-        who: A passive walker, in a form that `as_walker` takes; a map of `stride_map`, or a `Gait`
-            of one; or a controller: a feedback or a trained policy, the name of one, or anything
-            with `predict`.
+        controller: A passive walker, in a form that `as_walker` takes; a map of `stride_map`, or a
+            `Gait` of one; or a controller: a feedback or a trained policy, the name of one, or
+            anything with `predict`.
         scene: Where it walks: a `Scene`, its name or a mapping of its arguments. A learned policy's
             own when None. A passive walker needs none, but its slope; without one it may scuff.
         slope: Slope in rad instead of the scene's; the middle of a range when None.
@@ -169,7 +170,7 @@ def robustness(
             A scene whose own terrain is random is taken at its word.
         walkers: How many walk over rough ground; 4096 passive ones or 512 others when None.
         strides: How many strides each of them makes there.
-        spread: By which share of the gait's angle and rates starts are off, at most.
+        initial_error: By which share of the gait's angle and rates starts are off, at most.
         starts: How many are tried.
         seed: Of ground and starts.
 
@@ -180,29 +181,29 @@ def robustness(
         ValueError: if an argument is out of its range, or the walker does not come to walk the
             same stride again and again.
     """
-    strides_of = who.stride_map if isinstance(who, Gait) else who
+    strides_of = controller.stride_map if isinstance(controller, Gait) else controller
     if isinstance(strides_of, StrideMap):
         if scene is not None:
             raise ValueError("a stride map has its own walker and motors: leave the scene out")
         if strides_of.terrain is not None:
             raise ValueError("robustness tries ground of its own: give a map of smooth ground")
         slope = strides_of.chosen(slope)
-        who = strides_of.walker
+        controller = strides_of.walker
         if not strides_of.passive:
-            who, scene = acting_as(strides_of, slope)
-    passive = is_walker(who)
+            controller, scene = acting_as(strides_of, slope)
+    passive = is_walker(controller)
     if passive:
-        policy, tried, name = Passive(), _scene_of(who, scene, slope), "nobody acts"
+        policy, tried, name = Passive(), _scene_of(controller, scene, slope), "nobody acts"
     else:
         changes = {} if slope is None else {"slope": slope}
-        policy, tried = acting(who, scene, **changes)  # type: ignore[arg-type]
+        policy, tried = acting(controller, scene, **changes)  # type: ignore[arg-type]
         tried = make_scene(tried, **_alone(tried))
         name = getattr(policy, "name", type(policy).__name__)
     roughness = number(roughness, "roughness", least=0.0, most=1e3)
     strides, starts = whole(strides, "strides", 1, KEPT), whole(starts, "starts", 2, KEPT)
     seed = seed_number(seed)
-    if not 0.0 < number(spread, "spread") < 0.9:
-        raise ValueError(f"spread must be a share between 0 and 0.9, not {spread!r}")
+    if not 0.0 < number(initial_error, "initial_error") < 0.9:
+        raise ValueError(f"spread must be a share between 0 and 0.9, not {initial_error!r}")
     crowd = (4096 if passive else 512) if walkers is None else whole(walkers, "walkers", 1, KEPT)
     tries = _Tries(policy, tried)
     with progress("measures of robustness", 6) as done:
@@ -215,17 +216,17 @@ def robustness(
         else:
             lasting = tries.lasting(ground, crowd, strides, seed)
         done()
-        answers = tries.answers(gait.period)
+        period_response = tries.period_response(gait.period)
         done()
         down, up = (tries.largest_step(way) for way in (-1.0, 1.0))
         done()
         forward, backward = (tries.largest_pushes(way, gait.period) for way in (1.0, -1.0))
         done()
-        share, error = tries.recovered(spread, starts, seed)
+        share, error = tries.recovered(initial_error, starts, seed)
         recovery = tries.recovery(seed)
         done()
     return Robustness(
-        who=name,
+        controller=name,
         walker=tried.walker,
         slope=float(np.mean(tried.slope)),
         step_length=gait.step_length,
@@ -233,30 +234,30 @@ def robustness(
         roughness=ground.height_std,
         first_passage=lasting[0],
         survivors=lasting[1],
-        sensitivity=float(np.sqrt(np.sum(answers**2))),
-        answers=answers,
+        sensitivity=float(np.sqrt(np.sum(period_response**2))),
+        period_response=period_response,
         step_up=up,
         step_down=down,
         phases=PHASES,
         forward=forward,
         backward=backward,
-        spread=float(spread),
+        initial_error=float(initial_error),
         recovered=share,
         recovered_error=error,
         recovery=recovery,
     )
 
 
-def _scene_of(who: WalkerLike, scene: Any, slope: float | None) -> Scene:
+def _scene_of(controller: WalkerLike, scene: Any, slope: float | None) -> Scene:
     """The scene of a passive walker."""
     if scene is None and slope is None:
         raise ValueError("a passive walker needs a slope: robustness('C', slope=0.05)")
     changes: dict[str, Any] = {} if slope is None else {"slope": slope}
-    passive = as_walker(who)
-    walker = {"walker": passive, "stub": False} if scene is None else {}
+    passive = as_walker(controller)
+    walker = {"walker": passive, "end_on_toe_stub": False} if scene is None else {}
     found = make_scene({} if scene is None else scene, **walker, **changes)
     if scene is not None and found.walker != passive:
-        found = make_scene(found, walker=passive, stub=None)
+        found = make_scene(found, walker=passive, end_on_toe_stub=None)
     return make_scene(found, control="stride", **_alone(found))
 
 
@@ -306,20 +307,20 @@ class _Tries:
         """
         count = count if states is None else len(states)
         idle = _IDLE if terrain is None else {**_IDLE, "terrain": terrain}
-        worlds = PassiveWalkerVectorEnv(
+        envs = PassiveWalkerVectorEnv(
             count, make_scene(self.scene, **idle), max_episode_steps=-1, walkers=None
         )
         options = {} if states is None else {"state": states}
-        observations, _ = worlds.reset(seed=seed, options=options)
-        worlds.batch.put_in_the_way(**way)
+        observations, _ = envs.reset(seed=seed, options=options)
+        envs.batch.put_in_the_way(**way)
         made, going = np.zeros(count, np.int64), np.ones(count, bool)
         periods, ends = np.full((count, strides), np.nan), np.full((count, strides, 6), np.nan)
-        for step in steps(self.policy, worlds, observations):
+        for step in steps(self.policy, envs, observations):
             going &= ~step.terminated
             struck = np.flatnonzero(step.struck & going)
             if len(struck):
                 periods[struck, made[struck]] = step.infos["step_period"][struck]
-                ends[struck, made[struck]] = worlds.batch.states[struck]
+                ends[struck, made[struck]] = envs.batch.states[struck]
                 made[struck] += 1
                 going[struck] &= made[struck] < strides
             if not going.any():
@@ -359,7 +360,7 @@ class _Tries:
         left = np.array([count, *(np.count_nonzero(made > k) for k in range(whole_way))])
         return FirstPassage.of(left), left[1:] / count
 
-    def answers(self, period: float) -> NDArray[np.float64]:
+    def period_response(self, period: float) -> NDArray[np.float64]:
         """By how much periods change after a small step in the ground, per leg length of it."""
         found = self.walk(np.repeat(self.gait[None], 2, axis=0), _ANSWERS, ledges=[_SMALL, -_SMALL])
         if found.made.min() < _ANSWERS:
@@ -387,9 +388,11 @@ class _Tries:
 
         return _largest(survived, np.ones(len(PHASES)), 1.0)
 
-    def recovered(self, spread: float, count: int, seed: int) -> tuple[float, float]:
+    def recovered(self, initial_error: float, count: int, seed: int) -> tuple[float, float]:
         """The share of starts off the gait from which the walker walks on, and its error."""
-        draws = np.random.default_rng(seed).uniform(1.0 - spread, 1.0 + spread, (count, 3))
+        draws = np.random.default_rng(seed).uniform(
+            1.0 - initial_error, 1.0 + initial_error, (count, 3)
+        )
         made = self.walk(self.gait * draws[:, [0, 0, 0, 1, 2, 2]], AFTER).made
         share = float(np.mean(made == AFTER))
         return share, math.sqrt(share * (1.0 - share) / count)
@@ -436,7 +439,7 @@ def _lasting(
     """How long passive walkers last on rough ground, and what share is left after each stride."""
     walker, whole_way = scene.walker, FORGETTING + strides
     crowd = walks(
-        Walkers(walker=walker, tolerance=scene.tolerance, stub=scene.stub),
+        Walkers(walker=walker, tolerance=scene.tolerance, end_on_toe_stub=scene.end_on_toe_stub),
         units_of(walker).to_dimensionless(state), float(np.mean(scene.slope)), terrain,
         walkers=count, seed=seed,
     )  # fmt: skip

@@ -34,19 +34,19 @@ class Step(NamedTuple):
     infos: dict[str, Any]
 
 
-def steps(policy: Policy, worlds: VectorEnv, observations: NDArray[np.float32]) -> Iterator[Step]:
+def steps(policy: Policy, envs: VectorEnv, observations: NDArray[np.float32]) -> Iterator[Step]:
     """Let a policy act, deterministically, for as long as someone looks on.
 
     Args:
         policy: Who acts.
-        worlds: A native batch that has just been reset, in its usual "NextStep" mode.
+        envs: A native batch that has just been reset, in its usual "NextStep" mode.
         observations: What the reset returned.
     """
-    memory, first = None, np.ones(worlds.num_envs, bool)
-    nobody = np.zeros(worlds.num_envs, bool)
+    memory, first = None, np.ones(envs.num_envs, bool)
+    nobody = np.zeros(envs.num_envs, bool)
     while True:
         actions, memory = policy.predict(observations, memory, first, deterministic=True)
-        observations, rewards, terminated, truncated, infos = worlds.step(actions)
+        observations, rewards, terminated, truncated, infos = envs.step(actions)
         first = terminated | truncated
         struck = infos.get("_step_length", nobody)
         yield Step(actions, observations, rewards, terminated, truncated, struck, infos)

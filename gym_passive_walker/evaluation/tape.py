@@ -49,16 +49,16 @@ class Tape:
     """Notes the steps of an environment.
 
     Args:
-        worlds: A vector environment, for Gymnasium or stable-baselines3, whose walkers are driven
+        envs: A vector environment, for Gymnasium or stable-baselines3, whose walkers are driven
             by the hip alone, and whom nothing befalls.
 
     Raises:
         SceneError: if it is otherwise.
     """
 
-    def __init__(self, worlds: Any) -> None:
-        self._batch = worlds.batch
-        scene = by_hip_alone(worlds.scene, "steps that are differentiated are driven")
+    def __init__(self, envs: Any) -> None:
+        self._batch = envs.batch
+        scene = by_hip_alone(envs.scene, "steps that are differentiated are driven")
         scene = plain(scene, "steps that are differentiated have", *RULES)
         self._scene = undisturbed(scene, "steps that are differentiated go")
         self.clear()
@@ -84,10 +84,10 @@ class Tape:
         record = records[:, 0]
         record["control"][:, 0] = torques
         record["moved"], record["turned"] = 0.0, 0.0
-        record["end"] = np.minimum(record["time"] + rules["tick"], rules["longest_stride"])
+        record["end"] = np.minimum(record["time"] + rules["tick"], rules["max_stride_time"])
         walked = go_on(self._who(), records, ("state", "hip_torque"))
         told, distance = walked.told(), walked.distance
-        stalled = record["end"] >= rules["longest_stride"]
+        stalled = record["end"] >= rules["max_stride_time"]
         fell = (walked.outcomes > _STRUCK) | (stalled & (walked.outcomes != _STRUCK))
         told[fell, :, 1:] = 0.0
         stands = _stands(fell.reshape(shape), record["time"].reshape(shape) == 0.0)
@@ -120,7 +120,10 @@ class Tape:
                 for name in PARAMETERS
             }
         return Walkers(
-            walker=scene.walker, parameters=parameters, tolerance=scene.tolerance, stub=scene.stub
+            walker=scene.walker,
+            parameters=parameters,
+            tolerance=scene.tolerance,
+            end_on_toe_stub=scene.end_on_toe_stub,
         )
 
 

@@ -123,11 +123,11 @@ class Attractors:
     Args:
         stride_map: Whose gaits.
         gaits: The gaits, of any period.
-        near: Distance in logarithmic coordinates that counts as close.
+        atol: Distance in logarithmic coordinates that counts as close.
     """
 
-    def __init__(self, stride_map: StrideMap, gaits: list[Gait], near: float) -> None:
-        self.near = near
+    def __init__(self, stride_map: StrideMap, gaits: list[Gait], atol: float) -> None:
+        self.atol = atol
         self.points: list[NDArray] = []
         self.owner: list[int] = []
         finely = stride_map.with_tolerance(_ALONG)
@@ -144,7 +144,7 @@ class Attractors:
         with np.errstate(invalid="ignore"):  # one that stands on a step may lean back
             u = logarithms(points)
         for point, owner in zip(self.points, self.owner, strict=True):
-            index[np.abs(u - point).max(axis=1) < self.near] = owner
+            index[np.abs(u - point).max(axis=1) < self.atol] = owner
         return index
 
 
@@ -256,7 +256,7 @@ def basin_of_attraction(
     resolution: int = 200,
     ratios: tuple[float, float] | None = None,
     strides: int = 300,
-    near: float = 1e-4,
+    atol: float = 1e-4,
     tolerance: float = 1e-8,
 ) -> Basin:
     """Where walks lead from a slice of the section, cell by cell as lanes.
@@ -271,7 +271,7 @@ def basin_of_attraction(
         ratios: Thigh and shank rate over the stance rate. None leaves them to a heelstrike with
             the long gait's ratio of rates, which is the slice described above.
         strides: Strides after which a walk counts as unsettled.
-        near: A walk has settled when it is this close to a gait in the section's logarithmic
+        atol: A walk has settled when it is this close to a gait in the section's logarithmic
             coordinates.
         tolerance: Of the integration.
 
@@ -284,7 +284,7 @@ def basin_of_attraction(
     """
     stride_map = map_of(walker, tolerance=check_tolerance(tolerance))
     walker, slope = stride_map.walker, stride_map.chosen(slope)
-    near = number(near, "near", above=0.0)
+    atol = number(atol, "atol", above=0.0)
     resolution = whole(resolution, "resolution", 1, _FINEST)
     strides = whole(strides, "strides")
     if ratios is not None:
@@ -311,7 +311,7 @@ def basin_of_attraction(
     points = _slice(stride_map, gait, grid[0].ravel(), grid[1].ravel(), ratios)
     stable = [x for x in known if x.stable]
     stable += other_attractors(stride_map, slope, points, stable)
-    attractors = Attractors(stride_map, stable, near)
+    attractors = Attractors(stride_map, stable, atol)
     parts = []
     with progress("cells of the basin", len(points)) as walked:
         for i in range(0, len(points), _CHUNK):
@@ -366,8 +366,8 @@ def largest_push(
     if gait is None:
         gait = find_gait(stride_map, slope)
     instance(gait, Gait, "gait", "gpw.find_gait returns")
-    near = 1e-5 if stride_map.exact else 1e-3
-    attractors = Attractors(stride_map, [gait] if gait.stable else [], near)
+    atol = 1e-5 if stride_map.exact else 1e-3
+    attractors = Attractors(stride_map, [gait] if gait.stable else [], atol)
     start = stride_map.points_at(gait.state)
     size = abs(float(start[0, 1]))
 

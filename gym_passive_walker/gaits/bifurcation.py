@@ -78,11 +78,11 @@ class BifurcationDiagram(Table):
 
     def columns(self) -> dict[str, NDArray]:
         """A row for each stride kept, slope by slope."""
-        count, keep = self.stance_angle.shape
+        count, n_recorded = self.stance_angle.shape
         return {
-            "slope": np.repeat(self.slope, keep),
-            "period": np.repeat(self.period, keep),
-            "stride": np.tile(np.arange(keep), count),
+            "slope": np.repeat(self.slope, n_recorded),
+            "period": np.repeat(self.period, n_recorded),
+            "stride": np.tile(np.arange(n_recorded), count),
             "stance_angle": self.stance_angle.ravel(),
         }
 
@@ -167,13 +167,13 @@ def beginnings(
 
 
 def _settle(
-    stride_map: StrideMap, points: NDArray, slopes: NDArray, settle: int, keep: int
+    stride_map: StrideMap, points: NDArray, slopes: NDArray, n_transient: int, n_recorded: int
 ) -> tuple[NDArray, NDArray]:
     """Stance angles of the strides kept, (n, keep), and the points at their end."""
-    points = stride_map.apply(points, slopes, strides=settle).ends
-    angles = np.empty((len(slopes), keep))
-    with progress("strides kept", keep) as taken:
-        for i in range(keep):
+    points = stride_map.apply(points, slopes, strides=n_transient).ends
+    angles = np.empty((len(slopes), n_recorded))
+    with progress("strides kept", n_recorded) as taken:
+        for i in range(n_recorded):
             points = stride_map.apply(points, slopes).ends
             angles[:, i] = points[:, 0]
             taken()
@@ -185,8 +185,8 @@ def bifurcation_diagram(
     walker: MapLike,
     slopes: ArrayLike,
     *,
-    settle: int = 1000,
-    keep: int = 128,
+    n_transient: int = 1000,
+    n_recorded: int = 128,
     start: ArrayLike | None = None,
     kind: GaitKind = "long",
     sweep: bool = False,
@@ -199,8 +199,8 @@ def bifurcation_diagram(
         walker: The walker, in a form that `as_walker` takes; or a map of `stride_map`, whose
             controller then walks.
         slopes: Slopes in rad, in the order in which a sweep takes them.
-        settle: Strides taken before any is kept.
-        keep: Strides kept.
+        n_transient: Strides taken before any is kept.
+        n_recorded: Strides kept.
         start: A section state to begin with, or one for each slope. If not given, each slope is
             begun just beside its period-one gait, stable or not.
         kind: Which gait to begin beside.
@@ -217,23 +217,30 @@ def bifurcation_diagram(
     """
     stride_map = map_of(walker, tolerance=check_tolerance(tolerance))
     values = several_slopes(slopes, downhill=stride_map.passive)
-    settle, keep = whole(settle, "settle", 0), whole(keep, "keep", 1, KEPT)
+    n_transient, n_recorded = (
+        whole(n_transient, "n_transient", 0),
+        whole(n_recorded, "n_recorded", 1, KEPT),
+    )
     sweep = truth(sweep, "sweep")
     longest_period = whole(longest_period, "longest_period")
-    if not longest_period < keep:
-        raise ValueError(f"keep more strides than the longest period {longest_period}, not {keep}")
+    if not longest_period < n_recorded:
+        raise ValueError(
+            f"keep more strides than the longest period {longest_period}, not {n_recorded}"
+        )
     points = beginnings(stride_map, values, kind, start)
     if sweep:
-        angles = np.full((len(values), keep), np.nan)
+        angles = np.full((len(values), n_recorded), np.nan)
         with progress("slopes", len(values)) as done:
             for i in range(len(values)):
                 if i > 0 and np.all(np.isfinite(points[i - 1])):
                     points[i] = points[i - 1]
                 at = slice(i, i + 1)
-                angles[at], points[at] = _settle(stride_map, points[at], values[at], settle, keep)
+                angles[at], points[at] = _settle(
+                    stride_map, points[at], values[at], n_transient, n_recorded
+                )
                 done()
     else:
-        angles, points = _settle(stride_map, points, values, settle, keep)
+        angles, points = _settle(stride_map, points, values, n_transient, n_recorded)
     period = period_of(angles, longest_period)
     return BifurcationDiagram(
         stride_map.walker, values, angles, period, stride_map.states_at(points)
@@ -315,7 +322,7 @@ def lyapunov_exponents(
     *,
     count: int = 1,
     strides: int = 2000,
-    settle: int = 500,
+    n_transient: int = 500,
     start: ArrayLike | None = None,
     kind: GaitKind = "long",
     tolerance: float = 1e-10,
@@ -330,7 +337,7 @@ def lyapunov_exponents(
         slopes: Slopes in rad.
         count: How many exponents, from the largest on; at most the section's dimension.
         strides: Strides averaged over.
-        settle: Strides taken before.
+        n_transient: Strides taken before.
         start: A section state to begin with, or one for each slope; beside the gait if None.
         kind: Which gait to begin beside.
         tolerance: Of the integration.
@@ -340,11 +347,11 @@ def lyapunov_exponents(
     """
     stride_map = map_of(walker, tolerance=check_tolerance(tolerance))
     values = several_slopes(slopes, downhill=stride_map.passive)
-    strides, settle = whole(strides, "strides"), whole(settle, "settle", 0)
+    strides, n_transient = whole(strides, "strides"), whole(n_transient, "n_transient", 0)
     m = stride_map.dimension
     count = whole(count, "count", 1, m)
     points = beginnings(stride_map, values, kind, start)
-    points = stride_map.apply(points, values, strides=settle).ends
+    points = stride_map.apply(points, values, strides=n_transient).ends
     exponents = np.full((len(values), count), np.nan)
     walking = np.flatnonzero(np.isfinite(points[:, 0]))
     points = points[walking]

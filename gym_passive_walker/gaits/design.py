@@ -72,7 +72,7 @@ class Design:
         return self.after.walker
 
 
-def optimise_walker(
+def optimize_walker(
     walker: MapLike,
     objective: str,
     parameters: Sequence[str],
@@ -81,7 +81,7 @@ def optimise_walker(
     slope: float | None = None,
     kind: GaitKind = "long",
     constraints: Mapping[str, Range] | None = None,
-    maximise: bool = False,
+    maximize: bool = False,
     iterations: int = 200,
 ) -> Design:
     """The walker, within bounds, whose gait does something best.
@@ -102,7 +102,7 @@ def optimise_walker(
         kind: Which gait, "long" or "short".
         constraints: For any of the objectives a value, or lowest and highest value of which one
             may be None. The spectral radius has a highest value only.
-        maximise: Whether the objective is to be greatest instead.
+        maximize: Whether the objective is to be greatest instead.
         iterations: Most iterations of SLSQP.
 
     Returns:
@@ -116,12 +116,12 @@ def optimise_walker(
     stride_map = map_of(walker, tolerance=1e-13)
     walker, slope = stride_map.walker, stride_map.chosen(slope)
     _known(objective)
-    maximise, iterations = truth(maximise, "maximise"), whole(iterations, "iterations")
+    maximize, iterations = truth(maximize, "maximize"), whole(iterations, "iterations")
     kind = gait_kind(kind)
     ranges = _ranges({} if constraints is None else constraints)
     box = _box(walker, slope, parameters, bounds)
-    if objective == SPECTRAL_RADIUS and (maximise or SPECTRAL_RADIUS in ranges):
-        raise ValueError("a spectral radius is made least without a bound: maximise something else")
+    if objective == SPECTRAL_RADIUS and (maximize or SPECTRAL_RADIUS in ranges):
+        raise ValueError("a spectral radius is made least without a bound: maximize something else")
     names = {objective, *ranges}
     if "knee_margin" in names and not walker.knees:
         raise ValueError("knee_margin is of walkers with knees, and this one has none")
@@ -130,7 +130,7 @@ def optimise_walker(
     candidates = Candidates(
         before, parameters, box, judged_by, multipliers=SPECTRAL_RADIUS in names
     )
-    programme = Programme(candidates, objective, -1.0 if maximise else 1.0, ranges)
+    programme = Programme(candidates, objective, -1.0 if maximize else 1.0, ranges)
     found = programme.solve(iterations)
     missed = programme.missed(found.x)
     last = candidates.at(found.x[: len(parameters)])

@@ -24,8 +24,8 @@ from gym_passive_walker.walkers import (
     WALKERS,
     Walker,
     WalkerError,
-    blend,
     describe,
+    interpolate,
     tune,
     tuning_errors,
 )
@@ -207,7 +207,7 @@ def _nearest_walker(
         gait = glance(scaled, slope, kind)
         if gait is None:
             continue
-        share, there = _followed(gait, lambda s, a=scaled: (blend(a, walker, s), slope))
+        share, there = _followed(gait, lambda s, a=scaled: (interpolate(a, walker, s), slope))
         if best is None or share > best[1]:
             best = name, share, there.walker
     return best

@@ -146,14 +146,14 @@ class Walkers:
         parameters: Values of parameters in which walkers differ from it, a number or (n,).
         using: What they have besides legs and the hip's motor: "ankle_torque", "push_off".
         tolerance: Error of the integration, relative to the largest angle or rate.
-        stub: Whether a kneed walker's locked swing leg below the ground ends the stride.
+        end_on_toe_stub: Whether a kneed walker's locked swing leg below the ground ends the stride.
     """
 
     walker: Walker
     parameters: Mapping[str, ArrayLike] = field(default_factory=dict)
     using: tuple[str, ...] = ()
     tolerance: float = 1e-12
-    stub: bool = False
+    end_on_toe_stub: bool = False
 
     def system(self, moving: Collection[str] = ()) -> System:
         """Which equations the walkers obey, as what is named changes too."""
@@ -398,7 +398,7 @@ def flow(
     along: NDArray | None = None,
     lanes: NDArray | slice = _ALL,
     threads: int | None = None,
-    carry: Callable[..., object] = advance,
+    backend: Callable[..., object] = advance,
 ) -> Flow:
     """Follow walkers from just after a heelstrike to the next, their fall, or a time.
 
@@ -419,7 +419,7 @@ def flow(
         along: Directions for "point" instead of the coordinates, (n, m, k); of states, (n, 6, k).
         lanes: Which walkers these are, where parameters are given for more.
         threads: How many threads to use; all of numba's when None. It changes no result.
-        carry: What carries records on: `engine.run.advance`, or `gpu.advance` on a device.
+        backend: What carries records on: `engine.run.advance`, or `gpu.advance` on a device.
     """
     instants = None
     if save_at is not None:
@@ -435,7 +435,8 @@ def flow(
     def began(planes: int = 0) -> NDArray:
         records = new_records(
             states, slopes, controls, push_off=push_offs, end=until, planes=planes,
-            rise=0.0 if rises is None else rises, turn=0.0 if turns is None else turns,
+            height_change=0.0 if rises is None else rises,
+            slope_change=0.0 if turns is None else turns,
         )  # fmt: skip
         if instants is not None:
             records[~np.isfinite(until)] = np.zeros((), RECORD)  # nothing to follow
@@ -446,7 +447,7 @@ def flow(
         _seed(records, tangents, by)
     return _followed(
         walkers, walkers.system((*by, *UNEVEN) if uneven else by), tangents,
-        walkers.bodies(tangents.names, lanes), records, began, True, instants, carry, threads,
+        walkers.bodies(tangents.names, lanes), records, began, True, instants, backend, threads,
     )  # fmt: skip
 
 
@@ -467,9 +468,9 @@ def go_on(
             left as they are.
         by: Along what tangents lead, in order: "state" (one for each of its six numbers) or "point"
             (one for each coordinate of the section), "slope", "hip_torque", "ankle_torque",
-            "push_off", "rise" and "turn" of the next foothold, a parameter of the walker, "start",
-            the stance angle with which the stride began (legs mirrored), by which its length
-            changes, or "end", the time to stop.
+            "push_off", "height_change" and "slope_change" of the next foothold, a parameter of the
+            walker, "start", the stance angle with which the stride began (legs mirrored), by which
+            its length changes, or "end", the time to stop.
         lanes: Which walkers these are, where parameters are given for more.
         on_section: Whether a stride begins here.
         uneven: Whether next footholds lie otherwise than these.
@@ -508,11 +509,11 @@ def _seed(records: NDArray, tangents: Tangents, by: Collection[str]) -> None:
         changes["control"] = tangents.controls
     if "push_off" in by:
         changes["push_off"] = tangents.push_offs
-    if "rise" in by or "turn" in by:
+    if "height_change" in by or "slope_change" in by:
         changes["ground"][..., 2:] = tangents.footholds
     if "slope" in by:
-        turn = records["ground"][:, :1, 1::-1] * [1.0, -1.0]
-        changes["ground"][..., :2] = tangents.slopes[:, None] * turn
+        slope_change = records["ground"][:, :1, 1::-1] * [1.0, -1.0]
+        changes["ground"][..., :2] = tangents.slopes[:, None] * slope_change
     if "start" in by:
         changes["start"] = tangents.starts[:, None] * MIRRORED
     if "end" in by:
@@ -528,12 +529,12 @@ def _followed(
     began: Callable[[], NDArray] | None,
     on_section: bool,
     instants: int | None = None,
-    carry: Callable[..., object] = advance,
+    backend: Callable[..., object] = advance,
     threads: int | None = None,
 ) -> Flow:
     """Carry records on, in place."""
-    carry(
-        system, bodies, records, tolerance=walkers.tolerance, scuff=walkers.stub,
+    backend(
+        system, bodies, records, tolerance=walkers.tolerance, scuff=walkers.end_on_toe_stub,
         from_section=on_section, threads=threads,
     )  # fmt: skip
     return Flow(walkers, system, tangents, bodies, records, began, on_section, instants)

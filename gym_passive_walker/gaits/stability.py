@@ -69,7 +69,7 @@ def stride_jacobian(
     )
     slope, motors = one_slope(slope), one_actuation(walker, motors)
     stride_map = (controlled or StrideMap.of(walker, controller=motors)).with_tolerance(tolerance)
-    stride_map = replace(stride_map, longest=LONGEST_STRIDE)
+    stride_map = replace(stride_map, max_stride_time=LONGEST_STRIDE)
     names = [wrt] if isinstance(wrt, str) else list(wrt) if np.iterable(wrt) else []
     if not names:
         raise ValueError(

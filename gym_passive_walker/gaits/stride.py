@@ -137,18 +137,25 @@ class Stride(Table, _Fields):
         return table | {name: np.ravel(getattr(self, name)) for name in told}
 
 
-def check_foothold(rise: ArrayLike, turn: ArrayLike) -> tuple[NDArray, NDArray] | None:
+def check_foothold(
+    height_change: ArrayLike, slope_change: ArrayLike
+) -> tuple[NDArray, NDArray] | None:
     """How the next foothold lies, as arrays; None where it is as this one.
 
     Raises:
         ValueError: if a number is not finite, or a turn is no angle between upright footholds.
     """
-    if type(rise) is type(turn) is float and rise == turn == 0.0:
+    if type(height_change) is type(slope_change) is float and height_change == slope_change == 0.0:
         return None
     allowed = "a number or an array of them"
-    ground = real_array(rise, "rise", allowed), real_array(turn, "turn", allowed)
+    ground = (
+        real_array(height_change, "height_change", allowed),
+        real_array(slope_change, "slope_change", allowed),
+    )
     if not np.all(np.abs(ground[1]) < np.pi):
-        raise ValueError(f"turn must be an angle in rad between -pi and pi, not {shown(turn)}")
+        raise ValueError(
+            f"turn must be an angle in rad between -pi and pi, not {shown(slope_change)}"
+        )
     return ground if any(part.any() for part in ground) else None
 
 
@@ -160,13 +167,13 @@ def stride(
     hip_torque: ArrayLike | None = None,
     ankle_torque: ArrayLike | None = None,
     push_off: ArrayLike | None = None,
-    rise: ArrayLike = 0.0,
-    turn: ArrayLike = 0.0,
+    height_change: ArrayLike = 0.0,
+    slope_change: ArrayLike = 0.0,
     tolerance: float = 1e-10,
-    longest: float = LONGEST_STRIDE,
-    stub: bool = False,
+    max_stride_time: float = LONGEST_STRIDE,
+    end_on_toe_stub: bool = False,
     threads: int | None = None,
-    carry: Callable[..., object] = advance,
+    backend: Callable[..., object] = advance,
 ) -> Stride:
     """Follow walkers from one heelstrike to the next: the stride map.
 
@@ -182,17 +189,18 @@ def stride(
         ankle_torque: Torque between ground and stance leg held through the stride, positive when it
             tips the walker forward; likewise. On point feet alone.
         push_off: Impulse of the ground along the stance leg just before heelstrike; likewise.
-        rise: Height of the next foothold over this one, along this one's normal; likewise. A map
-            with a terrain begins on its first foothold where neither this nor `turn` is given.
-        turn: By how much the next foothold slopes more steeply downhill, in rad; likewise. The
-            state after the stride is over that one, angles from its normal.
+        height_change: Height of the next foothold over this one, along this one's normal; likewise.
+            A map with a terrain begins on its first foothold where neither this nor `slope_change`
+            is given.
+        slope_change: By how much the next foothold slopes more steeply downhill, in rad; likewise.
+            The state after the stride is over that one, angles from its normal.
         tolerance: Error relative to the largest angle or (dimensionless) rate. The next state's
             error stays within a hundred times this on ordinary gaits, and usually below it.
-        longest: Time in units of sqrt(l/g) after which a stride has STALLED.
-        stub: Whether a kneed walker's locked swing leg below the ground ends the stride; the
-            source document ignores such scuffing, and so does this by default.
+        max_stride_time: Time in units of sqrt(l/g) after which a stride has STALLED.
+        end_on_toe_stub: Whether a kneed walker's locked swing leg below the ground ends the stride;
+            the source document ignores such scuffing, and so does this by default.
         threads: How many threads to use; all of numba's when None. It changes no result.
-        carry: What carries walkers on: `engine.run.advance`, or `gpu.advance` on a device.
+        backend: What carries walkers on: `engine.run.advance`, or `gpu.advance` on a device.
 
     Returns:
         A `Stride`, whatever happens: its `outcome` says how it ended.
@@ -205,20 +213,27 @@ def stride(
     )
     tolerance = check_tolerance(tolerance)
     if controlled is not None:
-        if longest != LONGEST_STRIDE or stub or carry is not advance:
+        if max_stride_time != LONGEST_STRIDE or end_on_toe_stub or backend is not advance:
             raise ValueError(
                 "a stride map with a controller or a terrain has its own rules: "
                 "leave longest, stub and carry out"
             )
-        given = {} if check_foothold(rise, turn) is None else {"rise": rise, "turn": turn}
+        given = (
+            {}
+            if check_foothold(height_change, slope_change) is None
+            else {"height_change": height_change, "slope_change": slope_change}
+        )
         return controlled.with_tolerance(tolerance).stride(check_state(state), slope, **given)
     states, slopes = check_state(state), check_slope(slope)  # type: ignore[arg-type]
     actuation = check_actuation(walker, actuation)
-    longest, stub = number(longest, "longest", above=0.0), truth(stub, "stub")
+    max_stride_time, end_on_toe_stub = (
+        number(max_stride_time, "max_stride_time", above=0.0),
+        truth(end_on_toe_stub, "end_on_toe_stub"),
+    )
     threads = None if threads is None else whole(threads, "threads")
-    if not callable(carry):
-        raise ValueError(f"carry must be a function, such as gpu.advance, not {shown(carry)}")
-    ground = check_foothold(rise, turn)
+    if not callable(backend):
+        raise ValueError(f"carry must be a function, such as gpu.advance, not {shown(backend)}")
+    ground = check_foothold(height_change, slope_change)
     try:
         around = (*actuation_shapes(actuation), *(part.shape for part in ground or ()))
         shape = np.broadcast_shapes(states.shape[:-1], slopes.shape, *around)
@@ -226,7 +241,8 @@ def stride(
         raise ValueError(
             f"slope {slopes.shape}, hip_torque {np.shape(actuation.hip_torque)}, ankle_torque "
             f"{np.shape(actuation.ankle_torque)}, push_off {np.shape(actuation.push_off)}, rise "
-            f"{np.shape(rise)}, turn {np.shape(turn)} and states {states.shape[:-1]} do not fit "
+            f"{np.shape(height_change)}, turn {np.shape(slope_change)} and states "
+            f"{states.shape[:-1]} do not fit "
             "together: give one of each, or the same number"
         ) from None
     units, count = units_of(walker), math.prod(shape)
@@ -249,8 +265,10 @@ def stride(
         rises, turns = (np.broadcast_to(part, shape).ravel() for part in ground)
         given |= {"rises": rises / units.length, "turns": turns}
     walked = flow(
-        Walkers(walker=walker, using=actuation.using, tolerance=tolerance, stub=stub),
-        flat.reshape(count, 6), slopes, until=longest, threads=threads, carry=carry, **given,
+        Walkers(walker=walker, using=actuation.using, tolerance=tolerance,
+        end_on_toe_stub=end_on_toe_stub),
+        flat.reshape(count, 6), slopes, until=max_stride_time, threads=threads, backend=backend,
+        **given,
     )  # fmt: skip
     record = walked.records[:, 0]
     nothing = np.zeros(shape)[()]

@@ -66,8 +66,8 @@ class StrideMap(Section):
         parameter: The walkers' parameter that differs, if any.
         values: Its value for each of n points, (n,).
         tolerance: Error relative to the largest angle or rate.
-        longest: Time after which a stride is given up.
-        stub: Whether a kneed walker's locked swing leg below the ground ends the stride.
+        max_stride_time: Time after which a stride is given up.
+        end_on_toe_stub: Whether a kneed walker's locked swing leg below the ground ends the stride.
         actuation: What motors do in each stride, dimensionless. A part of it may be the `parameter`
             that differs.
         slope: Slope in rad where none is given to `apply`, `linearize` or an analysis.
@@ -77,8 +77,8 @@ class StrideMap(Section):
     """
 
     tolerance: float = 1e-13
-    longest: float = LONGEST
-    stub: bool = False
+    max_stride_time: float = LONGEST
+    end_on_toe_stub: bool = False
     actuation: Actuation = PASSIVE
     slope: float | None = None
     terrain: Terrain | None = None
@@ -89,8 +89,8 @@ class StrideMap(Section):
         walker: WalkerLike,
         *,
         tolerance: float = 1e-13,
-        longest: float = LONGEST,
-        stub: bool = False,
+        max_stride_time: float = LONGEST,
+        end_on_toe_stub: bool = False,
         controller: Actuation = PASSIVE,
         slope: float | None = None,
         terrain: Terrain | None = None,
@@ -99,7 +99,8 @@ class StrideMap(Section):
         walker = as_walker(walker)
         passive = controller is PASSIVE
         return cls(
-            walker=walker, tolerance=tolerance, longest=longest, stub=stub,
+            walker=walker, tolerance=tolerance, max_stride_time=max_stride_time,
+            end_on_toe_stub=end_on_toe_stub,
             actuation=PASSIVE if passive else to_dimensionless(units_of(walker), controller),
             slope=slope, terrain=terrain,
         )  # fmt: skip
@@ -121,7 +122,7 @@ class StrideMap(Section):
             parameters={} if self.parameter is None or driven else {self.parameter: self.values},  # type: ignore[dict-item]
             using=(*self.actuation.using, *([self.parameter] if driven else [])),  # type: ignore[list-item]
             tolerance=self.tolerance,
-            stub=self.stub,
+            end_on_toe_stub=self.end_on_toe_stub,
         )
 
     @property
@@ -155,7 +156,7 @@ class StrideMap(Section):
         return math.inf
 
     @property
-    def preview(self) -> int:
+    def terrain_lookahead(self) -> int:
         """How many footholds ahead a controller observes."""
         return 0
 
@@ -183,8 +184,10 @@ class StrideMap(Section):
         return self.terrain.ground(0, np.arange(len(self.terrain.rises)))
 
     def ahead(self, place: int) -> NDArray[np.float64]:
-        """What a controller observes on a foothold of those ahead, (2 `preview`,)."""
-        return self.ground[(place + np.arange(self.preview)) % len(self.ground), 1:].ravel()
+        """What a controller observes on a foothold of those ahead, (2 `terrain_lookahead`,)."""
+        return self.ground[
+            (place + np.arange(self.terrain_lookahead)) % len(self.ground), 1:
+        ].ravel()
 
     def _trailing(self, angles: NDArray, place: int) -> tuple[NDArray, NDArray]:
         """Angles of straight legs behind stance angles, (...), and their derivatives.
@@ -196,12 +199,12 @@ class StrideMap(Section):
             angles: Of the stance leg, from this foothold's normal.
             place: The foothold's number.
         """
-        _, rise, turn = self.ground[place - 1]
+        _, height_change, slope_change = self.ground[place - 1]
         leg = self.walkers.system().Body(*self.walkers.constants[:, 0].T).leg
         leg = leg.reshape(-1, *[1] * (angles.ndim - 1)) if angles.ndim else leg[0]
         with np.errstate(invalid="ignore", divide="ignore"):
-            behind = -np.arccos(np.cos(angles - turn) + rise / leg)
-            return behind + turn, np.sin(angles - turn) / np.sin(behind)
+            behind = -np.arccos(np.cos(angles - slope_change) + height_change / leg)
+            return behind + slope_change, np.sin(angles - slope_change) / np.sin(behind)
 
     def state(self, points: NDArray, place: int = 0) -> NDArray:
         """Dimensionless states (..., 6) at points (..., m), on a foothold by its number."""
@@ -222,11 +225,11 @@ class StrideMap(Section):
         """How states (n, 6) at points (n, m) change with a parameter of the walker."""
         states = np.zeros((len(points), 6))
         if self.terrain is not None:
-            bodies, rise = self.walkers.bodies((name,)), self.ground[place - 1, 1]
+            bodies, height_change = self.walkers.bodies((name,)), self.ground[place - 1, 1]
             where = self.walkers.system((name,)).Body._fields.index("leg")
             leg, change = bodies[:, 0, where], bodies[:, -1, where]
             behind = self._trailing(points[:, 0], place)[0] - self.ground[place - 1, 2]
-            states[:, 1] = states[:, 2] = rise * change / (leg**2 * np.sin(behind))
+            states[:, 1] = states[:, 2] = height_change * change / (leg**2 * np.sin(behind))
         return states
 
     @property
@@ -353,7 +356,7 @@ class StrideMap(Section):
         with np.errstate(all="ignore"), progress("strides", strides) as taken:
             walked = flow(
                 self.walkers, self.state(points[walking]), slopes + ground[0, 0], **first,
-                controls=actuations[:, :2], push_offs=actuations[:, 2], until=self.longest,
+                controls=actuations[:, :2], push_offs=actuations[:, 2], until=self.max_stride_time,
                 by=by, along=None if along is None else along[walking], lanes=lanes[walking],
             )  # fmt: skip
             planes = walked.records.shape[1]
@@ -402,9 +405,9 @@ class StrideMap(Section):
         lost += records["knee_loss"] + records["heel_loss"] + records["friction_loss"]
         if self.terrain is not None:
             # The strike has turned the ground to that of the foothold it came to.
-            turn, cosine = self.ground[place, 2], records["ground"][..., 1]
-            turned = sine * math.cos(turn) - cosine * math.sin(turn)
-            cosine = cosine * math.cos(turn) + sine * math.sin(turn)
+            slope_change, cosine = self.ground[place, 2], records["ground"][..., 1]
+            turned = sine * math.cos(slope_change) - cosine * math.sin(slope_change)
+            cosine = cosine * math.cos(slope_change) + sine * math.sin(slope_change)
             sine = turned
             supplied -= product(cosine, self._heights(walked.bodies, records.shape, place))
         supplied += product(sine, length)
@@ -415,19 +418,22 @@ class StrideMap(Section):
 
     def _heights(self, bodies: NDArray, shape: tuple[int, ...], place: int) -> NDArray[np.float64]:
         """By how much feet touch the next foothold higher than this one, of a shape (n, 1 + k)."""
-        _, rise, turn = self.ground[place]
+        _, height_change, slope_change = self.ground[place]
         radii = bodies[..., self.walkers.system().Body._fields.index("foot_radius")]
         heights = np.zeros(shape)
-        heights[:, : radii.shape[1]] = radii * (1.0 - math.cos(turn))
-        heights[:, 0] += rise
+        heights[:, : radii.shape[1]] = radii * (1.0 - math.cos(slope_change))
+        heights[:, 0] += height_change
         return heights
 
     def walk(self, state: NDArray, slope: float, count: int) -> list[Stride]:
         """Strides of `count` applications, one after the other, from a section state (6,)."""
         strides: list[Stride] = []
-        for tilt, rise, turn in np.tile(self.ground, (count, 1)).tolist():
+        for tilt, height_change, slope_change in np.tile(self.ground, (count, 1)).tolist():
             here = state if not strides else strides[-1].state
-            foothold = {"rise": rise * self.walker.leg_length, "turn": turn}
+            foothold = {
+                "height_change": height_change * self.walker.leg_length,
+                "slope_change": slope_change,
+            }
             seen = self.ahead(len(strides))
             strides.append(self.stride(here, slope + tilt, **foothold, ahead=seen))
         return strides
@@ -435,8 +441,8 @@ class StrideMap(Section):
     def _footing(
         self,
         slope: ArrayLike | None,
-        rise: ArrayLike | None,
-        turn: ArrayLike | None,
+        height_change: ArrayLike | None,
+        slope_change: ArrayLike | None,
         ahead: NDArray | None,
     ) -> tuple[Any, ArrayLike, ArrayLike, NDArray]:
         """Slope, rise (in the walker's units) and turn of a stride, and what is seen ahead."""
@@ -444,19 +450,24 @@ class StrideMap(Section):
         if slopes is None:
             raise ValueError(_NO_SLOPE)
         turned = 0.0
-        if rise is None and turn is None and self.terrain is not None:
+        if height_change is None and slope_change is None and self.terrain is not None:
             tilt, up, turned = self.ground[0].tolist()
-            slopes, rise = np.add(slopes, tilt), up * self.walker.leg_length
+            slopes, height_change = np.add(slopes, tilt), up * self.walker.leg_length
         seen = self.ahead(0) if ahead is None else ahead
-        return slopes, 0.0 if rise is None else rise, turned if turn is None else turn, seen
+        return (
+            slopes,
+            0.0 if height_change is None else height_change,
+            turned if slope_change is None else slope_change,
+            seen,
+        )
 
     def stride(
         self,
         state: ArrayLike,
         slope: ArrayLike | None = None,
         *,
-        rise: ArrayLike | None = None,
-        turn: ArrayLike | None = None,
+        height_change: ArrayLike | None = None,
+        slope_change: ArrayLike | None = None,
         ahead: NDArray | None = None,
     ) -> Stride:
         """One stride with its ledger, in the walker's own units.
@@ -464,15 +475,20 @@ class StrideMap(Section):
         Args:
             state: Section states, (6,) or (n, 6), in the walker's own units.
             slope: Slope in rad; the map's own when None.
-            rise: Height of the next foothold, as for `gpw.stride`. Where neither this nor `turn` is
-                given, the stride begins on the first foothold of the map's terrain.
-            turn: By how much that slopes more steeply.
+            height_change: Height of the next foothold, as for `gpw.stride`. Where neither this nor
+                `slope_change` is given, the stride begins on the first foothold of the map's
+                terrain.
+            slope_change: By how much that slopes more steeply.
             ahead: What a controller observes of the footholds ahead, as of `look`.
         """
-        slope, rise, turn, _ = self._footing(slope, rise, turn, ahead)
+        slope, height_change, slope_change, _ = self._footing(
+            slope, height_change, slope_change, ahead
+        )
         return stride(
             self.walker, slope, state,
-            tolerance=self.tolerance, longest=self.longest, stub=self.stub, rise=rise, turn=turn,
+            tolerance=self.tolerance, max_stride_time=self.max_stride_time,
+            end_on_toe_stub=self.end_on_toe_stub, height_change=height_change,
+            slope_change=slope_change,
             **to_own(units_of(self.walker), self.actuation)._asdict(),
         )  # fmt: skip
 
@@ -487,8 +503,8 @@ class StrideMap(Section):
     ) -> Samples:
         """As `sample`, from states (n, 6) just after a heelstrike, to footholds that may differ.
 
-        What a controller observes of the footholds ahead is (n, 2 `preview`) numbers, or (2
-        `preview`,) for all: the rise to each, and its turn.
+        What a controller observes of the footholds ahead is (n, 2 `terrain_lookahead`) numbers, or
+        (2 `terrain_lookahead`,) for all: the rise to each, and its turn.
         """
         actuations = self._actuations(np.arange(len(states)))
         seen = flow(
@@ -509,14 +525,19 @@ class StrideMap(Section):
         """
         if self.terrain is None:
             return self.look(self.state(points), slopes, times)
-        tilt, rise, turn = self.ground[0]
+        tilt, height_change, slope_change = self.ground[0]
         here = for_each(slopes, len(points)) + tilt
-        return self.look(self.state(points), here, times, rise, turn, self.ahead(0))
+        return self.look(
+            self.state(points), here, times, height_change, slope_change, self.ahead(0)
+        )
 
     def _until(self, state: NDArray, slope: float, time: float) -> Flow:
         """One walker's stride up to a time, from a state (1, 6)."""
-        held, (tilt, rise, turn) = self._actuations(np.zeros(1, int))[:, :2], self.ground[0]
-        foothold = {} if self.terrain is None else {"rises": rise, "turns": turn}
+        held, (tilt, height_change, slope_change) = (
+            self._actuations(np.zeros(1, int))[:, :2],
+            self.ground[0],
+        )
+        foothold = {} if self.terrain is None else {"rises": height_change, "turns": slope_change}
         return flow(
             self.walkers, state, slope + tilt, controls=held, until=np.array([time]), **foothold
         )

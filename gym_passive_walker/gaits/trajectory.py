@@ -50,7 +50,7 @@ class Trajectory(Table):
         outcomes: How each stride ended, shape (strides made,); all but the last are HEELSTRIKE.
         torques: Of hip and ankle, under which the walker came there, shape (n, 2).
         terrain: How footholds lie; smooth when None.
-        key: Which of the terrain's walks it is.
+        terrain_seed: Which of the terrain's walks it is.
     """
 
     walker: Walker
@@ -65,7 +65,7 @@ class Trajectory(Table):
     outcomes: NDArray[np.int64]
     torques: NDArray[np.float64]
     terrain: Terrain | None = None
-    key: int = 0
+    terrain_seed: int = 0
 
     def __len__(self) -> int:
         return len(self.times)
@@ -118,7 +118,7 @@ def simulate(
     ankle_torque: ArrayLike | None = None,
     push_off: ArrayLike | None = None,
     terrain: TerrainLike | None = None,
-    key: int = 0,
+    terrain_seed: int = 0,
     tolerance: float = 1e-10,
 ) -> Trajectory:
     """Follow one walker for some strides, and keep what it passes through.
@@ -143,7 +143,7 @@ def simulate(
         ankle_torque: Likewise.
         push_off: Impulse at a stride's end, likewise.
         terrain: How footholds lie, in a form that `terrain_from` takes; smooth when None.
-        key: Which of the terrain's walks, if it is random: any whole number from 0 on.
+        terrain_seed: Which of the terrain's walks, if it is random: any whole number from 0 on.
         tolerance: Error relative to the largest angle or rate, as for `stride`; at most 1e-4.
 
     Returns:
@@ -170,16 +170,16 @@ def simulate(
         parts.append(np.broadcast_to(values, (strides,)))
     own: Terrain | None = None if controlled is None else controlled.terrain
     footholds = own if terrain is None else terrain_from(terrain)
-    ground = ground_of(footholds, key, strides)
+    ground = ground_of(footholds, terrain_seed, strides)
     rises = ground[:, 1] * walker.leg_length
-    preview = 0 if controlled is None else controlled.preview
-    beyond = ground_of(footholds, key, strides + preview)[:, 1:]
-    ahead = np.array([beyond[k : k + preview].ravel() for k in range(strides)])
+    terrain_lookahead = 0 if controlled is None else controlled.terrain_lookahead
+    beyond = ground_of(footholds, terrain_seed, strides + terrain_lookahead)[:, 1:]
+    ahead = np.array([beyond[k : k + terrain_lookahead].ravel() for k in range(strides)])
     starts, walks = [state], []
     strides_of = controlled.with_tolerance(tolerance) if controlled else None
     for k, held in enumerate(map(Actuation._make, np.stack(parts, axis=1).tolist())):
         here = slope + ground[k, 0], starts[-1]
-        foothold = {"rise": float(rises[k]), "turn": float(ground[k, 2])}
+        foothold = {"height_change": float(rises[k]), "slope_change": float(ground[k, 2])}
         if strides_of is None:
             walks.append(stride(walker, *here, tolerance=tolerance, **foothold, **held._asdict()))
         else:
@@ -221,12 +221,12 @@ def simulate(
         outcomes=np.array([int(walk.outcome) for walk in walks]),
         torques=(seen.controls[..., :2] * [units.torque, units.energy]).reshape(-1, 2),
         terrain=footholds,
-        key=key,
+        terrain_seed=terrain_seed,
     )
 
 
-def ground_of(terrain: TerrainLike | None, key: int, strides: int) -> NDArray[np.float64]:
+def ground_of(terrain: TerrainLike | None, terrain_seed: int, strides: int) -> NDArray[np.float64]:
     """Of each stride: its slope beyond the walk's, the next foothold's rise and turn."""
-    key = whole(key, "key", 0, 2**64 - 1)
+    terrain_seed = whole(terrain_seed, "terrain_seed", 0, 2**64 - 1)
     made = terrain_from(terrain)
-    return np.zeros((strides, 3)) if made is None else made.ground(key, np.arange(strides))
+    return np.zeros((strides, 3)) if made is None else made.ground(terrain_seed, np.arange(strides))

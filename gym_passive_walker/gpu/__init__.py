@@ -18,11 +18,11 @@ if os.environ.get("NUMBA_ENABLE_CUDASIM") != "1":
     need("numba_cuda", "gpu")
 
 from gym_passive_walker.gaits.stride import stride as _stride
-from gym_passive_walker.gpu.crowd import Crowd
+from gym_passive_walker.gpu.batch import DeviceBatch
 from gym_passive_walker.gpu.device import NoDevice
 from gym_passive_walker.gpu.strides import advance
 
-__all__ = ["Crowd", "NoDevice", "advance", "stride"]
+__all__ = ["DeviceBatch", "NoDevice", "advance", "stride"]
 
-stride = partial(_stride, carry=advance)
+stride = partial(_stride, backend=advance)
 """As `gym_passive_walker.stride`, carried on by the device."""

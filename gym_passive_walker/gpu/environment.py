@@ -12,7 +12,7 @@ from gym_passive_walker.envs.one_thread import Token, one_thread
 from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.extras import extra
-from gym_passive_walker.gpu.crowd import Crowd
+from gym_passive_walker.gpu.batch import DeviceBatch
 from gym_passive_walker.gpu.device import SIMULATED, cuda
 
 with extra("train"):
@@ -53,7 +53,7 @@ class PassiveWalkerGpuEnv:
         **changes: Any,
     ) -> None:
         limit, self.token = interface.step_limit(max_episode_steps), Token()
-        self.crowd = Crowd(num_envs, scene, step_limit=limit, seed=seed, **changes)
+        self.crowd = DeviceBatch(num_envs, scene, step_limit=limit, seed=seed, **changes)
         self.device = torch.device("cpu" if SIMULATED else "cuda")
         self.num_envs = num_envs
         self.observation_space = interface.observation_space(
@@ -103,9 +103,9 @@ class PassiveWalkerGpuEnv:
         return self._rows(play.observations), play.rewards.clone(), *endings, infos
 
     @one_thread
-    def charge_for(self, energy: str | None) -> None:
-        """Charge all motors for another kind of work, from the next step on; see `Crowd`."""
-        self.crowd.charge_for(energy)
+    def set_energy_cost(self, energy: str | None) -> None:
+        """Charge all motors for another kind of work, from the next step on; see `DeviceBatch`."""
+        self.crowd.set_energy_cost(energy)
 
     def _rows(self, flat: Tensor) -> Tensor:
         return flat.view(self.num_envs, -1).clone()

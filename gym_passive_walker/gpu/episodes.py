@@ -61,10 +61,10 @@ class World(NamedTuple):
         slopes: Least and greatest slope that episodes begin on.
         nodes: Slopes at which states to start from are known.
         states: These, (nodes, 6).
-        perturbation: How far from them a start may be, (1,).
+        reset_noise_scale: How far from them a start may be, (1,).
         drawn: Constants of the walkers that episodes draw from, (walkers, constants).
         odds: Of `fates.ODDS`.
-        natives: Of `reality.NATIVE`.
+        natives: Of `constraints.NATIVE`.
         table: Of the terrain's footholds.
         spread: Likewise.
         own: Fields that users' functions read, and the numbers by which their reward, termination
@@ -80,7 +80,7 @@ class World(NamedTuple):
     slopes: Any
     nodes: Any
     states: Any
-    perturbation: Any
+    reset_noise_scale: Any
     drawn: Any
     odds: Any
     natives: Any
@@ -173,7 +173,7 @@ def begin(walkers, world, i, desk, observations):
     radii = bodies[0, 0, fates.RADIUS : fates.RADIUS + 1]
     task.begin(
         walkers.records[own], bodies, radii, walkers.ledger[own], world.blank, world.row,
-        world.phases, desk.lanes, desk.slopes, desk.gaits, desk.draws, world.perturbation[0],
+        world.phases, desk.lanes, desk.slopes, desk.gaits, desk.draws, world.reset_noise_scale[0],
         observations,
     )  # fmt: skip
     befall(walkers, world, i, desk, observations)

@@ -13,8 +13,8 @@ from gym_passive_walker.engine import jit, lanes
 from gym_passive_walker.engine.compiled import phases_of, written
 from gym_passive_walker.engine.lanes import WAITING, came, leave
 from gym_passive_walker.engine.layout import COURSE, PAIR, tile_for
+from gym_passive_walker.envs.constraints import equipped, look_code, push_code
 from gym_passive_walker.envs.custom import Rule
-from gym_passive_walker.envs.reality import equipped, look_code, push_code
 from gym_passive_walker.gpu import primitives
 from gym_passive_walker.gpu.bookkeeping import Bound
 from gym_passive_walker.gpu.device import kind

@@ -77,11 +77,11 @@ class Outcome(IntEnum):
     """The stance leg lies on the ground ahead."""
     FELL_BACKWARD = 4
     """The stance leg lies on the ground behind."""
-    OVER_THE_TOP = 5
+    SWING_OVERROTATION = 5
     """The swing leg went round beyond the upright."""
     STUBBED_TOE = 6
     """The locked swing leg of a kneed walker was below the ground (only where this is a rule)."""
-    BENT_KNEE = 7
+    KNEE_NOT_LOCKED = 7
     """The foot came down in front before the knee had locked."""
     STALLED = 8
     """No heelstrike within the time or the integration steps allowed: rocking, standing, hanging,

@@ -235,8 +235,8 @@ SYSTEM = System(
                 ),
                 *legs.STANCE_FALLS,
                 *legs.THIGH_OVER_THE_TOP,
-                Guard(lambda body, state, ground: pi - state.shank, Outcome.OVER_THE_TOP),
-                Guard(lambda body, state, ground: state.shank + pi, Outcome.OVER_THE_TOP),
+                Guard(lambda body, state, ground: pi - state.shank, Outcome.SWING_OVERROTATION),
+                Guard(lambda body, state, ground: state.shank + pi, Outcome.SWING_OVERROTATION),
             ),
             resets={
                 Outcome.KNEESTRIKE: Reset(
@@ -244,7 +244,7 @@ SYSTEM = System(
                     into=1,
                     refuses=(
                         Refusal(under_ground, Outcome.STUBBED_TOE, scuff=True),
-                        Refusal(let_through, Outcome.BENT_KNEE),
+                        Refusal(let_through, Outcome.KNEE_NOT_LOCKED),
                     ),
                 )
             },

@@ -282,8 +282,8 @@ STANCE_FALLS = (
     Guard(lambda body, state, ground: 0.5 * pi - state.stance, Outcome.FELL_BACKWARD),
 )
 THIGH_OVER_THE_TOP = (
-    Guard(lambda body, state, ground: pi - state.thigh, Outcome.OVER_THE_TOP),
-    Guard(lambda body, state, ground: state.thigh + pi, Outcome.OVER_THE_TOP),
+    Guard(lambda body, state, ground: pi - state.thigh, Outcome.SWING_OVERROTATION),
+    Guard(lambda body, state, ground: state.thigh + pi, Outcome.SWING_OVERROTATION),
 )
 
 _ON_SMOOTH_GROUND = {

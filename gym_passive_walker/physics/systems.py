@@ -20,7 +20,7 @@ FITTINGS = ("hip_stiffness", "hip_friction", "knee_stiffness")
 EXTRAS = (*FITTINGS, "ankle", "push_off")
 """What walkers may have; code is made without it for those who have none."""
 
-UNEVEN = ("rise", "turn")
+UNEVEN = ("height_change", "slope_change")
 """What the ground may do from foothold to foothold, likewise."""
 
 _KINDS = (kneed.SYSTEM, straight.SYSTEM, simplest.SYSTEM)

@@ -39,7 +39,7 @@ from gym_passive_walker.render.plots import MEASURES, draw_family, family_key
 from gym_passive_walker.render.portrait import both
 from gym_passive_walker.render.strobe import strobe
 from gym_passive_walker.shown import picture
-from gym_passive_walker.walkers import WALKERS, Walker, blend, name_of, tune
+from gym_passive_walker.walkers import WALKERS, Walker, interpolate, name_of, tune
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -121,7 +121,7 @@ def detuning(fractions: tuple[float, ...] = (0.0, 0.05, 0.3, 0.6, 0.75, 1.0)) ->
     tuned, lab = tune(WALKERS["C"]), WALKERS["lab"]
     drawn = []
     for ax, fraction in zip(axes, fractions, strict=True):
-        walker = blend(tuned, lab, fraction)
+        walker = interpolate(tuned, lab, fraction)
         for family in families(walker, 1e-6, 0.15):
             draw_family(ax, family)
             drawn.append(family)
@@ -167,7 +167,9 @@ def tuned_families(by: str = _ANGLE) -> Figure:
 def period_doubling(slopes: int = 1200) -> Figure:
     """Fig. 4.10: where walks of the tuned kneed walker settle, and its gait of period one."""
     walker = tune(WALKERS["C"])
-    diagram = bifurcation_diagram(walker, np.linspace(0.07, 0.098, slopes), settle=500, keep=100)
+    diagram = bifurcation_diagram(
+        walker, np.linspace(0.07, 0.098, slopes), n_transient=500, n_recorded=100
+    )
     ax: Any = picture(diagram, OWN)
     family = gait_family(walker, 0.07, 0.098)
     draw_family(ax, family, label="gait of period 1")

@@ -119,7 +119,7 @@ def film(
     strides: int = 10,
     hip_torque: ArrayLike | None = None,
     terrain: Terrain | None = None,
-    key: int = 0,
+    terrain_seed: int = 0,
     slower: float = 1.0,
 ) -> int:
     """Film a walk.
@@ -133,7 +133,7 @@ def film(
         strides: How many strides to follow.
         hip_torque: Torque held through a stride: a number, or one for each.
         terrain: How footholds lie; smooth when None.
-        key: Which of the terrain's walks, if it is random.
+        terrain_seed: Which of the terrain's walks, if it is random.
         slower: How many times slower than the walk; a second is the walker's unit of time.
 
     Returns:
@@ -148,7 +148,7 @@ def film(
     need("moviepy", "render")
     walk = simulate(
         walker, slope, state, strides=strides, samples=_SAMPLES, hip_torque=hip_torque,
-        terrain=terrain, key=key,
+        terrain=terrain, terrain_seed=terrain_seed,
     )  # fmt: skip
     instants = np.arange(0.0, walk.times[-1], 1.0 / (FPS * slower))
     screen = Screen(walk.walker)

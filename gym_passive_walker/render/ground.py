@@ -86,12 +86,12 @@ def ground_under(walk: Trajectory, margin: float) -> NDArray[np.float64] | None:
         landed = pose(
             walk.walker, walk.states[-1], walk.contact_x[-1], walk.contact_y[-1], walk.tilts[-1]
         ).swing.foot
-        tilt = float(walk.terrain.ground(walk.key, len(begun))[0])
+        tilt = float(walk.terrain.ground(walk.terrain_seed, len(begun))[0])
         normal = np.array([math.sin(tilt), math.cos(tilt)])
         known = np.vstack([known, landed - walk.walker.foot_radius * normal])
     reach = known[0, 0] - margin, known[-1, 0] + margin
     length = 2.0 * walk.walker.leg_length * abs(float(walk.states[0, 0]))
-    return profile(walk.walker, walk.terrain, walk.key, 0, known, reach, length)
+    return profile(walk.walker, walk.terrain, walk.terrain_seed, 0, known, reach, length)
 
 
 def height(surface: NDArray[np.float64], x: NDArray[np.float64] | float) -> NDArray[np.float64]:

@@ -53,7 +53,7 @@ def strobe(
     flashes: int = 7,
     hip_torque: ArrayLike | None = None,
     terrain: Terrain | None = None,
-    key: int = 0,
+    terrain_seed: int = 0,
     ax: Axes | None = None,
     path: Path | None = None,
 ) -> Axes:
@@ -68,7 +68,7 @@ def strobe(
         flashes: Pictures of each stride, evenly spaced in time, both ends included.
         hip_torque: Torque held through a stride: a number, or one for each.
         terrain: How footholds lie; smooth when None.
-        key: Which of the terrain's walks, if it is random.
+        terrain_seed: Which of the terrain's walks, if it is random.
         ax: Axes to draw on; None is pyplot's current ones, or where a file is written a figure of
             its own.
         path: File to write, of any kind that matplotlib knows by its ending.
@@ -84,7 +84,7 @@ def strobe(
     path = None if path is None else picture_path(path)
     walk = simulate(
         walker, slope, state, strides=strides, samples=flashes, hip_torque=hip_torque,
-        terrain=terrain, key=key,
+        terrain=terrain, terrain_seed=terrain_seed,
     )  # fmt: skip
     # A heelstrike is one posture, though the walk has it before and after.
     once = np.append(np.diff(walk.strides) == 0, True)
@@ -112,13 +112,18 @@ def _kneestrikes(
 ) -> NDArray[np.float64]:
     """Hip, knee and foot of each swing leg whose knee strikes its stop, (k, 3, 2)."""
     walker, knees = walk.walker, []
-    ground = ground_of(walk.terrain, walk.key, len(torques))
+    ground = ground_of(walk.terrain, walk.terrain_seed, len(torques))
     for first, torque, (tilt, rise, turn) in zip(
         range(0, len(walk), samples), torques, ground.tolist(), strict=False
     ):
         start, slope = walk.states[first], walk.slope + tilt
         struck = stride(
-            strides_of, slope, start, hip_torque=torque, rise=rise * walker.leg_length, turn=turn
+            strides_of,
+            slope,
+            start,
+            hip_torque=torque,
+            height_change=rise * walker.leg_length,
+            slope_change=turn,
         ).kneestrike_time
         if np.isfinite(struck):
             there, _ = states_at(strides_of, slope, start, [struck], hip_torque=torque)

@@ -12,7 +12,7 @@ import numpy as np
 
 from gym_passive_walker.engine.cache import cache_directory
 from gym_passive_walker.engine.compiled import compiled
-from gym_passive_walker.envs.reality import natives
+from gym_passive_walker.envs.constraints import natives
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.physics.systems import SYSTEMS
@@ -56,7 +56,7 @@ def pieces() -> Iterator[Callable[[], object]]:
     yield lambda: find_gait("C", 0.03)
     yield lambda: _act(gym.make_vec(ID, num_envs=2))
     yield lambda: _act(gym.make(ID))
-    yield lambda: _act(gym.make(ID, motor_delay=1))
+    yield lambda: _act(gym.make(ID, action_delay=1))
 
 
 def _act(world: gym.Env | gym.vector.VectorEnv) -> None:

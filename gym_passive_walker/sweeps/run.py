@@ -81,7 +81,7 @@ def sweep(
     sweeps does so below ``if __name__ == "__main__":``, since its processes read it too.
 
     Args:
-        analysis: Its name: gait, family, bifurcation, basin, robustness, reality, optimal or
+        analysis: Its name: gait, family, bifurcation, basin, robustness, check, optimal or
             evaluation; a function of a module of your own, or "module:function" (with `trust`),
             which returns numbers, words and truths by name; or all of the `Description`: an object,
             a mapping, or the path of a JSON, YAML or TOML file of a mapping.

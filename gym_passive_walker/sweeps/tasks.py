@@ -95,8 +95,8 @@ def family(
 def bifurcation(
     slope: float,
     walker: Walker | None = None,
-    settle: int = 500,
-    keep: int = 64,
+    n_transient: int = 500,
+    n_recorded: int = 64,
     kind: str = "long",
     controller: str | None = None,
     scene: Any = None,
@@ -105,7 +105,7 @@ def bifurcation(
     """Where walks settle at a slope."""
     strides = stride_map(walker, slope, controller=controller, scene=scene, terrain=terrain)
     found = bifurcation_diagram(
-        strides, [slope], settle=settle, keep=keep, kind=kind  # type: ignore[arg-type]
+        strides, [slope], n_transient=n_transient, n_recorded=n_recorded, kind=kind  # type: ignore[arg-type]
     )  # fmt: skip
     angles = found.stance_angle[0]
     return {
@@ -135,7 +135,7 @@ def basin(
     }
 
 
-def reality(
+def check(
     walker: Walker | None = None,
     slope: float | None = None,
     kind: str = "long",
@@ -158,13 +158,13 @@ def robustness(
     roughness: float = 0.002,
     walkers: int | None = None,
     strides: int = 200,
-    spread: float = 0.5,
+    initial_error: float = 0.5,
     starts: int = 512,
     seed: int = 0,
 ) -> Row:
     """How much a walk bears, of a passive walker or under a controller."""
     options: Row = {"roughness": roughness, "walkers": walkers, "strides": strides}
-    options |= {"spread": spread, "starts": starts, "seed": seed}
+    options |= {"initial_error": initial_error, "starts": starts, "seed": seed}
     if controller is None and scene is None and changes.keys() == {"walker", "slope"}:
         found = robust.robustness(changes["walker"], slope=changes["slope"], **options)
     else:
@@ -204,7 +204,7 @@ def evaluation(
 
 ANALYSES: dict[str, Callable[..., Row]] = {
     each.__name__: each
-    for each in (gait, family, bifurcation, basin, robustness, reality, optimal, evaluation)
+    for each in (gait, family, bifurcation, basin, robustness, check, optimal, evaluation)
 }
 """What can be swept by name."""
 

@@ -33,7 +33,7 @@ class PassiveWalkerTorchEnv:
         **changes: As of `PassiveWalkerVectorEnv`.
 
     Attributes:
-        worlds: The vector environment.
+        envs: The vector environment.
         device: Where tensors are.
     """
 
@@ -47,33 +47,33 @@ class PassiveWalkerTorchEnv:
         **changes: Any,
     ) -> None:
         self.device = torch.device(device)
-        self.worlds = PassiveWalkerVectorEnv(
+        self.envs = PassiveWalkerVectorEnv(
             num_envs, scene, autoreset_mode=autoreset_mode, **changes
         )
 
     @classmethod
     def around(
-        cls, worlds: PassiveWalkerVectorEnv, device: torch.device | str = "cpu"
+        cls, envs: PassiveWalkerVectorEnv, device: torch.device | str = "cpu"
     ) -> PassiveWalkerTorchEnv:
         """The walkers of a vector environment, on tensors: both step the same ones."""
         self = cls.__new__(cls)
-        self.device, self.worlds = torch.device(device), worlds
+        self.device, self.envs = torch.device(device), envs
         return self
 
     @property
     def num_envs(self) -> int:
         """How many walkers."""
-        return self.worlds.num_envs
+        return self.envs.num_envs
 
     @property
     def observation_space(self) -> Any:
         """Of one walker."""
-        return self.worlds.single_observation_space
+        return self.envs.single_observation_space
 
     @property
     def action_space(self) -> Any:
         """Of one walker."""
-        return self.worlds.single_action_space
+        return self.envs.single_action_space
 
     def reset(
         self,
@@ -88,7 +88,7 @@ class PassiveWalkerTorchEnv:
         """
         if options and isinstance(options.get("reset_mask"), Tensor):
             options = options | {"reset_mask": options["reset_mask"].cpu().numpy()}
-        observations, _ = self.worlds.reset(seed=seed, options=options)
+        observations, _ = self.envs.reset(seed=seed, options=options)
         return self._tensor(observations), {}
 
     def step(self, actions: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor, dict[str, Any]]:
@@ -107,7 +107,7 @@ class PassiveWalkerTorchEnv:
             ValueError: as of the vector environment.
             ResetNeeded: likewise.
         """
-        observations, rewards, terminated, truncated, told = self.worlds.step(
+        observations, rewards, terminated, truncated, told = self.envs.step(
             actions.detach().cpu().numpy()
         )
         infos = {}
@@ -131,23 +131,23 @@ class PassiveWalkerTorchEnv:
 
     def get_state(self) -> dict[str, Any]:
         """As of the vector environment."""
-        return self.worlds.get_state()
+        return self.envs.get_state()
 
     def set_state(self, state: Mapping[str, Any]) -> None:
         """As of the vector environment."""
-        self.worlds.set_state(state)
+        self.envs.set_state(state)
 
-    def charge_for(self, energy: str | None) -> None:
+    def set_energy_cost(self, energy: str | None) -> None:
         """As of the vector environment."""
-        self.worlds.charge_for(energy)
+        self.envs.set_energy_cost(energy)
 
     def render(self) -> Any:
         """As of the vector environment."""
-        return self.worlds.render()
+        return self.envs.render()
 
     def close(self) -> None:
         """Close what draws."""
-        self.worlds.close()
+        self.envs.close()
 
 
 def _numbered(outcomes: np.ndarray) -> np.ndarray:

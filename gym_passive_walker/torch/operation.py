@@ -23,7 +23,8 @@ from gym_passive_walker.physics.hybrid import Outcome, State
 from gym_passive_walker.walkers import PARAMETERS, Walker, WalkerError
 
 HELD = (
-    "slope", "hip_torque", "ankle_torque", "push_off", "rise", "turn", "push", "start", "end",
+    "slope", "hip_torque", "ankle_torque", "push_off", "height_change", "slope_change", "push",
+    "start", "end",
 )  # fmt: skip
 """What walkers meet: slope, motors, the next foothold, a push on the hip at the start, the stance
 angle with which the stride began, if that is before, and when to stop."""
@@ -51,7 +52,7 @@ class Manner:
         by: Inputs that are differentiated by, besides the state: of HELD, or parameters.
         using: What of HELD is used, so that equations are those with it.
         tolerance: Of the integration.
-        stub: Whether a stubbed toe ends a stride.
+        end_on_toe_stub: Whether a stubbed toe ends a stride.
         whole: Whether a stride begins here, and has stalled if it does not end.
     """
 
@@ -60,7 +61,7 @@ class Manner:
     by: tuple[str, ...]
     using: tuple[str, ...]
     tolerance: float
-    stub: bool
+    end_on_toe_stub: bool
     whole: bool = False
 
 
@@ -206,7 +207,8 @@ def _walked(
         states[:, 2], states[:, 5] = states[:, 1], states[:, 4]
     parameters = dict(zip(manner.parameters, own[:, len(INPUTS) :].T, strict=True))
     walkers = Walkers(
-        walker=walker, parameters=parameters, tolerance=manner.tolerance, stub=manner.stub,
+        walker=walker, parameters=parameters, tolerance=manner.tolerance,
+        end_on_toe_stub=manner.end_on_toe_stub,
         using=tuple(name for name in manner.using if name not in ("push", "start")),
     )  # fmt: skip
     pushed = "push" in manner.using
@@ -214,7 +216,8 @@ def _walked(
         states, by_push = _pushed(walkers, states, phases[lanes], held["push"], manner.parameters)
     records = new_records(
         states, held["slope"], np.stack(motors[:2], axis=1),
-        push_off=held["push_off"], rise=held["rise"], turn=held["turn"], end=held["end"],
+        push_off=held["push_off"], height_change=held["height_change"],
+        slope_change=held["slope_change"], end=held["end"],
     )  # fmt: skip
     records["phase"][:, 0] = phases[lanes]
     if "start" in manner.using:

@@ -136,7 +136,7 @@ def standing(
         slopes, keys, commands = fates["slope"], fates["key"], fates["command"]
     values = {
         name: torch.tensor([getattr(walker, name) for walker in batch.walkers])
-        for name in scene.randomise
+        for name in scene.domain_randomization
     }
     values = {name: value.double() for name, value in values.items()}
     given = check_parameters(parameters)
@@ -161,7 +161,8 @@ def standing(
     at = State(*states.T)
     last = here.last._replace(
         before=at, state=at, knee_locked=never, heelstrike=never, fell=never, action=none,
-        last_action=none, slope=here.slopes + tilts, rise=rises, turn=turns, command=here.commands,
+        last_action=none, slope=here.slopes + tilts, height_change=rises, slope_change=turns,
+        command=here.commands,
     )  # fmt: skip
     return here._replace(last=last)
 
@@ -172,7 +173,7 @@ def _differentiable(scene: Scene) -> Scene:
     Raises:
         SceneError: if there is noise, delay, or what else is not known beforehand.
     """
-    known = {"terrain": None, "preview": 0, "command": None}
+    known = {"terrain": None, "terrain_lookahead": 0, "command": None}
     undisturbed(make_scene(scene, **known), "walks with gradients go")
     return scene
 
@@ -249,7 +250,7 @@ def observed(scene: Scene, here: Standing) -> Tensor:
     if scene.command is not None:
         parts.append(here.commands[:, None])
     most = torch.tensor([task.HIGHEST, task.STEEPEST], dtype=torch.float64)
-    for ahead in range(scene.preview):
+    for ahead in range(scene.terrain_lookahead):
         parts.append(torch.clamp(_ground(scene, here, ahead)[:, 1:], -most, most))
     return torch.cat(parts, 1)
 
@@ -272,7 +273,7 @@ def _tick(
     for name, share in zip(scene.actions, actions.reshape(wanted).T, strict=True):
         held[name] = scene.largest(name) * share.clamp(-1.0 * (name != "push_off"), 1.0)
     spans = torch.full_like(here.times, scene.tick if scene.control == "tick" else math.inf)
-    left, (tilts, rises, turns) = scene.longest_stride - here.times, _ground(scene, here).T
+    left, (tilts, rises, turns) = scene.max_stride_time - here.times, _ground(scene, here).T
     columns = [
         here.slopes + tilts, *held.values(), rises, turns,
         torch.zeros_like(left) if pushes is None else pushes, here.starts,
@@ -286,7 +287,7 @@ def _tick(
     using = (*(motor for motor in motors if motor != "hip_torque"), *uneven, *other)
     manner = Manner(
         scene.walker, parameters, (*motors, *other, *parameters), using, scene.tolerance,
-        bool(scene.stub),
+        bool(scene.end_on_toe_stub),
     )  # fmt: skip
     inputs = torch.cat([here.states, torch.stack(columns, 1)], 1)
     moved = carry_on(inputs, here.phases, going, manner)
@@ -376,8 +377,8 @@ def _step(
         step_length=torch.where(struck, moved.result("step_length"), 0.0),
         strides=ends.strides.double(),
         steps=last.steps + 1.0,
-        rise=rises,
-        turn=turns,
+        height_change=rises,
+        slope_change=turns,
         push=push,
         action=tuple(held[name] / largest[name] for name in scene.actions),
         last_action=last.action,

@@ -118,12 +118,12 @@ def stride(
     hip_torque: Any = 0.0,
     ankle_torque: Any = 0.0,
     push_off: Any = 0.0,
-    rise: Any = 0.0,
-    turn: Any = 0.0,
+    height_change: Any = 0.0,
+    slope_change: Any = 0.0,
     parameters: Mapping[str, Any] | None = None,
     tolerance: float = 1e-10,
-    longest: float = LONGEST_STRIDE,
-    stub: bool = False,
+    max_stride_time: float = LONGEST_STRIDE,
+    end_on_toe_stub: bool = False,
 ) -> Stride:
     """Follow walkers from one heelstrike to the next, with gradients by all that are tensors.
 
@@ -135,13 +135,14 @@ def stride(
             `gym_passive_walker.stride`, as are the other motors and the foothold.
         ankle_torque: Likewise, between ground and stance leg; on point feet alone.
         push_off: Impulse along the stance leg just before heelstrike, likewise.
-        rise: Height of the next foothold over this one, along this one's normal, likewise.
-        turn: By how much that slopes more steeply, in rad, likewise.
+        height_change: Height of the next foothold over this one, along this one's normal, likewise.
+        slope_change: By how much that slopes more steeply, in rad, likewise.
         parameters: Values of parameters of the walker, by name, in place of its own; numbers or
             (n,).
-        tolerance: As of `gym_passive_walker.stride`, as are `longest` and `stub`.
-        longest: Time in units of sqrt(l/g) after which a stride has STALLED.
-        stub: Whether a kneed walker's locked swing leg below the ground ends the stride.
+        tolerance: As of `gym_passive_walker.stride`, as are `max_stride_time` and
+            `end_on_toe_stub`.
+        max_stride_time: Time in units of sqrt(l/g) after which a stride has STALLED.
+        end_on_toe_stub: Whether a kneed walker's locked swing leg below the ground ends the stride.
 
     Raises:
         TypeError: if a tensor is not of float64 on the processor.
@@ -149,9 +150,10 @@ def stride(
         WalkerError: if parameters describe no walker.
     """
     walk = _walk(
-        walker, slope, state, Actuation(hip_torque, ankle_torque, push_off), (rise, turn, 0.0),
+        walker, slope, state, Actuation(hip_torque, ankle_torque, push_off), (height_change,
+        slope_change, 0.0),
         parameters,
-        end=longest, tolerance=tolerance, stub=stub, whole=True,
+        end=max_stride_time, tolerance=tolerance, end_on_toe_stub=end_on_toe_stub, whole=True,
     )  # fmt: skip
     knee_loss, heel_loss, gravity, springs, friction, pushed = walk.energies(
         "knee_loss", "heel_loss", "gravity_work", "spring_work", "friction_loss", "push_work"
@@ -189,12 +191,12 @@ def tick(
     phase: Any = 0,
     ankle_torque: Any = 0.0,
     push_off: Any = 0.0,
-    rise: Any = 0.0,
-    turn: Any = 0.0,
+    height_change: Any = 0.0,
+    slope_change: Any = 0.0,
     push: Any = 0.0,
     parameters: Mapping[str, Any] | None = None,
     tolerance: float = 1e-10,
-    stub: bool = False,
+    end_on_toe_stub: bool = False,
 ) -> Tick:
     """Follow walkers for a while, or to a heelstrike on the way, with gradients as of `stride`.
 
@@ -208,18 +210,19 @@ def tick(
             the tick before has told.
         ankle_torque: Torque between ground and stance leg, likewise; on point feet alone.
         push_off: Impulse along the stance leg just before heelstrike, if that comes.
-        rise: Height of the next foothold, as of `stride`.
-        turn: By how much that slopes more steeply, in rad.
+        height_change: Height of the next foothold, as of `stride`.
+        slope_change: By how much that slopes more steeply, in rad.
         push: Impulse on the hip along the slope as the tick begins, positive downhill, a number or
             (n,).
-        parameters: As of `stride`, as are `tolerance`, `stub` and what is raised.
+        parameters: As of `stride`, as are `tolerance`, `end_on_toe_stub` and what is raised.
         tolerance: Error relative to the largest angle or rate.
-        stub: Whether a kneed walker's locked swing leg below the ground ends the walk.
+        end_on_toe_stub: Whether a kneed walker's locked swing leg below the ground ends the walk.
     """
     walk = _walk(
-        walker, slope, state, Actuation(hip_torque, ankle_torque, push_off), (rise, turn, push),
+        walker, slope, state, Actuation(hip_torque, ankle_torque, push_off), (height_change,
+        slope_change, push),
         parameters,
-        duration=duration, phase=phase, tolerance=tolerance, stub=stub,
+        duration=duration, phase=phase, tolerance=tolerance, end_on_toe_stub=end_on_toe_stub,
     )  # fmt: skip
     moved, units = walk.moved, walk.units
     knee_loss, heel_loss, friction, pushed = walk.energies(
@@ -283,7 +286,7 @@ def _walk(
     end: float = math.inf,
     phase: Any = 0,
     tolerance: float,
-    stub: bool,
+    end_on_toe_stub: bool,
     whole: bool = False,
 ) -> _Walk:
     """Carry walkers on: through a whole stride up to a dimensionless end, or for a duration."""
@@ -296,7 +299,12 @@ def _walk(
         as_tensor(x, name) / unit for name, x, unit in zip(names, given_held, in_units, strict=True)
     ]
     ends = end if duration is None else as_tensor(duration, "duration") / units.time
-    held = [as_tensor(slope, "slope"), *controls, as_tensor(ends, "longest"), *given.values()]
+    held = [
+        as_tensor(slope, "slope"),
+        *controls,
+        as_tensor(ends, "max_stride_time"),
+        *given.values(),
+    ]
     shapes = [states.shape[:-1], phases.shape, *(x.shape for x in held)]
     shape = max(shapes, key=len)
     if states.shape[-1:] != (6,) or len(shape) > 1 or not set(shapes) <= {shape, ()}:
@@ -324,7 +332,7 @@ def _walk(
         by=(*by, *given),
         using=tuple(name for name in using if name != "hip_torque"),
         tolerance=check_tolerance(tolerance),
-        stub=stub,
+        end_on_toe_stub=end_on_toe_stub,
         whole=whole,
     )
     moved = carry_on(inputs, phases, torch.ones(count, dtype=torch.bool), manner)

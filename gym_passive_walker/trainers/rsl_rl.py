@@ -24,7 +24,7 @@ class RslRlWalkers(VecEnv):
         num_envs: How many walkers.
         max_episode_steps: Steps after which an episode is truncated.
         seed: Seeds the walkers with seed, seed + 1, ...
-        worlds: What makes them; `gpu.environment.PassiveWalkerGpuEnv` for some on the device.
+        envs: What makes them; `gpu.environment.PassiveWalkerGpuEnv` for some on the device.
         **scene: As of the walkers.
     """
 
@@ -34,10 +34,10 @@ class RslRlWalkers(VecEnv):
         *,
         max_episode_steps: int = MAX_EPISODE_STEPS,
         seed: int | None = None,
-        worlds: Callable[..., Any] = PassiveWalkerTorchEnv,
+        envs: Callable[..., Any] = PassiveWalkerTorchEnv,
         **scene: Any,
     ) -> None:
-        self.walkers = worlds(num_envs, max_episode_steps=max_episode_steps, **scene)
+        self.walkers = envs(num_envs, max_episode_steps=max_episode_steps, **scene)
         self.num_envs, self.num_actions, self.device = num_envs, 1, self.walkers.device
         self.max_episode_length = max_episode_steps
         self.episode_length_buf = torch.zeros(num_envs, dtype=torch.long, device=self.device)

@@ -14,7 +14,7 @@ References:
 from gym_passive_walker.walkers.names import describe, name_of
 from gym_passive_walker.walkers.parts import Part, assemble, combine, lab_walker_from_parts
 from gym_passive_walker.walkers.presets import ABOUT, WALKERS, WalkerLike, as_walker, is_walker
-from gym_passive_walker.walkers.tuning import TuningErrors, blend, tune, tuning_errors
+from gym_passive_walker.walkers.tuning import TuningErrors, interpolate, tune, tuning_errors
 from gym_passive_walker.walkers.walker import PARAMETERS, Walker, WalkerError, varied
 
 __all__ = [
@@ -28,9 +28,9 @@ __all__ = [
     "WalkerLike",
     "as_walker",
     "assemble",
-    "blend",
     "combine",
     "describe",
+    "interpolate",
     "is_walker",
     "lab_walker_from_parts",
     "name_of",

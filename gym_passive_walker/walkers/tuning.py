@@ -91,7 +91,7 @@ def tune(walker: WalkerLike) -> Walker:
     return tuned.titled(f"{walker.title} (tuned)") if walker.title else tuned
 
 
-def blend(a: WalkerLike, b: WalkerLike, fraction: float) -> Walker:
+def interpolate(a: WalkerLike, b: WalkerLike, fraction: float) -> Walker:
     """A walker between two: every parameter at `fraction` of the way from a to b (Fig. 4.8).
 
     Args:
@@ -105,7 +105,7 @@ def blend(a: WalkerLike, b: WalkerLike, fraction: float) -> Walker:
     """
     a, b, fraction = as_walker(a), as_walker(b), number(fraction, "fraction")
     if a.knees != b.knees:
-        raise WalkerError("cannot blend a walker with knees and one without")
+        raise WalkerError("cannot interpolate between a walker with knees and one without")
     values = {
         name: (1.0 - fraction) * getattr(a, name) + fraction * getattr(b, name)
         for name in PARAMETERS

@@ -9,7 +9,7 @@ import pytest
 import torch
 
 import train
-from agents import evaluation, files, worlds
+from agents import envs, evaluation, files
 from agents.config import Config
 from agents.learner import load_policy
 from gym_passive_walker import WALKERS, Gait
@@ -45,7 +45,7 @@ def test_an_evaluation_tells_each_agents_own_episodes(trained):
         rows = list(csv.DictReader(file))
     config = Config.load(trained / files.CONFIG)
     for name, agent in (("SAC", load_policy(trained)), ("passive", Passive())):
-        walks = evaluation.evaluate(agent, worlds.arena(config, 20), seed=1000)
+        walks = evaluation.evaluate(agent, envs.arena(config, 20), seed=1000)
         told = [float(row["reward"]) for row in rows if row["agent"] == name]
         assert told == pytest.approx(walks.reward, abs=1e-6)
 
@@ -90,7 +90,7 @@ def test_a_run_keeps_the_walker_of_a_file_by_its_parameters(name, tmp_path, monk
     assert "walker mine," in capsys.readouterr().out
     (tmp_path / name).unlink()
     heavy = replace(WALKERS["C"], hip_mass=1.0)
-    assert worlds.scene_of(Config.load(tmp_path / "run" / files.CONFIG)).walker == heavy
+    assert envs.scene_of(Config.load(tmp_path / "run" / files.CONFIG)).walker == heavy
     assert train.main(["--resume", "run", "--steps", "256", "--quiet"]) == 0
 
 

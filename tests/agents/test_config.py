@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import yaml
 
-from agents import worlds
+from agents import envs
 from agents.config import ALGORITHMS, Config, ConfigError, configure, presets
 from agents.learner import build
 from gym_passive_walker.envs.scene import make_scene
@@ -78,29 +78,29 @@ def test_what_is_asked_for_is_what_is_done():
 
 
 def test_agents_learn_in_short_episodes_from_hard_starts_and_are_judged_in_neither():
-    config = configure("ppo", "lab", env={"control": "stride", "perturbation": 0.01}, n_envs=3)
-    learning, judged = worlds.training_worlds(config), worlds.arena(config, 3)
+    config = configure("ppo", "lab", env={"control": "stride", "reset_noise_scale": 0.01}, n_envs=3)
+    learning, judged = envs.training_envs(config), envs.arena(config, 3)
     learning.reset(), judged.reset()
     done = [learning.step(np.zeros((3, 1)))[2] for _ in range(config.episode_steps)]
     assert not np.any(done[:-1]) and np.all(done[-1])
     assert not any(judged.step(np.zeros((3, 1)))[3].any() for _ in range(500))
     level = configure("ppo", "level", env={"slope": 0.001})
-    assert worlds.training_worlds(level, 1).scene.perturbation == 0.15
-    assert worlds.arena(level, 1).scene == make_scene("level", slope=0.001)
-    assert worlds.single(level).unwrapped.scene == make_scene("level", slope=0.001)
+    assert envs.training_envs(level, 1).scene.reset_noise_scale == 0.15
+    assert envs.arena(level, 1).scene == make_scene("level", slope=0.001)
+    assert envs.single(level).unwrapped.scene == make_scene("level", slope=0.001)
 
 
 def test_a_learning_rate_may_fall_to_zero_as_training_ends():
     config = configure("ppo", "steep", n_envs=2)
     assert config.hyperparams["learning_rate"] == "lin_2e-3"
-    model = build(config, worlds.training_worlds(config))
+    model = build(config, envs.training_envs(config))
     assert [model.lr_schedule(left) for left in (1.0, 0.5, 0.0)] == [2e-3, 1e-3, 0.0]
 
 
 @pytest.mark.parametrize("algo", ALGORITHMS)
 def test_returns_are_normalised_with_the_discount_that_is_learned_with(algo):
     config = configure(algo, "level", n_envs=2)
-    normalizer = build(config, worlds.training_worlds(config)).get_vec_normalize_env()
+    normalizer = build(config, envs.training_envs(config)).get_vec_normalize_env()
     assert normalizer.gamma == config.hyperparams["gamma"] != 0.99
 
 
@@ -113,16 +113,18 @@ def test_a_configuration_survives_its_file(tmp_path):
 
 def test_what_befalls_walkers_stands_in_a_run_s_file(tmp_path):
     told = {
-        "pushes": {"rate": 0.1, "impulse": [-0.01, 0.02]}, "sensor_noise": 0.01, "motor_delay": 1,
-        "motor_noise": 0.05, "command": [0.1, 0.2], "reality": {"friction": "end"}, "friction": 0.6,
+        "pushes": {"rate": 0.1, "impulse": [-0.01, 0.02]}, "observation_noise": 0.01,
+        "action_delay": 1,
+        "action_noise": 0.05, "command": [0.1, 0.2], "constraints": {"friction": "end"},
+        "friction": 0.6,
     }  # fmt: skip
     configure("ppo", "lab", env=told).save(tmp_path / "config.yml")
-    scene = worlds.scene_of(Config.load(tmp_path / "config.yml"))
+    scene = envs.scene_of(Config.load(tmp_path / "config.yml"))
     assert scene.command == (0.1, 0.2) and scene.pushes["impulse"] == (-0.01, 0.02)
     assert scene == make_scene("lab", **told)
-    told["motor_delay"] = -1
-    with pytest.raises(ConfigError, match="motor_delay must be a whole number from 0 on"):
-        worlds.scene_of(configure("ppo", "lab", env=told))
+    told["action_delay"] = -1
+    with pytest.raises(ConfigError, match="action_delay must be a whole number from 0 on"):
+        envs.scene_of(configure("ppo", "lab", env=told))
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,11 @@ import gymnasium
 import numpy as np
 import pytest
 
-from agents import worlds
+from agents import envs
 from agents.config import configure
+from agents.envs import training_envs
 from agents.evaluation import write_rows
 from agents.learner import LearnedPolicy, build, moments
-from agents.worlds import training_worlds
 from gym_passive_walker.control.baselines import Passive
 from gym_passive_walker.evaluation.walks import WALKED_ON, Walks, evaluate, table
 
@@ -73,7 +73,7 @@ def test_rows_hold_every_episode(tmp_path):
 
 def test_episodes_are_the_same_for_every_agent_and_every_crowd():
     config = configure(env={"slope": [0.02, 0.04]})
-    few, many = (evaluate(Passive(), worlds.arena(config, n), seed=3) for n in (2, 5))
+    few, many = (evaluate(Passive(), envs.arena(config, n), seed=3) for n in (2, 5))
     for name in ("slopes", "distance", "strides", "reward", "duration"):
         assert np.array_equal(getattr(few, name), getattr(many, name)[:2])
     assert few.endings == many.endings[:2]
@@ -90,8 +90,8 @@ class Wavering:
 def test_an_evaluation_tells_what_each_episode_would_be_alone():
     """Some end soon and some late; nobody's next episode counts."""
     arguments = {"scene": "rolling", "energy": "positive", "max_episode_steps": 150}
-    walks = evaluate(Wavering(), gymnasium.make_vec(worlds.ID, num_envs=8, **arguments), seed=40)
-    world = gymnasium.make(worlds.ID, **arguments)
+    walks = evaluate(Wavering(), gymnasium.make_vec(envs.ID, num_envs=8, **arguments), seed=40)
+    world = gymnasium.make(envs.ID, **arguments)
     lasted = []
     for i in range(8):
         seen, _ = world.reset(seed=40 + i)
@@ -119,11 +119,11 @@ def test_an_evaluation_tells_what_each_episode_would_be_alone():
 @pytest.mark.parametrize("algo", ["ppo", "ppo-fast", "sac", "shac"])
 def test_to_be_judged_changes_nothing_in_an_agent(algo):
     config = configure(algo, "level", n_envs=2)
-    model = build(config, training_worlds(config))
+    model = build(config, training_envs(config))
     normalizer = model.get_vec_normalize_env()
     normalizer.obs_rms.mean += 0.1
     agent, before = LearnedPolicy(model, algo), dict(moments(normalizer))
-    arena = worlds.arena(config, 3)
+    arena = envs.arena(config, 3)
     first, again = (evaluate(agent, arena, seed=0) for _ in range(2))
     assert np.array_equal(first.reward, again.reward) and first.endings == again.endings
     for name, value in moments(normalizer).items():
@@ -131,8 +131,8 @@ def test_to_be_judged_changes_nothing_in_an_agent(algo):
 
 
 def test_a_passive_walk_costs_the_sine_of_its_slope():
-    config = configure(scene="lab", env={"perturbation": 0.02})
-    walks = evaluate(Passive(), worlds.arena(config, 2), seed=0)
+    config = configure(scene="lab", env={"reset_noise_scale": 0.02})
+    walks = evaluate(Passive(), envs.arena(config, 2), seed=0)
     assert walks.endings == [WALKED_ON] * 2
     assert walks.cost_of_transport == pytest.approx(np.sin(0.036), rel=1e-3)
     assert walks.motor_work.tolist() == [0.0, 0.0]

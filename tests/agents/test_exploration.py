@@ -4,23 +4,23 @@ import numpy as np
 import pytest
 
 from agents.config import configure
+from agents.envs import training_envs
 from agents.exploration import Ladder, Schedule, explorers
 from agents.learner import build
-from agents.worlds import training_worlds
 
 
 @pytest.mark.parametrize("log_std", [{0.2: -1.0, 0.6: -3.0}, {0.6: -3.0, 0.2: -1.0}])
 def test_noise_and_charge_follow_the_steps_made(log_std):
     config = configure(n_envs=4)
-    worlds = training_worlds(config)
-    model = build(config, worlds)
+    envs = training_envs(config)
+    model = build(config, envs)
     model._total_timesteps = 1000
     schedule = Schedule(log_std, energy="positive", until=0.5)
     schedule.init_callback(model)
     seen = []
     for model.num_timesteps in (0, 200, 400, 600, 1000):
         schedule.on_rollout_start()
-        charged = set(worlds.get_attr("charged_for"))
+        charged = set(envs.get_attr("energy_cost"))
         seen.append((round(model.policy.log_std.item(), 6), *charged))
     assert seen == [
         (-1.0, "positive"), (-1.0, "positive"), (-2.0, "positive"), (-3.0, "absolute"),
@@ -31,7 +31,7 @@ def test_noise_and_charge_follow_the_steps_made(log_std):
 @pytest.mark.parametrize("count", [1, 5])
 def test_each_walker_strays_more_boldly_than_the_one_before(count):
     config = configure("sac", "level", n_envs=count)
-    model = build(config, training_worlds(config), learning_starts=0)
+    model = build(config, training_envs(config), learning_starts=0)
     model._setup_learn(0, callback=(ladder := Ladder(0.01, 0.16)))
     assert ladder.training_env.num_envs == count
     draws = np.array([model.action_noise() for _ in range(4000)])

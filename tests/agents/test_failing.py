@@ -70,7 +70,7 @@ def full_disk(size):
     [
         "config.yml", "model.zip", "normalizer.npz",
         *(f"{CHECKPOINT}/{name}" for name in (
-            "model.zip", "arrays.npz", "worlds.npz", "replay.npz", "notes.json", "worlds.json",
+            "model.zip", "arrays.npz", "envs.npz", "replay.npz", "notes.json", "envs.json",
         )),
     ],
 )  # fmt: skip
@@ -113,13 +113,13 @@ def entry(name, value):
 @pytest.mark.parametrize(
     ("name", "change", "words"),
     [
-        ("worlds.npz", field("records", "phase", 1 << 40), "records['phase'] of environment 0"),
-        ("worlds.npz", field("ledger", "outcome", -1), "ledger['outcome'] of environment 0"),
-        ("worlds.npz", field("records", "state", np.nan), "records['state'] of environment 0"),
-        ("worlds.npz", entry("records", lambda a: a[:3]), "of 3 walkers, and here are 8"),
-        ("worlds.npz", entry("scene", "{}"), "of another"),
-        ("worlds.json", entry("walkers", []), "a row of 8 walkers"),
-        ("worlds.json", entry("random", [{}] * 8), "no state of a PCG64"),
+        ("envs.npz", field("records", "phase", 1 << 40), "records['phase'] of environment 0"),
+        ("envs.npz", field("ledger", "outcome", -1), "ledger['outcome'] of environment 0"),
+        ("envs.npz", field("records", "state", np.nan), "records['state'] of environment 0"),
+        ("envs.npz", entry("records", lambda a: a[:3]), "of 3 walkers, and here are 8"),
+        ("envs.npz", entry("scene", "{}"), "of another"),
+        ("envs.json", entry("walkers", []), "a row of 8 walkers"),
+        ("envs.json", entry("random", [{}] * 8), "no state of a PCG64"),
         ("arrays.npz", entry("_last_obs", np.zeros((2, 8), np.float32)), "_last_obs must be"),
         ("arrays.npz", entry("_last_obs", lambda a: a * np.nan), "_last_obs must be finite"),
         ("arrays.npz", entry("obs_rms.var", lambda a: -a), "obs_rms.var is below 0"),

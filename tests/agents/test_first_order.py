@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from agents import evaluation, worlds
+from agents import envs, evaluation
 from agents.config import ConfigError, configure
 from agents.first_order import SHAC, backwards
 from agents.learner import build
@@ -118,12 +118,12 @@ def test_rewards_that_are_normalised_are_refused():
     config = configure("shac", "level", n_envs=2)
     config.normalize.update(norm_reward=True)
     with pytest.raises(ConfigError, match="norm_reward=False"):
-        build(config, worlds.training_worlds(config))
+        build(config, envs.training_envs(config))
 
 
 def test_an_update_moves_actions_up_their_gradients():
     config = configure("shac", "level", n_envs=16)
-    model = build(config, worlds.training_worlds(config), learning_rate=1e-3)
+    model = build(config, envs.training_envs(config), learning_rate=1e-3)
     told = {}
 
     class Watched(SHAC):

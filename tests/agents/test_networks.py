@@ -4,8 +4,8 @@ import numpy as np
 import torch
 
 from agents.config import configure
+from agents.envs import training_envs
 from agents.learner import build
-from agents.worlds import training_worlds
 
 
 def test_a_normed_critic_stays_bounded_far_from_what_it_has_seen():
@@ -39,4 +39,4 @@ def test_the_optimiser_and_the_target_know_the_normed_critics():
 def built():
     """SAC as the preset of the level has it, untrained."""
     config = configure("sac", "level", n_envs=1)
-    return build(config, training_worlds(config), buffer_size=10)
+    return build(config, training_envs(config), buffer_size=10)

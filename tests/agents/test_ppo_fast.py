@@ -8,7 +8,7 @@ import pytest
 import torch
 from stable_baselines3.common.buffers import RolloutBuffer
 
-from agents import evaluation, worlds
+from agents import envs, evaluation
 from agents.config import ConfigError, configure
 from agents.learner import build
 from agents.ppo_fast import advantages, carried, chances
@@ -24,7 +24,7 @@ def made(scene="level", **changes):
     config = dataclasses.replace(configure("ppo-fast", scene, n_envs=8), episode_steps=45)
     hyperparams = {"n_steps": 100, "batch_size": 200} | changes
     model = build(
-        dataclasses.replace(config, exploration=None), worlds.training_worlds(config), **hyperparams
+        dataclasses.replace(config, exploration=None), envs.training_envs(config), **hyperparams
     )
     _, told = model._setup_learn(1, None)
     return config, model, told
@@ -102,7 +102,7 @@ def test_a_rollout_is_the_walk_that_the_library_would_have_seen(scene):
     ours, theirs = (
         model.get_vec_normalize_env(),
         build(
-            config, worlds.training_worlds(config), n_steps=100, batch_size=200
+            config, envs.training_envs(config), n_steps=100, batch_size=200
         ).get_vec_normalize_env(),
     )
     first = theirs.reset()
@@ -122,19 +122,19 @@ def test_without_the_extra_for_devices_the_processor_carries_walkers(monkeypatch
     monkeypatch.setitem(sys.modules, "gym_passive_walker.gpu.environment", None)
     env = PassiveWalkerVecEnv(2, "level")
     walkers = carried(env, torch.device("cuda"))
-    assert type(walkers) is PassiveWalkerTorchEnv and walkers.worlds is env.worlds
+    assert type(walkers) is PassiveWalkerTorchEnv and walkers.envs is env.envs
 
 
 def test_rollouts_fall_into_whole_batches():
     config = configure("ppo-fast", "level", n_envs=8)
     with pytest.raises(ConfigError, match="batch_size must divide the 800 steps of a rollout"):
-        build(config, worlds.training_worlds(config), n_steps=100, batch_size=300)
+        build(config, envs.training_envs(config), n_steps=100, batch_size=300)
 
 
 def test_a_hyperparameter_of_another_algorithm_is_refused():
     config = configure("ppo-fast", "level", n_envs=8)
     with pytest.raises(ConfigError, match="ent_coef"):
-        build(config, worlds.training_worlds(config), ent_coef=0.0)
+        build(config, envs.training_envs(config), ent_coef=0.0)
 
 
 @pytest.mark.learning

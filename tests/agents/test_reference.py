@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import torch
 
-from agents import worlds
+from agents import envs
 from agents.config import configure
 from agents.learner import build
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
@@ -24,17 +24,17 @@ def untrained(algo, **hyperparams):
     config = dataclasses.replace(
         configure(algo, "level", n_envs=WALKERS),
         episode_steps=LIMIT, normalize=None, exploration=None,
-        training={"perturbation": 0.8, "max_hip_torque": 0.3},
+        training={"reset_noise_scale": 0.8, "max_hip_torque": 0.3},
     )  # fmt: skip
     sizes = {"n_steps": STEPS, "batch_size": STEPS * WALKERS, "gamma": GAMMA, "gae_lambda": LAMBDA}
-    model = build(config, worlds.training_worlds(config), **sizes | hyperparams)
+    model = build(config, envs.training_envs(config), **sizes | hyperparams)
     return model, model._setup_learn(1, None)[1]
 
 
 def walked(actions, seed):
     """What became of walkers: seen before and after each step, rewards, falls, ends of time."""
     env = PassiveWalkerVecEnv(
-        WALKERS, "level", max_episode_steps=LIMIT, perturbation=0.8, max_hip_torque=0.3
+        WALKERS, "level", max_episode_steps=LIMIT, reset_noise_scale=0.8, max_hip_torque=0.3
     )
     env.seed(seed)
     before, told = env.reset(), []

@@ -18,7 +18,7 @@ import torch
 import yaml
 
 import train
-from agents import checkpoint, files, training, worlds
+from agents import checkpoint, envs, files, training
 from agents.callbacks import Milestones
 from agents.config import Config, ConfigError, configure
 from agents.evaluation import evaluate
@@ -57,18 +57,20 @@ def _short_exams(monkeypatch):
     """Let evaluations while training cost little."""
 
     def short(config, count):
-        scene = worlds.scene_of(config)
+        scene = envs.scene_of(config)
         return gymnasium.make_vec(
-            worlds.ID, num_envs=min(count, 2), scene=scene, max_episode_steps=30
+            envs.ID, num_envs=min(count, 2), scene=scene, max_episode_steps=30
         )
 
-    monkeypatch.setattr(worlds, "arena", short)
+    monkeypatch.setattr(envs, "arena", short)
 
 
 def varied(steps):
     """SAC in short episodes of walkers that vary; its memory is soon full, its actions random."""
     config = dataclasses.replace(
-        small("sac", steps), episode_steps=7, training={"randomise": {"foot_radius": 0.2}}
+        small("sac", steps),
+        episode_steps=7,
+        training={"domain_randomization": {"foot_radius": 0.2}},
     )
     config.hyperparams.update({"buffer_size": 160, "learning_starts": 300})
     return config
@@ -119,11 +121,11 @@ def test_a_resumed_run_goes_on_as_if_uninterrupted(tmp_path, config):
 
 def draws(run):
     """What each source of random numbers in a training draws next."""
-    worlds = run.model.env.unwrapped
+    envs = run.model.env.unwrapped
     return [
         torch.rand(3).tolist(), np.random.random(3).tolist(),  # noqa: NPY002
         *([run.model.action_space.sample().item() for _ in range(3)]),
-        *(source.random() for source in worlds.worlds.np_random),
+        *(source.random() for source in envs.envs.np_random),
     ]  # fmt: skip
 
 
@@ -260,9 +262,9 @@ def test_a_wish_to_stop_saves_and_the_rest_can_follow(tmp_path, monkeypatch):
 
 def test_starts_may_be_harder_while_learning():
     config = configure("ppo", "rolling")
-    learning, judged = worlds.training_worlds(config, 1).scene, worlds.scene_of(config)
-    assert learning.perturbation > judged.perturbation == 0.10
-    assert learning == dataclasses.replace(judged, perturbation=learning.perturbation)
+    learning, judged = envs.training_envs(config, 1).scene, envs.scene_of(config)
+    assert learning.reset_noise_scale > judged.reset_noise_scale == 0.10
+    assert learning == dataclasses.replace(judged, reset_noise_scale=learning.reset_noise_scale)
 
 
 def test_policies_are_loaded_without_unpickling(tmp_path, monkeypatch):

@@ -298,7 +298,7 @@ WRONG = {
     "gait four.json 0.03": "a walker has no legs; it has thigh_length",
     "gait light.json 0.03": "light.json: thigh_mass must not be negative",
     "family lab 0.1 0.01": "0 < slope_min < slope_max",
-    "bifurcation C 0.07 0.09 --keep 8": "keep more strides than the longest period 32",
+    "bifurcation C 0.07 0.09 --n-recorded 8": "keep more strides than the longest period 32",
     "basin lab 0.036 --resolution 0": "resolution must be a whole number from 1 on",
     "simulate lab 0.036 --out walk.txt": "ends in .csv or .npz",
     "simulate lab 0.036 --strides 0": "--strides must be a whole number from 1 on",
@@ -309,7 +309,8 @@ WRONG = {
     "video lab 0.036 --terrain {rough": "'{rough' is no JSON: Expecting",
     "evaluate level-ppo --terrain waves:height=1,strides=1": "strides must be a whole number from",
     "evaluate level-ppo --terrain list.json": "a terrain is a Terrain, None, or a mapping",
-    "simulate lab 0.036 --terrain rough:height_std=1e-3 --key -1": "key must be a whole number",
+    "simulate lab 0.036 --terrain rough:height_std=1e-3 --terrain-seed -1": "terrain_seed must be "
+    "a whole number",
     "figures 9.9": "no figure '9.9': choose from 4.1",
     "video lab 0.036 --out walk.doc": "must end in .mp4 or .gif",
     "evaluate nobody": "no policy 'nobody': choose from",
@@ -358,7 +359,7 @@ def test_a_terrain_is_understood_however_it_is_written(text, terrain, mine):
 
 
 def test_a_walk_over_rough_ground_is_told_as_it_is_walked(told, mine):
-    ground = ["--terrain", "rough:height_std=0.002,slope_std=0.005", "--key", 3]
+    ground = ["--terrain", "rough:height_std=0.002,slope_std=0.005", "--terrain-seed", 3]
     rows = told("simulate", "lab", 0.036, "--strides", 5, *ground, "--out", "walk.csv")
     state, terrain = gpw.find_gait("lab", 0.036).state, gpw.rough(0.002, 0.005)
     walk = gpw.simulate("lab", 0.036, state, 5, terrain=terrain, key=3)
@@ -410,7 +411,7 @@ def test_a_family_is_told_with_its_ends(told, capsys):
 
 
 def test_walks_settle_on_doubled_periods_as_the_slope_grows(told, capsys):
-    words = ["bifurcation", "D", 0.012, 0.0175, "--slopes", 3, "--settle", 300]
+    words = ["bifurcation", "D", 0.012, 0.0175, "--slopes", 3, "--n-transient", 300]
     assert told(*words)["period"] == [1, 1, 2]
     assert main(list(map(str, words))) == 0
     assert "period 2" in capsys.readouterr().out.splitlines()[-1]
@@ -529,11 +530,11 @@ for walker, slope in (("C", 0.03), ("A", 0.03), ("D", 0.009)):
     env = gym.make("PassiveWalker-v0", walker=walker, slope=slope)
     env.reset(seed=1)
     env.step(np.zeros(1))
-    worlds = gym.make_vec("PassiveWalker-v0", num_envs=50, walker=walker, control="stride",
-                          slope=slope, randomise={"gravity": 0.1})
-    worlds.reset(seed=1)
+    envs = gym.make_vec("PassiveWalker-v0", num_envs=50, walker=walker, control="stride",
+                          slope=slope, domain_randomization={"gravity": 0.1})
+    envs.reset(seed=1)
     for _ in range(5):
-        worlds.step(np.zeros((50, 1)))
+        envs.step(np.zeros((50, 1)))
 gpw.parameter_family("lab", "gravity", 9.8, 9.82, slope=0.036)
 gpw.optimal_gait("level", 0.15)
 sys.exit(f"compiled: {heard}" if heard else 0)

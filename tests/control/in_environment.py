@@ -29,18 +29,18 @@ class Walked(NamedTuple):
 def walked(strides, points, count=1) -> Walked:
     """Take walkers through strides of a `ControlledMap` as the environment takes them."""
     n, scene = len(points), strides.scene
-    worlds = PassiveWalkerVectorEnv(n, scene, max_episode_steps=-1)
+    envs = PassiveWalkerVectorEnv(n, scene, max_episode_steps=-1)
     sound = (points[:, 0] > 0.0) & (points[:, 0] < 0.5 * math.pi)
     if scene.walker.knees:
         sound &= points[:, 3] <= points[:, 2]
     section = Section(walker=scene.walker)
     states = section.states_at(np.where(sound[:, None], points, 0.0))
-    seen, _ = worlds.reset(seed=0, options={"state": states, "slope": strides.slope})
+    seen, _ = envs.reset(seed=0, options={"state": states, "slope": strides.slope})
     ends = np.full_like(points, np.nan)
     length, duration = np.zeros((2, n))
     works = {name: np.zeros(n) for name in COSTS}
     left = np.where(sound, count, 0)
-    for step in steps(strides.controller, worlds, seen):
+    for step in steps(strides.controller, envs, seen):
         struck = (left > 0) & step.struck
         if struck.any():
             far = step.infos["step_length"][struck]
@@ -50,7 +50,7 @@ def walked(strides, points, count=1) -> Walked:
                 works[name][struck] += far * step.infos[name][struck]
         left[struck] -= 1
         there = struck & (left == 0)
-        ends[there] = section.points_at(worlds.states[there])
+        ends[there] = section.points_at(envs.states[there])
         left[step.terminated] = 0
         if not left.any():
             break

@@ -96,13 +96,13 @@ def test_no_torque_gets_nowhere_on_level_ground():
 
 
 def test_a_torque_of_a_quarter_percent_walks_on_level_ground_by_itself():
-    constant = walks(ConstantTorque(0.0025, "level"), "level", perturbation=0.02)
+    constant = walks(ConstantTorque(0.0025, "level"), "level", reset_noise_scale=0.02)
     assert constant.endings == [WALKED_ON] * 4
     assert constant.speed == pytest.approx(0.1, abs=0.01)
 
 
 def test_a_torque_means_the_same_in_every_scene():
-    scene = {"control": "stride", "perturbation": 0.02}
+    scene = {"control": "stride", "reset_noise_scale": 0.02}
     by_stride = walks(ConstantTorque(0.0025, scene), "level", **scene)
     assert by_stride.speed == pytest.approx(0.102, abs=0.002)
     # All of what the motor gives is lost at strikes: there is no slope to pay.
@@ -111,7 +111,7 @@ def test_a_torque_means_the_same_in_every_scene():
 
 @pytest.mark.parametrize("method", ["lqr", "deadbeat"])
 def test_feedback_holds_the_walker_that_steep_slopes_fell(method):
-    near = {"perturbation": 0.01}
+    near = {"reset_noise_scale": 0.01}
     assert np.max(walks(Passive(), "steep", **near).strides) < 50
     held = walks(LinearFeedback("steep", method), "steep", **near)
     assert held.endings == [WALKED_ON] * 4
@@ -120,9 +120,9 @@ def test_feedback_holds_the_walker_that_steep_slopes_fell(method):
 
 def test_feedback_holds_its_torque_through_the_ticks_of_a_stride():
     policy = LinearFeedback("level")
-    held = walks(policy, "level", perturbation=0.02)
+    held = walks(policy, "level", reset_noise_scale=0.02)
     assert held.endings == [WALKED_ON] * 4
-    world = gymnasium.make("PassiveWalker-v0", perturbation=0.02)
+    world = gymnasium.make("PassiveWalker-v0", reset_noise_scale=0.02)
     observation, _ = world.reset(seed=1)
     state, torques, strides = None, [], []
     for _ in range(120):
@@ -211,7 +211,7 @@ def test_lqr_gains_cost_least_over_all_strides_to_come():
 
 def test_each_walker_of_a_batch_has_a_stride_of_its_own():
     """Who begins a stride plans it anew; the others go on with theirs."""
-    scene = {"slope": 0.03, "perturbation": 0.03}
+    scene = {"slope": 0.03, "reset_noise_scale": 0.03}
     policy = LinearFeedback(scene, pieces=2)
     crowd = gymnasium.make_vec("PassiveWalker-v0", num_envs=4, **scene)
     singles = [gymnasium.make("PassiveWalker-v0", **scene) for _ in range(4)]

@@ -250,7 +250,7 @@ def test_a_stride_of_a_map_on_other_ground_is_that_of_the_walker():
         return np.full((len(seen), 1), torque / 0.03)
 
     controlled = gpw.stride_map(controller=push, scene=scene)
-    foothold = {"rise": -0.004, "turn": 0.01}
+    foothold = {"height_change": -0.004, "slope_change": 0.01}
     known = gpw.stride(gait, **foothold, tolerance=1e-12)
     walk = gpw.stride(controlled, state=gait.state, **foothold, tolerance=1e-12)
     for name in ("state", "duration", "step_length", "hip_work", "heelstrike_loss"):
@@ -285,7 +285,7 @@ def test_a_gait_on_steps_repeats_as_its_ground_does_and_its_books_close(name, co
     units, state = gait.stride_map.units, gait.state
     held = controller or Actuation()
     for tilt, rise, turn in ground.ground(0, np.arange(len(ground.rises))).tolist():
-        foothold = {"rise": rise * units.length, "turn": turn}
+        foothold = {"height_change": rise * units.length, "slope_change": turn}
         walk = gpw.stride(
             walker, slope + tilt, state, **foothold, **held._asdict(), tolerance=1e-13
         )
@@ -383,7 +383,7 @@ def test_actions_beyond_their_bounds_are_clipped_as_in_the_environment(action, l
 
 
 def test_a_controller_sees_its_command_and_the_footholds_ahead_each_in_its_place():
-    scene, ground = make_scene("rough", command=0.2, preview=2), gpw.waves(0.002, 3)
+    scene, ground = make_scene("rough", command=0.2, terrain_lookahead=2), gpw.waves(0.002, 3)
     told = []
 
     def watch(seen):
@@ -401,12 +401,12 @@ def test_a_controller_sees_its_command_and_the_footholds_ahead_each_in_its_place
 
 def in_environment(policy, scene, state, count):
     """States after each stride of one walker in the environment, (count, 6)."""
-    worlds, ends = PassiveWalkerVectorEnv(1, scene, max_episode_steps=-1), []
-    seen, _ = worlds.reset(seed=0, options={"state": state[None], "slope": scene.slope})
-    for step in steps(policy, worlds, seen):
+    envs, ends = PassiveWalkerVectorEnv(1, scene, max_episode_steps=-1), []
+    seen, _ = envs.reset(seed=0, options={"state": state[None], "slope": scene.slope})
+    for step in steps(policy, envs, seen):
         assert not step.terminated[0]
         if step.struck[0]:
-            ends.append(worlds.states[0].copy())
+            ends.append(envs.states[0].copy())
             if len(ends) == count:
                 return np.array(ends)
     raise AssertionError("steps ended by themselves")
@@ -449,8 +449,11 @@ def test_a_policy_that_sees_the_ground_ahead_is_shown_it(seeing):
     walk = gpw.simulate(strides, state=state, strides=7, samples=20, terrain=rough)
     expected = in_environment(policy, make_scene(scene, terrain=rough), state, 7)
     np.testing.assert_allclose(walk.states[20::20], expected[:-1], atol=1e-6)
-    blind = strides.stride(state, rise=0.003, ahead=np.zeros(4)).state
-    assert np.abs(strides.stride(state, rise=0.003, ahead=np.ones(4)).state - blind).max() > 1e-3
+    blind = strides.stride(state, height_change=0.003, ahead=np.zeros(4)).state
+    assert (
+        np.abs(strides.stride(state, height_change=0.003, ahead=np.ones(4)).state - blind).max()
+        > 1e-3
+    )
 
     stairs = gpw.stairs(0.002)
     climbing = gpw.stride_map(controller=policy, terrain=stairs)
@@ -484,7 +487,7 @@ def test_a_stride_of_a_map_with_terrain_is_over_its_footholds(controller, seeing
     walker = scene.walker
     strides = gpw.stride_map(walker, scene.slope, controller=controller, terrain=gpw.stairs(rise))
     tilt, own, turn = strides.ground[0]
-    over = {"rise": own * walker.leg_length, "turn": turn}
+    over = {"height_change": own * walker.leg_length, "slope_change": turn}
     first = strides.walk(state, scene.slope, count=1)[0]
     for other in (
         strides.stride(state),
@@ -492,7 +495,7 @@ def test_a_stride_of_a_map_with_terrain_is_over_its_footholds(controller, seeing
         strides.stride(state, scene.slope + tilt, **over),
     ):
         np.testing.assert_allclose(other.state, first.state, atol=1e-9)
-    assert np.abs(strides.stride(state, turn=0.0).state - first.state).max() > 1e-4
+    assert np.abs(strides.stride(state, slope_change=0.0).state - first.state).max() > 1e-4
     point, strike = strides.points_at(state), first.duration / units_of(walker).time
     before = strides.before_strike(point[0], scene.slope, strike)
     late = strides.sample(point, scene.slope, np.array([[strike * (1.0 - 1e-9)]]))
@@ -501,6 +504,6 @@ def test_a_stride_of_a_map_with_terrain_is_over_its_footholds(controller, seeing
 
 def test_a_map_keeps_its_own_rules(seeing):
     strides = gpw.stride_map(controller=seeing[0])
-    for given in ({"longest": 3.0}, {"stub": True}):
+    for given in ({"longest": 3.0}, {"end_on_toe_stub": True}):
         with pytest.raises(ValueError, match="leave longest, stub"):
             gpw.stride(strides, None, seeing[1], **given)

@@ -80,12 +80,12 @@ def test_how_far_the_toe_clears_the_ground_is_known_with_its_derivatives(actions
 
 
 def test_a_gait_whose_stiff_leg_sweeps_through_the_ground_is_allowed_only_without_the_rule():
-    for stub in (True, False):
-        problem = Problem(make_scene("level", stub=stub), 0.1, 48, 4)
+    for end_on_toe_stub in (True, False):
+        problem = Problem(make_scene("level", end_on_toe_stub=end_on_toe_stub), 0.1, 48, 4)
         problem.clears = True
         z = problem.begun_at(stiff(STIFF[0]))
         assert problem.measured(z).stubs
-        assert problem.allowed(z) is not stub
+        assert problem.allowed(z) is not end_on_toe_stub
         assert problem.room(z)[0].min() < 0.0
         assert problem.allowed(problem.begun_at(optimal.load("level")[5]))
 
@@ -102,7 +102,7 @@ def test_the_toe_clears_the_ground_where_the_scene_asks_for_it(point):
 
 @pytest.mark.slow
 def test_without_the_rule_a_stiff_leg_walks_for_less():
-    problem = Problem(make_scene("level", stub=False), 0.1, 48, 4)
+    problem = Problem(make_scene("level", end_on_toe_stub=False), 0.1, 48, 4)
     found = problem.measured(problem.solve(problem.begun_at(stiff(STIFF[0]))))
     assert found.stubs and found.motor_cost < 0.003
 
@@ -311,7 +311,7 @@ def test_an_optimum_in_no_corner_is_one_to_rounding(scene, speed):
 )  # fmt: skip
 def test_stored_gaits_are_of_their_own_walker_slope_motor_and_charge(other):
     assert optimal.stored_name(make_scene("level")) == "level"
-    assert optimal.stored_name(make_scene("level", perturbation=0.2)) == "level"
+    assert optimal.stored_name(make_scene("level", reset_noise_scale=0.2)) == "level"
     with pytest.raises(ValueError, match="no optimal gaits of this scene are stored"):
         optimal.stored_name(make_scene("level", **other))
 

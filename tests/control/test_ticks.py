@@ -98,9 +98,13 @@ def stubbing():
     torques = random.uniform(-0.05, 0.05, 4000)
     strides = [
         gpw.stride(
-            WALKER, 0.02, section.states_at(points), hip_torque=torques * units.torque, stub=stub
+            WALKER,
+            0.02,
+            section.states_at(points),
+            hip_torque=torques * units.torque,
+            end_on_toe_stub=end_on_toe_stub,
         )
-        for stub in (False, True)
+        for end_on_toe_stub in (False, True)
     ]
     walks, stubs = (strike.outcome for strike in strides)
     both = (walks == gpw.Outcome.HEELSTRIKE) & (stubs == gpw.Outcome.STUBBED_TOE)
@@ -111,7 +115,7 @@ def stubbing():
 def test_a_stubbed_toe_ends_a_stride_where_that_is_a_rule(stubbing):
     ticked_stride(WALKER, 0.02, *stubbing, tick=TICK)
     with pytest.raises(NoStride, match="STUBBED_TOE"):
-        ticked_stride(WALKER, 0.02, *stubbing, tick=TICK, stub=True)
+        ticked_stride(WALKER, 0.02, *stubbing, tick=TICK, end_on_toe_stub=True)
 
 
 def test_a_gait_says_whether_its_toe_would_stub(stubbing):

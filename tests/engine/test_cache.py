@@ -51,7 +51,12 @@ def test_a_source_that_changes_has_another_fingerprint(tmp_path, monkeypatch):
     before = found()
     monkeypatch.setattr(cache, "_ROOT", tmp_path)
     assert found() == before
-    for source in ("physics/legs.py", "engine/native.py", "envs/reality.py", "gaits/terrain.py"):
+    for source in (
+        "physics/legs.py",
+        "engine/native.py",
+        "envs/constraints.py",
+        "gaits/terrain.py",
+    ):
         text = (tmp_path / source).read_text()
         (tmp_path / source).write_text(text + "\n")
         assert found() != before

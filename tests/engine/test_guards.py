@@ -31,7 +31,7 @@ EVENTS = {
     Outcome.HEELSTRIKE: [dict(stance=-0.3, thigh=0.3, shank=0.3)],
     Outcome.FELL_FORWARD: [dict(stance=-0.5 * math.pi)],
     Outcome.FELL_BACKWARD: [dict(stance=0.5 * math.pi)],
-    Outcome.OVER_THE_TOP: [
+    Outcome.SWING_OVERROTATION: [
         dict(thigh=math.pi), dict(thigh=-math.pi), dict(shank=math.pi), dict(shank=-math.pi),
     ],
     # A straight leg touches the ground where the legs are side by side, or mirror each other.
@@ -58,7 +58,7 @@ def test_a_walker_in_full_swing_is_inside_all_bounds(system, index):
         outcomes.add(guard.outcome)
         if guard.watch == Watch.BOUND:
             assert guard.falls(body, INSIDE, SMOOTH) > 0.0
-    assert {Outcome.FELL_FORWARD, Outcome.FELL_BACKWARD, Outcome.OVER_THE_TOP} < outcomes
+    assert {Outcome.FELL_FORWARD, Outcome.FELL_BACKWARD, Outcome.SWING_OVERROTATION} < outcomes
     assert set(system.phases[index].resets) < outcomes
 
 

@@ -74,7 +74,7 @@ def test_of_two_bounds_that_a_throw_reaches_at_once_the_nearer_one_ends_it(first
     assert (falls < goes_over) == (first == "forward")
     walker = WALKERS["D"]  # whose legs do not pull at each other
     found = stride(walker, 0.0, state, tolerance=tolerance)
-    expected = Outcome.FELL_FORWARD if first == "forward" else Outcome.OVER_THE_TOP
+    expected = Outcome.FELL_FORWARD if first == "forward" else Outcome.SWING_OVERROTATION
     ended = Outcome(int(found.outcome))
     assert ended in (expected, Outcome.HEELSTRIKE)
     fine = stride(walker, 0.0, state, tolerance=1e-13)

@@ -26,7 +26,7 @@ def world(kind: str, **changes):
     start = (*start[:3], *(np.array(start[3:]) * units.time).tolist())
     arguments = {
         "walker": WALKERS[kind], "slope": SLOPES[kind], "control": "stride", "actions": ALL,
-        "perturbation": 0.0, "tolerance": 1e-12, "stub": False, "start": start,
+        "reset_noise_scale": 0.0, "tolerance": 1e-12, "end_on_toe_stub": False, "start": start,
     }  # fmt: skip
     return gym.make("PassiveWalker-v0", **arguments | changes).unwrapped
 
@@ -60,7 +60,8 @@ def test_of_a_stride_s_push_offs_the_last_one_counts():
     walks = []
     for shares in ((0.0, 0.3), (0.3, 0.3)):
         env = gym.make(
-            "PassiveWalker-v0", walker="D", slope=0.009, actions=("push_off",), perturbation=0.0,
+            "PassiveWalker-v0", walker="D", slope=0.009, actions=("push_off",),
+            reset_noise_scale=0.0,
             tick=0.5,
         ).unwrapped  # fmt: skip
         env.reset(seed=0)
@@ -106,7 +107,7 @@ def test_without_action_it_is_the_passive_walk():
     """The code for all motors, at rest, and that of the hip alone: to the last bit."""
     observations = []
     for actions in (("hip",), ("hip", "push_off")):
-        scene = make_scene("lab", actions=actions, perturbation=0.0)
+        scene = make_scene("lab", actions=actions, reset_noise_scale=0.0)
         env = gym.make("PassiveWalker-v0", scene=scene)
         seen, _ = env.reset(seed=1)
         for _ in range(60):

@@ -29,26 +29,26 @@ EVERYTHING = {
     "actions": ("hip", "push_off"), "control": "stride", "max_push_off": 0.03,
     "max_hip_torque": 0.01, "max_ankle_torque": 0.01, "energy": "net", "tolerance": 1e-12,
     "terrain": gpw.rough(0.001, 0.004), "pushes": {"rate": 0.3, "impulse": (-0.01, 0.01)},
-    "stub": False, "perturbation": 0.05,
+    "end_on_toe_stub": False, "reset_noise_scale": 0.05,
 }  # fmt: skip
 
 
 def imbalances(kind: str, walkers: int, wanted: int) -> np.ndarray:
     """By how much the books of at least so many strides are off, in units of m g l."""
-    worlds = PassiveWalkerVectorEnv(
+    envs = PassiveWalkerVectorEnv(
         walkers, {**EVERYTHING, **KINDS[kind]}, max_episode_steps=-1, autoreset_mode="SameStep"
     )
     walker = KINDS[kind]["walker"]
     system, body = system_of(walker, using=UNEVEN), system_of(walker, using=UNEVEN).Body
     own = body(*bodies(walker)[0, 0])
     rng, found, count = np.random.default_rng(0), [], 0
-    worlds.reset(seed=0)
-    states, pushed = worlds.batch.records["state"][:, 0].copy(), np.zeros(walkers)
+    envs.reset(seed=0)
+    states, pushed = envs.batch.records["state"][:, 0].copy(), np.zeros(walkers)
     while count < wanted:
-        actions = rng.uniform(-1.0, 1.0, worlds.action_space.shape)
-        _, _, terminated, _, infos = worlds.step(actions)
+        actions = rng.uniform(-1.0, 1.0, envs.action_space.shape)
+        _, _, terminated, _, infos = envs.step(actions)
         assert not pushed.any()  # each step is a stride
-        now = worlds.batch.records["state"][:, 0].copy()
+        now = envs.batch.records["state"][:, 0].copy()
         on = np.flatnonzero(infos.get("_step_length", np.zeros(walkers, bool)) & ~terminated)
         if len(on):
             before, after = State(*states[on].T), State(*now[on].T)

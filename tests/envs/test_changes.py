@@ -20,17 +20,17 @@ def learners(*arguments, **others):
 
 def strides_on(scene="lab", **arguments):
     """Three walkers that take one torque a stride, and their first observations."""
-    worlds = PassiveWalkerVectorEnv(3, scene, control="stride", **arguments)
-    seen, _ = worlds.reset(seed=4)
-    return worlds, seen
+    envs = PassiveWalkerVectorEnv(3, scene, control="stride", **arguments)
+    seen, _ = envs.reset(seed=4)
+    return envs, seen
 
 
 def test_a_stride_on_a_slope_that_is_set_is_the_stride_of_that_slope():
-    worlds, _ = strides_on()
-    starts = worlds.states
-    seen = worlds.set_slopes(BUMPY)
-    assert seen[:, 7] == pytest.approx(BUMPY) and worlds.slopes.tolist() == BUMPY.tolist()
-    ends, _, _, _, infos = worlds.step(ZEROS)
+    envs, _ = strides_on()
+    starts = envs.states
+    seen = envs.set_slopes(BUMPY)
+    assert seen[:, 7] == pytest.approx(BUMPY) and envs.slopes.tolist() == BUMPY.tolist()
+    ends, _, _, _, infos = envs.step(ZEROS)
     there, _ = strides_on()
     there.reset(options={"state": starts, "slope": BUMPY})
     expected, _, _, _, its = there.step(ZEROS)
@@ -39,38 +39,38 @@ def test_a_stride_on_a_slope_that_is_set_is_the_stride_of_that_slope():
 
 
 def test_only_walkers_of_the_mask_come_to_another_slope():
-    worlds, _ = strides_on()
-    seen = worlds.set_slopes(0.05, np.array([False, True, False]))
+    envs, _ = strides_on()
+    seen = envs.set_slopes(0.05, np.array([False, True, False]))
     assert seen[:, 7] == pytest.approx([0.036, 0.05, 0.036])
 
 
 def test_a_slope_stays_until_the_next_reset():
-    worlds, _ = strides_on()
-    worlds.set_slopes(BUMPY)
-    seen, *_ = worlds.step(ZEROS)
+    envs, _ = strides_on()
+    envs.set_slopes(BUMPY)
+    seen, *_ = envs.step(ZEROS)
     assert seen[:, 7] == pytest.approx(BUMPY)
-    seen, _ = worlds.reset()
+    seen, _ = envs.reset()
     assert seen[:, 7] == pytest.approx(0.036)
 
 
 def test_the_ground_does_not_change_in_the_midst_of_a_stride():
-    worlds = PassiveWalkerVectorEnv(3, "lab")
+    envs = PassiveWalkerVectorEnv(3, "lab")
     with pytest.raises(ResetNeeded):
-        worlds.set_slopes(0.05)
-    worlds.reset(seed=0)
-    worlds.step(ZEROS)
-    before = worlds.get_state()
+        envs.set_slopes(0.05)
+    envs.reset(seed=0)
+    envs.step(ZEROS)
+    before = envs.get_state()
     with pytest.raises(ValueError, match=r"are walkers \[0, 2\]"):
-        worlds.set_slopes(0.05, np.array([True, False, True]))
-    assert np.array_equal(worlds.get_state()["ledger"], before["ledger"])
-    assert np.array_equal(worlds.get_state()["records"], before["records"])
+        envs.set_slopes(0.05, np.array([True, False, True]))
+    assert np.array_equal(envs.get_state()["ledger"], before["ledger"])
+    assert np.array_equal(envs.get_state()["records"], before["records"])
 
 
 def test_a_walker_whose_time_is_up_has_no_stride_to_begin():
-    worlds, _ = strides_on(max_episode_steps=1)
-    assert worlds.step(ZEROS)[3].all()
+    envs, _ = strides_on(max_episode_steps=1)
+    assert envs.step(ZEROS)[3].all()
     with pytest.raises(ValueError, match=r"are walkers \[0, 1, 2\]"):
-        worlds.set_slopes(0.05)
+        envs.set_slopes(0.05)
 
 
 def test_a_fallen_walker_has_no_stride_to_begin(make):
@@ -84,10 +84,10 @@ def test_a_fallen_walker_has_no_stride_to_begin(make):
 
 @pytest.mark.parametrize("slopes", [2.0, np.nan, "steep", [0.1, 0.2], [[0.1, 0.1, 0.1]]])
 def test_what_is_no_slope_is_refused(slopes):
-    worlds, _ = strides_on()
+    envs, _ = strides_on()
     with pytest.raises(ValueError, match="slope"):
-        worlds.set_slopes(slopes)
-    assert worlds.slopes == pytest.approx(0.036)
+        envs.set_slopes(slopes)
+    assert envs.slopes == pytest.approx(0.036)
 
 
 @pytest.mark.parametrize(
@@ -95,18 +95,18 @@ def test_what_is_no_slope_is_refused(slopes):
     [([True] * 3, TypeError), (np.ones(3), TypeError), (np.ones(2, bool), ValueError)],
 )
 def test_masks_are_boolean_arrays_of_all_environments(mask, error):
-    worlds, _ = strides_on()
+    envs, _ = strides_on()
     with pytest.raises(error, match="mask"):
-        worlds.set_slopes(0.05, mask)
+        envs.set_slopes(0.05, mask)
 
 
 def test_one_walker_alone_meets_the_ground_that_it_meets_in_a_crowd(make, assert_same):
-    worlds, _ = strides_on()
+    envs, _ = strides_on()
     env = make(scene="lab", control="stride")
     env.reset(seed=5)
     for slope in (0.05, 0.03, 0.04):
-        assert_same(env.set_slope(slope), worlds.set_slopes([0.02, slope, 0.03])[1])
-        alone, crowd = env.step(np.zeros(1)), worlds.step(ZEROS)
+        assert_same(env.set_slope(slope), envs.set_slopes([0.02, slope, 0.03])[1])
+        alone, crowd = env.step(np.zeros(1)), envs.step(ZEROS)
         assert_same(alone[0], crowd[0][1])
         assert alone[1] == crowd[1][1]
 
@@ -119,9 +119,9 @@ def test_learners_can_meet_rough_ground_too():
     assert env.get_attr("slope") == BUMPY.tolist()
 
 
-def costs(worlds, torques):
+def costs(envs, torques):
     """What the first stride's motor was charged for, in each of three environments."""
-    _, _, _, _, infos = worlds.step(torques)
+    _, _, _, _, infos = envs.step(torques)
     return infos["hip_cost"], infos["net_hip_cost"]
 
 
@@ -129,10 +129,10 @@ def test_the_price_of_a_motor_can_change():
     torques = np.full((3, 1), -0.2)  # brakes: net work is negative
     charged = {}
     for energy in ("absolute", "positive", "net"):
-        worlds, _ = strides_on()
-        worlds.charge_for(energy)
-        assert worlds.charged_for == energy
-        charged[energy], net = costs(worlds, torques)
+        envs, _ = strides_on()
+        envs.set_energy_cost(energy)
+        assert envs.energy_cost == energy
+        charged[energy], net = costs(envs, torques)
         its = costs(strides_on(energy=energy)[0], torques)[0]
         assert np.array_equal(charged[energy], its)
     assert charged["net"] == pytest.approx(net)
@@ -141,10 +141,10 @@ def test_the_price_of_a_motor_can_change():
 
 def test_none_is_the_price_of_the_scene(make):
     for world in (make(scene="lab", energy="net"), learners(2, "lab", energy="net")):
-        world.charge_for("positive")
-        world.charge_for(None)
+        world.set_energy_cost("positive")
+        world.set_energy_cost(None)
         charged = (
-            world.get_attr("charged_for")[0] if hasattr(world, "get_attr") else world.charged_for
+            world.get_attr("energy_cost")[0] if hasattr(world, "get_attr") else world.energy_cost
         )
         assert charged == "net"
 
@@ -152,11 +152,11 @@ def test_none_is_the_price_of_the_scene(make):
 def test_an_unknown_price_is_refused(make):
     env = make()
     with pytest.raises(ValueError, match="money"):
-        env.charge_for("money")
-    assert env.charged_for == "absolute"
+        env.set_energy_cost("money")
+    assert env.energy_cost == "absolute"
 
 
 def test_every_environment_of_a_learner_is_told_the_price():
     env = learners(3)
-    env.env_method("charge_for", "positive", indices=0)
-    assert env.get_attr("charged_for") == ["positive"] * 3  # one motor's price is that of all
+    env.env_method("set_energy_cost", "positive", indices=0)
+    assert env.get_attr("energy_cost") == ["positive"] * 3  # one motor's price is that of all

@@ -54,7 +54,7 @@ def test_a_foot_in_the_environment_rolls_forwards_on_ground_as_it_lies(walker, g
     slope = {"lab": 0.036, "B": 0.03, "E": 0.03}[walker]
     env = PassiveWalkerVectorEnv(
         2, walker=walker, slope=slope, terrain=GROUNDS[ground], tick=0.01, max_hip_torque=0.0,
-        perturbation=0.0,
+        reset_noise_scale=0.0,
     )  # fmt: skip
     env.reset(seed=1)
     one, rows, elapsed = env.walkers[1], [], 0.0
@@ -79,7 +79,7 @@ def pushed_by(stance, friction=0.8, rate=-0.3):
     """A step of a mass on a leg without any, which stands at an angle: its info and outcome."""
     env = PassiveWalkerVectorEnv(
         1, walker="D", slope=0.009, tick=1e-3, max_hip_torque=0.0, friction=friction,
-        reality={"friction": "end", "contact": "report"},
+        constraints={"friction": "end", "contact": "report"},
     )  # fmt: skip
     state = [stance, -0.4, -0.4, rate, 0.1, 0.1]
     env.reset(seed=0, options={"state": state})

@@ -8,7 +8,7 @@ import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import SyncVectorEnv
 
-from gym_passive_walker import WALKERS, blend, rough
+from gym_passive_walker import WALKERS, interpolate, rough
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 
@@ -18,7 +18,7 @@ VARIED = {"foot_radius": 0.2, "thigh_length": 0.2, "shank_mass": 0.3}
 
 def shape(place):
     """A walker for a place: next to each other they differ in size, feet and masses."""
-    walker = blend(WALKERS["C"], WALKERS["lab"], (place % 37) / 36.0)
+    walker = interpolate(WALKERS["C"], WALKERS["lab"], (place % 37) / 36.0)
     return {**vars(walker), "gravity": 1.0 + place % 11}
 
 
@@ -48,13 +48,13 @@ def some(count, size=1.0, seed=0):
 def test_walkers_that_all_differ_walk_in_a_crowd_as_each_does_alone(
     count, threads, befalls, assert_same
 ):
-    crowd = mixed(count, threads=threads, max_episode_steps=35, perturbation=0.3, **befalls)
+    crowd = mixed(count, threads=threads, max_episode_steps=35, reset_noise_scale=0.3, **befalls)
     places = [*range(0, count, count // 6 + 1), count // 2, count - 1]
 
     def single(place):
         return lambda: gymnasium.make(
             ID, walker=shape(place), slope=ground(place), start=START,
-            max_episode_steps=35, perturbation=0.3, **befalls,
+            max_episode_steps=35, reset_noise_scale=0.3, **befalls,
         )  # fmt: skip
 
     alone = SyncVectorEnv([single(place) for place in places])
@@ -83,7 +83,7 @@ def test_walkers_that_all_differ_walk_in_a_crowd_as_each_does_alone(
 
 def test_a_crowd_tells_of_every_fall_wherever_it_happens():
     """Who falls is the same for each walker, whatever piece of the crowd it is in."""
-    crowd = PassiveWalkerVectorEnv(4096, "level", threads=2, perturbation=0.0)
+    crowd = PassiveWalkerVectorEnv(4096, "level", threads=2, reset_noise_scale=0.0)
     standing = [0.3, -0.3, -0.3, -1.3, -0.75, -1.2]
     lying = [0.01, -0.01, -0.01, -0.1, 0.0, 0.0]
     for fallen in (3, 2047, 4095):
@@ -103,7 +103,7 @@ def test_a_crowd_tells_of_every_fall_wherever_it_happens():
 
 def test_where_some_are_asked_to_start_is_where_they_start():
     """Options have an entry for each environment, whoever is reset by them."""
-    crowd = mixed(5, autoreset_mode="Disabled", perturbation=0.0)
+    crowd = mixed(5, autoreset_mode="Disabled", reset_noise_scale=0.0)
     crowd.reset(seed=1)
     before, slopes = crowd.states, np.array([0.06, 0.07, 0.08, 0.09, 0.1])
     states = np.array(START) * np.linspace(0.8, 1.0, 5)[:, None]
@@ -117,17 +117,17 @@ def test_where_some_are_asked_to_start_is_where_they_start():
 
 def test_each_starts_with_its_own_gait_at_a_slope_that_it_is_asked_for():
     walkers = ["C", "lab", "C"]
-    crowd = PassiveWalkerVectorEnv(3, walkers=walkers, slope=0.036, perturbation=0.0)
+    crowd = PassiveWalkerVectorEnv(3, walkers=walkers, slope=0.036, reset_noise_scale=0.0)
     crowd.reset(seed=0, options={"slope": [0.03, 0.04, 0.05]})
     for i, slope in enumerate((0.03, 0.04, 0.05)):
-        alone = PassiveWalkerVectorEnv(1, walker=walkers[i], slope=slope, perturbation=0.0)
+        alone = PassiveWalkerVectorEnv(1, walker=walkers[i], slope=slope, reset_noise_scale=0.0)
         alone.reset(seed=0)
         np.testing.assert_array_equal(crowd.states[i], alone.states[0])
 
 
 def test_a_state_that_is_given_is_that_of_the_walker_that_is_drawn():
     """A varied walker has time units of its own."""
-    crowd = PassiveWalkerVectorEnv(4, "level", randomise=VARIED)
+    crowd = PassiveWalkerVectorEnv(4, "level", domain_randomization=VARIED)
     crowd.reset(seed=0)
     for _ in range(3):
         state = [0.2, -0.2, -0.25, -1.0, -0.5, -1.0]
@@ -151,7 +151,7 @@ def test_varied_walkers_go_on_where_they_were_saved(mode, assert_same):
 
     def crowd(seed):
         made = PassiveWalkerVectorEnv(
-            6, "lab", randomise=VARIED, max_episode_steps=12, autoreset_mode=mode
+            6, "lab", domain_randomization=VARIED, max_episode_steps=12, autoreset_mode=mode
         )
         made.reset(seed=seed)
         return made
@@ -177,7 +177,7 @@ def test_varied_walkers_go_on_where_they_were_saved(mode, assert_same):
 
 
 def test_a_saved_single_walker_is_the_callers_to_keep(make, assert_same):
-    env = make(scene="lab", randomise=VARIED)
+    env = make(scene="lab", domain_randomization=VARIED)
     env.reset(seed=0)
     env.step(np.zeros(1))
     saved = env.get_state()
@@ -217,7 +217,7 @@ def test_who_waits_for_a_reset_is_waited_for_though_others_are_reset():
 
 
 def test_what_was_told_of_walkers_and_slopes_does_not_change_afterwards():
-    crowd = PassiveWalkerVectorEnv(3, "rolling", randomise=VARIED)
+    crowd = PassiveWalkerVectorEnv(3, "rolling", domain_randomization=VARIED)
     crowd.reset(seed=0)
     told = crowd.slopes, crowd.walkers, crowd.states
     kept = copy.deepcopy(told)
@@ -241,7 +241,7 @@ def test_each_lane_of_a_learner_tells_its_own_walker():
 
 def test_pictures_show_each_walker_on_its_own_slope():
     pytest.importorskip("pygame")
-    crowd = PassiveWalkerVectorEnv(3, "lab", render_mode="rgb_array", perturbation=0.0)
+    crowd = PassiveWalkerVectorEnv(3, "lab", render_mode="rgb_array", reset_noise_scale=0.0)
     state = [0.2, -0.2, -0.25, -1.0, -0.5, -1.0]
     crowd.reset(seed=0, options={"state": state, "slope": [0.02, 0.3, 0.02]})
     first, steep, third = (frame[40:] for frame in crowd.render())  # below the walker's number
@@ -251,7 +251,7 @@ def test_pictures_show_each_walker_on_its_own_slope():
 
 def test_pictures_show_the_walker_of_the_episode(make):
     pytest.importorskip("pygame")
-    env = make(scene="lab", render_mode="rgb_array", randomise={"foot_radius": 0.5})
+    env = make(scene="lab", render_mode="rgb_array", domain_randomization={"foot_radius": 0.5})
     for seed in (1, 2):
         env.reset(seed=seed)
         shown = env.render()

@@ -146,7 +146,7 @@ def test_a_walk_on_tensors_is_judged_alike(name):
         return (step.steps > 45) & step.knee_locked
 
     scene = scene_of(name, reward=reward, observation=observation, terminated=late)
-    scene = make_scene(scene, pushes={}, stub=False)
+    scene = make_scene(scene, pushes={}, end_on_toe_stub=False)
     size, torques = 9 + len(scene.actions), 0.05 * np.random.default_rng(0).normal(size=(40, 3))
     policy = lambda seen: torch.tanh(seen @ torch.from_numpy(torques[:size, : len(scene.actions)]))  # noqa: E731
     walk = rollout(policy, scene, 60, count=COUNT, seed=3)

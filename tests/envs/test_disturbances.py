@@ -22,9 +22,10 @@ SLOPES = {"lab": 0.036, "A": 0.03, "D": 0.009}
 """A walker with knees, one with straight legs, the simplest; and slopes that they walk on."""
 
 EVERYTHING = {
-    "pushes": {"rate": 0.7, "impulse": (-0.02, 0.03)}, "sensor_noise": 0.01, "motor_noise": 0.1,
-    "motor_delay": 2, "command": (0.1, 0.3),
-    "reality": {"contact": "report", "friction": "end", "scuffing": "report"},
+    "pushes": {"rate": 0.7, "impulse": (-0.02, 0.03)}, "observation_noise": 0.01,
+    "action_noise": 0.1,
+    "action_delay": 2, "command": (0.1, 0.3),
+    "constraints": {"contact": "report", "friction": "end", "scuffing": "report"},
 }  # fmt: skip
 
 
@@ -105,13 +106,13 @@ def test_a_stride_gains_what_gravity_and_pushes_give_less_what_strikes_take(walk
 
 
 def test_pushes_come_as_often_as_they_should_and_apart():
-    worlds = PassiveWalkerVectorEnv(
-        400, walker="D", slope=0.009, pushes={"rate": 0.25, "impulse": 0.0}, perturbation=0.0
+    envs = PassiveWalkerVectorEnv(
+        400, walker="D", slope=0.009, pushes={"rate": 0.25, "impulse": 0.0}, reset_noise_scale=0.0
     )
-    worlds.reset(seed=0)
+    envs.reset(seed=0)
     for _ in range(200):  # no impulse at all: nobody falls
-        *_, infos = worlds.step(np.zeros((400, 1)))
-    ledger, records = worlds.batch.ledger, worlds.batch.records
+        *_, infos = envs.step(np.zeros((400, 1)))
+    ledger, records = envs.batch.ledger, envs.batch.records
     mean = 0.25 * (ledger["clock"] + records["time"][:, 0])
     count = infos["pushes"]
     assert mean.min() > 3.0
@@ -120,8 +121,8 @@ def test_pushes_come_as_often_as_they_should_and_apart():
 
 
 def test_pushes_without_impulse_change_no_walk():
-    pushed = one(pushes={"rate": 2.0, "impulse": 0.0}, perturbation=0.0, tolerance=1e-11)
-    left = one(perturbation=0.0, tolerance=1e-11)
+    pushed = one(pushes={"rate": 2.0, "impulse": 0.0}, reset_noise_scale=0.0, tolerance=1e-11)
+    left = one(reset_noise_scale=0.0, tolerance=1e-11)
     pushed.reset(seed=0), left.reset(seed=0)
     for _ in range(120):
         *_, info = pushed.step(np.zeros(1))
@@ -199,15 +200,16 @@ def test_stable_baselines_tells_what_befell_a_walker_where_its_episode_ends(asse
 
 def test_sensors_err_by_as_much_as_they_should_and_the_walk_does_not_notice(assert_same):
     kinds = [
-        {"sensor_noise": 0.02}, {"sensor_noise": (0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0, 0.01)}, {}
+        {"observation_noise": 0.02}, {"observation_noise": (0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 0.0,
+        0.01)}, {}
     ]  # fmt: skip
     even, single, none = (
-        PassiveWalkerVectorEnv(300, "lab", perturbation=0.0, **noise) for noise in kinds
+        PassiveWalkerVectorEnv(300, "lab", reset_noise_scale=0.0, **noise) for noise in kinds
     )
-    first = [worlds.reset(seed=0)[0] for worlds in (even, single, none)]
+    first = [envs.reset(seed=0)[0] for envs in (even, single, none)]
     errors = [[first[0] - first[2]], [first[1] - first[2]]]
     for _ in range(20):
-        seen = [worlds.step(np.zeros((300, 1)))[0] for worlds in (even, single, none)]
+        seen = [envs.step(np.zeros((300, 1)))[0] for envs in (even, single, none)]
         errors[0].append(seen[0] - seen[2])
         errors[1].append(seen[1] - seen[2])
     assert_same(even.states, none.states)
@@ -222,7 +224,7 @@ def test_sensors_err_by_as_much_as_they_should_and_the_walk_does_not_notice(asse
 
 
 def test_an_observation_asked_for_again_errs_in_the_same_way(assert_same):
-    env = one(sensor_noise=0.1)
+    env = one(observation_noise=0.1)
     env.reset(seed=0)
     seen, *_ = env.step(np.zeros(1))
     again = np.empty(8, np.float32)
@@ -234,7 +236,7 @@ def test_an_observation_asked_for_again_errs_in_the_same_way(assert_same):
 def test_what_erring_sensors_tell_lies_in_the_space_of_observations():
     """Errors as large as what is observed, of every entry: of the knee and of the slope too."""
     noise = tuple(np.array(task.BOUNDS, float).clip(max=5.0).tolist())
-    env = PassiveWalkerVectorEnv(200, "commanded", sensor_noise=noise)
+    env = PassiveWalkerVectorEnv(200, "commanded", observation_noise=noise)
     seen, _ = env.reset(seed=0)
     for _ in range(20):
         assert env.observation_space.contains(seen)
@@ -244,7 +246,7 @@ def test_what_erring_sensors_tell_lies_in_the_space_of_observations():
 
 def test_nothing_that_befell_a_walker_outlasts_its_episode(assert_same):
     """What an episode is and tells does not depend on the one before."""
-    used, fresh = (one(**EVERYTHING | {"sensor_noise": 0.0}) for _ in range(2))
+    used, fresh = (one(**EVERYTHING | {"observation_noise": 0.0}) for _ in range(2))
     told = []
     for env, actions in ((used, 0), (used, 1), (fresh, 1)):
         seen, _ = env.reset(seed=5)
@@ -259,7 +261,7 @@ def test_nothing_that_befell_a_walker_outlasts_its_episode(assert_same):
 
 
 def test_delayed_actions_come_as_many_steps_late(assert_same):
-    late, prompt = one(motor_delay=3), one()
+    late, prompt = one(action_delay=3), one()
     late.reset(seed=0), prompt.reset(seed=0)
     actions = some(1, 40)[:, 0]
     for action, sooner in zip(actions, [*np.zeros((3, 1)), *actions], strict=False):
@@ -268,11 +270,11 @@ def test_delayed_actions_come_as_many_steps_late(assert_same):
 
 
 def test_a_motor_errs_by_a_share_of_its_torque_and_never_exceeds_it():
-    worlds = PassiveWalkerVectorEnv(500, "lab", motor_noise=0.2)
-    worlds.reset(seed=0)
+    envs = PassiveWalkerVectorEnv(500, "lab", action_noise=0.2)
+    envs.reset(seed=0)
     for action, mean, spread in ((0.1, 0.1, 0.2), (5.0, 0.9202, 0.1168)):  # one side is cut off
-        worlds.step(np.full((500, 1), action))
-        shares = worlds.batch.records["control"][:, 0, 0] / worlds.scene.max_hip_torque
+        envs.step(np.full((500, 1), action))
+        shares = envs.batch.records["control"][:, 0, 0] / envs.scene.max_hip_torque
         assert np.abs(shares).max() <= 1.0
         assert shares.mean() == pytest.approx(mean, abs=0.03)
         assert shares.std() == pytest.approx(spread, abs=0.02)
@@ -282,10 +284,10 @@ def test_a_motor_errs_by_a_share_of_its_torque_and_never_exceeds_it():
 
 
 def test_commands_are_drawn_from_their_range_and_seen():
-    worlds = PassiveWalkerVectorEnv(500, "lab", command=(0.1, 0.3))
-    seen, _ = worlds.reset(seed=0)
-    assert worlds.single_observation_space.shape == (9,)
-    *_, infos = worlds.step(np.zeros((500, 1)))
+    envs = PassiveWalkerVectorEnv(500, "lab", command=(0.1, 0.3))
+    seen, _ = envs.reset(seed=0)
+    assert envs.single_observation_space.shape == (9,)
+    *_, infos = envs.step(np.zeros((500, 1)))
     np.testing.assert_array_equal(seen[:, 8], infos["command"].astype(np.float32))
     assert infos["command"].min() == pytest.approx(0.1, abs=3e-3)
     assert infos["command"].max() == pytest.approx(0.3, abs=3e-3)
@@ -307,16 +309,16 @@ def test_a_stride_is_worth_its_length_less_what_it_misses_its_command_by(weight,
 
 def test_every_action_comes_late_and_errs_by_itself():
     channels = ("push_off", "ankle", "hip")
-    arguments = {"walker": "D", "slope": 0.009, "actions": channels, "perturbation": 0.0}
+    arguments = {"walker": "D", "slope": 0.009, "actions": channels, "reset_noise_scale": 0.0}
     late, prompt = (
-        PassiveWalkerVectorEnv(300, **arguments, motor_delay=delay, motor_noise=0.05)
+        PassiveWalkerVectorEnv(300, **arguments, action_delay=delay, action_noise=0.05)
         for delay in (2, 0)
     )
     late.reset(seed=0), prompt.reset(seed=0)
     actions = np.tile([0.5, -0.5, 0.2], (300, 1))
     held = []
     for step in range(3):
-        told = [worlds.step(actions) and worlds.batch.records[:, 0] for worlds in (late, prompt)]
+        told = [envs.step(actions) and envs.batch.records[:, 0] for envs in (late, prompt)]
         held.append([np.column_stack([r["push_off"], r["control"][:, ::-1]]) for r in told])
         if step < 2:
             assert abs(np.mean(held[-1][0][:, 1:])) < 1e-3

@@ -47,7 +47,7 @@ def test_what_is_seen_and_paid_now_is_part_of_it(make):
 
 
 def test_explain_prints_the_tables(capsys):
-    gpw.explain(make_scene(reward=WEIGHTS, terminated=far, reality={"friction": "end"}))
+    gpw.explain(make_scene(reward=WEIGHTS, terminated=far, constraints={"friction": "end"}))
     said = capsys.readouterr().out
     assert re.search(r"action +-0.2 times sum of the squares of the actions", said)
     assert re.search(r"stopped +far holds", said) and re.search(r"slipped .* 0.8 ", said)
@@ -58,7 +58,7 @@ def test_explain_prints_the_tables(capsys):
 
 def test_every_outcome_that_ends_an_episode_is_explained():
     rules = dict.fromkeys(("contact", "friction", "knee lock", "scuffing"), "end")
-    rows = as_rows(make_scene(reality=rules, terminated=far))["episode end"]
+    rows = as_rows(make_scene(constraints=rules, terminated=far))["episode end"]
     told = {row["outcome"] for row in rows if row["outcome"]}
     assert told == {*OUTCOMES} - {None, "heelstrike", "kneestrike"}
 

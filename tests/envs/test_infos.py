@@ -69,12 +69,12 @@ def test_what_is_written_first_is_not_lost():
 
 def test_infos_looked_at_late_are_those_of_their_step():
     """Whatever came since: the ledger that they are made of is another one by then."""
-    prompt, late = (PassiveWalkerVectorEnv(8, perturbation=0.3) for _ in range(2))
+    prompt, late = (PassiveWalkerVectorEnv(8, reset_noise_scale=0.3) for _ in range(2))
     found: list[list] = []
-    for worlds, look in ((prompt, dict), (late, lambda infos: infos)):
-        worlds.reset(seed=0)
-        worlds.action_space.seed(0)
-        found.append([look(worlds.step(worlds.action_space.sample())[-1]) for _ in range(120)])
+    for envs, look in ((prompt, dict), (late, lambda infos: infos)):
+        envs.reset(seed=0)
+        envs.action_space.seed(0)
+        found.append([look(envs.step(envs.action_space.sample())[-1]) for _ in range(120)])
     for one, other in zip(*found, strict=True):
         assert list(one) == list(other)
         for name in one:
@@ -99,12 +99,12 @@ def test_compiled_code_draws_what_numpy_would(kind):
 
 
 def test_who_has_fallen_rests_until_the_next_episode_begins():
-    worlds = PassiveWalkerVectorEnv(4, autoreset_mode="Disabled", perturbation=0.3)
-    worlds.reset(seed=0)
+    envs = PassiveWalkerVectorEnv(4, autoreset_mode="Disabled", reset_noise_scale=0.3)
+    envs.reset(seed=0)
     ended = np.zeros(4, bool)
     while not ended.any():
-        _, _, ended, *_ = worlds.step(np.ones((4, 1)))
-    batch, before = worlds.batch, worlds.batch.states[ended]
+        _, _, ended, *_ = envs.step(np.ones((4, 1)))
+    batch, before = envs.batch, envs.batch.states[ended]
     results = np.empty(4 * batch.seen, np.float32), np.ones(4), *np.ones((2, 4), bool)
     batch.step(np.ones(4), *results)
     np.testing.assert_array_equal(batch.states[ended], before)

@@ -50,13 +50,11 @@ CALLS = {
     "reset": lambda env: env.reset(),
     "get_state": lambda env: env.get_state(),
     "set_state": lambda env: env.set_state(STATES[type(env)]),
-    "charge_for": lambda env: env.charge_for("net"),
+    "set_energy_cost": lambda env: env.set_energy_cost("net"),
     "render": lambda env: env.render(),
-    "states": lambda env: (
-        env.state if hasattr(env, "slope") else getattr(env, "worlds", env).states
-    ),
+    "states": lambda env: env.state if hasattr(env, "slope") else getattr(env, "envs", env).states,
     "set slopes": lambda env: (
-        env.set_slope(0.0) if hasattr(env, "slope") else getattr(env, "worlds", env).set_slopes(0.0)
+        env.set_slope(0.0) if hasattr(env, "slope") else getattr(env, "envs", env).set_slopes(0.0)
     ),
 }
 STATES = {}
@@ -68,7 +66,7 @@ def test_a_second_thread_is_refused_whatever_it_calls_and_the_first_goes_on(make
     env = make()
     env.reset()
     STATES[type(env)] = env.get_state()
-    batch = getattr(env, "worlds", env).batch
+    batch = getattr(env, "envs", env).batch
     name = "step_alone" if make is single else "step"
     step, within, over = getattr(batch, name), threading.Event(), threading.Event()
 
@@ -153,11 +151,11 @@ def test_ctrl_c_as_the_token_is_taken_leaves_it_there(make, name):
 
     env = make()
     env.reset()
-    for holder in (env, env.batch, getattr(env, "worlds", env)):
+    for holder in (env, env.batch, getattr(env, "envs", env)):
         holder.token = Interrupted()
     with pytest.raises(KeyboardInterrupt):
         CALLS[name](env)
-    assert all(len(e.token) == 1 for e in (env, getattr(env, "worlds", env)))
+    assert all(len(e.token) == 1 for e in (env, getattr(env, "envs", env)))
 
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])

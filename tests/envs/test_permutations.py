@@ -23,21 +23,25 @@ WALKERS = ["C", "lab", "C", OTHER, "lab", "C", OTHER]
 SLOPES = [0.0, 0.01, 0.02, 0.03, 0.04, 0.05, 0.06]
 EVERYTHING = {
     "terrain": {"rough": {"height_std": 0.002, "slope_std": 0.004}},
-    "preview": 1,
+    "terrain_lookahead": 1,
     "pushes": {"rate": 0.5, "impulse": (-0.03, 0.03)},
-    "sensor_noise": 0.01,
-    "motor_noise": 0.2,
-    "motor_delay": 2,
+    "observation_noise": 0.01,
+    "action_noise": 0.2,
+    "action_delay": 2,
     "command": (0.1, 0.2),
-    "reality": {"friction": "end", "contact": "report"},
+    "constraints": {"friction": "end", "contact": "report"},
 }
 KINDS = {
     "plain": {},
     "range of slopes": {"slope": (0.0, 0.06)},
     "one action a stride": {"scene": "steep"},
-    "varied walkers": {"randomise": {"foot_radius": 0.1, "hip_mass": 0.1}},
+    "varied walkers": {"domain_randomization": {"foot_radius": 0.1, "hip_mass": 0.1}},
     "everything": EVERYTHING,
-    "everything varied": {**EVERYTHING, "randomise": {"foot_radius": 0.1}, "slope": (0.0, 0.04)},
+    "everything varied": {
+        **EVERYTHING,
+        "domain_randomization": {"foot_radius": 0.1},
+        "slope": (0.0, 0.04),
+    },
     "two motors": {"actions": ("push_off", "hip"), "walker": "E", "slope": 0.02},
     "walkers and slopes": {"walkers": WALKERS, "slopes": SLOPES},
 }
@@ -190,7 +194,7 @@ def test_motors_may_be_named_in_any_order(actions, disturbed):
         "max_ankle_torque": 0.003,
         "max_push_off": 0.01,
         "tick": 0.5,
-    } | ({"motor_delay": 2, "command": 0.1} if disturbed else {})
+    } | ({"action_delay": 2, "command": 0.1} if disturbed else {})
     walks = []
     for names, order in ((usual, np.arange(len(usual))), (actions, place)):
         env = PassiveWalkerVectorEnv(3, actions=names, **scene)
@@ -215,7 +219,7 @@ def test_each_motor_works_by_its_own_number():
             slope=0.02,
             control="stride",
             actions=names,
-            perturbation=0.0,
+            reset_noise_scale=0.0,
             max_hip_torque=0.003,
             max_ankle_torque=0.003,
             max_push_off=0.01,
@@ -242,8 +246,8 @@ def tables(walker, count=9):
         "slope": rng.uniform(0.015, 0.025, count),
         "hip_torque": 0.01 * rng.uniform(-1.0, 1.0, count),
         "push_off": 0.01 * rng.uniform(0.0, 1.0, count),
-        "rise": 0.001 * rng.uniform(-1.0, 1.0, count),
-        "turn": 0.002 * rng.uniform(-1.0, 1.0, count),
+        "height_change": 0.001 * rng.uniform(-1.0, 1.0, count),
+        "slope_change": 0.002 * rng.uniform(-1.0, 1.0, count),
     } | ({"ankle_torque": 0.003 * rng.uniform(-1.0, 1.0, count)} if point else {})
 
 

@@ -39,7 +39,7 @@ def test_it_collects_the_episodes_of_single_environments(scene):
 
 def test_an_episode_begins_at_a_start_and_has_no_step_of_the_one_before():
     start = (0.2, -0.2, -0.2, -0.3, -0.1, -0.4)
-    episodes = sampled("vector_entry_point", start=start, perturbation=0.0)
+    episodes = sampled("vector_entry_point", start=start, reset_noise_scale=0.0)
     ended = [episode for episode in episodes if episode.is_done]
     assert len(ended) > 4
     for episode in ended:

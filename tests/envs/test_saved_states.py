@@ -12,7 +12,7 @@ from gym_passive_walker.envs.scene import SCENES
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 
 DISTURBED = {
-    "pushes": {"rate": 0.3, "impulse": (-0.02, 0.02)}, "motor_delay": 2, "motor_noise": 0.1,
+    "pushes": {"rate": 0.3, "impulse": (-0.02, 0.02)}, "action_delay": 2, "action_noise": 0.1,
     "command": (0.1, 0.2), "terrain": {"rough": {"height_std": 0.001, "slope_std": 0.001}},
 }  # fmt: skip
 SHARES = {"foot_radius": 0.1, "hip_mass": 0.2}
@@ -149,7 +149,7 @@ def test_disturbances_that_were_tampered_with_are_refused(name, assert_same):
         (DISTURBED, {}, "of another .*pushes"),
         ({}, {"tick": 0.2}, r"of another scene \(of another tick\)"),
         ({"walker": "lab"}, {"walker": "C"}, "of another walker"),
-        ({"randomise": SHARES}, {}, "of another randomise"),
+        ({"domain_randomization": SHARES}, {}, "of another domain_randomization"),
         ({"walker": "A"}, {"walker": "D"}, "of another walker"),
     ],
 )  # fmt: skip
@@ -170,7 +170,7 @@ def test_a_state_of_more_or_of_fewer_walkers_is_refused(assert_same):
 
 
 def test_random_walkers_are_put_back_and_others_refused(assert_same):
-    env, other = crowd(randomise=SHARES), crowd(randomise=SHARES)
+    env, other = crowd(domain_randomization=SHARES), crowd(domain_randomization=SHARES)
     state = env.get_state()
     env.reset(seed=7)
     env.set_state(copy.deepcopy(state))

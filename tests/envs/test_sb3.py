@@ -70,7 +70,9 @@ def test_it_is_a_dummy_vec_env_of_monitored_walkers(scene):
 
 
 def test_a_time_limit_and_a_heelstrike_may_coincide():
-    env = PassiveWalkerVecEnv(1, "lab", control="stride", perturbation=0.0, max_episode_steps=3)
+    env = PassiveWalkerVecEnv(
+        1, "lab", control="stride", reset_noise_scale=0.0, max_episode_steps=3
+    )
     env.reset()
     for _ in range(3):
         _, _, done, infos = env.step(zeros(1))
@@ -215,7 +217,7 @@ def test_sac_takes_it_and_bootstraps_at_time_limits():
 
 
 def test_evaluation_counts_its_episodes():
-    env = PassiveWalkerVecEnv(4, "lab", perturbation=0.0, max_episode_steps=30, seed=0)
+    env = PassiveWalkerVecEnv(4, "lab", reset_noise_scale=0.0, max_episode_steps=30, seed=0)
     model = PPO("MlpPolicy", env, n_steps=8, batch_size=32, device="cpu")
     returns, lengths = evaluate_policy(model, env, 6, return_episode_rewards=True, warn=False)
     assert len(returns) == 6 and set(lengths) == {30}
@@ -227,8 +229,8 @@ def test_the_plain_path_works_too():
         env = make_vec_env(f"gym_passive_walker:{ID}", n_envs=2, vec_env_cls=vec_env, seed=0)
         native = PassiveWalkerVecEnv(2, seed=0)
         np.testing.assert_array_equal(env.reset(), native.reset())
-        env.env_method("charge_for", "net")
-        assert [env.get_attr(name) for name in ("charged_for", "slope")] == [["net"] * 2, [0.0] * 2]
+        env.env_method("set_energy_cost", "net")
+        assert [env.get_attr(name) for name in ("energy_cost", "slope")] == [["net"] * 2, [0.0] * 2]
         model = PPO("MlpPolicy", env, n_steps=16, batch_size=32, device="cpu")
         model.learn(64)
         assert model.num_timesteps == 64

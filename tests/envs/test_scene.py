@@ -16,17 +16,17 @@ def test_the_default_is_walker_c_on_level_ground_by_ticks():
 
 
 @pytest.mark.parametrize(
-    ("control", "torque", "perturbation"), [("tick", 0.05, 0.10), ("stride", 0.03, 0.05)]
+    ("control", "torque", "reset_noise_scale"), [("tick", 0.05, 0.10), ("stride", 0.03, 0.05)]
 )
-def test_torque_and_perturbation_suit_the_control(control, torque, perturbation):
+def test_torque_and_perturbation_suit_the_control(control, torque, reset_noise_scale):
     scene = Scene(control=control)
-    assert (scene.max_hip_torque, scene.perturbation) == (torque, perturbation)
+    assert (scene.max_hip_torque, scene.reset_noise_scale) == (torque, reset_noise_scale)
     assert Scene(control=control, max_hip_torque=0.01).max_hip_torque == 0.01
 
 
 @pytest.mark.parametrize("name", WALKERS)
 def test_only_walkers_with_knees_stub_their_toes(name):
-    assert Scene(walker=name).stub is WALKERS[name].knees
+    assert Scene(walker=name).end_on_toe_stub is WALKERS[name].knees
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -53,32 +53,35 @@ def test_arguments_change_a_named_scene():
         ({"tick": 0.0}, "tick must be a number from"),
         ({"max_hip_torque": -1.0}, "max_hip_torque must be"),
         ({"max_hip_torque": "big"}, "max_hip_torque must be a number"),
-        ({"perturbation": 1.0}, "perturbation must be"),
-        ({"longest_stride": float("inf")}, "longest_stride must be"),
+        ({"reset_noise_scale": 1.0}, "perturbation must be"),
+        ({"max_stride_time": float("inf")}, "max_stride_time must be"),
         ({"tolerance": 1.0}, "tolerance must be "),
-        ({"walker": "A", "stub": True}, "straight legs always scuff"),
-        ({"stub": 1}, "stub must be"),
-        ({"randomise": {"knee_mass": 0.1}}, "no knee_mass"),
-        ({"randomise": {"foot_radius": 0.9}}, "randomise\\['foot_radius'\\] must be"),
-        ({"randomise": 0.1}, "randomise must map"),
+        ({"walker": "A", "end_on_toe_stub": True}, "straight legs always scuff"),
+        ({"end_on_toe_stub": 1}, "stub must be"),
+        ({"domain_randomization": {"knee_mass": 0.1}}, "no knee_mass"),
+        (
+            {"domain_randomization": {"foot_radius": 0.9}},
+            "domain_randomization\\['foot_radius'\\] must be",
+        ),
+        ({"domain_randomization": 0.1}, "domain_randomization must map"),
         ({"start": [0.2, -0.2]}, "start must be 6"),
         ({"gravity": 1.6}, "a scene has no gravity .*; it has walker"),
         ({"pushes": 3}, "pushes must have a rate"),
         ({"pushes": {"rate": 1.0}}, "pushes must have a rate"),
         ({"pushes": {"rate": -1.0, "impulse": 0.1}}, "pushes\\[.rate.\\] must be"),
         ({"pushes": {"rate": 1.0, "impulse": (1, 0)}}, "as \\(low, high\\)"),
-        ({"sensor_noise": "much"}, "sensor_noise must be a number from"),
-        ({"sensor_noise": (0.1, 0.1)}, "or 8 of them"),
-        ({"sensor_noise": (0.1,) * 7 + (-1.0,)}, "sensor_noise\\[7\\] must be"),
-        ({"motor_noise": 2.0}, "motor_noise must be a number from 0 to 1"),
-        ({"motor_delay": 0.5}, "motor_delay must be a whole number .* \\(of steps\\)"),
+        ({"observation_noise": "much"}, "observation_noise must be a number from"),
+        ({"observation_noise": (0.1, 0.1)}, "or 8 of them"),
+        ({"observation_noise": (0.1,) * 7 + (-1.0,)}, "observation_noise\\[7\\] must be"),
+        ({"action_noise": 2.0}, "action_noise must be a number from 0 to 1"),
+        ({"action_delay": 0.5}, "action_delay must be a whole number .* \\(of steps\\)"),
         ({"command": 1.5}, "command must be a number from 0 to 1, or a range"),
         ({"command": (0.1, 0.2, 0.3)}, "command must be"),
         ({"command": "fast"}, "command must be"),
         ({"command_weight": -1.0}, "command_weight must be"),
-        ({"reality": "end"}, "reality must map checks"),
-        ({"reality": {"slipping": "end"}}, "reality has no slipping"),
-        ({"reality": {"friction": True}}, "must be one of .ignore., .report., .end."),
+        ({"constraints": "end"}, "constraints must map checks"),
+        ({"constraints": {"slipping": "end"}}, "constraints has no slipping"),
+        ({"constraints": {"friction": True}}, "must be one of .ignore., .report., .end."),
         ({"friction": -1.0}, "friction must be"),
         ({"scene": "moon"}, "no scene .moon."),
     ],

@@ -34,7 +34,7 @@ def draws(scene, count=200, seed=0):
 @pytest.mark.parametrize("name", ["A", "C", "D", "lab"])
 def test_without_perturbation_the_start_is_the_passive_gait(name):
     walker, slope = WALKERS[name], 0.036 if name == "lab" else 0.009
-    (start,) = draws(Scene(walker=name, slope=slope, perturbation=0.0), 1)
+    (start,) = draws(Scene(walker=name, slope=slope, reset_noise_scale=0.0), 1)
     gait = find_gait(walker, slope).state.copy()
     gait[3:] *= walker.time_unit
     assert start[0] == slope
@@ -48,25 +48,25 @@ def test_where_no_gait_exists_the_start_is_that_of_a_gentle_slope():
 
 
 def test_starts_stay_within_the_perturbation_and_fill_it():
-    exact = draws(Scene(slope=0.02, perturbation=0.0), 1)[0, 1:]
-    ratios = draws(Scene(slope=0.02, perturbation=0.1))[:, 1:] / exact
+    exact = draws(Scene(slope=0.02, reset_noise_scale=0.0), 1)[0, 1:]
+    ratios = draws(Scene(slope=0.02, reset_noise_scale=0.1))[:, 1:] / exact
     assert 0.9 <= ratios.min() < 0.91 and 1.09 < ratios.max() <= 1.1
 
 
 def test_angles_stance_rate_and_swing_rates_are_off_by_draws_of_their_own():
-    exact = draws(Scene(slope=0.02, perturbation=0.0), 1)[0, 1:]
-    ratios = draws(Scene(slope=0.02, perturbation=0.1), 500)[:, 1:] / exact
+    exact = draws(Scene(slope=0.02, reset_noise_scale=0.0), 1)[0, 1:]
+    ratios = draws(Scene(slope=0.02, reset_noise_scale=0.1), 500)[:, 1:] / exact
     draw = np.array([0, 0, 0, 1, 2, 2])
     np.testing.assert_allclose(np.corrcoef(ratios.T), draw[:, None] == draw, atol=0.2)
 
 
 def test_the_knee_of_every_start_opens():
-    states = draws(Scene(slope=0.001, perturbation=0.5))[:, 1:]
+    states = draws(Scene(slope=0.001, reset_noise_scale=0.5))[:, 1:]
     assert np.all(states[:, 2] == states[:, 1]) and np.all(states[:, 5] <= states[:, 4])
 
 
 def test_slopes_are_drawn_from_their_range_and_gaits_go_with_them():
-    scene = Scene(slope=(0.01, 0.06), perturbation=0.0)
+    scene = Scene(slope=(0.01, 0.06), reset_noise_scale=0.0)
     slopes, angles = draws(scene)[:, :2].T
     assert 0.01 <= slopes.min() < 0.011 and 0.059 < slopes.max() <= 0.06
     order = np.argsort(slopes)
@@ -77,7 +77,7 @@ def test_slopes_are_drawn_from_their_range_and_gaits_go_with_them():
 
 
 def test_varied_walkers_stay_within_their_shares():
-    scene = Scene(slope=0.02, randomise={"foot_radius": 0.2, "shank_mass": 0.1})
+    scene = Scene(slope=0.02, domain_randomization={"foot_radius": 0.2, "shank_mass": 0.1})
     walkers = begun(scene, 50).walkers
     ratios = np.array([w.foot_radius for w in walkers]) / WALKERS["C"].foot_radius
     assert 0.8 <= ratios.min() < 0.85 and 1.15 < ratios.max() <= 1.2
@@ -88,7 +88,7 @@ def test_varied_walkers_stay_within_their_shares():
 
 def test_a_start_may_be_given_instead():
     start = (0.2, -0.2, -0.2, -0.3, -0.1, -0.4)
-    (drawn,) = draws(Scene(start=start, perturbation=0.0), 1)
+    (drawn,) = draws(Scene(start=start, reset_noise_scale=0.0), 1)
     assert tuple(drawn[1:]) == start
 
 

@@ -16,21 +16,21 @@ from gym_passive_walker.gaits.terrain import rough
 
 MANY, STEPS = 1600, 6
 FEATURES = {
-    "perturbation": 0.06,
+    "reset_noise_scale": 0.06,
     "slope": (0.0, 0.03),
-    "randomise": {"hip_mass": 0.1, "thigh_mass": 0.1},
+    "domain_randomization": {"hip_mass": 0.1, "thigh_mass": 0.1},
     "command": (0.1, 0.3),
     "terrain": {"rough": {"height_std": 1e-4, "slope_std": 1e-4}},
-    "preview": 3,
+    "terrain_lookahead": 3,
     "pushes": {"rate": 1.5, "impulse": (-1e-4, 1e-4)},
-    "sensor_noise": 0.01,
-    "motor_noise": 0.1,
+    "observation_noise": 0.01,
+    "action_noise": 0.1,
 }
 OFF = {
     "command": None,
     "pushes": {},
-    "sensor_noise": 0.0,
-    "motor_noise": 0.0,
+    "observation_noise": 0.0,
+    "action_noise": 0.0,
 }
 """What is switched off without another draw from a walker's own generator."""
 WALKER = {"preset": "C", "hip_mass": 0.5}
@@ -54,7 +54,7 @@ def draws(count=MANY, seed=0, steps=STEPS, **changes):
     found["start: slope"] = slopes
     found["start: angle"], found["start: rate"] = states[:, 0].copy(), states[:, 3].copy()
     found["start: swing"] = states[:, 4].copy()
-    for name in FEATURES["randomise"]:
+    for name in FEATURES["domain_randomization"]:
         found[f"walker: {name}"] = np.array([getattr(walker, name) for walker in env.walkers])
     if arguments["command"] is not None:
         found["command"] = fates["command"].copy()
@@ -70,14 +70,14 @@ def draws(count=MANY, seed=0, steps=STEPS, **changes):
         np.testing.assert_allclose(due, found["push 0: when"], rtol=1e-12)
     left = np.ones(count, bool)
     for step in range(steps + 1):
-        if arguments["sensor_noise"]:
+        if arguments["observation_noise"]:
             for k in range(6):
                 found[f"sensor: {k} of step {step}"] = observations[:, k] - states[:, k]
         if step == steps:
             break
         observations, _, fell, _, infos = env.step(np.zeros((count, 2), np.float32))
         left &= ~fell & (infos["strides"] == 0)
-        if arguments["motor_noise"]:
+        if arguments["action_noise"]:
             found[f"motor: hip of step {step}"] = batch.records["control"][:, 0, 0].copy()
             share = batch.records["push_off"][:, 0].copy()
             found[f"motor: push-off of step {step}"] = np.where(share > 0.0, share, np.nan)
@@ -151,7 +151,7 @@ def test_heights_and_slopes_of_footholds_are_uncorrelated():
 def test_to_switch_one_thing_off_changes_no_number_of_the_others(feature):
     few = {"count": 40, "steps": 4}
     usual, without = draws(**few), draws(**few, **{feature: OFF[feature]})
-    gone = {"sensor_noise": "sensor", "motor_noise": "motor", "pushes": "push"}.get(
+    gone = {"observation_noise": "sensor", "action_noise": "motor", "pushes": "push"}.get(
         feature, feature
     )
     assert {name for name in usual if name not in without} == {
@@ -168,9 +168,9 @@ def test_to_switch_one_thing_off_changes_no_number_of_the_others(feature):
         ("command", (0.2, 0.4), "command"),
         ("terrain", {"rough": {"height_std": 2e-4, "slope_std": 2e-4}}, "terrain"),
         ("pushes", {"rate": 1.5, "impulse": (-2e-4, 1e-4)}, "how hard"),
-        ("sensor_noise", 0.02, "sensor"),
-        ("motor_noise", 0.05, "motor"),
-        ("perturbation", 0.04, "start"),
+        ("observation_noise", 0.02, "sensor"),
+        ("action_noise", 0.05, "motor"),
+        ("reset_noise_scale", 0.04, "start"),
     ],
 )
 def test_to_change_one_thing_changes_no_number_of_the_others(feature, value, named):
@@ -191,7 +191,7 @@ def test_a_start_s_own_numbers_are_uncorrelated():
         MANY,
         start=(0.3, -0.3, -0.3, -0.4, -0.3, -0.2),
         slope=(0.0, 0.03),
-        randomise={"hip_mass": 0.1, "thigh_mass": 0.1},
+        domain_randomization={"hip_mass": 0.1, "thigh_mass": 0.1},
         walker=WALKER,
     )
     env.reset(seed=0)

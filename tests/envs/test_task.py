@@ -18,7 +18,7 @@ SCENES = {
     "A": {"walker": "A", "slope": 0.02},
     "D": {"walker": "D", "slope": 0.009},
 }
-WHOLE_MOTION = {"tolerance": 1e-12, "perturbation": 0.0}
+WHOLE_MOTION = {"tolerance": 1e-12, "reset_noise_scale": 0.0}
 
 
 def strides(course):
@@ -91,7 +91,7 @@ def test_the_clock_starts_anew_at_each_heelstrike(make):
 
 
 def test_only_a_heelstrike_shortens_a_tick(make):
-    env = make(**SCENES["C"], tick=0.1, perturbation=0.0)
+    env = make(**SCENES["C"], tick=0.1, reset_noise_scale=0.0)
     env.reset(seed=0)
     before = 0.0
     for k in range(200):
@@ -125,7 +125,7 @@ def test_reward_is_distance_less_the_weight_of_energy(make, play, name, energy):
 @pytest.mark.parametrize("energy", ["absolute", "positive", "net"])
 def test_strides_add_up_to_the_episode(make, play, energy):
     """Their costs times their lengths, and how far each went from heelstrike to heelstrike."""
-    env = make(scene="lab", energy=energy, perturbation=0.02)
+    env = make(scene="lab", energy=energy, reset_noise_scale=0.02)
     done = strides(play(env, lambda k, _: 0.1 * math.cos(0.3 * k), steps=400, seed=1))
     assert len(done) > 8
     for before, info in pairwise(done):
@@ -186,7 +186,7 @@ def test_without_a_motor_actions_change_nothing(make, play, assert_same, name):
 
 
 def test_the_hip_goes_on_through_heelstrikes(make, play):
-    env = make(**SCENES["lab"], perturbation=0.0)
+    env = make(**SCENES["lab"], reset_noise_scale=0.0)
     course = play(env, steps=200, seed=0)
     moved = [info["distance"] for *_, info in course]
     per_time = [d / 0.1 for d, (*_, i) in zip(moved, course, strict=True) if "outcome" not in i]
@@ -198,7 +198,7 @@ def test_the_hip_goes_on_through_heelstrikes(make, play):
 
 @pytest.mark.parametrize("torque", [1.0, -1.0])
 def test_a_stride_that_ends_in_a_fall_counts_for_nothing(make, play, torque):
-    env = make(walker="C", slope=0.05, max_hip_torque=0.3, stub=False)
+    env = make(walker="C", slope=0.05, max_hip_torque=0.3, end_on_toe_stub=False)
     course = play(env, torque, seed=2)
     *_, terminated, truncated, info = course[-1]
     assert terminated and not truncated and info["outcome"] != "heelstrike"
@@ -217,10 +217,10 @@ def test_truncation_takes_nothing_back(make, play):
     [
         ({"walker": "A"}, [-1.2, -1.2, -1.2, -1.0, 0.0, 0.0], "fell_forward"),
         ({"walker": "A"}, [1.2, -1.2, -1.2, 1.0, 0.0, 0.0], "fell_backward"),
-        ({"walker": "A"}, [0.2, 2.9, 2.9, -1.0, 9.0, 9.0], "over_the_top"),
-        ({"stub": False}, [-0.18, 0.14, 0.12, -2.9, 1.1, 1.6], "bent_knee"),
-        ({"longest_stride": 0.5}, None, "stalled"),
-        ({"longest_stride": 0.5, "control": "stride"}, None, "stalled"),
+        ({"walker": "A"}, [0.2, 2.9, 2.9, -1.0, 9.0, 9.0], "swing_overrotation"),
+        ({"end_on_toe_stub": False}, [-0.18, 0.14, 0.12, -2.9, 1.1, 1.6], "knee_not_locked"),
+        ({"max_stride_time": 0.5}, None, "stalled"),
+        ({"max_stride_time": 0.5, "control": "stride"}, None, "stalled"),
     ],
 )
 def test_an_episode_ends_as_what_it_is(make, play, arguments, state, outcome):
@@ -240,12 +240,12 @@ def test_a_locked_leg_below_the_ground_is_a_stubbed_toe(make, play):
     course = play(make(), seed=0, options=options)
     assert course[0][0][6] == 1.0  # locked within the first tick, with the foot behind
     assert course[-1][-1]["outcome"] == "stubbed_toe" and course[-1][-1]["strides"] == 0
-    allowed = play(make(stub=False), steps=len(course) + 5, seed=0, options=options)
+    allowed = play(make(end_on_toe_stub=False), steps=len(course) + 5, seed=0, options=options)
     assert len(allowed) > len(course)
 
 
 def test_straight_legs_pass_through_the_ground(make, play):
-    assert len(strides(play(make(**SCENES["A"], perturbation=0.02), steps=200, seed=0))) > 3
+    assert len(strides(play(make(**SCENES["A"], reset_noise_scale=0.02), steps=200, seed=0))) > 3
 
 
 def test_an_observation_is_the_state_in_dimensionless_numbers(make):
@@ -287,7 +287,7 @@ def test_one_agent_fits_walkers_of_any_size(make, play, name):
 
 def test_level_ground_takes_ever_smaller_passive_steps(make, play):
     """Of the tuned walker for ever; C as printed is mistuned, and stubs its toe in the end."""
-    env = make(walker=tune(WALKERS["C"]), perturbation=0.0)
+    env = make(walker=tune(WALKERS["C"]), reset_noise_scale=0.0)
     done = strides(play(env, steps=3000, seed=0))
     lengths = [i["step_length"] for i in done]
     assert len(lengths) > 80 and lengths[-1] < 0.35 * lengths[0]
@@ -307,7 +307,7 @@ def test_the_steep_slope_fells_most_within_ten_strides():
 
 
 def test_the_lab_walker_walks_on_and_settles_on_its_gait(make, play):
-    done = strides(play(make(scene="lab", perturbation=0.02), steps=2000, seed=0))
+    done = strides(play(make(scene="lab", reset_noise_scale=0.02), steps=2000, seed=0))
     assert len(done) > 60
     gait = find_gait("lab", 0.036)
     length = gait.step_length / WALKERS["lab"].leg_length
@@ -315,17 +315,17 @@ def test_the_lab_walker_walks_on_and_settles_on_its_gait(make, play):
 
 
 def test_a_stride_stalls_when_its_time_is_up_and_not_at_the_end_of_a_tick(make, play):
-    course = play(make(longest_stride=0.55, perturbation=0.0), seed=0)
-    held = play(make(longest_stride=0.55, perturbation=0.0, control="stride"), seed=0)
+    course = play(make(max_stride_time=0.55, reset_noise_scale=0.0), seed=0)
+    held = play(make(max_stride_time=0.55, reset_noise_scale=0.0, control="stride"), seed=0)
     assert len(course) == 6 and len(held) == 1
     np.testing.assert_allclose(course[-1][0], held[-1][0], atol=1e-6)
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-12])
 def test_a_scene_is_as_exact_as_it_is_asked_to_be(make, tolerance):
-    env = make(scene="lab", control="stride", tolerance=tolerance, perturbation=0.2)
+    env = make(scene="lab", control="stride", tolerance=tolerance, reset_noise_scale=0.2)
     env.reset(seed=1)
-    expected = stride(env.walker, env.slope, env.state, tolerance=tolerance, stub=True)
+    expected = stride(env.walker, env.slope, env.state, tolerance=tolerance, end_on_toe_stub=True)
     env.step(np.zeros(1))
     np.testing.assert_allclose(env.state, expected.state, rtol=1e-13, atol=1e-13)
 

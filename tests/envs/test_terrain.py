@@ -11,7 +11,7 @@ from gym_passive_walker.envs.scene import SceneError
 from gym_passive_walker.physics.systems import body_of
 
 ROUGH = {"walker": "C", "slope": 0.05, "terrain": gpw.rough(0.002, 0.004)}
-STRIDES = {**ROUGH, "control": "stride", "max_hip_torque": 0.0, "stub": False}
+STRIDES = {**ROUGH, "control": "stride", "max_hip_torque": 0.0, "end_on_toe_stub": False}
 
 
 def walk(env, steps, seed=3):
@@ -29,7 +29,7 @@ def walk(env, steps, seed=3):
 
 
 def test_a_walk_in_the_environment_is_the_walk_over_the_same_footholds():
-    env = gym.make("PassiveWalker-v0", **STRIDES, perturbation=0.0, disable_env_checker=True)
+    env = gym.make("PassiveWalker-v0", **STRIDES, reset_noise_scale=0.0, disable_env_checker=True)
     observations, _, infos = walk(env, 25)
     batch = env.unwrapped.batch
     key = int(batch.disturbances.fates["key"][0])
@@ -49,7 +49,7 @@ def test_both_legs_meet_at_the_hip_where_a_foot_comes_down_on_a_slope_of_its_own
     """However the ground tilts there, and wherever a round foot touches it."""
     ground = {"heights": [0.0, 0.002, 0.0, 0.001], "slopes": [0.0, 0.01, -0.01, 0.02]}
     told = STRIDES | {"walker": "lab", "slope": 0.036, "terrain": {"footholds": ground}}
-    env = gym.make("PassiveWalker-v0", **told, perturbation=0.0, disable_env_checker=True)
+    env = gym.make("PassiveWalker-v0", **told, reset_noise_scale=0.0, disable_env_checker=True)
     env.reset(seed=0)
     batch, body = env.unwrapped.batch, body_of(gpw.WALKERS["lab"])
     radius, leg = body.foot_radius, body.leg
@@ -73,8 +73,8 @@ def test_both_legs_meet_at_the_hip_where_a_foot_comes_down_on_a_slope_of_its_own
 
 @pytest.mark.parametrize("kwargs", [ROUGH, STRIDES], ids=["ticks", "strides"])
 def test_a_walker_meets_the_same_ground_alone_and_in_a_crowd(kwargs):
-    alone = gym.make("PassiveWalker-v0", **kwargs, preview=2)
-    crowd = gym.make_vec("PassiveWalker-v0", num_envs=5, **kwargs, preview=2)
+    alone = gym.make("PassiveWalker-v0", **kwargs, terrain_lookahead=2)
+    crowd = gym.make_vec("PassiveWalker-v0", num_envs=5, **kwargs, terrain_lookahead=2)
     seen, _ = crowd.reset(seed=[7, 3, 8, 9, 1])
     observations, rewards, _ = walk(alone, 60)
     for k, reward in enumerate(rewards):
@@ -84,7 +84,7 @@ def test_a_walker_meets_the_same_ground_alone_and_in_a_crowd(kwargs):
 
 
 def test_agents_see_the_footholds_ahead():
-    env = gym.make("PassiveWalker-v0", **STRIDES, preview=3)
+    env = gym.make("PassiveWalker-v0", **STRIDES, terrain_lookahead=3)
     observations, _, infos = walk(env, 8)
     key = env.unwrapped.batch.disturbances.fates["key"][0]
     terrain = STRIDES["terrain"]
@@ -96,7 +96,7 @@ def test_agents_see_the_footholds_ahead():
 
 
 def test_walkers_of_one_scene_meet_ground_of_their_own():
-    crowd = gym.make_vec("PassiveWalker-v0", num_envs=4, **STRIDES, preview=1)
+    crowd = gym.make_vec("PassiveWalker-v0", num_envs=4, **STRIDES, terrain_lookahead=1)
     seen, _ = crowd.reset(seed=0)
     assert len({x for x in seen[:, 8].tolist()}) == 4
 
@@ -155,7 +155,7 @@ def test_a_flight_of_stairs_leads_down_as_far_as_a_slope():
     drop = gait.step_length * np.sin(0.01)
     env = gym.make(
         "PassiveWalker-v0", walker="D", slope=0.0, terrain={"stairs": {"rise": -drop}},
-        control="stride", max_hip_torque=0.0, perturbation=0.0,
+        control="stride", max_hip_torque=0.0, reset_noise_scale=0.0,
         start=(*angles, *rates),
     )  # fmt: skip
     _, _, infos = walk(env, 6)
@@ -173,8 +173,8 @@ def test_a_flight_of_stairs_leads_down_as_far_as_a_slope():
         ({"terrain": 0.01}, "a terrain is a Terrain"),
         ({"terrain": {"hills": {}}}, "hills"),
         ({"terrain": {"rough": {"height_std": -1.0}}}, "height_std"),
-        ({"preview": 2}, "preview shows footholds of a terrain"),
-        ({"terrain": gpw.stairs(0.01), "preview": -1}, "preview must be a whole number"),
+        ({"terrain_lookahead": 2}, "preview shows footholds of a terrain"),
+        ({"terrain": gpw.stairs(0.01), "terrain_lookahead": -1}, "preview must be a whole number"),
     ],
 )
 def test_nonsense_is_told_what_is_allowed(arguments, said):
@@ -183,7 +183,7 @@ def test_nonsense_is_told_what_is_allowed(arguments, said):
 
 
 def test_a_slope_that_is_set_stays_and_footholds_slope_about_it():
-    env = gym.make("PassiveWalker-v0", **STRIDES, perturbation=0.0, disable_env_checker=True)
+    env = gym.make("PassiveWalker-v0", **STRIDES, reset_noise_scale=0.0, disable_env_checker=True)
     seen, _ = env.reset(seed=3)
     terrain, key = STRIDES["terrain"], int(env.unwrapped.batch.disturbances.fates["key"][0])
     tilts = terrain.ground(key, np.arange(4))[:, 0]

@@ -11,7 +11,7 @@ from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers import vector as wrappers
 
-from gym_passive_walker import WALKERS, blend
+from gym_passive_walker import WALKERS, interpolate
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.scene import SCENES, SceneError
 
@@ -19,7 +19,7 @@ EVERY_SCENE = [
     *({"scene": name} for name in SCENES),
     {"walker": "A", "control": "stride"},
     {"walker": "D", "slope": 0.01},
-    {"scene": "lab", "randomise": {"foot_radius": 0.05, "thigh_mass": 0.1}},
+    {"scene": "lab", "domain_randomization": {"foot_radius": 0.05, "thigh_mass": 0.1}},
     {"scene": "lab", "max_hip_torque": 0.0},
 ]
 MODES = [mode.value for mode in AutoresetMode]
@@ -119,13 +119,13 @@ def test_modes_are_told_in_the_metadata_of_each(make_vec):
 
 @pytest.mark.parametrize("limit", [-1, None])
 def test_there_may_be_no_time_limit(make_vec, limit):
-    env = make_vec(2, max_episode_steps=limit, scene="lab", perturbation=0.0)
+    env = make_vec(2, max_episode_steps=limit, scene="lab", reset_noise_scale=0.0)
     env.reset(seed=0)
     assert not any(env.step(zeros(2))[3].any() for _ in range(4100))
 
 
 def test_the_time_limit_is_4000_steps(make_vec):
-    env = make_vec(2, scene="lab", perturbation=0.0)
+    env = make_vec(2, scene="lab", reset_noise_scale=0.0)
     env.reset(seed=0)
     truncated = [env.step(zeros(2))[3].all() for _ in range(4000)]
     assert truncated.index(True) == 3999
@@ -133,17 +133,17 @@ def test_the_time_limit_is_4000_steps(make_vec):
 
 def test_each_may_walk_its_own_slope(make_vec):
     slopes = [0.01, 0.02, 0.03]
-    env = make_vec(3, slopes=slopes, perturbation=0.0)
+    env = make_vec(3, slopes=slopes, reset_noise_scale=0.0)
     observations, _ = env.reset(seed=0)
     np.testing.assert_array_equal(env.slopes, slopes)
     np.testing.assert_array_equal(observations[:, 7], np.float32(slopes))
     for i, slope in enumerate(slopes):
-        single = gymnasium.make(ID, slope=slope, perturbation=0.0)
+        single = gymnasium.make(ID, slope=slope, reset_noise_scale=0.0)
         np.testing.assert_array_equal(single.reset(seed=i)[0], observations[i])
 
 
 def test_each_may_be_its_own_walker(make_vec, assert_same):
-    walkers = [WALKERS["C"], WALKERS["lab"], blend(WALKERS["C"], WALKERS["lab"], 0.5)]
+    walkers = [WALKERS["C"], WALKERS["lab"], interpolate(WALKERS["C"], WALKERS["lab"], 0.5)]
     env = make_vec(3, walkers=walkers, slope=0.036)
     observations, _ = env.reset(seed=0)
     assert env.walkers == walkers
@@ -231,7 +231,7 @@ def test_an_action_that_is_no_number_is_refused_and_changes_nothing(make_vec, co
 
 
 def test_the_action_of_a_reset_step_is_ignored(make_vec):
-    env = make_vec(2, longest_stride=0.2)
+    env = make_vec(2, max_stride_time=0.2)
     env.reset(seed=0)
     while not env.step(zeros(2))[2].all():
         pass

@@ -148,7 +148,7 @@ def test_reset_starts_where_it_is_asked_to(make):
 
 
 def test_a_slope_alone_brings_its_own_gait(make):
-    env = make(scene="rolling", perturbation=0.0)
+    env = make(scene="rolling", reset_noise_scale=0.0)
     env.reset(seed=0, options={"slope": 0.05})
     steep = env.state
     env.reset(seed=0, options={"slope": 0.01})
@@ -206,7 +206,7 @@ def test_an_action_of_another_shape_is_refused(make, action):
 
 
 def test_there_is_no_step_before_a_reset_or_after_a_fall(make, play):
-    env = make(longest_stride=0.5)
+    env = make(max_stride_time=0.5)
     with pytest.raises(ResetNeeded):
         env.step(np.zeros(1))
     play(env, seed=0)
@@ -224,7 +224,7 @@ def test_the_time_limit_truncates_and_a_fall_terminates():
 
 
 def test_an_episode_draws_its_own_walker(make):
-    env = make(randomise={"foot_radius": 0.2}, slope=0.02)
+    env = make(domain_randomization={"foot_radius": 0.2}, slope=0.02)
     radii = set()
     for seed in range(3):
         env.reset(seed=seed)
@@ -263,7 +263,7 @@ def test_pictures_follow_the_walker(play):
 
 
 def test_the_contact_goes_along_with_the_steps(make):
-    env = make(scene="lab", perturbation=0.0)
+    env = make(scene="lab", reset_noise_scale=0.0)
     env.reset(seed=0)
     assert env.batch.contact(0).x == 0.0
     length = 0.0

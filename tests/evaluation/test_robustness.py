@@ -57,7 +57,9 @@ def test_the_sensitivity_is_that_of_the_linearized_stride_map(lab):
         state = (ends[0].state - ends[1].state) / (2.0 * small)
         return state, (ends[0].duration - ends[1].duration) / (2.0 * small) / units.time
 
-    off, answer = changed(rise=units.length)  # the legs of what follows do not mirror each other
+    off, answer = changed(
+        height_change=units.length
+    )  # the legs of what follows do not mirror each other
     answers = [answer]
     off, answer = changed(off)
     answers.append(answer)
@@ -67,7 +69,7 @@ def test_the_sensitivity_is_that_of_the_linearized_stride_map(lab):
         state = np.array([section[0], -section[0], -section[0], *section[1:]])
         answers.append(changed(state)[1])
         section = jacobian @ section
-    np.testing.assert_allclose(lab.answers[:10], answers[:10], rtol=2e-3, atol=0.02)
+    np.testing.assert_allclose(lab.period_response[:10], answers[:10], rtol=2e-3, atol=0.02)
     assert lab.sensitivity == pytest.approx(math.sqrt(np.square(answers).sum()), rel=1e-3)
 
 
@@ -76,8 +78,8 @@ def test_the_largest_steps_are_survived_and_larger_ones_are_not(lab):
     length = gait.walker.leg_length
     for size, way in ((lab.step_up, 1.0), (lab.step_down, -1.0)):
         assert size > 0.0
-        assert walked({"rise": way * 0.99 * size * length}, gait.state, AFTER) == AFTER
-        assert walked({"rise": way * 1.02 * size * length}, gait.state, AFTER) < AFTER
+        assert walked({"height_change": way * 0.99 * size * length}, gait.state, AFTER) == AFTER
+        assert walked({"height_change": way * 1.02 * size * length}, gait.state, AFTER) < AFTER
 
 
 def test_a_push_at_the_beginning_is_a_change_of_the_rates(lab):
@@ -137,11 +139,11 @@ def test_rough_ground_is_survived_as_long_as_walkers_are_left(lab):
 
 def test_who_acts_on_nothing_bears_what_nobody_does():
     """A policy that keeps the hip idle is tried in the environment alone."""
-    scene = {"walker": "lab", "slope": SLOPE, "stub": False, "control": "stride"}
+    scene = {"walker": "lab", "slope": SLOPE, "end_on_toe_stub": False, "control": "stride"}
     nobody = robustness("lab", scene, walkers=600, strides=40, starts=64)
     idle = robustness(gpw.control.baselines.Passive(), scene, walkers=600, strides=40, starts=64)
     assert idle.step_down == pytest.approx(nobody.step_down, rel=1e-9)
-    np.testing.assert_allclose(idle.answers, nobody.answers)
+    np.testing.assert_allclose(idle.period_response, nobody.period_response)
     one, other = idle.first_passage, nobody.first_passage
     assert abs(one.mean - other.mean) < 4.0 * math.hypot(one.error, other.error)
 
@@ -153,7 +155,7 @@ def test_it_is_told_in_a_table_and_drawn(lab, tmp_path):
     panels = lab.plot()
     assert len(panels) == 4
     bars = [bar.get_height() for bar in panels[1].patches]
-    np.testing.assert_allclose(bars, lab.answers[: len(bars)])
+    np.testing.assert_allclose(bars, lab.period_response[: len(bars)])
 
 
 @pytest.mark.parametrize(
@@ -162,7 +164,7 @@ def test_it_is_told_in_a_table_and_drawn(lab, tmp_path):
         (("lab",), "needs a slope"),
         (("C", None, {"slope": 1e-5}), "falls after"),
         ((3, "level"), "predict"),
-        (("lab", None, {"slope": SLOPE, "spread": 2.0}), "spread"),
+        (("lab", None, {"slope": SLOPE, "initial_error": 2.0}), "initial_error"),
         (("lab", None, {"slope": SLOPE, "roughness": -1.0}), "roughness"),
         ((gpw.control.baselines.Passive(),), "in which scene"),
     ],
@@ -174,13 +176,13 @@ def test_nonsense_is_refused_in_words(arguments, said):
 
 
 def test_what_is_put_in_the_way_needs_a_scene_that_has_it():
-    worlds = PassiveWalkerVectorEnv(2)
-    worlds.reset(seed=0)
-    worlds.batch.put_in_the_way()
+    envs = PassiveWalkerVectorEnv(2)
+    envs.reset(seed=0)
+    envs.batch.put_in_the_way()
     with pytest.raises(ValueError, match="terrain"):
-        worlds.batch.put_in_the_way(ledges=0.01)
+        envs.batch.put_in_the_way(ledges=0.01)
     with pytest.raises(ValueError, match="pushes"):
-        worlds.batch.put_in_the_way(impulses=[0.0, 0.01])
+        envs.batch.put_in_the_way(impulses=[0.0, 0.01])
 
 
 @pytest.mark.parametrize("threshold", [3e-4, 0.0123, 0.31, 0.987])

@@ -26,10 +26,10 @@ class Listener:
 def test_a_policy_hears_of_each_episode_that_begins():
     """After a fall as after the time limit; and gets back what it remembers."""
     for limit, options in ((3, {}), (-1, {"slope": 0.1})):
-        worlds = gymnasium.make_vec("PassiveWalker-v0", 4, max_episode_steps=limit, **options)
+        envs = gymnasium.make_vec("PassiveWalker-v0", 4, max_episode_steps=limit, **options)
         listener = Listener()
-        observations, _ = worlds.reset(seed=0)
-        made = [*islice(steps(listener, worlds, observations), 60)]
+        observations, _ = envs.reset(seed=0)
+        made = [*islice(steps(listener, envs, observations), 60)]
         over = [step.terminated | step.truncated for step in made]
         assert any(step.truncated.any() for step in made) == (limit == 3)
         assert limit == 3 or any(step.terminated.any() for step in made)

@@ -32,8 +32,9 @@ def gains(linear):
     "changes",
     [
         {}, {"energy": "positive"}, {"energy": "net"}, {"walker": "A", "slope": 0.02},
-        {"randomise": {"foot_radius": 0.1}}, {"slope": (0.0, 0.03)}, {"slope": 0.09, **STRIDES},
-        {"energy_weight": 0.0, "slope": 0.0, "perturbation": 0.3},
+        {"domain_randomization": {"foot_radius": 0.1}}, {"slope": (0.0, 0.03)}, {"slope": 0.09,
+        **STRIDES},
+        {"energy_weight": 0.0, "slope": 0.0, "reset_noise_scale": 0.3},
     ],
 )  # fmt: skip
 def test_what_a_walk_earns_changes_with_each_action_as_differences_say(changes):
@@ -65,7 +66,10 @@ def test_what_a_walk_earns_changes_with_each_action_as_differences_say(changes):
 
 @pytest.mark.parametrize(
     ("changes", "words"),
-    [({"actions": ("hip", "push_off")}, "by the hip alone"), ({"sensor_noise": 0.1}, "without")],
+    [
+        ({"actions": ("hip", "push_off")}, "by the hip alone"),
+        ({"observation_noise": 0.1}, "without"),
+    ],
 )
 def test_steps_that_are_not_the_walker_s_and_its_hip_s_alone_are_refused(changes, words):
     with pytest.raises(SceneError, match=words):

@@ -218,13 +218,13 @@ def test_who_decides_once_a_stride_walks_in_the_environment(action):
     walker, slope = (KUO, 0.0) if action == "push_off" else (D, 0.009)
     gait = kuo_gait() if action == "push_off" else find_gait(walker, slope)
     chosen = scene(
-        walker, action, slope, max_hip_torque=1.0, max_push_off=0.5, perturbation=0.02,
+        walker, action, slope, max_hip_torque=1.0, max_push_off=0.5, reset_noise_scale=0.02,
         start=tuple(units_of(walker).to_dimensionless(gait.state)),
     )  # fmt: skip
     # Kuo's normal gait is near a fold: a little slower he walks from farther away.
     speed = midstance_speed(points_of(walker, gait.state), slope)[0] * (0.8 if slope == 0.0 else 1)
     policies = {SpeedControl(chosen, speed): chosen}
-    near = make_scene(chosen, perturbation=0.002)
+    near = make_scene(chosen, reset_noise_scale=0.002)
     methods = ("lqr",) if action == "push_off" else ("lqr", "deadbeat")
     policies |= {ActuationFeedback(near, gait, m, torque_weight=1.0): near for m in methods}
     for policy, where in policies.items():

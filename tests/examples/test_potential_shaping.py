@@ -162,7 +162,7 @@ def test_the_shorter_the_ticks_the_nearer_the_law():
     shaping, gait = controlled_symmetry(walker, own), find_gait(walker, own)
     start, errors = tuple(units_of(walker).to_dimensionless(gait.state)), []
     for tick in (0.02, 0.01, 0.005):
-        policy = HeldTorques(shaping, slope=slope, tick=tick, perturbation=0.0, start=start)
+        policy = HeldTorques(shaping, slope=slope, tick=tick, reset_noise_scale=0.0, start=start)
         env = gymnasium.make("PassiveWalker-v0", **policy.scene)
         seen, info = env.reset(seed=0)
         while not info.get("strides"):
@@ -176,15 +176,15 @@ def test_the_shorter_the_ticks_the_nearer_the_law():
 def test_shaped_walkers_do_not_mind_a_new_slope_at_each_episode():
     shaping = controlled_symmetry(COMPASS, 0.05)
     policy = HeldTorques(
-        shaping, slope=(-0.1, 0.1), tick=0.02, perturbation=0.01,
+        shaping, slope=(-0.1, 0.1), tick=0.02, reset_noise_scale=0.01,
         start=tuple(units_of(COMPASS).to_dimensionless(find_gait(COMPASS, 0.05).state)),
     )  # fmt: skip
-    worlds = gymnasium.make_vec("PassiveWalker-v0", num_envs=8, **policy.scene)
-    seen, _ = worlds.reset(seed=3)
+    envs = gymnasium.make_vec("PassiveWalker-v0", num_envs=8, **policy.scene)
+    seen, _ = envs.reset(seed=3)
     strides = np.zeros(8, int)
     assert np.ptp(seen[:, 7]) > 0.05
     while strides.min() < 10:
-        seen, _, terminated, _, infos = worlds.step(policy.predict(seen)[0])
+        seen, _, terminated, _, infos = envs.step(policy.predict(seen)[0])
         assert not terminated.any()
         strides = infos["strides"]
 

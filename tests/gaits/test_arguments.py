@@ -31,7 +31,7 @@ OF_A_WALKER = {
     "collision_matrix": lambda walker: gpw.collision_matrix(walker, 0.1),
     "tune": gpw.tune,
     "tuning_errors": gpw.tuning_errors,
-    "blend": lambda walker: gpw.blend("C", walker, 0.5),
+    "interpolate": lambda walker: gpw.interpolate("C", walker, 0.5),
 }
 
 
@@ -82,5 +82,5 @@ def test_the_edge_of_a_push_is_found_to_the_last_digits():
 
 def test_walkers_may_be_named_wherever_they_are_taken():
     assert gpw.tune("C") == gpw.tune(gpw.WALKERS["C"])
-    assert gpw.blend("C", "lab", 1.0) == gpw.WALKERS["lab"]
+    assert gpw.interpolate("C", "lab", 1.0) == gpw.WALKERS["lab"]
     assert gpw.tuning_errors("lab") == gpw.tuning_errors(gpw.WALKERS["lab"])

@@ -69,13 +69,15 @@ def test_walks_settle_on_the_period_that_the_cascade_predicts(cascade):
 
 
 def test_a_diagram_shows_the_gait_where_the_gait_is_stable():
-    diagram = bifurcation_diagram("D", [0.005, 0.012], settle=200, keep=40)
+    diagram = bifurcation_diagram("D", [0.005, 0.012], n_transient=200, n_recorded=40)
     for slope, angles in zip(diagram.slope, diagram.stance_angle, strict=True):
         assert angles == pytest.approx(find_gait("D", slope).stance_angle, rel=1e-8)
 
 
 def test_rows_of_a_diagram_s_table_number_the_strides_of_each_slope():
-    diagram = bifurcation_diagram("D", [0.005, 0.017, 0.01], settle=200, keep=4, longest_period=2)
+    diagram = bifurcation_diagram(
+        "D", [0.005, 0.017, 0.01], n_transient=200, n_recorded=4, longest_period=2
+    )
     rows = diagram.columns()
     for place in range(12):
         angles = diagram.stance_angle[diagram.slope == rows["slope"][place]][0]
@@ -92,18 +94,23 @@ def test_beyond_the_crisis_walkers_fall():
 def test_a_sweep_keeps_to_the_walk_it_is_on():
     start = find_gait("D", 0.0125, period=3)
     sweep = bifurcation_diagram(
-        "D", np.linspace(0.0125, 0.0124, 5), start=start.state, sweep=True, settle=150, keep=40
+        "D",
+        np.linspace(0.0125, 0.0124, 5),
+        start=start.state,
+        sweep=True,
+        n_transient=150,
+        n_recorded=40,
     )
     np.testing.assert_array_equal(sweep.period, 3)
     np.testing.assert_array_equal(
-        bifurcation_diagram("D", sweep.slope, settle=150, keep=40).period, 1
+        bifurcation_diagram("D", sweep.slope, n_transient=150, n_recorded=40).period, 1
     )
 
 
 def test_a_sweep_is_one_walk_over_ground_that_tilts():
     slopes, state = [0.0125, 0.0128, 0.0122], find_gait("D", 0.0125, period=3).state
     sweep = bifurcation_diagram(
-        "D", slopes, start=state, sweep=True, settle=4, keep=5, longest_period=3
+        "D", slopes, start=state, sweep=True, n_transient=4, n_recorded=5, longest_period=3
     )
     for i, slope in enumerate(slopes):
         angles = []
@@ -115,7 +122,9 @@ def test_a_sweep_is_one_walk_over_ground_that_tilts():
 
 
 def test_a_sweep_that_fell_begins_again_beside_the_next_gait():
-    sweep = bifurcation_diagram("D", [0.0185, 0.0195, 0.012], sweep=True, settle=300, keep=40)
+    sweep = bifurcation_diagram(
+        "D", [0.0185, 0.0195, 0.012], sweep=True, n_transient=300, n_recorded=40
+    )
     np.testing.assert_array_equal(sweep.walks, [True, False, True])
     angle = find_gait("D", 0.012).stance_angle
     assert sweep.stance_angle[2] == pytest.approx(angle, rel=1e-8)
@@ -123,7 +132,7 @@ def test_a_sweep_that_fell_begins_again_beside_the_next_gait():
 
 def test_a_walk_that_falls_after_a_while_has_no_angles():
     state = bifurcation_diagram("D", [0.0185]).state[0]
-    fall = bifurcation_diagram("D", [0.0195], start=state, settle=0, keep=200)
+    fall = bifurcation_diagram("D", [0.0195], start=state, n_transient=0, n_recorded=200)
     assert np.isfinite(stride("D", 0.0195, state).step_length)
     assert np.all(np.isnan(fall.stance_angle)) and not fall.walks[0]
 
@@ -131,15 +140,15 @@ def test_a_walk_that_falls_after_a_while_has_no_angles():
 def test_slopes_are_walked_each_for_itself():
     slopes = [0.0125, 0.0195, 0.0135, 0.009]
     start = find_gait("D", 0.0125).state
-    many = bifurcation_diagram("D", slopes, start=start, settle=7, keep=40)
+    many = bifurcation_diagram("D", slopes, start=start, n_transient=7, n_recorded=40)
     for i, slope in enumerate(slopes):
-        alone = bifurcation_diagram("D", [slope], start=start, settle=7, keep=40)
+        alone = bifurcation_diagram("D", [slope], start=start, n_transient=7, n_recorded=40)
         np.testing.assert_array_equal(many.stance_angle[i], alone.stance_angle[0])
         np.testing.assert_array_equal(many.state[i], alone.state[0])
-    exponents = lyapunov_exponents("D", slopes, start=start, settle=0, strides=100, count=2)
+    exponents = lyapunov_exponents("D", slopes, start=start, n_transient=0, strides=100, count=2)
     assert np.isnan(exponents[1]).all() and np.isfinite(exponents[[0, 2, 3]]).all()
     for i, slope in enumerate(slopes):
-        alone = lyapunov_exponents("D", slope, start=start, settle=0, strides=100, count=2)
+        alone = lyapunov_exponents("D", slope, start=start, n_transient=0, strides=100, count=2)
         np.testing.assert_array_equal(exponents[i], alone[0])
 
 
@@ -158,7 +167,9 @@ def test_the_simplest_walker_has_a_stable_gait_of_three_strides():
     # Howell and Baillieul (1998), beside the stable gait of one stride.
     gait = find_gait("D", 0.0125, period=3)
     assert gait.stable and find_gait("D", 0.0125).stable
-    walk = bifurcation_diagram("D", [0.0125], start=gait.state * 1.0005, settle=300, keep=40)
+    walk = bifurcation_diagram(
+        "D", [0.0125], start=gait.state * 1.0005, n_transient=300, n_recorded=40
+    )
     assert walk.period[0] == 3
     family = gait_family("D", 0.012, 0.0135, start=gait)
     # Born in a fold, it doubles to period six.
@@ -166,7 +177,7 @@ def test_the_simplest_walker_has_a_stable_gait_of_three_strides():
 
 
 def test_exponents_of_a_stable_gait_are_the_logarithms_of_its_multipliers():
-    found = lyapunov_exponents("lab", 0.036, count=3, strides=400, settle=100)[0]
+    found = lyapunov_exponents("lab", 0.036, count=3, strides=400, n_transient=100)[0]
     expected = np.log(np.abs(find_gait("lab", 0.036).multipliers[:3]))
     np.testing.assert_allclose(found, expected, atol=0.02)
 
@@ -190,7 +201,7 @@ def test_two_neighbouring_walks_part_as_the_exponent_says():
     places = places[np.all(np.isfinite(places), axis=1)]
     starts = np.concatenate([places, places * np.array([1 + gap, 1 + gap, 1 + gap, 1, 1, 1])])
     walks = bifurcation_diagram(
-        "D", [slope] * len(starts), start=starts, settle=0, keep=40, tolerance=1e-13
+        "D", [slope] * len(starts), start=starts, n_transient=0, n_recorded=40, tolerance=1e-13
     ).stance_angle
     first, second = walks.reshape(2, len(places), -1)
     apart = np.nanmean(np.log(np.abs(second - first)), axis=0)
@@ -231,7 +242,7 @@ def test_what_makes_no_sense_is_refused():
     with pytest.raises(GaitNotFound, match="does not double"):
         doubling_cascade("D", 0.01, 0.012)
     with pytest.raises(ValueError, match="keep more strides"):
-        bifurcation_diagram("D", [0.01], keep=10)
+        bifurcation_diagram("D", [0.01], n_recorded=10)
     with pytest.raises(ValueError, match="slopes must be"):
         bifurcation_diagram("D", [-0.01])
     with pytest.raises(ValueError, match="count must be"):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker import WALKERS, GaitNotFound, find_gait, optimise_walker, tune
+from gym_passive_walker import WALKERS, GaitNotFound, find_gait, optimize_walker, tune
 
 MOVED = ("thigh_com", "shank_com", "thigh_offset", "shank_offset", "foot_radius")
 BOUNDS = ((0.05, 0.15), (0.1, 0.25), (-0.05, 0.02), (0.0, 0.05), (0.1, 0.3))
@@ -41,7 +41,7 @@ def settles(gait, strides=60):
 
 def test_the_least_cost_of_transport_at_a_speed():
     parameters, bounds = ("slope", *MOVED), ((0.002, 0.05), *BOUNDS)
-    design = optimise_walker(
+    design = optimize_walker(
         "lab", "cost_of_transport", parameters, bounds, slope=0.036,
         constraints={"froude_speed": 0.18, "clearance": (0.005, None)},
     )  # fmt: skip
@@ -66,7 +66,7 @@ def test_the_least_cost_of_transport_at_a_speed():
 
 
 def test_the_smallest_spectral_radius_at_a_slope():
-    design = optimise_walker("lab", "spectral_radius", MOVED, BOUNDS, slope=0.036)
+    design = optimize_walker("lab", "spectral_radius", MOVED, BOUNDS, slope=0.036)
     before, after = (np.abs(gait.multipliers) for gait in (design.before, design.after))
     assert design.converged
     assert after[0] < 0.5 * before[0]
@@ -81,8 +81,8 @@ def test_the_smallest_spectral_radius_at_a_slope():
 def test_the_steepest_slope_that_is_still_walked_stably():
     names = ("thigh_mass", "shank_mass", "thigh_com", "foot_radius")
     parameters, bounds = ("slope", *names), ((0.02, 0.5), *about(TUNED, names, 0.1))
-    design = optimise_walker(
-        TUNED, "slope", parameters, bounds, slope=0.05, maximise=True,
+    design = optimize_walker(
+        TUNED, "slope", parameters, bounds, slope=0.05, maximize=True,
         constraints={"spectral_radius": (None, 1.0), "total_mass": TUNED.total_mass},
     )  # fmt: skip
     assert design.walker.total_mass == pytest.approx(TUNED.total_mass, rel=1e-9)
@@ -92,14 +92,14 @@ def test_the_steepest_slope_that_is_still_walked_stably():
     assert family.period_doublings[0] == pytest.approx(design.after.slope, rel=1e-6)
     assert gpw.gait_family(TUNED, 0.02, 0.12).period_doublings[0] < 0.8 * design.after.slope
     walks = gpw.bifurcation_diagram(
-        design.walker, design.after.slope + np.array([-1e-3, 1e-3]), settle=1500, keep=64
+        design.walker, design.after.slope + np.array([-1e-3, 1e-3]), n_transient=1500, n_recorded=64
     )
     assert walks.period.tolist() == [1, 2]
 
 
 def test_a_design_without_anything_to_gain_stays_where_it_is():
-    first = optimise_walker("lab", "spectral_radius", MOVED, BOUNDS, slope=0.036)
-    again = optimise_walker(first.walker, "spectral_radius", MOVED, BOUNDS, slope=0.036)
+    first = optimize_walker("lab", "spectral_radius", MOVED, BOUNDS, slope=0.036)
+    again = optimize_walker(first.walker, "spectral_radius", MOVED, BOUNDS, slope=0.036)
     assert again.values["spectral_radius"][1] == pytest.approx(
         first.values["spectral_radius"][1], rel=1e-5
     )
@@ -107,7 +107,7 @@ def test_a_design_without_anything_to_gain_stays_where_it_is():
 
 def test_lengths_scale_as_they_must():
     # A passive gait's period grows with the root of the leg length, whatever the walker.
-    design = optimise_walker(
+    design = optimize_walker(
         "D", "leg_length", ["thigh_length", "shank_length"], [(0.1, 2.0), (0.1, 2.0)],
         slope=0.009, constraints={"step_period": 1.7},
     )  # fmt: skip
@@ -117,7 +117,7 @@ def test_lengths_scale_as_they_must():
 
 def test_what_cannot_be_met_is_said():
     with pytest.raises(GaitNotFound, match="meets the constraints"):
-        optimise_walker(
+        optimize_walker(
             "lab", "slope", ["slope"], [(0.03, 0.04)], slope=0.036,
             constraints={"speed": 2.0}, iterations=10,
         )  # fmt: skip
@@ -140,7 +140,7 @@ def test_what_cannot_be_met_is_said():
         ({"constraints": {"speed": (0.3, 0.2)}}, "give the lowest first"),
         ({"constraints": {"speed": (None, None)}}, "speed needs a value"),
         ({"constraints": {"spectral_radius": 0.5}}, "highest value only"),
-        ({"objective": "spectral_radius", "maximise": True}, "made least without a bound"),
+        ({"objective": "spectral_radius", "maximize": True}, "made least without a bound"),
         ({"walker": "D", "parameters": ["foot_radius"]}, "choose from slope, thigh_length"),
         ({"iterations": 0}, "iterations must be a whole number"),
     ],
@@ -154,11 +154,11 @@ def test_a_design_that_makes_no_sense_is_refused(arguments, message):
         "slope": 0.036,
     }
     with pytest.raises(ValueError, match=message):
-        optimise_walker(**{**given, **arguments})
+        optimize_walker(**{**given, **arguments})
 
 
 def test_the_gait_of_a_straight_walker_has_no_knee_margin():
     with pytest.raises(ValueError, match="knee_margin is of walkers with knees"):
-        optimise_walker(
-            WALKERS["A"], "knee_margin", ["foot_radius"], [(0.1, 0.3)], slope=0.02, maximise=True
+        optimize_walker(
+            WALKERS["A"], "knee_margin", ["foot_radius"], [(0.1, 0.3)], slope=0.02, maximize=True
         )

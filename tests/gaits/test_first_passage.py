@@ -44,7 +44,7 @@ def heelstrike(body, before, push_off=0.0, ground=None):
     """The hub keeps its velocity across the new spoke."""
     sine, cosine = sine_cosine(body.between)
     rate, lost = cosine * before.stance_rate, sine * before.stance_rate
-    stance = before.thigh + ground.turn
+    stance = before.thigh + ground.slope_change
     after = legs.straight(stance, stance + body.between, rate, rate)
     return Strike(after, 0.5 * lost * lost)
 

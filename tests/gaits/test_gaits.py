@@ -11,10 +11,10 @@ from gym_passive_walker import (
     GaitNotFound,
     Walker,
     WalkerError,
-    blend,
     find_gait,
     find_gaits,
     gait_family,
+    interpolate,
     lab_walker_from_parts,
     stride,
     tune,
@@ -173,10 +173,10 @@ def test_a_tuned_lab_walker_walks_on_steep_slopes_only():
 )
 def test_on_the_way_to_the_tuned_lab_walker_the_gaits_of_c_meet_and_end(slope, fraction):
     tuned, lab = tune("C"), tune("lab")
-    long, short = find_gaits(blend(tuned, lab, fraction - 1e-4), slope)
+    long, short = find_gaits(interpolate(tuned, lab, fraction - 1e-4), slope)
     assert (long.kind, short.kind) == ("long", "short")
     assert short.stance_angle > 0.9 * long.stance_angle
-    assert find_gaits(blend(tuned, lab, fraction + 1e-4), slope) == []
+    assert find_gaits(interpolate(tuned, lab, fraction + 1e-4), slope) == []
 
 
 def changed_walkers(count):
@@ -198,7 +198,7 @@ def test_what_a_gait_becomes_as_its_walker_is_changed_is_found_without_a_guess(n
     slope = {"lab": 0.036, "lab-straight": 0.06}.get(name, 0.02)
     for gait in find_gaits(name, slope):
         for fraction in np.linspace(0.0, 1.0, 21)[1:]:
-            changed = blend(WALKERS[name], walker, fraction)
+            changed = interpolate(WALKERS[name], walker, fraction)
             near = find_gaits(changed, slope, guess=gait.state)
             if not near or abs(np.log(near[0].stance_angle / gait.stance_angle)) > 0.2:
                 break  # it has ended on the way

@@ -168,10 +168,12 @@ def test_a_toe_may_be_made_to_stub():
     points = beside("C")[2] * (1.0 + 0.3 * np.random.default_rng(0).uniform(-1, 1, (2000, 4)))
     torque = np.random.default_rng(1).uniform(-0.05, 0.05, 2000)
     outcomes = []
-    for stub in (False, True):
-        walker_map = StrideMap.of("C", tolerance=1e-10, stub=stub)
+    for end_on_toe_stub in (False, True):
+        walker_map = StrideMap.of("C", tolerance=1e-10, end_on_toe_stub=end_on_toe_stub)
         units, states = walker_map.units, walker_map.states_at(points)
-        walked = stride("C", 0.03, states, hip_torque=torque * units.torque, stub=stub)
+        walked = stride(
+            "C", 0.03, states, hip_torque=torque * units.torque, end_on_toe_stub=end_on_toe_stub
+        )
         outcomes.append(
             replace(walker_map, actuation=Actuation(torque)).apply(points, 0.03).outcomes
         )

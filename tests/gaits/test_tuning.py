@@ -9,9 +9,9 @@ from gym_passive_walker import (
     WALKERS,
     GaitNotFound,
     Walker,
-    blend,
     find_gait,
     gait_family,
+    interpolate,
     tune,
     tune_to_walk,
     tuning_errors,
@@ -77,7 +77,7 @@ def test_a_walker_that_tuning_would_stop_is_tuned_so_that_it_walks(walker, slope
     kept = {name: getattr(walker, name) for name in SPREAD}
     assert replace(gait.walker, **kept, **offsets) == walker
     # Nearer to what `tune` alone gives, the walk is not as stable.
-    nearer = tune(blend(gait.walker, tune(walker), 3e-4))
+    nearer = tune(interpolate(gait.walker, tune(walker), 3e-4))
     assert np.abs(find_gait(nearer, slope, guess=gait.state).multipliers[0]) > 0.801
 
 
@@ -101,7 +101,7 @@ def test_where_no_tuned_walker_walks_it_is_said():
 
 def merged(fraction):
     """Whether the long-step family turns back into the short-step one on moderate slopes."""
-    family = gait_family(blend(TUNED, LAB, fraction), 0.05, 0.16)
+    family = gait_family(interpolate(TUNED, LAB, fraction), 0.05, 0.16)
     return family.slope.max() < 0.15
 
 
@@ -109,7 +109,7 @@ def merged(fraction):
 def test_de_tuning_separates_the_gaits_then_merges_and_splits_them():
     # (a) tuned: both gaits reach zero slope. (b), (c): neither does, and the curves are apart.
     for fraction in (0.1, 0.4, 0.7):
-        walker = blend(TUNED, LAB, fraction)
+        walker = interpolate(TUNED, LAB, fraction)
         long, short = gait_family(walker, 1e-4, 0.1), gait_family(walker, 1e-4, 0.1, "short")
         assert 0.0 < long.folds[0] < short.slope.min()
         # At a tenth of the way the foot comes down tangentially at slope 0.004508, just before the
@@ -121,8 +121,8 @@ def test_de_tuning_separates_the_gaits_then_merges_and_splits_them():
         middle = 0.5 * (apart + together)
         apart, together = (apart, middle) if merged(middle) else (middle, together)
     assert apart == pytest.approx(0.7238, abs=2e-3)
-    lower = gait_family(blend(TUNED, LAB, together), 0.05, 0.3)
-    upper = gait_family(blend(TUNED, LAB, together), 0.12, 0.3)
+    lower = gait_family(interpolate(TUNED, LAB, together), 0.05, 0.3)
+    upper = gait_family(interpolate(TUNED, LAB, together), 0.12, 0.3)
     assert max(lower.folds) == pytest.approx(0.099, abs=3e-3)
     assert min(upper.slope) > 0.099 or min(upper.folds) == pytest.approx(0.099, abs=3e-3)
     # (f) wholly de-tuned, the upper curve still exists, at slopes beyond the document's plot.

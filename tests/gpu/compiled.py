@@ -28,7 +28,7 @@ def ptx(capability: int, scene: str) -> dict[str, str]:
         (numba.cuda.api, "current_context"),
     ):
         setattr(module, name, lambda *_: context)
-    from gym_passive_walker.gpu import crowd, device
+    from gym_passive_walker.gpu import batch, device
 
     found = {}
 
@@ -42,7 +42,7 @@ def ptx(capability: int, scene: str) -> dict[str, str]:
         device, need_device=lambda: None, put=_put, room=_room, launch=compiled
     )
     with here:
-        there = crowd.Crowd(2, eval(scene))
+        there = batch.DeviceBatch(2, eval(scene))
         there.reset()
         there.step()
     return found

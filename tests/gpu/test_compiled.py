@@ -9,10 +9,10 @@ from shutil import which
 import pytest
 
 EVERYTHING = """{
-    "slope": (0.0, 0.06), "terrain": {"rough": {"height_std": 0.002}}, "preview": 2,
-    "pushes": {"rate": 0.3, "impulse": (-0.03, 0.03)}, "sensor_noise": 0.01, "motor_noise": 0.1,
-    "motor_delay": 2, "command": (0.1, 0.2), "randomise": {"foot_radius": 0.1},
-    "reality": {"friction": "end", "contact": "report"},
+    "slope": (0.0, 0.06), "terrain": {"rough": {"height_std": 0.002}}, "terrain_lookahead": 2,
+    "pushes": {"rate": 0.3, "impulse": (-0.03, 0.03)}, "observation_noise": 0.01, "action_noise":
+    0.1, "action_delay": 2, "command": (0.1, 0.2), "domain_randomization": {"foot_radius": 0.1},
+    "constraints": {"friction": "end", "contact": "report"},
 }"""
 OWN = """{"reward": {"distance": 1.0, "alive": 0.1}, "terminated": lambda step: step.time > 9.0}"""
 
@@ -50,7 +50,7 @@ def test_a_step_waits_for_nothing():
 def test_without_a_device_one_sentence_says_so():
     pretended = "import sys, types; sys.modules['numba_cuda'] = types.ModuleType('numba_cuda'); "
     installed = "" if find_spec("numba_cuda") else pretended
-    code = installed + "from gym_passive_walker.gpu import Crowd; Crowd(2)"
+    code = installed + "from gym_passive_walker.gpu import DeviceBatch; DeviceBatch(2)"
     assert "this needs a CUDA device, and there is none here" in run("-c", code, code=1)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gym_passive_walker.envs import task
-from gym_passive_walker.gpu.crowd import Crowd
+from gym_passive_walker.gpu.batch import DeviceBatch
 
 torch = pytest.importorskip("torch")
 
@@ -14,7 +14,10 @@ SCENE = {"slope": 0.03, "tick": 0.6, "command": (0.1, 0.2)}
 
 
 def test_the_environments_tensors_tell_what_the_crowd_holds():
-    there, crowd = PassiveWalkerGpuEnv(4, SCENE, max_episode_steps=6), Crowd(4, SCENE, step_limit=6)
+    there, crowd = (
+        PassiveWalkerGpuEnv(4, SCENE, max_episode_steps=6),
+        DeviceBatch(4, SCENE, step_limit=6),
+    )
     seen, told = there.reset()
     crowd.reset()
     assert told == {}
@@ -71,7 +74,7 @@ def test_motors_charged_for_other_work_are_those_of_a_scene_that_says_so():
         PassiveWalkerGpuEnv(2, {**SCENE, "energy": energy})
         for energy in ("absolute", "absolute", "net")
     )
-    told.charge_for("net")
+    told.set_energy_cost("net")
     for envs in (usual, told, other):
         envs.reset()
     rewards = [
@@ -80,7 +83,7 @@ def test_motors_charged_for_other_work_are_those_of_a_scene_that_says_so():
     ]
     assert torch.equal(rewards[1], rewards[2])
     assert not torch.equal(rewards[0], rewards[1])
-    told.charge_for(None)
+    told.set_energy_cost(None)
     usual.reset(seed=1), told.reset(seed=1)
     actions = torch.full((2, 1), 0.5)
     for _ in range(4):
@@ -91,7 +94,11 @@ def test_a_second_thread_is_refused_while_the_first_is_at_work():
     env = PassiveWalkerGpuEnv(2, SCENE)
     env.reset()
     env.token.pop()  # as a thread at work has done
-    for call in (env.reset, lambda: env.step(torch.zeros(2, 1)), lambda: env.charge_for("net")):
+    for call in (
+        env.reset,
+        lambda: env.step(torch.zeros(2, 1)),
+        lambda: env.set_energy_cost("net"),
+    ):
         with pytest.raises(RuntimeError, match="another thread is using this PassiveWalkerGpuEnv"):
             call()
     env.token.append(None)
@@ -101,6 +108,6 @@ def test_a_second_thread_is_refused_while_the_first_is_at_work():
 def test_episodes_end_in_time_whatever_motors_are_charged_for():
     env = PassiveWalkerGpuEnv(2, SCENE, max_episode_steps=3)
     env.reset()
-    env.charge_for("positive")
+    env.set_energy_cost("positive")
     late = [env.step(torch.zeros(2, 1))[3] for _ in range(3)]
     assert late[-1].all() and not torch.stack(late[:-1]).any()

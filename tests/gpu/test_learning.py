@@ -11,7 +11,7 @@ pytest.importorskip("stable_baselines3")
 
 from torch.utils._python_dispatch import TorchDispatchMode  # noqa: E402
 
-from agents import ppo_fast, worlds  # noqa: E402
+from agents import envs, ppo_fast  # noqa: E402
 from agents.config import configure  # noqa: E402
 from agents.learner import build  # noqa: E402
 from gym_passive_walker.gpu.environment import PassiveWalkerGpuEnv  # noqa: E402
@@ -27,7 +27,7 @@ def learner(monkeypatch):
     config = dataclasses.replace(
         configure("ppo-fast", "level", n_envs=COUNT, seed=3), episode_steps=5
     )
-    model = build(config, worlds.training_worlds(config), n_steps=STEPS, batch_size=8, n_epochs=1)
+    model = build(config, envs.training_envs(config), n_steps=STEPS, batch_size=8, n_epochs=1)
     _, told = model._setup_learn(1, None)
     return model, told
 
@@ -48,8 +48,8 @@ def test_a_rollout_is_the_walk_of_a_crowd_on_the_device(learner, monkeypatch):
     """The same scene, keys, limit of steps and actions: the same observations and rewards."""
     model, told = learner
     crowd = PassiveWalkerGpuEnv(COUNT, model.env.unwrapped.scene, max_episode_steps=5)
-    crowd.charge_for("positive")
-    model.env.env_method("charge_for", "positive")
+    crowd.set_energy_cost("positive")
+    model.env.env_method("set_energy_cost", "positive")
     seen, _ = crowd.reset(seed=3 << 32)
     np.testing.assert_array_equal(model._last_obs, seen)
     rewards, scales = [], model._learn_scales

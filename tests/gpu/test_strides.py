@@ -37,7 +37,7 @@ def test_a_stride_on_a_device_is_the_processors(name):
     own, records = thrown(name, 24)
     usual = advance(SYSTEMS[name], own, records.copy(), tolerance=1e-8)
     assert bits(carried(name, records, own)) == bits(usual)
-    assert {Outcome.HEELSTRIKE, Outcome.FELL_FORWARD, Outcome.OVER_THE_TOP} <= set(
+    assert {Outcome.HEELSTRIKE, Outcome.FELL_FORWARD, Outcome.SWING_OVERROTATION} <= set(
         usual["outcome"].ravel().tolist()
     )
 

@@ -18,7 +18,7 @@ import torch
 from stable_baselines3.common.logger import Logger
 
 import train
-from agents import benchmark, commands, evaluation, standings, worlds
+from agents import benchmark, commands, envs, evaluation, standings
 from agents.config import ALGORITHMS, Config, ConfigError, configure, presets
 from agents.exploration import Ladder, Schedule, explorers
 from agents.first_order import SHAC
@@ -180,11 +180,11 @@ def test_all_that_a_preset_says_reaches_the_learner(algo, scene):
     config = configure(algo, scene)
     assert (config.n_envs, config.steps) == (preset.pop("n_envs"), preset.pop("n_timesteps"))
     wrapper = preset.pop("env_wrapper", {}).get("gymnasium.wrappers.TimeLimit", {})
-    training = worlds.training_worlds(config)
+    training = envs.training_envs(config)
     limit = wrapper.get("max_episode_steps", 4000)
     assert training.batch.rules["step_limit"][0] == limit
     for name, value in preset.pop("env_kwargs", {}).items():
-        assert getattr(training.scene, name) == value != getattr(worlds.scene_of(config), name)
+        assert getattr(training.scene, name) == value != getattr(envs.scene_of(config), name)
     told = preset.pop("callback", None)
     exploring = explorers(algo, config.exploration)
     assert len(exploring) == (told is not None)
@@ -241,9 +241,9 @@ def test_all_that_a_preset_says_reaches_the_learner(algo, scene):
 
 def of_a_run(config):
     """What decides how a run goes: its walkers, its learner and its explorer."""
-    training = worlds.training_worlds(config, 2)
+    training = envs.training_envs(config, 2)
     model = build(config, training, n_steps=32, batch_size=64)
-    seen = training.scene, training.batch.rules["step_limit"], worlds.scene_of(config)
+    seen = training.scene, training.batch.rules["step_limit"], envs.scene_of(config)
     normalizer = model.get_vec_normalize_env()
     scales = normalizer and (normalizer.norm_obs, normalizer.norm_reward, normalizer.clip_obs)
     arms = [vars(x).get("values") for x in explorers(config.algo, config.exploration)]
@@ -265,7 +265,7 @@ def test_every_field_of_a_configuration_is_heard():
         "normalize": None,
         "hyperparams": {**configure("ppo", "level").hyperparams, "gamma": 0.5},
         "exploration": None,
-        "training": {"perturbation": 0.3},
+        "training": {"reset_noise_scale": 0.3},
     }
     shac = {
         "normalize": {"norm_reward": False},
@@ -330,7 +330,7 @@ def test_the_schedule_s_noise_and_charge_are_those_of_the_share_of_the_steps():
         )
         explorer._on_rollout_start()
         assert policy.log_std.item() == pytest.approx(log_std)
-        assert charged[-1] == ("charge_for", energy)
+        assert charged[-1] == ("set_energy_cost", energy)
 
 
 @pytest.fixture
@@ -339,10 +339,10 @@ def short_exams(monkeypatch):
 
     def short(config, count):
         return gymnasium.make_vec(
-            worlds.ID, num_envs=2, scene=worlds.scene_of(config), max_episode_steps=30
+            envs.ID, num_envs=2, scene=envs.scene_of(config), max_episode_steps=30
         )
 
-    monkeypatch.setattr(worlds, "arena", short)
+    monkeypatch.setattr(envs, "arena", short)
 
 
 @pytest.mark.usefixtures("short_exams")
@@ -650,4 +650,4 @@ def test_options_that_no_algorithm_has_are_refused():
     for algo in ALGORITHMS:
         config = configure(algo, "steep" if algo == "sac" else "level", n_envs=2)
         with pytest.raises(ConfigError, match="no_such"):
-            build(config, worlds.training_worlds(config), no_such=1)
+            build(config, envs.training_envs(config), no_such=1)

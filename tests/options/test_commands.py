@@ -58,20 +58,22 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
         },
     ),
     "bifurcation": (
-        "D 0.012 0.0155 --slopes 2 --settle 9 --keep 33",
+        "D 0.012 0.0155 --slopes 2 --n-transient 9 --n-recorded 33",
         {
-            "walker": "E 0.012 0.0155 --slopes 2 --settle 9 --keep 33",
-            "low": "D 0.013 0.0155 --slopes 2 --settle 9 --keep 33",
-            "high": "D 0.012 0.016 --slopes 2 --settle 9 --keep 33",
+            "walker": "E 0.012 0.0155 --slopes 2 --n-transient 9 --n-recorded 33",
+            "low": "D 0.013 0.0155 --slopes 2 --n-transient 9 --n-recorded 33",
+            "high": "D 0.012 0.016 --slopes 2 --n-transient 9 --n-recorded 33",
             "tune": (
-                "C 0.02 0.03 --slopes 2 --settle 9 --keep 33",
-                "C 0.02 0.03 --slopes 2 --settle 9 --keep 33 --tune",
+                "C 0.02 0.03 --slopes 2 --n-transient 9 --n-recorded 33",
+                "C 0.02 0.03 --slopes 2 --n-transient 9 --n-recorded 33 --tune",
             ),
-            "slopes": "D 0.012 0.0155 --slopes 3 --settle 9 --keep 33",
-            "settle": "D 0.012 0.0155 --slopes 2 --settle 10 --keep 33",
-            "keep": "D 0.012 0.0155 --slopes 2 --settle 9 --keep 34",
-            "kind": "D 0.012 0.0155 --slopes 2 --settle 9 --keep 33 --kind short",
-            **motors("0.035 0.036", "--slopes 2 --settle 9 --keep 33", "D", "0.008 0.01"),
+            "slopes": "D 0.012 0.0155 --slopes 3 --n-transient 9 --n-recorded 33",
+            "n_transient": "D 0.012 0.0155 --slopes 2 --n-transient 10 --n-recorded 33",
+            "n_recorded": "D 0.012 0.0155 --slopes 2 --n-transient 9 --n-recorded 34",
+            "kind": "D 0.012 0.0155 --slopes 2 --n-transient 9 --n-recorded 33 --kind short",
+            **motors(
+                "0.035 0.036", "--slopes 2 --n-transient 9 --n-recorded 33", "D", "0.008 0.01"
+            ),
         },
     ),
     "basin": (
@@ -102,7 +104,7 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
     "robustness": (
         "D --slope 0.009 --walkers 4 --strides 9 --roughness 2e-4",
         {
-            "who": "lab --slope 0.036 --walkers 4 --strides 9 --roughness 2e-4",
+            "controller": "lab --slope 0.036 --walkers 4 --strides 9 --roughness 2e-4",
             "scene": (
                 "lab --slope 0.036 --walkers 4 --strides 9",
                 "lab --scene lab --slope 0.036 --walkers 4 --strides 9",
@@ -129,9 +131,10 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
             "state": f"lab 0.036 --strides 2 --out w.csv {NEAR}",
             **motors("0.036", "--strides 2 --out w.csv"),
             "terrain": "lab 0.036 --strides 2 --out w.csv --terrain stairs:rise=-0.001",
-            "key": (
+            "terrain_seed": (
                 "lab 0.036 --strides 2 --out w.csv --terrain rough:height_std=1e-3",
-                "lab 0.036 --strides 2 --out w.csv --terrain rough:height_std=1e-3 --key 1",
+                "lab 0.036 --strides 2 --out w.csv --terrain rough:height_std=1e-3 --terrain-seed "
+                "1",
             ),
             "samples": "lab 0.036 --strides 2 --out w.csv --samples 9",
             "out": "lab 0.036 --strides 2 --out other.csv",
@@ -151,9 +154,9 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
             "state": f"lab 0.036 --strides 1 --out w.png {NEAR}",
             **motors("0.036", "--strides 2 --out w.png", "D"),
             "terrain": "lab 0.036 --strides 1 --out w.png --terrain stairs:rise=-0.02",
-            "key": (
+            "terrain_seed": (
                 f"lab 0.036 --strides 1 --out w.png {BUMPY}",
-                f"lab 0.036 --strides 1 --out w.png {BUMPY} --key 1",
+                f"lab 0.036 --strides 1 --out w.png {BUMPY} --terrain-seed 1",
             ),
             "out": "lab 0.036 --strides 1 --out other.png",
         },
@@ -175,9 +178,9 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
             "state": f"D 0.009 --strides 1 --slower 0.1 --out w.gif {NEAR}",
             **motors("0.036", "--strides 2 --slower 0.1 --out w.gif", "D"),
             "terrain": "D 0.009 --strides 1 --slower 0.1 --out w.gif --terrain stairs:rise=-0.02",
-            "key": (
+            "terrain_seed": (
                 f"D 0.009 --strides 1 --slower 0.1 --out w.gif {BUMPY}",
-                f"D 0.009 --strides 1 --slower 0.1 --out w.gif {BUMPY} --key 1",
+                f"D 0.009 --strides 1 --slower 0.1 --out w.gif {BUMPY} --terrain-seed 1",
             ),
             "out": "D 0.009 --strides 1 --slower 0.1 --out other.gif",
             "slower": "D 0.009 --strides 1 --slower 0.2 --out w.gif",
@@ -290,7 +293,9 @@ def test_an_option_of_a_command_is_heard(name, option, tmp_path, monkeypatch):
 
 def test_a_walk_is_simulated_as_the_words_say(capsys):
     """By each option, what Python computes of the same."""
-    words = f"lab 0.03 --strides 3 {NEAR} --torque 0.1 --terrain rough:height_std=1e-3 --key 5"
+    words = (
+        f"lab 0.03 --strides 3 {NEAR} --torque 0.1 --terrain rough:height_std=1e-3 --terrain-seed 5"
+    )
     assert main(["simulate", *shlex.split(words), "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)
     state = np.array([float(x) for x in NEAR.split()[1:]])

@@ -41,7 +41,7 @@ def late(step):
 
 
 def ends(*checks):
-    return dict(reality=dict.fromkeys(checks, "end"), slope=0.03)
+    return dict(constraints=dict.fromkeys(checks, "end"), slope=0.03)
 
 
 OTHER = {
@@ -56,21 +56,21 @@ OTHER = {
     "max_push_off": To(0.01, dict(actions=("push_off",))),
     "energy_weight": 0.0,
     "energy": "net",
-    "stub": To(False, dict(start=(0.3, -0.3, -0.31, -1.2, -0.3, 0.3))),
-    "perturbation": 0.01,
-    "randomise": {"foot_radius": 0.1},
+    "end_on_toe_stub": To(False, dict(start=(0.3, -0.3, -0.31, -1.2, -0.3, 0.3))),
+    "reset_noise_scale": 0.01,
+    "domain_randomization": {"foot_radius": 0.1},
     "start": START,
-    "longest_stride": 1.0,
+    "max_stride_time": 1.0,
     "tolerance": To(1e-4, dict(control="stride")),
     "pushes": PUSHED,
-    "sensor_noise": 0.01,
-    "motor_noise": 0.5,
-    "motor_delay": 2,
+    "observation_noise": 0.01,
+    "action_noise": 0.5,
+    "action_delay": 2,
     "command": (0.1, 0.2),
     "command_weight": To(1.0, dict(command=0.1)),
-    "reality": {"friction": "report"},
+    "constraints": {"friction": "report"},
     "terrain": To(ROUGH, dict(slope=0.05)),
-    "preview": To(2, dict(terrain=ROUGH)),
+    "terrain_lookahead": To(2, dict(terrain=ROUGH)),
     "friction": To(0.01, ends("friction")),
     "knee_latch": To(1.0, ends("knee lock")),
     "reward": halved,
@@ -138,7 +138,7 @@ def for_sb3(*, num_envs=2, seed=3, steps=STEPS, **arguments):
         for info in infos:
             info.get("episode", {}).pop("t", None)
         told.append((observations, rewards, dones, infos))
-    told.append(env.worlds.states)
+    told.append(env.envs.states)
     told.append(env.get_images())
     env.close()
     return told
@@ -153,7 +153,7 @@ def on_tensors(*, num_envs=2, seed=3, steps=STEPS, **arguments):
     told = [env.reset(seed=seed)[0]]
     for actions in pushing(num_envs, env.action_space.shape[0])[:steps]:
         told.append(env.step(torch.from_numpy(actions)))
-    told.append(env.worlds.states)
+    told.append(env.envs.states)
     return told
 
 
@@ -288,7 +288,7 @@ def slopes_in_sb3(slopes, mask=None):
 
 
 def charges(env, energy):
-    env.charge_for(energy)
+    env.set_energy_cost(energy)
     act = np.full((getattr(env, "num_envs", 1), 1), -1.0, np.float32)
     return [env.step(act if hasattr(env, "num_envs") else act[0])[1] for _ in range(20)]
 
@@ -343,11 +343,11 @@ METHODS = {
     "PassiveWalkerEnv.set_slope": Call(
         slopes_alone, dict(slope=0.01), dict(slope=0.02), of=PassiveWalkerEnv.set_slope
     ),
-    "PassiveWalkerEnv.charge_for": Call(
+    "PassiveWalkerEnv.set_energy_cost": Call(
         lambda energy: charges(single("level", energy="net"), energy),
         dict(energy=None),
         dict(energy="absolute"),
-        of=PassiveWalkerEnv.charge_for,
+        of=PassiveWalkerEnv.set_energy_cost,
     ),
     "PassiveWalkerEnv.set_scene": Call(
         lambda **given: renewed(single(), **given),
@@ -376,11 +376,11 @@ METHODS = {
         dict(slopes=0.02, mask=MASK),
         of=PassiveWalkerVectorEnv.set_slopes,
     ),
-    "PassiveWalkerVectorEnv.charge_for": Call(
+    "PassiveWalkerVectorEnv.set_energy_cost": Call(
         lambda energy: charges(vector(energy="net"), energy),
         dict(energy=None),
         dict(energy="absolute"),
-        of=PassiveWalkerVectorEnv.charge_for,
+        of=PassiveWalkerVectorEnv.set_energy_cost,
     ),
     "PassiveWalkerVectorEnv.set_scene": Call(
         lambda **given: renewed(vector(), **given),
@@ -469,12 +469,14 @@ def test_every_option_of_torch_is_heard():
                 hip_torque=0.1,
                 ankle_torque=To(0.003, of_d),
                 push_off=0.2,
-                rise=-0.002,
-                turn=0.004,
+                height_change=-0.002,
+                slope_change=0.004,
                 parameters={"hip_mass": 0.5},
                 tolerance=1e-5,
                 longest=To(0.5, look=lambda told: told.outcome),
-                stub=To(True, dict(hip_torque=-0.04 * 7.0 * 9.81), look=lambda told: told.outcome),
+                end_on_toe_stub=To(
+                    True, dict(hip_torque=-0.04 * 7.0 * 9.81), look=lambda told: told.outcome
+                ),
             ),
         ),
         "tick": Call(
@@ -489,12 +491,12 @@ def test_every_option_of_torch_is_heard():
                 phase=To(1, dict(walker="lab", state=later.state)),
                 ankle_torque=To(0.003, of_d),
                 push_off=To(0.2, dict(duration=5.0)),
-                rise=To(-0.002, dict(duration=5.0)),
-                turn=To(0.004, dict(duration=5.0)),
+                height_change=To(-0.002, dict(duration=5.0)),
+                slope_change=To(0.004, dict(duration=5.0)),
                 push=0.1,
                 parameters={"hip_mass": 0.5},
                 tolerance=1e-5,
-                stub=To(
+                end_on_toe_stub=To(
                     True,
                     dict(hip_torque=-0.04 * 7.0 * 9.81, duration=5.0),
                     look=lambda told: told.outcome,

@@ -20,7 +20,7 @@ from gym_passive_walker.walkers import as_walker, describe, name_of
 from tests.options.heard import plain
 from tests.options.test_functions import OF_D, OPTIONS, STEEP, Later
 
-WALKERS = ("walker", "a", "b", "who")
+WALKERS = ("walker", "a", "b", "controller")
 TAKING = [
     name
     for name, call in OPTIONS.items()
@@ -38,7 +38,7 @@ GROUNDS = {
     "file": "ground.yaml",
     "TOML": "ground.toml",
 }
-SLOW = {"tune_to_walk", "optimise_walker", "robustness"}
+SLOW = {"tune_to_walk", "optimize_walker", "robustness"}
 
 
 @pytest.fixture(autouse=True)

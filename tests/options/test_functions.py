@@ -90,27 +90,27 @@ OPTIONS = {
             resolution=To(6, expect=lambda a, b: b.settled.shape == (6, 6)),
             ratios=(0.5, 0.5),
             strides=To(3, expect=lambda a, b: b.strides.max() <= 3 < a.strides.max()),
-            near=To(0.01, expect=lambda a, b: b.strides.sum() < a.strides.sum()),
-            tolerance=To(0.1, dict(walker="lab", slope=0.036, near=1e-7)),
+            atol=To(0.01, expect=lambda a, b: b.strides.sum() < a.strides.sum()),
+            tolerance=To(0.1, dict(walker="lab", slope=0.036, atol=1e-7)),
         ),
     ),
     "bifurcation_diagram": Call(
         gpw.bifurcation_diagram,
-        dict(walker="D", slopes=[0.012, 0.0165], settle=10, keep=9, longest_period=4),
+        dict(walker="D", slopes=[0.012, 0.0165], n_transient=10, n_recorded=9, longest_period=4),
         dict(
             walker="E",
             slopes=[0.012, 0.016],
-            settle=20,
-            keep=To(10, expect=lambda a, b: b.stance_angle.shape == (2, 10)),
+            n_transient=20,
+            n_recorded=To(10, expect=lambda a, b: b.stance_angle.shape == (2, 10)),
             start=Later(lambda: 1.01 * gait("D", 0.009).state),
-            kind=To("short", dict(settle=0)),
+            kind=To("short", dict(n_transient=0)),
             sweep=True,
-            longest_period=To(1, dict(settle=300), look=lambda found: found.period),
+            longest_period=To(1, dict(n_transient=300), look=lambda found: found.period),
             tolerance=1e-5,
         ),
     ),
-    "blend": Call(
-        gpw.blend,
+    "interpolate": Call(
+        gpw.interpolate,
         dict(a="lab", b="C", fraction=0.5),
         dict(a=gpw.tune("lab"), b=gpw.tune("lab"), fraction=0.25),
     ),
@@ -220,13 +220,13 @@ OPTIONS = {
     ),
     "lyapunov_exponents": Call(
         gpw.lyapunov_exponents,
-        dict(walker="D", slopes=[0.012, 0.018], strides=20, settle=5),
+        dict(walker="D", slopes=[0.012, 0.018], strides=20, n_transient=5),
         dict(
             walker="E",
             slopes=[0.012, 0.017],
             count=To(2, expect=lambda a, b: np.shape(b)[-1] == 2),
             strides=30,
-            settle=6,
+            n_transient=6,
             start=OF_D,
             kind="short",
             tolerance=1e-5,
@@ -249,8 +249,8 @@ OPTIONS = {
         dict(scene=Later(lambda: make_scene("level", tick=2.0)), speeds=[0.15]),
         dict(scene=Later(lambda: make_scene("level", tick=1.5)), speeds=[0.16]),
     ),
-    "optimise_walker": Call(
-        gpw.optimise_walker,
+    "optimize_walker": Call(
+        gpw.optimize_walker,
         dict(
             walker="C",
             objective="cost_of_transport",
@@ -266,7 +266,7 @@ OPTIONS = {
             slope=To(0.031, look=lambda found: found.before.slope),
             kind=To("short", look=lambda found: found.before.kind),
             constraints=To({"froude_speed": (0.2, None)}, look=lambda found: found.after.speed),
-            maximise=To(True, expect=lambda a, b: a.after.slope < 0.021 < 0.039 < b.after.slope),
+            maximize=To(True, expect=lambda a, b: a.after.slope < 0.021 < 0.039 < b.after.slope),
             iterations=To(
                 1,
                 look=lambda found: found.tried,
@@ -311,15 +311,23 @@ OPTIONS = {
     ),
     "robustness": Call(
         gpw.robustness,
-        dict(who="D", slope=0.009, walkers=8, strides=20, starts=8, spread=0.1, roughness=1e-4),
         dict(
-            who=replace(D, hip_friction=0.001),
+            controller="D",
+            slope=0.009,
+            walkers=8,
+            strides=20,
+            starts=8,
+            initial_error=0.1,
+            roughness=1e-4,
+        ),
+        dict(
+            controller=replace(D, hip_friction=0.001),
             scene=Later(lambda: make_scene("level", walker="D", tolerance=1e-5)),
             slope=0.01,
             roughness=To(0.004, expect=lambda a, b: b.survivors.sum() < a.survivors.sum()),
             walkers=9,
             strides=To(30, expect=lambda a, b: len(b.survivors) == len(a.survivors) + 10),
-            spread=0.3,
+            initial_error=0.3,
             starts=9,
             seed=To(
                 1,
@@ -333,7 +341,7 @@ OPTIONS = {
     "robustness, with a policy": Call(
         gpw.robustness,
         dict(
-            who=Later(lambda: LinearFeedback("steep")),
+            controller=Later(lambda: LinearFeedback("steep")),
             scene="steep",
             roughness=1e-3,
             walkers=8,
@@ -341,13 +349,13 @@ OPTIONS = {
             starts=16,
         ),
         dict(
-            who=Later(lambda: LinearFeedback("steep", torque_weight=10.0)),
+            controller=Later(lambda: LinearFeedback("steep", torque_weight=10.0)),
             scene=Later(lambda: make_scene("steep", max_hip_torque=0.02)),
             slope=0.1101,
             roughness=0.004,
             walkers=9,
             strides=30,
-            spread=0.3,
+            initial_error=0.3,
             starts=40,
             seed=To(
                 1,
@@ -372,7 +380,7 @@ OPTIONS = {
             ankle_torque=0.001,
             push_off=0.001,
             terrain=gpw.rough(0.001),
-            key=To(1, dict(terrain=gpw.rough(0.001))),
+            terrain_seed=To(1, dict(terrain=gpw.rough(0.001))),
             tolerance=1e-6,
         ),
     ),
@@ -387,22 +395,22 @@ OPTIONS = {
             hip_torque=0.1,
             ankle_torque=To(0.001, dict(walker="D", slope=0.009, state=OF_D)),
             push_off=0.01,
-            rise=-0.001,
-            turn=0.001,
+            height_change=-0.001,
+            slope_change=0.001,
             tolerance=1e-5,
-            longest=To(
+            max_stride_time=To(
                 0.5,
                 expect=lambda a, b: (
                     (a.outcome, b.outcome) == (gpw.Outcome.HEELSTRIKE, gpw.Outcome.STALLED)
                 ),
             ),
-            stub=To(
+            end_on_toe_stub=To(
                 True,
                 dict(state=Later(lambda: gait().state), hip_torque=-0.04 * units_of(LAB).torque),
                 look=lambda found: found.outcome,
             ),
             threads=To(2, same=True),
-            carry=lambda *_, **__: None,
+            backend=lambda *_, **__: None,
         ),
     ),
     "stride_jacobian": Call(

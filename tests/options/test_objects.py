@@ -220,7 +220,7 @@ OPTIONS = {
             torques=np.full(3, 1e-3),
             tick=To(0.5, dict(torques=np.array([1e-3, 0.0, 0.0]))),
             push_off=0.01,
-            stub=To(True, same=True),  # see `test_ticks`
+            end_on_toe_stub=To(True, same=True),  # see `test_ticks`
             tolerance=1e-5,
         ),
     ),
@@ -358,7 +358,7 @@ OF_E = {"walker": gpw.WALKERS["E"], "controller": "constant"}
 OF_LAB = {"walker": gpw.WALKERS["lab"], "slope": 0.036}
 PLAYED = {"control": "stride", "max_hip_torque": 0.0025}  # all of it
 STAIRS = {"stairs": {"rise": -1e-4}}
-WALKED = dict(walkers=4, strides=10, starts=8, spread=0.1)
+WALKED = dict(walkers=4, strides=10, starts=8, initial_error=0.1)
 SWEPT = {
     "gait": Call(
         ANALYSES["gait"],
@@ -416,8 +416,8 @@ SWEPT = {
             terrain=To({"stairs": {"rise": -0.003}}, dict(resolution=20)),
         ),
     ),
-    "reality": Call(
-        ANALYSES["reality"],
+    "check": Call(
+        ANALYSES["check"],
         dict(walker=gpw.WALKERS["lab"], slope=0.036),
         dict(
             walker=gpw.WALKERS["lab-straight"],
@@ -437,12 +437,12 @@ SWEPT = {
             changes={"walker": D, "slope": 0.01},
             controller=To("constant", dict(changes={"slope": 0.036, "walker": gpw.WALKERS["lab"]})),
             scene=To(
-                "push-off", dict(controller="passive", changes={**LEVEL, "perturbation": 0.0})
+                "push-off", dict(controller="passive", changes={**LEVEL, "reset_noise_scale": 0.0})
             ),
             roughness=4e-4,
             walkers=To(9, dict(roughness=4e-4)),
             strides=To(40, dict(roughness=2e-4, walkers=40)),
-            spread=0.2,
+            initial_error=0.2,
             starts=16,
             seed=1,
         ),

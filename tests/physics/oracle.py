@@ -92,10 +92,10 @@ class Walk(NamedTuple):
 BOUNDS = [
     (Outcome.FELL_FORWARD, lambda s: s[0] + 0.5 * np.pi),
     (Outcome.FELL_BACKWARD, lambda s: 0.5 * np.pi - s[0]),
-    (Outcome.OVER_THE_TOP, lambda s: np.pi - s[1]),
-    (Outcome.OVER_THE_TOP, lambda s: np.pi + s[1]),
-    (Outcome.OVER_THE_TOP, lambda s: np.pi - s[2]),
-    (Outcome.OVER_THE_TOP, lambda s: np.pi + s[2]),
+    (Outcome.SWING_OVERROTATION, lambda s: np.pi - s[1]),
+    (Outcome.SWING_OVERROTATION, lambda s: np.pi + s[1]),
+    (Outcome.SWING_OVERROTATION, lambda s: np.pi - s[2]),
+    (Outcome.SWING_OVERROTATION, lambda s: np.pi + s[2]),
 ]
 FREE_EVENTS = [(Outcome.KNEESTRIKE, lambda s: s[1] - s[2]), *BOUNDS]
 LOCKED_EVENTS = [(Outcome.HEELSTRIKE, lambda s: s[0] + s[1]), *BOUNDS]
@@ -175,7 +175,7 @@ def walk(
         knee_loss = struck.loss
         if state[0] < 0.0 and state[0] + state[1] <= 0.0 < opening(state):
             if state[3] + state[4] <= 0.0:  # below the ground in front, and sinking
-                return Walk(Outcome.BENT_KNEE, state, time, knee_time, knee_loss, 0.0, phases)
+                return Walk(Outcome.KNEE_NOT_LOCKED, state, time, knee_time, knee_loss, 0.0, phases)
     straight = motion(walker, slope, torque, locked=True)
     phases.append(follow(straight, state, time, longest, step, LOCKED_EVENTS))
     time = phases[-1].times[-1]

@@ -41,7 +41,7 @@ def test_feet_that_stand_differ_in_height_by_the_rise(name, stance, ground):
     walker = WALKERS[name]
     state = on_both(walker, stance, ground)
     height = legs.clearance(body_of(walker), state.stance, state.thigh)
-    assert height == pytest.approx(ground.rise, rel=0.0, abs=1e-15)
+    assert height == pytest.approx(ground.height_change, rel=0.0, abs=1e-15)
     assert state.thigh - state.stance == pytest.approx(-2.0 * stance, rel=1e-14)
 
 
@@ -55,15 +55,15 @@ def test_a_strike_on_any_foothold_conserves_angular_momentum(name, stance, rates
     )
     strike = SYSTEMS[f"{kind_of(walker)}-uneven"].phases[-1].resets[Outcome.HEELSTRIKE].strike
     struck = strike(body_of(walker), before, 0.0, ground)
-    assert struck.after.stance == pytest.approx(before.thigh + ground.turn, abs=1e-15)
-    assert struck.after.thigh == pytest.approx(before.stance + ground.turn, abs=1e-15)
+    assert struck.after.stance == pytest.approx(before.thigh + ground.slope_change, abs=1e-15)
+    assert struck.after.thigh == pytest.approx(before.stance + ground.slope_change, abs=1e-15)
     rates_of = [
         np.array(x[3:]) / units.time for x in (before, struck.after)
     ]  # in the walker's own units
     old, new = bodies.Bodies(walker, before[:3]), bodies.Bodies(walker, struck.after[:3])
     velocities = old.velocities(rates_of[0]), new.velocities(rates_of[1])
     turned = new.legs[0].foot / old.legs[1].foot  # from the old foothold's frame to the new one's
-    assert abs(cmath.phase(turned)) == pytest.approx(abs(ground.turn), abs=1e-14)
+    assert abs(cmath.phase(turned)) == pytest.approx(abs(ground.slope_change), abs=1e-14)
     scale = walker.total_mass * walker.leg_length**2 * (1e-3 + np.abs(rates_of[0]).max())
     under = 1j * walker.foot_radius
 
@@ -93,7 +93,7 @@ def test_point_feet_take_a_step_down_for_a_steeper_slope(name, steeper):
     length = on_slope.step_length
     on_steps = stride(
         walker, gait.slope, gait.state - turned, tolerance=1e-13,
-        rise=-length * np.sin(steeper), turn=steeper,
+        height_change=-length * np.sin(steeper), slope_change=steeper,
     )  # fmt: skip
     assert on_steps.outcome == on_slope.outcome == Outcome.HEELSTRIKE
     np.testing.assert_allclose(on_steps.state, on_slope.state, rtol=0.0, atol=1e-11)
@@ -107,7 +107,7 @@ def test_smooth_ground_is_a_case_of_the_other(gait):
     """Beside a foothold that is a hair higher: walks change in proportion."""
     walker = WALKERS[gait.walker]
     level = stride(walker, gait.slope, gait.state, tolerance=1e-13)
-    hair = stride(walker, gait.slope, gait.state, tolerance=1e-13, rise=1e-14)
+    hair = stride(walker, gait.slope, gait.state, tolerance=1e-13, height_change=1e-14)
     np.testing.assert_allclose(hair.state, level.state, rtol=0.0, atol=2e-11)
     assert hair.heelstrike_loss == pytest.approx(level.heelstrike_loss, rel=1e-10)
 
@@ -120,7 +120,8 @@ def test_the_books_of_a_walk_on_rough_ground_close(name):
     units, terrain, state, strides = units_of(walker), rough(2e-4, 1e-3), gait.state, 0
     for tilt, rise, turn in terrain.ground(5, range(30)):
         end = stride(
-            walker, gait.slope + tilt, state, rise=rise * walker.leg_length, turn=turn,
+            walker, gait.slope + tilt, state, height_change=rise * walker.leg_length,
+            slope_change=turn,
             tolerance=1e-12,
         )  # fmt: skip
         if end.outcome != Outcome.HEELSTRIKE:
@@ -152,7 +153,8 @@ def test_a_strike_comes_with_legs_apart_and_closes_its_ledger(
     if not walker.knees:
         start = start._replace(shank_rate=start.thigh_rate)
     found = stride(
-        walker, slope, units.to_own(np.array(start)), rise=rise * units.length, turn=turn,
+        walker, slope, units.to_own(np.array(start)), height_change=rise * units.length,
+        slope_change=turn,
         tolerance=tolerance,
     )  # fmt: skip
     assert found.outcome != Outcome.DIVERGED
@@ -189,7 +191,7 @@ def test_a_strike_comes_with_legs_apart_and_closes_its_ledger(
 def test_legs_that_pass_each_other_near_the_ground_do_not_strike(name, slope, state, rise):
     """At no tolerance, though the foot passes the height of the foothold just then."""
     for tolerance in 10.0 ** np.arange(-6.0, -13.5, -1.0):
-        found = stride(name, slope, state, rise=rise, tolerance=tolerance)
+        found = stride(name, slope, state, height_change=rise, tolerance=tolerance)
         assert found.outcome == Outcome.FELL_FORWARD
 
 
@@ -199,7 +201,7 @@ def test_a_step_onto_tilted_ground_is_measured_to_where_the_foot_touches_it(name
     """A round foot touches below its centre, along the normal of its own foothold."""
     walker, gait = WALKERS[name], LONG_GAITS[name]
     level, tilted = (
-        stride(walker, gait.slope, gait.state, turn=x, tolerance=1e-13) for x in (0.0, turn)
+        stride(walker, gait.slope, gait.state, slope_change=x, tolerance=1e-13) for x in (0.0, turn)
     )
     assert tilted.outcome == Outcome.HEELSTRIKE
     beside = walker.foot_radius * np.sin(turn)
@@ -216,7 +218,8 @@ def test_ground_whose_slopes_alone_are_random_is_walked_on():
 def test_a_step_too_high_is_never_reached_and_one_too_low_is_fallen_from():
     gait = LONG_GAITS["C"]
     ends = [
-        stride("C", gait.slope, gait.state, rise=rise).outcome for rise in (-0.02, 0.0, 0.01, 0.5)
+        stride("C", gait.slope, gait.state, height_change=rise).outcome
+        for rise in (-0.02, 0.0, 0.01, 0.5)
     ]
     assert ends[:2] == [Outcome.HEELSTRIKE] * 2
     assert ends[-1] != Outcome.HEELSTRIKE
@@ -250,11 +253,20 @@ def _backwards(walker) -> bool:
 def test_a_stubbed_toe_is_one_below_both_footholds(name):
     """A locked swing leg may pass below the higher one, towards the lower."""
     gait, walker = LONG_GAITS[name], WALKERS[name]
-    down = stride(walker, gait.slope, gait.state, rise=-0.01 * walker.leg_length, stub=True)
-    assert down.outcome == stride(walker, gait.slope, gait.state, stub=True).outcome
+    down = stride(
+        walker,
+        gait.slope,
+        gait.state,
+        height_change=-0.01 * walker.leg_length,
+        end_on_toe_stub=True,
+    )
+    assert down.outcome == stride(walker, gait.slope, gait.state, end_on_toe_stub=True).outcome
     assert down.outcome == Outcome.HEELSTRIKE
     up = 0.03 * walker.leg_length
-    assert stride(walker, gait.slope, gait.state, rise=up, stub=True).outcome == Outcome.HEELSTRIKE
+    assert (
+        stride(walker, gait.slope, gait.state, height_change=up, end_on_toe_stub=True).outcome
+        == Outcome.HEELSTRIKE
+    )
 
 
 @pytest.mark.parametrize("rise", [-0.02, 0.0, 0.03])

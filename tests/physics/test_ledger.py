@@ -64,7 +64,7 @@ def test_the_ledger_of_a_fall_closes(name):
         assert_ledger_closes(walker, state, found)
         assert np.isnan(found.step_length)
         assert found.heelstrike_loss == 0.0
-    assert outcomes <= {Outcome.FELL_BACKWARD, Outcome.FELL_FORWARD, Outcome.OVER_THE_TOP}
+    assert outcomes <= {Outcome.FELL_BACKWARD, Outcome.FELL_FORWARD, Outcome.SWING_OVERROTATION}
 
 
 @pytest.mark.parametrize("name", WALKERS)

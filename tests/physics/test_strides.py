@@ -96,9 +96,9 @@ def test_a_toe_is_stubbed_just_where_the_locked_leg_is_below_the_ground(name):
     for _ in range(15):
         walker, slope, state, torque = kicked(rng, name)
         free = stride(walker, slope, state, hip_torque=torque)
-        ruled = stride(walker, slope, state, hip_torque=torque, stub=True)
+        ruled = stride(walker, slope, state, hip_torque=torque, end_on_toe_stub=True)
         lowest = lowest_clearance(walker, oracle.walk(walker, slope, state, torque=torque))
-        if lowest < -1e-4 or free.outcome == Outcome.BENT_KNEE:
+        if lowest < -1e-4 or free.outcome == Outcome.KNEE_NOT_LOCKED:
             assert ruled.outcome == Outcome.STUBBED_TOE
             stubbed += 1
         elif lowest > -1e-9:

@@ -32,8 +32,8 @@ def exported(tmp_path):
     pytest.importorskip("stable_baselines3")
     torch = pytest.importorskip("torch")
     from agents.config import configure
+    from agents.envs import training_envs
     from agents.learner import LearnedPolicy, build, export
-    from agents.worlds import training_worlds
 
     def make(algo, activation="nn.ReLU", normalize=None, layers=(32, 16)):
         config = configure(algo, "level", n_envs=2, seed=5)
@@ -42,7 +42,7 @@ def exported(tmp_path):
         if normalize is not None:  # what SHAC earns is left as it is
             normalize = {"norm_reward": False} | normalize
         object.__setattr__(config, "normalize", normalize)
-        model = build(config, training_worlds(config))
+        model = build(config, training_envs(config))
         with torch.no_grad():  # an untrained network of PPO hardly acts
             for name, weights in model.policy.named_parameters():
                 if "action_net" in name or "mu" in name:
@@ -168,11 +168,11 @@ def test_tensors_of_every_kind_are_those_that_the_formats_own_library_writes(tmp
 def test_a_policy_knows_its_scene_and_how_it_was_trained(tmp_path):
     pytest.importorskip("stable_baselines3")
     from agents.config import configure
+    from agents.envs import training_envs
     from agents.learner import LearnedPolicy, build, export
-    from agents.worlds import training_worlds
 
     config = configure("ppo", "lab", env={"slope": 0.05, "walker": "C"}, n_envs=2, seed=8)
-    export(LearnedPolicy(build(config, training_worlds(config)), "PPO"), config, tmp_path)
+    export(LearnedPolicy(build(config, training_envs(config)), "PPO"), config, tmp_path)
     policy = gpw.load_policy(tmp_path)
     assert policy.scene == make_scene("lab", slope=0.05, walker="C")
     assert policy.trained["seed"] == 8 and policy.trained["steps"] == config.steps

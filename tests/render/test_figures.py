@@ -10,7 +10,7 @@ pytest.importorskip("matplotlib")
 from gym_passive_walker.render import figures
 from gym_passive_walker.render.diagram import walker_diagram
 from gym_passive_walker.render.figures import FIGURES, draw, families
-from gym_passive_walker.walkers import WALKERS, Walker, blend, tune
+from gym_passive_walker.walkers import WALKERS, Walker, interpolate, tune
 
 
 def test_a_figure_is_drawn_to_a_file(tmp_path):
@@ -56,7 +56,7 @@ def test_the_stable_part_of_the_laboratory_s_curve_is_heavy():
 
 @pytest.mark.slow
 def test_de_tuning_s_upper_curve_is_found_beside_the_lower_one():
-    found = families(blend(tune(WALKERS["C"]), WALKERS["lab"], 0.75), 1e-3, 0.15)
+    found = families(interpolate(tune(WALKERS["C"]), WALKERS["lab"], 0.75), 1e-3, 0.15)
     lower, upper = sorted(found, key=lambda family: family.slope.min())
     assert lower.slope.max() < 0.09 < 0.12 < upper.slope.min()
 

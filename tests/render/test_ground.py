@@ -118,14 +118,19 @@ class Listener:
 
 @pytest.mark.parametrize("count", [1, 3])
 def test_environments_show_walkers_on_their_footholds(count):
-    scene = {"walker": "C", "slope": 0.05, "terrain": gpw.rough(0.002, 0.004), "stub": False}
-    worlds = gym.make_vec("PassiveWalker-v0", num_envs=count, max_hip_torque=0.0, **scene)
-    worlds.reset(seed=5)
-    batch, heard, length = worlds.unwrapped.batch, Listener(), gpw.WALKERS["C"].leg_length
+    scene = {
+        "walker": "C",
+        "slope": 0.05,
+        "terrain": gpw.rough(0.002, 0.004),
+        "end_on_toe_stub": False,
+    }
+    envs = gym.make_vec("PassiveWalker-v0", num_envs=count, max_hip_torque=0.0, **scene)
+    envs.reset(seed=5)
+    batch, heard, length = envs.unwrapped.batch, Listener(), gpw.WALKERS["C"].leg_length
     struck = 0
     for _ in range(120):
         before = batch.ledger["strides"].copy()
-        *_, terminated, _, _ = worlds.step(np.zeros((count, 1), np.float32))
+        *_, terminated, _, _ = envs.step(np.zeros((count, 1), np.float32))
         if terminated.any():
             break
         for lane in range(count):
@@ -143,9 +148,14 @@ def test_environments_show_walkers_on_their_footholds(count):
 
 
 def test_an_environment_s_footholds_are_those_of_the_walk():
-    scene = {"walker": "C", "slope": 0.05, "terrain": gpw.rough(0.0005, 0.002), "stub": False}
+    scene = {
+        "walker": "C",
+        "slope": 0.05,
+        "terrain": gpw.rough(0.0005, 0.002),
+        "end_on_toe_stub": False,
+    }
     env = gym.make(
-        "PassiveWalker-v0", control="stride", max_hip_torque=0.0, perturbation=0.0,
+        "PassiveWalker-v0", control="stride", max_hip_torque=0.0, reset_noise_scale=0.0,
         tolerance=1e-10, disable_env_checker=True, **scene,
     ).unwrapped  # fmt: skip
     env.reset(seed=3)

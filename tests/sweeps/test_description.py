@@ -118,10 +118,10 @@ LAB = {"walker": "C", "seed": 0}
 SMALL = {
     "gait": {**LAB, "slope": 0.03},
     "family": {**LAB, "slope_min": 0.03, "slope_max": 0.04},
-    "bifurcation": {**LAB, "slope": 0.03, "settle": 100},
+    "bifurcation": {**LAB, "slope": 0.03, "n_transient": 100},
     "basin": {**LAB, "slope": 0.03, "resolution": 8},
     "robustness": {**LAB, "slope": 0.03, "walkers": 20, "strides": 10, "starts": 8},
-    "reality": {**LAB, "slope": 0.03},
+    "check": {**LAB, "slope": 0.03},
     "optimal": {"scene": "lab", "control": "stride", "slope": 0.03, "speed": 0.16},
     "evaluation": {"controller": "level-ppo", "episodes": 2, "slope": 0.001},
 }

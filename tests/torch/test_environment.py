@@ -15,7 +15,7 @@ MODES = ("NextStep", "SameStep", "Disabled")
 
 def pair(mode: str, **told):
     """The same walkers, on tensors and on arrays, begun alike."""
-    told = {"max_episode_steps": 40, "perturbation": 0.2, "autoreset_mode": mode} | told
+    told = {"max_episode_steps": 40, "reset_noise_scale": 0.2, "autoreset_mode": mode} | told
     tensors, arrays = PassiveWalkerTorchEnv(12, **told), PassiveWalkerVectorEnv(12, **told)
     observed, _ = tensors.reset(seed=3)
     np.testing.assert_array_equal(observed, arrays.reset(seed=3)[0])
@@ -82,13 +82,13 @@ def test_falls_and_timeouts_are_told_apart_and_every_number_is_told_of_everyone(
 def test_tensors_share_the_environments_memory():
     tensors = PassiveWalkerTorchEnv(4)
     made = []
-    step = tensors.worlds.step
+    step = tensors.envs.step
 
     def watched(actions):
         made.append(step(actions))
         return made[-1]
 
-    tensors.worlds.step = watched
+    tensors.envs.step = watched
     tensors.reset(seed=0)
     found = tensors.step(torch.zeros(4, 1))
     for tensor, array in zip(found[:4], made[0][:4], strict=True):

@@ -45,20 +45,20 @@ class Steady(torch.nn.Module):
 @pytest.mark.parametrize(
     "scene",
     ["level", "steep", "rolling", "lab", {"walker": "A", "slope": 0.03},
-     {"walker": "D", "slope": 0.009}, {"energy": "positive"}, {"longest_stride": 1.0},
-     {"randomise": {"foot_radius": 0.1}, "energy": "net"},
+     {"walker": "D", "slope": 0.009}, {"energy": "positive"}, {"max_stride_time": 1.0},
+     {"domain_randomization": {"foot_radius": 0.1}, "energy": "net"},
      {"actions": ("hip", "push_off"), "slope": 0.02, "energy": "positive"},
      {"walker": "E", "slope": 0.009, "actions": ("hip", "ankle", "push_off")},
      "rough", {"scene": "rough", "terrain": {"rough": {"height_std": 0.01, "slope_std": 0.02}}},
      {"walker": "lab-straight", "slope": 0.03, "terrain": {"stairs": {"rise": 0.003}},
-      "preview": 1},
+      "terrain_lookahead": 1},
      {"command": (0.1, 0.2), "command_weight": 2.0}],
 )  # fmt: skip
 def test_rewards_observations_and_endings_are_the_environment_s(scene):
     if "scene" in scene and not isinstance(scene, str):
         scene = make_scene(scene["scene"], terrain=scene["terrain"])
     scene = make_scene(scene)
-    size = 8 + (scene.command is not None) + 2 * scene.preview
+    size = 8 + (scene.command is not None) + 2 * scene.terrain_lookahead
     policy = network(sees=size, actions=len(scene.actions))
     walked = rollout(policy, scene, 60, count=COUNT, seed=3)
     env = PassiveWalkerVectorEnv(COUNT, scene, autoreset_mode="Disabled")
@@ -84,7 +84,7 @@ def test_rewards_observations_and_endings_are_the_environment_s(scene):
 
 def test_gradients_go_through_hundreds_of_ticks_and_strikes():
     policy = Steady()
-    scene = make_scene("level", start=tuple(policy.start), perturbation=0.01, tolerance=1e-12)
+    scene = make_scene("level", start=tuple(policy.start), reset_noise_scale=0.01, tolerance=1e-12)
     start = standing(scene, COUNT, seed=1)
 
     def returned(parameters):
@@ -168,7 +168,7 @@ def test_a_reward_of_ones_own_ends_with_the_episode():
 
 
 def test_parameters_that_are_given_prevail_over_random_ones():
-    scene = make_scene("level", randomise={"foot_radius": 0.1, "thigh_mass": 0.1})
+    scene = make_scene("level", domain_randomization={"foot_radius": 0.1, "thigh_mass": 0.1})
     radius = torch.tensor(scene.walker.foot_radius, dtype=torch.float64, requires_grad=True)
     here = standing(scene, 3, seed=0, parameters={"foot_radius": radius})
     assert (here.parameters["foot_radius"] == radius).all()
@@ -178,7 +178,7 @@ def test_parameters_that_are_given_prevail_over_random_ones():
 
 def test_what_walkers_are_made_of_has_a_gradient_through_a_walk():
     policy = Steady()
-    scene = make_scene("level", start=tuple(policy.start), perturbation=0.0, tolerance=1e-12)
+    scene = make_scene("level", start=tuple(policy.start), reset_noise_scale=0.0, tolerance=1e-12)
 
     def returned(radius):
         start = standing(scene, 1, seed=0, parameters={"foot_radius": radius})
@@ -202,14 +202,14 @@ def test_policies_of_other_numbers_are_refused():
 
 DRIVEN = {
     "walker": "E", "slope": 0.009, "actions": ("hip", "ankle", "push_off"), "tick": 0.4,
-    "tolerance": 1e-13, "perturbation": 0.003, "energy": "positive", "max_push_off": 0.02,
+    "tolerance": 1e-13, "reset_noise_scale": 0.003, "energy": "positive", "max_push_off": 0.02,
     "max_hip_torque": 0.01, "max_ankle_torque": 0.01,
 }  # fmt: skip
 
 
 @pytest.mark.parametrize(
     "changes",
-    [{}, {"terrain": {"rough": {"height_std": 0.001, "slope_std": 0.002}}, "preview": 1},
+    [{}, {"terrain": {"rough": {"height_std": 0.001, "slope_std": 0.002}}, "terrain_lookahead": 1},
      {"command": 0.2, "command_weight": 1.0}],
 )  # fmt: skip
 def test_every_motor_and_every_push_has_its_gradient_on_any_ground(changes):
@@ -246,7 +246,7 @@ def test_every_motor_and_every_push_has_its_gradient_on_any_ground(changes):
 
 @pytest.mark.parametrize("walker", ["A", "lab", "lab-straight", "D"])
 def test_a_push_of_a_rollout_is_the_environment_s(walker):
-    scene = {"walker": walker, "slope": 0.02 if walker == "A" else 0.009, "perturbation": 0.0}
+    scene = {"walker": walker, "slope": 0.02 if walker == "A" else 0.009, "reset_noise_scale": 0.0}
     scene = make_scene(scene if walker != "lab" else scene | {"slope": 0.036})
     pushes = torch.zeros((12, 1), dtype=torch.float64)
     pushes[4] = 0.02

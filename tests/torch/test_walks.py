@@ -72,20 +72,20 @@ def test_gradients_of_strides_are_those_of_differences(name):
 
 
 DRIVEN = {  # every motor that feet bear, and a foothold that is lower and steeper
-    "lab": {"hip_torque": 0.3, "push_off": 0.2, "rise": -0.002, "turn": 0.004},
+    "lab": {"hip_torque": 0.3, "push_off": 0.2, "height_change": -0.002, "slope_change": 0.004},
     "E": {
         "hip_torque": 0.002,
         "ankle_torque": 0.003,
         "push_off": 0.01,
-        "rise": -1e-3,
-        "turn": 0.002,
+        "height_change": -1e-3,
+        "slope_change": 0.002,
     },
     "D": {
         "hip_torque": 0.002,
         "ankle_torque": 0.003,
         "push_off": 0.01,
-        "rise": 1e-3,
-        "turn": -0.002,
+        "height_change": 1e-3,
+        "slope_change": -0.002,
     },
 }
 
@@ -133,7 +133,8 @@ def test_a_tick_that_ends_with_heelstrike_has_the_push_off_s_gradient():
     def walk(ankle, push_off, rise, turn):
         told = tick(
             "D", slope, near.state.detach(), 0.0, duration=9.0, phase=near.phase,
-            ankle_torque=ankle, push_off=push_off, rise=rise, turn=turn, tolerance=1e-13,
+            ankle_torque=ankle, push_off=push_off, height_change=rise, slope_change=turn,
+            tolerance=1e-13,
         )  # fmt: skip
         assert (told.outcome == Outcome.HEELSTRIKE).all() and (told.push_off_work > 0.0).all()
         return told.state, *told[2:11]
@@ -158,7 +159,8 @@ def test_ticks_and_strides_are_the_same_in_any_units():
         begun = units.to_own(units_of(small).to_dimensionless(states.detach().numpy()))
         given = {
             "hip_torque": 0.01 * units.torque, "ankle_torque": 0.004 * units.energy,
-            "push_off": 0.01 * units.impulse, "rise": -0.002 * units.length, "turn": 0.003,
+            "push_off": 0.01 * units.impulse, "height_change": -0.002 * units.length,
+            "slope_change": 0.003,
         }  # fmt: skip
         whole = stride(walker, slope, begun, **given, tolerance=1e-12)
         part = tick(

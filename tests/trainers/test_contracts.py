@@ -12,9 +12,9 @@ def reference(steps: list, seed: int, **told):
     """Rewards and endings of the same walkers in the vector environment."""
     from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 
-    worlds = PassiveWalkerVectorEnv(8, autoreset_mode="SameStep", **told)
-    worlds.reset(seed=seed)
-    return [worlds.step(actions.numpy())[:4] for actions in steps]
+    envs = PassiveWalkerVectorEnv(8, autoreset_mode="SameStep", **told)
+    envs.reset(seed=seed)
+    return [envs.step(actions.numpy())[:4] for actions in steps]
 
 
 _RANDOM = torch.Generator().manual_seed(0)
@@ -25,18 +25,18 @@ def test_rsl_rl_is_told_timeouts_apart_from_falls():
     pytest.importorskip("rsl_rl")
     from gym_passive_walker.trainers.rsl_rl import RslRlWalkers
 
-    worlds = RslRlWalkers(8, max_episode_steps=45, seed=1, perturbation=0.2)
+    envs = RslRlWalkers(8, max_episode_steps=45, seed=1, reset_noise_scale=0.2)
     late = fallen = 0
     for actions, expected in zip(
-        ACTIONS, reference(ACTIONS, 1, max_episode_steps=45, perturbation=0.2), strict=True
+        ACTIONS, reference(ACTIONS, 1, max_episode_steps=45, reset_noise_scale=0.2), strict=True
     ):
-        observations, rewards, dones, extras = worlds.step(actions)
+        observations, rewards, dones, extras = envs.step(actions)
         np.testing.assert_array_equal(observations["policy"], expected[0])
         np.testing.assert_array_equal(rewards, expected[1].astype(np.float32))
         np.testing.assert_array_equal(dones.bool(), expected[2] | expected[3])
         np.testing.assert_array_equal(extras["time_outs"], expected[3] & ~expected[2])
-        assert (worlds.episode_length_buf[dones.bool()] == 0).all()
-        assert (worlds.episode_length_buf < 45).all()
+        assert (envs.episode_length_buf[dones.bool()] == 0).all()
+        assert (envs.episode_length_buf < 45).all()
         late, fallen = late + int(extras["time_outs"].sum()), fallen + int(expected[2].sum())
     assert late and fallen
 
@@ -54,16 +54,16 @@ def test_skrl_finds_columns_and_begins_once():
     pytest.importorskip("skrl")
     from gym_passive_walker.trainers.skrl import SkrlWalkers
 
-    worlds = SkrlWalkers(8, max_episode_steps=45, seed=1, perturbation=0.2)
-    first, _ = worlds.reset()
+    envs = SkrlWalkers(8, max_episode_steps=45, seed=1, reset_noise_scale=0.2)
+    first, _ = envs.reset()
     for actions, expected in zip(
-        ACTIONS, reference(ACTIONS, 1, max_episode_steps=45, perturbation=0.2), strict=True
+        ACTIONS, reference(ACTIONS, 1, max_episode_steps=45, reset_noise_scale=0.2), strict=True
     ):
-        found = worlds.step(actions)
+        found = envs.step(actions)
         np.testing.assert_array_equal(found[0], expected[0])
         for column, values in zip(found[1:4], expected[1:4], strict=True):
             np.testing.assert_array_equal(column[:, 0], values.astype(column.numpy().dtype))
-        assert torch.equal(worlds.reset()[0], found[0])  # they go on
+        assert torch.equal(envs.reset()[0], found[0])  # they go on
     assert first.shape == (8, 8)
 
 
@@ -74,8 +74,8 @@ def test_torchrl_finds_its_specifications_met():
     from gym_passive_walker.trainers.torchrl import TorchRlWalkers
 
     check_env_specs(TorchRlWalkers(8, seed=0))
-    worlds = TorchRlWalkers(8, seed=1, max_episode_steps=45, perturbation=0.2)
-    rollout = worlds.rollout(150, break_when_any_done=False)
+    envs = TorchRlWalkers(8, seed=1, max_episode_steps=45, reset_noise_scale=0.2)
+    rollout = envs.rollout(150, break_when_any_done=False)
     done, late = rollout["next", "done"], rollout["next", "truncated"]
     assert late.any() and rollout["next", "terminated"].any()
     assert (done == (late | rollout["next", "terminated"])).all()
@@ -88,7 +88,7 @@ def test_a_seed_of_torchrl_s_is_of_the_first_reset_alone():
     pytest.importorskip("torchrl")
     from gym_passive_walker.trainers.torchrl import TorchRlWalkers
 
-    worlds, again = (TorchRlWalkers(4, seed=1, perturbation=0.2) for _ in range(2))
-    first, second = (worlds.reset()["observation"] for _ in range(2))
+    envs, again = (TorchRlWalkers(4, seed=1, reset_noise_scale=0.2) for _ in range(2))
+    first, second = (envs.reset()["observation"] for _ in range(2))
     assert torch.equal(first, again.reset()["observation"])
     assert not torch.equal(first, second)

@@ -78,8 +78,8 @@ def test_rsl_rl(rsl_rl_configuration):
 
     from gym_passive_walker.trainers.rsl_rl import RslRlWalkers
 
-    worlds = RslRlWalkers(WALKERS, max_episode_steps=400, seed=0)
-    runner = OnPolicyRunner(worlds, rsl_rl_configuration)
+    envs = RslRlWalkers(WALKERS, max_episode_steps=400, seed=0)
+    runner = OnPolicyRunner(envs, rsl_rl_configuration)
 
     def act(seen: Tensor) -> Tensor:
         return runner.get_inference_policy()(TensorDict({"policy": seen}, batch_size=[len(seen)]))
@@ -100,10 +100,10 @@ def test_skrl():
 
     from gym_passive_walker.trainers.skrl import SkrlWalkers
 
-    worlds = SkrlWalkers(WALKERS, max_episode_steps=400, seed=0)
+    envs = SkrlWalkers(WALKERS, max_episode_steps=400, seed=0)
     spaces = {
-        "observation_space": worlds.observation_space, "action_space": worlds.action_space,
-        "device": worlds.device,
+        "observation_space": envs.observation_space, "action_space": envs.action_space,
+        "device": envs.device,
     }  # fmt: skip
 
     class Actor(GaussianMixin, Model):
@@ -129,7 +129,7 @@ def test_skrl():
             return self.net(inputs["observations"]), {}
 
     models = {"policy": Actor(), "value": Critic()}
-    scaler = {"device": worlds.device}
+    scaler = {"device": envs.device}
     agent = PPO(
         models=models, memory=RandomMemory(memory_size=HORIZON, num_envs=WALKERS), **spaces,
         cfg={
@@ -137,7 +137,7 @@ def test_skrl():
             "discount_factor": 0.995, "gae_lambda": 0.98, "ratio_clip": 0.1, "value_clip": 0.0,
             "value_loss_scale": 0.5, "time_limit_bootstrap": True,
             "observation_preprocessor": RunningStandardScaler,
-            "observation_preprocessor_kwargs": {"size": worlds.observation_space, **scaler},
+            "observation_preprocessor_kwargs": {"size": envs.observation_space, **scaler},
             "value_preprocessor": RunningStandardScaler,
             "value_preprocessor_kwargs": {"size": 1, **scaler},
         },
@@ -146,7 +146,7 @@ def test_skrl():
         "timesteps": ROLLOUTS * HORIZON, "headless": True, "disable_progressbar": True,
         "close_environment_at_exit": False,
     }  # fmt: skip
-    trainer = SequentialTrainer(env=worlds, agents=agent, cfg=told)
+    trainer = SequentialTrainer(env=envs, agents=agent, cfg=told)
 
     def act(seen: Tensor) -> Tensor:
         return models["policy"].net(agent._observation_preprocessor(seen))
@@ -168,7 +168,7 @@ def test_torchrl():
     from gym_passive_walker.trainers.torchrl import TorchRlWalkers
 
     scaling = ObservationNorm(in_keys=["observation"], standard_normal=True)
-    worlds = TransformedEnv(TorchRlWalkers(WALKERS, max_episode_steps=400, seed=0), scaling)
+    envs = TransformedEnv(TorchRlWalkers(WALKERS, max_episode_steps=400, seed=0), scaling)
     scaling.init_stats(2 * ROLLOUT, reduce_dim=[0, 1], cat_dim=1)
     net, noise = network(), AddStateIndependentNormalScale(1, scale_mapping="exp", init_value=-1.0)
     actor = ProbabilisticActor(
@@ -183,7 +183,7 @@ def test_torchrl():
     def train() -> None:
         frames = {"frames_per_batch": ROLLOUT, "total_frames": ROLLOUTS * ROLLOUT}
         frames["auto_register_policy_transforms"] = False
-        for rollout in Collector(worlds, actor, **frames):
+        for rollout in Collector(envs, actor, **frames):
             for _ in range(10):
                 with torch.no_grad():
                     advantage(rollout)

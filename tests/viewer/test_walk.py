@@ -176,7 +176,7 @@ def test_a_policy_walks_in_frames_as_in_its_environment(name):
     """Torques are held for ticks, whatever the frames do."""
     policy = load_policy(name)
     command = policy.scene.command and float(np.mean(policy.scene.command))
-    calm = {"perturbation": 0.0, "tolerance": 1e-10, "command": command}
+    calm = {"reset_noise_scale": 0.0, "tolerance": 1e-10, "command": command}
     env = gym.make("PassiveWalker-v0", **vars(policy.scene) | calm)
     seen, _ = env.reset(seed=0)
     walk = LiveWalk(

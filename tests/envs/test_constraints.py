@@ -8,7 +8,7 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.envs.checks import CHECKS
-from gym_passive_walker.envs.reality import READINGS
+from gym_passive_walker.envs.constraints import READINGS
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.units import units_of
 
@@ -23,7 +23,12 @@ def checks(walker, answer="report"):
 
 def world(walker, **changes):
     """A walker on its passive gait."""
-    arguments = {"walker": walker, "slope": SLOPES.get(walker), "perturbation": 0.0, "stub": False}
+    arguments = {
+        "walker": walker,
+        "slope": SLOPES.get(walker),
+        "reset_noise_scale": 0.0,
+        "end_on_toe_stub": False,
+    }
     return gym.make(ID, **arguments | changes).unwrapped
 
 
@@ -43,7 +48,7 @@ def walked(env, steps=200, action=0.0, **reset):
 def test_what_is_told_of_a_stride_is_what_the_reality_check_finds(walker):
     gait = gpw.find_gait(walker, SLOPES[walker])
     found = gpw.reality_check(walker, SLOPES[walker], gait.state)
-    env = world(walker, tick=0.02, tolerance=1e-12, reality=checks(walker))
+    env = world(walker, tick=0.02, tolerance=1e-12, constraints=checks(walker))
     infos = walked(env, options={"state": gait.state})
     units = units_of(env.walker)
 
@@ -81,7 +86,7 @@ def test_what_a_push_off_needs_of_the_leaving_foot_counts(walker):
     gait = gpw.find_gait(gpw.stride_map(walker, slope, controller=given))
     found = gpw.reality_check(gait)
     env = world(
-        walker, slope=slope, tick=0.02, tolerance=1e-12, reality=checks(walker),
+        walker, slope=slope, tick=0.02, tolerance=1e-12, constraints=checks(walker),
         actions=("push_off",), max_push_off=push_off,
     )  # fmt: skip
     infos = walked(env, action=1.0, options={"state": gait.state})
@@ -99,7 +104,7 @@ def test_what_a_push_off_needs_of_the_leaving_foot_counts(walker):
 
 @pytest.mark.parametrize("walker", SLOPES)
 def test_to_look_at_a_walker_changes_no_bit_of_its_walk(walker):
-    watched, left = world(walker, reality=checks(walker)), world(walker)
+    watched, left = world(walker, constraints=checks(walker)), world(walker)
     watched.reset(seed=1), left.reset(seed=1)
     for action in np.random.default_rng(0).uniform(-0.3, 0.3, (60, 1)):
         told, expected = watched.step(action), left.step(action)
@@ -121,7 +126,7 @@ def test_an_episode_ends_where_a_rule_is_broken_and_its_stride_is_worth_nothing(
     walker, check, limits, outcome
 ):
     broken, kept = (
-        walked(world(walker, reality={check: "end"}, tick=0.02, **limit), options=_gait(walker))
+        walked(world(walker, constraints={check: "end"}, tick=0.02, **limit), options=_gait(walker))
         for limit in limits
     )
     assert broken[-1]["outcome"] == outcome
@@ -141,7 +146,7 @@ def test_a_strike_that_slips_ends_the_episode_though_the_foot_came_down():
     gait = gpw.find_gait("A", 0.03)
     needed = gpw.reality_check("A", 0.03, gait.state).heelstrike_impulse.friction.value
     infos = walked(
-        world("A", reality={"friction": "end"}, friction=needed - 1e-3, control="stride"),
+        world("A", constraints={"friction": "end"}, friction=needed - 1e-3, control="stride"),
         options={"state": gait.state},
     )
     assert infos[-1]["outcome"] == "slipped"
@@ -151,7 +156,7 @@ def test_a_strike_that_slips_ends_the_episode_though_the_foot_came_down():
 
 def test_ground_that_would_have_to_pull_is_left():
     infos = walked(
-        world("A", reality={"contact": "end", "friction": "report"}),
+        world("A", constraints={"contact": "end", "friction": "report"}),
         options={"state": [0.2, -0.2, -0.2, -1.3, -0.2, -0.2]},  # in walker A's units, too fast
     )
     assert infos[-1]["outcome"] == "lost_contact"
@@ -162,7 +167,7 @@ def test_ground_that_would_have_to_pull_is_left():
 def test_what_the_ground_gives_at_a_strike_is_what_changes_the_momentum_push_off_included():
     """The simplest walker is a mass at its hip: before, after and the push-off tell the impulse."""
     env = world(
-        "D", reality={"contact": "report", "friction": "report"}, actions=("push_off",),
+        "D", constraints={"contact": "report", "friction": "report"}, actions=("push_off",),
         control="stride", tolerance=1e-12,
     )  # fmt: skip
     plain = world("D", actions=("push_off",), control="stride", tolerance=1e-12)
@@ -186,7 +191,7 @@ def test_what_the_ground_gives_at_a_strike_is_what_changes_the_momentum_push_off
 
 def test_straight_legs_have_no_knee_to_lock():
     with pytest.raises(ValueError, match="'knee lock' is a check of walkers with knees"):
-        world("A", reality={"knee lock": "end"})
+        world("A", constraints={"knee lock": "end"})
 
 
 def test_clearance_is_told_over_the_lower_of_two_footholds():
@@ -195,7 +200,7 @@ def test_clearance_is_told_over_the_lower_of_two_footholds():
     told = []
     for rise in (0.0, -0.01, 0.01):
         ahead = {"footholds": {"heights": [0.0, rise, rise]}}
-        env = world("C", tick=0.02, terrain=ahead, reality=checks("C"))
+        env = world("C", tick=0.02, terrain=ahead, constraints=checks("C"))
         infos = walked(env, steps=40, options={"state": gait.state})
         told.append(np.array([info["clearance"] for info in infos[:30]]))
     smooth, down, up = told

@@ -27,7 +27,7 @@ def scene_of(config: Config, **changes: Any) -> Scene:
         raise ConfigError(str(error)) from None
 
 
-def training_worlds(config: Config, count: int | None = None) -> PassiveWalkerVecEnv:
+def training_envs(config: Config, count: int | None = None) -> PassiveWalkerVecEnv:
     """Environments to learn in, as stable-baselines3 wants them; the configured number if None."""
     return PassiveWalkerVecEnv(
         config.n_envs if count is None else count,
@@ -53,7 +53,7 @@ def check(config: Config) -> None:
         ConfigError: if it is so.
     """
     try:
-        training_worlds(config, 1).reset()
+        training_envs(config, 1).reset()
     except ValueError as error:
         raise ConfigError(str(error)) from None
 

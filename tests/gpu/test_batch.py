@@ -9,9 +9,9 @@ from gym_passive_walker.envs import task
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.scene import SceneError, make_scene
 from gym_passive_walker.envs.starts import DRAWS, Starts
-from gym_passive_walker.gpu import crowd as crowds
+from gym_passive_walker.gpu import batch as crowds
 from gym_passive_walker.gpu import device
-from gym_passive_walker.gpu.crowd import Crowd
+from gym_passive_walker.gpu.batch import DeviceBatch
 from gym_passive_walker.physics.systems import bodies
 
 
@@ -51,14 +51,15 @@ SCENES = {
     "simplest": {"walker": "D", "slope": 0.009, "actions": ("push_off", "ankle"), "tick": 0.7},
     "rough ground": {
         "slope": 0.03, "terrain": {"rough": {"height_std": 0.003, "slope_std": 0.01}},
-        "preview": 2, "tick": 0.5,
+        "terrain_lookahead": 2, "tick": 0.5,
     },
     "pushes": {"pushes": {"rate": 0.5, "impulse": (-0.05, 0.05)}, "tick": 0.5},
     "everything": {
-        "slope": (0.01, 0.06), "terrain": {"stairs": {"rise": -0.002}}, "tick": 0.3, "preview": 1,
-        "pushes": {"rate": 0.5, "impulse": (-0.05, 0.05)}, "sensor_noise": 0.01,
-        "motor_noise": 0.1, "motor_delay": 2, "command": (0.1, 0.2),
-        "reality": {"friction": "end", "contact": "report", "knee lock": "report"},
+        "slope": (0.01, 0.06), "terrain": {"stairs": {"rise": -0.002}}, "tick": 0.3,
+        "terrain_lookahead": 1,
+        "pushes": {"rate": 0.5, "impulse": (-0.05, 0.05)}, "observation_noise": 0.01,
+        "action_noise": 0.1, "action_delay": 2, "command": (0.1, 0.2),
+        "constraints": {"friction": "end", "contact": "report", "knee lock": "report"},
     },
 }  # fmt: skip
 
@@ -119,7 +120,7 @@ def same(found, known):
 
 def rows(scene, count, *, seed=0, steps=20, limit=15):
     """A crowd's observations, rewards and endings over some steps by random actions."""
-    there = Crowd(count, scene, seed=seed, step_limit=limit)
+    there = DeviceBatch(count, scene, seed=seed, step_limit=limit)
     there.reset()
     random, found = np.random.default_rng(0).uniform(-1.2, 1.2, (steps, 50, 3)), []
     for actions in random:
@@ -134,7 +135,7 @@ def rows(scene, count, *, seed=0, steps=20, limit=15):
 @pytest.mark.parametrize("name", SCENES)
 def test_an_episode_on_a_device_is_the_vector_environments(name):
     scene, count = SCENES[name], 5
-    there, here = Crowd(count, scene, seed=7, step_limit=12), Reference(scene, count, 7, 12)
+    there, here = DeviceBatch(count, scene, seed=7, step_limit=12), Reference(scene, count, 7, 12)
     there.reset()
     assert same(there.play.observations, here.observations)
     random, endings = np.random.default_rng(0), 0
@@ -156,8 +157,12 @@ def test_an_episode_on_a_device_is_the_vector_environments(name):
 
 def test_random_walkers_are_drawn_and_walk_as_they_would_alone(monkeypatch):
     monkeypatch.setattr(crowds, "DRAWN", 16)
-    scene = {"slope": 0.03, "randomise": {"foot_radius": 0.2, "hip_mass": 0.1}, "tick": 0.5}
-    there = Crowd(6, scene, seed=3, step_limit=8)
+    scene = {
+        "slope": 0.03,
+        "domain_randomization": {"foot_radius": 0.2, "hip_mass": 0.1},
+        "tick": 0.5,
+    }
+    there = DeviceBatch(6, scene, seed=3, step_limit=8)
     starts, random = Starts(make_scene(scene)), np.random.default_rng(0)
     drawn = [starts.varied(random) for _ in range(16)]
 
@@ -185,7 +190,7 @@ def test_the_same_seed_is_the_same_walk_whatever_the_batch():
 
 
 def test_an_action_that_is_no_number_stops_its_walker_alone():
-    there = Crowd(3, "level")
+    there = DeviceBatch(3, "level")
     there.reset()
     there.play.actions[:] = [0.1, np.nan, 0.2]
     before = there.play.observations.copy()
@@ -199,7 +204,7 @@ def test_an_action_that_is_no_number_stops_its_walker_alone():
 
 
 def test_a_step_moves_nothing_to_or_from_the_device(monkeypatch):
-    there = Crowd(4, "level")
+    there = DeviceBatch(4, "level")
     there.reset()
     there.step()
 
@@ -213,7 +218,7 @@ def test_a_step_moves_nothing_to_or_from_the_device(monkeypatch):
 
 
 def test_another_seed_is_another_walk():
-    there = Crowd(2, "level", seed=0)
+    there = DeviceBatch(2, "level", seed=0)
     there.reset()
     first = there.play.observations.copy()
     there.reset()
@@ -231,4 +236,4 @@ def test_a_function_that_cannot_be_compiled_is_refused():
         return float(np.asarray(step.distance).sum())
 
     with pytest.warns(UserWarning), pytest.raises(SceneError, match="reward cannot be compiled"):
-        Crowd(2, "level", reward=slow)
+        DeviceBatch(2, "level", reward=slow)

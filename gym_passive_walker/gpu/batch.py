@@ -15,9 +15,9 @@ from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import options
 from gym_passive_walker.envs import fates, task
 from gym_passive_walker.envs.batch import rules_of, system_in
+from gym_passive_walker.envs.constraints import ROOM
 from gym_passive_walker.envs.custom import Custom, Rule
 from gym_passive_walker.envs.disturbances import Disturbances, disturbed
-from gym_passive_walker.envs.reality import ROOM
 from gym_passive_walker.envs.scene import Scene, SceneError, make_scene
 from gym_passive_walker.envs.starts import Starts
 from gym_passive_walker.envs.transitions import NOTE
@@ -53,7 +53,7 @@ def _kernels(
     return tuple(device.kernel(bound.rebound(kernel)) for kernel in kernels)  # type: ignore[return-value]
 
 
-class Crowd:
+class DeviceBatch:
     """Walkers of a scene, on a device.
 
     A walker's episodes are those of its key, `seed` plus its number, whoever walks beside it. They
@@ -94,10 +94,16 @@ class Crowd:
                     f"{name} cannot be compiled, which walkers on a GPU need: use gpw.math, and "
                     "its where() instead of if"
                 )
-        self._shown = task.SIZE + (self.scene.command is not None) + 2 * self.scene.preview
+        self._shown = (
+            task.SIZE + (self.scene.command is not None) + 2 * self.scene.terrain_lookahead
+        )
         self.seen = self.custom.seen or self._shown
         system, fateful = system_in(self.scene, self.scene.walker), disturbed(self.scene)
-        self._system, pushed, watched = system, bool(self.scene.pushes), bool(self.scene.reality)
+        self._system, pushed, watched = (
+            system,
+            bool(self.scene.pushes),
+            bool(self.scene.constraints),
+        )
         rules = tuple(self.custom.rules.values())
         self._reset, self._step = _kernels(system.name, pushed, watched, fateful, rules)
         here = machinery(system.name, pushed=pushed, watched=watched, rules=rules)
@@ -110,14 +116,14 @@ class Crowd:
     def _drawn(self) -> NDArray[np.float64]:
         """Constants of the walkers that episodes draw from."""
         starts, random = Starts(self.scene), np.random.default_rng(0)
-        if not self.scene.randomise:
+        if not self.scene.domain_randomization:
             return bodies(self.scene.walker)[:, 0]
         return bodies(*(starts.varied(random) for _ in range(DRAWN)))[:, 0]
 
     def _walkers(self, drawn: NDArray, seed: int, *, own: bool) -> Walkers:
         count, fateful = self.count, disturbed(self.scene)
         width = drawn.shape[1] + (ROOM if fateful else 0)
-        late = self.scene.motor_delay, len(self.scene.actions)
+        late = self.scene.action_delay, len(self.scene.actions)
         return Walkers(
             records=device.room((count, 1), RECORD),
             bodies=device.room((count, 1, width), float) if own else device.put(drawn[:, None]),
@@ -138,7 +144,7 @@ class Crowd:
         keys, none = self._keys(seed), np.zeros(self.count, np.int64)
         self.walkers = self.walkers._replace(keys=device.put(keys), episodes=device.put(none))
 
-    def charge_for(self, energy: str | None) -> None:
+    def set_energy_cost(self, energy: str | None) -> None:
         """Charge the motors of all walkers for another kind of work; see `PassiveWalkerEnv`.
 
         Raises:
@@ -155,10 +161,10 @@ class Crowd:
             nodes, states = np.array([nodes[0], np.inf]), np.repeat(states, 2, axis=0)
         befall = Disturbances(scene, self._system.name, 0)
         arrays = World(
-            here.phases, options(scene.tolerance, scuff=bool(scene.stub)),
+            here.phases, options(scene.tolerance, scuff=bool(scene.end_on_toe_stub)),
             rules_of(scene, self._system, self._limit),
             np.zeros(1, RECORD), np.zeros(1, task.LEDGER), np.zeros(1, fates.FATE),
-            np.array([starts.low, starts.high]), nodes, states, np.array([scene.perturbation]),
+            np.array([starts.low, starts.high]), nodes, states, np.array([scene.reset_noise_scale]),
             drawn, befall.odds, here.natives, *befall.terrain,
             np.array([
                 self.custom.noted,
