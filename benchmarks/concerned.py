@@ -79,7 +79,7 @@ _CONCERNING = {
     "gaits/flow": "stride_map control/ticks physics/strides physics/trajectory jacobian",
     "gaits/gait": "gaits",
     "gaits/measures": "measures",
-    "gaits/reality": "constraints",
+    "gaits/reality": "reality",
     "gaits/search": "gaits families",
     "gaits/stability": "jacobian",
     "gaits/stride_map": "stride_map control/controlled",

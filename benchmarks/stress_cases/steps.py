@@ -60,8 +60,8 @@ def footholds(rng: np.random.Generator, count: int) -> dict[str, NDArray[np.floa
     ]
     return {
         "slope": rng.uniform(-0.1, 0.2, count),
-        "height_change": np.choose(kind, rises),
-        "slope_change": np.where(kind == 2, rng.uniform(-0.3, 0.3, count), 0.0),
+        "rise": np.choose(kind, rises),
+        "turn": np.where(kind == 2, rng.uniform(-0.3, 0.3, count), 0.0),
     }
 
 
