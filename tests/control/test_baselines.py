@@ -61,6 +61,18 @@ def test_an_optimal_gait_s_motors_are_each_a_share_of_their_own_largest(actions)
         np.testing.assert_allclose(column, expected, rtol=1e-12)
 
 
+@pytest.mark.parametrize("off", [0.0, 3.0])
+def test_the_derivative_of_a_plan_is_that_of_its_differences_and_0_where_it_is_clipped(off):
+    feedback = LinearFeedback("steep")
+    point, slope = feedback.point + off * np.array([1.0, -1.0, 0.5, 0.2]), feedback.scene.slope
+    by_point, by_slope = feedback.plan_by(point[None], slope)
+    for i, unit in enumerate(np.eye(len(point))):
+        ahead, behind = (feedback.plan(point[None] + h * unit, slope) for h in (1e-6, -1e-6))
+        np.testing.assert_allclose(by_point[..., i], (ahead - behind) / 2e-6, atol=1e-6)
+    clipped = np.abs(feedback.plan(point[None], slope)) == 1.0
+    assert clipped.any() == (off > 0.0) and (by_slope == 0.0).all()
+
+
 def test_a_policy_is_told_when_an_episode_begins_and_asked_to_act_without_noise():
     told = []
 

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from gym_passive_walker.control import optimal
 from gym_passive_walker.control.baselines import LinearFeedback
+from gym_passive_walker.control.maps import acting_as
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.evaluation.steps import steps
@@ -368,6 +370,39 @@ def test_a_policy_s_gaits_come_in_pieces_that_do_not_depend_on_where_they_were_b
     assert steps == pytest.approx(round(steps), abs=1e-3)
 
 
+@pytest.mark.parametrize(("action", "least"), [("push_off", 0.0), ("hip", -1.0), ("ankle", -1.0)])
+def test_actions_beyond_their_bounds_are_clipped_as_in_the_environment(action, least):
+    scene = make_scene(walker="E", slope=0.009, actions=(action,))
+    state = gpw.find_gait("E", 0.009).state
+
+    def walked(value):
+        strides = gpw.stride_map(
+            controller=lambda seen: np.full((len(seen), 1), value), scene=scene
+        )
+        return strides.stride(state).state
+
+    for value in (-3.0, -0.1, 2.0):
+        np.testing.assert_array_equal(walked(value), walked(np.clip(value, least, 1.0)))
+    assert np.abs(walked(0.1) - walked(0.0)).max() > 1e-6
+
+
+def test_a_controller_sees_its_command_and_the_footholds_ahead_each_in_its_place():
+    scene, ground = make_scene("rough", command=0.2, terrain_lookahead=2), gpw.waves(0.002, 3)
+    told = []
+
+    def watch(seen):
+        told.append(seen[0].copy())
+        return np.zeros((len(seen), 1))
+
+    strides = gpw.stride_map(controller=watch, scene=scene, terrain=ground)
+    strides.stride(gpw.find_gait(scene.walker, scene.slope).state)
+    env = PassiveWalkerVectorEnv(1, make_scene(scene, terrain=ground))
+    expected, _ = env.reset(seed=0)
+    assert told[0].shape == expected[0].shape == (13,)
+    for seen in told:
+        np.testing.assert_allclose(seen[8:], expected[0, 8:], rtol=1e-6)
+
+
 def in_environment(policy, scene, state, count):
     """States after each stride of one walker in the environment, (count, 6)."""
     envs, ends = PassiveWalkerVectorEnv(1, scene, max_episode_steps=-1), []
@@ -379,6 +414,27 @@ def in_environment(policy, scene, state, count):
             if len(ends) == count:
                 return np.array(ends)
     raise AssertionError("steps ended by themselves")
+
+
+@pytest.mark.parametrize("drive", [(-0.001, 0.0, 0.0), (0.002, -0.001, 0.01), (0.0, 0.002, 0.02)])
+def test_motors_that_do_the_same_in_each_stride_act_alike_as_a_policy(drive):
+    """As `robustness` has them act; also those that brake."""
+    units = units_of(gpw.WALKERS["E"])
+    held = np.multiply(drive, [units.torque, units.energy, units.impulse])
+    strides = gpw.stride_map("E", 0.009, controller=gpw.Actuation(*held))
+    state = gpw.find_gait("E", 0.009).state
+    policy, scene = acting_as(strides, 0.009)
+    walk = [stride.state for stride in strides.walk(state, 0.009, count=2)]
+    found = in_environment(policy, make_scene(scene, tolerance=1e-10), state, 2)
+    np.testing.assert_allclose(found, walk, atol=1e-6)
+
+
+def test_an_optimal_gait_is_played_on_the_slope_that_is_given():
+    gait = optimal.load("level")[3]
+    given, own = (
+        gpw.stride_map(None, slope, controller=gait, scene="level") for slope in (0.01, None)
+    )
+    assert (given.slope, own.slope) == (0.01, gait.slope)
 
 
 @pytest.fixture(scope="module")

@@ -227,3 +227,13 @@ def test_a_start_is_recovered_from_that_is_walked_on_for_all_strides(short):
     made[:4] -= short
     tries.walk = lambda starts, strides: SimpleNamespace(made=made)
     assert tries.recovered(0.3, 16, 0)[0] == (1.0 if short == 0 else 0.75)
+
+
+def test_ground_of_the_scene_that_is_random_is_walked_at_its_word():
+    scene = make_scene("lab", terrain=gpw.rough(0.004))
+    found, other = (
+        gpw.robustness("lab", scene, roughness=r, walkers=300, strides=20, starts=2)
+        for r in (0.001, 0.01)
+    )
+    assert found.roughness == other.roughness == 0.004
+    np.testing.assert_array_equal(found.survivors, other.survivors)

@@ -13,6 +13,7 @@ from gym_passive_walker import (
     find_gaits,
     gait_family,
     parameter_family,
+    simulate,
     stride,
     tune,
 )
@@ -23,6 +24,7 @@ from gym_passive_walker.gaits.continuation import (
     TANGENTIAL,
     VANISHED,
 )
+from gym_passive_walker.gaits.stride import STATE_NAMES
 
 
 @pytest.fixture(scope="module")
@@ -219,3 +221,19 @@ def test_a_neighbour_s_gait_starts_the_family_of_the_walker_asked_for():
     alone = find_gait(heavier, family.slope[middle], guess=family.state[middle])
     assert family.walker == heavier
     np.testing.assert_allclose(family.state[middle], alone.state, rtol=1e-10)
+
+
+def test_a_table_s_columns_are_those_of_a_state_by_their_names():
+    """Of a family, of a walk and of strides: the same name is the same entry of a state."""
+    family = gait_family("lab", 0.02, 0.03)
+    walk = simulate("lab", 0.036, find_gait("lab", 0.036).state, 2, samples=5)
+    strides = stride("lab", 0.03, family.state[:3])
+    for table, states in (
+        (family, family.state), (walk, walk.states), (strides, strides.state)
+    ):  # fmt: skip
+        columns = table.columns()
+        named = [name for name in STATE_NAMES if name in columns]
+        assert {"stance_angle", "stance_rate", "thigh_rate", "shank_rate"} <= {*named}
+        for name in named:
+            expected = states[:, STATE_NAMES.index(name)]
+            np.testing.assert_array_equal(columns[name], expected)

@@ -139,6 +139,43 @@ def test_a_walk_in_two_parts_is_the_walk():
     assert not any(part.requires_grad for part in tensors)
 
 
+def smooth(step):
+    """A reward of one's own that remembers the action before."""
+    return 1.0 + step.distance - (step.action[0] - step.last_action[0]) ** 2
+
+
+def tensors_of(part):
+    """All tensors of what is nested."""
+    if isinstance(part, torch.Tensor):
+        return [part]
+    return [x for each in getattr(part, "values", lambda: part)() for x in tensors_of(each)]
+
+
+def test_what_is_detached_remembers_nothing_of_what_ones_own_rules_are_told():
+    policy, scene = Steady(), make_scene("level", reward=smooth)
+    first = rollout(policy, scene, 5, count=2, seed=2)
+    assert any(x.requires_grad for x in tensors_of(first.end.last))
+    assert not any(x.requires_grad for x in tensors_of(first.end.detach()))
+
+
+def test_a_reward_of_ones_own_ends_with_the_episode():
+    scene = make_scene("level", reward=smooth)
+    walked = rollout(lambda seen: -torch.ones(len(seen)).double(), scene, 60, count=3, seed=0)
+    over = ~walked.going
+    assert over.any() and (walked.rewards[walked.going] != 0.0).all()
+    assert (walked.rewards[over] == 0.0).all()
+    torch.testing.assert_close(walked.returns, walked.rewards.sum(0))
+
+
+def test_parameters_that_are_given_prevail_over_random_ones():
+    scene = make_scene("level", domain_randomization={"foot_radius": 0.1, "thigh_mass": 0.1})
+    radius = torch.tensor(scene.walker.foot_radius, dtype=torch.float64, requires_grad=True)
+    here = standing(scene, 3, seed=0, parameters={"foot_radius": radius})
+    assert (here.parameters["foot_radius"] == radius).all()
+    assert here.parameters["foot_radius"].requires_grad
+    assert len(set(here.parameters["thigh_mass"].tolist())) == 3
+
+
 def test_what_walkers_are_made_of_has_a_gradient_through_a_walk():
     policy = Steady()
     scene = make_scene("level", start=tuple(policy.start), reset_noise_scale=0.0, tolerance=1e-12)

@@ -9,6 +9,7 @@ import torch
 import gym_passive_walker as gpw
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.torch import stride, tick
+from gym_passive_walker.units import units_of
 
 SLOPES = {"D": 0.009, "E": 0.009, "F": 0.009, "lab": 0.036}
 LEDGERS = (
@@ -139,6 +140,43 @@ def test_a_tick_that_ends_with_heelstrike_has_the_push_off_s_gradient():
         return told.state, *told[2:11]
 
     assert torch.autograd.gradcheck(walk, inputs, **THOROUGHLY)
+
+
+def test_ticks_and_strides_are_the_same_in_any_units():
+    """All that is given and told is over length, mass and gravity, pushes and footholds as well."""
+    small = gpw.WALKERS["E"]
+    giant = replace(
+        small, thigh_length=4.0 * small.thigh_length, shank_length=4.0 * small.shank_length,
+        thigh_com=4.0 * small.thigh_com, shank_com=4.0 * small.shank_com,
+        thigh_mass=3.0 * small.thigh_mass, shank_mass=3.0 * small.shank_mass,
+        hip_mass=3.0 * small.hip_mass, gravity=1.6,
+    )  # fmt: skip
+    assert giant.thigh_offset == giant.shank_offset == giant.foot_radius == 0.0
+    slope, states = gait("E")
+    found = []
+    for walker in (small, giant):
+        units = units_of(walker)
+        begun = units.to_own(units_of(small).to_dimensionless(states.detach().numpy()))
+        given = {
+            "hip_torque": 0.01 * units.torque, "ankle_torque": 0.004 * units.energy,
+            "push_off": 0.01 * units.impulse, "height_change": -0.002 * units.length,
+            "slope_change": 0.003,
+        }  # fmt: skip
+        whole = stride(walker, slope, begun, **given, tolerance=1e-12)
+        part = tick(
+            walker, slope, begun, **given, duration=2.0 * units.time, push=0.02 * units.impulse,
+            tolerance=1e-12,
+        )  # fmt: skip
+        sizes = {
+            "duration": units.time, "distance": units.length, "step_length": units.length,
+            "hip_work": units.energy, "ankle_work": units.energy, "push_off_work": units.energy,
+        }  # fmt: skip
+        told = [units.to_dimensionless(each.state) for each in (whole, part)]
+        for each in (whole, part):
+            told += [getattr(each, x) / size for x, size in sizes.items() if hasattr(each, x)]
+        found.append(told)
+    for ours, theirs in zip(*found, strict=True):
+        np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["A", "D", "lab", "lab-straight"])
