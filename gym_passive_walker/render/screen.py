@@ -35,7 +35,7 @@ _SCUFF = 1e-3  # smallest depth in leg lengths that is drawn as scuffing
 
 
 def _pygame() -> ModuleType:
-    """The pygame module, without its greeting."""
+    """The pygame module, imported without its welcome message."""
     os.environ.setdefault("PYGAME_HIDE_SUPPORT_PROMPT", "hide")
     with extra("render"):
         import pygame
@@ -62,7 +62,8 @@ class Screen:
         size: Width and height of a frame in pixels; a video requires even numbers.
 
     Raises:
-        ValueError: if the mode is unknown, the size is not positive or `fps` is not finite.
+        ValueError: if the mode is unknown, the size is not positive, or `fps` is negative or not
+            finite.
         ImportError: if pygame is not installed.
     """
 
