@@ -2,8 +2,8 @@
 
     python -m examples.once_a_stride
 
-The example shows how to write a controller of one's own, from the stride map and its derivatives up
-to the Floquet multipliers and the basin of the closed loop.
+The example shows how to write a custom controller. It begins with the stride map and its
+derivatives, and ends with the Floquet multipliers and the basin of the closed loop.
 
 `ActuationFeedback` is linear feedback of the deviation from a gait, by the linearized stride map.
 `SpeedControl` is for the simplest walker. Its hip is an inverted pendulum, so the speed at
