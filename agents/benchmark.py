@@ -166,10 +166,10 @@ def _learn(folder: Path, unit: Unit, budget: float) -> dict[str, Any]:
 
 
 def judge(policy: Policy, name: str) -> dict[str, Any]:
-    """An agent's scores in a scene of some name: means over walks; costs over all their way."""
+    """An agent's scores in a scene, by its name: means over walks, and costs over all distance."""
     scene = make_scene(name)
     walks = evaluate(policy, envs.arena(configure("ppo", name), EPISODES), seed=EPISODE_SEED)
-    # Over all the way that all walks went, so that a stumble does not weigh as much as a walk.
+    # Costs are relative to the total distance, so that a short walk has a small weight.
     way = max(float(walks.length.sum()), 1e-300)
     gravity, hip, net = (
         float(work.sum()) / way for work in (walks.gravity_work, walks.motor_work, walks.net_work)

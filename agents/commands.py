@@ -73,7 +73,7 @@ def find_optimal(arguments: Sequence[str]) -> int:
 
 
 def optimal_table(gaits: Sequence[optimal.OptimalGait]) -> str:
-    """Optimal gaits as a table."""
+    """A table of optimal gaits, as text."""
     lines = [
         "speed/√(gl)  cost of transport  of it motor's  period  largest multiplier  optimality"
     ]
@@ -169,7 +169,7 @@ def run_benchmark(arguments: Sequence[str]) -> int:
     if not args.budget > 0.0:
         raise ConfigError(f"--budget must be positive, not {args.budget}")
     todo = benchmark.units(args.scenes, args.agents, args.seeds)
-    from agents import standings  # it draws
+    from agents import standings  # imported late: no other command draws a benchmark
 
     if args.document is not None:
         try:

@@ -65,7 +65,7 @@ _UNITS = {"hip": "m g l", "ankle": "m g l", "push_off": "m √(g l)"}
 
 
 def describe(config: Config) -> str:
-    """A scene in a few words."""
+    """A short description of a run's scene: walker, slope, control and actuators."""
     scene = scene_of(config)
     walker = name_of(scene.walker)
     slope = (

@@ -19,7 +19,7 @@ from typing import NamedTuple
 ROOT = Path(__file__).parents[1]
 PACKAGE = "gym_passive_walker"
 BESIDE = ("agents", "examples", "validation")
-"""Folders of the repository that faults may be in too."""
+"""Folders outside the package that faults may be in too."""
 FAULTS = Path(__file__).parent / "faults"
 BLIND = FAULTS / "blind"
 

@@ -95,7 +95,8 @@ class Copy:
         try:
             return self.tests_fail(tests_of(mutant.file))
         finally:
-            shutil.copy2(ROOT / path_of(mutant.file), path)  # as old as before: see numba's cache
+            # Restore the modification time too, which numba's cache compares.
+            shutil.copy2(ROOT / path_of(mutant.file), path)
 
     def tests_fail(self, tests: Sequence[str], patience: float = PATIENCE) -> str:
         """Result of tests: the first failure, "time" if they ran too long, "" if they pass.

@@ -91,7 +91,7 @@ class Contact:
         while len(strikes) < strides or not middles or middles[-1][TIME] < strikes[-1][TIME]:
             self.step(self.model, self.data)
             new = self._seen(stance)
-            # A stride takes three time units, so a walk that exceeds ten has failed.
+            # A stride takes three time units; more than ten per stride is a failure.
             if not (abs(new[STANCE]) < 1.0 and new[TIME] < 10.0 * (strides + 1)):
                 break
             if old[STANCE] > 0.0 >= new[STANCE]:

@@ -2,8 +2,8 @@
 
     python -m examples.once_a_stride
 
-The example shows how to write a controller of one's own, from the stride map and its derivatives up
-to the Floquet multipliers and the basin of the closed loop.
+The example shows how to write a custom controller. It begins with the stride map and its
+derivatives, and ends with the Floquet multipliers and the basin of the closed loop.
 
 `ActuationFeedback` is linear feedback of the deviation from a gait, by the linearized stride map.
 `SpeedControl` is for the simplest walker. Its hip is an inverted pendulum, so the speed at
@@ -82,7 +82,7 @@ class OnceAStride:
         raise NotImplementedError
 
     def plan(self, points: NDArray, slopes: ArrayLike) -> NDArray[np.float64]:
-        """Actions of strides from section points (n, m): one control step each, (n, 1, parts)."""
+        """Actions (n, 1, parts) from points (n, m) on the section; each stride is one step."""
         return (self.actuation(points, slopes) / self.largest)[:, None]
 
     def predict(
@@ -160,7 +160,7 @@ def midstance_speed(points: NDArray, slopes: ArrayLike) -> NDArray[np.float64]:
     """Speed of the simplest walker's hip at mid-stance over sqrt(g l), (n,).
 
     Args:
-        points: Section points, dimensionless, (n, 3).
+        points: Points on the Poincaré section, dimensionless, (n, 3).
         slopes: Slope in rad, one for all or (n,).
 
     Returns:

@@ -2,14 +2,14 @@
 
     python -m examples.potential_shaping
 
-The example shows how to write a control law, make a controller of it that holds its torques for a
-control step, and analyze that controller with stride maps.
+The example shows how to write a control law. From the law it makes a controller that holds its
+torques for a control step, and analyzes that controller with stride maps.
 
-The potential energy V of two straight legs on point feet is a function of two angles, and the
-gradient of V_felt - V is a pair of torques. Under these torques the walker moves as under the
-gravity of V_felt. Collisions do not depend on gravity, so its gaits are those of a passive walker,
-the passive twin. The law needs torques that follow the state at every instant. An actuator that
-holds its torque for a control step approximates the law.
+The potential energy V of two straight legs on point feet is a function of two angles. The gradient
+of V_felt - V is a pair of torques. Under these torques the walker moves as under the gravity of
+V_felt. Collisions do not depend on gravity, so its gaits are those of a passive walker, the passive
+twin. The law needs torques that follow the state at every instant. An actuator that holds its
+torque for a control step approximates the law.
 
 References:
     M. W. Spong, F. Bullo, "Controlled symmetries and passive walking", IEEE Trans. Automatic
@@ -161,8 +161,8 @@ def controlled_symmetry(walker: Walker, slope: float) -> PotentialShaping:
 def virtual_gravity(walker: Walker, angle: float) -> PotentialShaping:
     """The law of Asano: on level ground a horizontal gravity of g tan(angle) is added.
 
-    The walker walks as on a slope of that angle (in rad) with gravity g / cos(angle), and the net
-    cost of transport is tan(angle).
+    The walker walks as on a slope of that angle (in rad) with gravity g / cos(angle). The net cost
+    of transport is tan(angle).
     """
     return PotentialShaping(walker, angle, 1.0 / math.cos(angle))
 

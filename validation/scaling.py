@@ -1,10 +1,10 @@
 """Scaling of gaits at small slopes: local exponents, and transitions between power laws.
 
 A collision dissipates the fourth power of the step length if the foot velocity is normal to the
-ground, and the square if it has a tangential part. Gravity supplies step length times slope. So the
-step grows with the cube root of the slope, or in proportion to it (section 4.6.3). The exponent
-along a branch of gaits is the tangent of the branch in logarithmic coordinates, from the exact
-derivatives of the stride map.
+ground. It dissipates the square if that velocity has a tangential part. Gravity supplies step
+length times slope. So the step grows with the cube root of the slope, or in proportion to it
+(section 4.6.3). The exponent along a branch of gaits is the tangent of the branch in logarithmic
+coordinates, from the exact derivatives of the stride map.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """A rimless wheel on rough ground: a walker without a swing leg, with a one-dimensional return map.
 
-It falls in each stride with the same chance 1 - lambda in the long run, where lambda is the leading
+In the long run it falls in each stride with the probability 1 - lambda. Here lambda is the leading
 eigenvalue of the return map in which falls are absorbing.
 
 References:

@@ -74,7 +74,10 @@ def classical_stride(states: NDArray, h: float) -> NDArray[np.float64]:
     quick=40, long=400, bound=4.5, unit="standard error",
 )  # fmt: skip
 def statistics(count: int, rng: np.random.Generator) -> Finding:
-    """Test with each walker's mean over its strides as one sample."""
+    """Test with each walker's mean over its strides as a sample.
+
+    Trajectories of different methods agree for some strides only.
+    """
     origin = start(gaits("D", SLOPE)[0])
     methods = [
         lambda states: engine_stride(states, 1e-5),

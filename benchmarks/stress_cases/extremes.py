@@ -119,7 +119,7 @@ def huge_torque(count: int, rng: np.random.Generator) -> Finding:
     quick=2_000, long=200_000, bound=1e-12, unit="rad, energy that moved",
 )  # fmt: skip
 def swing_overrotation(count: int, rng: np.random.Generator) -> Finding:
-    """Test swing legs that rotate forward or backward, 3 to 100 times as fast as in a walk."""
+    """Test swing legs with angular velocities of 30 to 100 √(g/l), forward or backward."""
     tried, failed, worst = 0, 0, 0.0
     for walker in WALKERS.values():
         mine, n = flock(walker), count // len(WALKERS)
@@ -130,7 +130,7 @@ def swing_overrotation(count: int, rng: np.random.Generator) -> Finding:
         walks = mine.follow(states, slope=rng.uniform(-0.1, 0.1, n), tolerance=1e-14)
         over = walks["outcome"] == Outcome.SWING_OVERROTATION
         tried += n
-        forward = states[:, 4] > 0.0  # backwards it may meet the ground first
+        forward = states[:, 4] > 0.0  # backwards the foot may touch the ground first
         failed += int((~over & forward).sum())
         beyond = np.abs(np.abs(walks["state"][over, 1:3]).max(axis=1) - np.pi)
         worst = max(worst, float(beyond.max()))
@@ -193,7 +193,7 @@ def slopes_without_gaits(count: int, rng: np.random.Generator) -> Finding:
     quick=25, long=400, bound=30.0, unit="mass of the foot / mass of the hip",
 )  # fmt: skip
 def vanishing_feet(count: int, rng: np.random.Generator) -> Finding:
-    """Test down to 10⁻¹³, the rounding error of the motion; smaller differences are hidden."""
+    """Test the difference, which is hidden below the rounding error of the motion, 10⁻¹³."""
     walker, gait = WALKERS["D"], gaits("D")[0]
     time, failed, worst = np.repeat([1.0, walker.time_unit], 3), 0, 0.0
     exact = stride(walker, gait.slope, gait.state, hip_torque=0.1, tolerance=1e-14)

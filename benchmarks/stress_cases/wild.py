@@ -17,7 +17,7 @@ from gym_passive_walker.physics.systems import bodies, system_of
 TOPIC = "Anything at all"
 _SHAPES, _THROWS = 200, 50  # shapes of a portion; initial states of each shape
 _TOLERANCES = (1e-4, 1e-8, 1e-12)
-_ROUNDING = 1e-14  # of energies in m g l: for a walker almost at rest, the terms nearly cancel
+_ROUNDING = 1e-14  # of energies over m g l; a walker almost at rest has much smaller energies
 
 
 def crowd(rng: np.random.Generator, kind: int) -> Flock:

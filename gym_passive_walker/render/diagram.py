@@ -1,4 +1,4 @@
-"""A labelled sketch, as Fig. 4.1, of a walker's parameters and of the angles of its state."""
+"""A labelled sketch, like Fig. 4.1, of a walker's parameters and of the angles of its state."""
 
 from __future__ import annotations
 

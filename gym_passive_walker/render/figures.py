@@ -80,7 +80,7 @@ def _lab() -> tuple[Walker, float, Any]:
 
 
 def transition(by: str = _ANGLE) -> Figure:
-    """Figs. 4.5 and 4.11: the short step's change of scaling, for feet of two masses."""
+    """Figs. 4.5 and 4.11: transition of the short step's scaling, for two foot masses."""
     figure, (ax,) = panels(size=(5.8, 5.2))
     # E and F have the same long steps: E is drawn broad and pale under F.
     for name, ratio, colour, width in (("E", 0.125, SKY_BLUE, 4.0), ("F", 0.05 / 0.9, BLACK, 1.2)):
@@ -100,7 +100,7 @@ def transition(by: str = _ANGLE) -> Figure:
 
 
 def lab_families(by: str = _ANGLE) -> Figure:
-    """Figs. 4.6 and 4.12: the laboratory's walker, knees free and locked."""
+    """Figs. 4.6 and 4.12: gaits of the laboratory's walker with knees free and locked."""
     figure, (ax,) = panels(size=(6.0, 5.8))
     drawn = []
     for name, colour, dash, said in (
@@ -141,7 +141,7 @@ def detuning(fractions: tuple[float, ...] = (0.0, 0.05, 0.3, 0.6, 0.75, 1.0)) ->
 
 
 def tuned_families(by: str = _ANGLE) -> Figure:
-    """Figs. 4.9 and 4.13: five walkers that can walk at vanishing slope, linear and logarithmic."""
+    """Figs. 4.9 and 4.13: five walkers with gaits at vanishing slope, on linear and log axes."""
     figure, axes = panels(1, 2, (9.6, 5.4))
     for index, name in enumerate("ABCDE"):
         for kind, width in _KINDS:
@@ -166,7 +166,7 @@ def tuned_families(by: str = _ANGLE) -> Figure:
 
 
 def period_doubling(slopes: int = 1200) -> Figure:
-    """Fig. 4.10: where walks of the tuned kneed walker settle, and its gait of period one."""
+    """Fig. 4.10: bifurcation diagram of the tuned kneed walker, and its gait of period one."""
     walker = tune(WALKERS["C"])
     diagram = bifurcation_diagram(
         walker, np.linspace(0.07, 0.098, slopes), n_transient=500, n_recorded=100
@@ -260,13 +260,13 @@ FIGURES: dict[str, Plate] = {
     "4.12": Plate(partial(lab_families, _SPEED), "Mean speed over √(g l) " + _LAB_SAYS),
     "4.13": Plate(partial(tuned_families, _SPEED), "Mean speed over √(g l) " + _TUNED_SAYS),
 }
-"""The figures that can be drawn, by their numbers in the source document.
+"""The figures that can be drawn, by their numbers in Garcia (1999), chapter 4.
 
-Figs. 4.4 and 4.7 are sketches of definitions and Fig. 4.2 is a photograph: nothing to compute.
+Figs. 4.4 and 4.7 are sketches of definitions and Fig. 4.2 is a photograph; they are not computed.
 """
 
 KINDS = ("png", "svg", "pdf")
-"""Kinds of file that a figure can be drawn to."""
+"""File formats of figures."""
 
 
 def draw(name: str, folder: str | Path, kind: str = "png") -> Path:

@@ -101,7 +101,7 @@ def height(surface: NDArray[np.float64], x: NDArray[np.float64] | float) -> NDAr
 
 
 def between(surface: NDArray[np.float64], low: float, high: float) -> NDArray[np.float64]:
-    """The part of a surface from one x to another, (k, 2); level beyond both its ends."""
+    """The part of a surface between two x, shape (k, 2); the surface is level beyond its ends."""
     inner = surface[(surface[:, 0] > low) & (surface[:, 0] < high)]
     first, last = ([[x, float(height(surface, x))]] for x in (low, high))
     return np.concatenate([first, inner, last])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 Colour = tuple[int, int, int]
 
-# Blue and orange of Okabe and Ito's palette, for the leg that stands at stride 0 and the other.
+# Blue and orange of Okabe and Ito's palette, for the stance leg of stride 0 and the other leg.
 LEGS: tuple[Colour, Colour] = ((0, 96, 160), (224, 138, 22))
 HIP: Colour = (38, 42, 50)
 SKY: Colour = (250, 250, 247)

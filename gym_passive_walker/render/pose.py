@@ -42,10 +42,10 @@ class Leg(NamedTuple):
 
 
 class Pose(NamedTuple):
-    """A walker's posture.
+    """Positions of the parts of a walker.
 
     Attributes:
-        contact: Where the stance foot touches the ground, shape (..., 2).
+        contact: Contact point of the stance foot, shape (..., 2).
         hip: The hip, shape (..., 2).
         stance: The stance leg.
         swing: The swing leg.

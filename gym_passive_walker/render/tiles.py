@@ -1,4 +1,4 @@
-"""Many walkers in one picture."""
+"""Frames of many walkers in one picture."""
 
 from __future__ import annotations
 
