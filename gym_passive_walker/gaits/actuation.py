@@ -1,4 +1,4 @@
-"""Motors that do the same in each stride: what they hold, and the push-off at its end."""
+"""Actuation that is equal in each stride: constant torques, and a push-off at the end."""
 
 from __future__ import annotations
 
@@ -14,13 +14,15 @@ from gym_passive_walker.walkers import Walker
 
 
 class Actuation(NamedTuple):
-    """What motors do all along: in the walker's own units where people say it, else dimensionless.
+    """Constant torques and a push-off at the end of each stride.
+
+    Arguments of public functions are in the walker's own units; elsewhere they are dimensionless.
 
     Attributes:
-        hip_torque: Between stance leg and swing thigh, positive when it opens the legs in the
-            walking direction; per unit of foot mass for the simplest walker.
-        ankle_torque: Between ground and stance leg, positive when it tips the walker forward; on
-            point feet alone.
+        hip_torque: Torque between stance leg and swing thigh, positive when it opens the legs in
+            the walking direction; per unit of foot mass for the simplest walker.
+        ankle_torque: Torque between ground and stance leg, positive when it tips the walker
+            forward; requires point feet.
         push_off: Impulse of the ground along the stance leg just before each heelstrike.
     """
 
@@ -30,19 +32,19 @@ class Actuation(NamedTuple):
 
     @property
     def passive(self) -> bool:
-        """Whether there is none."""
+        """Whether all torques and the push-off are zero."""
         return self == PASSIVE if _single(self) else not any(np.any(part) for part in self)
 
     @property
     def using(self) -> tuple[str, ...]:
-        """What of `physics.systems.EXTRAS` it takes."""
+        """Names in `physics.systems.EXTRAS` that this actuation needs."""
         if self[1:] == PASSIVE[1:] if _single(self) else not (np.any(self[1]) or np.any(self[2])):
             return ()
         return "ankle", "push_off"
 
 
 def _single(actuation: Actuation) -> bool:
-    """Whether its parts are plain numbers, which need not wait for arrays."""
+    """Whether all parts are plain floats, which are handled without arrays."""
     return type(actuation[0]) is type(actuation[1]) is type(actuation[2]) is float
 
 
@@ -50,33 +52,33 @@ PASSIVE = Actuation()
 """No motors."""
 
 USES = {"hip_torque": "hip", "ankle_torque": "ankle", "push_off": "push_off"}
-"""What of the engine each part of an actuation is."""
+"""The engine's name for each part of an actuation."""
 
 
 def actuation_units(units: Units) -> Actuation:
-    """The dimensionless units of an actuation in a walker's own."""
+    """Return the units of a dimensionless actuation, in the walker's own units."""
     return Actuation(units.torque, units.energy, units.impulse)
 
 
 def to_dimensionless(units: Units, actuation: Actuation) -> Actuation:
-    """An actuation in a walker's own units without them."""
+    """Return an actuation in a walker's own units in dimensionless form."""
     return Actuation(
         *(part / unit for part, unit in zip(actuation, actuation_units(units), strict=True))
     )
 
 
 def to_own(units: Units, actuation: Actuation) -> Actuation:
-    """A dimensionless actuation in a walker's own units."""
+    """Return a dimensionless actuation in a walker's own units."""
     return Actuation(
         *(part * unit for part, unit in zip(actuation, actuation_units(units), strict=True))
     )
 
 
 def check_actuation(walker: Walker, actuation: Actuation) -> Actuation:
-    """An actuation whose parts are numbers, or arrays of them, that the walker's feet can bear.
+    """Check that an actuation has numbers or arrays as parts, and that the walker's feet permit it.
 
     Raises:
-        ValueError: if they are not; the message says what is allowed.
+        ValueError: if a check fails; the message says what is allowed.
     """
     if type(actuation) is Actuation and _single(actuation) and sum(map(abs, actuation)) < math.inf:
         if actuation == PASSIVE:
@@ -105,15 +107,15 @@ def check_actuation(walker: Walker, actuation: Actuation) -> Actuation:
 
 
 def actuation_shapes(actuation: Actuation) -> list[tuple[int, ...]]:
-    """The shapes of its parts."""
+    """Return the shapes of the parts of an actuation; empty if all are floats."""
     return [] if _single(actuation) else [np.shape(part) for part in actuation]
 
 
 def one_actuation(walker: Walker, actuation: Actuation) -> Actuation:
-    """A actuation of single numbers.
+    """Check an actuation of single numbers.
 
     Raises:
-        ValueError: if a part is none.
+        ValueError: if a part is not a single number.
     """
     checked = check_actuation(walker, actuation)
     if any(np.ndim(part) for part in checked):
@@ -122,6 +124,6 @@ def one_actuation(walker: Walker, actuation: Actuation) -> Actuation:
 
 
 def for_each(value: ArrayLike, count: int) -> NDArray[np.float64]:
-    """A number, or one for each of some points, as one for each."""
+    """Return a number, or one number for each of `count` points, as an array (count,)."""
     values = np.asarray(value, dtype=float)
     return values if values.ndim else np.full(count, values)

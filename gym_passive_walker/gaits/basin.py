@@ -1,9 +1,9 @@
-"""From where a walker finds its gait, from where it falls, and how hard a push it survives.
+"""Basins of attraction of gaits, and the largest velocity perturbation that a gait withstands.
 
-A section has more coordinates than a picture, so a basin is shown on a slice through a gait: stance
-angle and stance rate are free, and the swing leg's rates are those with which a heelstrike leaves
-them if the legs strike with the gait's own ratio of rates. Such states are ones that a walk can
-come through; for the simplest walker they are all of them.
+The Poincaré section has more coordinates than a picture, so a basin is shown on a slice through a
+gait. On the slice stance angle and stance angular velocity are free. The swing leg's angular
+velocities are those after a heelstrike in which the legs have the gait's own ratio of angular
+velocities. A walk can reach such states. For the simplest walker they are all states.
 
 References:
     A. L. Schwab, M. Wisse, "Basin of attraction of the simplest walking model", ASME DETC (2001).
@@ -37,33 +37,33 @@ from gym_passive_walker.shown import Table
 from gym_passive_walker.walkers import Walker, describe, name_of
 
 FELL, UNSETTLED = -1, -2
-"""Instead of a gait's index: the walker fell, or still walks on none of the gaits."""
+"""Values in place of a gait's index: the walker fell, or still walks but on none of the gaits."""
 
-_CHUNK = 1 << 16  # cells walked together
-_PUSHES = 512  # tried at a time
-_FINEST_PUSH = 1e-15  # of the gait's stance rate
-_FINEST = 10_000  # angles, by as many rates
-_EXACT, _ROUGHLY = 1e-13, 1e-8  # tolerances, on a gait and where walks are only looked over
+_CHUNK = 1 << 16  # cells in one batch
+_PUSHES = 512  # perturbations in one batch
+_FINEST_PUSH = 1e-15  # relative to the gait's stance angular velocity
+_FINEST = 10_000  # angles, and angular velocities
+_EXACT, _ROUGHLY = 1e-13, 1e-8  # tolerances: on a gait, and of a first survey
 _LONGEST_PERIOD = 12
-_SETTLING = 500  # strides taken before a walk is looked at
+_SETTLING = 500  # transient strides before the period is measured
 _WALKED, _ALONG = 1e-9, 1e-12  # tolerances of such walks, and along gaits
-_SPAN = 2.2  # a default slice reaches from 0 to so many times the gait's angle and rate
+_SPAN = 2.2  # upper end of a default slice over the gait's angle and angular velocity
 
 
 @dataclass(frozen=True, repr=False)
 class Basin(Table):
-    """Where walks lead from a slice of the section.
+    """Basins of attraction on a slice of the Poincaré section.
 
     Attributes:
-        walker: Who walks.
+        walker: The walker.
         slope: Slope in rad.
-        stance_angle: The slice's stance angles in rad, (n,).
-        stance_rate: Its stance rates, (m,), in the walker's own units.
-        gaits: Stable gaits that walks settle on.
+        stance_angle: Stance angles of the slice in rad, (n,).
+        stance_rate: Stance angular velocities of the slice, (m,), in the walker's own units.
+        gaits: Stable gaits to which walks converge.
         settled: Index into `gaits`, shape (m, n): FELL (-1) where the walker fell, UNSETTLED (-2)
-            where it still walked at the end on none of them.
-        outcome: How the last stride ended, an `Outcome`, (m, n); HEELSTRIKE unless it fell.
-        strides: Strides completed until it fell or had settled, (m, n).
+            where it still walked at the end but on none of the gaits.
+        outcome: `Outcome` of the last stride, (m, n); HEELSTRIKE unless the walker fell.
+        strides: Strides completed until the walker fell or had converged, (m, n).
     """
 
     walker: Walker
@@ -77,11 +77,11 @@ class Basin(Table):
 
     @property
     def walks(self) -> NDArray[np.bool_]:
-        """Where the walker walks on, shape (m, n)."""
+        """Whether the walker did not fall, shape (m, n)."""
         return self.settled != FELL
 
     def facts(self) -> dict[str, str]:
-        """The slice, and what share of it leads where."""
+        """The slice, and the share of each basin."""
         angles, rates = self.stance_angle, self.stance_rate
         shares = {f"settles on gait {i}": self.settled == i for i in range(len(self.gaits))}
         shares |= {"walks on unsettled": self.settled == UNSETTLED, "falls": ~self.walks}
@@ -94,7 +94,7 @@ class Basin(Table):
         }
 
     def columns(self) -> dict[str, NDArray]:
-        """A row for each start of the slice."""
+        """One row for each initial state of the slice."""
         angle, rate = np.meshgrid(self.stance_angle, self.stance_rate)
         names = ("settled", "outcome", "strides")
         return {"stance_angle": angle.ravel(), "stance_rate": rate.ravel()} | {
@@ -103,14 +103,14 @@ class Basin(Table):
 
 
 class Push(NamedTuple):
-    """The largest changes of the stance rate, just after heelstrike, that a gait survives.
+    """Largest velocity perturbations, just after heelstrike, that a gait withstands.
 
-    Every smaller change is survived as well, as finely as was looked. Infinite if none was found
-    that is not.
+    A perturbation changes the stance leg's angular velocity. The gait withstands every smaller one
+    that was tried. A limit is infinite if no perturbation tried makes the walker fall.
 
     Attributes:
-        forward: The largest that speeds the walker up, positive.
-        backward: The largest that slows it down, positive.
+        forward: Largest change that speeds the walker up, positive, in the walker's own units.
+        backward: Largest change that slows the walker down, positive, in the walker's own units.
     """
 
     forward: float
@@ -118,11 +118,11 @@ class Push(NamedTuple):
 
 
 class Attractors:
-    """Points of the stable gaits at a slope, to tell which one a walk is about to settle on.
+    """Points of the stable gaits at a slope, to find the gait to which a walk converges.
 
     Args:
-        stride_map: Whose gaits.
-        gaits: The gaits, of any period.
+        stride_map: The stride map.
+        gaits: Gaits of any period.
         atol: Distance in logarithmic coordinates that counts as close.
     """
 
@@ -139,9 +139,9 @@ class Attractors:
                 point = finely.apply(point, gait.slope).ends
 
     def of(self, points: NDArray) -> NDArray[np.int8]:
-        """Index of the gait that each point (n, m) is close to; UNSETTLED if to none."""
+        """Return the index (n,) of the gait near each point (n, m); UNSETTLED if there is none."""
         index = np.full(len(points), UNSETTLED, np.int8)
-        with np.errstate(invalid="ignore"):  # one that stands on a step may lean back
+        with np.errstate(invalid="ignore"):  # on a step the stance angle may be negative
             u = logarithms(points)
         for point, owner in zip(self.points, self.owner, strict=True):
             index[np.abs(u - point).max(axis=1) < self.atol] = owner
@@ -151,18 +151,18 @@ class Attractors:
 def walk_until_settled(
     stride_map: StrideMap, points: NDArray, slope: float, gaits: Attractors, most: int
 ) -> tuple[NDArray[np.int8], NDArray[np.int8], NDArray[np.int32], NDArray[np.float64]]:
-    """Let walkers walk until each has fallen, or has come close to a stable gait.
+    """Iterate the stride map until each walker has fallen or has come close to a stable gait.
 
     Args:
-        stride_map: Who walks.
-        points: Where they start, (n, m).
+        stride_map: The stride map.
+        points: Initial points, (n, m).
         slope: Slope in rad.
-        gaits: The gaits to come close to.
+        gaits: Points of the stable gaits.
         most: Strides after which a walk counts as unsettled.
 
     Returns:
-        Of each walk the gait that it has come close to, FELL or UNSETTLED; how its last stride
-        ended, an `Outcome`; the strides completed, (n,) each; and its last point, (n, m).
+        Index of the gait close by, or FELL or UNSETTLED, (n,); `Outcome` of the last stride, (n,);
+        strides completed, (n,); and the last points, (n, m).
     """
     count, here = len(points), points.copy()
     settled, outcome = (
@@ -190,16 +190,16 @@ def walk_until_settled(
 def other_attractors(
     stride_map: StrideMap, slope: float, points: NDArray, known: list[Gait]
 ) -> list[Gait]:
-    """The stable gaits of any period, besides those known, that walks from a slice settle on.
+    """Return further stable gaits of any period to which walks from a slice converge.
 
     Args:
-        stride_map: Who walks.
+        stride_map: The stride map.
         slope: Slope in rad.
-        points: Those of the slice, (n, m), of which a sample is taken.
-        known: Stable gaits.
+        points: Points of the slice, (n, m), of which a sample is used.
+        known: Stable gaits already known.
 
     Returns:
-        Gaits, those of short period first; none for a walk that is still unsettled or chaotic.
+        Gaits, those of short period first. Walks that are still unsettled or chaotic give none.
     """
     sample = points[:: max(1, len(points) // 4096)]
     roughly = stride_map.with_tolerance(_ROUGHLY)
@@ -232,7 +232,7 @@ def _slice(
     stride_map: StrideMap, gait: Gait | None, angles: NDArray, rates: NDArray,
     ratios: tuple[float, float] | None,
 ) -> NDArray:  # fmt: skip
-    """Points of the section (n, m) at pairs of stance angle and stance rate."""
+    """Return points of the section (n, m) at pairs of stance angle and angular velocity."""
     if ratios is not None:
         swing = [rates * ratio for ratio in ratios[: stride_map.dimension - 2]]
         return np.column_stack([angles, rates, *swing])
@@ -242,7 +242,7 @@ def _slice(
     before = exact.before_strike(exact.points_at(gait.state)[0], gait.slope, duration)
     stance, swing = (np.full(len(angles), rate) for rate in before[3:5])
     points, *_ = heelstrike(stride_map, angles, stance, swing)
-    # The collision is linear in the rates, so any stance rate belongs to one strength of it.
+    # The impact is linear in the angular velocities, so the result is scaled to each stance value.
     swing = points[:, 2:] * (rates / points[:, 1])[:, None]
     return np.column_stack([angles, rates, swing])
 
@@ -259,27 +259,28 @@ def basin_of_attraction(
     atol: float = 1e-4,
     tolerance: float = 1e-8,
 ) -> Basin:
-    """Where walks lead from a slice of the section, cell by cell as lanes.
+    """Compute the basins of attraction of a walker's gaits on a slice of the Poincaré section.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes; or a map of `stride_map`, whose
-            controller then works its motors.
+        walker: The walker, in a form that `as_walker` takes; or a map of `stride_map`, which may
+            have a controller.
         slope: Slope in rad; the map's own when None.
-        stance_angles: Stance angles in rad; from near 0 to 2.2 times the long gait's if None.
-        stance_rates: Stance rates; from 2.2 times the long gait's to near 0 if None.
-        resolution: How many angles and rates, where they are not given.
-        ratios: Thigh and shank rate over the stance rate. None leaves them to a heelstrike with
-            the long gait's ratio of rates, which is the slice described above.
+        stance_angles: Stance angles in rad, (n,); from near 0 to 2.2 times the long gait's if None.
+        stance_rates: Stance angular velocities in the walker's own units, (m,); from 2.2 times the
+            long gait's to near 0 if None.
+        resolution: Number of angles and of angular velocities that are not given.
+        ratios: Thigh and shank angular velocity over the stance angular velocity. If None, they
+            follow from a heelstrike with the long gait's ratio of angular velocities.
         strides: Strides after which a walk counts as unsettled.
-        atol: A walk has settled when it is this close to a gait in the section's logarithmic
-            coordinates.
-        tolerance: Of the integration.
+        atol: Distance from a gait, in the section's logarithmic coordinates, at which a walk has
+            converged.
+        tolerance: Tolerance of the integration.
 
     Returns:
-        The basin.
+        The `Basin`.
 
     Raises:
-        GaitNotFound: if the walker has no gait at this slope and something above rests on one.
+        GaitNotFound: if the walker has no gait at this slope and a default above requires one.
         ValueError: if an argument is out of range.
     """
     stride_map = map_of(walker, tolerance=check_tolerance(tolerance))
@@ -291,7 +292,7 @@ def basin_of_attraction(
         allowed = "two numbers, thigh and shank rate over the stance rate"
         if real_array(ratios, "ratios", allowed).shape != (2,):
             raise ValueError(f"ratios must be {allowed}, not {shown(ratios)}")
-    if stride_map.controlled:  # two that walk alike are not looked for
+    if stride_map.controlled:  # one gait is searched for
         sought = seek(stride_map, slope).gait
         known = [sought] if sought else []
     else:
@@ -341,24 +342,25 @@ def largest_push(
     accuracy: float = 1e-9,
     tolerance: float = 1e-10,
 ) -> Push:
-    """How far the stance rate may be changed just after heelstrike and the walker walks on.
+    """Find the largest velocity perturbation, just after heelstrike, that a gait withstands.
 
-    Pushes are tried as lanes, 512 at a time, below the least that was not survived so far, until
-    there is none among them; the edge is then narrowed down.
+    A perturbation changes the stance leg's angular velocity. 512 perturbations are tried at a time,
+    all smaller than the smallest failure so far. When only the largest one fails, the limit is
+    narrowed down.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes; or a map of `stride_map`, whose
-            controller then works its motors.
+        walker: The walker, in a form that `as_walker` takes; or a map of `stride_map`, which may
+            have a controller.
         slope: Slope in rad; the map's own when None.
-        gait: The gait that is pushed; the long-step gait if None.
-        strides: A push is survived if the walker makes so many strides after it, or is back on
-            the gait before.
-        accuracy: Relative to the gait's stance rate, at least 1e-15: finer than that numbers are
-            not.
-        tolerance: Of the integration.
+        gait: The gait that is perturbed; the long-step gait if None.
+        strides: A gait withstands a perturbation if the walker makes so many strides after it, or
+            returns to the gait before that.
+        accuracy: Accuracy relative to the gait's stance angular velocity, at least 1e-15, which is
+            about the precision of the numbers.
+        tolerance: Tolerance of the integration.
 
     Returns:
-        The largest changes, in the walker's own units; 0 for a gait that is not walked on at all.
+        The largest changes, in the walker's own units; 0 if the gait withstands none.
     """
     stride_map = map_of(walker, tolerance=check_tolerance(tolerance))
     slope, strides = stride_map.chosen(slope), whole(strides, "strides")
@@ -379,7 +381,7 @@ def largest_push(
     def limit(direction: float) -> float:
         share = np.arange(1, _PUSHES + 1) / _PUSHES
         high, first = 3.0 * size, 0
-        while first < _PUSHES - 1:  # basins have ragged edges: look again below what was found
+        while first < _PUSHES - 1:  # a basin's edge may be ragged: try smaller ones
             tried = high * share
             lost = np.flatnonzero(~survived(direction * tried))
             if len(lost) == 0:
@@ -391,12 +393,12 @@ def largest_push(
         while high - low > accuracy * size:
             tried = low + (high - low) * share
             lost = np.flatnonzero(~survived(direction * tried))
-            if len(lost) == 0:  # the edge lies within rounding of the last one
+            if len(lost) == 0:  # the limit is within rounding of the last one
                 break
             low, high = (tried[lost[0] - 1] if lost[0] else low), tried[lost[0]]
         return low
 
-    # A stance leg falls forward with a negative rate.
+    # The stance leg's angular velocity is negative when it falls forward.
     time = stride_map.units.time
     with progress("ways to push", 2) as pushed:
         forward = limit(-1.0) / time

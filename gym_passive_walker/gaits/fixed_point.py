@@ -1,9 +1,8 @@
-"""Gaits: fixed points of the stride map, found without a guess, or a sentence on why not.
+"""Find gaits: fixed points of the stride map, without an initial guess.
 
-Where there is no gait, one that exists elsewhere is followed towards what was asked for until it
-is lost: so the message of `GaitNotFound` has the nearest slope, and the nearest walker, with a
-gait. What lies there is a fold, or an edge of the stride itself; where exactly, a `gait_family`
-tells.
+If there is no gait, one that exists elsewhere is followed towards the slope or walker asked for,
+until it ends. The message of `GaitNotFound` reports the nearest slope, and the nearest walker,
+with a gait. A gait ends at a fold, or where strides fail; `gait_family` locates such points.
 """
 
 from __future__ import annotations
@@ -30,10 +29,10 @@ from gym_passive_walker.walkers import (
     tuning_errors,
 )
 
-_GENTLEST, _STEEPEST = 1e-4, 0.6  # slopes in rad looked at
-_RATIO, _MOST_RATIO = 1.2, 30.0  # of slopes looked at, and how far from the one asked for
-_FIRST, _LAST = 0.125, 1e-5  # share of the way in which a gait is followed at first, and at last
-_TRIES = 60  # on the way, so that it ends
+_GENTLEST, _STEEPEST = 1e-4, 0.6  # slopes tried, in rad
+_RATIO, _MOST_RATIO = 1.2, 30.0  # ratio of slopes tried, and the largest to the one asked for
+_FIRST, _LAST = 0.125, 1e-5  # first and smallest step as a gait is followed, shares of the way
+_TRIES = 60  # largest number of these steps
 _TUNED = 1e-12  # tuning error of a tuned walker
 
 
@@ -44,23 +43,24 @@ def find_gaits(
     period: int = 1,
     guess: ArrayLike | None = None,
 ) -> list[Gait]:
-    """Every gait of a period that is found at a slope, longest step first.
+    """Find every gait (limit cycle) of a period at a slope, longest step first.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes; or a map of `stride_map`, whose
-            controller then works its motors.
+        walker: The walker, in a form that `as_walker` takes; or a map of `stride_map`, which may
+            have a controller.
         slope: Slope in rad; the map's own when None.
         period: Strides until the motion repeats; 1 for an ordinary gait.
-        guess: A section state or several to start from, instead of the search's own starts.
+        guess: One or several states on the Poincaré section, (6,) or (n, 6), as initial guesses;
+            the search uses its own when None.
 
     Returns:
-        Zero, one or two gaits for walkers like the published ones; up to four under a push-off
-        uphill. Under a controller, those that walks near the passive gait lead to.
+        Zero, one or two gaits for walkers like the published ones; up to four with a push-off
+        uphill. Under a controller, the gaits reached by walks near the passive gait.
     """
     stride_map = map_of(walker, tolerance=ACCURACY)
     slope, period = stride_map.chosen(slope), whole(period, "period")
     starts = begin(stride_map, slope, period, guess)
-    # Uphill, a push-off makes up for the losses of steps of two sizes, each long and short.
+    # Uphill, a push-off balances the losses of steps of two sizes, each long and short.
     most = 4 if stride_map.actuation.push_off else 2
     return search(stride_map, slope, starts, period, lambda gaits: len(gaits) >= most)[0]
 
@@ -84,25 +84,25 @@ def find_gait(
         True
 
     Args:
-        walker: The walker, in a form that `as_walker` takes; or a map of `stride_map`, whose
-            controller then works its motors.
+        walker: The walker, in a form that `as_walker` takes; or a map of `stride_map`, which may
+            have a controller.
         slope: Slope in rad; the map's own when None.
-        kind: "long" or "short", as `Gait.kind` has it. Of an untuned walker's two long-step gaits
-            at the lowest slopes, the one with the longer step. Of a feedback or a policy, the gait
-            found is returned whatever its kind.
+        kind: "long" or "short", as in `Gait.kind`. An untuned walker has two long-step gaits at the
+            lowest slopes; "long" selects the one with the longer step. Under a feedback or a
+            policy, `kind` is ignored.
         period: Strides until the motion repeats.
-        guess: A section state to start from, instead of the search's own starts; the gait found
-            from it is returned whatever its kind.
+        guess: A state on the Poincaré section, (6,), as initial guess; the search uses its own
+            when None. With a guess, `kind` is ignored.
 
     Returns:
-        The gait, its state exact to about 1e-12 relative; `violation` says how nearly it closes
-        where a controller has no derivative.
+        The gait. The relative error of its state is about 1e-12. If the controller has no
+        derivative, `violation` reports how nearly the gait closes.
 
     Raises:
-        GaitNotFound: if there is none. The message says what was tried, how it ended and what would
-            help: of a passive walker the nearest slope with such a gait, or a walker alike that has
-            one here; and the exception has both as `slope` and `walker`. To look for them may take
-            some seconds.
+        GaitNotFound: if there is none. The message reports what was tried and how it ended. For a
+            passive walker it reports the nearest slope with such a gait, or a similar walker that
+            has one at this slope; these are attributes `slope` and `walker` of the exception. The
+            search for them may take some seconds.
     """
     stride_map = map_of(walker, tolerance=ACCURACY)
     slope, kind, period = stride_map.chosen(slope), gait_kind(kind), whole(period, "period")
@@ -136,11 +136,11 @@ def find_gait(
 def _advice(
     walker: Walker, slope: float, kind: GaitKind
 ) -> tuple[str, float | None, Walker | None]:
-    """What would help a search for a gait of one stride that has found nothing.
+    """Return remedies after a search for a gait of one stride has found none.
 
     Returns:
-        A sentence; the nearest slope in rad at which this walker has such a gait, and the nearest
-        walker that has one at this slope, if they are known.
+        A sentence; the nearest slope in rad at which this walker has such a gait; and the nearest
+        walker that has one at this slope. Each of the last two is None if not known.
     """
     near, alike = _nearest_slope(walker, slope, kind), None
     if near is None:
@@ -166,7 +166,7 @@ def _advice(
 
 
 def _tuned_walks(walker: Walker, slope: float, kind: GaitKind) -> bool:
-    """Whether the walker, tuned, has a gait."""
+    """Return whether the walker has a gait once it is tuned."""
     try:
         return glance(tune(walker), slope, kind) is not None
     except WalkerError:  # it cannot be tuned
@@ -174,7 +174,7 @@ def _tuned_walks(walker: Walker, slope: float, kind: GaitKind) -> bool:
 
 
 def _nearest_slope(walker: Walker, slope: float, kind: GaitKind) -> float | None:
-    """The slope nearest by its logarithm with a gait; for walks on the level or uphill, a slope."""
+    """Return the nearest slope with a gait, by its logarithm; any such slope if slope <= 0."""
     count = int(np.log(_MOST_RATIO) / np.log(_RATIO))
     ways = _RATIO ** np.arange(1, count + 1)
     if slope <= 0.0:
@@ -194,10 +194,11 @@ def _nearest_slope(walker: Walker, slope: float, kind: GaitKind) -> float | None
 def _nearest_walker(
     walker: Walker, slope: float, kind: GaitKind
 ) -> tuple[str, float, Walker] | None:
-    """The walker that gaits of presets are followed to on the way to this one, and how far it is.
+    """Follow gaits of presets towards this walker, and return the walker nearest to it.
 
     Returns:
-        The preset, the share of the way, and the walker there; None if none of its kind walks.
+        The preset's name, the share of the way, and the walker there; None if no preset of this
+        kind has a gait at this slope.
     """
     best = None
     for name, preset in WALKERS.items():
@@ -214,7 +215,7 @@ def _nearest_walker(
 
 
 def _in_size(preset: Walker, walker: Walker) -> Walker:
-    """A preset with another walker's leg length, mass and gravity."""
+    """Return a preset scaled to another walker's leg length, mass and gravity."""
     length = walker.leg_length / preset.leg_length
     mass = walker.total_mass / preset.total_mass
     units = {"gravity": walker.gravity / preset.gravity, "foot_angle": 1.0}
@@ -227,11 +228,11 @@ def _in_size(preset: Walker, walker: Walker) -> Walker:
 
 
 def _followed(gait: Gait, place: Callable[[float], tuple[Walker, float]]) -> tuple[float, Gait]:
-    """A gait followed towards where there is none, as far as it goes.
+    """Follow a gait as far as possible towards a walker and slope without one.
 
     Args:
-        gait: Where it begins.
-        place: Takes a share of the way, from 0 to 1, to a walker and a slope.
+        gait: The gait at the beginning.
+        place: Function from a share of the way, 0 to 1, to a walker and a slope in rad.
 
     Returns:
         The share of the way, and the gait there.

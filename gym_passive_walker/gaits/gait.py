@@ -1,4 +1,4 @@
-"""What a gait is: a periodic walk, its measures, and the equations that it solves."""
+"""Periodic gaits (limit cycles): their measures, and the equations that they solve."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ from gym_passive_walker.walkers import Walker, name_of
 
 GaitKind = Literal["long", "short"]
 
-_EXACT = 1e-13  # tolerance with which gaits are measured
+_EXACT = 1e-13  # tolerance of the integration when gaits are measured
 
 
 class GaitNotFound(Exception):
-    """No such gait; the message says for whom, where, what was tried and what would help.
+    """No such gait; the message names walker, slope, what was tried and what would help.
 
     Attributes:
-        slope: A slope in rad near the one asked for at which there is one; None if none is known.
-        walker: A walker near the one asked for that has one; None if none is known.
+        slope: A nearby slope in rad at which there is a gait; None if none is known.
+        walker: A similar walker that has a gait; None if none is known.
     """
 
     def __init__(
@@ -48,20 +48,21 @@ class GaitNotFound(Exception):
 
 @dataclass(frozen=True, repr=False)
 class Gait(Shown):
-    """A periodic walk (a limit cycle), passive or under a controller, in the walker's own units.
+    """A periodic gait (limit cycle), passive or under a controller, in the walker's own units.
 
     Attributes:
-        stride_map: Whose fixed point it is: its walker, and what works its motors.
+        stride_map: The stride map of which this gait is a fixed point.
         slope: Slope in rad.
-        kind: "long" or "short" step. An untuned walker's slowest gaits, beyond the fold at the
-            foot of its long-step curve, belong to that curve and are "long" like the rest of it.
-        period: Strides until the motion repeats; of a terrain that repeats after several, times
-            as many.
-        state: Section state (6,): angles in rad and rates, just after heelstrike.
+        kind: "long" or "short" step. An untuned walker's slowest gaits lie beyond a fold of its
+            long-step branch. They belong to that branch and are "long".
+        period: Strides until the motion repeats. On a terrain that repeats after L strides, the
+            motion repeats after L times as many.
+        state: State on the Poincaré section, just after heelstrike, (6,): angles in rad, then
+            angular velocities.
         multipliers: Floquet multipliers, the eigenvalues of the stride map's derivative over one
-            period, largest modulus first. One of a kneed walker's four, and of the simplest
-            walker's three, is zero: the walker forgets it at kneestrike (at heelstrike), where two
-            rates become one.
+            period, largest modulus first, (m,). One of a kneed walker's four is zero, as is one of
+            the simplest walker's three: an impact (kneestrike, heelstrike) makes one angular
+            velocity depend on the others.
         violation: Largest distance between the period's end and its start, dimensionless.
         strides: The strides of one period, a `Stride` of arrays.
     """
@@ -82,12 +83,12 @@ class Gait(Shown):
 
     @property
     def controller(self) -> Any:
-        """What works the motors: an `Actuation`, or what observes the walker; None if passive."""
+        """The controller: an `Actuation`, or a controller with feedback; None if passive."""
         return self.stride_map.controller
 
     @cached_property
     def stride(self) -> Stride:
-        """The first stride of the gait with its ledger."""
+        """The first stride of the gait, with its energy balance."""
         first = Stride(*(np.asarray(x)[0] for x in self.strides._replace(weight=[0.0])))
         outcome = Outcome(int(first.outcome))
         return first._replace(weight=self.strides.weight, outcome=outcome)  # type: ignore[arg-type]
@@ -107,7 +108,7 @@ class Gait(Shown):
 
     @property
     def collision_loss(self) -> float:
-        """Mean energy lost at the strikes of a stride."""
+        """Mean energy lost at the impacts of a stride."""
         return self._mean(self.strides.collision_loss)
 
     @property
@@ -131,55 +132,56 @@ class Gait(Shown):
         return self.speed / units_of(self.walker).speed
 
     def _cost(self, energies: NDArray) -> float:
-        """Energies over weight times distance."""
+        """Mean energy of a stride over weight times distance."""
         return self._mean(energies) / (self.strides.weight * self.step_length)
 
     @property
     def gravity_cost(self) -> float:
-        """Gravity's work over weight times distance."""
+        """Work of gravity over weight times distance."""
         return self._cost(self.strides.gravity_work)
 
     @property
     def hip_cost(self) -> float:
-        """Absolute work of the hip's motor, likewise."""
+        """Absolute work of the hip torque over weight times distance."""
         return self._cost(self.strides.hip_work_absolute)
 
     @property
     def net_hip_cost(self) -> float:
-        """Its net work."""
+        """Net work of the hip torque over weight times distance."""
         return self._cost(self.strides.hip_work)
 
     @property
     def positive_hip_cost(self) -> float:
-        """Its work where it drives."""
+        """Positive work of the hip torque over weight times distance."""
         return self._cost(self.strides.hip_work_positive)
 
     @property
     def ankle_cost(self) -> float:
-        """Absolute work of the ankle's motor."""
+        """Absolute work of the ankle torque over weight times distance."""
         return self._cost(self.strides.ankle_work_absolute)
 
     @property
     def net_ankle_cost(self) -> float:
-        """Its net work."""
+        """Net work of the ankle torque over weight times distance."""
         return self._cost(self.strides.ankle_work)
 
     @property
     def push_off_cost(self) -> float:
-        """Work of the push-off."""
+        """Work of the push-off over weight times distance."""
         return self._cost(self.strides.push_off_work)
 
     @property
     def motor_cost(self) -> float:
-        """Absolute work of all motors."""
+        """Absolute work of all actuators over weight times distance."""
         return self.hip_cost + self.ankle_cost + self.push_off_cost
 
     @property
     def cost_of_transport(self) -> float:
         """Energy spent over weight times distance (Eq. 4.3).
 
-        Gravity's work and the motors' absolute work. Of a passive gait it is what collisions and
-        friction take, which is the same and keeps its digits at small slopes.
+        The energy spent is the work of gravity plus the absolute work of the actuators. On a
+        passive gait it equals the losses to impacts and friction, which are used because they
+        keep their digits at small slopes.
         """
         if self.controller is not None:
             return self.gravity_cost + self.motor_cost
@@ -203,7 +205,7 @@ class Gait(Shown):
 
     @property
     def beyond_fold(self) -> bool:
-        """Whether one real multiplier exceeds 1: so on short-step gaits and the slowest ones."""
+        """Whether a real multiplier exceeds 1, as on short-step gaits and the slowest gaits."""
         return bool(np.prod(1.0 - self.multipliers).real < 0.0)
 
     @property
@@ -212,7 +214,7 @@ class Gait(Shown):
         return bool(np.abs(self.multipliers[0]) < 1.0)
 
     def facts(self) -> dict[str, str]:
-        """Its measures, dimensionless."""
+        """Measures of the gait, dimensionless."""
         return {
             **({"controller": name} if (name := self.stride_map.controller_name) else {}),
             "walker": name_of(self.walker),
@@ -228,14 +230,16 @@ class Gait(Shown):
 
 
 class Violation(NamedTuple):
-    """How far n points are from being gaits, exactly derived; NaN where strides fail.
+    """Residuals of the gait equations at n points, with exact derivatives; NaN where strides fail.
 
     Attributes:
-        values: What vanishes on a gait, (n, m).
-        derivatives: By the coordinates, and by what else was asked for, (n, m, columns).
-        map: Derivative of the strides' end by their start, (n, m, m): the multipliers' matrix.
+        values: Residuals, which vanish on a gait, (n, m).
+        derivatives: Derivatives of `values` by the coordinates, then by the other quantities
+            asked for, (n, m, columns).
+        map: Derivative of the strides' end by their start, (n, m, m). Its eigenvalues are the
+            Floquet multipliers.
         passage: Where the strides lead.
-        change: Its derivatives, by the same columns.
+        change: Derivatives of `passage`, by the columns of `derivatives`.
     """
 
     values: NDArray[np.float64]
@@ -253,18 +257,18 @@ def gait_equations(
     period: int = 1,
     by: Sequence[str] = (),
 ) -> Violation:
-    """What vanishes on a gait, with its exact derivative.
+    """Return the residuals of the gait equations, with their exact derivatives.
 
-    The equation for the stance leg's rate is replaced by the balance of energy, which says the
-    same on a gait but keeps its digits at small slopes, where the map is nearly the identity along
-    one direction.
+    The energy balance replaces the equation for the stance leg's angular velocity. On a gait the
+    two are equivalent. At small slopes the map is nearly the identity along one direction, and
+    only the energy balance keeps its digits.
 
     Args:
-        stride_map: Whose gait.
+        stride_map: The stride map.
         u: Points in logarithmic coordinates, (n, m).
         slopes: Slope in rad, one for all or (n,).
         period: Strides of the gait.
-        by: What to differentiate by besides the coordinates, as for `StrideMap.linearize`.
+        by: Quantities to differentiate by besides the coordinates, as for `StrideMap.linearize`.
     """
     points, m = from_logarithms(u), u.shape[1]
     passage, change = stride_map.linearize(
@@ -280,12 +284,12 @@ def gait_equations(
 
 
 def _kind(walker: Walker, map_derivative: NDArray, duration: float) -> GaitKind:
-    """Which gait this is, by the part of the curve of gaits that it lies on.
+    """Return the kind of a gait from the part of the branch on which it lies.
 
-    The sign of det(1 - D) changes where a curve folds, and it is positive on the long-step part.
-    Of the parts where it is negative, the short-step one swings its leg in less than about half a
-    period of the hanging leg, from 0.7 to 1.05 of it on the published walkers. The other is the
-    slow end of an untuned walker's long-step curve, from 1.2 to 1.9.
+    The sign of det(1 - D) changes at a fold of the branch; it is positive on the long-step part.
+    There are two parts where it is negative. On the short-step part a stride takes less than about
+    half a period of the hanging leg (0.7 to 1.05 times that on the published walkers). On the slow
+    end of an untuned walker's long-step branch it takes 1.2 to 1.9 times that.
     """
     if np.linalg.det(np.eye(len(map_derivative)) - map_derivative) > 0.0:
         return "long"
@@ -293,7 +297,7 @@ def _kind(walker: Walker, map_derivative: NDArray, duration: float) -> GaitKind:
 
 
 def _half_swing(walker: Walker) -> float:
-    """Half a period over sqrt(l/g) of the straight leg as it hangs from a resting hip."""
+    """Half a period, in sqrt(l/g), of the straight leg that hangs from a hip at rest."""
     if walker.massless_legs:
         return math.pi
     body = body_of(walker)
@@ -302,7 +306,7 @@ def _half_swing(walker: Walker) -> float:
 
 
 def multipliers_of(map_derivative: NDArray) -> NDArray[np.complex128]:
-    """Eigenvalues of the stride map's derivative, largest modulus first."""
+    """Floquet multipliers (m,) from the stride map's derivative (m, m), largest modulus first."""
     values = np.linalg.eigvals(map_derivative).astype(complex)
     return values[np.argsort(-np.abs(values), kind="stable")]
 
@@ -311,14 +315,14 @@ def measure(stride_map: StrideMap, u: NDArray, slope: float, period: int) -> Gai
     """Measure the gait at a fixed point.
 
     Args:
-        stride_map: Whose gait.
+        stride_map: The stride map.
         u: The fixed point in logarithmic coordinates, (m,).
         slope: Slope in rad.
-        period: Strides until it repeats.
+        period: Strides until the motion repeats.
     """
     exact, walker = stride_map.with_tolerance(_EXACT), stride_map.walker
     gait = gait_equations(exact, u[None], slope, period=period)
-    multipliers = multipliers_of(gait.map[0])  # first of all: refuses where no stride exists
+    multipliers = multipliers_of(gait.map[0])  # first, as it raises if no stride exists
     point = from_logarithms(u[None])
     state = exact.states_at(point)[0]
     strides = together(exact.walk(state, slope, period))

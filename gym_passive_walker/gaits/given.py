@@ -1,4 +1,4 @@
-"""A walk as analyses take it: a walker, its slope, state and motors, or a gait that has them."""
+"""First arguments of analyses: a walker with slope, state and actuation, or a gait with all."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from gym_passive_walker.walkers import Walker, WalkerLike, as_walker
 
 @runtime_checkable
 class Periodic(Protocol):
-    """What a `Gait` has that analyses of a walk need; a gait is made of strides, not they of it."""
+    """Protocol of a `Gait`, as far as analyses need it; it avoids an import of `Gait` here."""
 
     @property
     def stride_map(self) -> Any:
-        """Its `StrideMap`."""
+        """The `StrideMap` of the gait."""
         ...
 
     @property
@@ -27,7 +27,7 @@ class Periodic(Protocol):
 
     @property
     def period(self) -> int:
-        """Strides until it repeats."""
+        """Strides until the motion repeats."""
         ...
 
     @property
@@ -37,7 +37,7 @@ class Periodic(Protocol):
 
 
 GaitLike: TypeAlias = Periodic | Section | WalkerLike
-"""What analyses of a walk take as their first argument: a gait, a stride map, or a walker."""
+"""Type of the first argument of analyses of a walk: a gait, a stride map, or a walker."""
 
 
 def walk_of(
@@ -46,28 +46,27 @@ def walk_of(
     state: ArrayLike | None,
     *motors: ArrayLike | None,
 ) -> tuple[Walker, Any, ArrayLike, Actuation, int, Any]:
-    """Return a walk, not checked but for its walker; what is None is the gait's or the map's own.
+    """Return a complete walk; a gait or map supplies what is None. Only the walker is checked.
 
     Args:
         walker: A gait, a stride map, or a walker in a form that `as_walker` takes.
         slope: Slope in rad.
-        state: State just after heelstrike.
+        state: State just after heelstrike, (6,) or (n, 6).
         *motors: Hip torque, ankle torque and push-off, or the first of them, as in `Actuation`; 0
-            where there is neither a gait nor a map.
+            without a gait or a map.
 
     Returns:
-        The walker, its slope in rad, its state just after heelstrike; its motors, in its own units,
-        where they do the same in each stride; the strides until the walk repeats, 1 where that is
-        not known; and its stride map, where a controller works the motors or the ground is uneven,
-        None without either.
+        The walker; its slope in rad; its state just after heelstrike; its actuation in its own
+        units, if equal in each stride; the strides until the walk repeats, 1 if not known; and its
+        stride map if it has a controller or uneven ground, else None.
 
     Raises:
-        WalkerError: if this is no walker.
-        ValueError: if motors are given where a controller works them.
+        WalkerError: if `walker` is no walker.
+        ValueError: if `motors` are given although the map has a controller or a terrain.
     """
     own, period = PASSIVE, 1
     strides: Any = None
-    # A protocol takes long to look for, and walkers are followed in small steps.
+    # An isinstance check of a protocol is slow, so walkers and names skip it.
     if not isinstance(walker, Walker | str):
         if isinstance(walker, Periodic):
             slope = walker.slope if slope is None else slope

@@ -1,4 +1,4 @@
-"""Measures of a gait: what it costs, how fast it is, and how its foot lands (4.3.3, 4.3.4)."""
+"""Measures of a gait: cost of transport, speed and foot velocity (Garcia, 4.3.3 and 4.3.4)."""
 
 from __future__ import annotations
 
@@ -18,11 +18,13 @@ from gym_passive_walker.walkers import WalkerLike, as_walker
 
 
 class FootVelocity(NamedTuple):
-    """Velocity of the landing foot where it touches the ground, just before heelstrike (Fig. 4.4).
+    """Velocity of the landing foot at its contact point, just before heelstrike (Fig. 4.4).
 
     Attributes:
-        tangential: Along the slope, positive downhill.
-        normal: Away from the ground: negative when the foot comes down.
+        tangential: Velocity along the slope, positive downhill; a number or (n,), in the walker's
+            own units.
+        normal: Velocity away from the ground, negative when the foot comes down; a number or (n,),
+            in the walker's own units.
     """
 
     tangential: NDArray[np.float64] | float
@@ -30,17 +32,17 @@ class FootVelocity(NamedTuple):
 
 
 class Measures(NamedTuple):
-    """How well a gait walks, in the walker's own units.
+    """Measures of a gait, in the walker's own units.
 
     Attributes:
         step_period: Mean time of a stride.
         step_length: Mean distance between contacts along the slope.
-        speed: Along the slope.
+        speed: Mean speed along the slope.
         froude_speed: Speed over sqrt(g l) (Eq. 4.6).
         cost_of_transport: Energy lost over weight times distance (Eq. 4.3).
         kneestrike_loss: Energy lost at kneestrike, in the first stride.
         heelstrike_loss: Energy lost at heelstrike, in the first stride.
-        foot_velocity: Of the landing foot, at the end of the first stride.
+        foot_velocity: Velocity of the landing foot at the end of the first stride.
     """
 
     step_period: float
@@ -54,10 +56,10 @@ class Measures(NamedTuple):
 
 
 def foot_velocity(walker: WalkerLike, state: ArrayLike) -> FootVelocity:
-    """Velocity of the landing foot at contact (Eq. 4.10).
+    """Return the velocity of the landing foot at contact (Eq. 4.10).
 
-    The equation's signs, taken with the source's own angles, count the tangential velocity
-    positive uphill; here it is positive downhill, as its text says.
+    With the angles of Garcia (1999), the signs of that equation make the tangential velocity
+    positive uphill. Here it is positive downhill, as its text says.
 
     Args:
         walker: The walker, in a form that `as_walker` takes.
@@ -71,22 +73,21 @@ def foot_velocity(walker: WalkerLike, state: ArrayLike) -> FootVelocity:
 
 
 def collision_matrix(walker: WalkerLike, stance_angle: float) -> NDArray[np.float64]:
-    """The matrix M of Eq. 4.7: a heelstrike at foot velocity v loses the energy v.M.v / 2.
+    """Return the matrix M of Eq. 4.7: a heelstrike at foot velocity v loses the energy v.M.v / 2.
 
-    Before the collision the walker moves as one that rolls on its new foot, with a translation v
-    besides. The ground's impulse takes the translation away, and the joints give way to it: what
-    it meets is the mass of the whole less what the joints yield, the Schur complement of the mass
-    matrix in the matrix of the walker lifted off the ground. M v is the impulse, but for its sign.
-    The old stance knee yields as well, if there is one; the simplest walker's leg lets pass all
-    but the part of v along it.
+    Just before the impact the motion is a roll on the new foot plus a translation v. The ground's
+    impulse removes the translation, while the joints, including an old stance knee, turn freely.
+    M is the effective mass at the foot: the Schur complement of the mass matrix in the mass matrix
+    of the walker off the ground. The impulse is -M v. For the simplest walker only the component
+    of v along the leg contributes.
 
     Args:
         walker: The walker, in a form that `as_walker` takes.
-        stance_angle: In rad just after heelstrike, as `Gait.stance_angle`; 0 for M(0).
+        stance_angle: Stance angle in rad just after heelstrike, as `Gait.stance_angle`; 0 for M(0).
 
     Returns:
-        Shape (2, 2), masses in the walker's unit, for velocities (downhill, away from the ground);
-        symmetric and positive semidefinite, precise to rounding of the total mass.
+        Symmetric positive semidefinite matrix (2, 2) in the walker's unit of mass, for velocities
+        (downhill, away from the ground). Its error is about the rounding of the total mass.
     """
     walker, stance_angle = as_walker(walker), one_slope(stance_angle, "stance_angle")
     if walker.massless_legs:
@@ -111,7 +112,7 @@ def collision_matrix(walker: WalkerLike, stance_angle: float) -> NDArray[np.floa
 
 
 def measures(gait: Gait) -> Measures:
-    """Every measure of a gait."""
+    """Return all measures of a gait."""
     instance(gait, Gait, "gait", "gpw.find_gait returns")
     stride_map = gait.stride_map
     duration = float(gait.stride.duration) / stride_map.units.time

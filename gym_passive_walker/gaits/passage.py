@@ -1,4 +1,4 @@
-"""What strides make of points of the section: the terms in which a stride map answers."""
+"""Results of a stride map: points of the section after some strides, and measures of these."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 _DROWNED = 1e6
-"""Push-off over the step length squared, of about 1 on most gaits; beyond, rounding is no less than
-the accuracy of gaits."""
+"""Limit of the push-off over the step length squared, which is about 1 on most gaits. Above it,
+rounding exceeds the accuracy of gaits."""
 
 
 class NoStride(ValueError):
@@ -18,21 +18,21 @@ class NoStride(ValueError):
 
 @dataclass(frozen=True)
 class Change:
-    """What strides make of n points; NaN where a walker fell. All of it dimensionless.
+    """Measures of strides from n points, dimensionless; NaN where a walker fell.
 
-    As derivatives, each array has one axis more: the last, with a column for each direction.
+    Arrays of derivatives have one more axis, the last, with a column for each direction.
 
     Attributes:
         ends: Points after the strides, (n, m).
-        durations: Of all strides, (n,).
-        lengths: Of all steps along the slope, (n,).
-        lost: Energy lost at collisions and to friction, (n,).
-        supplied: Energy supplied by gravity and torque, as if each stride ended at the height where
-            it began, (n,).
-        knee_times: When the knee locks in the last stride, (n,); NaN without knees.
-        imbalance: Energy lost less energy supplied, over their mean, (n,). Zero on a gait, and
-            precise where the small difference of two states would not be. With a push-off P, times
-            1 + P over the square of the length; NaN where that exceeds 1e6.
+        durations: Total duration of the strides, (n,).
+        lengths: Total length of the steps along the slope, (n,).
+        lost: Energy lost at impacts and to friction, (n,).
+        supplied: Energy supplied by gravity and actuators, as if each stride ended at the height
+            where it began, (n,).
+        knee_times: Time of kneestrike in the last stride, (n,); NaN without knees.
+        imbalance: Energy lost less energy supplied, over their mean, (n,). It is zero on a gait,
+            and precise where the small difference of two states would not be. With a push-off P it
+            is multiplied by 1 + P / lengths^2; NaN where P / lengths^2 exceeds 1e6.
     """
 
     ends: NDArray[np.float64]
@@ -46,11 +46,11 @@ class Change:
 
 @dataclass(frozen=True)
 class Passage(Change):
-    """Points taken through some strides.
+    """Results of applying a stride map to n points.
 
     Attributes:
-        outcomes: How each walker's last stride ended, an `Outcome`, (n,): STALLED if it was given
-            up, DIVERGED if its point was not finite.
+        outcomes: `Outcome` of each walker's last stride, (n,): STALLED if it was given up,
+            DIVERGED if the walker's point was not finite.
     """
 
     outcomes: NDArray[np.int8]
@@ -62,18 +62,18 @@ class Passage(Change):
 
 
 def product(a: NDArray, b: NDArray) -> NDArray:
-    """The product of two quantities (n, 1 + k, ...), each with k derivatives behind its value."""
+    """Multiply two quantities (n, 1 + k, ...), each a value followed by its k derivatives."""
     product = a[:, :1] * b + a * b[:, :1]
     product[:, 0] *= 0.5
     return product
 
 
 def imbalance(lost: NDArray, supplied: NDArray, push_off: NDArray, lengths: NDArray) -> NDArray:
-    """The difference of energy lost and supplied over their mean, (n, 1 + k).
+    """Return the difference of energy lost and supplied over their mean, (n, 1 + k).
 
-    With legs nearly together, a strike takes back all that the push-off has just given. Compared
-    with that alone, every walker that hardly steps would be in balance. So the difference is
-    enlarged where steps are short for their push-off, which leaves those of gaits much as they are.
+    With legs nearly together, an impact absorbs all the energy that the push-off has just supplied.
+    Every point with tiny steps would then seem to be in balance. So the difference is enlarged
+    where steps are short for their push-off. Values near gaits hardly change.
     """
     l0, s0 = lost[:, :1], supplied[:, :1]
     relative = 4.0 * (s0 * lost - l0 * supplied) / (l0 + s0) ** 2

@@ -1,8 +1,8 @@
-"""Whether a walk could happen: what the model takes of ground and knees unasked (4.3.2).
+"""Feasibility of a walk: forces and motions that the model does not limit (Garcia, 4.3.2).
 
-The stride map holds the stance foot to the ground and the stance knee straight whatever that
-takes, lets the swing foot pass through the ground, and the new swing knee bend either way. Here
-strides are looked at again, and each of these liberties is measured.
+The stride map holds the stance foot on the ground and the stance knee straight at any force. It
+lets the swing foot pass through the ground, and the new swing knee bend either way. This module
+measures by how much a walk needs each of these assumptions.
 """
 
 from __future__ import annotations
@@ -39,14 +39,14 @@ from gym_passive_walker.walkers import Walker, describe, name_of
 
 
 class Reading(NamedTuple):
-    """A line of a reality check.
+    """One line of a reality check.
 
     Attributes:
-        item: Which item of 4.3.2 it belongs to.
-        quantity: What was measured.
-        extreme: Its worst value, and when; NaN if there is no such thing.
-        unit: What the value is divided by to be dimensionless.
-        unit_name: The name of that.
+        item: Item of Garcia (1999), section 4.3.2, that the quantity belongs to.
+        quantity: Name of the measured quantity.
+        extreme: Worst value in the walker's units, and its time; NaN if it does not exist.
+        unit: Unit that makes the value dimensionless, in the walker's units.
+        unit_name: Name of `unit`.
     """
 
     item: str
@@ -58,39 +58,41 @@ class Reading(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class RealityCheck(Table):
-    """What a walk takes of ground and knees, in the walker's own units. Print it for a table.
+    """Forces on ground and knees and clearances of a walk, in the walker's own units.
 
-    Times count from the walk's start. Of several strides it holds the worst. NaN stands for what
-    does not exist, such as a straight leg's knee torque.
+    Print it for a table. Times count from the walk's start. Each value is the worst over all
+    strides. NaN marks quantities that do not exist, such as a straight leg's knee torque.
 
     Attributes:
-        walker: Who walks.
+        walker: The walker.
         slope: Slope in rad.
-        strides: Strides looked at.
-        duration: Time that they take.
-        friction: Coefficient of friction that foot and ground have.
-        clearance: Least height of the swing foot over the ground as it passes: where it turns up
-            again, after it rose behind. Negative when it scuffs; 0 at heelstrike if it never turns
-            up. The foot is a whole circle here.
-        stance_knee_torque: Least torque on the stance knee's stop between collisions. Positive
-            presses the knee against its stop; a negative one would flex it.
-        stance_knee_at_kneestrike: Impulse on the stance knee's stop then, likewise.
-        stance_knee_at_heelstrike: Impulse on the new stance knee's stop then, likewise.
-        swing_knee_torque: Least torque on the swing knee's stop from kneestrike to heelstrike:
-            a negative one takes suction, as in the source's machine.
-        least_normal_force: Of the ground on the stance foot; negative where it would have to pull.
-        greatest_normal_force: Likewise.
-        stance_friction: Greatest coefficient of friction needed between collisions.
-        kneestrike_impulse: Of the ground on the stance foot at kneestrike.
-        heelstrike_impulse: Of the ground on the new stance foot at heelstrike.
-        stance_knee_at_push_off: Impulse of a push-off on the old stance knee's stop.
+        strides: Number of strides checked.
+        duration: Time taken by the strides.
+        friction: Coefficient of friction between foot and ground.
+        clearance: Least height of the swing foot over the ground in mid-swing: at its lowest point
+            after it rose behind. Negative when it scuffs; 0 at heelstrike if there is no such
+            point. The foot is a whole circle here.
+        stance_knee_torque: Least torque on the stance knee's stop between impacts. Positive
+            presses the knee against its stop; negative would flex it.
+        stance_knee_at_kneestrike: Least impulse on the stance knee's stop at kneestrike; negative
+            would flex the knee.
+        stance_knee_at_heelstrike: Least impulse on the new stance knee's stop at heelstrike;
+            negative would flex the knee.
+        swing_knee_torque: Least torque on the swing knee's stop from kneestrike to heelstrike.
+            Negative requires suction, as in the machine of Garcia (1999).
+        least_normal_force: Least normal force of the ground on the stance foot; negative where the
+            ground would have to pull.
+        greatest_normal_force: Greatest normal force of the ground on the stance foot.
+        stance_friction: Greatest coefficient of friction needed between impacts.
+        kneestrike_impulse: Impulse of the ground on the stance foot at kneestrike.
+        heelstrike_impulse: Impulse of the ground on the new stance foot at heelstrike.
+        stance_knee_at_push_off: Least impulse of a push-off on the old stance knee's stop.
         push_off_impulse: Impulse of the ground on the old stance foot at a push-off.
-        knee_flexion: Least flexion in rad of the new swing knee from heelstrike to kneestrike:
+        knee_flexion: Least flexion in rad of the new swing knee from heelstrike to kneestrike;
             negative when it hyperextends.
         release_velocity: Velocity of the old stance foot away from the ground just after
-            heelstrike, that is where a stride starts; negative when it would go into the ground.
-        release_depth: How far the old stance foot then goes below the ground, as a clearance: 0 or
-            negative.
+            heelstrike, where a stride starts; negative into the ground.
+        release_depth: Least clearance of the old stance foot after its release: 0 or negative.
     """
 
     walker: Walker
@@ -116,11 +118,11 @@ class RealityCheck(Table):
 
     @property
     def passed(self) -> dict[str, bool]:
-        """Whether each item of 4.3.2 holds; suction at the swing knee is taken for granted."""
+        """Whether each item of section 4.3.2 holds; suction at the swing knee is assumed."""
         knee, heel = self.kneestrike_impulse, self.heelstrike_impulse
 
         def never_negative(*values: float) -> bool:
-            return not any(value < 0.0 for value in values)  # what does not exist is no failure
+            return not any(value < 0.0 for value in values)  # NaN, which does not exist, passes
 
         return {
             "scuffing": never_negative(self.clearance.value),
@@ -148,7 +150,7 @@ class RealityCheck(Table):
 
     @property
     def readings(self) -> list[Reading]:
-        """All that was measured, item by item."""
+        """All measured quantities, item by item."""
         length, time, torque, _ = units = units_of(self.walker)
         weight = units.force
         knee, heel = self.kneestrike_impulse, self.heelstrike_impulse
@@ -206,7 +208,7 @@ class RealityCheck(Table):
         return "\n".join(lines)
 
     def facts(self) -> dict[str, str]:
-        """Which items hold."""
+        """Walker, slope, strides, and whether each item holds."""
         return {
             "walker": name_of(self.walker),
             "slope": f"{self.slope:.6g} rad",
@@ -215,7 +217,7 @@ class RealityCheck(Table):
         }
 
     def columns(self) -> dict[str, NDArray]:
-        """A row for each reading."""
+        """One row for each reading."""
         items, quantities, extremes, units, names = zip(*self.readings, strict=True)
         values, times = np.array(extremes).T
         return {
@@ -230,11 +232,11 @@ class RealityCheck(Table):
 
 
 def _release_and_passing(heights: list[Extreme], rising: bool) -> tuple[Extreme, Extreme]:
-    """Where the swing foot is lowest behind, as it leaves the ground, and where as it passes.
+    """Return the swing foot's lowest clearance after its release, and its lowest in mid-swing.
 
     Args:
-        heights: Its clearance over a stride where it turns.
-        rising: Whether it leaves the ground upwards.
+        heights: Local extrema of the swing foot's clearance over a stride, in order of time.
+        rising: Whether the foot leaves the ground upwards.
     """
     heights = [h for i, h in enumerate(heights) if i == 0 or h.time > heights[i - 1].time]
     values = [height.value for height in heights]
@@ -258,25 +260,27 @@ def reality_check(
     hip_torque: float | None = None,
     tolerance: float = 1e-13,
 ) -> RealityCheck:
-    """Measure what a walk takes of the ground and the knees that the model does not ask for.
+    """Measure the forces and clearances of a walk that the model does not limit.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes; or a stride map or a `Gait`, whose
-            slope, state and motors are those of the walk where they are not given.
+        walker: The walker, in a form that `as_walker` takes; or a stride map or a `Gait`, which
+            supplies slope, state and actuation where they are not given.
         slope: Slope in rad, positive downhill.
-        state: Section state, just after heelstrike, shape (6,).
-        strides: How many strides to look at; 1 by default, or the gait's period.
-        friction: Coefficient of friction of foot and ground; 0.8 is the source's example.
-        hip_torque: Torque held all along, as for `stride`; 0 by default, or the gait's own.
-        tolerance: As for `stride`.
+        state: State on the Poincaré section, just after heelstrike, shape (6,).
+        strides: Number of strides to check; 1 by default, or the gait's period.
+        friction: Coefficient of friction of foot and ground; 0.8 is the example of Garcia (1999).
+        hip_torque: Torque held through all strides, as for `stride`; 0 by default, or the gait's
+            own.
+        tolerance: Error relative to the largest angle or angular velocity, as for `stride`.
 
     Returns:
         The `RealityCheck`.
 
     Raises:
-        NoStride: if a stride does not end with a heelstrike, or has no time for its straight leg.
-        ValueError: if a number is not finite or out of its range, or the map has a terrain: a
-            foot's clearance has no meaning between footholds.
+        NoStride: if a stride does not end with a heelstrike, or if its straight-leg phase has no
+            duration.
+        ValueError: if a number is not finite or out of its range, or if the map has a terrain,
+            where the clearance of a foot between footholds is not defined.
     """
     walker, slope, state, motors, period, controlled = walk_of(walker, slope, state, hip_torque)
     if controlled is not None and controlled.terrain is not None:

@@ -1,12 +1,13 @@
-"""The search for gaits without a guess: fixed points of the stride map.
+"""Search for gaits, the fixed points of the stride map, without an initial guess.
 
-Just before a heelstrike a walker's motion is set by three numbers: the step's size and the ratios
-of the two legs' rates to it. A small grid of ratios, each with the step size at which the collision
-loses what the slope supplies, is a set of starts that suits every slope and every walker of human
-proportions. Gaits that take several strides to repeat are looked for where walks return to.
+Just before a heelstrike three numbers determine the motion: the step's size and the ratios of the
+two legs' angular velocities to it. Initial guesses are a small grid of these ratios. Each takes
+the step size at which the impact loses the energy that the slope supplies. This grid suits every
+slope and every walker of human proportions. Gaits of several strides are searched for near the
+points to which walks return.
 
-Starts are followed as lanes; the most promising go on to Newton's method with the exact derivative,
-a batch at a time, the next batch away from the gaits already found.
+All initial guesses take their first strides in one batch. The most promising go on to Newton's
+method with the exact derivative, a batch at a time, away from the gaits already found.
 """
 
 from __future__ import annotations
@@ -32,21 +33,21 @@ from gym_passive_walker.physics.systems import body_of, kind_of, system_of
 from gym_passive_walker.walkers import Walker
 
 ACCURACY = 1e-12
-"""Tolerance of the strides by which gaits are told apart."""
+"""Integration tolerance of the strides in a search."""
 
-_BATCHES = (12, 24, 96)  # promising starts tried by Newton's method, as long as need be
-_PATIENCE = 2  # steps for other starts to follow the first that has led to a gait
-_LATTICE = 216  # starts are enough for a quick search; a kneed walker's lattice has 864
-_APART = 0.03  # starts closer than this are tried once
-_LOOKS = 64  # at the swing leg during a stride
+_BATCHES = (12, 24, 96)  # initial guesses for Newton's method, one batch after the other
+_PATIENCE = 2  # iterations left to the other guesses after the first has led to a gait
+_LATTICE = 216  # guesses in a quick search; a kneed walker's full grid has 864
+_APART = 0.03  # guesses closer than this are tried once
+_LOOKS = 64  # samples of the swing leg in a stride
 _LARGEST = 1.4  # stance angle of a gait, in rad
 _ROUGHLY, _FINELY = 1e-6, 1e-14  # tolerances
-_ALIKE, _NEARLY = 1e-6, 1e-3  # gaits closer than this are one, exactly derived and by differences
+_ALIKE, _NEARLY = 1e-6, 1e-3  # gaits closer than this are one: exact derivatives, differences
 
-# Ratios to the step angle, just before heelstrike: of the stance leg's rate, and of the swing
-# leg's rate in excess of it (zero where the foot meets the ground without sliding). Excesses far
-# from zero belong to the slow walks of untuned walkers and to short steps on steep slopes. The
-# simplest walker forgets its swing leg's rate at heelstrike.
+# Ratios to the step angle, just before heelstrike: of the stance leg's angular velocity, and of
+# the swing leg's angular velocity in excess of it (zero where the foot lands without sliding).
+# Excesses far from zero belong to slow gaits of untuned walkers and to short steps on steep slopes.
+# The simplest walker's swing leg needs no excess, as a heelstrike sets its angular velocity.
 _EXCESSES = (-6.0, -4.0, -2.8, -2.0, -1.5, -1.0, -0.7, -0.45, -0.25, -0.1)
 _EXCESSES += (0.0, 0.1, 0.3, 0.6, 1.0, 1.6, 2.2, 2.8)
 _RATIOS = -np.geomspace(1.005, 2.0, 16), np.array(_EXCESSES)
@@ -57,11 +58,11 @@ _RATIOS_OF = {
 }
 _LOSS_SHARES = {"kneed": (1.0, 0.6, 0.3), "straight": (1.0,), "simplest": (1.0,)}
 _ANGLES = np.geomspace(1e-10, 0.7, 80)
-_PUSHED_ANGLES = np.geomspace(1e-4, 0.7, 120)  # a push-off makes no tiny steps
-_LEAST = 1e-300  # energy: its logarithm is finite
+_PUSHED_ANGLES = np.geomspace(1e-4, 0.7, 120)  # no tiny steps with a push-off
+_LEAST = 1e-300  # smallest energy, so that logarithms are finite
 
-_WALKERS, _SETTLING, _KEPT = 48, 100, 12  # walks looked at for returns
-_RETURNING = 1e-7  # tolerance of these
+_WALKERS, _SETTLING, _KEPT = 48, 100, 12  # number of walks, transient strides, recorded strides
+_RETURNING = 1e-7  # tolerance of these walks
 
 
 def heelstrike(
@@ -71,17 +72,17 @@ def heelstrike(
     swing_rates: NDArray,
     push_off: float = 0.0,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """What a heelstrike makes of straight legs with given rates just before it; dimensionless.
+    """Apply a heelstrike to straight legs with given angular velocities; dimensionless.
 
     Args:
-        section: Of one walker.
-        angles: Stance angles just after it, (n,).
-        stance_rates: Of the old stance leg, (n,).
-        swing_rates: Of the old swing leg, (n,).
-        push_off: Impulse just before it.
+        section: Section of one walker.
+        angles: Stance angles just after the heelstrike, (n,).
+        stance_rates: Angular velocities of the old stance leg just before it, (n,).
+        swing_rates: Angular velocities of the old swing leg just before it, (n,).
+        push_off: Impulse just before the heelstrike.
 
     Returns:
-        Points after it, (n, m); the energy lost and the push-off's work, (n,) each.
+        Points after the heelstrike, (n, m); the energy lost and the push-off's work, (n,) each.
     """
     reset = system_of(section.walker).phases[-1].resets[Outcome.HEELSTRIKE]
     before = legs.straight(-angles, angles, stance_rates, swing_rates)
@@ -91,19 +92,19 @@ def heelstrike(
 
 
 def starts(stride_map: StrideMap, slope: float) -> NDArray:
-    """Where a gait of one stride at this slope may be near to.
+    """Return initial guesses for a gait of one stride at this slope.
 
     Args:
-        stride_map: Of one walker.
-        slope: Slope in rad; positive, unless motors drive the walker.
+        stride_map: Stride map of one walker.
+        slope: Slope in rad; positive, unless actuators drive the walker.
 
     Returns:
-        Logarithmic coordinates (n, m).
+        Initial guesses in logarithmic coordinates, (n, m).
     """
     held = stride_map.actuation
     u, loss, pushed = _grid(stride_map.walker, held.push_off)
-    # Over a step, the hip opens by four stance angles and the stance leg turns by two: by about two
-    # and one for each unit of length.
+    # Over a step, the hip opens by four stance angles and the stance leg turns by two. A step is
+    # about two stance angles long, so these are about two and one for each unit of length.
     works = stride_map.system.works
     given = 2.0 * works.hip * held.hip_torque + works.ankle * held.ankle_torque
     supply = math.sin(slope) + given + pushed
@@ -118,7 +119,7 @@ def starts(stride_map: StrideMap, slope: float) -> NDArray:
     for share in _LOSS_SHARES[kind_of(stride_map.walker)]:
         excess = loss - np.log(np.maximum(share * supply, _LEAST))
         short = excess < 0.0
-        # Under a push-off uphill, steps of two sizes are in balance: it hardly helps tiny ones.
+        # With a push-off uphill, steps of two sizes are in balance.
         rows, above = np.nonzero(short[:, :-1] != short[:, 1:])
         low, high = excess[rows, above], excess[rows, above + 1]
         part = (low / (low - high))[:, None]
@@ -128,12 +129,13 @@ def starts(stride_map: StrideMap, slope: float) -> NDArray:
 
 @lru_cache(maxsize=64)
 def _grid(walker: Walker, push_off: float) -> tuple[NDArray, NDArray, NDArray | float]:
-    """Points just after heelstrike, by ratios of rates and step angle, and what each step loses.
+    """Return points just after heelstrike on a grid of ratios and angles, with their energies.
+
+    Energies are over the weight and the step's length.
 
     Returns:
-        Logarithmic coordinates (ratios, angles, m); over the weight and the step's length, the
-        logarithm of what the heelstrike loses, (ratios, angles), and what the push-off before it
-        gives, of the same shape or 0.
+        Logarithmic coordinates (ratios, angles, m); the logarithm of the heelstrike's loss,
+        (ratios, angles); and the work of the push-off before it, (ratios, angles) or 0.
     """
     stride_map = StrideMap.of(walker)
     stance, excess = (x.ravel() for x in np.meshgrid(*_RATIOS_OF[kind_of(walker)]))
@@ -149,17 +151,17 @@ def _grid(walker: Walker, push_off: float) -> tuple[NDArray, NDArray, NDArray | 
 
 
 def returns(stride_map: StrideMap, slope: float, gaits: NDArray) -> NDArray:
-    """Where walks begun beside some gaits come back to.
+    """Return points of walks that begin beside some gaits, after a transient.
 
-    Where a gait has doubled its period, or walks are chaotic, they pass near every gait there is.
+    After a period doubling, or in chaos, such walks pass near every gait.
 
     Args:
-        stride_map: Of one walker.
+        stride_map: Stride map of one walker.
         slope: Slope in rad.
         gaits: Fixed points in logarithmic coordinates, (n, m).
 
     Returns:
-        Logarithmic coordinates (k, m) along walks that last.
+        Logarithmic coordinates (k, m) of points along the walks that did not fall.
     """
     roughly = stride_map.with_tolerance(_RETURNING)
     beside = np.random.default_rng(0).standard_normal((_WALKERS, stride_map.dimension))
@@ -176,7 +178,7 @@ def returns(stride_map: StrideMap, slope: float, gaits: NDArray) -> NDArray:
 
 
 def _distinct(u: NDArray, others: list[NDArray], apart: float) -> NDArray:
-    """Points that differ from others, and from all before them, by more than a distance."""
+    """Return the points that are farther than `apart` from `others` and from all points before."""
     kept: list[NDArray] = []
     for point in u:
         if all(np.abs(point - other).max() > apart for other in kept + others):
@@ -185,22 +187,22 @@ def _distinct(u: NDArray, others: list[NDArray], apart: float) -> NDArray:
 
 
 class _Starts:
-    """Starts of a search, handed out the most promising first.
+    """Initial guesses of a search, the most promising first.
 
-    A start promises the more the less its strides move it, and what counts is that movement over
-    its distance from the gaits already found: near one of those every start moves little.
+    The score of a guess is the distance by which its strides move it; less is better. Near a gait
+    already found every guess moves little, so the score is divided by the distance from that gait.
     """
 
     def __init__(self, u: NDArray, end: NDArray) -> None:
         self.u, self.score = u, np.abs(end - u).max(axis=1)  # infinite once tried
 
     def avoid(self, point: NDArray) -> None:
-        """Turn away from a gait."""
+        """Raise the scores of guesses near a gait already found."""
         distance = np.abs(self.u - point).max(axis=1)
         self.score = self.score / np.clip(distance, 1e-6, 1.0)
 
     def best(self, count: int) -> NDArray:
-        """The next starts, each apart from the others."""
+        """Return up to `count` untried guesses, each apart from the others."""
         chosen: list[NDArray] = []
         while len(chosen) < min(count, len(self.u)):
             i = self.score.argmin()
@@ -220,16 +222,16 @@ def search(
     batches: tuple[int, ...] = _BATCHES,
     patience: int | None = None,
 ) -> tuple[list[Gait], Counter]:
-    """Gaits that Newton's method reaches from some starts; and how the starts' strides ended.
+    """Return gaits that Newton's method reaches, and the outcomes of the first strides.
 
     Args:
-        stride_map: Of one walker.
+        stride_map: Stride map of one walker.
         slope: Slope in rad.
-        u: Starts in logarithmic coordinates, (n, m).
+        u: Initial guesses in logarithmic coordinates, (n, m).
         period: Strides until a gait repeats.
-        enough: Whether the gaits found are all that is wanted.
-        batches: Starts tried by Newton's method, as long as it is not enough.
-        patience: Of that method, as of `newton`: for whom one gait is enough.
+        enough: Function of the gaits found; the search ends when it returns True.
+        batches: Number of guesses in each batch for Newton's method.
+        patience: Iterations after the first convergence, as for `newton`; None for no limit.
     """
     gaits: list[Gait] = []
     found: list[NDArray] = []
@@ -246,7 +248,7 @@ def search(
 
     first = roughly.apply(from_logarithms(u), slope, strides=period)
     ends = Counter({Outcome(i).name: n for i, n in enumerate(np.bincount(first.outcomes)) if n})
-    ahead = first.ends[:, 0] > 0.0  # who struck behind the stance foot begins no walk
+    ahead = first.ends[:, 0] > 0.0  # a heelstrike behind the stance foot starts no walk
     candidates = _Starts(u[ahead], logarithms(first.ends[ahead]))
     for batch in batches:
         chosen = candidates.best(batch)
@@ -258,7 +260,7 @@ def search(
                 continue  # another stride of a gait found in this batch
             orbit = _orbit(stride_map, point, slope, period, 0.1 * alike)
             if len(orbit) == period:
-                with suppress(np.linalg.LinAlgError):  # a rounding off, there may be no stride
+                with suppress(np.linalg.LinAlgError):  # rounding may leave no stride
                     gait = measure(stride_map, point, slope, period)
                     if _human(roughly, point, gait):
                         gaits.append(gait)
@@ -274,7 +276,7 @@ def search(
 def _orbit(
     stride_map: StrideMap, u: NDArray, slope: float, period: int, alike: float
 ) -> list[NDArray]:
-    """The points that a gait passes through, from one of them on until it repeats."""
+    """Return the points of a gait from one of them on, until it repeats."""
     orbit = [u]
     while len(orbit) < period:
         end = logarithms(stride_map.apply(from_logarithms(orbit[-1][None]), slope).ends)[0]
@@ -285,7 +287,7 @@ def _orbit(
 
 
 def _human(stride_map: StrideMap, u: NDArray, gait: Gait) -> bool:
-    """Whether the swing leg swings forward once: no walk of several swings a step."""
+    """Return whether the swing leg swings forward only once in a step."""
     walker, duration = gait.walker, float(gait.stride.duration) / stride_map.units.time
     times = duration * np.linspace(0.0, 1.0 - 1e-4, _LOOKS)[None]
     rates = stride_map.sample(from_logarithms(u[None]), gait.slope, times).states[0, :, 3:]
@@ -297,7 +299,7 @@ def _human(stride_map: StrideMap, u: NDArray, gait: Gait) -> bool:
 def begin(
     stride_map: StrideMap, slope: float, period: int = 1, guess: ArrayLike | None = None
 ) -> NDArray:
-    """Where a search begins: at a guess, or where gaits of this period may be."""
+    """Return the initial guesses of a search, (n, m): `guess`, or those for this period."""
     if guess is not None:
         states = np.atleast_2d(check_state(guess, "guess"))
         if np.any(states[:, 0] <= 0.0):
@@ -316,12 +318,12 @@ def begin(
 
 
 class Sought(NamedTuple):
-    """What a search for one gait came to.
+    """Result of a search for one gait.
 
     Attributes:
-        gait: The gait, if there is one.
-        all: Every gait found on the way, longest step first.
-        ends: How the first strides of the starts ended, and how many did so.
+        gait: The gait; None if there is none.
+        all: Every gait found by the search, longest step first.
+        ends: Outcomes of the first strides of the initial guesses, with their numbers.
     """
 
     gait: Gait | None
@@ -337,9 +339,9 @@ def seek(
     period: int = 1,
     guess: ArrayLike | None = None,
 ) -> Sought:
-    """As `fixed_point.find_gait`, for whom no gait is an answer like any other."""
+    """Search for a gait like `fixed_point.find_gait`, but return None instead of raising."""
     stride_map = map_of(walker, tolerance=ACCURACY)
-    # Under a controller there is no telling which kind it holds.
+    # Under a controller the kind of a gait is not known in advance.
     any_kind = guess is not None or stride_map.controlled
 
     def wanted(gait: Gait) -> bool:
@@ -352,7 +354,7 @@ def seek(
     u = begin(stride_map, slope, period, guess)
     few = u[:: max(1, len(u) // _LATTICE)] if period == 1 and guess is None else u
     gaits, ends = search(stride_map, slope, few, period, enough, _BATCHES[:1], _PATIENCE)
-    if not enough(gaits):  # starts that were left out or not waited for may lead to it
+    if not enough(gaits):  # guesses left out or stopped early may lead to it
         gaits, ends = search(stride_map, slope, u, period, enough)
     chosen = [gait for gait in gaits if wanted(gait)]
     if period > 1 and guess is None:  # gaits of several strides are born in pairs, at folds
@@ -361,7 +363,7 @@ def seek(
 
 
 def glance(walker: MapLike, slope: float, kind: GaitKind) -> Gait | None:
-    """A gait of a kind if a quick search finds one: for looking over many slopes."""
+    """Return a gait of a kind if a quick search finds one; used over many slopes."""
     stride_map = map_of(walker, tolerance=ACCURACY)
 
     def enough(gaits: list[Gait]) -> bool:

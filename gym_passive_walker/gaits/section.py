@@ -1,11 +1,11 @@
-"""The section just after heelstrike, and the coordinates of its points.
+"""The Poincaré section just after heelstrike, and coordinates of its points.
 
-On it the legs mirror each other and are straight, so a state is the stance angle and the rates: a
-point [angle, stance rate, thigh rate, shank rate] for a kneed walker, [angle, stance rate, swing
-rate] for the others. Points are dimensionless (see `units`).
+On the section the legs are straight and mirror each other. The stance angle and the angular
+velocities determine the state. A point is [angle, stance, thigh, shank] for a kneed walker, and
+[angle, stance, swing] for the others. Points are dimensionless (see `units`).
 
-Searches and curves take logarithmic coordinates, u = (ln angle, rates / angle): steps of every size
-look alike in them, from slopes of 1e-8 on.
+Searches and continuation use logarithmic coordinates u = (ln angle, angular velocities / angle).
+They scale steps of every size alike, from slopes of 1e-8 on.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from gym_passive_walker.walkers import Walker, varied
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Section:
-    """The section of one walker, or of n that differ in one parameter.
+    """The Poincaré section of one walker, or of n walkers that differ in one parameter.
 
     Attributes:
-        walker: Whose section.
-        parameter: The parameter that differs, if any.
-        values: Its value for each of n points, (n,).
+        walker: The walker.
+        parameter: Name of the parameter in which the walkers differ; None if there is none.
+        values: Value of `parameter` for each of n points, (n,).
     """
 
     walker: Walker
@@ -36,12 +36,12 @@ class Section:
     values: NDArray[np.float64] | None = None
 
     def with_parameter(self, name: str, values: ArrayLike) -> Self:
-        """The same of walkers that differ in a parameter: one value, and one point, for each."""
+        """Return the section of walkers that differ in a parameter, with one point for each."""
         return replace(self, parameter=name, values=np.asarray(values, dtype=float))
 
     @property
     def dimension(self) -> int:
-        """Coordinates m of a point."""
+        """Number m of coordinates of a point."""
         return 4 if self.walker.knees else 3
 
     @cached_property
@@ -52,7 +52,7 @@ class Section:
         return units_of(varied(self.walker, {self.parameter: self.values}))
 
     def state(self, points: NDArray, place: int = 0) -> NDArray:
-        """Dimensionless states (..., 6) at points (..., m); a map knows its ground by the place."""
+        """Return dimensionless states (..., 6) at points (..., m); `place` is ignored here."""
         states = np.empty((*points.shape[:-1], 6), points.dtype)
         states[..., 0] = points[..., 0]
         states[..., 1] = states[..., 2] = -points[..., 0]
@@ -62,49 +62,49 @@ class Section:
 
     @property
     def coordinates(self) -> list[int]:
-        """Which entries of a state are coordinates of a point."""
+        """Indices of a state's entries that are coordinates of a point."""
         return [0, *range(3, 2 + self.dimension)]
 
     def point(self, states: NDArray) -> NDArray:
-        """Points (..., m) of dimensionless section states (..., 6)."""
+        """Return points (..., m) of dimensionless states (..., 6) on the section."""
         return states[..., self.coordinates]
 
     def dimensionless(self, states: ArrayLike) -> NDArray[np.float64]:
-        """Dimensionless states (n, 6) of any, on the section or off it, in the walker's units."""
+        """Return dimensionless states (n, 6) of any states in the walker's own units."""
         given = self.units.to_dimensionless(np.atleast_2d(np.array(states, dtype=float)))
-        if not self.walker.knees:  # the shank goes with the thigh
+        if not self.walker.knees:  # thigh and shank are one body
             given[:, 2], given[:, 5] = given[:, 1], given[:, 4]
         return given
 
     def states_at(self, points: NDArray) -> NDArray[np.float64]:
-        """States (n, 6) at points (n, m), in the walker's own units."""
+        """Return states (n, 6) at points (n, m), in the walker's own units."""
         return self.units.to_own(self.state(points))
 
     def points_at(self, states: ArrayLike) -> NDArray[np.float64]:
-        """Points (n, m) of section states (n, 6) in the walker's own units."""
+        """Return points (n, m) of states (n, 6) on the section, in the walker's own units."""
         return self.point(self.units.to_dimensionless(np.atleast_2d(states)))
 
 
 def from_logarithms(u: NDArray) -> NDArray[np.float64]:
-    """Points (n, m) at logarithmic coordinates (n, m)."""
+    """Return points (n, m) at logarithmic coordinates (n, m)."""
     angle = np.exp(u[:, :1])
     return np.concatenate([angle, u[:, 1:] * angle], axis=1)
 
 
 def logarithms(points: NDArray) -> NDArray[np.float64]:
-    """Logarithmic coordinates (n, m) of points (n, m)."""
+    """Return logarithmic coordinates (n, m) of points (n, m)."""
     return np.concatenate([np.log(points[:, :1]), points[:, 1:] / points[:, :1]], axis=1)
 
 
 def by_logarithms(points: NDArray) -> NDArray[np.float64]:
-    """Derivative of points by their logarithmic coordinates, (n, m, m)."""
+    """Return the derivative of points by their logarithmic coordinates, (n, m, m)."""
     derivative = points[:, :1, None] * np.eye(points.shape[1])
     derivative[:, :, 0] = points
     return derivative
 
 
 def in_logarithms(points: NDArray, changes: NDArray) -> NDArray[np.float64]:
-    """Changes (n, m, k) of points (n, m), as changes of their logarithmic coordinates."""
+    """Convert changes (n, m, k) of points (n, m) to changes of logarithmic coordinates."""
     angle = points[:, 0, None, None]
     relative = changes / angle
     relative[:, 1:] -= (points[:, 1:, None] / angle) * relative[:, :1]

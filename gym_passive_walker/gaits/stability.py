@@ -30,30 +30,32 @@ def stride_jacobian(
     wrt: str | Sequence[str] = "state",
     tolerance: float = 1e-13,
 ) -> NDArray[np.float64]:
-    """Exact derivative of the stride map on its section.
+    """Return the exact derivative of the stride map on its Poincaré section.
 
-    The section's coordinates are the stance angle and the rates: [angle, stance rate, thigh rate,
-    shank rate] for a kneed walker, [angle, stance rate, swing rate] for the others. The derivative
-    is carried through the flow, through each collision and through the moment at which it happens
-    by infinitesimal numbers, so there is no step size and no cancellation.
+    The section's coordinates are the stance angle and the angular velocities: [angle, stance,
+    thigh, shank] for a kneed walker, [angle, stance, swing] for the others. Automatic
+    differentiation carries the derivative through the flow, the impacts and the times of the
+    impacts, so there is no step size and no cancellation.
 
-    A kneed walker's matrix has one eigenvalue zero to rounding: kneestrike makes two rates one, so
-    of the four coordinates only three survive a stride. The simplest walker's has one for the same
-    reason: its swing rate is made new at each heelstrike.
+    A kneed walker's matrix has one eigenvalue that is zero to rounding. Kneestrike makes two
+    angular velocities equal, so only three of the four coordinates affect the next state. The
+    simplest walker's matrix has one, as each heelstrike sets the swing leg's angular velocity.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes; or a stride map or a `Gait`, whose
-            slope, state and motors are those of the walk where they are not given.
+        walker: The walker, in a form that `as_walker` takes; or a stride map or a `Gait`, which
+            supplies slope, state and actuation where they are not given.
         slope: Slope in rad.
-        state: Section state (6,), or several (n, 6); thigh and shank angle are taken as minus the
-            stance angle.
+        state: State on the Poincaré section, (6,), or several, (n, 6). Thigh and shank angle are
+            taken as minus the stance angle.
         hip_torque: Torque held through the stride; 0 by default, or the gait's own.
-        ankle_torque: Likewise, as for `stride`.
-        push_off: Impulse at its end, as for `stride`.
+        ankle_torque: Torque held through the stride, as for `stride`; 0 by default, or the gait's
+            own.
+        push_off: Impulse at the end of the stride, as for `stride`; 0 by default, or the gait's
+            own.
         wrt: Columns wanted, in order: "state" (one per coordinate), "slope", "hip_torque",
             "ankle_torque", "push_off", or any numerical parameter of `Walker`, such as
             "foot_radius".
-        tolerance: Of the integration.
+        tolerance: Tolerance of the integration.
 
     Returns:
         Shape (m, columns), or (n, m, columns) for several states, in the walker's own units; m is 4
@@ -84,7 +86,7 @@ def stride_jacobian(
     states, units = check_state(state), stride_map.units
     points, driving = stride_map.points_at(states), actuation_units(units)._asdict()
     moved = set(names)
-    # A parameter changes the units too, and with them the dimensionless state and torques.
+    # A parameter also changes the units, hence the dimensionless state and torques.
     driven = [name for name in Actuation._fields if getattr(motors, name)]
     moved |= {"state", *driven} if moved & set(PARAMETERS) else set()
     by = sorted(moved)
@@ -102,7 +104,7 @@ def stride_jacobian(
     time = np.where(rated, units.time, 1.0)
 
     def column(name: str) -> NDArray:
-        """A derivative by what is in the walker's own units, of the dimensionless point."""
+        """Return the dimensionless point's derivative by a quantity in the walker's own units."""
         if name == "state":
             return found["state"] * time
         if name == "slope":

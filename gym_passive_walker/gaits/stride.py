@@ -1,4 +1,4 @@
-"""The stride map, for people: from one heelstrike to the next, in a walker's own units."""
+"""The stride map in a walker's own units: from one heelstrike to the next."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ STATE_NAMES = (
     "thigh_rate",
     "shank_rate",
 )
-"""What the six numbers of a state are called in tables."""
+"""Column names of the six numbers of a state in tables."""
 
 
 class _Fields(NamedTuple):
@@ -65,32 +65,34 @@ class _Fields(NamedTuple):
 
 
 class Stride(Table, _Fields):
-    """One application of the stride map, with its ledger, in the walker's own units.
+    """One application of the stride map, with its energy balance, in the walker's own units.
 
-    Each field is a number for one walker and an array of shape (n,) for n of them; `state` has
-    shape (6,) or (n, 6). The ledger closes: gravity_work + spring_work + hip_work + ankle_work +
-    push_off_work is the kinetic energy gained plus kneestrike_loss plus heelstrike_loss plus
-    friction_loss. For the simplest walker energies are the hip's; its hip torque, spring and
-    friction work on feet of vanishing mass, so hip_work, spring_work and friction_loss are 0.
+    A stride is one step, heelstrike to heelstrike. Each field is a number for one walker and an
+    array of shape (n,) for n walkers; `state` has shape (6,) or (n, 6).
+
+    The energy balance closes: gravity_work + spring_work + hip_work + ankle_work + push_off_work =
+    kinetic energy gained + kneestrike_loss + heelstrike_loss + friction_loss. Energies of the
+    simplest walker are those of its hip mass. Its hip torque, spring and friction act on feet of
+    vanishing mass, so hip_work, spring_work and friction_loss are 0.
 
     Attributes:
-        state: Where the stride ended: [stance, thigh, shank] angles in rad, then their rates;
-            the next section state if the outcome is HEELSTRIKE.
+        state: Final state: [stance, thigh, shank] angles in rad, then their angular velocities. If
+            the outcome is HEELSTRIKE, this is the next state on the Poincaré section.
         duration: Time taken; the step period on a gait.
-        outcome: How it ended, an `Outcome`.
-        kneestrike_time: When the knee locked; NaN if it did not.
-        step_length: From one contact point to the next, along the ground of the first; NaN without
-            heelstrike.
+        outcome: How the stride ended, an `Outcome`.
+        kneestrike_time: Time at which the knee locked; NaN if it did not.
+        step_length: Distance from one contact point to the next, along the ground of the first
+            foothold; NaN without heelstrike.
         hip_work: Net work of the hip torque.
         hip_work_absolute: Integral of the absolute hip power.
         kneestrike_loss: Energy lost at kneestrike.
         heelstrike_loss: Energy lost at heelstrike.
         gravity_work: Work of gravity.
         weight: Total mass times gravity.
-        spring_work: What springs gave, less what they took.
+        spring_work: Net work of the springs.
         friction_loss: Energy lost to friction at the hip.
         ankle_work: Net work of the ankle torque.
-        ankle_work_absolute: Integral of its absolute power.
+        ankle_work_absolute: Integral of the absolute ankle power.
         push_off_work: Work of the push-off, just before heelstrike.
     """
 
@@ -98,12 +100,12 @@ class Stride(Table, _Fields):
 
     @property
     def hip_work_positive(self) -> NDArray[np.float64]:
-        """Work of the hip torque where it drives."""
+        """Positive work of the hip torque."""
         return 0.5 * (self.hip_work_absolute + self.hip_work)
 
     @property
     def collision_loss(self) -> NDArray[np.float64]:
-        """Energy lost at both strikes."""
+        """Energy lost at kneestrike and heelstrike."""
         return self.kneestrike_loss + self.heelstrike_loss
 
     @property
@@ -112,7 +114,7 @@ class Stride(Table, _Fields):
         return (self.collision_loss + self.friction_loss) / (self.weight * self.step_length)
 
     def facts(self) -> dict[str, str]:
-        """How it ended, and its measures; of several, how many ended with a heelstrike."""
+        """Outcome and measures of one stride; of several, how many ended with a heelstrike."""
         if np.ndim(self.outcome):
             struck = np.count_nonzero(self.outcome == _STRUCK)
             return {"strides": f"{np.size(self.outcome)}, {struck} end with a heelstrike"}
@@ -131,7 +133,7 @@ class Stride(Table, _Fields):
         return {"ends": ending} | {name: f"{value:.6g}" for name, value in named.items()}
 
     def columns(self) -> dict[str, NDArray]:
-        """A row for each stride; the state it ended with first."""
+        """One row for each stride; its final state comes first."""
         table = dict(zip(STATE_NAMES, np.reshape(self.state, (-1, 6)).T, strict=True))
         told = (name for name in self._fields[1:] if name != "weight")
         return table | {name: np.ravel(getattr(self, name)) for name in told}
@@ -140,10 +142,10 @@ class Stride(Table, _Fields):
 def check_foothold(
     height_change: ArrayLike, slope_change: ArrayLike
 ) -> tuple[NDArray, NDArray] | None:
-    """How the next foothold lies, as arrays; None where it is as this one.
+    """Return the changes to the next foothold as arrays; None if all of them are zero.
 
     Raises:
-        ValueError: if a number is not finite, or a turn is no angle between upright footholds.
+        ValueError: if a number is not finite, or a slope change is not between -pi and pi.
     """
     if type(height_change) is type(slope_change) is float and height_change == slope_change == 0.0:
         return None
@@ -175,35 +177,38 @@ def stride(
     threads: int | None = None,
     backend: Callable[..., object] = advance,
 ) -> Stride:
-    """Follow walkers from one heelstrike to the next: the stride map.
+    """Apply the stride map: follow walkers from one heelstrike to the next.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes; or a stride map or a `Gait`, whose
-            slope, state and motors are those of the walk where they are not given.
+        walker: The walker, in a form that `as_walker` takes; or a stride map or a `Gait`, which
+            supplies slope, state and actuation where they are not given.
         slope: Slope in rad, positive downhill; a number or shape (n,).
-        state: [stance, thigh, shank] angles in rad and their rates, just after heelstrike, shape
-            (6,) or (n, 6). A straight-legged walker's shank is ignored.
+        state: [stance, thigh, shank] angles in rad and their angular velocities, just after
+            heelstrike, shape (6,) or (n, 6). A straight-legged walker's shank is ignored.
         hip_torque: Torque held through the stride, positive when it opens the legs in the walking
             direction; a number or shape (n,). Per unit of foot mass for the simplest walker. 0 by
-            default, or the gait's own, as the other motors.
+            default, or the gait's own.
         ankle_torque: Torque between ground and stance leg held through the stride, positive when it
-            tips the walker forward; likewise. On point feet alone.
-        push_off: Impulse of the ground along the stance leg just before heelstrike; likewise.
-        height_change: Height of the next foothold over this one, along this one's normal; likewise.
-            A map with a terrain begins on its first foothold where neither this nor `slope_change`
-            is given.
-        slope_change: By how much the next foothold slopes more steeply downhill, in rad; likewise.
-            The state after the stride is over that one, angles from its normal.
-        tolerance: Error relative to the largest angle or (dimensionless) rate. The next state's
-            error stays within a hundred times this on ordinary gaits, and usually below it.
+            tips the walker forward; a number or shape (n,). Requires point feet. 0 by default, or
+            the gait's own.
+        push_off: Impulse of the ground along the stance leg just before heelstrike; a number or
+            shape (n,). 0 by default, or the gait's own.
+        height_change: Height of the next foothold over this one, along this one's normal; a number
+            or shape (n,). A map with a terrain begins on its first foothold if neither this nor
+            `slope_change` is given.
+        slope_change: Slope of the next foothold beyond this one's, in rad, positive downhill; a
+            number or shape (n,). The final state's angles are from the next foothold's normal.
+        tolerance: Error relative to the largest angle or (dimensionless) angular velocity. The
+            final state's error stays within a hundred times this on ordinary gaits, and is usually
+            below it.
         max_stride_time: Time in units of sqrt(l/g) after which a stride has STALLED.
-        end_on_toe_stub: Whether a kneed walker's locked swing leg below the ground ends the stride;
-            the source document ignores such scuffing, and so does this by default.
-        threads: How many threads to use; all of numba's when None. It changes no result.
-        backend: What carries walkers on: `engine.run.advance`, or `gpu.advance` on a device.
+        end_on_toe_stub: Whether a kneed walker's locked swing leg below the ground ends the stride.
+            Garcia (1999), chapter 4, ignores such scuffing; so does the default.
+        threads: Number of threads; all of numba's when None. Results do not depend on it.
+        backend: Function that integrates: `engine.run.advance` on the CPU, `gpu.advance` on a GPU.
 
     Returns:
-        A `Stride`, whatever happens: its `outcome` says how it ended.
+        A `Stride`. Its `outcome` says how the stride ended; a failed stride does not raise.
 
     Raises:
         ValueError: if a number is not finite or out of its range, or shapes do not fit.
@@ -272,7 +277,7 @@ def stride(
     record = walked.records[:, 0]
     nothing = np.zeros(shape)[()]
     works, pushed = ((nothing, nothing), (nothing, nothing)), nothing
-    if actuation is not PASSIVE:  # one walker waits for each of these
+    if actuation is not PASSIVE:  # each costs time for a single walker
         powers = (record["control"] * (np.array(walked.system.works) * units.energy)).T
         moved, turned = record["moved"].T, record["turned"].T
         works = tuple(
@@ -293,16 +298,16 @@ def account(
     pushed: NDArray,
     shape: tuple[int, ...],
 ) -> Stride:
-    """Strides in a walker's own units, from dimensionless records (n,) and works of motors.
+    """Return strides in a walker's own units from dimensionless records and actuator work.
 
     Args:
         walker: The walker.
-        system: Which equations it obeys.
-        bodies: Constants, as of `Walkers.bodies`.
-        record: Where strides have ended, (n,); changed here.
-        works: Of hip and ankle, net and absolute, in the walker's units and of the shape.
-        pushed: Of push-offs, likewise.
-        shape: Of the strides: (n,), or () of one.
+        system: The walker's equations.
+        bodies: Constants of the walkers, from `Walkers.bodies`.
+        record: Records at the end of the strides, (n,); modified in place.
+        works: Net and absolute work of hip and of ankle, in the walker's units, of shape `shape`.
+        pushed: Work of push-offs in the walker's units, of shape `shape`.
+        shape: Shape of the strides: (n,), or () for one.
     """
     units, (hip, ankle) = units_of(walker), works
     outcome, length = record["outcome"], record["step_length"]
@@ -342,7 +347,7 @@ def _shaped(values: NDArray, shape: tuple[int, ...]) -> NDArray:
 
 
 def together(strides: Sequence[Stride]) -> Stride:
-    """Single strides of one walker as one `Stride` of arrays."""
+    """Combine single strides of one walker into one `Stride` of arrays."""
     names = (name for name in Stride._fields if name not in ("weight", "outcome"))
     return strides[0]._replace(
         outcome=np.array([int(one.outcome) for one in strides]),
@@ -353,7 +358,7 @@ def together(strides: Sequence[Stride]) -> Stride:
 def conservative_work(
     system: System, own: NDArray, record: NDArray
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | float]:
-    """Work of gravity and of springs on walkers that stand on the foot they began a stride with."""
+    """Work of gravity and of springs since the start of a stride, before any heelstrike."""
     body, ground = system.Body(*own[0, 0]), Ground(*record["ground"].T)
     angles = (record["start"].T, record["state"][:, :3].T)
     start, end = (State(*part, *record["state"][:, 3:].T) for part in angles)

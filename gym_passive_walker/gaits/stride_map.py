@@ -1,6 +1,7 @@
-"""The stride map of a walker: from one heelstrike to the next, with its exact derivatives.
+"""The stride map of a walker (Poincaré map of one step), with its exact derivatives.
 
-Everything is dimensionless (see `units`), and strides lead from point to point of the `section`.
+A stride leads from one heelstrike to the next. All quantities are dimensionless (see `units`).
+Points are coordinates of states on the Poincaré section (see `section`).
 """
 
 from __future__ import annotations
@@ -34,9 +35,9 @@ from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import PARAMETERS, Walker, WalkerLike, as_walker
 
 LONGEST = 20.0
-"""Time in sqrt(l/g) after which a stride without heelstrike is given up; a usual one takes 3."""
+"""Time limit in sqrt(l/g) of a stride without heelstrike; a usual stride takes 3."""
 
-_VERGE = 1e-8  # of the time until a strike: its square is nothing
+_VERGE = 1e-8  # fraction of the time until an impact; its square is below rounding
 _FEW = 16
 _NO_SLOPE = "this map has no slope of its own: give one"
 _FIELDS = [field.name for field in fields(Change)]
@@ -44,10 +45,10 @@ _STRUCK, _STALLED = int(Outcome.HEELSTRIKE), int(Outcome.STALLED)
 
 
 class Samples(NamedTuple):
-    """Strides at k instants each, dimensionless.
+    """States and controls of n strides at k instants each, dimensionless.
 
     Attributes:
-        states: (n, k, 6).
+        states: Three angles and three angular velocities at each instant, (n, k, 6).
         stages: `Stage` of the swing leg, (n, k).
         controls: Hip torque, ankle torque and push-off, (n, k, 3).
     """
@@ -59,21 +60,21 @@ class Samples(NamedTuple):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class StrideMap(Section):
-    """The stride map of one walker, or of n that differ in one parameter; made by `of`.
+    """The stride map of one walker, or of n walkers that differ in one parameter; made by `of`.
 
     Attributes:
         walker: The walker.
-        parameter: The walkers' parameter that differs, if any.
-        values: Its value for each of n points, (n,).
-        tolerance: Error relative to the largest angle or rate.
-        max_stride_time: Time after which a stride is given up.
+        parameter: Name of the parameter in which the walkers differ; None if there is none.
+        values: Value of `parameter` for each of n points, (n,).
+        tolerance: Integration error relative to the largest angle or angular velocity.
+        max_stride_time: Time in sqrt(l/g) after which a stride is given up.
         end_on_toe_stub: Whether a kneed walker's locked swing leg below the ground ends the stride.
-        actuation: What motors do in each stride, dimensionless. A part of it may be the `parameter`
-            that differs.
-        slope: Slope in rad where none is given to `apply`, `linearize` or an analysis.
-        terrain: How footholds lie, where the ground is not smooth. The map leads from the first
-            foothold through all of them until they repeat: of ground that repeats after L strides,
-            one application is L strides, and a gait of period 1 repeats after as many.
+        actuation: Torques and push-off in each stride, dimensionless. One of its parts may be
+            `parameter`.
+        slope: Slope in rad that is used if none is given to `apply`, `linearize` or an analysis.
+        terrain: Footholds of uneven ground; None for smooth ground. The map leads from the first
+            foothold through all of them until they repeat. On ground that repeats after L strides,
+            one application is L strides, and a gait of period 1 repeats after L strides.
     """
 
     tolerance: float = 1e-13
@@ -95,7 +96,7 @@ class StrideMap(Section):
         slope: float | None = None,
         terrain: Terrain | None = None,
     ) -> Self:
-        """The stride map of a walker (see `as_walker`); an actuation is in the walker's units."""
+        """Return the stride map of a walker (see `as_walker`); `controller` is in its units."""
         walker = as_walker(walker)
         passive = controller is PASSIVE
         return cls(
@@ -106,16 +107,16 @@ class StrideMap(Section):
         )  # fmt: skip
 
     def with_tolerance(self, tolerance: float) -> Self:
-        """The same map, followed with another tolerance."""
+        """Return this map with another integration tolerance."""
         return replace(self, tolerance=tolerance)
 
     def with_walker(self, walker: Walker) -> Self:
-        """The map of another walker whose dimensionless motors do the same."""
+        """Return the map of another walker with the same dimensionless actuation."""
         return self if walker is self.walker else replace(self, walker=walker)
 
     @cached_property
     def walkers(self) -> Walkers:
-        """The walkers, and how exactly they are followed."""
+        """The walkers, with the tolerance and the rules of their integration."""
         driven = self.parameter in Actuation._fields
         return Walkers(
             walker=self.walker,
@@ -127,17 +128,17 @@ class StrideMap(Section):
 
     @property
     def controller(self) -> Any:
-        """What works the motors: an `Actuation` in the walker's units, or None."""
+        """The controller: an `Actuation` in the walker's units, or None if passive."""
         return None if self.passive else to_own(units_of(self.walker), self.actuation)
 
     @property
     def controller_name(self) -> str:
-        """What the controller is called; empty where there is none."""
+        """Name of the controller; empty if there is none."""
         return "" if self.passive else str(self.controller)
 
     @property
     def controlled(self) -> bool:
-        """Whether a controller observes the walker and works its motors."""
+        """Whether a controller observes the walker and sets its torques."""
         return False
 
     @property
@@ -147,57 +148,60 @@ class StrideMap(Section):
 
     @property
     def closes(self) -> float:
-        """The largest violation of the equations of a gait at which its strides close."""
+        """Largest violation of the gait equations at which a point counts as a gait."""
         return 1e-9
 
     @property
     def hold(self) -> float:
-        """For how long torques are held; infinite where they do not change within a stride."""
+        """Time for which torques are held; infinite if they are constant within a stride."""
         return math.inf
 
     @property
     def terrain_lookahead(self) -> int:
-        """How many footholds ahead a controller observes."""
+        """Number of footholds ahead that a controller observes."""
         return 0
 
     @property
     def passive(self) -> bool:
-        """Whether no motor drives the walkers."""
+        """Whether no actuator drives the walkers."""
         return self.parameter not in Actuation._fields and self.actuation.passive
 
     @property
     def parameters(self) -> dict[str, float]:
-        """What may be varied, in the walker's units: of the walker, and of its motors."""
+        """Parameters that may be varied, of walker and actuation, in the walker's units."""
         own = to_own(units_of(self.walker), self.actuation)
         return {name: getattr(self.walker, name) for name in PARAMETERS} | own._asdict()
 
     def unit(self, parameter: str) -> float:
-        """In what the map takes a parameter, in the walker's units."""
+        """Return a parameter's unit in this map, in the walker's units; 1 for a walker's own."""
         units = actuation_units(units_of(self.walker))._asdict()
         return float(units.get(parameter, 1.0))
 
     @cached_property
     def ground(self) -> NDArray[np.float64]:
-        """Of each foothold until they repeat: its slope, and rise and turn of the next, (L, 3)."""
+        """Slope of each foothold, then height change and slope change to the next, (L, 3).
+
+        Slopes are in rad beyond the slope of the walk, heights in leg lengths.
+        """
         if self.terrain is None:
             return np.zeros((1, 3))
         return self.terrain.ground(0, np.arange(len(self.terrain.rises)))
 
     def ahead(self, place: int) -> NDArray[np.float64]:
-        """What a controller observes on a foothold of those ahead, (2 `terrain_lookahead`,)."""
+        """Height and slope changes ahead of foothold `place`, (2 `terrain_lookahead`,)."""
         return self.ground[
             (place + np.arange(self.terrain_lookahead)) % len(self.ground), 1:
         ].ravel()
 
     def _trailing(self, angles: NDArray, place: int) -> tuple[NDArray, NDArray]:
-        """Angles of straight legs behind stance angles, (...), and their derivatives.
+        """Angles of straight trailing legs for stance angles (...), and their derivatives.
 
-        Both feet touch the ground at a heelstrike: the foot behind stands as much lower as this
-        foothold was above it.
+        Both feet touch the ground at a heelstrike. The trailing foot stands on the previous
+        foothold, so it is lower by the height change to this foothold.
 
         Args:
-            angles: Of the stance leg, from this foothold's normal.
-            place: The foothold's number.
+            angles: Angles of the stance leg in rad, from this foothold's normal, (...).
+            place: Number of this foothold.
         """
         _, height_change, slope_change = self.ground[place - 1]
         leg = self.walkers.system().Body(*self.walkers.constants[:, 0].T).leg
@@ -207,14 +211,14 @@ class StrideMap(Section):
             return behind + slope_change, np.sin(angles - slope_change) / np.sin(behind)
 
     def state(self, points: NDArray, place: int = 0) -> NDArray:
-        """Dimensionless states (..., 6) at points (..., m), on a foothold by its number."""
+        """Return dimensionless states (..., 6) at points (..., m), on foothold `place`."""
         states = super().state(points)
         if self.terrain is not None:
             states[..., 1] = states[..., 2] = self._trailing(points[..., 0], place)[0]
         return states
 
     def state_by(self, points: NDArray, changes: NDArray, place: int = 0) -> NDArray:
-        """How states (n, 6, k) change as points (n, m) do by changes (n, m, k)."""
+        """Return changes of states (n, 6, k) for changes (n, m, k) of points (n, m)."""
         states = super().state(changes.swapaxes(1, 2)).swapaxes(1, 2)
         if self.terrain is not None:
             ahead = self._trailing(points[:, 0], place)[1][:, None] * changes[:, 0]
@@ -222,7 +226,7 @@ class StrideMap(Section):
         return states
 
     def state_by_parameter(self, points: NDArray, name: str, place: int = 0) -> NDArray:
-        """How states (n, 6) at points (n, m) change with a parameter of the walker."""
+        """Return derivatives (n, 6) of states at points (n, m) by a parameter of the walker."""
         states = np.zeros((len(points), 6))
         if self.terrain is not None:
             bodies, height_change = self.walkers.bodies((name,)), self.ground[place - 1, 1]
@@ -234,30 +238,30 @@ class StrideMap(Section):
 
     @property
     def system(self) -> System:
-        """Which equations the walker obeys."""
+        """The hybrid system: the walker's equations."""
         return self.walkers.system()
 
     def beginning(self, slopes: ArrayLike) -> NDArray[np.float64]:
-        """Where walks under a controller begin at some slopes, (n, m)."""
+        """Return initial points (n, m) of walks under a controller at some slopes in rad."""
         raise NotImplementedError
 
     def likely(self, slope: float) -> NDArray[np.float64]:
-        """Points (n, m) near which a gait under a controller may be."""
+        """Return initial guesses (n, m) for a gait under a controller at a slope in rad."""
         raise NotImplementedError
 
     def chosen(self, slope: float | None) -> float:
-        """One slope in rad; the map's own when None."""
+        """Return one slope in rad; the map's own when None."""
         return one_slope(self.slope if slope is None else slope)
 
     def _slopes(self, slopes: ArrayLike | None, count: int) -> NDArray[np.float64]:
-        """Slopes of some points, (n,)."""
+        """Return the slopes in rad of n points, (n,)."""
         slopes = self.slope if slopes is None else slopes
         if slopes is None:
             raise ValueError(_NO_SLOPE)
         return for_each(slopes, count)
 
     def _actuations(self, lanes: NDArray) -> NDArray[np.float64]:
-        """What motors do for each of some points, (n, 3)."""
+        """Return dimensionless hip torque, ankle torque and push-off of n points, (n, 3)."""
         actuation = self.actuation
         if self.parameter in Actuation._fields:
             actuation = actuation._replace(**{self.parameter: self.values})  # type: ignore[dict-item]
@@ -269,12 +273,12 @@ class StrideMap(Section):
     def apply(
         self, points: NDArray, slopes: ArrayLike | None = None, *, strides: int = 1
     ) -> Passage:
-        """Take walkers through some strides.
+        """Apply the stride map to points of the section.
 
         Args:
             points: Points of the section, (n, m).
             slopes: Slope in rad, one for all or (n,); the map's own when None.
-            strides: Strides to take.
+            strides: How many times to apply the map.
         """
         slopes = self._slopes(slopes, len(points))
         told, outcomes = self._follow(points, slopes, np.arange(len(points)), strides)
@@ -289,24 +293,24 @@ class StrideMap(Section):
         by: Sequence[str] = ("state",),
         along: NDArray | None = None,
     ) -> tuple[Passage, Change]:
-        """Take walkers through some strides, with exact derivatives.
+        """Apply the stride map to points of the section, with exact derivatives.
 
         Args:
             points: Points of the section, (n, m).
             slopes: Slope in rad, one for all or (n,); the map's own when None.
-            strides: Strides to take.
+            strides: How many times to apply the map.
             by: Columns of the derivatives, in order: "state" (one for each coordinate), "slope",
-                a part of `Actuation`, or a parameter of the walker, all else being held
-                dimensionless.
+                a part of `Actuation`, or a parameter of the walker. All other dimensionless
+                quantities are held constant.
             along: Directions for "state" instead of the coordinates, (n, m, k).
 
         Returns:
-            The passage, and the derivatives of all in it.
+            The `Passage`, and a `Change` with the derivatives of its fields.
         """
         slopes = self._slopes(slopes, len(points))
         walking, outcomes = np.arange(len(points)), np.empty(len(points), np.int8)
         if len(points) > _FEW:
-            # Without derivatives first: strides that fail cost as much as many that do not.
+            # Integrate without derivatives first: a failed stride costs as much as many others.
             plain, outcomes = self._follow(points, slopes, walking, strides)
             walking = np.flatnonzero(np.isfinite(plain[0, 0]))
         told, ended = self._follow(
@@ -315,7 +319,7 @@ class StrideMap(Section):
             None if along is None else along[walking],
         )  # fmt: skip
         outcomes[walking] = ended
-        # Whether a stride exists at all may differ by a rounding; then there is none.
+        # Rounding may end a stride in only one of the two runs; such a stride counts as failed.
         values = np.full((told.shape[1], len(points)), np.nan)
         derivatives = np.full((*values.shape, len(told) - 1), np.nan)
         values[:, walking] = told[0]
@@ -332,7 +336,7 @@ class StrideMap(Section):
         by: Sequence[str] = (),
         along: NDArray | None = None,
     ) -> tuple[NDArray, NDArray[np.int8]]:
-        """What `Change` tells, values before derivatives, (1 + k, m + 6, n); and the outcomes."""
+        """Return fields of `Change`, values before derivatives, (1 + k, m + 6, n), and outcomes."""
         walking = np.flatnonzero(np.isfinite(points).all(axis=1))
         outcomes = np.full(len(points), Outcome.DIVERGED, np.int8)
         outcomes[walking] = _STRUCK
@@ -340,7 +344,7 @@ class StrideMap(Section):
         charted: list[str] = []
         if self.terrain is not None:
             first = {"rises": ground[0, 1], "turns": ground[0, 2]}
-            # Where the leg behind stands changes with the points, and with the length of legs.
+            # The trailing leg's angle depends on the points and on the leg length.
             charted = [name for name in by if name in PARAMETERS]
             here, count = points[walking], 0
             if "point" in by:
@@ -396,7 +400,7 @@ class StrideMap(Section):
         return told, outcomes
 
     def _add(self, totals: NDArray, walked: Flow, place: int) -> None:
-        """Add strides to what was told of those before."""
+        """Add the measures of one stride each to the totals of the strides before, in place."""
         durations, lengths, lost, supplied, knee_times = totals
         records = walked.records
         length, sine = records["step_length"], records["ground"][..., 0]
@@ -404,7 +408,7 @@ class StrideMap(Section):
         lengths += length
         lost += records["knee_loss"] + records["heel_loss"] + records["friction_loss"]
         if self.terrain is not None:
-            # The strike has turned the ground to that of the foothold it came to.
+            # The record holds the new foothold's slope: turn it back to the old foothold's.
             slope_change, cosine = self.ground[place, 2], records["ground"][..., 1]
             turned = sine * math.cos(slope_change) - cosine * math.sin(slope_change)
             cosine = cosine * math.cos(slope_change) + sine * math.sin(slope_change)
@@ -412,12 +416,12 @@ class StrideMap(Section):
             supplied -= product(cosine, self._heights(walked.bodies, records.shape, place))
         supplied += product(sine, length)
         supplied += records["push_work"]
-        works = np.array(walked.system.works)  # a hip's not on feet of vanishing mass
+        works = np.array(walked.system.works)  # no work of the hip on feet without mass
         supplied += (works * product(records["control"], records["moved"])).sum(axis=2)
         knee_times[:] = records["knee_time"]
 
     def _heights(self, bodies: NDArray, shape: tuple[int, ...], place: int) -> NDArray[np.float64]:
-        """By how much feet touch the next foothold higher than this one, of a shape (n, 1 + k)."""
+        """Return heights of the next contact points over these, in leg lengths, (n, 1 + k)."""
         _, height_change, slope_change = self.ground[place]
         radii = bodies[..., self.walkers.system().Body._fields.index("foot_radius")]
         heights = np.zeros(shape)
@@ -426,7 +430,7 @@ class StrideMap(Section):
         return heights
 
     def walk(self, state: NDArray, slope: float, count: int) -> list[Stride]:
-        """Strides of `count` applications, one after the other, from a section state (6,)."""
+        """Return the strides of `count` applications from a state (6,) on the Poincaré section."""
         strides: list[Stride] = []
         for tilt, height_change, slope_change in np.tile(self.ground, (count, 1)).tolist():
             here = state if not strides else strides[-1].state
@@ -445,7 +449,7 @@ class StrideMap(Section):
         slope_change: ArrayLike | None,
         ahead: NDArray | None,
     ) -> tuple[Any, ArrayLike, ArrayLike, NDArray]:
-        """Slope, rise (in the walker's units) and turn of a stride, and what is seen ahead."""
+        """Return slope, height change (walker's units), slope change and lookahead of a stride."""
         slopes: Any = self.slope if slope is None else slope
         if slopes is None:
             raise ValueError(_NO_SLOPE)
@@ -470,16 +474,16 @@ class StrideMap(Section):
         slope_change: ArrayLike | None = None,
         ahead: NDArray | None = None,
     ) -> Stride:
-        """One stride with its ledger, in the walker's own units.
+        """Take one stride and return its energy balance, in the walker's own units.
 
         Args:
-            state: Section states, (6,) or (n, 6), in the walker's own units.
+            state: States on the Poincaré section, (6,) or (n, 6), in the walker's own units.
             slope: Slope in rad; the map's own when None.
-            height_change: Height of the next foothold, as for `gpw.stride`. Where neither this nor
+            height_change: Height of the next foothold, as for `gpw.stride`. If neither this nor
                 `slope_change` is given, the stride begins on the first foothold of the map's
                 terrain.
-            slope_change: By how much that slopes more steeply.
-            ahead: What a controller observes of the footholds ahead, as of `look`.
+            slope_change: Slope of the next foothold beyond this one's, in rad.
+            ahead: Changes to the footholds ahead that a controller observes, as for `look`.
         """
         slope, height_change, slope_change, _ = self._footing(
             slope, height_change, slope_change, ahead
@@ -501,10 +505,11 @@ class StrideMap(Section):
         turns: ArrayLike | None = None,
         ahead: NDArray | None = None,
     ) -> Samples:
-        """As `sample`, from states (n, 6) just after a heelstrike, to footholds that may differ.
+        """Sample strides from dimensionless states (n, 6), each to a foothold of its own.
 
-        What a controller observes of the footholds ahead is (n, 2 `terrain_lookahead`) numbers, or
-        (2 `terrain_lookahead`,) for all: the rise to each, and its turn.
+        The arguments are those of `sample`, except the footholds. `rises` are in leg lengths and
+        `turns` in rad. `ahead` holds the height change and the slope change to each foothold that
+        a controller observes, (n, 2 `terrain_lookahead`) or (2 `terrain_lookahead`,) for all.
         """
         actuations = self._actuations(np.arange(len(states)))
         seen = flow(
@@ -515,13 +520,13 @@ class StrideMap(Section):
         return Samples(seen.states, seen.stages, controls)
 
     def sample(self, points: NDArray, slopes: ArrayLike, times: NDArray) -> Samples:
-        """Look at strides inside: every sample is as exact as the map itself.
+        """Sample strides at given times; every sample is as exact as the map itself.
 
         Args:
-            points: Where they start, (n, m).
+            points: Points of the section where the strides start, (n, m).
             slopes: Slope in rad, one for all or (n,).
-            times: Since the start, (n, k), in any order; later ones than a stride's end give the
-                state that it ends with.
+            times: Times since the start, (n, k), in any order. A time after the end of a stride
+                gives its final state.
         """
         if self.terrain is None:
             return self.look(self.state(points), slopes, times)
@@ -532,7 +537,7 @@ class StrideMap(Section):
         )
 
     def _until(self, state: NDArray, slope: float, time: float) -> Flow:
-        """One walker's stride up to a time, from a state (1, 6)."""
+        """Integrate one walker from a state (1, 6) up to a time."""
         held, (tilt, height_change, slope_change) = (
             self._actuations(np.zeros(1, int))[:, :2],
             self.ground[0],
@@ -543,19 +548,19 @@ class StrideMap(Section):
         )
 
     def before_strike(self, point: NDArray, slope: float, strike: float) -> NDArray[np.float64]:
-        """The state (6,) on the verge of a strike, before the collision, exact to rounding.
+        """Return the state (6,) just before an impact, exact to rounding.
 
-        A state is taken so short before the strike that its accelerations lead there.
+        The integration stops shortly before the impact. The accelerations there give the rest.
 
         Args:
-            point: Where the stride starts, (m,).
+            point: Point of the section where the stride starts, (m,).
             slope: Slope in rad.
             strike: Time of the kneestrike or the heelstrike since the start.
         """
         return self.verge(self.state(point[None]), slope, strike)
 
     def verge(self, state: NDArray, slope: float, strike: float) -> NDArray[np.float64]:
-        """As `before_strike`, from a state (1, 6)."""
+        """Return the state (6,) just before an impact, from a state (1, 6); see `before_strike`."""
         time = strike * (1.0 - _VERGE)
         verge, left = self._until(state, slope, time), strike - time
         angles, rates = verge.states[0, :3], verge.states[0, 3:]
@@ -564,19 +569,19 @@ class StrideMap(Section):
 
 
 MapLike = WalkerLike | Section
-"""What analyses of a stride map take as their first argument: a map of `gpw.stride_map`, or a
-walker in a form that `as_walker` takes, which then is passive."""
+"""Type of the first argument of analyses: a map of `gpw.stride_map`, or a walker in a form that
+`as_walker` takes. Such a walker is passive."""
 
 
 def map_of(walker: MapLike, *, tolerance: float) -> StrideMap:
-    """A stride map as analyses take it: a map, or the passive one of a walker.
+    """Return a given stride map, or the passive map of a given walker.
 
     Args:
         walker: A map of `gpw.stride_map`, or a walker in a form that `as_walker` takes.
-        tolerance: Of the integration.
+        tolerance: Tolerance of the integration.
 
     Raises:
-        WalkerError: if it is neither.
+        WalkerError: if `walker` is neither.
     """
     if isinstance(walker, Section):
         return walker.with_tolerance(tolerance)  # type: ignore[attr-defined]
@@ -584,13 +589,13 @@ def map_of(walker: MapLike, *, tolerance: float) -> StrideMap:
 
 
 def _named(told: NDArray) -> dict[str, NDArray]:
-    """The fields of `Change` from rows (m + 6, n), or from their derivatives (m + 6, n, k)."""
+    """Split rows (m + 6, n), or their derivatives (m + 6, n, k), into the fields of `Change`."""
     rest = 1 - len(_FIELDS)
     return dict(zip(_FIELDS, [told[:rest].swapaxes(0, 1), *told[rest:]], strict=True))
 
 
 def _outcomes(walked: Flow) -> NDArray[np.int8]:
-    """How strides ended; who is only out of time has stalled."""
+    """Return the outcomes of strides; a stride that only ran out of time counts as STALLED."""
     outcomes = walked.outcomes.astype(np.int8)
     outcomes[outcomes == Outcome.RUNNING] = _STALLED
     return outcomes

@@ -1,8 +1,7 @@
-"""Ground that is not smooth: how footholds lie, one after the other.
+"""Terrain: uneven ground as a sequence of footholds.
 
-A foot stands on a patch of ground that slopes its own way; the next one is higher or lower, and
-slopes its own way too. What a walker meets at a foothold depends on the ground, on the walk's own
-key and on the foothold's number alone: not on who else walks, nor on how the walker came there.
+Each foothold has a height and a slope. A foothold depends on the terrain, on the key of the walk
+and on its own number only. It depends neither on other walks nor on earlier motion.
 """
 
 from __future__ import annotations
@@ -33,15 +32,18 @@ _LONGEST = 1_000_000  # footholds of a list or a wave
 
 @dataclass(frozen=True)
 class Terrain:
-    """How footholds lie; made by `rough`, `stairs`, `waves` or `footholds`.
+    """A sequence of footholds; made by `rough`, `stairs`, `waves` or `footholds`.
 
     Attributes:
-        rises: From each foothold to the next, in leg lengths, along the normal of the one below.
-        slopes: Of each foothold beyond the slope that is walked, in rad, positive downhill.
-        repeats: Whether these begin again after the last; else the last holds for all that follow.
-        height_std: Standard deviation of what the heights of footholds differ by besides, each
-            on its own.
-        slope_std: Likewise of their slopes. Where a walk begins there is none of either.
+        rises: Height change from each foothold to the next, in leg lengths, along the normal of
+            the first of the two.
+        slopes: Slope of each foothold beyond the slope of the walk, in rad, positive downhill.
+        repeats: Whether the sequence repeats after its last foothold. Otherwise all that follow
+            are like the last one.
+        height_std: Standard deviation of independent normal deviations of the footholds' heights,
+            in leg lengths. The first foothold has none.
+        slope_std: Standard deviation of independent normal deviations of the footholds' slopes, in
+            rad. The first foothold has none.
     """
 
     rises: tuple[float, ...] = (0.0,)
@@ -63,29 +65,29 @@ class Terrain:
 
     @property
     def random(self) -> bool:
-        """Whether it is another one for each walk."""
+        """Whether footholds are random, so that each walk has its own."""
         return self.height_std > 0.0 or self.slope_std > 0.0
 
     @property
     def smooth(self) -> bool:
-        """Whether there is nothing to it."""
+        """Whether all footholds are level with the slope of the walk."""
         return not (self.random or any(self.rises) or any(self.slopes))
 
     def arrays(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """What the kernels read: a row of rise and slope for each foothold, and the rest."""
+        """Arrays for the kernels: rise and slope of each foothold (n, 2), and other fields (3,)."""
         table = np.column_stack([self.rises, self.slopes])
         return table, np.array([float(self.repeats), self.height_std, self.slope_std])
 
     def ground(self, keys: ArrayLike, places: ArrayLike) -> NDArray[np.float64]:
-        """What walkers stand on.
+        """Return slopes of footholds, and the changes to the next ones.
 
         Args:
-            keys: Of the walks: any whole number below 2^64 for each, or one for all.
-            places: Numbers of footholds, from 0 on, likewise.
+            keys: Keys of the walks, whole numbers below 2^64; one for each, or one for all.
+            places: Numbers of the footholds, from 0 on; one for each, or one for all.
 
         Returns:
-            The foothold's slope beyond the one that is walked; the rise to the next; and by how
-            much that one slopes more steeply. Shape (..., 3).
+            Slope of the foothold beyond the slope of the walk, in rad; height change to the next
+            foothold, in leg lengths; slope change to the next foothold, in rad. Shape (..., 3).
         """
         keys, places = np.broadcast_arrays(np.asarray(keys, np.uint64), np.asarray(places))
         found = np.empty((keys.size, 3))
@@ -94,7 +96,7 @@ class Terrain:
 
 
 def rough(height_std: float = 0.0, slope_std: float = 0.0) -> Terrain:
-    """Footholds at random: heights in leg lengths, slopes in rad, each normally distributed.
+    """Return random footholds with normally distributed heights and slopes.
 
     Example:
         >>> import gym_passive_walker as gpw
@@ -104,19 +106,19 @@ def rough(height_std: float = 0.0, slope_std: float = 0.0) -> Terrain:
         (0.0, 0.0, True)
 
     Args:
-        height_std: Standard deviation of their heights.
-        slope_std: Of their slopes.
+        height_std: Standard deviation of the heights, in leg lengths.
+        slope_std: Standard deviation of the slopes, in rad.
     """
     return Terrain(height_std=height_std, slope_std=slope_std)
 
 
 def stairs(rise: float) -> Terrain:
-    """Each foothold higher than the last by the same, in leg lengths; lower where negative."""
+    """Return footholds, each higher than the last by `rise` leg lengths; lower if negative."""
     return Terrain(rises=(rise,))
 
 
 def waves(height: float, strides: int) -> Terrain:
-    """Footholds that go up and down by a height, in leg lengths, once in some strides."""
+    """Return footholds on a sine of amplitude `height` (leg lengths) and period `strides`."""
     count = whole(strides, "strides", 2, _LONGEST)
     heights = number(height, "height", least=-_HIGHEST, most=_HIGHEST) * np.sin(
         2.0 * math.pi / count * np.arange(count + 1)
@@ -127,11 +129,12 @@ def waves(height: float, strides: int) -> Terrain:
 def footholds(
     heights: Sequence[float] | None = None, slopes: Sequence[float] | None = None
 ) -> Terrain:
-    """A list of footholds; all that follow are as the last.
+    """Return a list of footholds; all that follow are like the last one.
 
     Args:
-        heights: Of each, in leg lengths; the walk begins on the first. All alike when None.
-        slopes: Of each beyond the slope that is walked, in rad. None beyond it when None.
+        heights: Height of each foothold, in leg lengths, (n,); all equal when None. The walk begins
+            on the first.
+        slopes: Slope of each foothold beyond the slope of the walk, in rad, (n,); 0 when None.
     """
     given = [row for row in (heights, slopes) if row is not None]
     count = max((np.size(row) for row in given), default=1)
@@ -144,34 +147,35 @@ def footholds(
 
 
 def contacts(walker: Walker, ground: NDArray, lengths: NDArray) -> NDArray[np.complex128]:
-    """Where strides begin to touch their footholds, the first of them at 0, in the walker's units.
+    """Return the contact points at which strides begin, the first at 0, in the walker's units.
 
     Args:
-        walker: Who walks.
-        ground: From `Terrain.ground`, a row for each foothold in turn, (n, 3).
-        lengths: Of the steps from each, from contact to contact along its own slope, (n,); the last
-            is not needed.
+        walker: The walker.
+        ground: Rows of `Terrain.ground`, one for each foothold in turn, (n, 3).
+        lengths: Length of the step from each foothold, from contact to contact along the
+            foothold's slope, (n,); the last is ignored.
 
     Returns:
-        x along the slope that is walked and, as imaginary part, y off it, (n,).
+        Contact points (n,): x along the slope of the walk as real part, height over it as
+        imaginary part.
     """
     tilts, rises, turns = ground.T
     along = np.exp(-1j * tilts)
-    # A foot that lands touches the new ground above where it came down, as the two slope apart.
+    # A round foot first touches a foothold of another slope away from its lowest point.
     heights = rises * walker.leg_length + walker.foot_radius * (1.0 - np.cos(turns))
     steps = (lengths + 1j * heights) * along
     return np.concatenate([[0.0], np.cumsum(steps[:-1])])
 
 
 EXAMPLES = "rough:height_std=0.002, stairs:rise=-0.01 or waves:height=0.01,strides=6"
-"""Terrains as text."""
+"""Examples of terrains as text, for error messages."""
 
 _ARGUMENT = re.compile(r"(\w+)=(\[[^\]]*\]|[^,\[\]]+)(?:,|$)")  # a name and a number, or a list
 _MADE = {"rough": rough, "stairs": stairs, "waves": waves, "footholds": footholds}
 
 
 TerrainLike: TypeAlias = Terrain | Mapping[str, Any] | str | PathLike[str]
-"""What ground may be given as, wherever it is asked for; see `terrain_from`."""
+"""Type of terrain arguments; see `terrain_from`."""
 
 
 def terrain_from(value: TerrainLike | None) -> Terrain | None:
@@ -217,7 +221,7 @@ def _of_text(text: str) -> Terrain:
 
 def _of_mapping(value: Any) -> Terrain:
     if isinstance(value, Mapping) and value.keys() == {field.name for field in fields(Terrain)}:
-        return Terrain(**value)  # as `dataclasses.asdict` tells it
+        return Terrain(**value)  # as `dataclasses.asdict` returns it
     if not isinstance(value, Mapping) or len(value) != 1:
         raise ValueError(
             "a terrain is a Terrain, None, or a mapping of one of rough, stairs, waves and "
@@ -236,7 +240,7 @@ def _of_mapping(value: Any) -> Terrain:
 
 
 def _row(values: Any, name: str, limit: float) -> tuple[float, ...]:
-    """Numbers in a row, at least one."""
+    """Check a sequence of at least one number, each at most `limit` in size."""
     if isinstance(values, str | Mapping) or np.ndim(values) != 1 or np.size(values) == 0:
         raise ValueError(f"{name} must be numbers in a row, at least one, not {shown(values)}")
     if np.size(values) > _LONGEST:
@@ -249,13 +253,13 @@ def _row(values: Any, name: str, limit: float) -> tuple[float, ...]:
 
 @Kernel
 def foothold(table, spread, key, place):
-    """Rise from a foothold to the next, and its slope.
+    """Return the rise from a foothold to the next (leg lengths), and the foothold's slope (rad).
 
     Args:
-        table: From `Terrain.arrays`.
-        spread: Likewise.
-        key: Of the walk, 64 bits.
-        place: Its number, from 0 on.
+        table: First array of `Terrain.arrays`, (n, 2).
+        spread: Second array of `Terrain.arrays`, (3,).
+        key: Key of the walk, 64 bits.
+        place: Number of the foothold, from 0 on.
     """
     count = len(table)
     i = place % count if spread[0] else min(place, count - 1)
@@ -270,7 +274,7 @@ def foothold(table, spread, key, place):
 
 @Kernel
 def ground_at(table, spread, key, place):
-    """A foothold's slope, the rise to the next, and by how much that one slopes more steeply."""
+    """Return a foothold's slope, and the rise (leg lengths) and the slope change to the next."""
     rise, slope = foothold(table, spread, key, place)
     return slope, rise, foothold(table, spread, key, place + 1)[1] - slope
 

@@ -1,4 +1,4 @@
-"""A walk over many strides, as states at many instants."""
+"""Simulation of a walk over many strides, sampled at many instants."""
 
 from __future__ import annotations
 
@@ -26,31 +26,31 @@ from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker, name_of
 
 COARSEST_SAMPLES = 1e-4
-"""Largest tolerance at which the instant before a strike can still be told from the strike."""
+"""Largest tolerance at which samples just before an impact differ from the impact itself."""
 
 
 @dataclass(frozen=True, repr=False)
 class Trajectory(Table):
     """A walk at n instants, in the walker's own units.
 
-    A heelstrike appears twice, at nearly the same time: as the last sample of one stride, before
-    the collision, and as the first of the next, where the legs have changed roles.
+    Two samples lie at nearly the time of a heelstrike: the last sample of one stride, just before
+    the impact, and the first sample of the next stride, where the legs have changed roles.
 
     Attributes:
-        walker: Who walks.
+        walker: The walker.
         slope: Slope in rad.
         times: Time since the start, shape (n,).
-        states: [stance, thigh, shank] angles in rad, then their rates, shape (n, 6).
+        states: [stance, thigh, shank] angles in rad, then their angular velocities, shape (n, 6).
         contact_x: Contact point along the slope, positive downhill, shape (n,).
-        contact_y: Its height over the slope, shape (n,).
-        tilts: By how much the ground there slopes more steeply, in rad, shape (n,); angles are
-            from its normal.
-        strides: Which stride a sample belongs to, from 0, shape (n,).
+        contact_y: Height of the contact point over the slope, shape (n,).
+        tilts: Slope of the foothold beyond `slope`, in rad, shape (n,); angles are from the
+            foothold's normal.
+        strides: Number of the stride that each sample belongs to, from 0, shape (n,).
         phases: `Stage` of the swing leg, shape (n,).
-        outcomes: How each stride ended, shape (strides made,); all but the last are HEELSTRIKE.
-        torques: Of hip and ankle, under which the walker came there, shape (n, 2).
-        terrain: How footholds lie; smooth when None.
-        terrain_seed: Which of the terrain's walks it is.
+        outcomes: `Outcome` of each stride, shape (strides made,); all but the last are HEELSTRIKE.
+        torques: Hip and ankle torque that act up to each sample, shape (n, 2).
+        terrain: Terrain; None for smooth ground.
+        terrain_seed: Seed of the terrain.
     """
 
     walker: Walker
@@ -72,11 +72,11 @@ class Trajectory(Table):
 
     @property
     def struck(self) -> NDArray[np.int64]:
-        """Samples that are the first after a kneestrike or a heelstrike."""
+        """Indices of the samples that are the first after a kneestrike or a heelstrike."""
         return np.flatnonzero((np.diff(self.strides) != 0) | (np.diff(self.phases) != 0)) + 1
 
     def facts(self) -> dict[str, str]:
-        """How far and how long the walker walked, and how it ended."""
+        """Duration and distance of the walk, and how the walk ended."""
         units = units_of(self.walker)
         return {
             "walker": name_of(self.walker),
@@ -93,7 +93,7 @@ class Trajectory(Table):
         return Outcome(int(self.outcomes[-1])).name.lower().replace("_", " ")
 
     def columns(self) -> dict[str, NDArray]:
-        """A row for each instant."""
+        """One row for each instant."""
         return {
             "time": self.times,
             "stride": self.strides,
@@ -121,7 +121,7 @@ def simulate(
     terrain_seed: int = 0,
     tolerance: float = 1e-10,
 ) -> Trajectory:
-    """Follow one walker for some strides, and keep what it passes through.
+    """Simulate one walker for some strides and sample its trajectory.
 
     Example:
         >>> import gym_passive_walker as gpw
@@ -131,20 +131,23 @@ def simulate(
         ('heelstrike', 2000)
 
     Args:
-        walker: The walker, in a form that `as_walker` takes; or a stride map or a `Gait`, whose
-            slope, state and motors are those of the walk where they are not given.
+        walker: The walker, in a form that `as_walker` takes; or a stride map or a `Gait`, which
+            supplies slope, state and actuation where they are not given.
         slope: Slope in rad, positive downhill.
-        state: Where it starts, just after heelstrike, shape (6,).
-        strides: How many strides to follow; fewer are made if the walker falls.
-        samples: Instants of each stride, evenly spaced: the first just after heelstrike, the last
-            just before what ends the stride. At least 2.
+        state: Initial state, just after heelstrike, shape (6,).
+        strides: Number of strides; fewer are made if the walker falls.
+        samples: Number of samples in each stride, evenly spaced, at least 2. The first is just
+            after heelstrike, the last just before the event that ends the stride.
         hip_torque: Torque, as for `stride`: a number, or one for each stride. 0 by default, or the
-            gait's own, as the other motors.
-        ankle_torque: Likewise.
-        push_off: Impulse at a stride's end, likewise.
-        terrain: How footholds lie, in a form that `terrain_from` takes; smooth when None.
-        terrain_seed: Which of the terrain's walks, if it is random: any whole number from 0 on.
-        tolerance: Error relative to the largest angle or rate, as for `stride`; at most 1e-4.
+            gait's own.
+        ankle_torque: Torque, as for `stride`: a number, or one for each stride. 0 by default, or
+            the gait's own.
+        push_off: Impulse at the end of a stride, as for `stride`: a number, or one for each stride.
+            0 by default, or the gait's own.
+        terrain: Terrain, in a form that `terrain_from` takes; smooth ground when None.
+        terrain_seed: Seed of a random terrain: any whole number from 0 to 2^64 - 1.
+        tolerance: Error relative to the largest angle or angular velocity, as for `stride`; at
+            most 1e-4.
 
     Returns:
         The `Trajectory`, with `samples` instants for each stride made.
@@ -192,7 +195,7 @@ def simulate(
         np.array([getattr(walk, name) for walk in walks]) for name in ("duration", "step_length")
     )
     first, tilts = np.array(starts[:made]), ground[:made, 0]
-    # Strikes seen from sample to sample differ by the tolerance: stop short of them by more.
+    # Impact times of the two integrations differ by the tolerance: end earlier by more than that.
     instants = np.linspace(0.0, 1.0 - 10.0 * tolerance - 1e-12, samples) * durations[:, None]
     units = units_of(walker)
     if strides_of is None:
@@ -226,7 +229,7 @@ def simulate(
 
 
 def ground_of(terrain: TerrainLike | None, terrain_seed: int, strides: int) -> NDArray[np.float64]:
-    """Of each stride: its slope beyond the walk's, the next foothold's rise and turn."""
+    """Return slope beyond the walk's, height change and slope change by stride, (strides, 3)."""
     terrain_seed = whole(terrain_seed, "terrain_seed", 0, 2**64 - 1)
     made = terrain_from(terrain)
     return np.zeros((strides, 3)) if made is None else made.ground(terrain_seed, np.arange(strides))
