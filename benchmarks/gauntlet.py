@@ -8,7 +8,8 @@ Prints a row for each controller, and puts the table into docs/robustness.md. It
 from __future__ import annotations
 
 import gym_passive_walker as gpw
-from benchmarks.report import DOCS, keep, machine, table
+from benchmarks.report import DOCS, command, keep, machine, table
+from gym_passive_walker import console
 from gym_passive_walker.policies import shipped_policies
 
 WALKERS = 128
@@ -32,6 +33,7 @@ SHOWN = {
 
 def main() -> None:
     """Test them all."""
+    command(__doc__)
     rows = []
     for controller, scene in [*((name, None) for name in shipped_policies()), *BESIDE]:
         found = gpw.gauntlet(controller, scene, walkers=WALKERS)
@@ -51,4 +53,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    raise SystemExit(console.run(main))

@@ -246,11 +246,11 @@ def test_newtons_method_gives_up_alone_where_there_is_no_solution():
     def equations(x):
         return x**2 - np.array([[4.0], [-1.0]])[: len(x)], 2.0 * x[:, :, None]
 
-    found = newton(equations, np.array([[3.0], [1.0]])[:1], accuracy=1e-12, max_stride_time=10.0)
+    found = newton(equations, np.array([[3.0], [1.0]])[:1], accuracy=1e-12, longest=10.0)
     assert found.points[0, 0] == pytest.approx(2.0) and found.sizes[0] <= 1e-12
     lost = newton(lambda x: (x**2 + 1.0, 2.0 * x[:, :, None]), np.ones((1, 1)), accuracy=1e-12)
     assert lost.sizes[0] > 0.5
-    leap = newton(equations, np.array([[0.1]]), accuracy=1e-12, max_stride_time=1.0, damped=False)
+    leap = newton(equations, np.array([[0.1]]), accuracy=1e-12, longest=1.0, damped=False)
     assert np.isinf(leap.sizes[0])
 
 
