@@ -124,7 +124,7 @@ ANALYSES = {
     "simulation on rough ground": lambda n: gpw.simulate(
         gait(n), strides=2, samples=10, terrain=gpw.rough(0.001)
     ),
-    "constraints check": lambda n: gpw.reality_check(gait(n)),
+    "reality check": lambda n: gpw.reality_check(gait(n)),
     "Jacobian": lambda n: gpw.stride_jacobian(gait(n), wrt=("state", "slope", "shank_com")),
     "design": lambda n: gpw.optimize_walker(
         of(n), "cost_of_transport", ["shank_com"], [near(gait(n).walker.shank_com)], iterations=2
