@@ -13,14 +13,15 @@ from llvmlite import binding as llvm
 from numpy.typing import NDArray
 
 from gym_passive_walker.engine import cache
-from gym_passive_walker.engine.equations import Equations, without_absent
+from gym_passive_walker.engine.equations import Equations, places_of, state_of, without_absent
 from gym_passive_walker.engine.expressions import Expression, choose, read
 from gym_passive_walker.engine.layout import (
-    COURSE,
     MOST_GUARDS,
     PAIR,
-    RECORD,
     WIDTH,
+    course_for,
+    layout_of,
+    record_for,
     tile_for,
 )
 from gym_passive_walker.engine.native import Code, Function, Memory, Module, uses
@@ -28,7 +29,7 @@ from gym_passive_walker.engine.one_lane import OneLane, first_where
 from gym_passive_walker.engine.runge_kutta import Pair
 from gym_passive_walker.engine.step import Step
 from gym_passive_walker.physics import legs
-from gym_passive_walker.physics.hybrid import Control, Ground, Outcome, Phase, State, System
+from gym_passive_walker.physics.hybrid import Ground, Outcome, Phase, State, System
 from gym_passive_walker.physics.numbers import sine_cosine
 from gym_passive_walker.physics.systems import SYSTEMS
 from gym_passive_walker.progress import compiling
@@ -83,9 +84,10 @@ def constants_used(system: System, phase: Phase) -> tuple[str, ...]:
     known: dict = {}
     names: tuple[str, ...] = system.Body._fields  # type: ignore[attr-defined]
     body = without_absent(system, system.Body(*(read(known, name) for name in names)))
-    equations = Equations(system, phase, ())
-    state = equations.as_state(*([read(known, kind, i) for i in range(3)] for kind in "ab"))
-    control = Control(*(read(known, "c", i) for i in range(len(Control._fields))))
+    equations, count = Equations(system, phase, ()), system.coordinates
+    state = equations.as_state(*([read(known, kind, i) for i in range(count)] for kind in "ab"))
+    names_of_controls = system.Control._fields  # type: ignore[attr-defined]
+    control = system.Control(*(read(known, "c", i) for i in range(len(names_of_controls))))
     ground = Ground(*(read(known, "g", i) for i in range(len(Ground._fields))))
     ground = without_absent(system, ground)
     results = [*phase.accelerations(body, state, control, ground)]
@@ -133,7 +135,7 @@ def phases_of(system: System, code: Any) -> NDArray:
         entry["watch"][: len(phase.guards)] = [guard.watch for guard in phase.guards]
         entry["between"][: len(phase.guards)] = [guard.between for guard in phase.guards]
         for number, guard in enumerate(phase.guards):
-            entry["first_where"][number] = first_where(phase, number)
+            entry["first_where"][number] = first_where(system, phase, number)
             entry["wheres"][number] = len(guard.where)
     return phases
 
@@ -150,7 +152,9 @@ def written(
 
     They are written into a module of another language if it is given.
     """
-    module, tile, body = module or Module(), tile_for(pair, width), body_layout(system)
+    layout = layout_of(system)
+    record, course, tile = record_for(layout), course_for(layout), tile_for(pair, width, layout)
+    module, body = module or Module(), body_layout(system)
 
     def function(name: str, *layouts: np.dtype, active: tuple[str, ...]) -> Function:
         return module.function(name, layouts, active=active if derived else ())
@@ -163,7 +167,7 @@ def written(
     for i, phase in enumerate(system.phases):
         told = system, phase, constants_used(system, phase), pair
         one_lane, step = OneLane(*told), Step(*told)
-        others = (body, RECORD, tile, RECORD, COURSE, COURSE, COURSE)
+        others = (body, record, tile, record, course, course, course)
         for name, other in zip(OF_LANE, others, strict=True):
             # Where a strike is expected decides where steps end, and nothing else.
             active = () if name == "onto" else (*_STATES, *_TIMES, *_RECORDS, *_COURSES)
@@ -175,18 +179,18 @@ def written(
         for code in step.sweep():
             sweep.over_lanes(code)
         sweep.end()
-        once(f"open{i}", partial(_open, system, phase), RECORD, body)
+        once(f"open{i}", partial(_open, system, phase), record, body)
         for outcome in phase.resets:
             code = partial(reset, system, phase, outcome)
-            once(f"reset{i}_{outcome.name}", code, RECORD, body, active=_RECORDS)
-    once("begin", partial(_begin, system), RECORD, body, active=_RECORDS)
-    once("place", partial(_place, system), RECORD, body)
+            once(f"reset{i}_{outcome.name}", code, record, body, active=_RECORDS)
+    once("begin", partial(_begin, system), record, body, active=_RECORDS)
+    once("place", partial(_place, system), record, body)
     return module
 
 
 def _begin(system: System, record: Memory, body: Memory) -> None:
     """Begin a stride, just after heelstrike."""
-    for i in range(3):
+    for i in range(system.coordinates):
         record["start", i] = record["state", i]
     record["phase"] = 0.0
     _open(system, system.phases[0], record, body)
@@ -204,7 +208,7 @@ def ground_of(system: System, record: Memory) -> Ground:
 
 def _open(system: System, phase: Phase, record: Memory, body: Memory) -> None:
     """Begin a stride or a tick within the bounds of its phase, or not at all."""
-    state, constants = State(*record.entries("state")), constants_of(system, body)
+    state, constants = state_of(system, record), constants_of(system, body)
     ground = ground_of(system, record)
     outcome: Expression | float = float(Outcome.RUNNING)
     for guard in reversed(phase.guards):
@@ -219,14 +223,14 @@ def reset(system: System, phase: Phase, outcome: Outcome, record: Memory, body: 
     constants, reset = constants_of(system, body), phase.resets[outcome]
     ground = ground_of(system, record)
     push_off = 0.0 if "push_off" in system.absent else record["push_off"]
-    before = State(*record.entries("state"))
+    before = state_of(system, record)
     after, loss, work = reset.strike(constants, before, push_off, ground)
-    for i, value in enumerate(after):
+    for i, value in zip(places_of(system, record), after, strict=True):
         record["state", i] = value
     record[_LOSSES[outcome]] = loss
     if reset.into is None:
         record["push_work"] = work
-        _measure(system, constants, after, ground, record)
+        _measure(system, constants, before, after, ground, record)
         record["phase"] = 0.0
         return
     record["phase"] = float(reset.into)
@@ -240,17 +244,17 @@ def reset(system: System, phase: Phase, outcome: Outcome, record: Memory, body: 
     record["outcome"] = follows
 
 
-def _measure(system: System, body: Any, after: State, ground: Ground, record: Memory) -> None:
+def _measure(
+    system: System, body: Any, before: State, after: State, ground: Ground, record: Memory
+) -> None:
     """The step that a heelstrike has ended, and the work done in it; the next one starts here."""
-    start = after._replace(**dict(zip(State._fields[:3], record.entries("start"), strict=True)))
-    old, new = after.thigh - ground.slope_change, after.stance - ground.slope_change
-    end = after._replace(stance=old, thigh=new, shank=new)
-    record["step_length"] = legs.step_length(body, start.stance, new, old, ground.slope_change)
-    record["passed"] = legs.progress(body, old)
-    record["gravity_work"] = -system.potential_gain(body, start, end, ground)
+    start = record.entries("start")[: system.coordinates]
+    step = system.measure(system, body, start, before, after, ground)
+    record["step_length"], record["passed"] = step.length, step.passed
+    record["gravity_work"] = step.gravity_work
     if system.spring_gain:
-        record["spring_work"] = -system.spring_gain(body, start, end)
-    for i in range(3):
+        record["spring_work"] = step.spring_work
+    for i in range(system.coordinates):
         record["start", i] = after[i]
     if "slope_change" not in system.absent:
         back, up = legs.turned(ground.cosine, ground.sine, *sine_cosine(ground.slope_change))
@@ -260,7 +264,7 @@ def _measure(system: System, body: Any, after: State, ground: Ground, record: Me
 
 def _place(system: System, record: Memory, body: Memory) -> None:
     """Where the hip is, for whoever counts the way from step to step."""
-    record["place"] = legs.progress(constants_of(system, body), record["state", 0])
+    record["place"] = system.place(constants_of(system, body), state_of(system, record))
 
 
 _ALIVE: list[Any] = []

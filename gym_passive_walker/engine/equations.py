@@ -9,7 +9,7 @@ from gym_passive_walker.engine.expressions import Expression, Tangents
 from gym_passive_walker.engine.layout import PAIR
 from gym_passive_walker.engine.native import Memory
 from gym_passive_walker.engine.runge_kutta import Pair
-from gym_passive_walker.physics.hybrid import Control, Ground, Guard, Phase, State, System
+from gym_passive_walker.physics.hybrid import Ground, Guard, Phase, State, System
 
 
 class Equations:
@@ -32,6 +32,15 @@ class Equations:
         """Indices of the angles that move by themselves."""
         return range(self.phase.links)
 
+    @property
+    def rates(self) -> slice:
+        """Where the rates stand in a state."""
+        return slice(self.system.coordinates, None)
+
+    def bends(self, tile: Memory, stage: int) -> list[Expression]:
+        """Accelerations in a stage of the step, one for each coordinate."""
+        return [tile["stage", stage, link] for link in range(self.system.coordinates)]
+
     def body(self, tile: Memory) -> Any:
         """The walker's constants; those that the phase does not use are NaN."""
         rows = {name: tile["body", i] for i, name in enumerate(self.names)}
@@ -41,7 +50,7 @@ class Equations:
     @property
     def controls(self) -> list[int]:
         """Indices of the controls that there may be."""
-        names = enumerate(Control._fields)
+        names = enumerate(self.system.Control._fields)  # type: ignore[attr-defined]
         return [i for i, name in names if name not in self.system.absent]
 
     @property
@@ -82,12 +91,14 @@ class Equations:
     def as_state(self, angles: list, rates: list) -> State:
         """A state from the angles that move by themselves and their rates."""
         last = self.phase.links - 1
-        return State(*(v[min(i, last)] for v in (angles, rates) for i in range(3)))
+        each = range(self.system.coordinates)
+        return self.system.State(*(v[min(i, last)] for v in (angles, rates) for i in each))
 
     def accelerations(self, tile: Memory, state: State) -> tuple[Expression, ...]:
         """Accelerations of the links."""
-        held = {Control._fields[i]: tile["control", i] for i in self.controls}
-        control = Control(**dict.fromkeys(Control._fields, 0.0) | held)
+        names: tuple[str, ...] = self.system.Control._fields  # type: ignore[attr-defined]
+        held = {names[i]: tile["control", i] for i in self.controls}
+        control = self.system.Control(**dict.fromkeys(names, 0.0) | held)
         return self.phase.accelerations(self.body(tile), state, control, self.ground(tile))
 
     def along(
@@ -100,7 +111,7 @@ class Equations:
             state: Angles and rates.
             bends: Accelerations; None where the second derivative is of no interest.
         """
-        flow = self.as_state(list(state[3:]), bends)
+        flow = self.as_state(list(state[self.rates]), bends)
         moves = {x: change for x, change in zip(state, flow, strict=True) if change is not None}
 
         def derivative(of: Expression) -> Expression:
@@ -114,6 +125,17 @@ class Equations:
     def _moved(self, control: int, state: State) -> Expression:
         """The coordinate that a control moves."""
         return self.system.travel(state)[control]
+
+
+def places_of(system: System, record: Memory) -> list[int]:
+    """Where each number of a state stands in the field "state" of a record."""
+    count, room = system.coordinates, record.layout["start"].shape[0]
+    return [*range(count), *range(room, room + count)]
+
+
+def state_of(system: System, record: Memory) -> State:
+    """A walker's state."""
+    return system.State(*(record["state", i] for i in places_of(system, record)))
 
 
 def without_absent(system: System, body: Any) -> Any:

@@ -21,7 +21,7 @@ from gym_passive_walker.engine.step import (
     SAFETY,
     STRETCH,
 )
-from gym_passive_walker.physics.hybrid import Control, Watch
+from gym_passive_walker.physics.hybrid import Watch
 
 TIME_UP, LOST, GIVEN_UP = -1, -2, -3
 """What ends a phase besides its guards: the time asked for, numbers that are not finite, or a
@@ -40,7 +40,6 @@ _TOGETHER = 1e-14
 near, either may."""
 
 _SCUFF = int(Watch.SCUFF)
-_CONTROLS = len(Control._fields)
 
 
 @inlined
@@ -237,7 +236,7 @@ def earliest(phase, course, h, scuff, but):
 @jitted
 def accept(tiles, courses, phase, lane, event, late):
     """Take a step's end as the new start: moved by a time onto an event, or for 0.0 as it is."""
-    for k in range(_CONTROLS):
+    for k in range(len(courses[0].turning)):
         courses[0].turning[k] = turning(tiles[0], phase, courses[0], lane, k)
     here, course, planes = address(tiles), address(courses), len(tiles) - 1
     call(phase.accept, here, course, lane, planes, event, late)
@@ -378,7 +377,9 @@ def attend(tiles, courses, phase, lane, options):
             return GIVEN_UP if error * 0.0 == 0.0 else LOST
         return 0
 
-    for k in range(_CONTROLS):  # end a step where a control turns back, so that its work is exact
+    for k in range(
+        len(courses[0].turning)
+    ):  # end a step where a control turns back, so that its work is exact
         turned = turning(tile, phase, course, lane, k)
         if not 0.02 < turned < 0.98 and tile.control[k, lane] != 0.0:
             turned = between_turns(course, phase.guards + k, h)

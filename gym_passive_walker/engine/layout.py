@@ -7,13 +7,16 @@ record and a tile may stand *planes* of the same layout, with derivatives along 
 
 from __future__ import annotations
 
+from functools import cache
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.engine.native import GROUP
 from gym_passive_walker.engine.runge_kutta import Pair
 from gym_passive_walker.engine.verner import VERNER
-from gym_passive_walker.physics.hybrid import Control, Ground, State
+from gym_passive_walker.physics.hybrid import Control, Ground, State, System
 
 PAIR = VERNER
 """The method that steps are made with."""
@@ -28,19 +31,49 @@ MOST_CONSTANTS = 24
 MOST_GUARDS = 16
 """Guards that a phase may have, with what controls move and what guards count by."""
 
-LINKS = 3
-_CONTROLS, _GROUND = len(Control._fields), len(Ground._fields)
+_GROUND = len(Ground._fields)
 
-RECORD = np.dtype(
-    [
-        ("state", "f8", (len(State._fields),)),
-        ("start", "f8", (LINKS,)),  # angles where the stride began
+
+class Layout(NamedTuple):
+    """The room that records and tiles have for a system.
+
+    Attributes:
+        links: Coordinates of a state; a state is the coordinates, then their rates.
+        controls: Controls.
+        rows: Rows of a course: guards, what controls move, and what guards count by.
+    """
+
+    links: int
+    controls: int
+    rows: int
+
+
+NARROW = Layout(len(State._fields) // 2, len(Control._fields), MOST_GUARDS)
+"""For walkers of two legs, and for systems that need no more room."""
+
+WIDE = Layout(8, 8, MOST_GUARDS + 8)
+"""For all others."""
+
+
+def layout_of(system: System) -> Layout:
+    """The smaller layout that has room for a system."""
+    needed = len(system.State._fields) // 2, len(system.Control._fields)  # type: ignore[attr-defined]
+    return NARROW if needed[0] <= NARROW.links and needed[1] <= NARROW.controls else WIDE
+
+
+@cache
+def record_for(layout: Layout) -> np.dtype:
+    """The layout of a record: what the engine knows of one walker."""
+    links, controls = layout.links, layout.controls
+    return np.dtype([
+        ("state", "f8", (2 * links,)),
+        ("start", "f8", (links,)),  # angles where the stride began
         ("ground", "f8", (_GROUND,)),
-        ("control", "f8", (_CONTROLS,)),
+        ("control", "f8", (controls,)),
         ("push_off", "f8"),
         # What each control has moved, net and either way: the work of a unit control.
-        ("moved", "f8", (_CONTROLS,)),
-        ("turned", "f8", (_CONTROLS,)),
+        ("moved", "f8", (controls,)),
+        ("turned", "f8", (controls,)),
         ("time", "f8"),
         ("end", "f8"),  # when to stop
         ("step", "f8"),  # proposed length of the next integration step
@@ -57,32 +90,41 @@ RECORD = np.dtype(
         ("phase", "i8"),  # index in the system's phases
         ("outcome", "i8"),
         ("steps", "i8"),  # integration steps tried
-    ]
-)
+    ])  # fmt: skip
 
 
-def tile_for(pair: Pair, width: int = WIDTH) -> np.dtype:
+RECORD = record_for(NARROW)
+
+
+@cache
+def layout_in(records: np.dtype) -> Layout:
+    """The layout of records of a type."""
+    return NARROW if records == RECORD else WIDE
+
+
+def tile_for(pair: Pair, width: int = WIDTH, layout: Layout = NARROW) -> np.dtype:
     """The layout of a tile for steps made with a method, of as many walkers as it is wide."""
     line, places = (width,), max(pair.places()) + 1
+    links, controls = layout.links, layout.controls
     return np.dtype(
         [
-            ("angle", "f8", (LINKS, *line)),
-            ("rate", "f8", (LINKS, *line)),
-            ("new_angle", "f8", (LINKS, *line)),
-            ("new_rate", "f8", (LINKS, *line)),
+            ("angle", "f8", (links, *line)),
+            ("rate", "f8", (links, *line)),
+            ("new_angle", "f8", (links, *line)),
+            ("new_rate", "f8", (links, *line)),
             # Of stages near which others follow: how far angles have turned, their sine and cosine.
-            ("turn", "f8", (places, LINKS, *line)),
-            ("sine", "f8", (places, LINKS, *line)),
-            ("cosine", "f8", (places, LINKS, *line)),
+            ("turn", "f8", (places, links, *line)),
+            ("sine", "f8", (places, links, *line)),
+            ("cosine", "f8", (places, links, *line)),
             # Accelerations at the step's start, in its stages, and at its end.
-            ("stage", "f8", (pair.stages + 1, LINKS, *line)),
-            ("stage_rate", "f8", (pair.stages - 1, LINKS, *line)),  # in the stages between
-            ("moved", "f8", (_CONTROLS, *line)),
-            ("turned", "f8", (_CONTROLS, *line)),
+            ("stage", "f8", (pair.stages + 1, links, *line)),
+            ("stage_rate", "f8", (pair.stages - 1, links, *line)),  # in the stages between
+            ("moved", "f8", (controls, *line)),
+            ("turned", "f8", (controls, *line)),
             ("lost", "f8", line),  # to friction
             ("power", "f8", line),  # that friction takes, on average over the step
             ("ground", "f8", (_GROUND, *line)),
-            ("control", "f8", (_CONTROLS, *line)),
+            ("control", "f8", (controls, *line)),
             ("body", "f8", (MOST_CONSTANTS, *line)),
             ("h", "f8", line),  # length of the step
             ("ahead", "f8", line),  # when the strike is expected after its end; 0 if it is not near
@@ -103,26 +145,31 @@ def tile_for(pair: Pair, width: int = WIDTH) -> np.dtype:
 
 TILE = tile_for(PAIR)
 
-COURSE = np.dtype(
-    [
+
+@cache
+def course_for(layout: Layout) -> np.dtype:
+    """The layout of a course: how guards run over a step."""
+    rows = (layout.rows,)
+    return np.dtype([
         # Of each guard, of what each control moves, of what guards count by: at a step's ends.
-        ("before", "f8", (MOST_GUARDS,)),
-        ("rate_before", "f8", (MOST_GUARDS,)),
-        ("bend_before", "f8", (MOST_GUARDS,)),
-        ("after", "f8", (MOST_GUARDS,)),
-        ("rate_after", "f8", (MOST_GUARDS,)),
-        ("bend_after", "f8", (MOST_GUARDS,)),
+        ("before", "f8", rows),
+        ("rate_before", "f8", rows),
+        ("bend_before", "f8", rows),
+        ("after", "f8", rows),
+        ("rate_after", "f8", rows),
+        ("bend_after", "f8", rows),
         # Where in the step what each control moves turns back: a fraction, or -1.
-        ("turning", "f8", (_CONTROLS,)),
+        ("turning", "f8", (layout.controls,)),
         # Of the strike, along the motion beyond the step's end: when it comes, whether it counts
         # there, and the error of what is beyond the end so far, over the tolerance.
         ("late", "f8"),
         ("comes", "f8"),
         ("doubt", "f8"),
         ("counted", "f8"),  # whether the event counts in the state that the step has ended in
-    ]
-)
-"""How guards run over a step."""
+    ])  # fmt: skip
+
+
+COURSE = course_for(NARROW)
 
 
 def aligned(layout: np.dtype, planes: int) -> NDArray:

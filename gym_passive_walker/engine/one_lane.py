@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from gym_passive_walker.engine.equations import Equations, sum_of
+from gym_passive_walker.engine.equations import Equations, places_of, sum_of
 from gym_passive_walker.engine.expressions import (
     Expression,
     choose,
@@ -21,7 +21,7 @@ from gym_passive_walker.engine.expressions import (
 )
 from gym_passive_walker.engine.native import Memory
 from gym_passive_walker.engine.step import STRETCH
-from gym_passive_walker.physics.hybrid import Control, Guard, Phase, State
+from gym_passive_walker.physics.hybrid import Guard, Phase, State, System
 
 LAST_STAGES = 5
 """Of a step, through which a polynomial goes on beyond its end."""
@@ -46,12 +46,12 @@ class OneLane(Equations):
     def load(self, tile: Memory, record: Memory) -> None:
         """Put a walker into a lane; the length of the very first step is the first argument."""
         state = record.entries("state")
-        for i in range(3):
-            tile["angle", i], tile["rate", i] = state[i], state[3 + i]
+        for i in range(self.system.coordinates):
+            tile["angle", i], tile["rate", i] = state[i], state[len(state) // 2 + i]
         for field, there in (("ground", self.grounds), ("control", self.controls)):
             for i in there:
                 tile[field, i] = record[field, i]
-        for i in range(len(Control._fields)):
+        for i in range(record.layout["control"].shape[0]):
             if i not in self.controls:
                 tile["control", i] = 0.0  # looked at, whether there is one or not
             tile["moved", i] = tile["turned", i] = 0.0
@@ -76,11 +76,11 @@ class OneLane(Equations):
         up, state = tile.argument(0) > 0.0, self.state(tile)
         late = tile["end"] - tile["time"]
         bends = [tile["stage", 0, link] for link in self.links]
-        moved = self.as_state(list(state[3:]), bends)
-        for i, (value, change) in enumerate(zip(state, moved, strict=True)):
+        moved = self.as_state(list(state[self.rates]), bends)
+        for i, value, change in zip(places_of(self.system, record), state, moved, strict=True):
             record["state", i] = choose(up, value + late * change, value)
         for i in self.controls:
-            rate = self.along(partial(self._moved, i), state, [None] * 3)[1]
+            rate = self.along(partial(self._moved, i), state, [None] * self.system.coordinates)[1]
             for name, change in (("moved", late * rate), ("turned", late * abs(rate))):
                 whole = record[name, i] + tile[name, i]
                 record[name, i] = choose(up, whole + change, whole)
@@ -100,11 +100,11 @@ class OneLane(Equations):
         ends. Whether the event counts is decided by the state that it ends in.
         """
         event, late = tile.argument(0), tile.argument(1)
-        number = abs(event)
+        number, n = abs(event), self.system.coordinates
         start, (end, bends) = self.state(tile), self.beyond(tile, late)
         value, rate = event.number(0.0), event.number(1.0)
         for i in reversed(range(len(self.phase.guards))):
-            g, v, _ = self.along(self.guard(i, tile), end, [None] * 3)
+            g, v, _ = self.along(self.guard(i, tile), end, [None] * self.system.coordinates)
             value, rate = choose(number < i + 1.5, g, value), choose(number < i + 1.5, v, rate)
         rest = -value / rate
         # Where the guard hardly falls, its slope leads astray: no further than the end has moved.
@@ -112,8 +112,8 @@ class OneLane(Equations):
         late = late + rest
         half = 0.5 * rest
         end = self.as_state(
-            [end[k] + rest * (end[3 + k] + half * bends[k]) for k in self.links],
-            [end[3 + k] + rest * bends[k] for k in self.links],
+            [end[k] + rest * (end[n + k] + half * bends[k]) for k in self.links],
+            [end[n + k] + rest * bends[k] for k in self.links],
         )
         counted: Expression = event.number(1.0)
         for i, guard in reversed(list(enumerate(self.phase.guards))):
@@ -121,7 +121,7 @@ class OneLane(Equations):
             counted = choose(number < i + 1.5, counts, counted)
         course["counted"] = counted
         for link in self.links:
-            tile["angle", link], tile["rate", link] = end[link], end[3 + link]
+            tile["angle", link], tile["rate", link] = end[link], end[n + link]
             tile["stage", 0, link] = bends[link]
         for k in self.controls:
             i = len(self.phase.guards) + k
@@ -167,7 +167,8 @@ class OneLane(Equations):
             return
         guard = self.phase.guards[self.phase.strike]
         falls, end = self.guard(self.phase.strike, tile), self.state(tile, "new_")
-        bends = [tile["stage", self.pair.stages, link] for link in range(3)]
+        n = self.system.coordinates
+        bends = self.bends(tile, self.pair.stages)
         value, rate, bend = self.along(falls, end, bends)
         square = rate * rate - 2.0 * value * bend
         late = 2.0 * value / (square_root(larger(square, 0.0)) - rate)  # as if on a parabola
@@ -176,13 +177,13 @@ class OneLane(Equations):
         for link in self.links:
             power = sum_of([w[-1] * tile["stage", j, link] for j, w in self._onward.items()])
             apart = larger(abs(power), apart)
-            for size in (end[link], end[3 + link]):
+            for size in (end[link], end[n + link]):
                 scale = larger(abs(size), scale)
         part = 0.75 * abs(np.prod([self.pair.nodes[j] - 1.0 for j in list(self._onward)[1:-1]]))
         error = float(part) * tile["h"] * (x * x) * apart
         there = self.as_state(
-            [end[k] + late * (end[3 + k] + 0.5 * late * bends[k]) for k in self.links],
-            [end[3 + k] + late * bends[k] for k in self.links],
+            [end[k] + late * (end[n + k] + 0.5 * late * bends[k]) for k in self.links],
+            [end[n + k] + late * bends[k] for k in self.links],
         )
         falls = (rate < 0.0) & (square > 0.25 * (rate * rate))  # it does not merely touch
         course["late"] = late
@@ -197,10 +198,12 @@ class OneLane(Equations):
             **{guards + i: partial(self._moved, i) for i in self.controls},
         }
         for i, guard in enumerate(self.phase.guards):
-            functions |= dict(enumerate(self.wheres(guard, tile), first_where(self.phase, i)))
+            functions |= dict(
+                enumerate(self.wheres(guard, tile), first_where(self.system, self.phase, i))
+            )
         for when, prefix, stage in (("before", "", 0), ("after", "new_", self.pair.stages)):
             state = self.state(tile, prefix)
-            bends = [tile["stage", stage, link] for link in range(3)]
+            bends = self.bends(tile, stage)
             for i, function in functions.items():
                 value, rate, bend = self.along(function, state, bends)
                 course[when, i], course[f"rate_{when}", i] = value, rate
@@ -214,10 +217,10 @@ class OneLane(Equations):
         return counts
 
 
-def first_where(phase: Phase, number: int) -> int:
+def first_where(system: System, phase: Phase, number: int) -> int:
     """The row of a `COURSE` in which stands what a guard counts by, the first of it."""
     sooner = sum(len(guard.where) for guard in phase.guards[:number])
-    return len(phase.guards) + len(Control._fields) + sooner
+    return len(phase.guards) + len(system.Control._fields) + sooner  # type: ignore[attr-defined]
 
 
 def quintic(course: Memory, i: int, h: Expression, x: Expression) -> Expression:

@@ -21,7 +21,17 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.jit import Kernel, address, call
 from gym_passive_walker.engine.lanes import RESTING, carry
-from gym_passive_walker.engine.layout import COURSE, PAIR, RECORD, TILE, aligned
+from gym_passive_walker.engine.layout import (
+    NARROW,
+    PAIR,
+    WIDE,
+    Layout,
+    aligned,
+    course_for,
+    layout_in,
+    record_for,
+    tile_for,
+)
 from gym_passive_walker.physics.hybrid import System
 
 OPTIONS = np.dtype(
@@ -103,11 +113,12 @@ def new_records(
     end: ArrayLike = LONGEST_STRIDE,
     seeds: Seeds | None = None,
     planes: int = 0,
+    layout: Layout = NARROW,
 ) -> NDArray:
     """Records of walkers that stand just after heelstrike, (n, planes + 1).
 
     Args:
-        states: Dimensionless, (n, 6).
+        states: Dimensionless, (n, 6); of another system its coordinates, then their rates.
         slopes: In rad, one for all or (n,).
         controls: Of the hip alone, one for all or (n,); or of each control, (n, controls).
         push_off: Impulse at heelstrike, one for all or (n,).
@@ -116,10 +127,11 @@ def new_records(
         end: When to stop, one for all or (n,).
         seeds: Directions of derivatives.
         planes: How many there are.
+        layout: The room of the walkers' system, from `layout_of`.
     """
-    records = np.zeros((len(states), planes + 1), RECORD)
+    records = np.zeros((len(states), planes + 1), record_for(layout))
     values = records[:, 0]
-    values["state"] = states
+    put_states(values, states)
     values["ground"][:, 0], values["ground"][:, 1] = np.sin(slopes), np.cos(slopes)
     values["ground"][:, 2], values["ground"][:, 3] = height_change, slope_change
     controls = np.asarray(controls, dtype=float)
@@ -130,8 +142,9 @@ def new_records(
     values["end"] = end
     if seeds is not None:
         changes = records[:, 1:]
+        if seeds.states is not None:
+            put_states(changes, seeds.states)
         for name, seed in (
-            ("state", seeds.states),
             ("control", seeds.controls),
             ("push_off", seeds.push_offs),
             ("end", seeds.ends),
@@ -144,16 +157,33 @@ def new_records(
     return records
 
 
-def workspace(planes: int = 0) -> tuple[NDArray, NDArray]:
+def put_states(records: NDArray, states: NDArray) -> None:
+    """Write states (..., 2 m) into records (...), which may have room for more coordinates."""
+    count, room = states.shape[-1] // 2, records["start"].shape[-1]
+    records["state"][..., :count] = states[..., :count]
+    records["state"][..., room : room + count] = states[..., count:]
+
+
+def states_in(records: NDArray, coordinates: int) -> NDArray[np.float64]:
+    """States (..., 2 m) of a system of m coordinates in records (...)."""
+    found, room = records["state"], records["start"].shape[-1]
+    if coordinates == room:
+        return found
+    parts = found[..., :coordinates], found[..., room : room + coordinates]
+    return np.concatenate(parts, axis=-1)
+
+
+def workspace(planes: int = 0, layout: Layout = NARROW) -> tuple[NDArray, NDArray]:
     """A tile and a course, to be used by one thread at a time."""
-    return aligned(TILE, planes + 1), np.zeros(planes + 1, COURSE)
+    tile = aligned(tile_for(PAIR, layout=layout), planes + 1)
+    return tile, np.zeros(planes + 1, course_for(layout))
 
 
-def _desk(planes: int) -> tuple[NDArray, NDArray]:
+def _desk(planes: int, layout: Layout) -> tuple[NDArray, NDArray]:
     """The workspace of this thread."""
-    name = f"planes{planes}"
+    name = f"planes{planes}" + "wide" * (layout == WIDE)
     if not hasattr(_DESKS, name):
-        setattr(_DESKS, name, workspace(planes))
+        setattr(_DESKS, name, workspace(planes, layout))
     return getattr(_DESKS, name)
 
 
@@ -239,10 +269,11 @@ def advance(
         bodies[:, :1] = values
     phases = compiled(system.name, derived=changes > 0)
     told = options(tolerance, scuff=scuff, from_section=from_section, planes=changes)
+    layout = layout_in(records.dtype)
 
     def job(first: int, last: int) -> None:
         own = bodies[first:last] if len(bodies) > 1 else bodies
-        carry_on(records[first:last], own, phases, told, *_desk(changes))
+        carry_on(records[first:last], own, phases, told, *_desk(changes, layout))
 
     in_parts(job, len(records), threads)
     return records

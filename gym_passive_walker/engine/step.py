@@ -247,9 +247,7 @@ class Step(Equations):
         """
         i, h = self.phase.strike, tile["h"]
         assert i is not None
-        first, last = (
-            [tile["stage", stage, link] for link in range(3)] for stage in (0, self.pair.stages)
-        )
+        first, last = (self.bends(tile, stage) for stage in (0, self.pair.stages))
         falls = self.guard(i, tile)
         g0, v0, b0 = self.along(falls, self.state(tile), first)
         g1, v1, b1 = self.along(falls, self.state(tile, "new_"), last)
@@ -275,8 +273,8 @@ class Step(Equations):
         before, after = self.state(tile), self.state(tile, "new_")
         start, middle, end = [], [], []
         for where in self.wheres(guard, tile):
-            g0, v0, _ = self.along(where, before, [None] * 3)
-            g1, v1, _ = self.along(where, after, [None] * 3)
+            g0, v0, _ = self.along(where, before, [None] * self.system.coordinates)
+            g1, v1, _ = self.along(where, after, [None] * self.system.coordinates)
             start.append(g0 > 0.0)
             middle.append(0.5 * (g0 + g1) + 0.125 * tile["h"] * (v0 - v1) > 0.0)
             end.append(g1 > 0.0)
@@ -285,11 +283,9 @@ class Step(Equations):
 
     def _fallen(self, tile: Memory) -> Expression:
         """Whether a guard may have fallen, or a control turned what it moves back."""
-        none: list[None] = [None] * 3
+        none: list[None] = [None] * self.system.coordinates
         before, after = self.state(tile), self.state(tile, "new_")
-        first, last = (
-            [tile["stage", stage, link] for link in range(3)] for stage in (0, self.pair.stages)
-        )
+        first, last = (self.bends(tile, stage) for stage in (0, self.pair.stages))
         alert = None
         for number, guard in enumerate(self.phase.guards):
             falls = self.guard(number, tile)

@@ -208,6 +208,22 @@ def travel(state: State) -> Control:
     return Control(hip=state.thigh - state.stance, ankle=-state.stance)
 
 
+class Step(NamedTuple):
+    """What a heelstrike ends: measures of the stride.
+
+    Attributes:
+        length: From contact to contact.
+        passed: How far the hip is then ahead of where its old foot stands at stance angle 0.
+        gravity_work: Work of gravity in the stride.
+        spring_work: Work of springs in it.
+    """
+
+    length: Number
+    passed: Number
+    gravity_work: Number
+    spring_work: Number = 0.0
+
+
 class System(NamedTuple):
     """A kind of walker.
 
@@ -215,6 +231,10 @@ class System(NamedTuple):
         name: What it is called.
         Body: Named tuple of what its equations need to know of a walker.
         phases: Its phases; a stride begins in the first.
+        measure: Function of system, body, angles where the stride began, states just before and
+            after a heelstrike, and ground: the `Step` that has ended.
+        place: Function of body and state: how far the hip is ahead of where its foot stands at
+            stance angle 0.
         kinetic_energy: Function of body and state.
         potential_gain: Function of body, two states over the same contact, and ground: what the
             energy in gravity's field gains from the first to the second, without loss of digits
@@ -231,11 +251,15 @@ class System(NamedTuple):
         friction_power: Function of body and state: what friction takes; None likewise.
         absent: Constants of its body, controls, impulses and parts of the ground that are zero for
             certain. Code is made without them, so that a walker does not pay for what it has not.
+        State: Named tuple of its coordinates, and behind them of their rates in the same order.
+        Control: Named tuple of its controls.
     """
 
     name: str
     Body: type
     phases: tuple[Phase, ...]
+    measure: Callable[[Any, Any, Any, State, State, Ground], Step]
+    place: Callable[[Any, State], Number]
     kinetic_energy: Callable[[Any, State], Number]
     potential_gain: Callable[[Any, State, State, Ground], Number]
     foot_clearance: Callable[[Any, State], Number]
@@ -245,3 +269,10 @@ class System(NamedTuple):
     spring_gain: Callable[[Any, State, State], Number] | None = None
     friction_power: Callable[[Any, State], Number] | None = None
     absent: tuple[str, ...] = ()
+    State: type = State
+    Control: type = Control
+
+    @property
+    def coordinates(self) -> int:
+        """How many numbers say where it is; as many say how it moves."""
+        return len(self.State._fields) // 2  # type: ignore[attr-defined]

@@ -264,6 +264,8 @@ SYSTEM = System(
             push=straight.push,
         ),
     ),
+    measure=legs.measure,
+    place=legs.place,
     kinetic_energy=kinetic_energy,
     potential_gain=potential_gain,
     spring_gain=spring_gain,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from math import pi
 
-from gym_passive_walker.physics.hybrid import Guard, Outcome, Phase, State, Watch
+from gym_passive_walker.physics.hybrid import Guard, Outcome, Phase, State, Step, Watch
 from gym_passive_walker.physics.numbers import larger, sine_cosine
 
 
@@ -185,6 +185,24 @@ def step_length(body, start, end, landing=None, turn=0.0):
     landing = -end if landing is None else landing
     (new, _), (old, _), (tilted, _) = sine_cosine(end), sine_cosine(landing), sine_cosine(turn)
     return body.leg * (new - old) + body.foot_radius * (start - landing - tilted)
+
+
+def measure(system, body, start, before, after, ground):
+    """The stride that a heelstrike has ended; see `hybrid.System`."""
+    start = after._replace(stance=start[0], thigh=start[1], shank=start[2])
+    old, new = after.thigh - ground.slope_change, after.stance - ground.slope_change
+    end = after._replace(stance=old, thigh=new, shank=new)
+    return Step(
+        step_length(body, start.stance, new, old, ground.slope_change),
+        progress(body, old),
+        -system.potential_gain(body, start, end, ground),
+        -system.spring_gain(body, start, end) if system.spring_gain else 0.0,
+    )
+
+
+def place(body, state):
+    """How far the hip is ahead of where its foot stands at stance angle 0."""
+    return progress(body, state.stance)
 
 
 def standing(body, state, ground):

@@ -94,6 +94,8 @@ SYSTEM = System(
             push=push,
         ),
     ),
+    measure=legs.measure,
+    place=legs.place,
     kinetic_energy=kinetic_energy,
     potential_gain=potential_gain,
     foot_clearance=foot_clearance,

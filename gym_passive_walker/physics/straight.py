@@ -189,6 +189,8 @@ SYSTEM = System(
             push=push,
         ),
     ),
+    measure=legs.measure,
+    place=legs.place,
     kinetic_energy=kinetic_energy,
     potential_gain=potential_gain,
     spring_gain=legs.hip_spring_gain,

@@ -443,8 +443,8 @@ def test_a_look_tells_how_guards_and_controls_run_over_a_step(system, index):
             },
             **{len(guards) + i: lambda s, i=i: system.travel(s)[i] for i in filled.moving},
             **{
-                first_where(filled.phase, i) + k: lambda s, where=where, b=body, g=ground: where(
-                    b, s, g
+                first_where(system, filled.phase, i) + k: lambda s, where=where, b=body, g=ground: (
+                    where(b, s, g)
                 )
                 for i, guard in enumerate(guards)
                 for k, where in enumerate(guard.where)
