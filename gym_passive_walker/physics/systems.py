@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.physics import kneed, legs, simplest, straight
 from gym_passive_walker.physics.bodies import body_from
 from gym_passive_walker.physics.hybrid import State, System
-from gym_passive_walker.walkers import Walker, varied
+from gym_passive_walker.walkers import Mechanism, Walker, varied
 
 FITTINGS = ("hip_stiffness", "hip_friction", "knee_stiffness")
 """Constants of what may be fitted to a walker's joints."""
@@ -74,6 +74,8 @@ def system_of(*walkers: Walker, using: Collection[str] = ()) -> System:
         using: What else there is of `EXTRAS` and `UNEVEN`, or may be: controls in use, parameters
             that vary, ground that does.
     """
+    if isinstance(walkers[0], Mechanism):
+        return walkers[0].hybrid
     if not set(UNEVEN).isdisjoint(using):
         return SYSTEMS[f"{kind_of(walkers[0])}-uneven"]
     fitted = any(getattr(walker, name) for walker in walkers for name in FITTINGS)
@@ -88,6 +90,8 @@ def body_of(walker: Walker) -> Any:
 
 @lru_cache(maxsize=4096)
 def _row(walker: Walker) -> NDArray[np.float64]:
+    if isinstance(walker, Mechanism):
+        return np.array(walker.body, dtype=float)[None, None]
     return np.array(body_of(walker), dtype=float)[None, None]
 
 
@@ -109,7 +113,10 @@ def varied_bodies(walker: Walker, parameters: Mapping[str, ArrayLike]) -> NDArra
     Returns:
         Shape (1 or n, constants).
     """
-    body = body_from(varied(walker, parameters), system_of(walker).Body)
+    if isinstance(walker, Mechanism):
+        body = walker.body._replace(**parameters)
+    else:
+        body = body_from(varied(walker, parameters), system_of(walker).Body)
     constants = np.broadcast_arrays(*body)
     return np.stack(constants, axis=-1).reshape(-1, len(constants))
 
@@ -118,6 +125,7 @@ def bodies_by(
     walker: Walker, parameters: Mapping[str, ArrayLike], name: str
 ) -> NDArray[np.float64]:
     """How the constants of `varied_bodies` change with a parameter, of the same shape."""
-    value = parameters.get(name, getattr(walker, name))
+    own = walker.body if isinstance(walker, Mechanism) else walker
+    value = parameters.get(name, getattr(own, name))
     moved = {**parameters, name: np.asarray(value) + 1j * _INFINITESIMAL}
     return np.imag(varied_bodies(walker, moved)) / _INFINITESIMAL

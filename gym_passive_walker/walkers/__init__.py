@@ -11,6 +11,7 @@ References:
     T. McGeer, "Passive walking with knees", IEEE ICRA (1990) 1640-1645.
 """
 
+from gym_passive_walker.walkers.mechanism import Mechanism
 from gym_passive_walker.walkers.names import describe, name_of
 from gym_passive_walker.walkers.parts import Part, assemble, combine, lab_walker_from_parts
 from gym_passive_walker.walkers.presets import ABOUT, WALKERS, WalkerLike, as_walker, is_walker
@@ -21,6 +22,7 @@ __all__ = [
     "ABOUT",
     "PARAMETERS",
     "WALKERS",
+    "Mechanism",
     "Part",
     "TuningErrors",
     "Walker",

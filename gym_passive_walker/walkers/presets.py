@@ -12,6 +12,7 @@ from typing import Any, TypeAlias, TypeGuard
 from gym_passive_walker.arguments import shown
 from gym_passive_walker.console import cut
 from gym_passive_walker.loading import SUFFIXES, is_file, read_content
+from gym_passive_walker.walkers.mechanism import Mechanism
 from gym_passive_walker.walkers.walker import Walker, WalkerError
 
 
@@ -112,8 +113,8 @@ def as_walker(walker: WalkerLike) -> Walker:
         WalkerError: if there is no such preset or file, or the parameters describe no walker.
         ImportError: if the file is YAML and pyyaml is not installed.
     """
-    if isinstance(walker, Walker):
-        return walker
+    if isinstance(walker, Walker | Mechanism):
+        return walker  # type: ignore[return-value]
     if isinstance(walker, Mapping):
         return _of_parameters(walker)
     if isinstance(walker, str) and walker in WALKERS:

@@ -1,0 +1,1 @@
+"""Systems that users state themselves: equations derived from where masses are."""
