@@ -68,11 +68,13 @@ def check_slope(
     return slopes
 
 
-def check_state(state: ArrayLike, name: str = "state") -> NDArray[np.float64]:
-    """States as an array of shape (..., 6), if finite."""
+def check_state(state: ArrayLike, name: str = "state", size: int = 6) -> NDArray[np.float64]:
+    """States as an array of shape (..., size), if finite."""
     allowed = "[stance, thigh, shank angle, then their rates]: shape (6,) or (n, 6)"
+    if size != 6:
+        allowed = f"coordinates, then their rates: shape ({size},) or (n, {size})"
     states = real_array(state, name, allowed)
-    if states.ndim == 0 or states.shape[-1] != 6:
+    if states.ndim == 0 or states.shape[-1] != size:
         raise ValueError(f"{name} must be {allowed}, not {states.shape}")
     return states
 

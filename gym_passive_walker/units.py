@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.walkers import Walker
+from gym_passive_walker.walkers import Mechanism, Walker
 
 
 class Units(NamedTuple):
@@ -53,31 +53,35 @@ class Units(NamedTuple):
 
     def to_dimensionless(self, states: ArrayLike) -> NDArray[np.float64]:
         """Dimensionless states (..., 6) of states in the walker's own units."""
-        return np.asarray(states) * _times(self.time)
+        given = np.asarray(states)
+        return given * _times(self.time, given.shape[-1])
 
     def to_own(self, states: ArrayLike) -> NDArray[np.float64]:
         """States (..., 6) in the walker's own units of dimensionless ones."""
-        return np.asarray(states) / _times(self.time)
+        given = np.asarray(states)
+        return given / _times(self.time, given.shape[-1])
 
 
-def _times(time: float | NDArray) -> NDArray[np.float64]:
-    """What rates are multiplied by and angles are not, (6,), or (n, 6) for n walkers."""
+def _times(time: float | NDArray, size: int) -> NDArray[np.float64]:
+    """What rates are multiplied by and angles are not, (size,), or (n, size) for n walkers."""
     if type(time) is float:
-        return _times_of_one(time)
-    times = np.ones((*np.shape(time), 6))
-    times[..., 3:] = np.asarray(time)[..., None]
+        return _times_of_one(time, size)
+    times = np.ones((*np.shape(time), size))
+    times[..., size // 2 :] = np.asarray(time)[..., None]
     return times
 
 
 @lru_cache(maxsize=4096)  # one walker's stride waits for it twice
-def _times_of_one(time: float) -> NDArray[np.float64]:
-    times = np.array([1.0, 1.0, 1.0, time, time, time])
+def _times_of_one(time: float, size: int) -> NDArray[np.float64]:
+    times = np.array([1.0] * (size // 2) + [time] * (size // 2))
     times.flags.writeable = False
     return times
 
 
 def units_of(walker: Any) -> Units:
     """The units of a walker, or of anything with its attributes: numbers, arrays or tensors."""
+    if isinstance(walker, Mechanism):
+        return Units(1.0, 1.0, 1.0, 1.0)
     return _of_walker(walker) if isinstance(walker, Walker) else _of(walker)
 
 

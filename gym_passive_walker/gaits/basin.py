@@ -29,7 +29,6 @@ from gym_passive_walker.gaits.bifurcation import period_of
 from gym_passive_walker.gaits.fixed_point import find_gait, find_gaits
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.search import heelstrike, seek
-from gym_passive_walker.gaits.section import logarithms
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.progress import progress
@@ -127,14 +126,14 @@ class Attractors:
     """
 
     def __init__(self, stride_map: StrideMap, gaits: list[Gait], atol: float) -> None:
-        self.atol = atol
+        self.atol, self._stride_map = atol, stride_map
         self.points: list[NDArray] = []
         self.owner: list[int] = []
         finely = stride_map.with_tolerance(_ALONG)
         for index, gait in enumerate(gaits):
             point = finely.points_at(gait.state)
             for _ in range(gait.period):
-                self.points.append(logarithms(point)[0])
+                self.points.append(finely.chart(point)[0])
                 self.owner.append(index)
                 point = finely.apply(point, gait.slope).ends
 
@@ -142,7 +141,7 @@ class Attractors:
         """Return the index (n,) of the gait near each point (n, m); UNSETTLED if there is none."""
         index = np.full(len(points), UNSETTLED, np.int8)
         with np.errstate(invalid="ignore"):  # on a step the stance angle may be negative
-            u = logarithms(points)
+            u = self._stride_map.chart(points)
         for point, owner in zip(self.points, self.owner, strict=True):
             index[np.abs(u - point).max(axis=1) < self.atol] = owner
         return index

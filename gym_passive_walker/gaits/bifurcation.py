@@ -29,7 +29,6 @@ from gym_passive_walker.arguments import (
 )
 from gym_passive_walker.gaits.family import GaitFamily, gait_family
 from gym_passive_walker.gaits.gait import GaitKind
-from gym_passive_walker.gaits.section import by_logarithms, in_logarithms
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
@@ -149,13 +148,14 @@ def beginnings(
     """
     kind = gait_kind(kind)
     if start is not None:
-        states = check_state(start, "start")
-        if states.shape not in ((6,), (1, 6), (len(slopes), 6)):
+        size = stride_map.size
+        states = check_state(start, "start", size)
+        if states.shape not in ((size,), (1, size), (len(slopes), size)):
             raise ValueError(
                 f"start must be one state, or one for each of {len(slopes)} slopes, not of shape "
                 f"{states.shape}"
             )
-        return stride_map.points_at(np.broadcast_to(states, (len(slopes), 6)))
+        return stride_map.points_at(np.broadcast_to(states, (len(slopes), size)))
     if stride_map.controlled:
         return stride_map.beginning(slopes)
     low, high = float(slopes.min()), float(slopes.max())
@@ -363,11 +363,11 @@ def lyapunov_exponents(
             if len(walking) == 0:
                 break
             # In logarithmic coordinates, as rates are of another size than angles.
-            along = by_logarithms(points) @ frames
+            along = stride_map.by_chart(points) @ frames
             passage, change = stride_map.linearize(points, values[walking], along=along)
             on = passage.alive
             walking, points, sums = walking[on], passage.ends[on], sums[on]
-            frames, triangle = np.linalg.qr(in_logarithms(points, change.ends[on]))
+            frames, triangle = np.linalg.qr(stride_map.in_chart(points, change.ends[on]))
             with np.errstate(divide="ignore"):  # a direction that a strike forgets: minus infinity
                 sums = sums + np.log(np.abs(np.diagonal(triangle, axis1=1, axis2=2)))
     exponents[walking] = sums / strides

@@ -24,7 +24,6 @@ from scipy.optimize import brentq
 
 from gym_passive_walker.gaits.gait import gait_equations
 from gym_passive_walker.gaits.newton import newton, solved
-from gym_passive_walker.gaits.section import from_logarithms
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.progress import progress
 
@@ -135,7 +134,7 @@ class Curve:
         """
         ys = np.array([point.y for point in points])
         stride_map, slopes, values = self._setting(ys)
-        return stride_map, from_logarithms(ys[:, :-1]), slopes, values
+        return stride_map, stride_map.from_chart(ys[:, :-1]), slopes, values
 
     def _setting(self, ys: NDArray) -> tuple[StrideMap, NDArray, NDArray]:
         """Whose strides, on which slopes, and the varied quantity at coordinates (n, m + 1)."""
@@ -380,6 +379,8 @@ def margins(curve: Curve, points: list[Point]) -> Margins:
     stride_map, here, slopes, _ = curve.gaits_at(points)
     knee, landing, pace = (np.full(len(points), np.inf) for _ in range(3))
     time = np.zeros(len(points))
+    if stride_map.own:
+        return Margins(knee, landing, pace, stride_map.apply(here, slopes).durations)
     roughly = stride_map.with_tolerance(_ROUGHLY)
     for _ in range(curve.period):
         passage = stride_map.apply(here, slopes)

@@ -20,7 +20,6 @@ from gym_passive_walker.gaits.objectives import (
     spectral_radius,
 )
 from gym_passive_walker.gaits.passage import NoStride
-from gym_passive_walker.gaits.section import logarithms
 from gym_passive_walker.gaits.sensitivity import (
     SLOPE,
     Place,
@@ -97,7 +96,9 @@ class Candidates:
         self._low, self._width, self._multipliers = box[:, 0], box[:, 1] - box[:, 0], multipliers
         self._sizes = [size_of(name, start.walker, start.slope) for name in parameters]
         stride_map = start.stride_map
-        place = Place(stride_map, start.slope, logarithms(stride_map.points_at(start.state))[0])
+        place = Place(
+            stride_map, start.slope, stride_map.chart(stride_map.points_at(start.state))[0]
+        )
         self._here = sensitivity(place, self._parameters)
         self._last: tuple[bytes, Judged | None] = b"", None
         self.tried = 0

@@ -24,7 +24,6 @@ from gym_passive_walker.gaits.continuation import (
 )
 from gym_passive_walker.gaits.family import gait_family
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
-from gym_passive_walker.gaits.section import logarithms
 from gym_passive_walker.gaits.stride_map import MapLike, map_of
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
@@ -119,7 +118,7 @@ def doubling_cascade(
     slope = family.period_doublings[0]
     nearest = int(np.argmin(np.abs(family.slope - slope)))
     curve = Curve(stride_map, Axis("slope", slope_min, slope_max))
-    u = logarithms(stride_map.points_at(family.state[nearest]))[0]
+    u = stride_map.chart(stride_map.points_at(family.state[nearest]))[0]
     here = curve.correct(np.append(u, curve.axis.coordinate(slope)))
     gaits: list[Gait] = []
     with progress("period doublings", doublings) as located:

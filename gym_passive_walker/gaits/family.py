@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
 from typing import Any
 
@@ -25,12 +25,11 @@ from gym_passive_walker.gaits.continuation import (
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.search import glance, seek
-from gym_passive_walker.gaits.section import logarithms
 from gym_passive_walker.gaits.sensitivity import size_of
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import Walker, describe, name_of
+from gym_passive_walker.walkers import Walker, changed, describe, name_of
 
 _TOLERANCE = 1e-12
 _FINEST = 1e-3  # resolution
@@ -114,15 +113,20 @@ class GaitFamily(Table):
             "ends": " and ".join(f"at {value:.6g} ({reason})" for value, reason in self.ends),
         }
 
+    def _of_state(self) -> dict[str, NDArray]:
+        """Columns of the states."""
+        if self.stride_map.own:
+            names = self.stride_map.walker.State._fields  # type: ignore[attr-defined]
+            return dict(zip(names, self.state.T, strict=True))
+        rates = zip(("stance_rate", "thigh_rate", "shank_rate"), self.state[:, 3:].T, strict=True)
+        return {"stance_angle": self.stance_angle, **dict(rates)}
+
     def columns(self) -> dict[str, NDArray]:
         """A row for each gait, in order along the curve."""
         varied = {} if self.parameter == "slope" else {self.parameter: self.value}
         return varied | {
             "slope": self.slope,
-            "stance_angle": self.stance_angle,
-            "stance_rate": self.state[:, 3],
-            "thigh_rate": self.state[:, 4],
-            "shank_rate": self.state[:, 5],
+            **self._of_state(),
             "step_length": self.step_length,
             "step_period": self.step_period,
             "speed": self.speed,
@@ -138,7 +142,7 @@ def _family(
     """The family of a gait at a value of what is varied, both ways from it."""
     period, walker = gait.period, stride_map.walker
     curve = Curve(stride_map.with_tolerance(_TOLERANCE), axis, period)
-    u = logarithms(gait.stride_map.points_at(gait.state))[0]
+    u = gait.stride_map.chart(gait.stride_map.points_at(gait.state))[0]
     start = curve.correct(np.append(u, axis.coordinate(value)))
     if start is None:
         raise GaitNotFound(f"the gait of {describe(walker)} at {value} could not be followed")
@@ -175,6 +179,8 @@ def _halts(
     def pace(point: Point) -> float:
         return float(margins(curve, [point]).pace[0])
 
+    if curve.stride_map.own:
+        return (), ends
     paces = margins(curve, points).pace
     halts = []
     for i in np.flatnonzero(paces[:-1] * paces[1:] < 0.0):
@@ -298,7 +304,7 @@ def parameter_family(
     here = known[parameter]
     if not low < high or not low <= here <= high:
         raise ValueError(f"{parameter} of this walker is {here}: give low <= {here} <= high")
-    own = parameter in vars(stride_map.walker)
+    own = stride_map.own or parameter in vars(stride_map.walker)
     unit = stride_map.unit(parameter)
     size = max(abs(here), size_of(parameter, stride_map.walker, slope) if own else unit)
     if not high - low <= _WIDEST * size:
@@ -309,7 +315,7 @@ def parameter_family(
     for value in (low, high):
         try:
             if own:
-                replace(stride_map.walker, **{parameter: value})
+                changed(stride_map.walker, parameter, value)
             else:
                 held = stride_map.controller or Actuation()
                 one_actuation(stride_map.walker, held._replace(**{parameter: value}))

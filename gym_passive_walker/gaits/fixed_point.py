@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike
 from gym_passive_walker.arguments import gait_kind, whole
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound
 from gym_passive_walker.gaits.search import ACCURACY, begin, glance, search, seek
-from gym_passive_walker.gaits.section import logarithms
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.progress import said
 from gym_passive_walker.walkers import (
@@ -118,7 +117,9 @@ def find_gait(
         f"{others}. First strides of the {sum(ends.values())} starts ended so: {tried}."
     )
     near, alike = None, None
-    if not stride_map.passive:
+    if stride_map.own:
+        advice = "Give a guess near the gait, a state just after heelstrike."
+    elif not stride_map.passive:
         advice = "Give a guess near the gait, or follow it from where there is one by gait_family."
     elif guess is not None:
         advice = "Without `guess=` the search begins at starts of its own."
@@ -243,7 +244,7 @@ def _followed(gait: Gait, place: Callable[[float], tuple[Walker, float]]) -> tup
             break
         further = min(share + step, 1.0)
         walker, slope = place(further)
-        u = logarithms(gait.stride_map.points_at(gait.state))
+        u = gait.stride_map.chart(gait.stride_map.points_at(gait.state))
         found, _ = search(StrideMap.of(walker, tolerance=ACCURACY), slope, u, 1, bool, (1,))
         if found and found[0].kind == gait.kind:
             gait, share = found[0], further

@@ -16,12 +16,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.engine.layout import RECORD
-from gym_passive_walker.engine.run import LONGEST_STRIDE, advance, new_records
+from gym_passive_walker.engine.layout import RECORD, layout_of
+from gym_passive_walker.engine.run import (
+    LONGEST_STRIDE,
+    advance,
+    new_records,
+    put_states,
+    states_in,
+)
 from gym_passive_walker.gaits.actuation import USES
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.physics import legs
-from gym_passive_walker.physics.hybrid import Control, Ground, Outcome, State, System
+from gym_passive_walker.physics.hybrid import Ground, Outcome, State, System
 from gym_passive_walker.physics.systems import UNEVEN, bodies, bodies_by, system_of, varied_bodies
 from gym_passive_walker.walkers import Walker
 
@@ -37,6 +43,7 @@ __all__ = [
     "go_on",
     "new_records",
     "rows_of",
+    "states_in",
 ]
 
 _SIZE = len(State._fields)
@@ -116,10 +123,11 @@ def _tangents(walker: Walker, by: tuple[str, ...], directions: int | None = None
     of_point = (
         section.state(np.eye(section.dimension))
         if directions is None
-        else np.zeros((directions, _SIZE))
+        else np.zeros((directions, section.size))
     )
-    of_state = {"state": np.eye(_SIZE), "point": of_point}
-    states = [of_state.get(name, np.zeros((1, _SIZE))) for name in by]
+    size = section.size
+    of_state = {"state": np.eye(size), "point": of_point}
+    states = [of_state.get(name, np.zeros((1, size))) for name in by]
     names = tuple(name for name, rows in zip(by, states, strict=True) for _ in rows)
 
     def by_each(*wanted: str) -> NDArray:
@@ -127,7 +135,7 @@ def _tangents(walker: Walker, by: tuple[str, ...], directions: int | None = None
 
     return Tangents(
         names,
-        np.concatenate([np.zeros((0, _SIZE)), *states]),
+        np.concatenate([np.zeros((0, size)), *states]),
         controls=by_each("hip_torque", "ankle_torque").reshape(-1, 2),
         footholds=by_each(*UNEVEN).reshape(-1, 2),
         **{f"{name}s": by_each(name).ravel() for name in ("slope", "push_off", "start", "end")},
@@ -186,7 +194,7 @@ class Walkers:
         own = self.constants if len(self.constants) == 1 else self.constants[lanes]
         if not names:
             return own
-        parameters = vars(self.walker)
+        parameters = self.walker.body._fields if self.section.own else vars(self.walker)
         moving = [name for name in names if name in parameters]
         if not moving:
             return own
@@ -262,7 +270,7 @@ class Flow:
     @property
     def states(self) -> NDArray[np.float64]:
         """Where walkers are, (n, 6); (n, k, 6) at k instants."""
-        return self._shaped(self.records["state"][:, 0])
+        return self._shaped(states_in(self.records[:, 0], self.system.coordinates))
 
     @property
     def stages(self) -> NDArray[np.int64]:
@@ -296,18 +304,19 @@ class Flow:
 
     @property
     def accelerations(self) -> NDArray[np.float64]:
-        """Of stance leg, swing thigh and shank where walkers are, (n, 3)."""
-        found = np.empty((len(self.records), 3))
+        """Of each coordinate where walkers are, (n, 3)."""
+        found = np.empty((len(self.records), self.system.coordinates))
         record, constants = self.records[:, 0], self.bodies[:, 0]
         for number, phase in enumerate(self.system.phases):
             lanes = record["phase"] == number
             own = constants if len(constants) == 1 else constants[lanes]
             body, here = self.system.Body(*own.T), record[lanes]
-            state, control = State(*here["state"].T), Control(*here["control"].T)
-            stance, thigh, *shank = phase.accelerations(
-                body, state, control, Ground(*here["ground"].T)
-            )
-            found[lanes] = np.stack([stance, thigh, *(shank or [thigh])], axis=-1)
+            state = self.system.State(*states_in(here, self.system.coordinates).T)
+            controls = len(self.system.Control._fields)  # type: ignore[attr-defined]
+            control = self.system.Control(*here["control"].T[:controls])
+            links = phase.accelerations(body, state, control, Ground(*here["ground"].T))
+            each = [links[min(i, phase.links - 1)] for i in range(found.shape[1])]
+            found[lanes] = np.stack(each, axis=-1)
         return found
 
     @cached_property
@@ -339,8 +348,9 @@ class Flow:
         began = before["time"][:, 0]
         verge = self.again(lanes, times - _VERGE * (times - began))
         record = verge.records[:, 0]
-        moving = np.concatenate([record["state"][:, 3:], verge.accelerations], axis=1)
-        ahead = State(*(record["state"] + 1j * _INFINITESIMAL * moving).T)
+        states = states_in(record, self.system.coordinates)
+        moving = np.concatenate([np.split(states, 2, axis=1)[1], verge.accelerations], axis=1)
+        ahead = self.system.State(*(states + 1j * _INFINITESIMAL * moving).T)
         body, ground = self.system.Body(*verge.bodies[:, 0].T), Ground(*record["ground"].T)
         phase = self.system.phases[record["phase"][0]]
         guard = next(guard for guard in phase.guards if guard.outcome == outcome)
@@ -431,23 +441,24 @@ def flow(
         )
     uneven = rises is not None or turns is not None
     tangents = _tangents_by(walkers, by, along) if by else _NONE
+    system = walkers.system((*by, *UNEVEN) if uneven else by)
 
     def began(planes: int = 0) -> NDArray:
         records = new_records(
             states, slopes, controls, push_off=push_offs, end=until, planes=planes,
             height_change=0.0 if rises is None else rises,
-            slope_change=0.0 if turns is None else turns,
+            slope_change=0.0 if turns is None else turns, layout=layout_of(system),
         )  # fmt: skip
         if instants is not None:
-            records[~np.isfinite(until)] = np.zeros((), RECORD)  # nothing to follow
+            records[~np.isfinite(until)] = np.zeros((), records.dtype)  # nothing to follow
         return records
 
     records = began(len(tangents.names))
     if by:
         _seed(records, tangents, by)
     return _followed(
-        walkers, walkers.system((*by, *UNEVEN) if uneven else by), tangents,
-        walkers.bodies(tangents.names, lanes), records, began, True, instants, backend, threads,
+        walkers, system, tangents, walkers.bodies(tangents.names, lanes), records, began, True,
+        instants, backend, threads,
     )  # fmt: skip
 
 
@@ -476,7 +487,7 @@ def go_on(
         uneven: Whether next footholds lie otherwise than these.
     """
     tangents = _tangents_by(walkers, by) if by else _NONE
-    walked = np.zeros((len(records), 1 + len(tangents.names)), RECORD)
+    walked = np.zeros((len(records), 1 + len(tangents.names)), records.dtype)
     walked[:, :1] = records
     walked["outcome"] = 0
     if by:
@@ -494,7 +505,7 @@ def _tangents_by(walkers: Walkers, by: Sequence[str], along: NDArray | None = No
     tangents = _tangents(walkers.walker, tuple(by), along.shape[2])
     states = np.zeros((len(along), *tangents.states.shape))
     of_point = [i for i, name in enumerate(tangents.names) if name == "point"]
-    of_state = along.shape[1] == _SIZE
+    of_state = along.shape[1] == walkers.section.size
     ways = along.swapaxes(1, 2)
     states[:, of_point] = ways if of_state else walkers.section.state(ways)
     return tangents._replace(states=states)
@@ -504,7 +515,7 @@ def _seed(records: NDArray, tangents: Tangents, by: Collection[str]) -> None:
     """Let the planes behind records, (n, 1 + k), change along tangents."""
     changes = records[:, 1:]  # zero but for what is written here, which takes as long as walking
     if "state" in by or "point" in by:
-        changes["state"] = tangents.states
+        put_states(changes, tangents.states)
     if "hip_torque" in by or "ankle_torque" in by:
         changes["control"] = tangents.controls
     if "push_off" in by:

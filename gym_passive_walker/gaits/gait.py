@@ -12,12 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.gaits.passage import Change, Passage
-from gym_passive_walker.gaits.section import (
-    by_logarithms,
-    from_logarithms,
-    in_logarithms,
-    logarithms,
-)
 from gym_passive_walker.gaits.stride import Stride, together
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.hybrid import Outcome
@@ -270,16 +264,16 @@ def gait_equations(
         period: Strides of the gait.
         by: Quantities to differentiate by besides the coordinates, as for `StrideMap.linearize`.
     """
-    points, m = from_logarithms(u), u.shape[1]
+    points, m = stride_map.from_chart(u), u.shape[1]
     passage, change = stride_map.linearize(
-        points, slopes, strides=period, by=("state", *by), along=by_logarithms(points)
+        points, slopes, strides=period, by=("state", *by), along=stride_map.by_chart(points)
     )
-    values = logarithms(passage.ends) - u
-    values[:, 1] = passage.imbalance
-    derivatives = in_logarithms(passage.ends, change.ends)
+    values = stride_map.chart(passage.ends) - u
+    derivatives = stride_map.in_chart(passage.ends, change.ends)
     map_derivatives = derivatives[:, :, :m].copy()
     derivatives[:, :, :m] -= np.eye(m)
-    derivatives[:, 1] = change.imbalance
+    if not stride_map.own:
+        values[:, 1], derivatives[:, 1] = passage.imbalance, change.imbalance
     return Violation(values, derivatives, map_derivatives, passage, change)
 
 
@@ -323,14 +317,14 @@ def measure(stride_map: StrideMap, u: NDArray, slope: float, period: int) -> Gai
     exact, walker = stride_map.with_tolerance(_EXACT), stride_map.walker
     gait = gait_equations(exact, u[None], slope, period=period)
     multipliers = multipliers_of(gait.map[0])  # first, as it raises if no stride exists
-    point = from_logarithms(u[None])
+    point = exact.from_chart(u[None])
     state = exact.states_at(point)[0]
     strides = together(exact.walk(state, slope, period))
     duration = sum(np.asarray(strides.duration).tolist()) / len(strides.duration)
     return Gait(
         stride_map=replace(exact, slope=slope),
         slope=slope,
-        kind=_kind(walker, gait.map[0], duration / exact.units.time),
+        kind="long" if exact.own else _kind(walker, gait.map[0], duration / exact.units.time),
         period=period,
         state=state,
         multipliers=multipliers,

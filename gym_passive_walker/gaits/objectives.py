@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.gaits.reality import reality_check
-from gym_passive_walker.gaits.section import from_logarithms
 from gym_passive_walker.gaits.sensitivity import SLOPE, Sensitivity, change_along, size_of
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.hybrid import State
@@ -70,7 +69,7 @@ def _total_mass(gait: Sensitivity) -> Graded:
 def _clearance(gait: Sensitivity) -> Graded:
     stride_map, slope, u = gait.place
     walker, units = stride_map.walker, stride_map.units
-    state = stride_map.states_at(from_logarithms(u[None]))[0]
+    state = stride_map.states_at(stride_map.from_chart(u[None]))[0]
     lowest = reality_check(stride_map, slope, state).clearance
     time = lowest.time / units.time
     knee = float(gait.passage.knee_times[0])
@@ -79,7 +78,7 @@ def _clearance(gait: Sensitivity) -> Graded:
     corner = abs(time - knee) < 1e-9
 
     def look(walkers: StrideMap, beside: NDArray, slopes: NDArray) -> NDArray:
-        points = from_logarithms(beside)
+        points = walkers.from_chart(beside)
         times = walkers.apply(points, slopes).knee_times if corner else np.full(len(points), time)
         states = walkers.sample(points, slopes, times[:, None]).states[:, 0]
         body = walkers.system.Body(*walkers.walkers.constants[:, 0].T)

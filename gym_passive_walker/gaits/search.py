@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.arguments import check_state
 from gym_passive_walker.gaits.gait import Gait, GaitKind, gait_equations, measure
 from gym_passive_walker.gaits.newton import newton
-from gym_passive_walker.gaits.section import Section, from_logarithms, logarithms
+from gym_passive_walker.gaits.section import Section, logarithms
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import SMOOTH, Outcome
@@ -62,6 +62,7 @@ _PUSHED_ANGLES = np.geomspace(1e-4, 0.7, 120)  # no tiny steps with a push-off
 _LEAST = 1e-300  # smallest energy, so that logarithms are finite
 
 _WALKERS, _SETTLING, _KEPT = 48, 100, 12  # number of walks, transient strides, recorded strides
+_BESIDE = 200  # states around the start of a user's system
 _RETURNING = 1e-7  # tolerance of these walks
 
 
@@ -166,7 +167,7 @@ def returns(stride_map: StrideMap, slope: float, gaits: NDArray) -> NDArray:
     roughly = stride_map.with_tolerance(_RETURNING)
     beside = np.random.default_rng(0).standard_normal((_WALKERS, stride_map.dimension))
     size = np.geomspace(1e-4, 0.03, _WALKERS)[:, None]
-    points = from_logarithms(np.concatenate([gait + size * beside for gait in gaits]))
+    points = stride_map.from_chart(np.concatenate([gait + size * beside for gait in gaits]))
     points = roughly.apply(points, slope, strides=_SETTLING).ends
     points = points[np.isfinite(points[:, 0])]
     kept = []
@@ -174,7 +175,7 @@ def returns(stride_map: StrideMap, slope: float, gaits: NDArray) -> NDArray:
         points = roughly.apply(points, slope).ends
         kept.append(points)
     points = np.concatenate(kept)
-    return logarithms(points[np.isfinite(points[:, 0])])
+    return stride_map.chart(points[np.isfinite(points[:, 0])])
 
 
 def _distinct(u: NDArray, others: list[NDArray], apart: float) -> NDArray:
@@ -240,16 +241,18 @@ def search(
 
     def solutions(followed: StrideMap, guesses: NDArray, accuracy: float, limit: float) -> NDArray:
         def equations(u: NDArray) -> tuple[NDArray, NDArray]:
-            sane = np.where(u[:, :1] < math.log(_LARGEST), u, np.nan)
-            return gait_equations(followed, sane, slope, period=period)[:2]
+            if not followed.own:
+                u = np.where(u[:, :1] < math.log(_LARGEST), u, np.nan)
+            return gait_equations(followed, u, slope, period=period)[:2]
 
         solved = newton(equations, guesses, accuracy=accuracy, patience=patience)
         return solved.points[solved.sizes < limit]
 
-    first = roughly.apply(from_logarithms(u), slope, strides=period)
+    first = roughly.apply(stride_map.from_chart(u), slope, strides=period)
     ends = Counter({Outcome(i).name: n for i, n in enumerate(np.bincount(first.outcomes)) if n})
-    ahead = first.ends[:, 0] > 0.0  # a heelstrike behind the stance foot starts no walk
-    candidates = _Starts(u[ahead], logarithms(first.ends[ahead]))
+    # A heelstrike behind the stance foot starts no walk.
+    ahead = first.alive if stride_map.own else first.ends[:, 0] > 0.0
+    candidates = _Starts(u[ahead], stride_map.chart(first.ends[ahead]))
     for batch in batches:
         chosen = candidates.best(batch)
         if len(chosen) == 0:
@@ -262,7 +265,7 @@ def search(
             if len(orbit) == period:
                 with suppress(np.linalg.LinAlgError):  # rounding may leave no stride
                     gait = measure(stride_map, point, slope, period)
-                    if _human(roughly, point, gait):
+                    if stride_map.own or _human(roughly, point, gait):
                         gaits.append(gait)
             for stride in orbit:
                 found.append(stride)
@@ -279,7 +282,8 @@ def _orbit(
     """Return the points of a gait from one of them on, until it repeats."""
     orbit = [u]
     while len(orbit) < period:
-        end = logarithms(stride_map.apply(from_logarithms(orbit[-1][None]), slope).ends)[0]
+        start = stride_map.from_chart(orbit[-1][None])
+        end = stride_map.chart(stride_map.apply(start, slope).ends)[0]
         if period % len(orbit) == 0 and np.abs(end - u).max() < alike:
             break
         orbit.append(end)
@@ -290,7 +294,7 @@ def _human(stride_map: StrideMap, u: NDArray, gait: Gait) -> bool:
     """Return whether the swing leg swings forward only once in a step."""
     walker, duration = gait.walker, float(gait.stride.duration) / stride_map.units.time
     times = duration * np.linspace(0.0, 1.0 - 1e-4, _LOOKS)[None]
-    rates = stride_map.sample(from_logarithms(u[None]), gait.slope, times).states[0, :, 3:]
+    rates = stride_map.sample(stride_map.from_chart(u[None]), gait.slope, times).states[0, :, 3:]
     forward = walker.thigh_length * rates[:, 1] + walker.shank_length * rates[:, 2]
     swings = np.count_nonzero(np.diff(forward > 0.0, prepend=False) & (forward > 0.0))
     return swings == 1
@@ -301,20 +305,39 @@ def begin(
 ) -> NDArray:
     """Return the initial guesses of a search, (n, m): `guess`, or those for this period."""
     if guess is not None:
-        states = np.atleast_2d(check_state(guess, "guess"))
-        if np.any(states[:, 0] <= 0.0):
+        states = np.atleast_2d(check_state(guess, "guess", stride_map.size))
+        if not stride_map.own and np.any(states[:, 0] <= 0.0):
             raise ValueError("a guess must be a section state: its stance angle is positive")
-        return logarithms(stride_map.points_at(states))
-    if slope <= 0.0 and stride_map.passive and stride_map.terrain is None:
+        return stride_map.chart(stride_map.points_at(states))
+    if slope <= 0.0 and stride_map.passive and stride_map.terrain is None and not stride_map.own:
         return np.empty((0, stride_map.dimension))
-    u = logarithms(stride_map.likely(slope)) if stride_map.controlled else starts(stride_map, slope)
+    if stride_map.own:
+        u = _beside_start(stride_map)
+    elif stride_map.controlled:
+        u = stride_map.chart(stride_map.likely(slope))
+    else:
+        u = starts(stride_map, slope)
     if period == 1:
         return u
     gaits, _ = search(stride_map, slope, u, 1, lambda gaits: len(gaits) >= 2)
     if not gaits:
         return u
     points = stride_map.points_at([gait.state for gait in gaits])
-    return np.concatenate([returns(stride_map, slope, logarithms(points)), u])
+    return np.concatenate([returns(stride_map, slope, stride_map.chart(points)), u])
+
+
+def _beside_start(stride_map: StrideMap) -> NDArray:
+    """Return the state with which a user's system starts, and others around it, (n, m)."""
+    start = stride_map.walker.start
+    if start is None:
+        raise ValueError(
+            f"system {stride_map.walker.name!r} has no start: give it one, or give the search a "
+            "guess, a state just after heelstrike"
+        )
+    rng, start = np.random.default_rng(0), np.array(start, dtype=float)
+    beside = rng.standard_normal((_BESIDE, len(start))) * rng.uniform(0.0, 0.3, (_BESIDE, 1))
+    size = np.maximum(np.abs(start), 0.3 * np.abs(start).max())
+    return np.concatenate([start[None], start + size * beside])
 
 
 class Sought(NamedTuple):

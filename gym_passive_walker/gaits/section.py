@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.units import Units, units_of
-from gym_passive_walker.walkers import Walker, varied
+from gym_passive_walker.walkers import Mechanism, Walker, varied
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -42,17 +42,31 @@ class Section:
     @property
     def dimension(self) -> int:
         """Number m of coordinates of a point."""
+        if self.own:
+            return 2 * self.walker.hybrid.coordinates
         return 4 if self.walker.knees else 3
+
+    @property
+    def size(self) -> int:
+        """How many numbers a state has."""
+        return self.dimension if self.own else 6
+
+    @property
+    def own(self) -> bool:
+        """Whether a user has stated the system: a point is then a whole state."""
+        return isinstance(self.walker, Mechanism)
 
     @cached_property
     def units(self) -> Units:
         """The walker's units; arrays (n,) where walkers differ."""
-        if self.parameter is None:
+        if self.parameter is None or self.own:
             return units_of(self.walker)
         return units_of(varied(self.walker, {self.parameter: self.values}))
 
     def state(self, points: NDArray, place: int = 0) -> NDArray:
         """Return dimensionless states (..., 6) at points (..., m); `place` is ignored here."""
+        if self.own:
+            return np.array(points)
         states = np.empty((*points.shape[:-1], 6), points.dtype)
         states[..., 0] = points[..., 0]
         states[..., 1] = states[..., 2] = -points[..., 0]
@@ -63,7 +77,7 @@ class Section:
     @property
     def coordinates(self) -> list[int]:
         """Indices of a state's entries that are coordinates of a point."""
-        return [0, *range(3, 2 + self.dimension)]
+        return list(range(self.dimension)) if self.own else [0, *range(3, 2 + self.dimension)]
 
     def point(self, states: NDArray) -> NDArray:
         """Return points (..., m) of dimensionless states (..., 6) on the section."""
@@ -72,7 +86,7 @@ class Section:
     def dimensionless(self, states: ArrayLike) -> NDArray[np.float64]:
         """Return dimensionless states (n, 6) of any states in the walker's own units."""
         given = self.units.to_dimensionless(np.atleast_2d(np.array(states, dtype=float)))
-        if not self.walker.knees:  # thigh and shank are one body
+        if not (self.walker.knees or self.own):  # thigh and shank are one body
             given[:, 2], given[:, 5] = given[:, 1], given[:, 4]
         return given
 
@@ -83,6 +97,24 @@ class Section:
     def points_at(self, states: ArrayLike) -> NDArray[np.float64]:
         """Return points (n, m) of states (n, 6) on the section, in the walker's own units."""
         return self.point(self.units.to_dimensionless(np.atleast_2d(states)))
+
+    def chart(self, points: NDArray) -> NDArray[np.float64]:
+        """Return the coordinates (n, m) of points (n, m) in which gaits are searched for."""
+        return np.array(points) if self.own else logarithms(points)
+
+    def from_chart(self, u: NDArray) -> NDArray[np.float64]:
+        """Return the points (n, m) at coordinates `u` (n, m) of the chart."""
+        return np.array(u) if self.own else from_logarithms(u)
+
+    def by_chart(self, points: NDArray) -> NDArray[np.float64]:
+        """Return the derivative of points (n, m) by their coordinates, (n, m, m)."""
+        if self.own:
+            return np.tile(np.eye(self.dimension), (len(points), 1, 1))
+        return by_logarithms(points)
+
+    def in_chart(self, points: NDArray, changes: NDArray) -> NDArray[np.float64]:
+        """Convert changes (n, m, k) of points (n, m) to changes of their coordinates."""
+        return np.array(changes) if self.own else in_logarithms(points, changes)
 
 
 def from_logarithms(u: NDArray) -> NDArray[np.float64]:

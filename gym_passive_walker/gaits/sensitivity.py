@@ -19,7 +19,7 @@ from gym_passive_walker.gaits.newton import newton
 from gym_passive_walker.gaits.passage import Change, Passage
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import Walker
+from gym_passive_walker.walkers import Mechanism, Walker
 
 SLOPE = "slope"
 
@@ -107,6 +107,8 @@ def sensitivity(place: Place, by: Sequence[str]) -> Sensitivity:
 
 def size_of(name: str, walker: Walker, slope: float) -> float:
     """What counts as a large change of a parameter or the slope."""
+    if isinstance(walker, Mechanism):
+        return abs(getattr(walker.body, name, slope)) or 1.0
     units = units_of(walker)
     sizes = {
         SLOPE: abs(slope),

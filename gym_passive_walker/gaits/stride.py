@@ -25,12 +25,12 @@ from gym_passive_walker.gaits.actuation import (
     check_actuation,
     to_dimensionless,
 )
-from gym_passive_walker.gaits.flow import LONGEST_STRIDE, Walkers, advance, flow
+from gym_passive_walker.gaits.flow import LONGEST_STRIDE, Walkers, advance, flow, states_in
 from gym_passive_walker.gaits.given import GaitLike, walk_of
-from gym_passive_walker.physics.hybrid import Ground, Outcome, State, System
+from gym_passive_walker.physics.hybrid import Ground, Outcome, System
 from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import Walker
+from gym_passive_walker.walkers import Mechanism, Walker
 
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
 
@@ -134,7 +134,9 @@ class Stride(Table, _Fields):
 
     def columns(self) -> dict[str, NDArray]:
         """One row for each stride; its final state comes first."""
-        table = dict(zip(STATE_NAMES, np.reshape(self.state, (-1, 6)).T, strict=True))
+        size = np.shape(self.state)[-1]
+        names = STATE_NAMES if size == 6 else [f"state_{i}" for i in range(size)]
+        table = dict(zip(names, np.reshape(self.state, (-1, size)).T, strict=True))
         told = (name for name in self._fields[1:] if name != "weight")
         return table | {name: np.ravel(getattr(self, name)) for name in told}
 
@@ -229,8 +231,10 @@ def stride(
             else {"height_change": height_change, "slope_change": slope_change}
         )
         return controlled.with_tolerance(tolerance).stride(check_state(state), slope, **given)
-    states, slopes = check_state(state), check_slope(slope)  # type: ignore[arg-type]
-    actuation = check_actuation(walker, actuation)
+    own = isinstance(walker, Mechanism)
+    size = 2 * walker.hybrid.coordinates if own else 6  # type: ignore[attr-defined]
+    states, slopes = check_state(state, size=size), check_slope(slope)  # type: ignore[arg-type]
+    actuation = PASSIVE if own else check_actuation(walker, actuation)
     max_stride_time, end_on_toe_stub = (
         number(max_stride_time, "max_stride_time", above=0.0),
         truth(end_on_toe_stub, "end_on_toe_stub"),
@@ -250,9 +254,9 @@ def stride(
             f"states {states.shape[:-1]} do not fit together: give one of each, or the same number"
         ) from None
     units, count = units_of(walker), math.prod(shape)
-    flat = np.empty((*shape, 6))
+    flat = np.empty((*shape, size))
     flat[:] = units.to_dimensionless(states)
-    if not walker.knees:
+    if not (walker.knees or own):
         flat[..., 2], flat[..., 5] = flat[..., 1], flat[..., 4]
     if shape:
         slopes = np.broadcast_to(slopes, shape).reshape(count)
@@ -271,7 +275,7 @@ def stride(
     walked = flow(
         Walkers(walker=walker, using=actuation.using, tolerance=tolerance,
         end_on_toe_stub=end_on_toe_stub),
-        flat.reshape(count, 6), slopes, until=max_stride_time, threads=threads, backend=backend,
+        flat.reshape(count, size), slopes, until=max_stride_time, threads=threads, backend=backend,
         **given,
     )  # fmt: skip
     record = walked.records[:, 0]
@@ -323,7 +327,7 @@ def account(
         return _shaped(values, shape)
 
     return Stride(
-        state=units.to_own(record["state"]).reshape(*shape, 6),
+        state=units.to_own(states_in(record, system.coordinates)).reshape(*shape, -1),
         duration=shaped(record["time"] * units.time),
         outcome=shaped(outcome) if shape else Outcome(int(outcome[0])),  # type: ignore[arg-type]
         kneestrike_time=shaped(knee_time * units.time),
@@ -360,7 +364,8 @@ def conservative_work(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64] | float]:
     """Work of gravity and of springs since the start of a stride, before any heelstrike."""
     body, ground = system.Body(*own[0, 0]), Ground(*record["ground"].T)
-    angles = (record["start"].T, record["state"][:, :3].T)
-    start, end = (State(*part, *record["state"][:, 3:].T) for part in angles)
+    now, rates = np.split(states_in(record, system.coordinates).T, 2)
+    began = record["start"].T[: system.coordinates]
+    start, end = (system.State(*part, *rates) for part in (began, now))
     springs = system.spring_gain(body, start, end) if system.spring_gain else 0.0
     return -system.potential_gain(body, start, end, ground), -springs

@@ -24,7 +24,7 @@ from gym_passive_walker.gaits.actuation import (
     to_dimensionless,
     to_own,
 )
-from gym_passive_walker.gaits.flow import Flow, Walkers, flow
+from gym_passive_walker.gaits.flow import Flow, Walkers, flow, states_in
 from gym_passive_walker.gaits.passage import Change, Passage, imbalance, product
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride import Stride, stride
@@ -169,6 +169,8 @@ class StrideMap(Section):
     @property
     def parameters(self) -> dict[str, float]:
         """Parameters that may be varied, of walker and actuation, in the walker's units."""
+        if self.own:
+            return self.walker.body._asdict()  # type: ignore[attr-defined]
         own = to_own(units_of(self.walker), self.actuation)
         return {name: getattr(self.walker, name) for name in PARAMETERS} | own._asdict()
 
@@ -384,7 +386,7 @@ class StrideMap(Section):
             unbalanced = imbalance(totals[2], totals[3], records["push_off"], totals[1])
         totals[4][totals[4][:, 0] == 0.0] = np.nan
         told = np.full((planes, self.dimension + 6, len(points)), np.nan)
-        ends = self.point(records["state"]).transpose(2, 0, 1)
+        ends = self.point(states_in(records, self.size // 2)).transpose(2, 0, 1)
         rows = np.concatenate([ends, totals, unbalanced[None]])
         told[:, :, walking] = rows.transpose(2, 0, 1)
         if charted:
@@ -417,7 +419,9 @@ class StrideMap(Section):
         supplied += product(sine, length)
         supplied += records["push_work"]
         works = np.array(walked.system.works)  # no work of the hip on feet without mass
-        supplied += (works * product(records["control"], records["moved"])).sum(axis=2)
+        each = slice(len(works))
+        powers = product(records["control"][..., each], records["moved"][..., each])
+        supplied += (works * powers).sum(axis=2)
         knee_times[:] = records["knee_time"]
 
     def _heights(self, bodies: NDArray, shape: tuple[int, ...], place: int) -> NDArray[np.float64]:
@@ -563,7 +567,7 @@ class StrideMap(Section):
         """Return the state (6,) just before an impact, from a state (1, 6); see `before_strike`."""
         time = strike * (1.0 - _VERGE)
         verge, left = self._until(state, slope, time), strike - time
-        angles, rates = verge.states[0, :3], verge.states[0, 3:]
+        angles, rates = np.split(verge.states[0], 2)
         change = verge.accelerations[0] * left
         return np.concatenate([angles + (rates + 0.5 * change) * left, rates + change])
 

@@ -16,7 +16,7 @@ from gym_passive_walker.walkers.names import describe, name_of
 from gym_passive_walker.walkers.parts import Part, assemble, combine, lab_walker_from_parts
 from gym_passive_walker.walkers.presets import ABOUT, WALKERS, WalkerLike, as_walker, is_walker
 from gym_passive_walker.walkers.tuning import TuningErrors, interpolate, tune, tuning_errors
-from gym_passive_walker.walkers.walker import PARAMETERS, Walker, WalkerError, varied
+from gym_passive_walker.walkers.walker import PARAMETERS, Walker, WalkerError, changed, varied
 
 __all__ = [
     "ABOUT",
@@ -30,6 +30,7 @@ __all__ = [
     "WalkerLike",
     "as_walker",
     "assemble",
+    "changed",
     "combine",
     "describe",
     "interpolate",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from copy import copy
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -206,6 +206,17 @@ class Walker(Shown):
 
 PARAMETERS = tuple(field.name for field in fields(Walker) if field.name != "knees")
 """Names of the numbers that make a walker."""
+
+
+def changed(walker: Any, parameter: str, value: float) -> Any:
+    """A walker with another value of one parameter.
+
+    Raises:
+        ValueError: if it cannot have that value.
+    """
+    if isinstance(walker, Walker):
+        return replace(walker, **{parameter: value})
+    return walker.vary(**{parameter: value})
 
 
 def varied(walker: Walker, parameters: Mapping[str, Any]) -> Any:
