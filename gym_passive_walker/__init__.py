@@ -46,6 +46,8 @@ from gym_passive_walker.gaits.stability import stride_jacobian
 from gym_passive_walker.gaits.stride import Stride, stride
 from gym_passive_walker.gaits.terrain import Terrain, footholds, rough, stairs, waves
 from gym_passive_walker.gaits.trajectory import Trajectory, simulate
+from gym_passive_walker.modeling.mechanics import Link
+from gym_passive_walker.modeling.system import StatementError, System
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.policies import PolicyError, TrainedPolicy, load_policy
 from gym_passive_walker.sweeps.run import Swept, sweep
@@ -83,6 +85,7 @@ __all__ = [
     "GaitNotFound",
     "Gauntlet",
     "Impulse",
+    "Link",
     "Measures",
     "OptimalGait",
     "Outcome",
@@ -91,8 +94,10 @@ __all__ = [
     "Push",
     "RealityCheck",
     "Robustness",
+    "StatementError",
     "Stride",
     "Swept",
+    "System",
     "Terrain",
     "TrainedPolicy",
     "Trajectory",

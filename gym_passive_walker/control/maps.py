@@ -21,7 +21,7 @@ from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.gaits.terrain import Terrain, TerrainLike, terrain_from
-from gym_passive_walker.walkers import WalkerLike, as_walker
+from gym_passive_walker.walkers import WalkerLike, as_walker, check_parametric
 
 
 def stride_map(
@@ -78,10 +78,12 @@ def stride_map(
             slope = float(np.mean(make_scene(scene).slope))
         if walker is None:
             raise ValueError("stride_map needs a walker, a scene, or a policy")
-        own, held = as_walker(walker), controller or PASSIVE
+        own, held = as_walker(walker, own=True), controller or PASSIVE
+        if held is not PASSIVE or ground is not None:
+            check_parametric(own, "an Actuation or a terrain")
         return StrideMap.of(
             own, slope=None if slope is None else one_slope(slope), tolerance=tolerance,
-            controller=one_actuation(own, held), terrain=ground,
+            controller=held if held is PASSIVE else one_actuation(own, held), terrain=ground,
         )  # fmt: skip
     named: Any = controller
     if isinstance(named, OptimalGait):

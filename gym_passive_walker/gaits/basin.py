@@ -33,7 +33,7 @@ from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
-from gym_passive_walker.walkers import Walker, describe, name_of
+from gym_passive_walker.walkers import Walker, check_parametric, describe, name_of
 
 FELL, UNSETTLED = -1, -2
 """Values in place of a gait's index: the walker fell, or still walks but on none of the gaits."""
@@ -283,6 +283,7 @@ def basin_of_attraction(
         ValueError: if an argument is out of range.
     """
     stride_map = map_of(walker, tolerance=check_tolerance(tolerance))
+    check_parametric(stride_map.walker, "the slice of a basin")
     walker, slope = stride_map.walker, stride_map.chosen(slope)
     atol = number(atol, "atol", above=0.0)
     resolution = whole(resolution, "resolution", 1, _FINEST)

@@ -116,12 +116,12 @@ def nearest_on(family: GaitFamily, slopes: NDArray) -> NDArray[np.float64]:
         slopes: rad, (n,).
 
     Returns:
-        Section states, (n, 6), in the walker's own units.
+        Section states, (n, 6) for a `Walker`, in the walker's own units.
     """
     here, there = family.slope[:-1], family.slope[1:]
     size = np.abs(family.multipliers[:, 0])
     size = np.maximum(size[:-1], size[1:])
-    states = np.full((len(slopes), 6), np.nan)
+    states = np.full((len(slopes), family.state.shape[1]), np.nan)
     for i, slope in enumerate(slopes):
         low, high = np.minimum(here, there), np.maximum(here, there)
         passed = np.flatnonzero((low <= slope) & (slope <= high) & (low < high))

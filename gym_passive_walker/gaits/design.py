@@ -27,6 +27,7 @@ from gym_passive_walker.walkers import (
     Walker,
     WalkerLike,
     as_walker,
+    check_parametric,
     describe,
     tune,
 )
@@ -115,6 +116,7 @@ def optimize_walker(
     """
     stride_map = map_of(walker, tolerance=1e-13)
     walker, slope = stride_map.walker, stride_map.chosen(slope)
+    check_parametric(walker, "optimize_walker")
     _known(objective)
     maximize, iterations = truth(maximize, "maximize"), whole(iterations, "iterations")
     kind = gait_kind(kind)

@@ -87,4 +87,4 @@ def walk_of(
         own = strides.controller or PASSIVE
     given = [mine if part is None else part for part, mine in zip(motors, own, strict=False)]
     actuation = Actuation(*given, *own[len(given) :])
-    return as_walker(walker), slope, state, actuation, period, None  # type: ignore[return-value]
+    return as_walker(walker, own=True), slope, state, actuation, period, None  # type: ignore[return-value]

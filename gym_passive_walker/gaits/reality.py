@@ -35,7 +35,7 @@ from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import Walker, describe, name_of
+from gym_passive_walker.walkers import Walker, check_parametric, describe, name_of
 
 
 class Reading(NamedTuple):
@@ -283,6 +283,7 @@ def reality_check(
             where the clearance of a foot between footholds is not defined.
     """
     walker, slope, state, motors, period, controlled = walk_of(walker, slope, state, hip_torque)
+    check_parametric(walker, "reality_check")
     if controlled is not None and controlled.terrain is not None:
         raise ValueError(
             "reality_check needs smooth ground: on a terrain the ground between two footholds is "

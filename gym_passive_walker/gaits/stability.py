@@ -16,7 +16,7 @@ from gym_passive_walker.gaits.passage import NoStride
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.units import growth
-from gym_passive_walker.walkers import PARAMETERS
+from gym_passive_walker.walkers import PARAMETERS, Mechanism
 
 
 def stride_jacobian(
@@ -69,7 +69,8 @@ def stride_jacobian(
     walker, slope, state, motors, _, controlled = walk_of(
         walker, slope, state, hip_torque, ankle_torque, push_off
     )
-    slope, motors = one_slope(slope), one_actuation(walker, motors)
+    slope = one_slope(slope)
+    motors = motors if isinstance(walker, Mechanism) else one_actuation(walker, motors)
     stride_map = (controlled or StrideMap.of(walker, controller=motors)).with_tolerance(tolerance)
     stride_map = replace(stride_map, max_stride_time=LONGEST_STRIDE)
     names = [wrt] if isinstance(wrt, str) else list(wrt) if np.iterable(wrt) else []
@@ -83,12 +84,13 @@ def stride_jacobian(
             raise ValueError(
                 f"wrt: cannot differentiate by {shown(name)}: choose from {', '.join(allowed)}"
             )
-    states, units = check_state(state), stride_map.units
+    states, units = check_state(state, size=stride_map.size), stride_map.units
     points, driving = stride_map.points_at(states), actuation_units(units)._asdict()
     moved = set(names)
     # A parameter also changes the units, hence the dimensionless state and torques.
     driven = [name for name in Actuation._fields if getattr(motors, name)]
-    moved |= {"state", *driven} if moved & set(PARAMETERS) else set()
+    if not stride_map.own and moved & set(PARAMETERS):
+        moved |= {"state", *driven}
     by = sorted(moved)
     passage, change = stride_map.linearize(points, slope, by=by)
     fallen = np.flatnonzero(~passage.alive)
@@ -107,8 +109,8 @@ def stride_jacobian(
         """Return the dimensionless point's derivative by a quantity in the walker's own units."""
         if name == "state":
             return found["state"] * time
-        if name == "slope":
-            return found["slope"]
+        if name == "slope" or stride_map.own:
+            return found[name]
         if name in driving:
             return found[name] / driving[name]
         grown = growth(stride_map.walker, name)

@@ -30,7 +30,7 @@ from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.physics.hybrid import Ground, Outcome, System
 from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import Mechanism, Walker
+from gym_passive_walker.walkers import Mechanism, Walker, state_size
 
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
 
@@ -232,7 +232,7 @@ def stride(
         )
         return controlled.with_tolerance(tolerance).stride(check_state(state), slope, **given)
     own = isinstance(walker, Mechanism)
-    size = 2 * walker.hybrid.coordinates if own else 6  # type: ignore[attr-defined]
+    size = state_size(walker)
     states, slopes = check_state(state, size=size), check_slope(slope)  # type: ignore[arg-type]
     actuation = PASSIVE if own else check_actuation(walker, actuation)
     max_stride_time, end_on_toe_stub = (

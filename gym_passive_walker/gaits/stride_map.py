@@ -97,7 +97,7 @@ class StrideMap(Section):
         terrain: Terrain | None = None,
     ) -> Self:
         """Return the stride map of a walker (see `as_walker`); `controller` is in its units."""
-        walker = as_walker(walker)
+        walker = as_walker(walker, own=True)
         passive = controller is PASSIVE
         return cls(
             walker=walker, tolerance=tolerance, max_stride_time=max_stride_time,

@@ -23,7 +23,7 @@ from gym_passive_walker.gaits.terrain import Terrain, TerrainLike, contacts, ter
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import Walker, name_of
+from gym_passive_walker.walkers import Walker, name_of, state_size
 
 COARSEST_SAMPLES = 1e-4
 """Largest tolerance at which samples just before an impact differ from the impact itself."""
@@ -158,9 +158,10 @@ def simulate(
     walker, slope, state, motors, _, controlled = walk_of(
         walker, slope, state, hip_torque, ankle_torque, push_off
     )
-    slope, state = one_slope(slope), check_state(state)
-    if state.shape != (6,):
-        raise ValueError(f"simulate follows one walker: state must be (6,), not {state.shape}")
+    size = state_size(walker)
+    slope, state = one_slope(slope), check_state(state, size=size)
+    if state.shape != (size,):
+        raise ValueError(f"simulate follows one walker: state must be ({size},), not {state.shape}")
     strides, samples = whole(strides, "strides", 1, KEPT), whole(samples, "samples", 2, KEPT)
     if check_tolerance(tolerance) > COARSEST_SAMPLES:
         raise ValueError(f"tolerance must be at most {COARSEST_SAMPLES}, not {tolerance}")
@@ -215,7 +216,7 @@ def simulate(
         walker=walker,
         slope=slope,
         times=(began + instants).ravel(),
-        states=states.reshape(-1, 6),
+        states=states.reshape(-1, size),
         contact_x=places.real.ravel(),
         contact_y=places.imag.ravel(),
         tilts=np.repeat(tilts, samples),

@@ -71,7 +71,6 @@ class System(Mechanism):
         Control: Named tuple of the controls, held constant while the engine integrates.
         travel: Function of the state: for each control the coordinate that it moves, as a
             `Control`. Its torque acts along that coordinate.
-        pose: Function of body and state: lines of a picture, each a sequence of points (x, y).
         start: A state just after heelstrike near a gait, (2 m,), with which searches begin.
 
     Raises:
@@ -91,7 +90,6 @@ class System(Mechanism):
     forces: Callable[[Any, Any], Sequence[Any]] | None = None
     Control: type = Free
     travel: Callable[[Any], Any] = _uncontrolled
-    pose: Callable[[Any, Any], Sequence[Sequence[tuple[Any, Any]]]] | None = None
     start: Sequence[float] | None = None
     _made: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 

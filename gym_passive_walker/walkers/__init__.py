@@ -11,7 +11,7 @@ References:
     T. McGeer, "Passive walking with knees", IEEE ICRA (1990) 1640-1645.
 """
 
-from gym_passive_walker.walkers.mechanism import Mechanism
+from gym_passive_walker.walkers.mechanism import Mechanism, check_parametric, state_size
 from gym_passive_walker.walkers.names import describe, name_of
 from gym_passive_walker.walkers.parts import Part, assemble, combine, lab_walker_from_parts
 from gym_passive_walker.walkers.presets import ABOUT, WALKERS, WalkerLike, as_walker, is_walker
@@ -31,12 +31,14 @@ __all__ = [
     "as_walker",
     "assemble",
     "changed",
+    "check_parametric",
     "combine",
     "describe",
     "interpolate",
     "is_walker",
     "lab_walker_from_parts",
     "name_of",
+    "state_size",
     "tune",
     "tuning_errors",
     "varied",

@@ -14,7 +14,31 @@ class Mechanism:
     knees = False
     massless_legs = False
     leg_length = total_mass = gravity = time_unit = 1.0
+    foot_radius = 0.0
     title: str
     body: Any
+    coordinates: int
     hybrid: Any
     """The hybrid system that it obeys, a `physics.hybrid.System`."""
+
+
+def state_size(walker: Any) -> int:
+    """How many numbers a walker's state has: coordinates and their rates."""
+    return 2 * walker.coordinates if isinstance(walker, Mechanism) else 6
+
+
+def check_parametric(walker: Any, what: str) -> None:
+    """Refuse a walker of a user's own where an analysis needs legs with McGeer's parameters.
+
+    Args:
+        walker: The walker.
+        what: What the analysis needs them for, as the beginning of the message.
+
+    Raises:
+        ValueError: if it is a `Mechanism`.
+    """
+    if isinstance(walker, Mechanism):
+        raise ValueError(
+            f"{what} needs a walker with two legs and McGeer's parameters, not the system "
+            f"{walker.title!r}"
+        )

@@ -12,7 +12,7 @@ from typing import Any, TypeAlias, TypeGuard
 from gym_passive_walker.arguments import shown
 from gym_passive_walker.console import cut
 from gym_passive_walker.loading import SUFFIXES, is_file, read_content
-from gym_passive_walker.walkers.mechanism import Mechanism
+from gym_passive_walker.walkers.mechanism import Mechanism, check_parametric
 from gym_passive_walker.walkers.walker import Walker, WalkerError
 
 
@@ -99,7 +99,7 @@ def is_walker(value: Any) -> TypeGuard[WalkerLike]:
     )
 
 
-def as_walker(walker: WalkerLike) -> Walker:
+def as_walker(walker: WalkerLike, *, own: bool = False) -> Walker:
     """Return a walker from any form that it may be given in.
 
     Args:
@@ -108,13 +108,18 @@ def as_walker(walker: WalkerLike) -> Walker:
             parameters without a default, or names a preset to change, as
             ``{"preset": "C", "foot_radius": 0.25}``; it may have a "title", by which messages and
             pictures call the walker. A file's title is its name without the ending.
+        own: Whether a `System` of the user's own is a walker, too.
 
     Raises:
         WalkerError: if there is no such preset or file, or the parameters describe no walker.
         ImportError: if the file is YAML and pyyaml is not installed.
+        ValueError: if it is a `System` where only legs with McGeer's parameters are of use.
     """
-    if isinstance(walker, Walker | Mechanism):
+    if isinstance(walker, Walker):
+        return walker
+    if own and isinstance(walker, Mechanism):
         return walker  # type: ignore[return-value]
+    check_parametric(walker, "this")
     if isinstance(walker, Mapping):
         return _of_parameters(walker)
     if isinstance(walker, str) and walker in WALKERS:
