@@ -35,12 +35,12 @@ def sqrt(x: Any) -> Any:
 
 def sin(x: Any) -> Any:
     """The sine of an angle in rad."""
-    return sine_cosine(x)[0] if isinstance(x, Expression) else _library(x).sin(x)
+    return sine_cosine(x)[0] if _library(x) is np else _library(x).sin(x)
 
 
 def cos(x: Any) -> Any:
     """The cosine of an angle in rad."""
-    return sine_cosine(x)[1] if isinstance(x, Expression) else _library(x).cos(x)
+    return sine_cosine(x)[1] if _library(x) is np else _library(x).cos(x)
 
 
 def minimum(a: Any, b: Any) -> Any:

@@ -272,7 +272,8 @@ def search(
                 candidates.avoid(stride)
         if enough(gaits):
             break
-    gaits.sort(key=lambda gait: -gait.stance_angle)
+    # Steps of a user's system have no common measure: the most stable gait comes first.
+    gaits.sort(key=lambda g: abs(g.multipliers[0]) if stride_map.own else -g.stance_angle)
     return gaits, ends
 
 

@@ -337,7 +337,7 @@ def account(
         kneestrike_loss=shaped(record["knee_loss"] * units.energy),
         heelstrike_loss=shaped(record["heel_loss"] * units.energy),
         gravity_work=shaped(gravity * units.energy),
-        weight=units.force,
+        weight=walker.total_mass if isinstance(walker, Mechanism) else units.force,
         spring_work=shaped(spring * units.energy),
         friction_loss=shaped(record["friction_loss"] * units.energy),
         ankle_work=ankle[0],

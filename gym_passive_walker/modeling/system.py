@@ -119,6 +119,11 @@ class System(Mechanism):
         return len(self.State._fields) // 2  # type: ignore[attr-defined]
 
     @property
+    def total_mass(self) -> float:  # type: ignore[override]
+        """Its mass, which is also its weight."""
+        return float(self._centre(self.body, self.State(*[0.0] * (2 * self.coordinates)))[0])
+
+    @property
     def hybrid(self) -> hybrid.System:  # type: ignore[override]
         """The hybrid system that the engine compiles."""
         if "hybrid" not in self._made:
@@ -275,8 +280,7 @@ class _Checks:
         if not hasattr(system.body, "_fields"):
             raise self.error("body", "must be an instance of a named tuple of parameters")
         self.body, count = system.body, len(fields) // 2
-        if not np.all(np.isfinite(np.array(self.body, dtype=float))):
-            raise self.error("body", f"must hold finite numbers, not {self.body}")
+        self.numbers("body", self.body)
         if system.start is not None and np.shape(system.start) != (2 * count,):
             raise self.error("start", f"must have {2 * count} numbers, not {system.start!r}")
         centre = np.zeros(2 * count) if system.start is None else np.array(system.start)
@@ -302,11 +306,11 @@ class _Checks:
         try:
             found = np.array([float(x) for x in values])
         except (TypeError, ValueError) as error:
-            raise self.error(name, f"must return numbers, not {values!r}") from error
+            raise self.error(name, f"must give numbers, not {values!r}") from error
         if count is not None and len(found) != count:
-            raise self.error(name, f"must return {count} numbers, not {len(found)}")
+            raise self.error(name, f"must give {count} numbers, not {len(found)}")
         if not np.all(np.isfinite(found)):
-            raise self.error(name, f"must return finite numbers, not {found.tolist()}")
+            raise self.error(name, f"must give finite numbers, not {found.tolist()}")
         return found
 
 

@@ -13,11 +13,12 @@ class Mechanism:
 
     knees = False
     massless_legs = False
-    leg_length = total_mass = gravity = time_unit = 1.0
+    leg_length = gravity = time_unit = 1.0
     foot_radius = 0.0
     title: str
     body: Any
     coordinates: int
+    total_mass: float
     hybrid: Any
     """The hybrid system that it obeys, a `physics.hybrid.System`."""
 

@@ -1,0 +1,154 @@
+"""What is wrong with a statement is said in one sentence that names the function."""
+
+import math
+import pickle
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from examples.torso import TORSO
+from gym_passive_walker.math import cos, sin
+from tests.modeling.statements import COMPASS, State, links
+
+
+class Nothing(NamedTuple):
+    """A state without rates."""
+
+    angle: float
+
+
+WRONG = {
+    "links": {
+        "a negative mass": (lambda b, s: [gpw.Link(-1.0, *links(b, s)[0][1:])], "negative mass"),
+        "a position that is missing": (lambda b, s: [(1.0, s.stance)], "missing"),
+        "an error": (lambda b, s: 1 / 0, "ZeroDivisionError"),
+        "not a number": (lambda b, s: [gpw.Link(1.0, math.nan, s.stance)], "finite"),
+        "a leg without mass": (lambda b, s: links(b, s)[:2], "without inertia"),
+    },
+    "landing": {
+        "a foot that never falls": (lambda b, s: (sin(s.swing), 1.0), "never falls"),
+        "one number": (lambda b, s: (0.0,), "2 numbers"),
+    },
+    "relabel": {
+        "legs that keep their roles": (lambda b, s: (s.stance, s.swing), "same motion"),
+        "three coordinates": (lambda b, s: (s.swing, s.stance, 0.0), "2 numbers"),
+        "a leg turned over": (lambda b, s: (s.swing, s.stance + 0.1), "same"),
+    },
+    "falls": {
+        "none": ({}, "has fallen"),
+        "an unknown one": ({"tumbled": lambda b, s: s.stance}, "fell_forward"),
+        "text": ({"fell_forward": lambda b, s: "x"}, "numbers"),
+    },
+    "counts": {"an attribute that is missing": ((lambda b, s: s.knee,), "AttributeError")},
+    "potential": {"infinity": (lambda b, s: math.inf, "finite")},
+    "dissipation": {"a gain": (lambda b, s: -(s.stance_rate**2), "negative")},
+    "forces": {"one of two": (lambda b, s: (0.0,), "2 numbers")},
+    "State": {"no rates": (Nothing, "1 to 8 coordinates"), "a tuple": (tuple, "named tuple")},
+    "body": {"a list": ([1.0], "named tuple"), "text": (Nothing("x"), "numbers")},
+    "start": {"too short": ((0.1, 0.2), "4 numbers")},
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong", "said"),
+    [
+        pytest.param(name, *each, id=f"{name}: {what}")
+        for name, several in WRONG.items()
+        for what, each in several.items()
+    ],
+)
+def test_a_statement_that_is_wrong_is_refused_by_the_name_of_its_function(name, wrong, said):
+    with pytest.raises(gpw.StatementError) as error:
+        replace(COMPASS, **{name: wrong})
+    assert said in str(error.value) and name in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_body_varies_by_name():
+    heavy = COMPASS.vary(hip=1.0)
+    assert heavy.body.hip == 1.0 and heavy.total_mass == pytest.approx(1.0 + 2.0 / 6.0)
+    assert heavy.hybrid is COMPASS.hybrid  # the equations are compiled once
+    with pytest.raises(gpw.StatementError, match="has no knee"):
+        COMPASS.vary(knee=1.0)
+
+
+def test_equations_that_differ_have_names_that_differ():
+    slower = replace(TORSO, dissipation=None)
+    assert slower.hybrid.name != TORSO.hybrid.name
+    assert replace(TORSO).hybrid.name == TORSO.hybrid.name
+
+
+def test_a_system_that_modules_hold_pickles():
+    system = replace(
+        COMPASS, landing=landing, relabel=swapped, falls={"fell_forward": upright}, counts=()
+    )
+    back = pickle.loads(pickle.dumps(system))
+    assert back.body == system.body and back.hybrid.name == system.hybrid.name
+
+
+def landing(body, state):
+    """The swing foot."""
+    return sin(state.swing) - sin(state.stance), cos(state.stance) - cos(state.swing)
+
+
+def swapped(body, state):
+    """Exchange the legs."""
+    return state.swing, state.stance
+
+
+def upright(body, state):
+    """Positive while the stance leg stands."""
+    return state.stance + 1.5
+
+
+ANALYSES = {
+    "reality_check": lambda: gpw.reality_check(COMPASS, 0.03, COMPASS.start),
+    "basin": lambda: gpw.basin_of_attraction(COMPASS, 0.03),
+    "an actuation": lambda: gpw.stride_map(COMPASS, controller=gpw.Actuation(hip_torque=0.1)),
+    "a terrain": lambda: gpw.stride_map(COMPASS, terrain={"stairs": {"height": 0.01}}),
+}
+
+
+def test_analyses_that_need_legs_with_parameters_say_so():
+    for analysis in ANALYSES.values():
+        with pytest.raises(ValueError, match="McGeer's parameters"):
+            analysis()
+
+
+@pytest.mark.parametrize("size", [3, 5])
+def test_states_of_another_size_are_refused(size):
+    with pytest.raises(ValueError, match=r"\(4,\)"):
+        gpw.stride(COMPASS, 0.03, np.zeros(size))
+
+
+def test_a_search_without_a_start_asks_for_one():
+    with pytest.raises(ValueError, match="has no start"):
+        gpw.find_gait(replace(COMPASS, start=None), 0.03)
+    with pytest.raises(gpw.GaitNotFound, match="guess near the gait"):
+        gpw.find_gait(COMPASS, -0.1)
+
+
+def test_families_and_their_tables_name_the_coordinates():
+    family = gpw.gait_family(COMPASS, 0.02, 0.08)
+    assert family.period_doublings and set(State._fields) < set(family.columns())
+    by_mass = gpw.parameter_family(COMPASS, "hip", 0.5, 0.8, slope=0.03)
+    assert by_mass.value.min() == pytest.approx(0.5) and by_mass.stable.all()
+    diagram = gpw.bifurcation_diagram(COMPASS, [0.03, 0.075], n_transient=300, n_recorded=64)
+    assert diagram.period.tolist() == [1, 2]
+    assert np.all(gpw.lyapunov_exponents(COMPASS, [0.03], strides=50) < 0.0)
+    push = gpw.largest_push(COMPASS, 0.03)
+    assert push.forward > 0.01 and push.backward > 0.01
+
+
+def test_a_walk_is_sampled_in_the_system_s_own_coordinates():
+    gait = gpw.find_gait(COMPASS, 0.03)
+    walk = gpw.simulate(gait, strides=3, samples=20)
+    assert walk.states.shape == (60, 4) and walk.ending == "heelstrike"
+    np.testing.assert_allclose(walk.states[0], gait.state, atol=1e-12)
+
+
+def test_the_named_tuple_of_a_link_has_a_point_mass_by_default():
+    assert gpw.Link(1.0, 2.0, 3.0) == (1.0, 2.0, 3.0, 0.0, 0.0)
