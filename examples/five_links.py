@@ -73,7 +73,8 @@ def above(angle, length):
 
 def added(*vectors):
     """The sum of vectors."""
-    return tuple(sum(parts[1:], parts[0]) for parts in zip(*vectors, strict=True))
+    x, y = (sum(parts[1:], parts[0]) for parts in zip(*vectors, strict=True))
+    return x, y
 
 
 def joints(state):
@@ -94,7 +95,7 @@ def links(body, state):
         (THIGH, added(hip, above(state.swing_thigh, -THIGH.com)), state.swing_thigh),
         (SHIN, added(swing_knee, above(state.swing_shin, -SHIN.com)), state.swing_shin),
     )
-    return [gpw.Link(part.mass, *at, part.inertia, angle) for part, at, angle in centres]
+    return [gpw.Link(part.mass, x, y, part.inertia, turn) for part, (x, y), turn in centres]
 
 
 def stretched(body, angles, bend):

@@ -194,7 +194,8 @@ class Walkers:
         own = self.constants if len(self.constants) == 1 else self.constants[lanes]
         if not names:
             return own
-        parameters = self.walker.body._fields if self.section.own else vars(self.walker)
+        parameters = self.walker.body._fields  # type: ignore[attr-defined]
+            if self.section.own else vars(self.walker)
         moving = [name for name in names if name in parameters]
         if not moving:
             return own

@@ -17,7 +17,7 @@ from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -329,10 +329,11 @@ def begin(
 
 def _beside_start(stride_map: StrideMap) -> NDArray:
     """Return the state with which a user's system starts, and others around it, (n, m)."""
-    start = stride_map.walker.start
+    system: Any = stride_map.walker
+    start = system.start
     if start is None:
         raise ValueError(
-            f"system {stride_map.walker.name!r} has no start: give it one, or give the search a "
+            f"system {system.name!r} has no start: give it one, or give the search a "
             "guess, a state just after heelstrike"
         )
     rng, start = np.random.default_rng(0), np.array(start, dtype=float)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.units import Units, units_of
-from gym_passive_walker.walkers import Mechanism, Walker, varied
+from gym_passive_walker.walkers import Mechanism, Walker, state_size, varied
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -43,7 +43,7 @@ class Section:
     def dimension(self) -> int:
         """Number m of coordinates of a point."""
         if self.own:
-            return 2 * self.walker.hybrid.coordinates
+            return state_size(self.walker)
         return 4 if self.walker.knees else 3
 
     @property

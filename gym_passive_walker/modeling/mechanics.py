@@ -109,7 +109,8 @@ def rates_by(value: Any, variables: Sequence[Any]) -> list[Any]:
     held = dict.fromkeys((x for x in variables if isinstance(x, Expression)), None)
     found = []
     for x in variables:
-        change = Tangents({**held, x: value.number(1.0)})(value) if x in held else None
+        seeds: dict[Any, Any] = {**held, x: value.number(1.0)}
+        change = Tangents(seeds)(value) if x in held else None
         found.append(0.0 if change is None else change)
     return found
 
@@ -121,11 +122,11 @@ def along(value: Any, state: Any) -> tuple[Any, Any]:
     half = len(state) // 2
     held: dict[Any, Any] = dict.fromkeys((x for x in state if isinstance(x, Expression)), None)
     moves = held | {x: v for x, v in zip(state[:half], state[half:], strict=True) if x in held}
-    moves = {x: None if v is None else value.number(v) for x, v in moves.items()}
-    rate = Tangents(moves)(value)
+    seeds: dict[Any, Any] = {x: None if v is None else value.number(v) for x, v in moves.items()}
+    rate = Tangents(seeds)(value)
     if rate is None:
         return 0.0, 0.0
-    bend = Tangents(moves)(rate)
+    bend = Tangents(seeds)(rate)
     return rate, 0.0 if bend is None else bend
 
 

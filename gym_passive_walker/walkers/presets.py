@@ -86,7 +86,7 @@ ABOUT: dict[str, str] = {
 """What each of `WALKERS` is, in words. Tuned walkers may walk at vanishing slope (`tune`)."""
 
 
-WalkerLike: TypeAlias = Walker | str | Mapping[str, Any] | PathLike[str]
+WalkerLike: TypeAlias = Walker | Mechanism | str | Mapping[str, Any] | PathLike[str]
 """What a walker may be given as, wherever one is asked for; see `as_walker`."""
 
 

@@ -8,6 +8,7 @@ as a Lagrange multiplier. SciPy integrates.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import sympy
@@ -45,7 +46,7 @@ class Independent:
                     weights.append(weight)
         rates = [sum(a * b for a, b in zip(way, v, strict=False)) for way in ways]
         kinetic = sum(w * rate**2 for w, rate in zip(weights, rates, strict=True)) / 2
-        potential = sum(
+        potential: Any = sum(
             m * (math.cos(slope) * y - math.sin(slope) * x) for m, x, y, _, _ in links
         ).subs({x0: 0, y0: 0})
         if system.potential:

@@ -47,7 +47,10 @@ WRONG = {
     "dissipation": {"a gain": (lambda b, s: -(s.stance_rate**2), "negative")},
     "forces": {"one of two": (lambda b, s: (0.0,), "2 numbers")},
     "State": {"no rates": (Nothing, "1 to 8 coordinates"), "a tuple": (tuple, "named tuple")},
-    "body": {"a list": ([1.0], "named tuple"), "text": (Nothing("x"), "numbers")},
+    "body": {
+        "a list": ([1.0], "named tuple"),
+        "text": (Nothing("x"), "numbers"),  # type: ignore[arg-type]
+    },
     "start": {"too short": ((0.1, 0.2), "4 numbers")},
 }
 
@@ -108,7 +111,7 @@ ANALYSES = {
     "reality_check": lambda: gpw.reality_check(COMPASS, 0.03, COMPASS.start),
     "basin": lambda: gpw.basin_of_attraction(COMPASS, 0.03),
     "an actuation": lambda: gpw.stride_map(COMPASS, controller=gpw.Actuation(hip_torque=0.1)),
-    "a terrain": lambda: gpw.stride_map(COMPASS, terrain={"stairs": {"height": 0.01}}),
+    "a terrain": lambda: gpw.stride_map(COMPASS, terrain={"stairs": {"rise": -0.01}}),
 }
 
 
