@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -194,8 +194,8 @@ class Walkers:
         own = self.constants if len(self.constants) == 1 else self.constants[lanes]
         if not names:
             return own
-        parameters = self.walker.body._fields  # type: ignore[attr-defined]
-            if self.section.own else vars(self.walker)
+        walker: Any = self.walker
+        parameters = walker.body._fields if self.section.own else vars(walker)
         moving = [name for name in names if name in parameters]
         if not moving:
             return own

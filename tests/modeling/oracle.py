@@ -48,7 +48,8 @@ class Independent:
         kinetic = sum(w * rate**2 for w, rate in zip(weights, rates, strict=True)) / 2
         potential: Any = sum(
             m * (math.cos(slope) * y - math.sin(slope) * x) for m, x, y, _, _ in links
-        ).subs({x0: 0, y0: 0})
+        )
+        potential = sympy.sympify(potential).subs({x0: 0, y0: 0})
         if system.potential:
             potential = potential + system.potential(body, state)
         self.springs = system.potential(body, state) if system.potential else sympy.Integer(0)
