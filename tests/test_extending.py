@@ -70,3 +70,17 @@ def test_a_spring_that_hardens_keeps_its_energy(tmp_path):
         assert abs(plain) < 1e-13 and abs(hardening) < 1e-13 and abs(both) < 1e-13
         assert abs(given) > 1e-5
         assert slope_error < 1e-6
+
+
+FILE = re.search(r"```python\n(.*?)```", (ROOT / "docs/extending.md").read_text("utf-8"), re.DOTALL)
+
+
+def test_a_torso_takes_one_file_of_at_most_eighty_lines(tmp_path):
+    assert FILE is not None and FILE[1].count("\n") <= 80
+    (tmp_path / "torso.py").write_text(FILE[1], encoding="utf-8")
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "torso.py"], cwd=tmp_path, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert ", stable>" in done.stdout and "period doublings 0.118" in done.stdout

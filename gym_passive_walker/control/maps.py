@@ -21,7 +21,7 @@ from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.gaits.terrain import Terrain, TerrainLike, terrain_from
-from gym_passive_walker.walkers import WalkerLike, as_walker, check_parametric
+from gym_passive_walker.walkers import WalkerLike, as_any, as_walker, check_parametric
 
 
 def stride_map(
@@ -78,7 +78,7 @@ def stride_map(
             slope = float(np.mean(make_scene(scene).slope))
         if walker is None:
             raise ValueError("stride_map needs a walker, a scene, or a policy")
-        own, held = as_walker(walker, own=True), controller or PASSIVE
+        own, held = as_any(walker), controller or PASSIVE
         if held is not PASSIVE or ground is not None:
             check_parametric(own, "an Actuation or a terrain")
         return StrideMap.of(

@@ -313,7 +313,7 @@ def account(
         pushed: Work of push-offs in the walker's units, of shape `shape`.
         shape: Shape of the strides: (n,), or () for one.
     """
-    units, (hip, ankle) = units_of(walker), works
+    units, size, (hip, ankle) = units_of(walker), 2 * system.coordinates, works
     outcome, length = record["outcome"], record["step_length"]
     gravity, spring, knee_time = (record[x] for x in ("gravity_work", "spring_work", "knee_time"))
     knee_time[knee_time <= 0.0] = np.nan
@@ -327,7 +327,9 @@ def account(
         return _shaped(values, shape)
 
     return Stride(
-        state=units.to_own(states_in(record, system.coordinates)).reshape(*shape, -1),
+        state=units.to_own(states_in(record, system.coordinates)).reshape(
+            *shape, 2 * system.coordinates
+        ),
         duration=shaped(record["time"] * units.time),
         outcome=shaped(outcome) if shape else Outcome(int(outcome[0])),  # type: ignore[arg-type]
         kneestrike_time=shaped(knee_time * units.time),

@@ -32,7 +32,7 @@ from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.physics.hybrid import Outcome, System
 from gym_passive_walker.progress import progress
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import PARAMETERS, Walker, WalkerLike, as_walker
+from gym_passive_walker.walkers import PARAMETERS, Walker, WalkerLike, as_any
 
 LONGEST = 20.0
 """Time limit in sqrt(l/g) of a stride without heelstrike; a usual stride takes 3."""
@@ -97,7 +97,7 @@ class StrideMap(Section):
         terrain: Terrain | None = None,
     ) -> Self:
         """Return the stride map of a walker (see `as_walker`); `controller` is in its units."""
-        walker = as_walker(walker, own=True)
+        walker = as_any(walker)
         passive = controller is PASSIVE
         return cls(
             walker=walker, tolerance=tolerance, max_stride_time=max_stride_time,

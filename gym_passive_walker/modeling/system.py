@@ -19,7 +19,7 @@ from gym_passive_walker.physics.systems import SYSTEMS
 from gym_passive_walker.walkers import Mechanism
 
 _BETWEEN = 7  # looks at a guard within a step; a foot may dip and rise between its ends
-_TRIALS, _CLOSE = 8, 1e-9  # random states of a check, and the largest relative error
+_TRIALS, _CLOSE = 3, 1e-9  # random states of a check, and the largest relative error
 _FALLS = tuple(
     outcome.name.lower()
     for outcome in Outcome

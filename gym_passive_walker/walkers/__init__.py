@@ -14,7 +14,14 @@ References:
 from gym_passive_walker.walkers.mechanism import Mechanism, check_parametric, state_size
 from gym_passive_walker.walkers.names import describe, name_of
 from gym_passive_walker.walkers.parts import Part, assemble, combine, lab_walker_from_parts
-from gym_passive_walker.walkers.presets import ABOUT, WALKERS, WalkerLike, as_walker, is_walker
+from gym_passive_walker.walkers.presets import (
+    ABOUT,
+    WALKERS,
+    WalkerLike,
+    as_any,
+    as_walker,
+    is_walker,
+)
 from gym_passive_walker.walkers.tuning import TuningErrors, interpolate, tune, tuning_errors
 from gym_passive_walker.walkers.walker import PARAMETERS, Walker, WalkerError, changed, varied
 
@@ -28,6 +35,7 @@ __all__ = [
     "Walker",
     "WalkerError",
     "WalkerLike",
+    "as_any",
     "as_walker",
     "assemble",
     "changed",

@@ -99,7 +99,7 @@ def is_walker(value: Any) -> TypeGuard[WalkerLike]:
     )
 
 
-def as_walker(walker: WalkerLike, *, own: bool = False) -> Walker:
+def as_walker(walker: WalkerLike) -> Walker:
     """Return a walker from any form that it may be given in.
 
     Args:
@@ -108,7 +108,6 @@ def as_walker(walker: WalkerLike, *, own: bool = False) -> Walker:
             parameters without a default, or names a preset to change, as
             ``{"preset": "C", "foot_radius": 0.25}``; it may have a "title", by which messages and
             pictures call the walker. A file's title is its name without the ending.
-        own: Whether a `System` of the user's own is a walker, too.
 
     Raises:
         WalkerError: if there is no such preset or file, or the parameters describe no walker.
@@ -117,8 +116,6 @@ def as_walker(walker: WalkerLike, *, own: bool = False) -> Walker:
     """
     if isinstance(walker, Walker):
         return walker
-    if own and isinstance(walker, Mechanism):
-        return walker  # type: ignore[return-value]
     check_parametric(walker, "this")
     if isinstance(walker, Mapping):
         return _of_parameters(walker)
@@ -130,6 +127,11 @@ def as_walker(walker: WalkerLike, *, own: bool = False) -> Walker:
         f"no walker {shown(walker)}: give a Walker, one of the names {', '.join(WALKERS)}, "
         f"a mapping of parameters, or a file of them ({', '.join(SUFFIXES)})"
     )
+
+
+def as_any(walker: WalkerLike) -> Walker:
+    """Return a walker as `as_walker` does, or a system of the user's own as it is."""
+    return walker if isinstance(walker, Mechanism) else as_walker(walker)  # type: ignore[return-value]
 
 
 def _of_parameters(given: Mapping[str, Any]) -> Walker:

@@ -61,6 +61,8 @@ WHEEL = System(
             resets={Outcome.HEELSTRIKE: Reset(heelstrike)},
         ),
     ),
+    measure=legs.measure,
+    place=legs.place,
     kinetic_energy=simplest.kinetic_energy,
     potential_gain=simplest.potential_gain,
     foot_clearance=simplest.foot_clearance,

@@ -30,6 +30,21 @@ class Hip(NamedTuple):
     hip: float
 
 
+class Renamed(NamedTuple):
+    """The state of a compass by another name."""
+
+    stance: float
+    swing: float
+    stance_rate: float
+    swing_rate: float
+
+
+class Motor(NamedTuple):
+    """The torque of a compass by another name."""
+
+    motor: float
+
+
 def links(body, state):
     x, y = -sin(state.stance), cos(state.stance)
     return [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import cache
 
 import numpy as np
@@ -16,18 +16,23 @@ from gym_passive_walker.control.feedback import gains
 from gym_passive_walker.control.ticks import ticked_stride
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.gaits.section import Section
+from gym_passive_walker.modeling.mechanics import Motion
+from gym_passive_walker.physics import hybrid
 from gym_passive_walker.render.axes import OWN
 from gym_passive_walker.render.portrait import phase_portrait
 from gym_passive_walker.render.strobe import strobe
 from gym_passive_walker.shown import picture as pictures
 from gym_passive_walker.sweeps.tasks import ANALYSES
 from gym_passive_walker.walkers import name_of
+from tests.modeling import statements
+from tests.modeling.statements import COMPASS, DRIVEN
 from tests.options.heard import Call, Later, To, cases, check, missing
 
 RESULTS = set(
     "Basin BifurcationDiagram Cascade Design Extreme FootVelocity Gait GaitFamily Gauntlet "
     "GaitNotFound Impulse Measures OptimalGait Outcome PolicyError Push RealityCheck Robustness "
-    "Stride Swept TrainedPolicy Trajectory Transition TuningErrors WalkerError".split()
+    "StatementError Stride Swept TrainedPolicy Trajectory Transition TuningErrors "
+    "WalkerError".split()
 )
 """Classes that functions make, not users: what stands in them is for the functions' tests."""
 
@@ -81,6 +86,16 @@ def made(of):
     return lambda **arguments: acts(of(**arguments))
 
 
+def stated(**statement):
+    """What a system is asked for: a stride, a fall, forces of controls, a guess for searches."""
+    system = gpw.System(**statement)
+    body, state = system.body, system.State(*COMPASS.start)
+    still = system.hybrid.phases[0].accelerations
+    walks = gpw.stride(system, 0.03, [COMPASS.start, (0.24, -0.24, -1.6, -0.17)])
+    pushed = still(body, state, system.Control(1.0), hybrid.Ground(0.0, 1.0))
+    return system.name, system.State, system.Control, system.start, pushed, walks
+
+
 LAB = dict(
     thigh_length=0.35,
     thigh_offset=0.0,
@@ -109,6 +124,35 @@ OPTIONS = {
         dict(title="mine"),
         dict(title="theirs"),
         of=gpw.Walker.titled,
+    ),
+    "Link": Call(
+        lambda **parts: [part[1:3] for part in Motion([gpw.Link(**parts)], (0.1, 0.2)).parts],
+        dict(mass=1.0, x=0.5, y=0.5, inertia=0.1, angle=0.2),
+        dict(mass=2.0, x=0.6, y=0.6, inertia=0.2, angle=0.3),
+        besides={"_cls": "the class itself"},
+        of=gpw.Link.__new__,
+    ),
+    "System.vary": Call(COMPASS.vary, {}, {}, of=gpw.System.vary),
+    "System": Call(
+        stated,
+        {each.name: getattr(DRIVEN, each.name) for each in fields(DRIVEN) if each.init},
+        dict(
+            name="another",
+            body=DRIVEN.body._replace(hip=0.5),
+            State=statements.Renamed,
+            links=lambda b, s: statements.links(b._replace(leg=2.0 * b.leg), s),
+            landing=lambda b, s: (0.01 + DRIVEN.landing(b, s)[0], DRIVEN.landing(b, s)[1]),
+            relabel=lambda b, s: (s.swing + 2.0 * np.pi, s.stance),
+            falls={"fell_forward": lambda b, s: s.stance + 1.0},
+            counts=(),
+            potential=lambda b, s: 0.1 * (s.swing - s.stance) ** 2,
+            dissipation=lambda b, s: 0.1 * (s.swing_rate - s.stance_rate) ** 2,
+            forces=lambda b, s: (0.01, 0.0),
+            Control=statements.Motor,
+            travel=lambda s: statements.Hip(2.0 * (s.swing - s.stance)),
+            start=(0.25, -0.25, -0.3, -0.2),
+        ),
+        of=gpw.System.__init__,
     ),
     "Walker": Call(
         walks,
