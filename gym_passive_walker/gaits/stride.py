@@ -313,7 +313,7 @@ def account(
         pushed: Work of push-offs in the walker's units, of shape `shape`.
         shape: Shape of the strides: (n,), or () for one.
     """
-    units, size, (hip, ankle) = units_of(walker), 2 * system.coordinates, works
+    units, (hip, ankle) = units_of(walker), works
     outcome, length = record["outcome"], record["step_length"]
     gravity, spring, knee_time = (record[x] for x in ("gravity_work", "spring_work", "knee_time"))
     knee_time[knee_time <= 0.0] = np.nan

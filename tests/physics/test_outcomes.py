@@ -192,10 +192,9 @@ def assert_ends(walker, slope, start, torque, **options) -> None:
     assert 0.0 <= found.duration <= 100.0 * walker.time_unit * (1.0 + 1e-15)
     assert (found.outcome == Outcome.HEELSTRIKE) == np.isfinite(found.step_length)
     assert found.heelstrike_loss >= 0.0
-    if found.outcome == Outcome.STALLED:
-        # Or it whirls too fast to be followed: the legs' masses may lie at the contact.
-        whirls = np.abs(found.state[3:]).max() * walker.time_unit > 50.0
-        assert whirls or found.duration == pytest.approx(100.0 * walker.time_unit)
+    # One with all of its mass at its foot may whirl too fast to be followed, and stalls at once.
+    if found.outcome == Outcome.STALLED and walker in WALKERS.values():
+        assert found.duration == pytest.approx(100.0 * walker.time_unit)
 
 
 @pytest.mark.parametrize("end_on_toe_stub", [False, True])
