@@ -16,7 +16,7 @@ from agents.callbacks import Milestones, StopRequest
 from agents.config import Config
 from agents.evaluation import write_rows
 from agents.exploration import explorers
-from agents.learner import LearnedPolicy, build
+from agents.learner import LearnedPolicy, build, on_numpy
 from gym_passive_walker.evaluation.walks import HUNDRED, evaluate
 from gym_passive_walker.files import replacing
 
@@ -123,7 +123,7 @@ class Run:
     def _evaluate(self, seconds: float) -> dict[str, Any]:
         """Add a row to the learning curve, and save the policy if it is the best so far."""
         policy = LearnedPolicy(self.model, self.config.algo.upper())
-        walks = evaluate(policy, self.exam, seed=EXAM_SEED)
+        walks = evaluate(on_numpy(policy, self.config), self.exam, seed=EXAM_SEED)
         self.notes["seconds"] += seconds
         row = {
             "steps": self.steps,

@@ -22,7 +22,7 @@ from agents import checkpoint, envs, files, training
 from agents.callbacks import Milestones
 from agents.config import Config, ConfigError, configure
 from agents.evaluation import evaluate
-from agents.learner import LearnedPolicy, export, learned, load_policy
+from agents.learner import LearnedPolicy, export, learned, load_policy, on_numpy
 from agents.search import search
 from agents.training import Run
 from benchmarks.kills import kill
@@ -426,6 +426,14 @@ def test_an_exported_policy_with_other_layers_is_refused(tmp_path):
     (tmp_path / "other" / "policy.safetensors").replace(tmp_path / "out" / "policy.safetensors")
     with pytest.raises(ConfigError, match="action_net"):
         learned(tmp_path / "out")
+
+
+@pytest.mark.parametrize("algo", ["ppo", "ppo-fast", "sac", "shac"])
+def test_evaluations_during_a_training_run_the_same_policy_on_numpy(algo, tmp_path):
+    run = Run(small(algo), tmp_path)
+    policy, seen = LearnedPolicy(run.model, algo), run.exam.observation_space.sample()
+    copied = on_numpy(policy, run.config)
+    np.testing.assert_allclose(copied.predict(seen)[0], policy.predict(seen)[0], atol=2e-6)
 
 
 def test_a_training_says_when_it_first_walked(tmp_path):
