@@ -169,7 +169,7 @@ def train(args: argparse.Namespace) -> int:
     try:
         finished = run.train(progress=not args.quiet)
     except OSError as error:
-        print(run.first_hundred())
+        print(run.first_walks())
         raise ConfigError(
             f"stopped after {run.steps:,} steps: {error}; once there is room go on with: python "
             f"train.py --resume {folder}"
@@ -178,7 +178,7 @@ def train(args: argparse.Namespace) -> int:
         print(f"Stopped after {run.steps:,} steps; go on with: python train.py --resume {folder}")
     text, rows = evaluation.judge(folder)
     print(text)
-    print(run.first_hundred())
+    print(run.first_walks())
     evaluation.keep(folder, text, rows)
     pictures.draw_run(folder, run.notes["curve"])
     print(outlook(folder, config))
