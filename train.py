@@ -1,9 +1,9 @@
 """Train an agent to walk, and compare it with the passive walker.
 
-    python train.py                               Train PPO on the recommended scene.
+    python train.py                               Train PPO on level ground, in about a minute.
     python train.py --scene steep --algo sac      Train SAC on the scene `steep`.
-    python train.py --resume runs/level-ppo-1     Continue a run, to more steps with --steps.
-    python train.py evaluate runs/level-ppo-1     Evaluate its policy again.
+    python train.py --resume runs/level-ppo-fast-1  Continue a run, to more steps with --steps.
+    python train.py evaluate runs/level-ppo-fast-1  Evaluate its policy again.
     python train.py evaluate --policy level-ppo   Evaluate a policy of the package.
     python train.py optimal --scene level         Print gaits of least cost of transport.
     python train.py gait level-ppo --out gait.png Find and draw the gait under a policy.
@@ -32,7 +32,15 @@ import numba
 import torch
 
 from agents import commands, envs, evaluation, files, pictures
-from agents.config import ALGORITHMS, DEFAULT_SCENE, Config, ConfigError, configure
+from agents.config import (
+    ALGORITHMS,
+    DEFAULT_ALGORITHM,
+    DEFAULT_SCENE,
+    Config,
+    ConfigError,
+    configure,
+    presets,
+)
 from agents.training import Run
 from gym_passive_walker.cli.arguments import A_WALKER
 from gym_passive_walker.envs.scene import SCENES
@@ -74,7 +82,7 @@ def train_parser() -> argparse.ArgumentParser:
         prog="train.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     add = parser.add_argument
-    add("--algo", choices=ALGORITHMS, help="the algorithm (ppo)")
+    add("--algo", choices=ALGORITHMS, help=f"the algorithm ({DEFAULT_ALGORITHM})")
     add("--scene", help=f"the scene: {', '.join(SCENES)} ({DEFAULT_SCENE})")
     add("--walker", metavar="WALKER", help=f"another walker: {A_WALKER}")
     add("--slope", type=float, nargs="+", metavar="RAD", help="another slope, or a range's ends")
@@ -116,7 +124,7 @@ def asked_for(args: argparse.Namespace, kept: Config | None = None) -> Config:
         return default if value is None else value
 
     return configure(
-        given("algo", kept.algo if kept else "ppo"),
+        given("algo", kept.algo if kept else DEFAULT_ALGORITHM),
         given("scene", kept.scene if kept else DEFAULT_SCENE),
         env=env,
         steps=given("steps", kept.steps if kept else None),
@@ -161,7 +169,7 @@ def train(args: argparse.Namespace) -> int:
     try:
         finished = run.train(progress=not args.quiet)
     except OSError as error:
-        print(run.first_hundred())
+        print(run.first_walks())
         raise ConfigError(
             f"stopped after {run.steps:,} steps: {error}; once there is room go on with: python "
             f"train.py --resume {folder}"
@@ -170,11 +178,27 @@ def train(args: argparse.Namespace) -> int:
         print(f"Stopped after {run.steps:,} steps; go on with: python train.py --resume {folder}")
     text, rows = evaluation.judge(folder)
     print(text)
-    print(run.first_hundred())
+    print(run.first_walks())
     evaluation.keep(folder, text, rows)
     pictures.draw_run(folder, run.notes["curve"])
-    print(f"Saved in {folder}: {', '.join(sorted(p.name for p in folder.iterdir()))}")
+    print(outlook(folder, config))
     return 0
+
+
+def outlook(folder: Path, config: Config) -> str:
+    """Where the files of a run are, and what to try next."""
+    lines = [
+        f"Pictures: {folder / 'gait.png'} (the gait) and {folder / 'learning_curve.png'}",
+        f"Other files in {folder}: model.zip, learning_curve.csv, evaluation.csv, evaluation.txt",
+        "Next:",
+        f"  python train.py gait {folder} --out gait.png    torques beside the optimal ones",
+    ]
+    if config.algo != "shac" and config.scene in presets("shac"):
+        scene = "" if config.scene == DEFAULT_SCENE else f" --scene {config.scene}"
+        lines.append(f"  python train.py --algo shac{scene}    learn from exact gradients")
+    if config.scene != "rolling":
+        lines.append("  python train.py --scene rolling    slopes from 0 to 0.06 rad")
+    return "\n".join(lines)
 
 
 def find_better(config: Config, args: argparse.Namespace) -> int:

@@ -267,6 +267,6 @@ def _above_optimum(scene: str, walks: Walks, speed: float, cost: float) -> float
     if walks.endings.count(WALKED_ON) < 0.5 * len(walks):
         return math.nan
     try:
-        return cost / optimal.least_cost(optimal.load(scene), speed) - 1.0
+        return cost / optimal.least_cost(scene, speed) - 1.0
     except ValueError:
         return math.nan

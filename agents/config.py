@@ -15,6 +15,8 @@ from gym_passive_walker.envs.scene import kept_argument
 
 ALGORITHMS = ("ppo", "ppo-fast", "sac", "shac")
 DEFAULT_SCENE = "level"
+DEFAULT_ALGORITHM = "ppo-fast"
+"""What `train.py` trains with, unless `--algo` names another algorithm."""
 EVALUATIONS = 20
 """Default number of evaluations and checkpoints of a run."""
 

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import csv
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from agents import envs
+from agents.config import Config
 from agents.learner import learned
 from gym_passive_walker.arguments import whole
+from gym_passive_walker.control import optimal
 from gym_passive_walker.control.baselines import Passive
-from gym_passive_walker.evaluation.walks import evaluate, table
+from gym_passive_walker.envs.scene import undisturbed
+from gym_passive_walker.evaluation.walks import WALKED_ON, Walks, evaluate, table
 from gym_passive_walker.files import replacing
 
 EPISODES, SEED = 20, 1000
@@ -37,7 +43,7 @@ def judge(
         seed: Seed of the first episode.
 
     Returns:
-        The table, and a row for each episode, which `keep` writes.
+        The table with a summary in words, and a row for each episode, which `keep` writes.
 
     Raises:
         ConfigError: if there is no such policy.
@@ -46,12 +52,53 @@ def judge(
     episodes, seed = whole(episodes, "episodes"), whole(seed, "seed", least=0)
     config, policy = learned(which)
     arena = envs.arena(config, episodes)
-    columns = {
-        name: evaluate(agent, arena, seed=seed)
-        for name, agent in ((config.algo.upper(), policy), (Passive.name, Passive()))
-    }
+    walks, passive = (evaluate(agent, arena, seed=seed) for agent in (policy, Passive()))
+    columns = {config.algo.upper(): walks, Passive.name: passive}
     text = table(f"{envs.describe(config)}; {episodes} episodes", columns)
-    return text, [row for name, walks in columns.items() for row in walks.rows(name)]
+    text = "\n".join([text, *in_words(config, walks, passive)])
+    return text, [row for name, each in columns.items() for row in each.rows(name)]
+
+
+def in_words(config: Config, walks: Walks, passive: Walks) -> list[str]:
+    """Sentences on a policy's walks: how far, how near the optimum, and without an actuator."""
+    return [
+        f"With the policy, {_how_far(walks)}",
+        _above_optimum(config, walks),
+        f"Without an actuator, {_how_far(passive)}",
+    ]
+
+
+def _how_far(walks: Walks) -> str:
+    """How many walks reach the time limit, how the others end, and the median walk."""
+    endings = Counter(ending for ending in walks.endings if ending != WALKED_ON).most_common()
+    falls = f" ({', '.join(f'{ending}: {count}' for ending, count in endings)})" if endings else ""
+    median = walks.summary()
+    return (
+        f"{int(walks.reached_limit.sum())} of {len(walks)} walks reach the time limit{falls}. The "
+        f"median walk has {median['strides']:.0f} strides and {median['distance']:.1f} leg lengths."
+    )
+
+
+def _above_optimum(config: Config, walks: Walks) -> str:
+    """How much more energy the walks to the time limit take than the optimal gait."""
+    lasting = walks.reached_limit
+    if 2 * lasting.sum() < len(walks):
+        return "Most of its walks end in a fall, so its cost is not compared with the optimum."
+    speed = float(np.median(walks.speed[lasting]))
+    cost = float(np.median(walks.cost_of_transport[lasting]))
+    try:
+        scene = undisturbed(envs.scene_of(config), "the optimum is of walks")
+        least = optimal.least_cost(optimal.stored_name(scene), speed)
+    except ValueError:
+        return "No optimal gaits of this scene are stored to compare its cost with."
+    if not least > 0.0:
+        return f"No optimal gait is stored at its speed, {speed:.3f} √(g l)."
+    share = cost / least - 1.0
+    above = f"{share:.1%} above" if share >= 5e-4 else "no more than"
+    return (
+        f"Its speed is {speed:.3f} √(g l) and its cost of transport {cost:.4f}, {above} the least "
+        f"possible at that speed, {least:.4f} (python train.py optimal)."
+    )
 
 
 def keep(run: Path, text: str, rows: Sequence[dict[str, Any]]) -> None:

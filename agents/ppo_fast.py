@@ -9,7 +9,7 @@ takes almost none. Therefore:
 - The scales of observations and rewards are updated once per rollout, not at each step.
 - Gradients are computed without autograd, in memory that every batch reuses
   (`networks.Perceptron`). Autograd allocates memory for each batch, which takes longer than the
-  arithmetic.
+  arithmetic. Those of actor and critic are computed at the same time, in two threads.
 
 Rollouts, advantages and updates are below in the order in which they happen. The networks, the
 callbacks and the files are those of stable-baselines3, so that a run has the usual format. If there
@@ -19,6 +19,7 @@ is a GPU, everything runs on it, including the walkers (`carried`).
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -181,6 +182,8 @@ class FastPPO(BaseAlgorithm):
         made = self.policy_class(
             self.observation_space, self.action_space, self.lr_schedule, **self.policy_kwargs
         )
+        # Actor and critic share no weights, so a second thread computes the critic's gradient.
+        self.helper = ThreadPoolExecutor(1, "critic", torch.set_num_threads, (1,))
         net: Any = made.to(self.device)
         self.policy, inner = net, net.mlp_extractor
         self.actor = Perceptron([*inner.policy_net, net.action_net], self.batch_size)
@@ -207,6 +210,7 @@ class FastPPO(BaseAlgorithm):
             "critic",
             "weights",
             "gradient",
+            "helper",
             "walkers",
         ]
 
@@ -343,6 +347,7 @@ class FastPPO(BaseAlgorithm):
         Returns the clipped objective and the critic's squared error of each row.
         """
         log_std, rows = self.policy.log_std, len(seen)
+        critic = self.helper.submit(self._differentiate_critic, seen, returns)
         mean = self.actor.forward(seen)
         ratio = torch.exp(chances(actions, mean, log_std)[:, None] - before)
         gain = gains * ratio
@@ -352,6 +357,11 @@ class FastPPO(BaseAlgorithm):
         strayed = (actions - mean) * torch.exp(-log_std)
         torch.sum(slope * (strayed.square() - 1.0), 0, out=log_std.grad)
         self.actor.backward(slope * strayed * torch.exp(-log_std))
+        return torch.min(gain, clipped), critic.result()
+
+    @torch.no_grad()
+    def _differentiate_critic(self, seen: Tensor, returns: Tensor) -> Tensor:
+        """Compute the gradient of the critic's loss; returns the squared error of each row."""
         errors = self.critic.forward(seen) - returns
-        self.critic.backward(errors * (2.0 * self.vf_coef / rows))
-        return torch.min(gain, clipped), errors.square()
+        self.critic.backward(errors * (2.0 * self.vf_coef / len(seen)))
+        return errors.square()

@@ -133,7 +133,7 @@ def equal_speeds(scores: Sequence[Score]) -> str:
     for agent, walked in walking_on_the_level(scores).items():
         speed = float(middle(np.array([s["speed"] for s in walked])))
         cost = float(middle(np.array([s["cost_of_transport"] for s in walked])))
-        best = optimal.least_cost(optimal.load("level"), speed)
+        best = optimal.least_cost("level", speed)
         lines.append(
             f"| {agent} | {speed:.3f} | {cost:.4f} | {best:.4f} | {_cost_at(family, speed):.4f} |"
         )
@@ -218,7 +218,6 @@ def draw_learning(path: Path, runs: Path, scores: Sequence[Score]) -> None:
     """
     from matplotlib.ticker import PercentFormatter
 
-    gaits = optimal.load("level")
     figure, axes = panels(1, 2, (9.0, 3.6), sharex=True)
     for index, (agent, walked) in enumerate(walking_on_the_level(scores).items()):
         if agent not in ALGORITHMS:
@@ -230,7 +229,7 @@ def draw_learning(path: Path, runs: Path, scores: Sequence[Score]) -> None:
                 drawn = True
                 told = list(csv.DictReader(curve.open(encoding="utf-8")))[1:]  # skip the untrained
                 rows = np.array([[float(row[name]) for name in _CURVE] for row in told])
-                above = [cost / optimal.least_cost(gaits, v) - 1.0 for v, cost in rows[:, 2:]]
+                above = [cost / optimal.least_cost("level", v) - 1.0 for v, cost in rows[:, 2:]]
                 for ax, values in zip(axes, (rows[:, 1], above), strict=True):
                     ax.plot(rows[:, 0], values, color=style["color"], linewidth=0.7, alpha=0.7)
         ends = {**style, "linestyle": "", "markersize": 5.0, "alpha": 0.7}

@@ -16,8 +16,8 @@ from agents.callbacks import Milestones, StopRequest
 from agents.config import Config
 from agents.evaluation import write_rows
 from agents.exploration import explorers
-from agents.learner import LearnedPolicy, build
-from gym_passive_walker.evaluation.walks import HUNDRED, evaluate
+from agents.learner import LearnedPolicy, build, on_numpy
+from gym_passive_walker.evaluation.walks import evaluate
 from gym_passive_walker.files import replacing
 
 EPISODES = 20
@@ -103,15 +103,16 @@ class Run:
         """The first evaluation in which half of the walks made a hundred strides; None if none."""
         return next((row for row in self.notes["curve"] if row["hundred_strides"] >= 0.5), None)
 
-    def first_hundred(self) -> str:
-        """A sentence on when half of the evaluation walks first made a hundred strides."""
-        row = self.first_to_walk
-        if row is None:
-            return f"Never half of the evaluation walks came to {HUNDRED} strides"
+    def first_walks(self) -> str:
+        """A sentence on when half of the evaluation walks first reached the time limit."""
+        walked = [row for row in self.notes["curve"] if row["walked_on"] >= 0.5]
+        if not walked:
+            return "At no time in training did half of the evaluation walks reach the time limit."
+        first = walked[0]
         return (
-            f"Half of the evaluation walks came to {HUNDRED} strides after "
-            f"{row['seconds']:.1f} s of training, {row['steps']:,} steps; their median distance: "
-            f"{row['distance']:.1f} leg lengths"
+            f"Half of the evaluation walks first reached the time limit after "
+            f"{first['seconds']:.1f} s of training ({first['steps']:,} steps). Their median "
+            f"distance was {first['distance']:.1f} leg lengths."
         )
 
     @property
@@ -123,7 +124,7 @@ class Run:
     def _evaluate(self, seconds: float) -> dict[str, Any]:
         """Add a row to the learning curve, and save the policy if it is the best so far."""
         policy = LearnedPolicy(self.model, self.config.algo.upper())
-        walks = evaluate(policy, self.exam, seed=EXAM_SEED)
+        walks = evaluate(on_numpy(policy, self.config), self.exam, seed=EXAM_SEED)
         self.notes["seconds"] += seconds
         row = {
             "steps": self.steps,

@@ -104,7 +104,7 @@ def kneed_walker() -> Iterator[Row]:
         gpw.crisis_slope(walker, 0.09, 0.12, strides=1000, accuracy=1e-6),
         known="0.0965",
         digits=5,
-        remark=f"Likewise {ends[0]:.4f} for the table's digits and {ends[1]:.4f} for the walker "
+        remark=f"It is {ends[0]:.4f} for the table's digits and {ends[1]:.4f} for the walker "
         "that doubles latest.",
     )
     said = (

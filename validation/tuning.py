@@ -140,7 +140,7 @@ def de_tuning() -> Iterator[Row]:
     apart, together = boundary(0.70, 0.75, one_curve, 5e-4)
     meeting = max(family(de_tuned(together), 0.05, 0.16, "long", 0.1).folds)
     yield claim(
-        "Fig. 4.8 (3) | long and short step meet and part anew | between (d) and (f)",
+        "Fig. 4.8 (3) | long and short step meet and part again | between (d) and (f)",
         f"at {100.0 * apart:.1f} % and slope {meeting:.4f}",
         0.722 < apart < 0.726 and abs(meeting - 0.099) < 3e-3,
     )

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
 
 from gym_passive_walker.arguments import instance, number, shown
 from gym_passive_walker.control.feedback import powered_gait
 from gym_passive_walker.control.optimum import OptimalGait, Problem, slope_of
 from gym_passive_walker.control.ticks import ticked_stride
 from gym_passive_walker.envs.scene import Scene, make_scene
+from gym_passive_walker.files import replacing
 from gym_passive_walker.gaits.actuation import PASSIVE, Actuation, to_dimensionless, to_own
 from gym_passive_walker.gaits.gait import GaitNotFound
 from gym_passive_walker.gaits.search import seek
@@ -28,6 +31,9 @@ from gym_passive_walker.units import units_of
 
 STORE = Path(__file__).parent / "gaits"
 """Where the optimal gaits of named scenes are kept."""
+
+COSTS = Path(__file__).parent / "least_costs.json"
+"""Where their costs of transport are kept, at more speeds."""
 
 _SPARE = 1.5  # ticks given to a stride, over those it takes at first
 _ALIKE = 1e-6  # relative difference of costs that is none
@@ -281,8 +287,49 @@ def stored_name(scene: Scene) -> str:
     )
 
 
-def least_cost(gaits: list[OptimalGait], speed: float) -> float:
-    """Cost of transport of the optimum at a speed, between the stored ones; NaN outside them."""
-    speeds = [gait.speed for gait in gaits]
-    costs = [gait.cost_of_transport for gait in gaits]
-    return float(np.interp(speed, speeds, costs, left=math.nan, right=math.nan))
+def least_cost(gaits: str | Sequence[OptimalGait], speed: float) -> float:
+    """Cost of transport of the optimum at a speed; NaN outside the known speeds.
+
+    Between known speeds the logarithm of the cost is interpolated by monotone cubic polynomials.
+    The costs of named scenes are stored at intervals of 0.00125 √(g l) or less. Midway between them
+    the error is below 0.1 % on "level" and "steep", and up to 0.5 % on "lab". Of gaits at intervals
+    of 0.01 √(g l), it is up to 0.7 %.
+
+    Args:
+        gaits: Name of a scene whose costs are stored, or optimal gaits by growing speed.
+        speed: Speed over sqrt(g l).
+
+    Raises:
+        ValueError: if no costs are stored for the scene.
+    """
+    if isinstance(gaits, str):
+        speeds, costs = np.array(stored_costs(gaits)).T
+    else:
+        speeds, costs = np.array([(gait.speed, gait.cost_of_transport) for gait in gaits]).T
+    if len(speeds) == 1 or not costs.min() > 0.0:  # no logarithm, or no curve
+        return float(np.interp(speed, speeds, costs, left=math.nan, right=math.nan))
+    curve = PchipInterpolator(speeds.round(9), np.log(costs), extrapolate=False)
+    return math.exp(curve(round(speed, 9)))
+
+
+@cache
+def stored_costs(scene: str) -> list[tuple[float, float]]:
+    """Speeds over sqrt(g l) and the optimum's costs of transport there, of a named scene.
+
+    Raises:
+        ValueError: if none are stored.
+    """
+    known = json.loads(COSTS.read_text(encoding="utf-8"))
+    if scene not in known:
+        raise ValueError(f"no costs of optimal gaits are stored for scene {scene!r}")
+    return [(speed, cost) for speed, cost in known[scene]]
+
+
+def save_costs(scene: str, gaits: Iterable[OptimalGait]) -> None:
+    """Store the costs of optimal gaits of a named scene, for `least_cost`."""
+    known = json.loads(COSTS.read_text(encoding="utf-8")) if COSTS.is_file() else {}
+    known[scene] = [(gait.speed, gait.cost_of_transport) for gait in gaits]
+    lines = ",\n".join(f"{json.dumps(name)}: {json.dumps(known[name])}" for name in sorted(known))
+    with replacing(COSTS) as path:
+        path.write_text(f"{{\n{lines}\n}}\n", encoding="utf-8")
+    stored_costs.cache_clear()

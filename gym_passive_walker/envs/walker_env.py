@@ -206,6 +206,10 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     `gym_passive_walker.explain(env)` prints observation, action, reward and endings as tables.
     `env.unwrapped.set_scene(slope=0.02)` changes arguments for the episodes that follow.
 
+    `PassiveWalkerEasy-v0` is the same environment with another default scene, "level" with
+    `reset_noise_scale=0.05`. PPO of stable-baselines3 with default hyperparameters learns to walk
+    from all of its initial states. It counts as solved from a mean return of 47.6.
+
     ## Version History
 
     - v0: first version.

@@ -80,6 +80,11 @@ class Walks:
         return _ratio(self.gravity_work, self.length)
 
     @property
+    def reached_limit(self) -> NDArray[np.bool_]:
+        """Whether the time limit ended the walk, rather than a fall, shape (n,)."""
+        return np.array([ending == WALKED_ON for ending in self.endings])
+
+    @property
     def motor_cost(self) -> NDArray:
         """What motors were charged for, over weight and distance."""
         return _ratio(self.motor_work, self.length)
@@ -180,14 +185,18 @@ _QUANTITIES: tuple[tuple[str, Callable[[Walks], NDArray], str], ...] = (
     ("distance / leg length", lambda walks: walks.distance, ".1f"),
     ("strides", lambda walks: walks.strides, ".0f"),
     ("speed / √(g l)", lambda walks: walks.speed, ".3f"),
-    ("cost of transport", lambda walks: walks.cost_of_transport, ".4f"),
-    ("  of it gravity's", lambda walks: walks.gravity_cost, ".4f"),
+    ("cost of transport", lambda walks: walks.cost_of_transport[walks.reached_limit], ".4f"),
+    ("  of it gravity's", lambda walks: walks.gravity_cost[walks.reached_limit], ".4f"),
     ("return", lambda walks: walks.reward, ".2f"),
 )
 
 
 def table(title: str, columns: dict[str, Walks]) -> str:
-    """Agents side by side: medians over the episodes, with their range, and how walks ended."""
+    """Agents side by side: medians over the episodes, with their range, and how walks ended.
+
+    Costs are those of walks to the time limit. A walk that ends in a fall has used up the energy of
+    its initial state, so its cost may be far too small, or negative.
+    """
     rows = [["", *columns]]
     for label, quantity, form in _QUANTITIES:
         rows.append([label, *(_spread(quantity(walks), form) for walks in columns.values())])

@@ -4,13 +4,14 @@ import csv
 import shutil
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import torch
 
 import train
 from agents import envs, evaluation, files
-from agents.config import Config
+from agents.config import Config, configure
 from agents.learner import load_policy
 from gym_passive_walker import WALKERS, Gait
 from gym_passive_walker.control import optimal
@@ -38,6 +39,22 @@ def test_a_run_leaves_everything_in_its_folder(trained):
         assert (trained / name).read_bytes().startswith(b"\x89PNG")
     assert "passive" in (trained / "evaluation.txt").read_text()
     assert len((trained / "evaluation.csv").read_text().splitlines()) == 1 + 2 * 20
+
+
+def test_the_end_of_a_training_says_where_pictures_are_and_what_to_try_next(trained):
+    said = train.outlook(trained, Config.load(trained / files.CONFIG))
+    assert str(trained / "gait.png") in said and f"train.py gait {trained} " in said
+    assert "--algo shac --scene steep" in said and "--scene rolling" in said
+    for algo, scene, absent in (("shac", "level", "shac"), ("ppo", "rough", "shac")):
+        assert absent not in train.outlook(Path("run"), configure(algo, scene))
+    assert "slopes from" not in train.outlook(Path("run"), configure("ppo", "rolling"))
+    assert "shac    learn" in train.outlook(Path("run"), configure("ppo", "level"))
+
+
+def test_without_an_algorithm_it_is_the_fast_one():
+    assert train.asked_for(train.train_parser().parse_args([])).algo == "ppo-fast"
+    of_seven = train.asked_for(train.train_parser().parse_args(["--seed", "7", "--algo", "sac"]))
+    assert (of_seven.algo, of_seven.seed) == ("sac", 7)
 
 
 def test_an_evaluation_tells_each_agents_own_episodes(trained):

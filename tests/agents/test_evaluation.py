@@ -9,8 +9,9 @@ import pytest
 from agents import envs
 from agents.config import configure
 from agents.envs import training_envs
-from agents.evaluation import write_rows
+from agents.evaluation import in_words, write_rows
 from agents.learner import LearnedPolicy, build, moments
+from gym_passive_walker.control import optimal
 from gym_passive_walker.control.baselines import Passive
 from gym_passive_walker.evaluation.walks import WALKED_ON, Walks, evaluate, table
 
@@ -61,6 +62,32 @@ def test_the_table_puts_agents_side_by_side():
     assert lines[0] == "a title" and "PPO" in lines[2] and "passive" in lines[2]
     assert any("fell forward" in line and "2 of 3" in line and "0 of 3" in line for line in lines)
     assert len({len(line) for line in lines[1:]}) == 1
+
+
+def test_a_cost_is_that_of_walks_to_the_time_limit():
+    text = table("a title", {"PPO": made_up(), "passive": made_up(endings=["stalled"] * 3)})
+    (line,) = (line for line in text.splitlines() if line.startswith("cost of transport"))
+    assert line.split()[-2:] == ["0.0200", "–"]
+
+
+def test_an_evaluation_is_summed_up_in_words():
+    config = configure("ppo-fast", "level")
+    lasting, way = {"endings": [WALKED_ON] * 3}, np.full(3, 10.0)
+    least = optimal.least_cost("level", 0.1)
+    paid = {"gravity_work": np.zeros(3), "motor_work": 1.25 * least * way}
+    walks = made_up(**lasting, **paid, length=way, duration=10.0 * way)
+    with_it, cost, without = in_words(config, walks, made_up())
+    assert "3 of 3 walks reach the time limit. The median walk has 100 strides" in with_it
+    assert "0.100 √(g l)" in cost and "25.0% above" in cost and f"{least:.4f}" in cost
+    assert "1 of 3 walks reach the time limit (fell forward: 2)" in without
+    cheap = made_up(
+        **lasting, **(paid | {"motor_work": least * way}), length=way, duration=10 * way
+    )
+    assert "no more than" in in_words(config, cheap, walks)[1]
+    assert "fall" in in_words(config, made_up(), walks)[1]
+    assert "No optimal gait" in in_words(config, made_up(**lasting, duration=way), walks)[1]
+    for scene in ("rolling", "pushed"):
+        assert "No optimal gaits" in in_words(configure("ppo", scene), walks, walks)[1]
 
 
 def test_rows_hold_every_episode(tmp_path):

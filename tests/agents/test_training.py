@@ -22,7 +22,7 @@ from agents import checkpoint, envs, files, training
 from agents.callbacks import Milestones
 from agents.config import Config, ConfigError, configure
 from agents.evaluation import evaluate
-from agents.learner import LearnedPolicy, export, learned, load_policy
+from agents.learner import LearnedPolicy, export, learned, load_policy, on_numpy
 from agents.search import search
 from agents.training import Run
 from benchmarks.kills import kill
@@ -428,17 +428,32 @@ def test_an_exported_policy_with_other_layers_is_refused(tmp_path):
         learned(tmp_path / "out")
 
 
+@pytest.mark.parametrize("algo", ["ppo", "ppo-fast", "sac", "shac"])
+def test_evaluations_during_a_training_run_the_same_policy_on_numpy(algo, tmp_path):
+    run = Run(small(algo), tmp_path)
+    policy, seen = LearnedPolicy(run.model, algo), run.exam.observation_space.sample()
+    copied = on_numpy(policy, run.config)
+    np.testing.assert_allclose(copied.predict(seen)[0], policy.predict(seen)[0], atol=2e-6)
+
+
 def test_a_training_says_when_it_first_walked(tmp_path):
     run = Run(small(), tmp_path)
     run.notes["curve"] = [
-        {"steps": 64, "seconds": 0.5, "hundred_strides": 0.4, "distance": 2.0},
-        {"steps": 1024, "seconds": 1.5, "hundred_strides": 0.5, "distance": 12.34},
-        {"steps": 2048, "seconds": 2.5, "hundred_strides": 0.9, "distance": 60.0},
+        {"steps": 64, "seconds": 0.5, "walked_on": 0.4, "hundred_strides": 0.4, "distance": 2.0},
+        {
+            "steps": 1024,
+            "seconds": 1.5,
+            "walked_on": 0.5,
+            "hundred_strides": 0.5,
+            "distance": 12.34,
+        },
+        {"steps": 2048, "seconds": 2.5, "walked_on": 0.9, "hundred_strides": 0.9, "distance": 60.0},
     ]
-    assert "1.5 s of training, 1,024 steps" in run.first_hundred()
-    assert "12.3 leg lengths" in run.first_hundred()
+    assert "1.5 s of training (1,024 steps)" in run.first_walks()
+    assert "12.3 leg lengths" in run.first_walks()
+    assert run.first_to_walk["steps"] == 1024
     del run.notes["curve"][1:]
-    assert run.first_hundred().startswith("Never")
+    assert run.first_walks().startswith("At no time")
 
 
 def test_each_evaluation_is_kept_beside_what_exploring_walks_earned(tmp_path):

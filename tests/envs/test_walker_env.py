@@ -13,8 +13,8 @@ from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 
 from gym_passive_walker import WALKERS
-from gym_passive_walker.envs.registration import ID, MAX_EPISODE_STEPS, register
-from gym_passive_walker.envs.scene import SCENES
+from gym_passive_walker.envs.registration import EASY_ID, ID, MAX_EPISODE_STEPS, register
+from gym_passive_walker.envs.scene import SCENES, make_scene
 
 EVERY_SCENE = [{"scene": name} for name in SCENES] + [{"walker": "A"}, {"walker": "D"}]
 
@@ -43,6 +43,18 @@ def test_registration_is_done_once_and_names_its_modules():
     assert gymnasium.spec(ID) is spec
     assert isinstance(spec.entry_point, str) and isinstance(spec.vector_entry_point, str)
     assert spec.max_episode_steps == MAX_EPISODE_STEPS == 4000
+
+
+def test_the_easy_task_differs_in_its_initial_states_alone():
+    easy, usual = gymnasium.make(EASY_ID), gymnasium.make(ID)
+    assert usual.unwrapped.scene == make_scene("level")
+    assert easy.unwrapped.scene == make_scene("level", reset_noise_scale=0.05)
+    assert gymnasium.make_vec(EASY_ID, num_envs=2).scene == easy.unwrapped.scene
+    assert gymnasium.make(EASY_ID, scene="lab").unwrapped.scene == make_scene("lab")
+    near = gymnasium.make(ID, reset_noise_scale=0.05)
+    assert np.array_equal(easy.reset(seed=3)[0], near.reset(seed=3)[0])
+    again = gymnasium.make(gymnasium.envs.registration.EnvSpec.from_json(easy.spec.to_json()))
+    assert again.unwrapped.scene == easy.unwrapped.scene
 
 
 def test_a_spec_survives_json():

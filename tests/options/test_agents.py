@@ -521,6 +521,7 @@ def test_every_option_of_optimal_is_heard(capsys, monkeypatch):
     asked_for, kept = [], []
     monkeypatch.setattr(optimal, "optimal_gaits", lambda *told: asked_for.append(told) or [])
     monkeypatch.setattr(optimal, "save", lambda path, gaits: kept.append(path) or path.touch())
+    monkeypatch.setattr(optimal, "save_costs", lambda name, gaits: kept.append(name))
     monkeypatch.setattr(commands, "replacing", aside)
     assert printed("optimal", capsys) != printed("optimal --scene lab", capsys)
     assert not asked_for
@@ -528,7 +529,8 @@ def test_every_option_of_optimal_is_heard(capsys, monkeypatch):
         printed(f"optimal --scene {scene} --again", capsys)
         name, speeds = asked_for.pop()
         assert name == scene and (speeds[0], speeds[-1]) == (first, last)
-        assert np.diff(speeds) == pytest.approx(apart)
+        assert np.diff(speeds) == pytest.approx(apart / commands.FINER)
+        assert kept[-2:] == [scene, kept[-1]] and kept[-1].name == f"{scene}.json"
 
 
 class aside:
