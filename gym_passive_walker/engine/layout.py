@@ -1,8 +1,8 @@
-"""What the engine keeps of a walker: its record, and its lane of a tile.
+"""Memory layouts of the engine: records and tiles.
 
-A *record* is all that the engine knows of a walker between two calls. A *tile* holds the walkers
-that are being carried through a phase, side by side: each entry is a row of `WIDTH` lanes. Behind a
-record and a tile may stand *planes* of the same layout, with derivatives along a direction each.
+A *record* holds all data of a walker between two calls. A *tile* holds the walkers that are being
+integrated through a phase: each entry is a row of `WIDTH` lanes. *Planes* of the same layout may
+follow a record or a tile; each holds the derivatives along one direction.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ from gym_passive_walker.engine.verner import VERNER
 from gym_passive_walker.physics.hybrid import Control, Ground, State
 
 PAIR = VERNER
-"""The method that steps are made with."""
+"""The Runge-Kutta pair."""
 
 WIDTH = 2 * GROUP
-"""Walkers in a tile: enough to hide the latency of one vector behind another, few enough that a
-tile stays in the first-level cache."""
+"""Walkers in a tile: enough to hide the latency of vector instructions, few enough that a tile fits
+in the first-level cache."""
 
 MOST_CONSTANTS = 24
-"""Constants of a body that the equations of one phase may use."""
+"""Largest number of constants of a body that the equations of one phase use."""
 
 MOST_GUARDS = 16
-"""Guards that a phase may have, with what controls move and what guards count by."""
+"""Largest number of guards, coordinates of controls, and conditions of guards in a phase."""
 
 LINKS = 3
 _CONTROLS, _GROUND = len(Control._fields), len(Ground._fields)
@@ -38,7 +38,7 @@ RECORD = np.dtype(
         ("ground", "f8", (_GROUND,)),
         ("control", "f8", (_CONTROLS,)),
         ("push_off", "f8"),
-        # What each control has moved, net and either way: the work of a unit control.
+        # Net and total change of each control's coordinate: the work of a unit control.
         ("moved", "f8", (_CONTROLS,)),
         ("turned", "f8", (_CONTROLS,)),
         ("time", "f8"),
@@ -52,8 +52,8 @@ RECORD = np.dtype(
         ("gravity_work", "f8"),  # in it
         ("spring_work", "f8"),
         ("push_work", "f8"),
-        ("place", "f8"),  # of the hip from where its foot stands at stance angle 0
-        ("passed", "f8"),  # likewise, of the old foot, as the last heelstrike came
+        ("place", "f8"),  # of the hip, from its place at stance angle 0
+        ("passed", "f8"),  # place of the hip over the old foot at the last heelstrike
         ("phase", "i8"),  # index in the system's phases
         ("outcome", "i8"),
         ("steps", "i8"),  # integration steps tried
@@ -62,7 +62,7 @@ RECORD = np.dtype(
 
 
 def tile_for(pair: Pair, width: int = WIDTH) -> np.dtype:
-    """The layout of a tile for steps made with a method, of as many walkers as it is wide."""
+    """Return the layout of a tile of `width` lanes for a Runge-Kutta pair."""
     line, places = (width,), max(pair.places()) + 1
     return np.dtype(
         [
@@ -70,30 +70,30 @@ def tile_for(pair: Pair, width: int = WIDTH) -> np.dtype:
             ("rate", "f8", (LINKS, *line)),
             ("new_angle", "f8", (LINKS, *line)),
             ("new_rate", "f8", (LINKS, *line)),
-            # Of stages near which others follow: how far angles have turned, their sine and cosine.
+            # Of stages from which others start: change of the angles, their sine and cosine.
             ("turn", "f8", (places, LINKS, *line)),
             ("sine", "f8", (places, LINKS, *line)),
             ("cosine", "f8", (places, LINKS, *line)),
             # Accelerations at the step's start, in its stages, and at its end.
             ("stage", "f8", (pair.stages + 1, LINKS, *line)),
-            ("stage_rate", "f8", (pair.stages - 1, LINKS, *line)),  # in the stages between
+            ("stage_rate", "f8", (pair.stages - 1, LINKS, *line)),  # angular velocities, between
             ("moved", "f8", (_CONTROLS, *line)),
             ("turned", "f8", (_CONTROLS, *line)),
             ("lost", "f8", line),  # to friction
-            ("power", "f8", line),  # that friction takes, on average over the step
+            ("power", "f8", line),  # of friction, mean over the step
             ("ground", "f8", (_GROUND, *line)),
             ("control", "f8", (_CONTROLS, *line)),
             ("body", "f8", (MOST_CONSTANTS, *line)),
             ("h", "f8", line),  # length of the step
-            ("ahead", "f8", line),  # when the strike is expected after its end; 0 if it is not near
-            ("next", "f8", line),  # proposed length of the next
+            ("ahead", "f8", line),  # predicted time of the impact after its end; 0 if not near
+            ("next", "f8", line),  # proposed length of the next step
             ("time", "f8", line),
             ("end", "f8", line),
             ("error", "f8", line),  # of the step, over what the tolerance allows
-            ("growth", "f8", line),  # factor to the next step's length that this allows
+            ("growth", "f8", line),  # factor to the next step's length
             ("verdict", "f8", line),
             ("event", "f8", line),  # the guard that the step is aimed at, from 1 on
-            ("low", "f8", line),  # what that guard's fall lies between
+            ("low", "f8", line),  # bracket of that event's time
             ("high", "f8", line),
             ("steps", "f8", line),
             ("fresh", "f8", line),  # whether the walker has just been loaded
@@ -105,28 +105,29 @@ TILE = tile_for(PAIR)
 
 COURSE = np.dtype(
     [
-        # Of each guard, of what each control moves, of what guards count by: at a step's ends.
+        # Values and two derivatives at a step's start and end, of each guard, each control's
+        # coordinate, and each condition of a guard.
         ("before", "f8", (MOST_GUARDS,)),
         ("rate_before", "f8", (MOST_GUARDS,)),
         ("bend_before", "f8", (MOST_GUARDS,)),
         ("after", "f8", (MOST_GUARDS,)),
         ("rate_after", "f8", (MOST_GUARDS,)),
         ("bend_after", "f8", (MOST_GUARDS,)),
-        # Where in the step what each control moves turns back: a fraction, or -1.
+        # Fraction of the step at which each control's coordinate reverses; -1 if it does not.
         ("turning", "f8", (_CONTROLS,)),
-        # Of the strike, along the motion beyond the step's end: when it comes, whether it counts
-        # there, and the error of what is beyond the end so far, over the tolerance.
+        # Predicted impact after the step's end: its time, whether it counts, and the error of the
+        # extrapolation, over the tolerance.
         ("late", "f8"),
         ("comes", "f8"),
         ("doubt", "f8"),
-        ("counted", "f8"),  # whether the event counts in the state that the step has ended in
+        ("counted", "f8"),  # whether the event counts in the step's final state
     ]
 )
-"""How guards run over a step."""
+"""Guards over a step."""
 
 
 def aligned(layout: np.dtype, planes: int) -> NDArray:
-    """Zeros of a layout, (planes,), each vector in one line of the cache."""
+    """Return zeros of a layout, (planes,), aligned to cache lines of 64 bytes."""
     size = layout.itemsize * planes
     buffer = np.zeros(size + 64, np.uint8)
     start = -buffer.ctypes.data % 64
