@@ -26,11 +26,11 @@ def is_file(value: Any) -> TypeGuard[str | os.PathLike[str]]:
 
 
 def read_content(path: str | os.PathLike[str]) -> Any:
-    """Return the content of a JSON, YAML or TOML file, by its ending.
+    """Return the content of a JSON, YAML or TOML file; its ending determines the format.
 
     Raises:
-        ValueError: if it has another ending or cannot be read.
-        ImportError: if it is YAML and pyyaml is not installed.
+        ValueError: if the file has another ending or cannot be read.
+        ImportError: if the file is YAML and pyyaml is not installed.
     """
     name, suffix = cut(os.fsdecode(path)), Path(path).suffix.lower()
     if suffix not in SUFFIXES:

@@ -1,7 +1,7 @@
 """Conversion between a walker's own units and dimensionless ones.
 
-The unit of length is the leg length l, the unit of mass is the walker's total mass m, and the unit
-of time is the pendulum time sqrt(l/g). Angles are in rad in both.
+Units are the leg length l, the walker's total mass m, and the pendulum time sqrt(l/g). Angles are
+in rad in both.
 """
 
 from __future__ import annotations

@@ -390,7 +390,7 @@ def attend(tiles, courses, phase, lane, options):
             return GIVEN_UP if error * 0.0 == 0.0 else LOST
         return 0
 
-    for k in range(_CONTROLS):  # end a step where a control turns back, so that its work is exact
+    for k in range(_CONTROLS):  # end a step where a coordinate reverses, so that the work is exact
         turned = turning(tile, phase, course, lane, k)
         if not 0.02 < turned < 0.98 and tile.control[k, lane] != 0.0:
             turned = between_turns(course, phase.guards + k, h)

@@ -76,7 +76,7 @@ def tile_for(pair: Pair, width: int = WIDTH) -> np.dtype:
             ("cosine", "f8", (places, LINKS, *line)),
             # Accelerations at the step's start, in its stages, and at its end.
             ("stage", "f8", (pair.stages + 1, LINKS, *line)),
-            ("stage_rate", "f8", (pair.stages - 1, LINKS, *line)),  # angular velocities, between
+            ("stage_rate", "f8", (pair.stages - 1, LINKS, *line)),  # in the stages between
             ("moved", "f8", (_CONTROLS, *line)),
             ("turned", "f8", (_CONTROLS, *line)),
             ("lost", "f8", line),  # to friction
@@ -89,7 +89,7 @@ def tile_for(pair: Pair, width: int = WIDTH) -> np.dtype:
             ("next", "f8", line),  # proposed length of the next step
             ("time", "f8", line),
             ("end", "f8", line),
-            ("error", "f8", line),  # of the step, over what the tolerance allows
+            ("error", "f8", line),  # of the step, over the tolerance
             ("growth", "f8", line),  # factor to the next step's length
             ("verdict", "f8", line),
             ("event", "f8", line),  # the guard that the step is aimed at, from 1 on

@@ -32,7 +32,7 @@ OPTIONS = np.dtype(
         ("first_step", "f8"),
         ("fineness", "f8"),  # one over the allowed error estimate
         ("scuff", "i8"),  # whether a kneed walker's locked leg below the ground ends the stride
-        ("from_section", "i8"),  # whether records stand just after heelstrike, or at their phase
+        ("from_section", "i8"),  # whether records begin on the Poincaré section, or in their phase
     ]
 )
 """Options of a run of the engine."""

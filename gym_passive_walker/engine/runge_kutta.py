@@ -64,8 +64,8 @@ class Pair(NamedTuple):
             count: Number of stages that the polynomial passes through, including the step's end.
 
         Returns:
-            For each of these stages, the weights of its acceleration in the coefficients of the
-            polynomial, in ascending powers of the time from the step's end over the step's length.
+            Weights of each stage's acceleration in the coefficients of the polynomial, by stage.
+            Powers ascend; the variable is the time from the step's end over the step's length.
         """
         places: dict[float, int] = {}
         for stage in reversed(range(self.stages + 1)):

@@ -78,7 +78,7 @@ class Step(Equations):
         last = self.pair.stages
         stages = [partial(self.stage, index) for index in range(1, last)]
         rest: list[Callable[[Memory], None]] = [self.estimate, partial(self.stage, last)]
-        if any(self.pair.error[last:]):  # the estimate needs the last stage
+        if any(self.pair.error[last:]):  # the estimate needs the accelerations at the end
             rest.reverse()
         return [*stages, self.end, *rest, self.judge]
 

@@ -30,7 +30,7 @@ def locked(path: Path, *, wait: bool = True) -> Iterator[None]:
     with path.open("a", encoding="utf-8") as file:
         try:
             import fcntl
-        except ImportError:  # Windows
+        except ImportError:  # Windows: no lock
             pass
         else:
             fcntl.flock(file, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))

@@ -44,8 +44,8 @@ class Store:
         retry: Whether to repeat failed tasks; their rows are removed.
 
     Raises:
-        ValueError: if the folder holds another sweep, another version or other files, if a file of
-            the sweep is damaged (it is not changed), or if another process uses the folder.
+        ValueError: if the folder holds another sweep, another version or other files; if a file of
+            the sweep is damaged (it is not changed); or if another process uses the folder.
         OSError: if the folder cannot be written.
         ImportError: if pyarrow is not installed.
     """
@@ -294,7 +294,7 @@ _REMEDIES = {
     "journal": "put back a whole copy, or move it elsewhere, and its tasks are done once more",
     "part": "move it elsewhere, and the same call does its tasks once more",
 }
-"""What to do about a file that cannot be read."""
+"""Advice for the user, by the kind of file that cannot be read."""
 
 
 @contextmanager

@@ -26,8 +26,8 @@ HELD = (
     "slope", "hip_torque", "ankle_torque", "push_off", "height_change", "slope_change", "push",
     "start", "end",
 )  # fmt: skip
-"""Inputs besides the state: slope, actuation, the next foothold, an initial impulse on the hip, the
-stance angle with which the stride began (if it began earlier), and the time to stop."""
+"""Inputs besides the state: slope, actuation, next foothold, initial impulse on the hip, stance
+angle at the beginning of the stride, and time limit."""
 
 INPUTS = (*State._fields, *HELD)
 """Columns of the operation's input; the differentiated parameters of the walker follow."""
