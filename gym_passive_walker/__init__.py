@@ -2,12 +2,12 @@
 
 __version__ = "0.1.0"
 
-# First, so that Ctrl-C ends the command line in a line also while the rest is loading.
+# Imported first, so that Ctrl-C ends the command line with one line even during later imports.
 import gym_passive_walker.console
 
 # isort: split
 
-# These enter what objects plot, and load nothing that draws.
+# These modules register the plots of objects, without importing matplotlib.
 import gym_passive_walker.evaluation.pictures
 import gym_passive_walker.render
 import gym_passive_walker.sweeps.pictures  # noqa: F401

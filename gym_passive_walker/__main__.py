@@ -1,4 +1,4 @@
-"""`python -m gym_passive_walker` is `passive-walker`."""
+"""Run the command line `passive-walker` by `python -m gym_passive_walker`."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Arguments that make sense, or a sentence on what would."""
+"""Validation of arguments, with messages that say what is allowed."""
 
 from __future__ import annotations
 
@@ -15,30 +15,30 @@ from gym_passive_walker.console import cut
 
 FINEST_TOLERANCE, COARSEST_TOLERANCE = 1e-15, 0.1
 KEPT = 10_000_000
-"""How many of anything may be asked for that is kept in memory, one beside the other."""
+"""Largest number of items, such as walkers, that are held in memory together."""
 
-_MOST = 1_000_000_000  # of what is only counted
+_MOST = 1_000_000_000  # largest number of items that are only counted
 _T = TypeVar("_T")
 
 
 def shown(value: Any) -> str:
-    """A value as a message shows it: what is long is cut short."""
+    """Return the text of a value for a message; long text is shortened."""
     try:
         text = repr(value)
-    except Exception:  # a value of somebody else's making may do anything
+    except Exception:  # `repr` of foreign objects may raise anything
         text = f"a {type(value).__name__}"
     return cut(text)
 
 
 def real_array(value: ArrayLike, name: str, allowed: str) -> NDArray[np.float64]:
-    """The value as an array of finite real numbers.
+    """Return a value as an array of finite real numbers.
 
     Raises:
-        ValueError: if it is none; the message names the argument and what is allowed.
+        ValueError: if it is not one; the message names the argument and what is allowed.
     """
     try:
         given = np.asarray(value)
-        if given.dtype.kind in "bcSUmM":  # some of these numpy would take for numbers
+        if given.dtype.kind in "bcSUmM":  # numpy converts some of these to floats
             raise TypeError
         numbers = np.asarray(given, dtype=float)
     except (TypeError, ValueError, OverflowError):
@@ -51,15 +51,15 @@ def real_array(value: ArrayLike, name: str, allowed: str) -> NDArray[np.float64]
 def check_slope(
     slope: ArrayLike, name: str = "slope", also: str = ", or an array of them"
 ) -> NDArray[np.float64]:
-    """Angles in rad, if they are finite and less than upright.
+    """Return slopes in rad as an array, if all are between -pi/2 and pi/2.
 
     Args:
-        slope: The angles.
+        slope: Slopes in rad, a number or an array.
         name: The argument's name.
-        also: What is allowed besides one angle, in words.
+        also: End of the message: what is allowed besides one angle.
 
     Raises:
-        ValueError: if they are not.
+        ValueError: if a slope is not such an angle.
     """
     allowed = f"an angle in rad between -pi/2 and pi/2{also}"
     slopes = real_array(slope, name, allowed)
@@ -80,7 +80,7 @@ def check_state(state: ArrayLike, name: str = "state", size: int = 6) -> NDArray
 
 
 def _single(value: Any, name: str) -> float:
-    if type(value) is float:  # as nearly always
+    if type(value) is float:  # the common case
         return value
     try:
         if isinstance(value, str | bytes | bool | np.bool_) or np.ndim(value):
@@ -91,23 +91,23 @@ def _single(value: Any, name: str) -> float:
 
 
 def one_slope(slope: Any, name: str = "slope") -> float:
-    """A single slope in rad.
+    """Return a single slope in rad.
 
     Raises:
-        ValueError: if it is not one finite angle between upright slopes.
+        ValueError: if it is not one angle between -pi/2 and pi/2.
     """
     return float(check_slope(_single(slope, name), name, ""))
 
 
 def several_slopes(slopes: ArrayLike, *, downhill: bool = True) -> NDArray[np.float64]:
-    """Slopes in rad, (n,).
+    """Return slopes in rad, (n,).
 
     Args:
-        slopes: The slopes.
-        downhill: Whether walkers need them to be above 0, since no motor drives them.
+        slopes: Slopes in rad, a number or (n,).
+        downhill: Whether slopes must be above 0, as passive walkers require.
 
     Raises:
-        ValueError: if they are not one or more angles, above 0 if need be.
+        ValueError: if the slopes are not one or more angles, above 0 if `downhill`.
     """
     values = np.atleast_1d(check_slope(slopes, "slopes"))
     if values.ndim != 1 or len(values) == 0 or (downhill and np.any(values <= 0.0)):
@@ -126,10 +126,12 @@ def number(
     above: float = -math.inf,
     most: float = sys.float_info.max,
 ) -> float:
-    """A single number from `least` to `most` that is greater than `above`; finite unless `most` is.
+    """Return a number from `least` to `most` that is above `above`.
+
+    Infinity is allowed only if `most` is infinite.
 
     Raises:
-        ValueError: if it is not.
+        ValueError: if the value is not such a number.
     """
     found = _single(value, name)
     if not least <= found <= most or (found <= above and above > -math.inf):
@@ -148,15 +150,19 @@ def number(
 
 
 def check_tolerance(tolerance: Any) -> float:
-    """The tolerance, if it can be met."""
+    """Return the tolerance, if it is from FINEST_TOLERANCE to COARSEST_TOLERANCE.
+
+    Raises:
+        ValueError: if it is not.
+    """
     return number(tolerance, "tolerance", least=FINEST_TOLERANCE, most=COARSEST_TOLERANCE)
 
 
 def whole(value: Any, name: str, least: int = 1, most: int = _MOST) -> int:
-    """A whole number from `least` to `most`.
+    """Return an integer from `least` to `most`.
 
     Raises:
-        ValueError: if it is not.
+        ValueError: if the value is not such an integer.
     """
     try:
         found = int(value)
@@ -171,19 +177,19 @@ def whole(value: Any, name: str, least: int = 1, most: int = _MOST) -> int:
 
 
 def seed_number(value: Any, name: str = "seed") -> int:
-    """A whole number from 0 to 2^128 - 1, from which random numbers follow.
+    """Return a seed of random numbers, an integer from 0 to 2^128 - 1.
 
     Raises:
-        ValueError: if it is not.
+        ValueError: if the value is not such an integer.
     """
     return whole(value, name, 0, 2**128 - 1)
 
 
 def truth(value: Any, name: str) -> bool:
-    """True or False.
+    """Return a boolean.
 
     Raises:
-        ValueError: if it is neither.
+        ValueError: if the value is neither True nor False.
     """
     if not isinstance(value, bool | np.bool_):
         raise ValueError(f"{name} must be True or False, not {shown(value)}")
@@ -191,16 +197,16 @@ def truth(value: Any, name: str) -> bool:
 
 
 def instance(value: Any, kind: type[_T], name: str, source: str) -> _T:
-    """An object of a class.
+    """Return an object, if it is an instance of a class.
 
     Args:
         value: The object.
         kind: The class.
         name: The argument's name.
-        source: What makes such objects, in words.
+        source: Part of the message: an example of such an object.
 
     Raises:
-        ValueError: if it is none.
+        ValueError: if it is not an instance.
     """
     if not isinstance(value, kind):
         raise ValueError(f"{name} must be a {kind.__name__}, such as {source}, not {shown(value)}")
@@ -208,12 +214,12 @@ def instance(value: Any, kind: type[_T], name: str, source: str) -> _T:
 
 
 def unknown(names: Iterable[Any], known: Sequence[str], who: str) -> str | None:
-    """A sentence on names that are not known, and the nearest that are; None if all are known.
+    """Return a message on unknown names, with similar known ones; None if all are known.
 
     Args:
-        names: What was asked for.
-        known: All that there is.
-        who: Whose names they are: "a walker".
+        names: The names to check.
+        known: All known names.
+        who: Subject of the message, such as "a walker".
     """
     strange = [str(name) for name in names if name not in known]
     if not strange:
@@ -224,10 +230,10 @@ def unknown(names: Iterable[Any], known: Sequence[str], who: str) -> str | None:
 
 
 def gait_kind(kind: Any) -> Any:
-    """A kind of gait, "long" or "short".
+    """Return a kind of gait, "long" or "short".
 
     Raises:
-        ValueError: if it is neither.
+        ValueError: if the value is neither.
     """
     if not isinstance(kind, str) or kind not in ("long", "short"):
         raise ValueError(f'kind must be "long" or "short", not {shown(kind)}')

@@ -1,7 +1,7 @@
-"""How programs end and print: the command line, train.py, benchmarks and validation.
+"""Output and exit of programs: the command line, train.py, benchmarks and validation.
 
-The package loads this module before anything that takes time, and the module needs nothing but
-Python: so Ctrl-C ends a program in a line also while it is loading.
+The package imports this module before all slow modules, and it needs only the standard library.
+So Ctrl-C ends a program with one line also during imports.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from collections.abc import Callable, Mapping
 from typing import Any, NoReturn
 
 INTERRUPTED = 130
-"""The exit status after Ctrl-C, as shells have it."""
+"""Exit status after Ctrl-C, as in shells."""
 
 _PROGRAMS = ("passive-walker", "passive-walker.exe", "train.py", "-m")
-# While Python imports the parent package of what `python -m` runs, that is the program's name.
+# "-m" is the program's name while `python -m` imports the parent package.
 
 _FILES = {OSError: 2}
-_SHOWN = 200  # characters of a text
+_SHOWN = 200  # characters of a text in a message
 _ERRORS = "gym_passive_walker.plain"
 _PLAIN = {
     "√": "sqrt", "γ": "slope", "θ": "angle", "—": "-", "–": "-", "−": "-", "×": "x", "·": "*",
@@ -32,7 +32,7 @@ _PLAIN = {
 
 
 def _plain(error: UnicodeError) -> tuple[str, int]:
-    """Plain forms of the characters that an output's encoding lacks; "?" where there is none."""
+    """Replace characters that an encoding lacks by plain ones, or by "?"."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
     lacking = error.object[error.start : error.end]
@@ -43,25 +43,25 @@ codecs.register_error(_ERRORS, _plain)
 
 
 def print_in_any_encoding() -> None:
-    """Print plain forms of what standard output cannot encode, where that would be an error."""
+    """Make standard output replace characters that it cannot encode, instead of raising errors."""
     output = sys.stdout
     if isinstance(output, io.TextIOWrapper) and output.errors in ("strict", "surrogateescape"):
         output.reconfigure(errors=_ERRORS)
 
 
 def forget_output() -> None:
-    """Give up what cannot be printed, so that Python does not try again when it exits."""
+    """Discard output that cannot be printed, so that Python does not flush it again at exit."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def cut(text: str) -> str:
-    """A text as a message shows it: what is long loses its middle."""
+    """Return a text for a message; the middle of a long text is omitted."""
     half = _SHOWN // 2
     return text if len(text) <= _SHOWN else f"{text[:half]} ... {text[-half:]}"
 
 
 def sentence(error: BaseException) -> str:
-    """What an error says; of a file, its name and the system's own words."""
+    """Return the message of an error; for a file, its name and the system's message."""
     if not isinstance(error, OSError) or not error.strerror:
         return str(error)
     if error.filename is None:
@@ -79,11 +79,11 @@ def run(
     """Run a program.
 
     Args:
-        work: What it does; its exit status, or None for 0.
-        name: Begins messages, such as "train.py: ".
-        refusals: Errors that end the program in a sentence and not in a traceback, and the exit
+        work: The program, a function that returns an exit status, or None for 0.
+        name: Prefix of messages, such as "train.py: ".
+        refusals: Errors that end the program with a message instead of a traceback, and the exit
             status of each.
-        stopped: Said after Ctrl-C.
+        stopped: Message after Ctrl-C.
 
     Returns:
         The exit status.
@@ -96,13 +96,13 @@ def run(
         if sys.stdout is not None:
             sys.stdout.flush()
         return status
-    except BrokenPipeError:  # the reader has read enough
+    except BrokenPipeError:  # the reader closed the pipe
         forget_output()
         return 0
     except tuple(refusals) as error:
         try:
             if sys.stdout is not None:
-                sys.stdout.flush()  # first what was computed
+                sys.stdout.flush()  # results before the message
         except OSError:
             forget_output()
         print(f"{name}error: {sentence(error)}", file=sys.stderr)
@@ -117,8 +117,8 @@ def _stop(number: int, frame: object) -> NoReturn:
     os._exit(INTERRUPTED)
 
 
-# An exception would not do: what is being imported may catch it. Programs of others that import
-# the package keep Python's own traceback, and a Ctrl-C that is ignored stays so.
+# A handler that exits, since imported modules may catch an exception. Other programs that import
+# the package keep Python's traceback; if SIGINT is ignored, it stays ignored.
 if (
     sys.argv
     and os.path.basename(sys.argv[0]) in _PROGRAMS

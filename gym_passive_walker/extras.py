@@ -1,4 +1,4 @@
-"""What is needed beyond the package's own requirements, and what to say where it is missing."""
+"""Optional dependencies, and the errors where one is missing."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ from importlib.util import find_spec
 
 @contextmanager
 def extra(name: str) -> Iterator[None]:
-    """Around an import: names the extra that brings the module, if it is missing.
+    """Name the extra to install if an enclosed import fails.
+
+    Args:
+        name: The extra that installs the module.
 
     Raises:
         ImportError: if the module is not installed.
@@ -26,11 +29,11 @@ def extra(name: str) -> Iterator[None]:
 
 
 def need(module: str, name: str) -> None:
-    """Say that a module is missing before the work that it is for, rather than after it.
+    """Check, before long work, that a module for its end is installed.
 
     Args:
-        module: What will be imported.
-        name: The extra that brings it.
+        module: Name of the module.
+        name: The extra that installs the module.
 
     Raises:
         ImportError: if the module is not installed.

@@ -1,4 +1,4 @@
-"""Files that a program writes: aside first, then renamed, so that none is ever left half."""
+"""Atomic writing of files: under a temporary name first, then renamed."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from pathlib import Path
 
 @contextmanager
 def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """A path to write a file or a folder at, which then takes the place of `path` at once.
+    """Provide a temporary path, and rename it to `path` after the enclosed code.
 
-    A folder takes the place of none: its name has to be new. What killed writers of the same path
-    left aside is removed. A link stays a link, and a device or a pipe is written as it is.
+    An existing file is replaced, an existing folder is not. Temporary files that killed writers of
+    `path` left are removed. A link stays a link; a device or a pipe is written directly.
 
     Args:
-        path: The file or the folder; folders above it are made.
+        path: The file or the folder; its parent folders are created.
 
     Yields:
-        Where to write, with the same ending, by which writers choose formats.
+        The temporary path, with the ending of `path`, by which writers choose formats.
 
     Raises:
-        OSError: if it cannot be written; it names `path`, which is as it was.
+        OSError: if `path` cannot be written; it is then unchanged.
     """
     try:
         target = Path(os.path.realpath(path))
@@ -33,7 +33,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
             yield Path(path)
             return
         target.parent.mkdir(parents=True, exist_ok=True)
-        # The ending of what was asked for, which that of a link's target may not be.
+        # The ending is that of `path`, not of a link's target.
         stem, suffix = target.stem, Path(path).suffix
         aside = target.with_name(f".{stem}.{os.getpid()}{suffix}")
         for left in target.parent.glob(f".{glob.escape(stem)}.*{glob.escape(suffix)}"):
@@ -49,16 +49,16 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def prepare(path: str | os.PathLike[str]) -> Path:
-    """Make the folders above a file that long work will write, and refuse what cannot be one.
+    """Create the parent folders of a file, and check before long work that it can be written.
 
     Args:
         path: The file.
 
     Returns:
-        Its path.
+        The path of the file.
 
     Raises:
-        OSError: if it is a folder, or it or the folder that it is in cannot be written.
+        OSError: if the path is a folder, or the file or its folder cannot be written.
     """
     found = Path(path)
     try:
@@ -73,24 +73,24 @@ def prepare(path: str | os.PathLike[str]) -> Path:
 
 
 def _abandoned(writer: str) -> bool:
-    """Whether a writer, by the number of its process, writes no more."""
+    """Return whether the process of a writer, by its id, has ended or is this one."""
     if not writer.isdecimal():
-        return False  # a file of someone else's
+        return False  # not a temporary file of this module
     if int(writer) == os.getpid():
         return True
     if os.name == "nt":
-        return False  # to ask would end it
+        return False  # on Windows `os.kill` would end the process
     try:
         os.kill(int(writer), 0)
     except ProcessLookupError:
         return True
-    except (OSError, OverflowError):  # someone else's, or no process's number
+    except (OSError, OverflowError):  # another user's process, or an invalid id
         return False
     return False
 
 
 def remove(path: Path) -> None:
-    """Remove a file or a folder, if it is there."""
+    """Remove a file or a folder if it exists."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
     else:

@@ -1,4 +1,4 @@
-"""Content of JSON, YAML and TOML files: one place decides which files are read, and how."""
+"""Reader of JSON, YAML and TOML files."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from gym_passive_walker.console import cut
 
 _YAML = (".yaml", ".yml")
 SUFFIXES = (".json", *_YAML, ".toml")
-"""Endings of the files that are read."""
+"""Supported file name endings."""
 
 _FLOAT = re.compile(r"[-+]?(\d+(\.\d*)?|\.\d+)[eE][-+]?\d+$")
 
 
 def is_file(value: Any) -> TypeGuard[str | os.PathLike[str]]:
-    """Whether a value names a file: a path object, or text with one of `SUFFIXES`."""
+    """Return whether a value names a file: a path object, or text with one of `SUFFIXES`."""
     if isinstance(value, str):
         return Path(value).suffix.lower() in SUFFIXES
     return isinstance(value, os.PathLike)
 
 
 def read_content(path: str | os.PathLike[str]) -> Any:
-    """Return the content of a JSON, YAML or TOML file, by its ending.
+    """Return the content of a JSON, YAML or TOML file; its ending determines the format.
 
     Raises:
-        ValueError: if it has another ending or cannot be read.
-        ImportError: if it is YAML and pyyaml is not installed.
+        ValueError: if the file has another ending or cannot be read.
+        ImportError: if the file is YAML and pyyaml is not installed.
     """
     name, suffix = cut(os.fsdecode(path)), Path(path).suffix.lower()
     if suffix not in SUFFIXES:
@@ -56,7 +56,7 @@ def _yaml(name: str, content: str) -> Any:
     try:
 
         class Loader(yaml.SafeLoader):
-            """YAML 1.1, and its numbers as YAML 1.2 and people write them: 2e-1, 1e6."""
+            """Loader of YAML 1.1 that also reads floats as YAML 1.2 writes them: 2e-1, 1e6."""
 
         Loader.add_implicit_resolver("tag:yaml.org,2002:float", _FLOAT, list("-+0123456789."))
         return yaml.load(content, Loader)

@@ -1,4 +1,4 @@
-"""Mathematical functions for users' own rewards, observations and terminations.
+"""Mathematical functions for custom rewards, observations and terminations.
 
 They accept numbers, NumPy arrays, torch tensors and the symbolic numbers that the compiler traces,
 so that one definition runs on all of them. Arithmetic operators, `abs`, comparisons, and `&`, `|`,

@@ -1,8 +1,8 @@
-"""What long work says while it lasts, on standard error.
+"""Progress of long work, on standard error.
 
-That something compiles is said wherever standard error goes, since a silent minute looks like a
-fault. A bar is for eyes: it is drawn on a terminal alone, and only of work that takes a while.
-Elsewhere, in a log or a notebook, long work writes a line every minute.
+Compilation is always reported, since a minute without output looks like a fault. A progress bar is
+drawn only on a terminal, and only after two seconds. Elsewhere, in a log or a notebook, long work
+writes a line every minute.
 """
 
 from __future__ import annotations
@@ -14,22 +14,22 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 
-_UNSAID = 1.0  # seconds that pass without a word
-_UNSEEN = 2.0  # seconds of work that pass without a bar
-_PACE = 0.1  # seconds between two looks of a bar
+_UNSAID = 1.0  # seconds of work before a notice
+_UNSEEN = 2.0  # seconds of work before a bar
+_PACE = 0.1  # seconds between two updates of a bar
 _REPORT = 60.0  # seconds between two lines where there is no terminal
 _CELLS = 20
 
 
 class _Bar:
-    """One piece of work, and how much of it is done."""
+    """Progress of one piece of work."""
 
     def __init__(self, what: str, total: float | None) -> None:
         self.what, self.total, self.done, self.note = what, total, 0.0, ""
         self.began = time.monotonic()
 
     def advance(self, amount: float = 1.0, *, note: str = "") -> None:
-        """So much more is done; a note says how it goes."""
+        """Add an amount of finished work; the note appears behind the bar."""
         self.done, self.note = self.done + amount, note
         _LINE.show()
 
@@ -42,7 +42,7 @@ class _Bar:
 
 
 class _Line:
-    """The terminal's last line: what is under way, the outermost work first."""
+    """The terminal's last line: bars of all present work, the outermost first."""
 
     def __init__(self) -> None:
         self.bars: list[_Bar] = []
@@ -51,12 +51,12 @@ class _Line:
         self._shown = self._reported = -_REPORT
 
     def show(self) -> None:
-        """Draw it, or write it where there is no terminal, if it is time to."""
+        """Draw the line, or write it where there is no terminal, if it is due."""
         bars, now = tuple(self.bars), time.monotonic()
         if not bars or now - bars[0].began < _UNSEEN or now - self._shown < _PACE:
             return
         self._shown = now
-        parts = [str(bar) for bar in bars if bar.total != 1]  # else it has no parts to show
+        parts = [str(bar) for bar in bars if bar.total != 1]  # work of one part shows no progress
         if not parts or self.hushed or sys.stderr is None:
             return
         text = f"{', '.join(parts)}, {now - bars[0].began:.0f} s"
@@ -68,7 +68,7 @@ class _Line:
             _tell(f"{text}\n")
 
     def wipe(self) -> None:
-        """Leave nothing of it."""
+        """Erase the line."""
         if self._drawn:
             self._write("")
             sys.stderr.write("\r")
@@ -84,28 +84,28 @@ _LINE = _Line()
 
 
 def show() -> None:
-    """Show how far the work is, while it waits for others to do more of it."""
+    """Update the progress line while this process waits for others."""
     _LINE.show()
 
 
 def hush() -> None:
-    """Draw no bar in this process, whose terminal is another's."""
+    """Disable progress bars in this process; its terminal belongs to another process."""
     _LINE.hushed = True
 
 
 @contextmanager
 def progress(what: str, total: float | None = None) -> Iterator[Callable[..., None]]:
-    """Show a bar while something long is done; a line a minute where there is no terminal.
+    """Show a progress bar for the enclosed work; a line every minute where there is no terminal.
 
-    Work within the work is shown behind it, on the same line.
+    Bars of nested work follow on the same line.
 
     Args:
-        what: What is done.
-        total: How much there is to do; None if nobody knows.
+        what: Name of the work.
+        total: Amount of work; None if it is unknown.
 
     Yields:
-        A function to call whenever one more is done, or a given amount, with a `note` if there is
-        something to say of it.
+        A function that adds an amount of finished work, 1 by default. Its argument `note` is text
+        behind the bar.
     """
     bar = _Bar(what, total)
     _LINE.bars.append(bar)
@@ -119,10 +119,10 @@ def progress(what: str, total: float | None = None) -> Iterator[Callable[..., No
 
 @contextmanager
 def said(what: str) -> Iterator[None]:
-    """Say once what is done, and how long it took, unless that is over in a second.
+    """Write a notice and the duration of the enclosed work, if it takes longer than a second.
 
     Args:
-        what: What is done, a sentence without its full stop.
+        what: The notice, a sentence without its full stop.
     """
     began, heard = time.monotonic(), threading.Event()
 
@@ -144,16 +144,16 @@ def said(what: str) -> Iterator[None]:
 
 
 def compiling(what: str) -> AbstractContextManager[None]:
-    """Say once what is compiled, as `said`.
+    """Write a notice of a compilation, if it takes longer than a second.
 
     Args:
-        what: What is compiled.
+        what: Name of what is compiled.
     """
     return said(f"gym_passive_walker compiles {what}, this once")
 
 
 def _tell(text: str) -> None:
-    """Write to standard error, where there is one."""
+    """Write to standard error, if it exists."""
     if sys.stderr is not None:
         sys.stderr.write(text)
         sys.stderr.flush()

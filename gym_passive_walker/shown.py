@@ -1,7 +1,7 @@
-"""How objects show themselves: in a line, in a notebook's cell, as a picture and as a table.
+"""Representations of result objects: text, notebook cell, plot and table.
 
-An object says what is worth saying of it; how that is laid out stands here, once. Pictures are
-drawn far above, in `render`, which enters them in `picture`: so nothing below knows how to draw.
+Objects provide facts and columns; this module lays them out. `render` registers the plots in
+`picture`, so that modules of computation do not depend on matplotlib.
 """
 
 from __future__ import annotations
@@ -25,9 +25,12 @@ if TYPE_CHECKING:
 
 @singledispatch
 def picture(shown: Any, ax: Axes | None = None, **options: Any) -> Axes | NDArray:
-    """Draw an object; a function for each class is entered with `picture.register`.
+    """Draw an object; `picture.register` adds the function for a class.
 
-    What is drawn on is as in `Shown.plot`, or `render.axes.OWN`.
+    Args:
+        shown: The object.
+        ax: Axes to draw on, as in `Shown.plot`, or `render.axes.OWN`.
+        **options: Options of the object's picture.
 
     Raises:
         TypeError: if there is no picture of such an object.
@@ -36,12 +39,12 @@ def picture(shown: Any, ax: Axes | None = None, **options: Any) -> Axes | NDArra
 
 
 class Shown:
-    """An object with something to say of itself."""
+    """An object with a text representation and a plot."""
 
     __slots__ = ()
 
     def facts(self) -> dict[str, str]:
-        """What is worth knowing of it in a line or two: values with their units, by name."""
+        """Main properties of the object, by name: values with their units, as text."""
         raise NotImplementedError
 
     def __repr__(self) -> str:
@@ -57,16 +60,15 @@ class Shown:
         return f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
 
     def plot(self, ax: Axes | None = None, **options: Any) -> Axes | NDArray:
-        """Draw it with matplotlib, on pyplot's current axes unless others are given.
+        """Draw the object with matplotlib.
 
         Args:
-            ax: Axes to draw on: the picture, or its main part. None is `plt.gca()`; a picture of
-                several panels takes the current figure if that is empty, else another.
-            **options: What the picture of this object can be asked for; see
-                `gym_passive_walker.render.plots`.
+            ax: Axes of the plot, or of its main part. None is `plt.gca()`; a plot of several panels
+                uses the current figure if that is empty, else a new one.
+            **options: Options of the plot of this object; see `gym_passive_walker.render.plots`.
 
         Returns:
-            The axes, or an array of them where the picture has several panels.
+            The axes, or an array of axes for a plot of several panels.
 
         Example:
             >>> import matplotlib.pyplot as plt
@@ -81,16 +83,16 @@ class Shown:
 
 
 class Table(Shown):
-    """An object that is a table besides."""
+    """An object that is also a table."""
 
     __slots__ = ()
 
     def columns(self) -> Mapping[str, NDArray]:
-        """Its columns by name, each of shape (rows,); units are those of the attributes."""
+        """Columns of the table by name, each (rows,), in the units of the attributes."""
         raise NotImplementedError
 
     def to_dataframe(self) -> Any:
-        """The table for pandas.
+        """Return the table as a pandas data frame.
 
         Raises:
             ImportError: if pandas is not installed.
@@ -100,13 +102,13 @@ class Table(Shown):
         return pandas.DataFrame(dict(self.columns()))
 
     def to_csv(self, path: str | PathLike[str]) -> None:
-        """Write the table to a file; numbers are written so that they read back the same.
+        """Write the table to a CSV file, with all digits of the numbers.
 
         Args:
             path: The file.
 
         Raises:
-            OSError: if it cannot be written; what was there before stays.
+            OSError: if the file cannot be written; an existing file is then unchanged.
         """
         columns = self.columns()
         rows = zip(*(np.asarray(column).tolist() for column in columns.values()), strict=True)

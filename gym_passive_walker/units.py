@@ -1,7 +1,7 @@
-"""A walker's own units and the dimensionless ones, and how numbers turn from one to the other.
+"""Conversion between a walker's own units and dimensionless ones.
 
-The leg length l is the unit of length, the walker's total mass m that of mass, and the pendulum
-time sqrt(l/g) that of time. Angles are in rad either way.
+Units are the leg length l, the walker's total mass m, and the pendulum time sqrt(l/g). Angles are
+in rad in both.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from gym_passive_walker.walkers import Mechanism, Walker
 
 
 class Units(NamedTuple):
-    """Dimensionless units in a walker's own; of n walkers, arrays (n,) instead of numbers.
+    """Dimensionless units, expressed in a walker's own units: numbers, or arrays (n,).
 
     Attributes:
-        length: l.
-        time: sqrt(l/g).
-        energy: m g l.
-        torque: m g l; g l for the simplest walker, whose torque is per unit of foot mass.
+        length: Unit of length, l.
+        time: Unit of time, sqrt(l/g).
+        energy: Unit of energy, m g l.
+        torque: Unit of torque, m g l; g l for the simplest walker, with torques per foot mass.
     """
 
     length: float
@@ -33,22 +33,22 @@ class Units(NamedTuple):
 
     @property
     def rate(self) -> float:
-        """Of angles: 1 / time."""
+        """Unit of angular velocity, sqrt(g/l)."""
         return 1.0 / self.time
 
     @property
     def force(self) -> float:
-        """The weight m g."""
+        """Unit of force, the weight m g."""
         return self.energy / self.length
 
     @property
     def impulse(self) -> float:
-        """M sqrt(g l)."""
+        """Unit of impulse, m sqrt(g l)."""
         return self.energy / self.speed
 
     @property
     def speed(self) -> float:
-        """sqrt(g l)."""
+        """Unit of speed, sqrt(g l)."""
         return self.length / self.time
 
     def to_dimensionless(self, states: ArrayLike) -> NDArray[np.float64]:
@@ -99,7 +99,7 @@ _of_walker = lru_cache(maxsize=4096)(_of)
 
 
 def growth(walker: Walker, parameter: str) -> Units:
-    """By what share of itself each unit grows with one of the walker's parameters."""
+    """Return the logarithmic derivative of each unit with respect to a walker parameter."""
     length = (parameter in ("thigh_length", "shank_length")) / walker.leg_length
     gravity = (parameter == "gravity") / walker.gravity
     mass = {"thigh_mass": 2.0, "shank_mass": 2.0, "hip_mass": 1.0}.get(parameter, 0.0)

@@ -1,1 +1,1 @@
-"""The machinery: from a walker's statement to native code over many walkers side by side."""
+"""The engine: compiles the equations of a system to native code that integrates batches."""

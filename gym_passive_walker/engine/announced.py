@@ -1,4 +1,4 @@
-"""Kernels whose compilation by numba is told of."""
+"""Notices on standard error while numba compiles this package's kernels."""
 
 from __future__ import annotations
 
@@ -11,21 +11,21 @@ from gym_passive_walker.progress import compiling
 
 
 class _Announcer(Listener):
-    """Hears of every compilation in the process, and tells of this package's kernels alone."""
+    """Listens to all compilations in the process; reports those of registered kernels."""
 
     def __init__(self) -> None:
         self.names: dict[Any, str] = {}
         self._under_way: dict[Any, AbstractContextManager[None]] = {}
 
     def on_start(self, event: Event) -> None:
-        """Numba begins to compile a function."""
+        """Begin a notice when numba begins to compile a registered kernel."""
         kernel = _compiled(event)
-        if kernel in self.names and not self._under_way:  # a kernel that it calls belongs to it
+        if kernel in self.names and not self._under_way:  # one notice covers nested kernels
             self._under_way[kernel] = compiling(self.names[kernel])
             self._under_way[kernel].__enter__()
 
     def on_end(self, event: Event) -> None:
-        """Numba has compiled it, or failed to."""
+        """End the notice when numba has compiled the kernel, or failed to."""
         under_way = self._under_way.pop(_compiled(event), None)
         if under_way is not None:
             under_way.__exit__(None, None, None)
@@ -40,10 +40,10 @@ register("numba:compile", _ANNOUNCER)
 
 
 def announce(kernel: Any, what: str) -> None:
-    """Tell of a kernel's compilations from now on, if they take long.
+    """Report compilations of a kernel from now on, if they take long.
 
     Args:
-        kernel: What numba made of a function.
-        what: What it is to be called.
+        kernel: Numba's dispatcher of the kernel.
+        what: Name of the kernel in the notice.
     """
     _ANNOUNCER.names[kernel] = what

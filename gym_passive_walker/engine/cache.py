@@ -1,7 +1,7 @@
-"""Where compiled code is kept between processes.
+"""Cache of compiled code on disk, between processes.
 
-It is a convenience, never a condition: code that cannot be read is made afresh, code that cannot be
-written lives as long as the process, and one warning says so.
+The cache is optional. Code that cannot be read is compiled again. Code that cannot be written lasts
+as long as the process. Either case gives one warning.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ _SOURCES += (
     "gaits/forces",
     "gaits/terrain",
 )
-"""What is compiled, and what it is made of."""
+"""Sources, without their ending ".py", on which compiled code depends."""
 _DIGEST = hashlib.sha256().digest_size
 
 
 @cache
 def fingerprint() -> str:
-    """A hash of the sources that compiled code depends on: a stale kernel is impossible.
+    """Return a hash of the sources that compiled code depends on; it names the cache folder.
 
-    Numba notices when a function's own file changes, but not when a function that it calls does.
+    Numba notices a change of a function's own file, but not of the functions that it calls.
     """
     digest = hashlib.sha256()
     for pattern in _SOURCES:
@@ -45,7 +45,7 @@ def fingerprint() -> str:
 
 @cache
 def cache_directory() -> Path | None:
-    """The folder for compiled code, made when it is first asked for; None if there can be none."""
+    """Return the cache folder and create it if necessary; None if no folder can be used."""
     failures = []
     for base in _bases():
         directory = base / fingerprint()
@@ -74,10 +74,10 @@ def cache_directory() -> Path | None:
 
 
 def _bases() -> Iterator[Path]:
-    """Where the folder may be, the best place first."""
+    """Yield candidate locations of the cache folder, the preferred one first."""
     name = "gym_passive_walker"
     if chosen := os.environ.get("NUMBA_CACHE_DIR"):
-        yield Path(chosen).absolute() / name  # wherever the program goes from here
+        yield Path(chosen).absolute() / name  # the working directory may change
     with suppress(RuntimeError):  # a user without a home
         home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
         yield home.absolute() / name
@@ -86,34 +86,34 @@ def _bases() -> Iterator[Path]:
 
 
 _USER: int | None = getattr(os, "getuid", lambda: None)()
-"""Who runs this; None on Windows, where each user has folders of their own."""
+"""User id of this process; None on Windows, where users have separate folders."""
 
 
 def _ours(status: os.stat_result) -> bool:
-    """Whether a file or folder is this user's, and no other user may write to it.
+    """Return whether a file or folder belongs to this user, and only this user may write to it.
 
-    What is kept holds pickles and machine code: whoever can write them decides what is run.
+    The cache holds pickles and machine code, so write access to it permits running any code.
     """
     return _USER is None or (status.st_uid == _USER and not status.st_mode & 0o022)
 
 
 def _private(folder: Path) -> bool:
-    """Whether a folder is this user's alone, and no link to another one."""
+    """Return whether a path is a real folder, not a link, that only this user may write to."""
     try:
-        found = folder.lstat()  # of a link itself, not of where it leads
+        found = folder.lstat()  # does not follow links
     except OSError:
         return False
     return stat.S_ISDIR(found.st_mode) and _ours(found)
 
 
 def found(name: str) -> bytes | None:
-    """What is kept by that name, if it is there and whole."""
+    """Return the cached data of a name; None if there is none or its digest does not match."""
     directory = cache_directory()
     if directory is None:
         return None
     try:
         with (directory / name).open("rb") as file:
-            if not _ours(os.fstat(file.fileno())):  # whatever has become of the folder since
+            if not _ours(os.fstat(file.fileno())):  # it may have changed since
                 _warn(f"compiled code in {directory} is another user's, and is not used")
                 return None
             kept = file.read()
@@ -123,14 +123,14 @@ def found(name: str) -> bytes | None:
         _warn(f"compiled code cannot be read, and is made afresh: {error}")
         return None
     digest, data = kept[:_DIGEST], kept[_DIGEST:]
-    if hashlib.sha256(data).digest() != digest:  # it would take the process with it
+    if hashlib.sha256(data).digest() != digest:  # damaged machine code would crash the process
         _warn(f"compiled code in {directory} is damaged, and is made afresh")
         return None
     return data
 
 
 def keep(name: str, data: bytes) -> None:
-    """Keep something by a name, behind a digest; it is there whole or not at all."""
+    """Write data and its digest to the cache, atomically."""
     directory = cache_directory()
     if directory is None:
         return
@@ -154,5 +154,5 @@ def _open_private(path: str, flags: int) -> int:
 
 @cache
 def _warn(said: str) -> None:
-    """Say something once."""
+    """Warn once for each message."""
     warnings.warn(said, RuntimeWarning, stacklevel=3)

@@ -1,8 +1,8 @@
-"""Random numbers without a generator: each is a function of a key, a counter and a stream.
+"""Counter-based random numbers: each is a function of a key, a counter and a stream.
 
-Who asks for a number need not know how many were asked for before, nor by whom. So what a walker
-meets depends on its own key alone, however walkers are batched, shared out among threads or saved.
-A stream of a key is a SplitMix64 generator (Steele, Lea and Flood 2014), which jumps anywhere.
+There is no generator state. The numbers of a walker depend only on its key, not on batching,
+threads or saved states. A stream of a key is a SplitMix64 generator (Steele, Lea and Flood 2014),
+evaluated at any counter.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 
 from gym_passive_walker.engine.jit import Kernel
 
-# Numba makes a float of an unsigned number and a signed one, so everything here is unsigned.
+# Numba converts mixed signed and unsigned operands to floats, so all integers are unsigned.
 _ONE = np.uint64(1)
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _FIRST, _SECOND = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
@@ -23,7 +23,7 @@ _UNIT = 2.0**-53
 
 @Kernel
 def word(seed, counter):
-    """SplitMix64's number of this place, from 0 on, in the sequence of a seed: 64 bits."""
+    """Return number `counter`, from 0 on, of the SplitMix64 sequence of a seed: 64 bits."""
     z = np.uint64(seed) + (np.uint64(counter) + _ONE) * _GOLDEN
     z = (z ^ (z >> _A)) * _FIRST
     z = (z ^ (z >> _B)) * _SECOND
@@ -32,25 +32,25 @@ def word(seed, counter):
 
 @Kernel
 def uniform(key, counter, stream):
-    """A number from 0 to below 1, every multiple of 2^-53 as likely as every other.
+    """Return a uniform random number in [0, 1), a multiple of 2^-53.
 
     Args:
-        key: Whose numbers these are: any 64 bits.
-        counter: Which of them, an integer.
-        stream: Which of the key's independent sequences, an integer.
+        key: Key of the walker, any 64 bits.
+        counter: Index of the number in its stream, an integer.
+        stream: Index of one of the key's independent streams, an integer.
     """
     return np.float64(word(word(key, stream), counter) >> _UNUSED) * _UNIT
 
 
 @Kernel
 def normal(key, counter, stream):
-    """A number of mean 0 and standard deviation 1, normally distributed (Box and Muller).
+    """Return a normal random number of mean 0 and standard deviation 1 (Box and Muller).
 
     Args:
-        key: Whose numbers these are: any 64 bits.
-        counter: Which of them, an integer.
-        stream: Which of the key's independent sequences, an integer; that of `uniform` of the same
-            number is no other, so use each for one of the two.
+        key: Key of the walker, any 64 bits.
+        counter: Index of the number in its stream, an integer.
+        stream: Index of one of the key's independent streams, an integer. `uniform` draws from
+            the stream of this index too, so use an index for only one of the two functions.
     """
     drawn = word(word(key, stream), counter)
     radius = math.sqrt(-2.0 * math.log(1.0 - np.float64(drawn >> _UNUSED) * _UNIT))

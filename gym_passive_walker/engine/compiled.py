@@ -1,4 +1,4 @@
-"""Systems as native code: compiled once, kept on disk, called by address."""
+"""Systems as native code: compiled once, cached on disk, called by address."""
 
 from __future__ import annotations
 
@@ -42,19 +42,19 @@ PHASE = np.dtype(
         # Addresses of native functions.
         *((name, "i8") for name in (*OF_LANE, *OF_LANES, "open", "begin", "place")),
         ("table", "i8"),
-        ("resets", "i8", (len(Outcome),)),  # by outcome; 0 where it is a fall
+        ("resets", "i8", (len(Outcome),)),  # addresses by outcome; 0 for a fall
         ("links", "i8"),
         ("guards", "i8"),
-        ("strike", "i8"),  # which of them is the strike, counted from 1; 0 if none is
+        ("strike", "i8"),  # number of the guard of the impact, from 1 on; 0 if there is none
         ("outcomes", "i8", (MOST_GUARDS,)),
         ("watch", "i8", (MOST_GUARDS,)),
-        ("between", "i8", (MOST_GUARDS,)),  # where within a step it is looked at too
-        # Rows of a `COURSE` with what each guard counts by: the first, and how many.
+        ("between", "i8", (MOST_GUARDS,)),  # number of checks within a step
+        # Rows of a `COURSE` with the conditions under which each guard counts: first row, number.
         ("first_where", "i8", (MOST_GUARDS,)),
         ("wheres", "i8", (MOST_GUARDS,)),
     ]
 )
-"""What the engine knows of a phase."""
+"""Data of a phase for the engine: addresses of native functions, and properties of guards."""
 
 _STATES = (
     "angle",
@@ -80,7 +80,7 @@ _LOSSES = {Outcome.KNEESTRIKE: "knee_loss", Outcome.HEELSTRIKE: "heel_loss"}
 
 
 def constants_used(system: System, phase: Phase) -> tuple[str, ...]:
-    """Names of the constants that a phase's equations and guards read, in the body's order."""
+    """Return the names of the constants that a phase's equations and guards read, in order."""
     known: dict = {}
     names: tuple[str, ...] = system.Body._fields  # type: ignore[attr-defined]
     body = without_absent(system, system.Body(*(read(known, name) for name in names)))
@@ -101,17 +101,20 @@ def constants_used(system: System, phase: Phase) -> tuple[str, ...]:
 
 
 def body_layout(system: System) -> np.dtype:
-    """A body's constants behind each other."""
+    """Return the layout of a body's constants: one field "body" with all of them."""
     return np.dtype([("body", "f8", (len(system.Body._fields),))])  # type: ignore[attr-defined]
 
 
 @lru_cache
 def compiled(system: str, *, derived: bool = False) -> NDArray:
-    """The phases of a system, shape (phases,) of PHASE.
+    """Compile a system, or load it from the cache.
 
     Args:
-        system: Its name.
-        derived: Whether derivatives are carried along, in planes behind the values.
+        system: Name of the system.
+        derived: Whether to integrate derivatives too, in planes behind the values.
+
+    Returns:
+        The phases, shape (phases,) of PHASE.
     """
     of = SYSTEMS[system]
     code = kept(system + "-derived" * derived, lambda: written(of, derived=derived))
@@ -119,7 +122,7 @@ def compiled(system: str, *, derived: bool = False) -> NDArray:
 
 
 def phases_of(system: System, code: Any) -> NDArray:
-    """What the engine is to know of a system's phases, from their native code, (phases,)."""
+    """Return the PHASE data of a system's phases, from its native code, (phases,)."""
     phases = np.zeros(len(system.phases), PHASE)
     for i, (entry, phase) in enumerate(zip(phases, system.phases, strict=True)):
         for function in (*OF_LANE, *OF_LANES, "open"):
@@ -148,9 +151,14 @@ def written(
     module: Module | None = None,
     width: int = WIDTH,
 ) -> Module:
-    """All native functions of a system, in steps of a method, over tiles of a width.
+    """Generate all native functions of a system.
 
-    They are written into a module of another language if it is given.
+    Args:
+        system: The system.
+        derived: Whether to generate derivatives too.
+        pair: The Runge-Kutta pair.
+        module: Module to write into, for another target language; a new one if None.
+        width: Number of lanes of a tile.
     """
     layout = layout_of(system)
     record, course, tile = record_for(layout), course_for(layout), tile_for(pair, width, layout)
@@ -169,7 +177,7 @@ def written(
         one_lane, step = OneLane(*told), Step(*told)
         others = (body, record, tile, record, course, course, course)
         for name, other in zip(OF_LANE, others, strict=True):
-            # Where a strike is expected decides where steps end, and nothing else.
+            # The predicted time of an impact only decides where steps end: no derivative needed.
             active = () if name == "onto" else (*_STATES, *_TIMES, *_RECORDS, *_COURSES)
             once(f"{name}{i}", getattr(one_lane, name), tile, other, active=active)
         first = function(f"first{i}", tile, active=_STATES)
@@ -197,12 +205,12 @@ def _begin(system: System, record: Memory, body: Memory) -> None:
 
 
 def constants_of(system: System, body: Memory) -> Any:
-    """A walker's constants."""
+    """Return a walker's constants as expressions."""
     return without_absent(system, system.Body(*body.entries("body")))
 
 
 def ground_of(system: System, record: Memory) -> Ground:
-    """What a walker stands on."""
+    """Return a walker's ground data as expressions."""
     return without_absent(system, Ground(*record.entries("ground")))
 
 
@@ -219,7 +227,7 @@ def _open(system: System, phase: Phase, record: Memory, body: Memory) -> None:
 
 
 def reset(system: System, phase: Phase, outcome: Outcome, record: Memory, body: Memory) -> None:
-    """A strike: the state after it, what it cost, and what follows."""
+    """Apply an impact: write the state after it, the energy lost, and the next phase or outcome."""
     constants, reset = constants_of(system, body), phase.resets[outcome]
     ground = ground_of(system, record)
     push_off = 0.0 if "push_off" in system.absent else record["push_off"]
@@ -268,12 +276,12 @@ def _place(system: System, record: Memory, body: Memory) -> None:
 
 
 _ALIVE: list[Any] = []
-"""Whoever holds native code: it lives as long as the process."""
+"""LLVM engines that own native code; kept so that the code lasts as long as the process."""
 
 
 @lru_cache
 def context() -> Any:
-    """Where modules are parsed: their pointers are opaque, which llvmlite 0.44 has to be asked."""
+    """Return the LLVM context for parsing; llvmlite 0.44 needs opaque pointers enabled."""
     asked: Any = llvm.context
     before = getattr(asked, "opaque_pointers_enabled", True)
     asked.opaque_pointers_enabled = True
@@ -285,14 +293,14 @@ def context() -> Any:
 
 @lru_cache
 def _machine() -> Any:
-    """What code is made for: this processor, or the one that numba is told to make it for."""
+    """Return the target machine and its description: this CPU, or that of NUMBA_CPU_NAME."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     cpu = os.environ.get("NUMBA_CPU_NAME") or llvm.get_host_cpu_name()
     features = os.environ.get("NUMBA_CPU_FEATURES")
     if features is None:
         own = cpu == llvm.get_host_cpu_name()
-        # Vectors of 512 bits where there are any: LLVM prefers 256 by default.
+        # Use 512-bit vectors where the CPU has them; LLVM prefers 256 bits by default.
         features = llvm.get_host_cpu_features().flatten() + ",-prefer-256-bit" if own else ""
     target = llvm.Target.from_triple(llvm.get_process_triple())
     machine = target.create_target_machine(cpu=cpu, features=features, opt=2, jit=True)
@@ -300,7 +308,7 @@ def _machine() -> Any:
 
 
 def kept(name: str, write: Callable[[], Module]) -> Any:
-    """Native code, from the cache or written anew."""
+    """Load native code from the cache, or generate and cache it."""
     file = f"{name}-{sha256(_machine()[1].encode()).hexdigest()[:16]}.o"
     data = cache.found(file)
     if data is None:
@@ -311,12 +319,12 @@ def kept(name: str, write: Callable[[], Module]) -> Any:
 
 
 def object_code(module: Module) -> bytes:
-    """A module's native functions, in machine code."""
+    """Compile a module to machine code."""
     return _machine()[0].emit_object(_parsed(str(module)))
 
 
 def loaded(data: bytes) -> Any:
-    """Machine code, ready to be called for as long as the process lives."""
+    """Load machine code, which stays callable as long as the process lasts."""
     engine = llvm.create_mcjit_compiler(_parsed(""), _machine()[0])
     engine.add_object_file(llvm.ObjectFileRef.from_data(data))
     engine.finalize_object()
@@ -325,7 +333,7 @@ def loaded(data: bytes) -> Any:
 
 
 def _parsed(text: str) -> Any:
-    """A module for this machine."""
+    """Parse LLVM text as a module for the target machine."""
     module = llvm.parse_assembly(text, context())
     module.triple, module.data_layout = _machine()[0].triple, str(_machine()[0].target_data)
     module.verify()

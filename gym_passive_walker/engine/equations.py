@@ -1,4 +1,4 @@
-"""A phase's functions over a tile: with them is written what is done to all lanes, or to one."""
+"""Functions of a phase as expressions over a tile; base of the code for all lanes or for one."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from gym_passive_walker.physics.hybrid import Ground, Guard, Phase, State, Syste
 
 
 class Equations:
-    """A phase's functions over a tile.
+    """Functions of a phase as expressions over a tile.
 
     Args:
         system: The system.
-        phase: Its phase.
-        body: The constants that the phase uses: names, in the order of the tile's rows.
-        pair: The method that steps are made with.
+        phase: A phase of the system.
+        body: Names of the constants that the phase uses, in the order of the tile's rows.
+        pair: The Runge-Kutta pair.
     """
 
     def __init__(
@@ -29,7 +29,7 @@ class Equations:
 
     @property
     def links(self) -> range:
-        """Indices of the angles that move by themselves."""
+        """Indices of the independent angles."""
         return range(self.phase.links)
 
     @property
@@ -42,7 +42,7 @@ class Equations:
         return [tile["stage", stage, link] for link in range(self.system.coordinates)]
 
     def body(self, tile: Memory) -> Any:
-        """The walker's constants; those that the phase does not use are NaN."""
+        """Return the walker's constants; those that the phase does not use are NaN."""
         rows = {name: tile["body", i] for i, name in enumerate(self.names)}
         unused = dict.fromkeys(self.system.Body._fields, float("nan"))  # type: ignore[attr-defined]
         return without_absent(self.system, self.system.Body(**unused | rows))
@@ -55,41 +55,41 @@ class Equations:
 
     @property
     def grounds(self) -> list[int]:
-        """Indices of the parts of the ground that there may be."""
+        """Indices of the parts of the ground that are not absent from the system."""
         names = enumerate(Ground._fields)
         return [i for i, name in names if name not in self.system.absent]
 
     def ground(self, tile: Memory) -> Ground:
-        """What the walker stands on."""
+        """Return the walker's ground data."""
         found = {Ground._fields[i]: tile["ground", i] for i in self.grounds}
         return Ground(**dict.fromkeys(Ground._fields, 0.0) | found)
 
     def guard(self, index: int, tile: Memory) -> Callable[[State], Expression]:
-        """The function of the state that ends the phase."""
+        """Return a guard as a function of the state."""
         falls, body, ground = self.phase.guards[index].falls, self.body(tile), self.ground(tile)
         return lambda state: falls(body, state, ground)
 
     def wheres(self, guard: Guard, tile: Memory) -> list[Callable[[State], Expression]]:
-        """The functions of the state that are positive where a guard's fall counts."""
+        """Return the functions of the state that are positive where a guard's crossing counts."""
         body, ground = self.body(tile), self.ground(tile)
         return [lambda state, where=where: where(body, state, ground) for where in guard.where]
 
     @property
     def dissipates(self) -> bool:
-        """Whether there is friction."""
+        """Whether the system has friction."""
         return self.system.friction_power is not None
 
     def friction(self, tile: Memory, state: State) -> Expression:
-        """What friction takes at a state."""
+        """Return the power dissipated by friction in a state."""
         assert self.system.friction_power is not None
         return self.system.friction_power(self.body(tile), state)
 
     def state(self, tile: Memory, prefix: str = "") -> State:
-        """The state at a step's start, or with "new_" at its end."""
+        """Return the state at the start of a step, or at its end with the prefix "new_"."""
         return self.as_state(tile.entries(prefix + "angle"), tile.entries(prefix + "rate"))
 
     def as_state(self, angles: list, rates: list) -> State:
-        """A state from the angles that move by themselves and their rates."""
+        """Return a state from the independent angles and their angular velocities."""
         last = self.phase.links - 1
         each = range(self.system.coordinates)
         return self.system.State(*(v[min(i, last)] for v in (angles, rates) for i in each))
@@ -104,12 +104,12 @@ class Equations:
     def along(
         self, function: Callable[[State], Expression], state: State, bends: list[Any]
     ) -> tuple[Expression, Expression, Expression]:
-        """A function of the state, its rate and its second derivative along the motion.
+        """Return a function of the state, and its first and second time derivatives.
 
         Args:
             function: The function.
-            state: Angles and rates.
-            bends: Accelerations; None where the second derivative is of no interest.
+            state: Angles and angular velocities.
+            bends: Angular accelerations; None where the second derivative is not needed.
         """
         flow = self.as_state(list(state[self.rates]), bends)
         moves = {x: change for x, change in zip(state, flow, strict=True) if change is not None}
@@ -123,7 +123,7 @@ class Equations:
         return value, rate, derivative(rate)
 
     def _moved(self, control: int, state: State) -> Expression:
-        """The coordinate that a control moves."""
+        """Return the coordinate on which a control does work."""
         return self.system.travel(state)[control]
 
 
@@ -139,17 +139,17 @@ def state_of(system: System, record: Memory) -> State:
 
 
 def without_absent(system: System, body: Any) -> Any:
-    """A walker's constants, zero where they are so for certain."""
+    """Replace the constants that are absent from the system by zero."""
     return body._replace(**{name: 0.0 for name in system.absent if name in body._fields})
 
 
 def weighted(weights: Iterable[Any], terms: Iterable[Expression]) -> Any:
-    """The sum of some terms, each with its weight; 0 if none has one."""
+    """Return the weighted sum of terms; 0 if all weights are zero."""
     return sum_of([float(w) * x for w, x in zip(weights, terms, strict=True) if w != 0.0])
 
 
 def sum_of(terms: list[Expression]) -> Any:
-    """The sum of some terms, in order; 0 of none."""
+    """Return the sum of terms, in order; 0 for no terms."""
     if not terms:
         return 0.0
     total = terms[0]

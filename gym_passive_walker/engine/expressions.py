@@ -1,8 +1,8 @@
-"""Numbers that remember how they were computed: plain functions become expressions.
+"""Symbolic expressions, traced through plain Python functions.
 
 A function of numbers, called with `Expression`s, returns the expression of its result. Equal
-expressions are one object, so what two equations share is computed once. Expressions are
-differentiated exactly (`tangent`), and `native` turns them into machine code.
+expressions are one object, so common subexpressions are computed once. `Tangents` differentiates
+expressions exactly, and `native` compiles them to machine code.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ class Expression:
     """An operation on other expressions, a constant, or an entry that is read.
 
     Attributes:
-        op: What it does: "constant", "read", or the name of an operation.
-        args: Of an operation, expressions; of a constant, its value; of a read, which entry.
-        known: All expressions made so far with the same entries.
+        op: "constant", "read", or the name of an operation.
+        args: Operands of an operation, the value of a constant, or the place of a read.
+        known: All expressions so far of one piece of code, by operation and operands.
     """
 
     __slots__ = ("args", "known", "op")
 
     def __new__(cls, known: dict, op: str, *args: Any) -> Expression:
-        """The expression, the same object whenever the same is asked for."""
+        """Return the expression; equal operations on equal operands give the same object."""
         key = (op, *(id(a) if isinstance(a, Expression) else repr(a) for a in args))
         if key not in known:
             self = known[key] = super().__new__(cls)
@@ -43,7 +43,7 @@ class Expression:
         return Expression(self.known, op, *others)
 
     def number(self, x: Any) -> Expression:
-        """A number as an expression beside this one."""
+        """Return a number as an expression of the same code."""
         return x if isinstance(x, Expression) else self._with("constant", float(x))
 
     def _binary(self, op: str, a: Any, b: Any) -> Expression:
@@ -66,7 +66,7 @@ class Expression:
 
     @property
     def value(self) -> float | None:
-        """The value of a constant; None for anything else."""
+        """Value of a constant; None for other expressions."""
         return self.args[0] if self.op == "constant" else None
 
     def __add__(self, other: Any) -> Expression:
@@ -133,12 +133,12 @@ class Expression:
 
 
 def read(known: dict, *place: Any) -> Expression:
-    """A place in memory, as it is when the code begins."""
+    """Return the value of a place in memory when the code begins."""
     return Expression(known, "read", *place)
 
 
 def choose(condition: Expression, yes: Any, no: Any) -> Expression:
-    """One of two numbers."""
+    """Return `yes` where the condition holds, else `no`."""
     yes, no = condition.number(yes), condition.number(no)
     return yes if yes is no else condition._with("choose", condition, yes, no)
 
@@ -149,7 +149,7 @@ def _(a: Expression, b: Any) -> Expression:
 
 
 def square_root(x: Expression) -> Expression:
-    """The square root."""
+    """Return the square root."""
     return x._with("sqrt", x)
 
 
@@ -157,10 +157,10 @@ _ONE, _PLACES = 0x3FF0000000000000, 10
 
 
 def inverse_root(x: Expression, order: int) -> Expression:
-    """One over a root of a positive number, or up to a twelfth more: exact for 1.
+    """Return an estimate of x^(-1/order) for x > 0, at most a twelfth too large; exact for 1.
 
-    A number's bits are its logarithm, but for the fraction, which lies on a chord. Divided by the
-    order, for which shifts must do, they are the root's.
+    The bits of a number approximate its logarithm, with a linear interpolation of the fraction.
+    Shifts approximate the division of these bits by the order.
 
     References:
         J. F. Blinn, "Floating-point tricks", IEEE Computer Graphics and Applications 17 (1997)
@@ -171,18 +171,18 @@ def inverse_root(x: Expression, order: int) -> Expression:
         if rest * 2.0**place >= order:
             places.append(place)
             rest -= order / 2.0**place
-    # From what to take the bits, shifted by these places.
+    # The shifted bits are subtracted from this constant.
     start = _ONE + sum(_ONE >> place for place in places)
     return x._with("inverse root", x, start, tuple(places))
 
 
 def rounding(x: Expression) -> Expression:
-    """By how much rounding may take a few operations on numbers about one from what they give."""
+    """Return a bound on the rounding error of a few operations on numbers about one."""
     return x._with("rounding")
 
 
 def polynomial(powers: Sequence[Any], x: Expression) -> Any:
-    """A polynomial by its coefficients, in Horner's order."""
+    """Evaluate a polynomial from its coefficients, in ascending powers, by Horner's method."""
     value: Any = powers[-1]
     for power in reversed(powers[:-1]):
         value = power + x * value
@@ -190,7 +190,7 @@ def polynomial(powers: Sequence[Any], x: Expression) -> Any:
 
 
 def operands(x: Expression) -> tuple[Expression, ...]:
-    """What an expression is computed from."""
+    """Return the expressions that the code of an expression uses."""
     if x.op in ("sin", "cos"):
         return x.args[1:]
     if x.op == "near":
@@ -199,17 +199,17 @@ def operands(x: Expression) -> tuple[Expression, ...]:
 
 
 class Tangents:
-    """How expressions change as the entries that they read change: derivatives along a direction.
+    """Directional derivatives of expressions with respect to the entries that they read.
 
     Args:
-        seeds: The changes of entries; others stay.
+        seeds: Derivatives of the entries; those of all other entries are zero.
     """
 
     def __init__(self, seeds: Mapping[Expression, Expression]) -> None:
         self._done: dict[Expression, Expression | None] = dict(seeds)
 
     def __call__(self, x: Expression) -> Expression | None:
-        """The derivative; None where it is zero for certain."""
+        """Return the derivative; None if it is identically zero."""
         if x not in self._done:
             if x.op in ("sin", "cos"):
                 sine, cosine = sine_cosine(x.args[0])

@@ -1,4 +1,4 @@
-"""How bookkeeping is compiled: by numba, cached in this package's own folder."""
+"""Compilation of Python functions by numba, cached in this package's own folder."""
 
 from __future__ import annotations
 
@@ -30,29 +30,30 @@ if config.DISABLE_JIT:  # type: ignore[attr-defined]
         "compile: unset it, or set it to 0"
     )
 
-# "numpy": a division never raises.
+# "numpy": division by zero gives inf or NaN and does not raise.
 _OPTIONS: dict[str, Any] = {"error_model": "numpy", "no_cfunc_wrapper": True}
-# What kernels alone call needs no door for Python, which is a quarter of its compilation.
+# Functions that only kernels call need no Python wrapper, a quarter of their compilation time.
 _WITHIN: dict[str, Any] = _OPTIONS | {"no_cpython_wrapper": True}
 
 
 def jitted(function: Callable[..., Any]) -> Any:
-    """Compile a piece of bookkeeping that kernels call."""
+    """Compile a function that only kernels call."""
     return numba.njit(**_WITHIN)(function)
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """Compile a few operations that melt into whoever calls them."""
+    """Compile a short function that is inlined into its callers."""
     return numba.njit(forceinline=True, **_WITHIN)(function)
 
 
 class _Kept(NullCache):
-    """Numba's door to what is kept of a function, which it opens before and after it compiles.
+    """Numba's interface to this package's cache, for one function.
 
-    Numba's own cache trusts what it finds and stops where it cannot write.
+    Numba's own cache does not check what it loads, and fails where it cannot write.
 
     Args:
-        function: What is compiled; of its sources, `cache.fingerprint` leaves out its own file.
+        function: The function to compile. The cache key includes its source file, which
+            `cache.fingerprint` may not cover.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -65,24 +66,24 @@ class _Kept(NullCache):
         return f"{self._function}-{hashlib.sha256(told.encode()).hexdigest()[:16]}.nb"
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
-        """The compiled function for arguments of these types, if it is kept."""
+        """Load the compiled function for arguments of these types, if it is cached."""
         target_context.refresh()
         data = cache.found(self._name(sig, target_context.codegen()))
         return data and CompileResult._rebuild(target_context, *pickle.loads(data))
 
     def save_overload(self, sig: Any, cres: Any) -> None:
-        """Keep a compiled function."""
+        """Write a compiled function to the cache."""
         cache.keep(self._name(sig, cres.codegen), dumps(cres._reduce()))
 
 
 class Kernel:
-    """An entry point: compiled when first called, cached on disk, free of Python's lock.
+    """An entry point: compiled when first called, cached on disk, releases Python's lock.
 
-    Other kernels may call it: they find it in the cache, where `jitted` functions are compiled
-    anew for each kernel.
+    Other kernels may call it and load it from the cache. `jitted` functions are compiled again for
+    each kernel.
 
     Args:
-        function: What to compile.
+        function: The function to compile.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -90,26 +91,26 @@ class Kernel:
 
     @cached_property
     def compiled(self) -> Any:
-        """What numba makes of it."""
+        """Numba's dispatcher of the function."""
         dispatcher: Any = numba.njit(nogil=True, **_OPTIONS)(self.function)
         dispatcher._cache = _Kept(self.function)
         announce(dispatcher, f"the kernel {self.function.__name__.strip('_')}")
         return dispatcher
 
     def __call__(self, *arguments: Any) -> Any:
-        """Run it."""
+        """Run the kernel."""
         return self.compiled(*arguments)
 
 
 @typeof_impl.register(Kernel)
 def _(kernel: Kernel, _: Any) -> types.Dispatcher:
-    """What a kernel is to another that calls it."""
+    """Return the numba type of a kernel, for kernels that call it."""
     return types.Dispatcher(kernel.compiled)
 
 
 @intrinsic
 def _call(typing_context, function, first, second, lane, planes, x, y):  # type: ignore[no-untyped-def]
-    """Call native code by its address; see `native.Function` for what it takes."""
+    """Call native code by its address; see `native.Function` for its arguments."""
 
     def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         address, *rest = arguments
@@ -124,7 +125,7 @@ def _call(typing_context, function, first, second, lane, planes, x, y):  # type:
 
 @intrinsic
 def _fma(typing_context, a, b, c):  # type: ignore[no-untyped-def]
-    """The sum a * b + c, rounded once."""
+    """Return the sum a * b + c, rounded once."""
 
     def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         return builder.fma(*arguments)
@@ -135,7 +136,7 @@ def _fma(typing_context, a, b, c):  # type: ignore[no-untyped-def]
 
 @intrinsic
 def _address(typing_context, array):  # type: ignore[no-untyped-def]
-    """Where an array's entries begin (in a tenth of the time that `array.ctypes` compiles in)."""
+    """Return the address of an array's data; compiles ten times faster than `array.ctypes`."""
 
     def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         data = context.make_array(signature.args[0])(context, builder, arguments[0]).data
@@ -146,7 +147,7 @@ def _address(typing_context, array):  # type: ignore[no-untyped-def]
 
 @intrinsic
 def _view(typing_context, address, shape, dtype):  # type: ignore[no-untyped-def]
-    """The contiguous array that lies at an address, with nothing to compile besides."""
+    """Return the contiguous array at an address; compiles no further functions."""
     kind = types.Array(dtype.dtype, len(shape), "C")
 
     def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
@@ -164,11 +165,11 @@ def _view(typing_context, address, shape, dtype):  # type: ignore[no-untyped-def
 
 @intrinsic
 def _uniform(typing_context, generator):  # type: ignore[no-untyped-def]
-    """The next number from 0 to 1 of the NumPy generator whose `bitgen_t` lies at an address."""
+    """Draw a number in [0, 1) from the NumPy generator with its `bitgen_t` at an address."""
 
     def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
         word, number = ir.IntType(64), ir.DoubleType()
-        members = builder.inttoptr(arguments[0], word.as_pointer())  # state, three functions of it
+        members = builder.inttoptr(arguments[0], word.as_pointer())  # state, then functions
 
         def member(i: int) -> Any:
             return builder.load(builder.gep(members, [ir.Constant(word, i)]))
@@ -189,7 +190,7 @@ view: Any = _view
 
 @inlined
 def entry(array, i):  # type: ignore[no-untyped-def]
-    """Where an entry of an array lies; a slice would be counted as another owner of the array."""
+    """Return the address of an array's entry; a slice would add a reference to the array."""
     return address(array) + i * array.itemsize
 
 

@@ -1,13 +1,13 @@
-"""What happens within a step: events found, landed on, or ruled out, one lane at a time.
+"""Event location within an integration step, one lane at a time.
 
-Steps end on strikes that are foreseen, or nearly so: the rest of the way is gone along the
-polynomial through the step's last accelerations, where that is as exact as the step. Otherwise the
-step is repeated from its start with Newton's method on its *length*; a quintic through both ends of
-the step says where to begin.
+Steps end on or near predicted impacts. The remaining time is then integrated along the polynomial
+through the step's last accelerations, if that is as accurate as the step. Otherwise the step is
+repeated from its start, with Newton's method on its *length*. A quintic through both ends of the
+step gives the initial guess.
 
-Events are a phase's guards, by their place in it, from 1 on; `course` holds how they run over the
-step, as `step.Equations.look` writes it. A tile's planes of derivatives follow the values: what a
-step's length depends on shifts its end along the motion.
+Events are the guards of a phase, numbered from 1 on. `course` holds the values and derivatives of
+guards at both ends of the step, as `one_lane.OneLane.look` writes them. Planes of derivatives are
+integrated with the values: derivatives of a step's length shift the end along the motion.
 """
 
 from __future__ import annotations
@@ -24,27 +24,27 @@ from gym_passive_walker.engine.step import (
 from gym_passive_walker.physics.hybrid import Watch
 
 TIME_UP, LOST, GIVEN_UP = -1, -2, -3
-"""What ends a phase besides its guards: the time asked for, numbers that are not finite, or a
-motion too fast to be followed in `MOST_STEPS`."""
+"""Ends of a phase other than guards: the time limit, numbers that are not finite, or a motion too
+fast for `MOST_STEPS` integration steps."""
 
 _DOUBT = 0.05
-"""Share of what a guard changes by in a step within which its quintic cannot tell on which side of
-zero it turns: the quintic is of lower order than the step."""
+"""Share of a guard's change in a step within which the sign of its extremum is uncertain: the
+quintic is of lower order than the step."""
 
 _BRINK = 1e-6
-"""Share of a step beside its ends in which a turn hides nothing: it reaches no deeper than
+"""Share of a step near its ends in which an extremum cannot hide two crossings: its depth is within
 rounding."""
 
 _TOGETHER = 1e-14
-"""How near to zero a guard must be before it is told which of two falls first; where both are as
-near, either may."""
+"""Distance of a guard from zero at which the first of two events is decided; where both guards are
+as near, either event may be chosen."""
 
 _SCUFF = int(Watch.SCUFF)
 
 
 @inlined
 def go_on(tile, lane):
-    """Next step: the proposed length, or what is left of the time."""
+    """Set the next step to the proposed length, or to the remaining time."""
     rest = tile.end[lane] - tile.time[lane]
     following = tile.next[lane]
     tile.h[lane] = following if STRETCH * following < rest else rest
@@ -52,25 +52,25 @@ def go_on(tile, lane):
 
 @inlined
 def value(p, x):
-    """A polynomial of fifth degree at x."""
+    """Evaluate a polynomial of fifth degree at x."""
     return fma(x, fma(x, fma(x, fma(x, fma(x, p[5], p[4]), p[3]), p[2]), p[1]), p[0])
 
 
 @inlined
 def derivative(p):
-    """Coefficients of the polynomial's derivative."""
+    """Return the coefficients of the derivative of a polynomial of fifth degree."""
     return p[1], 2.0 * p[2], 3.0 * p[3], 4.0 * p[4], 5.0 * p[5], 0.0 * p[5]
 
 
 @jitted
 def root(p):
-    """A root in [0, 1] of a polynomial whose ends differ in sign, by bracketed Newton steps."""
+    """Find a root in [0, 1] by bracketed Newton steps; the signs at 0 and 1 must differ."""
     low, high = 0.0, 1.0
     first, last = value(p, 0.0), value(p, 1.0)
     rising = last > 0.0
     d = derivative(p)
     x = first / (first - last)
-    if not 0.0 <= x <= 1.0:  # rounding of huge coefficients has hidden the change of sign
+    if not 0.0 <= x <= 1.0:  # rounding of huge coefficients may hide the sign change
         x = 0.5
     for _ in range(60):
         g = value(p, x)
@@ -82,7 +82,7 @@ def root(p):
         new = x - g / slope if slope != 0.0 else 0.5 * (low + high)
         if not low < new < high:
             new = 0.5 * (low + high)
-        if abs(new - x) < 1e-6:  # the next change would be its square
+        if abs(new - x) < 1e-6:  # quadratic convergence: the next change is about its square
             return new
         x = new
     return x
@@ -90,7 +90,10 @@ def root(p):
 
 @inlined
 def path(course, i, h):
-    """A guard over a step of length h, as the quintic with its values, slopes and curvatures."""
+    """Return the quintic that matches guard i's values and two derivatives at both ends of a step.
+
+    Its variable is the fraction of the step, of length h.
+    """
     g0, v0, a0 = course.before[i], course.rate_before[i] * h, course.bend_before[i] * h * h
     v1, a1 = course.rate_after[i] * h, course.bend_after[i] * h * h
     rise = course.after[i] - g0 - v0 - 0.5 * a0
@@ -108,16 +111,16 @@ def path(course, i, h):
 
 @inlined
 def further(course, i, ahead):
-    """A guard a little beyond the step's end, where a correction of its length leads."""
+    """Extrapolate a guard by the time `ahead` beyond the step's end, to second order."""
     return course.after[i] + ahead * (course.rate_after[i] + 0.5 * ahead * course.bend_after[i])
 
 
 @jitted
 def counts(phase, course, i, h, x):
-    """Whether the fall of a guard may count at a fraction x of the step.
+    """Return whether a guard's crossing may count at a fraction x of the step.
 
-    Where what it counts by is near zero there, it may: that is decided where the walker lands. Not
-    so where the step begins, where it is known.
+    Where a condition of the guard is near zero, the crossing may count; the state at the event
+    decides. At the start of the step the conditions are known.
     """
     for k in range(phase.first_where[i], phase.first_where[i] + phase.wheres[i]):
         before, after = course.before[k], course.after[k]
@@ -131,7 +134,10 @@ def counts(phase, course, i, h, x):
 
 @jitted
 def fell(phase, course, i, h, scuff, ahead):
-    """Where in a step, or a little beyond, a guard falls through zero and may count; or -1."""
+    """Return the fraction of the step at which a guard falls through zero and may count; or -1.
+
+    A crossing up to the time `ahead` beyond the end is included, with the fraction 1.
+    """
     if phase.watch[i] == _SCUFF and not scuff:
         return -1.0
     if not (course.before[i] > 0.0 and further(course, i, ahead) <= 0.0):
@@ -142,7 +148,7 @@ def fell(phase, course, i, h, scuff, ahead):
 
 @jitted
 def turning(tile, phase, course, lane, k):
-    """Where in the step the coordinate that a control moves turns back: a fraction, or -1."""
+    """Return the fraction of the step at which a control's coordinate reverses; or -1."""
     i = phase.guards + k
     if course.rate_before[i] * course.rate_after[i] >= 0.0 or tile.control[k, lane] == 0.0:
         return -1.0
@@ -151,10 +157,10 @@ def turning(tile, phase, course, lane, k):
 
 @jitted
 def between_turns(course, i, h):
-    """Where in the step something that turns back twice passes from one turn to the other; or -1.
+    """Return the fraction of the step between two reversals of a coordinate; or -1 if not two.
 
-    Cut there, each part has one turn. Not looked for where it speeds up at first or slows down at
-    last: it would have to change its mind three times in a step.
+    Split there, each part has one reversal. A coordinate that speeds up at the start or slows down
+    at the end is skipped: its acceleration would need three sign changes in one step.
     """
     before, after = course.rate_before[i], course.rate_after[i]
     if before * course.bend_before[i] >= 0.0 or after * course.bend_after[i] <= 0.0:
@@ -169,10 +175,10 @@ def between_turns(course, i, h):
 
 @jitted
 def hiding(course, i, h):
-    """Where in the step a guard turns back so near zero that it may pass it twice.
+    """Find an extremum of a guard so near zero that the guard may cross zero twice.
 
     Returns:
-        A fraction of the step; -1 if there is nothing to hide, or the step ends there already.
+        The fraction of the step; -1 if there is none, or the step starts or ends there already.
     """
     if course.rate_before[i] * course.rate_after[i] >= 0.0:
         return -1.0
@@ -186,7 +192,10 @@ def hiding(course, i, h):
 
 @jitted
 def again(course, i, h, between):
-    """Where in the step a guard has passed zero, to pass it again before the step ends; or -1."""
+    """Return the fraction of the step after a guard's first of several crossings; or -1.
+
+    The guard is evaluated at `between` places within the step and at the end.
+    """
     p = path(course, i, h)
     positive, passed, first = p[0] > 0.0, 0, -1.0
     for k in range(1, between + 2):
@@ -200,7 +209,7 @@ def again(course, i, h, between):
 
 @inlined
 def far(course, i, h):
-    """Whether a guard stays so far above zero that its quintic cannot come near it."""
+    """Return whether a guard stays so far above zero that its quintic cannot reach zero."""
     sway = (
         h * (abs(course.rate_before[i]) + abs(course.rate_after[i]))
         + h * h * (abs(course.bend_before[i]) + abs(course.bend_after[i]))
@@ -211,11 +220,11 @@ def far(course, i, h):
 
 @jitted
 def earliest(phase, course, h, scuff, but):
-    """What comes first within a step, among all events but one.
+    """Find the first event within a step, except the event `but` (0 for none).
 
     Returns:
-        A fraction of the step, and the event that falls there; or -1 for a turn there that may
-        hide one; or 0 for nothing.
+        A fraction of the step, and the event there; or -1 for an extremum that may hide one; or 0
+        for no event.
     """
     first, event = 2.0, 0
     for i in range(phase.guards):
@@ -244,7 +253,7 @@ def accept(tiles, courses, phase, lane, event, late):
 
 @inlined
 def aim(tile, lane, event, fraction, high):
-    """Repeat the step from its start, with the length that leads to an event's first estimate."""
+    """Repeat the step from its start, with the length of the first estimate of an event."""
     tile.event[lane] = event
     tile.low[lane], tile.high[lane] = 0.0, high
     tile.h[lane] = fraction * high
@@ -252,7 +261,7 @@ def aim(tile, lane, event, fraction, high):
 
 @jitted
 def rival(phase, course, event, h, scuff, ahead):
-    """Another event that has happened where a correction of the step's length leads; 0 if none."""
+    """Return another event up to the time `ahead` beyond the step's end; 0 if there is none."""
     for i in range(phase.guards):
         if i + 1 != event and fell(phase, course, i, h, scuff, ahead) >= 0.0:
             return i + 1
@@ -261,19 +270,22 @@ def rival(phase, course, event, h, scuff, ahead):
 
 @inlined
 def look(tiles, courses, phase, lane):
-    """Have the phase's guards over a lane's step written down."""
+    """Evaluate the phase's guards at both ends of a lane's step, into the course."""
     call(phase.look, address(tiles), address(courses), lane, len(tiles) - 1, 0.0, 0.0)
 
 
 @inlined
 def expect(tiles, courses, phase, lane, options):
-    """Have it written down when the strike comes, counted from a step's end."""
+    """Predict the time of the impact after a step's end, into the course."""
     call(phase.onto, address(tiles), address(courses), lane, 0, options.tolerance, 0.0)
 
 
 @inlined
 def correction_to(course, event, strike, h, options):
-    """By how much a step misses an event, and whether its end may be moved there."""
+    """Return the time from the step's end to an event.
+
+    Also returns the guard's rate at the end, and whether the end may be moved by that time.
+    """
     g, speed = course.after[event - 1], course.rate_after[event - 1]
     late, close = -g / speed if speed != 0.0 else 0.0, False
     if event == strike and abs(course.late) <= NEAR * h:
@@ -283,7 +295,7 @@ def correction_to(course, event, strike, h, options):
 
 @inlined
 def landed(tile, course, lane, event):
-    """The event that a step has ended on; 0, and the walker goes on, where it does not count."""
+    """Return the event that a step has ended on; 0, with a next step, if it does not count."""
     if course.counted > 0.0:
         return event
     go_on(tile, lane)
@@ -292,7 +304,7 @@ def landed(tile, course, lane, event):
 
 @jitted
 def land(tiles, courses, phase, lane, options):
-    """A Newton step on the length of the step that leads to the lane's event.
+    """Take one Newton step on the length of the step that ends on the lane's event.
 
     Returns:
         The event, if the step ends on it; 0 to try again.
@@ -309,7 +321,7 @@ def land(tiles, courses, phase, lane, options):
         expect(tiles, courses, phase, lane, options)
     correction, speed, close = correction_to(course, event, phase.strike, h, options)
     narrow = high - low <= 4e-16 * high
-    # Where the guard rises, or touches zero, Newton leads to the way out or nowhere.
+    # Where the guard rises or touches zero, Newton's method finds the wrong root or none.
     inside = speed < 0.0 and (low <= h + correction <= high or close)
     close = close and speed < 0.0
     other = 0
@@ -331,7 +343,7 @@ def land(tiles, courses, phase, lane, options):
 
 @jitted
 def strike(tiles, courses, phase, lane, options):
-    """Whether a step ends so near to the strike that it has been moved there."""
+    """Move the end of a step onto the impact if it is near enough; return whether it was moved."""
     tile, course = tiles[0], courses[0]
     expect(tiles, courses, phase, lane, options)
     late, speed, close = correction_to(course, phase.strike, phase.strike, tile.h[lane], options)
@@ -347,7 +359,7 @@ def strike(tiles, courses, phase, lane, options):
 
 @jitted
 def attend(tiles, courses, phase, lane, options):
-    """Look at one lane after its step: reject it, shorten it, land on an event, or accept it.
+    """Process one lane after its step: reject or shorten the step, locate an event, or accept it.
 
     Returns:
         The event that ends the phase; TIME_UP, LOST or GIVEN_UP; 0 to go on.
@@ -364,11 +376,11 @@ def attend(tiles, courses, phase, lane, options):
         return land(tiles, courses, phase, lane, options)
 
     if not error <= 1.0:
-        tile.event[lane] = 0.0  # where a step is not to be trusted, neither is its event
+        tile.event[lane] = 0.0  # the event of a rejected step is not reliable
         shorter = tile.growth[lane] if error > 1.0 else 0.1
         tile.next[lane] = h * shorter
         tile.h[lane] = h * shorter
-        # Less than twice as long as it may be: it tells where an event cuts the next step short.
+        # A step less than twice too long still shows where an event shortens the next one.
         if shorter > 0.5 * SAFETY and not aimed:
             first, event = earliest(phase, course, h, scuff, 0)
             if event > 0 and first < 0.8 * shorter:
@@ -394,7 +406,7 @@ def attend(tiles, courses, phase, lane, options):
         if strike(tiles, courses, phase, lane, options):
             return landed(tile, course, lane, phase.strike)
     first, event = earliest(phase, course, h, scuff, 0)
-    if event < 0:  # stop where a pair of roots may hide, between them
+    if event < 0:  # end the step between two possible roots
         tile.next[lane] = h
         tile.h[lane] = first * h
         return 0

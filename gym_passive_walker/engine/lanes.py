@@ -1,8 +1,8 @@
-"""Carrying walkers through one phase, each with its own time and step, to its event.
+"""Integration of a batch through one phase, each walker with its own time and step size.
 
-Lanes whose walker is done are filled from the records still waiting, so no lane waits for another.
-Lanes are filled in whole groups of `GROUP`, so every walker passes through the same instructions
-wherever it stands: its trajectory is bitwise the same alone and in any crowd.
+A lane that finishes takes the next waiting record, so no lane waits for another. Lanes run in whole
+groups of `GROUP`, so every walker takes the same instructions in any lane. A trajectory is
+therefore bitwise equal alone and in any batch.
 """
 
 from __future__ import annotations
@@ -21,13 +21,17 @@ _FALLS = int(Outcome.FELL_FORWARD)
 _LINE = 8 * GROUP  # bytes from one group of a tile's lanes to the next
 
 WAITING, RESTING = int(Outcome.RUNNING), -1
-"""Outcomes of a record that is to be carried on, or has been until its time was up; and of one that
-is to be left as it is."""
+"""Outcomes of a record that is to be integrated or has reached its time limit; and of one that must
+not change."""
 
 
 @inlined
 def came(tiles, courses, phase, lane, options):
-    """What has come of a lane's step: as of `landing.attend`."""
+    """Return the result of a lane's step, as `landing.attend` does.
+
+    Returns:
+        The event that ends the phase; TIME_UP, LOST or GIVEN_UP; 0 to go on.
+    """
     verdict = tiles[0].verdict[lane]
     if verdict == ALERT:
         return attend(tiles, courses, phase, lane, options)
@@ -36,7 +40,7 @@ def came(tiles, courses, phase, lane, options):
 
 @inlined
 def leave(record, body, tiles, phase, lane, event, options):
-    """Take a walker out of its lane, and through the strike that has ended its phase, if any."""
+    """Write a walker from its lane to its record, and apply the impact that ended its phase."""
     planes, up = len(tiles) - 1, 1.0 if event == TIME_UP else 0.0
     call(phase.unload, address(tiles), address(record), lane, planes, up, 0.0)
     if event == TIME_UP:
@@ -53,22 +57,23 @@ def leave(record, body, tiles, phase, lane, event, options):
 
 @jitted
 def carry(records, bodies, phase, number, tiles, courses, options):
-    """Take every record that waits in a phase through it: to its event, or to its time's end.
+    """Integrate every record that waits in a phase to its event or its time limit, in place.
 
-    Records with an outcome other than RUNNING are left alone; the outcome becomes an `Outcome`, or
-    stays where the time is up. Who struck has done so: it may wait in another phase.
+    Records with an outcome other than RUNNING are not changed. An event sets the outcome; at the
+    time limit the outcome stays RUNNING. An impact is applied, after which a record may wait in
+    another phase.
 
     Args:
-        records: Shape (n, planes).
-        bodies: Walkers' constants, (1 or n, planes, constants).
+        records: Records, (n, planes) of RECORD.
+        bodies: Constants of the walkers, (1 or n, planes, constants).
         phase: A `compiled.PHASE`.
-        number: Its place in the system.
-        tiles: Shape (planes,).
-        courses: Shape (planes,).
+        number: Index of the phase in its system.
+        tiles: Working memory, (planes,) of TILE.
+        courses: Working memory, (planes,) of COURSE.
         options: An `OPTIONS`.
     """
     owner, queue, waiting = np.empty(WIDTH, np.int64), np.empty(len(records), np.int64), 0
-    for i in range(len(records)):  # no branch: which phase a walker is in cannot be foretold
+    for i in range(len(records)):  # without a branch, which would be mispredicted
         queue[waiting] = i
         waiting += (records[i, 0].phase == number) & (records[i, 0].outcome == WAITING)
     origin, planes, alike = address(tiles), len(tiles) - 1, len(bodies) == 1
@@ -85,7 +90,7 @@ def carry(records, bodies, phase, number, tiles, courses, options):
                 leave(records[i], body, tiles, phase, lane, event, options)
                 owner[lane] = -1
                 going -= 1
-        # Fill what is free from those who wait.
+        # Fill free lanes with waiting records.
         lane = 0
         while going < WIDTH and lane < WIDTH and called < waiting:
             if lane >= used or owner[lane] < 0:
@@ -103,7 +108,7 @@ def carry(records, bodies, phase, number, tiles, courses, options):
             lane += 1
         if going == 0:
             return
-        # Whoever is left at the end moves together where that saves a group.
+        # When no records wait, the last walkers move together to use fewer groups.
         groups = (going + GROUP - 1) // GROUP
         lane = 0
         while used > groups * GROUP:
@@ -115,7 +120,7 @@ def carry(records, bodies, phase, number, tiles, courses, options):
             source = origin + 8 * used
             call(phase.move, origin + 8 * lane, source, 0, planes, 0.0, 0.0)
             owner[lane] = owner[used]
-        for group in range(groups):  # idle lanes compute along, unread
+        for group in range(groups):  # idle lanes compute too; their results are ignored
             here = origin + _LINE * group
             if fresh:
                 call(phase.first, here, phase.table, 0, planes, 0.0, 0.0)

@@ -1,8 +1,8 @@
-"""What the engine keeps of a walker: its record, and its lane of a tile.
+"""Memory layouts of the engine: records and tiles.
 
-A *record* is all that the engine knows of a walker between two calls. A *tile* holds the walkers
-that are being carried through a phase, side by side: each entry is a row of `WIDTH` lanes. Behind a
-record and a tile may stand *planes* of the same layout, with derivatives along a direction each.
+A *record* holds all data of a walker between two calls. A *tile* holds the walkers that are being
+integrated through a phase: each entry is a row of `WIDTH` lanes. *Planes* of the same layout may
+follow a record or a tile; each holds the derivatives along one direction.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from gym_passive_walker.engine.verner import VERNER
 from gym_passive_walker.physics.hybrid import Control, Ground, State, System
 
 PAIR = VERNER
-"""The method that steps are made with."""
+"""The Runge-Kutta pair."""
 
 WIDTH = 2 * GROUP
-"""Walkers in a tile: enough to hide the latency of one vector behind another, few enough that a
-tile stays in the first-level cache."""
+"""Walkers in a tile: enough to hide the latency of vector instructions, few enough that a tile fits
+in the first-level cache."""
 
 MOST_CONSTANTS = 24
-"""Constants of a body that the equations of one phase may use."""
+"""Largest number of constants of a body that the equations of one phase use."""
 
 MOST_GUARDS = 16
-"""Guards that a phase may have, with what controls move and what guards count by."""
+"""Largest number of guards, coordinates of controls, and conditions of guards in a phase."""
 
 _GROUND = len(Ground._fields)
 
@@ -85,8 +85,8 @@ def record_for(layout: Layout) -> np.dtype:
         ("gravity_work", "f8"),  # in it
         ("spring_work", "f8"),
         ("push_work", "f8"),
-        ("place", "f8"),  # of the hip from where its foot stands at stance angle 0
-        ("passed", "f8"),  # likewise, of the old foot, as the last heelstrike came
+        ("place", "f8"),  # of the hip, from its place at stance angle 0
+        ("passed", "f8"),  # place of the hip over the old foot at the last heelstrike
         ("phase", "i8"),  # index in the system's phases
         ("outcome", "i8"),
         ("steps", "i8"),  # integration steps tried
@@ -122,20 +122,20 @@ def tile_for(pair: Pair, width: int = WIDTH, layout: Layout = NARROW) -> np.dtyp
             ("moved", "f8", (controls, *line)),
             ("turned", "f8", (controls, *line)),
             ("lost", "f8", line),  # to friction
-            ("power", "f8", line),  # that friction takes, on average over the step
+            ("power", "f8", line),  # of friction, mean over the step
             ("ground", "f8", (_GROUND, *line)),
             ("control", "f8", (controls, *line)),
             ("body", "f8", (MOST_CONSTANTS, *line)),
             ("h", "f8", line),  # length of the step
-            ("ahead", "f8", line),  # when the strike is expected after its end; 0 if it is not near
-            ("next", "f8", line),  # proposed length of the next
+            ("ahead", "f8", line),  # predicted time of the impact after its end; 0 if not near
+            ("next", "f8", line),  # proposed length of the next step
             ("time", "f8", line),
             ("end", "f8", line),
-            ("error", "f8", line),  # of the step, over what the tolerance allows
-            ("growth", "f8", line),  # factor to the next step's length that this allows
+            ("error", "f8", line),  # of the step, over the tolerance
+            ("growth", "f8", line),  # factor to the next step's length
             ("verdict", "f8", line),
             ("event", "f8", line),  # the guard that the step is aimed at, from 1 on
-            ("low", "f8", line),  # what that guard's fall lies between
+            ("low", "f8", line),  # bracket of that event's time
             ("high", "f8", line),
             ("steps", "f8", line),
             ("fresh", "f8", line),  # whether the walker has just been loaded
@@ -173,7 +173,7 @@ COURSE = course_for(NARROW)
 
 
 def aligned(layout: np.dtype, planes: int) -> NDArray:
-    """Zeros of a layout, (planes,), each vector in one line of the cache."""
+    """Return zeros of a layout, (planes,), aligned to cache lines of 64 bytes."""
     size = layout.itemsize * planes
     buffer = np.zeros(size + 64, np.uint8)
     start = -buffer.ctypes.data % 64

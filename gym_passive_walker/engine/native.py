@@ -1,8 +1,7 @@
-"""Machine code for expressions, over single numbers or over the lanes of a vector.
+"""LLVM code for expressions, over single numbers or over the lanes of a vector.
 
-A product that only a sum needs is rounded together with it, by a fused instruction that is asked
-for by name: nothing is left to a compiler's taste, so every processor, with vectors of any width,
-computes the same walk to the last bit.
+A product that only one sum uses becomes an explicit fused multiply-add. The compiler chooses no
+contractions, so trajectories are bitwise equal on all CPUs and vector widths.
 """
 
 from __future__ import annotations
@@ -24,18 +23,18 @@ _NUMBERS = ("%x", "%y")
 _COMPARED = {"<": "olt", "<=": "ole", ">": "ogt", ">=": "oge"}
 _ARITHMETIC = {"mul": "fmul", "div": "fdiv", "add": "fadd", "sub": "fsub"}
 _INTRINSICS = {"abs": "fabs", "sqrt": "sqrt"}
-_OF_THE_SYSTEM = ("exp", "tanh")  # functions of its library, of single numbers
-_ROUNDING = 2e-15  # what rounding may do, to numbers about one
+_OF_THE_SYSTEM = ("exp", "tanh")  # functions of the C library, of single numbers
+_ROUNDING = 2e-15  # bound on rounding errors of numbers about one
 
 
 class Module:
-    """Native functions that belong together, as text for LLVM.
+    """A module of native functions, as LLVM text.
 
     Args:
-        fuses: Whether a product that only a sum needs is rounded together with it.
+        fuses: Whether a product that only one sum uses becomes a fused multiply-add.
 
     Attributes:
-        table: The constants of the module's vectors, and where in its table they stand.
+        table: Constants of vector code, with their index in the module's table.
     """
 
     def __init__(self, *, fuses: bool = True) -> None:
@@ -47,7 +46,7 @@ class Module:
     def function(
         self, name: str, layouts: tuple[np.dtype, ...], *, active: Collection[str] = ()
     ) -> Function:
-        """A new function of the module; see `Function` for what it takes."""
+        """Begin a new function of the module; see `Function` for the arguments."""
         return Function(self, name, layouts, active=active)
 
     def __str__(self) -> str:
@@ -57,20 +56,20 @@ class Module:
 
 
 def _written(value: float) -> str:
-    """A number as LLVM reads it: by its bits."""
+    """Return a number in LLVM's hexadecimal notation."""
     return "0x" + struct.pack(">d", value).hex()
 
 
 class Memory:
-    """What stands at one of a native function's addresses: fields by name, read and written.
+    """Memory at one of a native function's addresses: fields to read and write by name.
 
     Args:
-        layout: The fields; of a tile, each entry is a row of lanes.
-        base: Which address, 0 or 1.
-        known: Expressions made so far.
+        layout: The fields; each entry of a tile is a row of lanes.
+        base: Number of the address, 0 or 1.
+        known: All expressions of the function so far.
 
     Attributes:
-        writes: What is to be written where.
+        writes: Expressions to write, by field and index.
     """
 
     def __init__(self, layout: np.dtype, base: int, known: dict) -> None:
@@ -78,7 +77,7 @@ class Memory:
         self.writes: dict[tuple[str, int], Expression] = {}
 
     def __getitem__(self, place: str | tuple) -> Expression:
-        """A field, or the entry of a field: as it is, or as it will be if it has been written."""
+        """Return a field or an entry of a field: the expression last written, else a read."""
         name, index = self._place(place)
         if (name, index) in self.writes:
             return self.writes[name, index]
@@ -95,11 +94,11 @@ class Memory:
         return name, int(np.ravel_multi_index(index, shape)) if index else 0
 
     def entries(self, name: str) -> list[Expression]:
-        """The first entries of a field, in order."""
+        """Return the entries of a field along its first axis, in order."""
         return [self[name, i] for i in range(self.layout[name].shape[0])]
 
     def argument(self, index: int) -> Expression:
-        """One of the two numbers that the function is called with."""
+        """Return one of the two numbers that the function takes as arguments, by index."""
         return Expression(self.known, "argument", index)
 
 
@@ -108,18 +107,17 @@ Code = Callable[..., None]
 
 
 class Function:
-    """A native function under construction: straight-line codes, one after the other.
+    """A native function under construction: a sequence of straight-line codes.
 
-    It is called with two addresses, a lane, the number of planes behind the values, and two
+    Its arguments are two addresses, a lane, the number of planes behind the values, and two
     numbers.
 
     Args:
-        module: Where it belongs.
-        name: Its name.
-        layouts: What stands at its addresses.
-        active: Names of the fields that have tangents, one in each plane behind the values, laid
-            out as they are. Values are computed once; a loop over the planes makes the tangents of
-            them.
+        module: Module of the function.
+        name: Name of the function.
+        layouts: Layouts of the memory at its addresses.
+        active: Names of the fields that have derivatives, in planes of the same layout behind the
+            values. Values are computed once, derivatives in a loop over the planes.
     """
 
     def __init__(
@@ -131,7 +129,7 @@ class Function:
         active: Collection[str] = (),
     ) -> None:
         self.module, self.layouts, self.active = module, layouts, active
-        # What finds no room in registers waits on the stack: in one line of the cache each.
+        # The stack is aligned so that each spilled register lies in one cache line.
         self.lines = [
             f"define void @{name}({_PARAMETERS}) nounwind alignstack({8 * GROUP}) {{",
             "b0:",
@@ -142,27 +140,27 @@ class Function:
         self.values, self.block = 0, 0
 
     def new(self, instruction: str) -> str:
-        """The name of what an instruction gives."""
+        """Append an instruction, and return the name of its result."""
         self.values += 1
         self.lines.append(f"%v{self.values} = {instruction}")
         return f"%v{self.values}"
 
     def over_lanes(self, code: Code) -> None:
-        """Run code over a group of lanes; the first memory is a tile, from that group on.
+        """Append code over a group of lanes; the first memory is a tile, from that group on.
 
-        Constants are read from the module's table, at the second address: as operands in memory
-        they cost nothing, where each by itself would need its address spelled out.
+        The second address is the module's table of constants. Memory operands cost nothing;
+        separate constants would each need an address to be loaded.
         """
         self._emit(code, vector=True)
-        self.block += 1  # each code is scheduled by itself
+        self.block += 1  # a block of its own, scheduled separately
         self.lines += [f"br label %b{self.block}", f"b{self.block}:"]
 
     def once(self, code: Code, *, lane: bool = False) -> None:
-        """Run code over single numbers; if asked for, of one lane where the first memory is one."""
+        """Append code over single numbers; with `lane`, over one lane of the first memory."""
         self._emit(code, lane=lane)
 
     def end(self) -> None:
-        """Close the function."""
+        """Finish the function."""
         self.module.functions.append("\n".join([*self.lines, "ret void", "}"]))
 
     def _emit(self, code: Code, *, vector: bool = False, lane: bool = False) -> None:
@@ -185,11 +183,11 @@ class Function:
         self.lines += loop
 
     def _emitter(self, uses: Counter[Expression], *, vector: bool, lane: bool) -> Emitter:
-        """What writes the instructions of a code."""
+        """Return an emitter for the instructions of one code."""
         return Emitter(self, uses, vector=vector, lane=lane)
 
     def _over_planes(self, emit: Emitter, changes: dict[tuple, Expression]) -> list[str]:
-        """The loop that writes tangents; what is the same in all planes is computed before it."""
+        """Return the loop that writes derivatives; invariant expressions are computed before it."""
         block, self.block = self.block, self.block + 1
         number = self.block
         addresses = [
@@ -220,7 +218,7 @@ class Function:
 
 
 def uses(roots: Iterable[Expression]) -> Counter[Expression]:
-    """How often each expression is an operand, or written."""
+    """Count how often each expression is an operand or a root."""
     uses: Counter[Expression] = Counter(roots)
     waiting = list(uses)
     seen = set(waiting)
@@ -234,7 +232,7 @@ def uses(roots: Iterable[Expression]) -> Counter[Expression]:
 
 
 class Emitter:
-    """Instructions for expressions, each computed once."""
+    """Emits instructions for expressions, each computed once."""
 
     def __init__(
         self, owner: Function, uses: Counter[Expression], *, vector: bool, lane: bool
@@ -249,17 +247,17 @@ class Emitter:
         self.varying: dict[Expression, bool] = {}
 
     def enter_planes(self, before: list[str], plane: int, uses: Counter[Expression]) -> None:
-        """From now on instructions are those of a loop over planes.
+        """Begin a loop over planes; further instructions belong to the loop.
 
         Args:
-            before: Where to put what is the same in all of them.
-            plane: What the loop's addresses are called after.
-            uses: How often expressions are used in it.
+            before: Instructions before the loop; invariant expressions are appended here.
+            plane: Number in the names of the loop's addresses.
+            uses: Number of uses of each expression in the loop.
         """
         self.before_planes, self.plane, self.uses = before, plane, uses
 
     def __call__(self, x: Expression) -> str:
-        """What an expression's value is called in the code, which has computed it by then."""
+        """Return the name of an expression's value; emit its instructions if necessary."""
         if x.op == "constant":
             return self._constant(x.args[0])
         if x not in self.done:
@@ -272,7 +270,7 @@ class Emitter:
         return self.done[x]
 
     def _varies(self, x: Expression) -> bool:
-        """Whether an expression differs from plane to plane."""
+        """Return whether an expression depends on the plane."""
         if x not in self.varying:
             varies = x.args[3] > 0 if x.op == "read" else any(map(self._varies, operands(x)))
             self.varying[x] = varies
@@ -308,7 +306,7 @@ class Emitter:
         return self.owner.new(f"call double @{name}(double {value})")
 
     def _operation(self, op: str, *values: str) -> str:
-        """The instruction for an operation on values."""
+        """Return the instruction for an operation on values."""
         if op in _ARITHMETIC:
             return f"{_ARITHMETIC[op]} {self.number} {values[0]}, {values[1]}"
         if op in _COMPARED:
@@ -324,7 +322,7 @@ class Emitter:
         raise ValueError(f"no code for {op!r}")
 
     def _sum(self, x: Expression) -> str:
-        """A sum or difference, fused with a product that nothing else needs."""
+        """Emit a sum or difference, fused with a product that nothing else uses."""
         a, b = x.args
         minus = x.op == "sub"
         if self._fusible(a):
@@ -343,7 +341,7 @@ class Emitter:
         return self.owner.new(f"fneg {self.number} {x}")
 
     def _flipped(self, x: str, last_bit: str) -> str:
-        """A number with its sign changed if another's last bit is set."""
+        """Emit a number with its sign changed if the last bit of another number is set."""
         new, word = self.owner.new, self.word
         places = self._alike("i64", "63")
         sign = new(f"shl {word} {new(f'bitcast {self.number} {last_bit} to {word}')}, {places}")
@@ -351,7 +349,7 @@ class Emitter:
         return new(f"bitcast {word} {flipped} to {self.number}")
 
     def _inverse_root(self, x: str, start: int, places: tuple[int, ...]) -> str:
-        """One over a root, by a number's bits."""
+        """Emit the estimate of `expressions.inverse_root`."""
         new, word = self.owner.new, self.word
         bits = new(f"bitcast {self.number} {x} to {word}")
         value = self._alike("i64", str(start))
@@ -376,7 +374,7 @@ class Emitter:
         return self._splat(self.owner.new(f"load double, ptr {address}, align 8"))
 
     def _alike(self, kind: str, constant: str) -> str:
-        """A literal, alike in all lanes: written out, since LLVM 15 knows no `splat`."""
+        """Return a literal, equal in all lanes; written out, as LLVM 15 has no `splat`."""
         return f"<{', '.join([f'{kind} {constant}'] * GROUP)}>" if self.vector else constant
 
     def _splat(self, value: str) -> str:
@@ -389,7 +387,7 @@ class Emitter:
         )
 
     def _address(self, place: tuple) -> tuple[str, bool]:
-        """Where an entry stands, and whether it is a whole number."""
+        """Return the address of an entry, and whether the entry is an integer."""
         base, name, index, plane = place
         layouts = self.owner.layouts
         field, offset = layouts[base].fields[name][:2]  # type: ignore[index]
@@ -410,7 +408,7 @@ class Emitter:
         return self.owner.new(f"load {self.number}, ptr {address}, align {self._alignment}")
 
     def store(self, place: tuple, value: str) -> None:
-        """Write an entry."""
+        """Emit a write to an entry."""
         address, whole = self._address(place)
         if whole:
             whole_value = self.owner.new(f"fptosi double {value} to i64")

@@ -1,7 +1,7 @@
-"""What is done to one lane of a tile: a walker put there and taken out, a step looked at closely.
+"""Native functions of one lane of a tile: load and unload a walker, examine and accept a step.
 
-A step's end is known beyond itself for a while: along the polynomial through the accelerations of
-its last stages, which `beyond` follows.
+`beyond` extrapolates a step for a short time, along the polynomial through the accelerations of its
+last stages.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ from gym_passive_walker.engine.step import STRETCH
 from gym_passive_walker.physics.hybrid import Guard, Phase, State, System
 
 LAST_STAGES = 5
-"""Of a step, through which a polynomial goes on beyond its end."""
+"""Number of a step's last stages through which the extrapolating polynomial passes."""
 
 LEAST = 1e-6
-"""Share of a step by which its end may always be moved: that errs by less than rounding."""
+"""Share of a step by which its end may always be moved: the error is below rounding."""
 
 
 class OneLane(Equations):
@@ -38,13 +38,16 @@ class OneLane(Equations):
         return self.pair.onward(LAST_STAGES)
 
     def equip(self, tile: Memory, body: Memory) -> None:
-        """Give a lane its walker's constants."""
+        """Copy a walker's constants to a lane."""
         fields = self.system.Body._fields  # type: ignore[attr-defined]
         for i, name in enumerate(self.names):
             tile["body", i] = body["body", fields.index(name)]
 
     def load(self, tile: Memory, record: Memory) -> None:
-        """Put a walker into a lane; the length of the very first step is the first argument."""
+        """Copy a walker from its record to a lane.
+
+        The first argument is the length of the first step of a record without a proposed one.
+        """
         state = record.entries("state")
         for i in range(self.system.coordinates):
             tile["angle", i], tile["rate", i] = state[i], state[len(state) // 2 + i]
@@ -53,7 +56,7 @@ class OneLane(Equations):
                 tile[field, i] = record[field, i]
         for i in range(record.layout["control"].shape[0]):
             if i not in self.controls:
-                tile["control", i] = 0.0  # looked at, whether there is one or not
+                tile["control", i] = 0.0  # read even if the control is absent
             tile["moved", i] = tile["turned", i] = 0.0
         tile["lost"] = 0.0
         step, rest = record["step"], record["end"] - record["time"]
@@ -69,9 +72,10 @@ class OneLane(Equations):
                 tile[(name, *index)] = source[(name, *index)]
 
     def unload(self, tile: Memory, record: Memory) -> None:
-        """Take a walker out of its lane; the first argument says whether its time is up.
+        """Copy a walker from its lane to its record.
 
-        What depends on the time's end reaches it sooner or later than the value does.
+        The first argument is positive if the time limit was reached. Results are then extrapolated
+        to the time limit, so that they have derivatives with respect to it.
         """
         up, state = tile.argument(0) > 0.0, self.state(tile)
         late = tile["end"] - tile["time"]
@@ -92,12 +96,12 @@ class OneLane(Equations):
         record["step"], record["steps"] = tile["next"], record["steps"] + tile["steps"]
 
     def accept(self, tile: Memory, course: Memory) -> None:
-        """Take a step's end as the next start.
+        """Accept a step: its end becomes the next start.
 
-        The first argument is the event that the step ends on, from 1 on, or 0. The end moves onto
-        it, by the time that is the second argument and a Newton step from there; wherever it
-        depends on something, it moves along with that. A negative event is taken where the step
-        ends. Whether the event counts is decided by the state that it ends in.
+        The first argument is the event that ends the step, from 1 on, or 0. The end moves onto the
+        event, by the time in the second argument and one more Newton step. The Newton step also
+        gives the derivatives of the event's time. For a negative event the end does not move by
+        Newton's method. The final state decides whether the event counts.
         """
         event, late = tile.argument(0), tile.argument(1)
         number, n = abs(event), self.system.coordinates
@@ -107,7 +111,7 @@ class OneLane(Equations):
             g, v, _ = self.along(self.guard(i, tile), end, [None] * self.system.coordinates)
             value, rate = choose(number < i + 1.5, g, value), choose(number < i + 1.5, v, rate)
         rest = -value / rate
-        # Where the guard hardly falls, its slope leads astray: no further than the end has moved.
+        # Newton's method fails where the guard's rate is small: limit the step to `late`.
         rest = choose((event > 0.5) & (abs(rest) <= abs(late) + LEAST * tile["h"]), rest, 0.0)
         late = late + rest
         half = 0.5 * rest
@@ -139,9 +143,9 @@ class OneLane(Equations):
         tile["event"] = 0.0
 
     def beyond(self, tile: Memory, late: Expression) -> tuple[State, list[Expression]]:
-        """The state and the accelerations a time after a step's end, or before it.
+        """Extrapolate the state and the accelerations by the time `late` from a step's end.
 
-        They go on along the polynomial through the last stages' accelerations.
+        The extrapolation follows the polynomial through the accelerations of the last stages.
         """
         x, angles, rates, bends = late / larger(tile["h"], 1e-300), [], [], []
         for link in self.links:
@@ -158,10 +162,9 @@ class OneLane(Equations):
         return self.as_state(angles, rates), bends
 
     def onto(self, tile: Memory, course: Memory) -> None:
-        """When the phase's strike comes, counted from a step's end, or about then.
+        """Predict the time of the phase's impact, from a step's end, and the error of `beyond`.
 
-        And by how much what is `beyond` the end may err until then. The first argument is the
-        tolerance.
+        The first argument is the tolerance.
         """
         if self.phase.strike is None:
             return
@@ -171,8 +174,8 @@ class OneLane(Equations):
         bends = self.bends(tile, self.pair.stages)
         value, rate, bend = self.along(falls, end, bends)
         square = rate * rate - 2.0 * value * bend
-        late = 2.0 * value / (square_root(larger(square, 0.0)) - rate)  # as if on a parabola
-        # What the polynomial's last power has a part in: 1.5 allows for x beside the other nodes.
+        late = 2.0 * value / (square_root(larger(square, 0.0)) - rate)  # root of a parabola
+        # Error from the polynomial's last power; 1.5 allows for x in the distances to other nodes.
         x, scale, apart = late / larger(tile["h"], 1e-300), late.number(0.0), late.number(0.0)
         for link in self.links:
             power = sum_of([w[-1] * tile["stage", j, link] for j, w in self._onward.items()])
@@ -185,13 +188,13 @@ class OneLane(Equations):
             [end[k] + late * (end[n + k] + 0.5 * late * bends[k]) for k in self.links],
             [end[n + k] + late * bends[k] for k in self.links],
         )
-        falls = (rate < 0.0) & (square > 0.25 * (rate * rate))  # it does not merely touch
+        falls = (rate < 0.0) & (square > 0.25 * (rate * rate))  # crosses, not only touches
         course["late"] = late
         course["comes"] = choose(falls, self._counts(guard, tile, there), 0.0)
         course["doubt"] = error / (tile.argument(0) * scale + 1e-290)
 
     def look(self, tile: Memory, course: Memory) -> None:
-        """How guards, and what controls move, run over a lane's step."""
+        """Evaluate guards, their conditions and the controls' coordinates at a step's two ends."""
         guards = len(self.phase.guards)
         functions: dict[int, Callable[[State], Expression]] = {
             **{i: self.guard(i, tile) for i in range(guards)},
@@ -210,7 +213,7 @@ class OneLane(Equations):
                 course[f"bend_{when}", i] = bend
 
     def _counts(self, guard: Guard, tile: Memory, state: State) -> Expression:
-        """Whether the fall of a guard counts in a state: 1 or 0."""
+        """Return whether a guard's crossing counts in a state: 1 or 0."""
         counts = tile["h"].number(1.0)
         for where in self.wheres(guard, tile):
             counts = choose(where(state) > 0.0, counts, 0.0)
@@ -224,7 +227,7 @@ def first_where(system: System, phase: Phase, number: int) -> int:
 
 
 def quintic(course: Memory, i: int, h: Expression, x: Expression) -> Expression:
-    """A guard at a fraction x of a step of length h, by its course at both ends."""
+    """Evaluate the quintic of row i of a course at the fraction x of a step of length h."""
     g0, v0, a0 = course["before", i], course["rate_before", i] * h, course["bend_before", i] * h * h
     v1, a1 = course["rate_after", i] * h, course["bend_after", i] * h * h
     rise, turn, bend = course["after", i] - g0 - v0 - 0.5 * a0, v1 - v0 - a0, a1 - a0

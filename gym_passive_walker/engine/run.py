@@ -1,6 +1,6 @@
-"""Phases and resets composed into strides and ticks, for batches of records.
+"""Integration of batches of records through strides and control steps.
 
-`advance` is the door for analyses; environments compose `carry_on` with kernels of their own.
+`advance` is the entry point for analyses. Environments compose `carry_on` with their own kernels.
 """
 
 from __future__ import annotations
@@ -36,36 +36,36 @@ from gym_passive_walker.physics.hybrid import System
 
 OPTIONS = np.dtype(
     [
-        ("tolerance", "f8"),  # error of a step, relative to the largest angle or rate
-        ("landing", "f8"),  # by how much of its length a step's end may be moved onto an event,
-        ("doubt", "f8"),  # or onto a strike with how large an error, over the tolerance
+        ("tolerance", "f8"),  # error of a step, relative to the largest angle or angular velocity
+        ("landing", "f8"),  # share of its length by which a step's end may be moved onto an event
+        ("doubt", "f8"),  # largest error, over the tolerance, of a move onto a predicted impact
         ("first_step", "f8"),
-        ("fineness", "f8"),  # one over the estimate of an error that the tolerance allows
+        ("fineness", "f8"),  # one over the allowed error estimate
         ("scuff", "i8"),  # whether a kneed walker's locked leg below the ground ends the stride
-        ("from_section", "i8"),  # whether records stand just after heelstrike, or at their phase
+        ("from_section", "i8"),  # whether records begin on the Poincaré section, or in their phase
     ]
 )
-"""What a run of the engine is told."""
+"""Options of a run of the engine."""
 
 LONGEST_STRIDE = 100.0
-"""Time in sqrt(l/g) after which a stride without heelstrike has stalled; a usual one takes 3."""
+"""Time in sqrt(l/g) after which a stride without heelstrike is STALLED; a usual stride takes 3."""
 
 _DESKS = threading.local()
-_CHUNK = 1024  # records carried through a stride together, so that they stay in the cache
+_CHUNK = 1024  # records integrated together, so that they stay in the cache
 _WORTH_A_THREAD = 1024  # records below which a second thread costs more than it saves
 
 
 @Kernel
 def carry_on(records, bodies, phases, options, tiles, courses):
-    """Carry walkers that do not rest to heelstrike, their fall, or their time's end.
+    """Integrate records that are not RESTING to heelstrike, a fall, or their time limit, in place.
 
     Args:
-        records: Shape (n, planes).
-        bodies: Walkers' constants, (1 or n, planes, constants).
-        phases: From `compiled.compiled`, derived if there are planes behind the values.
-        options: From `options`.
-        tiles: From `workspace`.
-        courses: Likewise.
+        records: Records, (n, planes) of RECORD.
+        bodies: Constants of the walkers, (1 or n, planes, constants).
+        phases: Phases from `compiled.compiled`, with derivatives if there is more than one plane.
+        options: Options from `options`, (1,).
+        tiles: Working memory from `workspace`, (planes,) of TILE.
+        courses: Working memory from `workspace`, (planes,) of COURSE.
     """
     told, planes = options[0], len(tiles) - 1
     for first in range(0, len(records), _CHUNK):
@@ -75,7 +75,7 @@ def carry_on(records, bodies, phases, options, tiles, courses):
             if chunk[i, 0].outcome == RESTING:
                 continue
             record, body = address(chunk[i]), address(own[i if len(own) > 1 else 0])
-            # A walker that would begin beyond a bound has fallen already.
+            # A walker that begins beyond a bound of its phase has fallen.
             if told.from_section:
                 call(phases[0].begin, record, body, 0, planes, 0.0, 0.0)
             else:
@@ -85,14 +85,14 @@ def carry_on(records, bodies, phases, options, tiles, courses):
 
 
 class Seeds(NamedTuple):
-    """Directions of derivatives, k for each of n walkers; None where nothing changes.
+    """Directions of derivatives, k for each of n walkers, dimensionless; None is zero.
 
     Attributes:
-        states: Changes of dimensionless states, (n, k, 6).
-        slopes: Of slopes, (n, k).
-        controls: Of controls, (n, k, controls).
-        push_offs: Of push-offs, (n, k).
-        ends: Of the time to stop, (n, k).
+        states: Directions of the states, (n, k, 6).
+        slopes: Directions of the slopes in rad, (n, k).
+        controls: Directions of the controls, (n, k, controls).
+        push_offs: Directions of the push-offs, (n, k).
+        ends: Directions of the time limits, (n, k).
     """
 
     states: NDArray | None = None
@@ -115,7 +115,9 @@ def new_records(
     planes: int = 0,
     layout: Layout = NARROW,
 ) -> NDArray:
-    """Records of walkers that stand just after heelstrike, (n, planes + 1).
+    """Return records of walkers on the Poincaré section, (n, planes + 1) of RECORD.
+
+    All quantities are dimensionless.
 
     Args:
         states: Dimensionless, (n, 6); of another system its coordinates, then their rates.
@@ -191,9 +193,9 @@ def _desk(planes: int, layout: Layout) -> tuple[NDArray, NDArray]:
 def options(
     tolerance: float, *, scuff: bool = False, from_section: bool = False, planes: int = 0
 ) -> NDArray:
-    """What the engine is told of a tolerance, shape (1,) of OPTIONS."""
-    # A step's end is moved onto an event along the polynomial through its last stages. Derivatives
-    # need the move smaller, but where a foot comes down slowly 1e-13 drowns in rounding.
+    """Return the engine's options for a tolerance, (1,) of OPTIONS."""
+    # A step's end moves onto an event along the polynomial through its last stages. Derivatives
+    # need a smaller move; 1e-13 would be below rounding where a foot descends slowly.
     landing, doubt = (1e-11, -1.0) if planes else (0.1 * math.sqrt(tolerance), 0.02)
     first_step = tolerance ** (1.0 / PAIR.order)
     fineness = first_step ** -(PAIR.error_order + 1)
@@ -208,12 +210,12 @@ def _crew(threads: int) -> ThreadPoolExecutor:
 
 
 def in_parts(job: Callable[[int, int], object], count: int, threads: int | None = None) -> None:
-    """Call ``job(first, last)`` until all of `count` walkers are covered, on several threads.
+    """Call ``job(first, last)`` for parts of `count` walkers, on several threads.
 
     Args:
-        job: Does the walkers from `first` to before `last`; releases Python's lock.
-        count: How many walkers there are.
-        threads: How many threads to use, where there is enough to do; numba's number when None.
+        job: Function for the walkers from `first` to before `last`; releases Python's lock.
+        count: Number of walkers.
+        threads: Largest number of threads; numba's number when None. Small batches use fewer.
     """
     most = count // _WORTH_A_THREAD
     if most > 1 and threads is None:
@@ -226,11 +228,11 @@ def in_parts(job: Callable[[int, int], object], count: int, threads: int | None 
     bounds = pairwise([count * i // pieces for i in range(pieces + 1)])
 
     def work() -> None:
-        for first, last in bounds:  # shared: whoever is free takes the next piece
+        for first, last in bounds:  # shared by all threads: a free thread takes the next piece
             job(first, last)
 
     helpers = [_crew(os.cpu_count() or 1).submit(work) for _ in range(threads - 1)]
-    work()  # this thread too: to wake another takes as long as hundreds of walkers
+    work()  # in this thread too, as waking another takes as long as hundreds of walkers
     for helper in helpers:
         if not helper.cancel():
             helper.result()
@@ -246,19 +248,19 @@ def advance(
     from_section: bool = True,
     threads: int | None = None,
 ) -> NDArray:
-    """Carry records to their heelstrike, their fall, or their time's end, in place.
+    """Integrate records to heelstrike, a fall, or their time limit, in place.
 
-    Everything is dimensionless (see `physics.hybrid`). A record that ends on HEELSTRIKE holds the
-    next section state.
+    All quantities are dimensionless (see `physics.hybrid`). A record with the outcome HEELSTRIKE
+    holds the next state on the Poincaré section.
 
     Args:
-        system: Which equations the walkers obey.
-        bodies: Their constants, (1, planes, constants) for all alike or (n, planes, constants).
-        records: Shape (n, planes) of RECORD: values, and behind them any number of derivatives.
-        tolerance: Error relative to the largest angle or rate.
+        system: The system of equations.
+        bodies: Constants of the walkers, (1 or n, planes, constants).
+        records: Records, (n, planes) of RECORD: values, then any number of planes of derivatives.
+        tolerance: Error relative to the largest angle or angular velocity.
         scuff: Whether a kneed walker's locked swing leg below the ground ends the stride.
-        from_section: Whether records stand just after heelstrike; else at their phase.
-        threads: How many threads to use; numba's number when None. It changes no result.
+        from_section: Whether records begin on the Poincaré section; else in their phase.
+        threads: Number of threads; numba's number when None. Results do not depend on it.
 
     Returns:
         The records.

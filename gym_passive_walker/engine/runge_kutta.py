@@ -1,4 +1,4 @@
-"""Runge-Kutta pairs, as data."""
+"""Coefficients of embedded Runge-Kutta pairs."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 
 class Pair(NamedTuple):
-    """A method that estimates its own error.
+    """A Runge-Kutta method with an error estimate.
 
     Attributes:
-        order: Of the method.
-        error_order: Of its estimate of the error.
-        weights: What of each stage's slopes goes into the later ones, and last into the step's end:
-            shape (stages + 1, stages).
-        nodes: Where in the step each of them lies, shape (stages + 1,).
-        error: What of them goes into the estimate of the error, (stages,).
+        order: Order of the method.
+        error_order: Order of the error estimate.
+        weights: Weights of the stages' derivatives in each stage; the last row gives the step's
+            end. Shape (stages + 1, stages).
+        nodes: Fraction of the step at each stage and at the end, (stages + 1,).
+        error: Weights of the stages' derivatives in the error estimate, (stages,).
     """
 
     order: int
@@ -29,11 +29,11 @@ class Pair(NamedTuple):
 
     @property
     def stages(self) -> int:
-        """Evaluations of the equations in a step; one more at its end serves the next."""
+        """Evaluations of the equations in a step; one more at its end is the next step's first."""
         return self.weights.shape[1]
 
     def neighbours(self) -> list[int]:
-        """For each stage but the first, and for the step's end, the one before nearest in time."""
+        """Return the nearest earlier stage of each stage but the first, and of the step's end."""
         nodes = self.nodes.astype(float)
         return [
             min(range(stage), key=lambda j: (round(abs(nodes[j] - nodes[stage]), 9), -j))
@@ -41,10 +41,10 @@ class Pair(NamedTuple):
         ]
 
     def places(self) -> list[int]:
-        """For each stage and the step's end, which of a few places is its own while others follow.
+        """Assign a storage place to each stage and the step's end.
 
-        A place is taken again once nobody is left to follow who had it. The last one is for those
-        whom nobody follows.
+        A place stays occupied while later stages have its stage as their nearest, and is then used
+        again. All stages that are never the nearest one share the last place.
         """
         followers: dict[int, int] = {}
         for stage, other in enumerate(self.neighbours(), 1):
@@ -58,14 +58,14 @@ class Pair(NamedTuple):
         return [found.get(stage, len(until)) for stage in range(self.stages + 1)]
 
     def onward(self, count: int) -> dict[int, list[float]]:
-        """Accelerations near a step's end, as the polynomial through its last stages.
+        """Return the polynomial through the accelerations of the last stages of a step.
 
         Args:
-            count: How many stages it passes through, the step's end among them.
+            count: Number of stages that the polynomial passes through, including the step's end.
 
         Returns:
-            For each of these stages the weights of its acceleration in the polynomial's
-            coefficients, by powers of the time from the step's end over the step's length.
+            Weights of each stage's acceleration in the coefficients of the polynomial, by stage.
+            Powers ascend; the variable is the time from the step's end over the step's length.
         """
         places: dict[float, int] = {}
         for stage in reversed(range(self.stages + 1)):
@@ -91,14 +91,14 @@ class Pair(NamedTuple):
         order: int,
         error_order: int,
     ) -> Pair:
-        """A pair from its tableau.
+        """Create a pair from its Butcher tableau.
 
         Args:
-            matrix: Rows of A below its diagonal; zeros at a row's end may be left out.
-            weights: Of the method.
-            error: Its weights less those of the method that it is compared with.
-            order: Of the method.
-            error_order: Of the estimate of the error.
+            matrix: Rows of A below its diagonal; zeros at the end of a row may be omitted.
+            weights: Weights of the method, (stages,).
+            error: Weights of the method less those of the embedded method, (stages,).
+            order: Order of the method.
+            error_order: Order of the error estimate.
         """
         stages = len(weights)
         rows = np.zeros((stages + 1, stages), np.longdouble)

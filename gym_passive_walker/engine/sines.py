@@ -1,4 +1,4 @@
-"""Sines and cosines of expressions: in full, or by addition from an angle nearby."""
+"""Sines and cosines of expressions: by polynomials, or by addition theorems from a nearby angle."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ _PI_REST = 1.2246467991473532e-16  # pi = _PI + _PI_REST to 32 digits
 
 
 _ROUNDS = 1.5 * 2.0**52
-"""Numbers added to this are rounded to whole ones, and their last bit says if they are odd."""
+"""Adding a number to this rounds it to an integer; the last bit of the sum is 1 if it is odd."""
 
 
 def _flipped(x: Expression, rounded: Expression) -> Expression:
-    """A number, its sign changed if another, plus _ROUNDS, is odd."""
+    """Return x with its sign changed if `rounded`, which includes _ROUNDS, is odd."""
     return Expression(x.known, "flip", x, rounded)
 
 
 def near(
     angle: Expression, sine: Expression, cosine: Expression, turn: Expression, most: float
 ) -> Expression:
-    """An angle near another one, whose sine and cosine are known.
+    """Return an angle that is near another angle of known sine and cosine.
 
     Args:
-        angle: What it is.
-        sine: Of the other.
-        cosine: Likewise.
-        turn: From there to here.
-        most: Up to which turn sine and cosine shall be exact to the last bit or so.
+        angle: The angle in rad.
+        sine: Sine of the other angle.
+        cosine: Cosine of the other angle.
+        turn: The angle less the other angle, in rad.
+        most: Largest size of `turn` in rad with sine and cosine accurate to about the last bit.
     """
     return Expression(angle.known, "near", angle, sine, cosine, turn, most)
 
 
 def _by_addition(x: Expression) -> tuple[Expression, Expression]:
-    """Sine and cosine of an angle near another, by as many terms of their series as that needs."""
+    """Return the sine and cosine of an angle near another, by addition theorems and series."""
     _, sine, cosine, turn, most = x.args
     square = turn * turn
     s = turn + (turn * square) * polynomial(_terms(3, most), square)
@@ -48,7 +48,10 @@ def _by_addition(x: Expression) -> tuple[Expression, Expression]:
 
 
 def _terms(first: int, most: float) -> list[float]:
-    """Every other coefficient of a sine's or a cosine's series, as long as its term counts."""
+    """Return the coefficients of a sine or cosine series, until terms are negligible.
+
+    The first one is that of the power `first`; signs begin with a minus.
+    """
     found, k = [-1.0 / factorial(first)], first + 2
     while most**k / factorial(k) > _NOTHING:
         found.append(-math.copysign(1.0, found[-1]) / factorial(k))
@@ -56,16 +59,16 @@ def _terms(first: int, most: float) -> list[float]:
     return found
 
 
-_NOTHING = 2e-17  # beside one
+_NOTHING = 2e-17  # negligible beside 1
 
 
 @sine_cosine.register
 def _(x: Expression) -> tuple[Expression, Expression]:
-    """Sine and cosine to the last bit or so, in plain arithmetic that suits vectors.
+    """Return sine and cosine to about the last bit, in arithmetic that vectorizes.
 
-    The angle is reduced to a quarter turn either side of a multiple of pi; the polynomials in its
-    square are Chebyshev fits there, in Estrin's order to keep the chains of dependent operations
-    short. Absolute error below 2e-16 for angles up to a thousand turns.
+    The angle is reduced to at most a quarter turn from a multiple of pi. Polynomials in its square
+    are Chebyshev fits, evaluated by Estrin's method to keep dependency chains short. The absolute
+    error is below 2e-16 for angles up to a thousand turns.
     """
     if x.op == "near":
         return _by_addition(x)
@@ -102,7 +105,7 @@ def _(x: Expression) -> tuple[Expression, Expression]:
             )
         )
     )
-    # How they are computed, and what they are: for the derivative.
+    # The first operand is the angle, for the derivative; the second is the code of the value.
     return Expression(x.known, "sin", x, _flipped(sine, rounded)), Expression(
         x.known, "cos", x, _flipped(cosine, rounded)
     )

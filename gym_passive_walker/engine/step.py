@@ -1,9 +1,8 @@
-"""One phase of a system as native code: a step in every lane, its error, and what came of it.
+"""Integration steps of one phase as native code over all lanes, with error and step-size control.
 
-Each sweep makes one Runge-Kutta step in every lane. What happens then is decided in two parts:
-`judge` settles the ordinary case for all lanes at once (accept or reject, next step length); lanes
-where something may have happened are looked at one by one in `landing`, by the numbers that `look`
-gives of the phase's guards.
+Each sweep takes one Runge-Kutta step in every lane. `judge` then handles the ordinary case for all
+lanes at once: it accepts or rejects the step and sets the next step length. Lanes with a possible
+event are processed one by one in `landing`, with the guards that `one_lane.OneLane.look` evaluates.
 """
 
 from __future__ import annotations
@@ -28,63 +27,63 @@ from gym_passive_walker.physics.hybrid import Guard, State, Watch
 from gym_passive_walker.physics.numbers import sine_cosine
 
 PLAIN, ALERT, UP = 0.0, 1.0, 2.0
-"""What `judge` makes of a lane's step: nothing of note; something may have happened; time is up."""
+"""Verdicts of `judge` on a lane's step: ordinary; a possible event; time limit reached."""
 
 NEAR = 0.05
-"""Share of a step before its end, or beyond it, in which a strike is near enough to land on."""
+"""Share of a step before or beyond its end within which the end may be moved onto an impact."""
 
 STRETCH = 1.1
-"""How much longer a step may become to end on what it leads to."""
+"""Factor by which a step may be lengthened to end on an impact or at the time limit."""
 
 LONGEST_STEP = 1.0
-"""A leg swings to and fro within six of these: longer steps, however exact, could jump over both a
-heelstrike and the foot's return."""
+"""Largest step, in sqrt(l/g). A leg swings to and fro in six of these; longer steps could miss both
+a heelstrike and the foot's return."""
 
 MOST_STEPS = 20_000
-"""Integration steps a walker may take in one phase; no gait needs a hundredth of them."""
+"""Largest number of integration steps in one phase; no gait needs a hundredth of them."""
 
 SAFETY, FASTEST, SLOWEST = 0.75, 3.0, 0.2
-"""The next step is this share of what the error allows, and changes by these factors at most."""
+"""Safety factor of the next step length, and the largest and smallest factor of its change."""
 
 MUCH = 1.07
-"""Growth from which a step that was cut short says little of how long the next one may be."""
+"""Growth factor from which a shortened step does not determine the next step length."""
 
 WILD = 1e24
-"""Error over what is allowed from which nothing is known of the motion."""
+"""Error, over the allowed one, above which the end of a step is meaningless."""
 
 MOST_TURN = 0.1
-"""Angle by which a link turns in a step, up to which sines and cosines are exact to the last bit
-or so; where one turns by more, they are as exact as the step's error allows."""
+"""Rotation of a link in a step, in rad, up to which sines and cosines are accurate to about the
+last bit; for larger rotations the step's error limits them."""
 
 CLOSEST = 0.05
-"""How far apart stages may be that are close in time, over the step's length."""
+"""Smallest distance of two stages, over the step's length, in the bound on their rotation."""
 
 OFF_CIRCLE = 30.0
-"""What it counts, beside the estimate of a step's error, how far sines and cosines are off the unit
-circle, which rounding alone does not take them."""
+"""Weight, in a step's error, of the distance of sines and cosines from the unit circle beyond
+rounding."""
 
 
 class Step(Equations):
-    """A phase's native functions over all lanes."""
+    """Native functions of a phase over all lanes."""
 
     def first(self, tile: Memory) -> None:
-        """The first stage of lanes that have just been filled; others have it from before."""
+        """Evaluate the first stage of newly filled lanes; others have it from the last step."""
         fresh = tile["fresh"] > 0.0
         for i, value in enumerate(self.accelerations(tile, self.state(tile))):
             tile["stage", 0, i] = choose(fresh, value, tile["stage", 0, i])
         tile["fresh"] = 0.0
 
     def sweep(self) -> list[Callable[[Memory], None]]:
-        """A step in every lane, and what came of it: codes, one after the other."""
+        """Return the codes of one step in every lane, in order."""
         last = self.pair.stages
         stages = [partial(self.stage, index) for index in range(1, last)]
         rest: list[Callable[[Memory], None]] = [self.estimate, partial(self.stage, last)]
-        if any(self.pair.error[last:]):  # else told while the last accelerations are computed
+        if any(self.pair.error[last:]):  # the estimate needs the accelerations at the end
             rest.reverse()
         return [*stages, self.end, *rest, self.judge]
 
     def stage(self, index: int, tile: Memory) -> None:
-        """Accelerations in one stage of the step, or after the last one at its end."""
+        """Evaluate the accelerations in one stage of the step, or at its end for the last index."""
         state = self._at(index, tile)
         if self.dissipates:
             self._dissipate(tile, state, index)
@@ -92,13 +91,13 @@ class Step(Equations):
             tile["stage", index, link] = value
 
     def end(self, tile: Memory) -> None:
-        """The state at the step's end."""
+        """Write the state at the step's end."""
         for link in self.links:
             turn, rate = self._moved_by(self.pair.stages, tile, link)
             tile["new_angle", link], tile["new_rate", link] = tile["angle", link] + turn, rate
 
     def _moved_by(self, index: int, tile: Memory, link: int) -> tuple[Expression, Expression]:
-        """How far a link has turned in a stage, and its rate there."""
+        """Return the change of a link's angle up to a stage, and its angular velocity there."""
         h, rate, stages = tile["h"], tile["rate", link], range(self.pair.stages)
         weights = self.pair.weights[index]
         rates = [rate, *(tile["stage_rate", j - 1, link] for j in stages[1:])]
@@ -106,7 +105,7 @@ class Step(Equations):
         return h * weighted(weights, rates), rate + h * weighted(weights, accelerations)
 
     def _at(self, index: int, tile: Memory) -> State:
-        """The state in a stage, its angles near those of an earlier one."""
+        """Return the state in a stage; sines and cosines are added from an earlier stage."""
         nodes, beside = self.pair.nodes.astype(float), self.pair.neighbours()
         other = beside[index - 1]
         places = self.pair.places()
@@ -128,7 +127,7 @@ class Step(Equations):
             else:
                 known = tile["sine", its, link], tile["cosine", its, link]
             moved = near(moved, *known, turn - tile["turn", its, link] if other else turn, most)
-            tile["turn", mine, link] = turn  # rounded, whoever uses it
+            tile["turn", mine, link] = turn  # stored, so that all uses are rounded alike
             if index in beside:
                 tile["sine", mine, link], tile["cosine", mine, link] = sine_cosine(moved)
             angles.append(moved)
@@ -136,7 +135,7 @@ class Step(Equations):
         return self.as_state(angles, rates)
 
     def _dissipate(self, tile: Memory, state: State, index: int) -> None:
-        """Add a stage's part to what friction takes on average, by the weights of the rates."""
+        """Add a stage's part to the mean power of friction, with the weights of the method."""
         weights = self.pair.weights[-1]
         taken = tile["power"]
         if index == 1:
@@ -146,11 +145,10 @@ class Step(Equations):
         tile["power"] = taken
 
     def estimate(self, tile: Memory) -> None:
-        """The error of each lane's step, over what the tolerance allows.
+        """Write the error of each lane's step, over the tolerance.
 
-        The estimate is of lower order than the step, whose own error follows from the powers of
-        its length that they are. Relative to the motion as a whole, so that small motions are
-        resolved as well as large ones.
+        The estimate is of lower order than the step. The error is relative to the largest angle or
+        angular velocity, so that small motions are resolved as well as large ones.
         """
         scale = None
         for field in ("new_angle", "new_rate"):
@@ -164,19 +162,19 @@ class Step(Equations):
             abs(weight * weighted(part, [tile["stage", j, link] for j in range(len(part))]))
             for link in self.links
         ]
-        # Series of sines and cosines that are cut off too soon leave the unit circle.
+        # Truncated series of sines and cosines leave the unit circle.
         near_end = self.pair.places()[self.pair.neighbours()[-1]]
         for link in self.links:
             sine, cosine = tile["sine", near_end, link], tile["cosine", near_end, link]
             off = abs(sine * sine + (cosine * cosine - 1.0)) - rounding(sine)
             errors.append(OFF_CIRCLE * larger(weight.number(0.0), off))
-        # Not a number if any rate is none, or infinite: the estimate does not see the last stage.
+        # NaN if an angular velocity is not finite: the estimate does not include the last stage.
         rates = [tile["new_rate", link] for link in self.links]
         errors += [rate - rate for rate in rates]
         tile["error"] = tile.argument(0) * sum_of(errors)
 
     def judge(self, tile: Memory) -> None:
-        """Settle the ordinary case in every lane; mark where to look closely, or time is up."""
+        """Accept or reject ordinary steps; mark possible events and reached time limits."""
         h, error, event = tile["h"], tile["error"], tile["event"]
         factor = growth(error, self.pair.error_order + 1)
         rest = tile["end"] - tile["time"]
@@ -194,7 +192,7 @@ class Step(Equations):
         rest = choose(plain, rest - h, rest)
         tile["verdict"] = choose(up, UP, choose(alert, ALERT, PLAIN))
         tile["steps"], tile["growth"] = tile["steps"] + 1.0, factor
-        # A step that the time cut short says little of the next one.
+        # A step shortened by the time limit does not determine the next step length.
         kept = alert | (up & (following <= proposed) & (factor >= MUCH))
         tile["next"] = choose(kept, proposed, following)
         late = error.number(0.0) if self.phase.strike is None else self._strike_after(tile)
@@ -216,10 +214,10 @@ class Step(Equations):
             tile["stage", 0, link] = choose(plain, end, tile["stage", 0, link])
 
     def _strike_after(self, tile: Memory) -> Expression:
-        """When the strike is expected after a step's end; 0 if it is not near.
+        """Predict the time of the impact after a step's end; 0 if it is not near.
 
-        By the quintic through both ends of the step, which goes on. Newton's method begins on its
-        chord over another such step, and keeps to the first slope.
+        The quintic through both ends of the step is extrapolated. Newton's method begins on the
+        chord over one more step length, and keeps its first slope.
         """
         i, h, powers = self.phase.strike, tile["h"], self._path_of_strike(tile)
         assert i is not None
@@ -241,9 +239,9 @@ class Step(Equations):
         return choose(comes, late, 0.0)
 
     def _path_of_strike(self, tile: Memory) -> list[Expression]:
-        """The strike's guard over a step, as the quintic through both ends.
+        """Return the quintic of the impact's guard through both ends of a step.
 
-        By its coefficients in powers of the time since the step's end, over the step's length.
+        The coefficients are of ascending powers of the time since the step's end, over its length.
         """
         i, h = self.phase.strike, tile["h"]
         assert i is not None
@@ -263,13 +261,13 @@ class Step(Equations):
         ]
 
     def _between(self, guard: Guard, tile: Memory) -> list[Expression]:
-        """The strike's guard where it is looked at within a step."""
+        """Return the impact's guard at equally spaced times within a step."""
         powers, count = self._path_of_strike(tile), guard.between + 1
         one = powers[0].number(1.0)
         return [polynomial(powers, one * (k / count - 1.0)) for k in range(1, count)]
 
     def _may_count(self, guard: Guard, tile: Memory) -> Expression:
-        """Whether the fall of a guard would count at the step's start, middle or end."""
+        """Return whether a guard's crossing would count at the step's start, middle or end."""
         before, after = self.state(tile), self.state(tile, "new_")
         start, middle, end = [], [], []
         for where in self.wheres(guard, tile):
@@ -297,7 +295,7 @@ class Step(Equations):
                 path = [g0, *self._between(guard, tile), g1]
                 for sooner, later in pairwise(path):
                     down |= (sooner > 0.0) & (later <= 0.0)
-                if guard.where:  # feet that pass each other at midstance need not be looked at
+                if guard.where:  # excludes feet that pass each other at midstance
                     down &= self._may_count(guard, tile) | (v0 > 0.0)
                 found = down | ((g0 > 0.0) & (v0 < 0.0) & (v1 > 0.0))
                 found |= (g0 <= 0.0) & (g1 <= 0.0) & (v0 > 0.0) & (v1 < 0.0)
@@ -312,14 +310,14 @@ class Step(Equations):
             moved = partial(self._moved, i)
             _, v0, b0 = self.along(moved, before, first)
             _, v1, b1 = self.along(moved, after, last)
-            # To turn back twice, it has to slow down first, and to speed up at last.
+            # A coordinate that reverses twice slows down first, and speeds up at the end.
             waver = (v0 * b0 < 0.0) & (v1 * b1 > 0.0) & (abs(v0) < tile["h"] * abs(b0))
             alert |= ((v0 * v1 < 0.0) | waver) & (abs(tile["control", i]) > 0.0)
         return alert
 
 
 def growth(error: Expression, order: int) -> Expression:
-    """Factor to the next step length, from a step's error over what the tolerance allows."""
+    """Return the factor to the next step length, from a step's error over the tolerance."""
     factor = SAFETY * inverse_root(error, order)
     factor = choose(factor < FASTEST, factor, FASTEST)
     return choose(factor > SLOWEST, factor, SLOWEST)

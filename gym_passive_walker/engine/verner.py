@@ -1,7 +1,7 @@
-"""Verner's Runge-Kutta method of order 9, with fifteen stages: the coefficients.
+"""Coefficients of Verner's Runge-Kutta method of order 9, with fifteen stages.
 
-Of the pairs tried over lanes (`benchmarks/integrators.py`), this one reaches errors from 1e-8 to
-rounding in the least time.
+Of the pairs that `benchmarks/integrators.py` compares, it is the fastest for errors from 1e-8 to
+rounding.
 
 References:
     J. H. Verner, "Numerically optimal Runge-Kutta pairs with interpolants", Numerical Algorithms
@@ -106,7 +106,7 @@ _MATRIX = (
         0.4409353709534278,
     ),
 )
-"""Row i: weights of the stages before it in stage i."""
+"""Row i: weights of the earlier stages in stage i."""
 
 _WEIGHTS = (
     0.014611976858423152,
@@ -127,18 +127,18 @@ _WEIGHTS = (
 )
 
 _TELLING = (0, 7, 8, 9, 10, 11, 12, 13)
-"""Stages exact enough for their accelerations to lie on one curve."""
+"""Stages of high order, the accelerations of which lie on one smooth curve."""
 
 _SCALE = 6e-5
-"""Of the estimate: a stride's error at a tolerance is what it is by the pair's own estimate."""
+"""Scale of the estimate: errors of strides at a tolerance equal those with Verner's estimate."""
 
 
 def _divided_difference() -> list[float]:
-    """Weights of the seventh divided difference of accelerations, which tells of a step's error.
+    """Return the weights of the seventh divided difference of accelerations, the error estimate.
 
-    It is the one combination of stages before the last that no order condition up to the seventh
-    sees, so a method with these weights added would be of order 7. Verner's own estimate, of order
-    8, takes a stage more, for nothing else.
+    Of all combinations of stages before the last, only this one contributes nothing to the order
+    conditions up to the seventh. A method with these weights added would be of order 7. Verner's
+    own estimate, of order 8, needs one more stage.
     """
     nodes = {stage: sum(map(np.longdouble, _MATRIX[stage])) for stage in _TELLING}
     weights = [0.0] * len(_WEIGHTS)

@@ -1,9 +1,9 @@
-"""Trained policies as tensors, and how to load them with NumPy alone.
+"""Trained policies, which need only NumPy.
 
 A policy is a folder of two files:
 
-    policy.safetensors  its tensors and its normaliser's moments
-    policy.json         what acting with them takes, and how they were trained
+    policy.safetensors  tensors of the network, and moments of the observation normalizer
+    policy.json         scene, algorithm and network options, and the training configuration
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ _SHIPPED = Path(__file__).parent
 
 
 class TrainedPolicy(Network):
-    """A trained policy, with the scene that it was trained for.
+    """A trained policy and the scene that it was trained for.
 
     Attributes:
-        name: What the policy is called: its algorithm.
-        scene: The scene that it was trained for.
-        trained: How it was trained: the run's whole configuration, if that is told.
+        name: Name of the algorithm, in capitals.
+        scene: Scene of the training.
+        trained: Complete configuration of the training run; empty if the files do not include it.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -50,19 +50,19 @@ class TrainedPolicy(Network):
 
 
 def shipped_policies() -> list[str]:
-    """Names of the policies that come with the package."""
+    """Return the names of the policies that come with the package."""
     return sorted(path.parent.name for path in _SHIPPED.glob(f"*/{DESCRIPTION}"))
 
 
 def policy_folder(name: str | Path) -> Path:
-    """The folder of a policy that comes with the package, by its name, or of any other.
+    """Return the folder of a policy, from a name in the package or a path.
 
     Raises:
-        PolicyError: if there is none.
+        PolicyError: if there is no such policy.
     """
     if isinstance(name, str | Path):
         for folder in (_SHIPPED / name, Path(name)):
-            with suppress(OSError, ValueError):  # of a name that no file can have
+            with suppress(OSError, ValueError):  # invalid file names
                 if (folder / DESCRIPTION).is_file():
                     return folder
     raise PolicyError(
@@ -72,7 +72,7 @@ def policy_folder(name: str | Path) -> Path:
 
 
 def load_policy(name_or_folder: str | Path) -> TrainedPolicy:
-    """A trained policy, which NumPy alone can act by.
+    """Load a trained policy; it needs only NumPy.
 
     Example:
         >>> import gym_passive_walker as gpw
@@ -82,16 +82,16 @@ def load_policy(name_or_folder: str | Path) -> TrainedPolicy:
         (True, 0.15)
 
     Args:
-        name_or_folder: A policy that comes with the package, by its name: "level-ppo", "steep-ppo",
+        name_or_folder: Name of a policy that comes with the package: "level-ppo", "steep-ppo",
             "steep-sac", "rolling-ppo", "lab-ppo", "rough-ppo", "pushed-ppo", "push-off-ppo" or
-            "commanded-ppo"; or the folder of an exported one.
+            "commanded-ppo". Or the folder of an exported policy.
 
     Returns:
-        The policy: its `predict(observation, state, episode_start, deterministic)` is that of
-        stable-baselines3 and takes observations as the environment gives them.
+        The policy. Its method `predict(observation, state, episode_start, deterministic)` is that
+        of stable-baselines3, and takes the environment's observations without normalization.
 
     Raises:
-        PolicyError: if there is none of this name, or its files are damaged.
+        PolicyError: if there is no such policy, or its files are damaged.
     """
     return TrainedPolicy(policy_folder(name_or_folder))
 
@@ -100,7 +100,7 @@ controllers.LOADERS.append(load_policy)
 
 
 def _description(path: Path) -> dict[str, Any]:
-    """What a policy's JSON says."""
+    """Read a policy's JSON file."""
     try:
         description = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
@@ -111,10 +111,10 @@ def _description(path: Path) -> dict[str, Any]:
 
 
 def _names(value: Any, name: str) -> dict[str, Any]:
-    """Values by their names, from a policy's JSON.
+    """Return a mapping from a policy's JSON file.
 
     Raises:
-        ValueError: if they are something else.
+        ValueError: if the value is not a mapping.
     """
     if not isinstance(value, dict):
         raise ValueError(f"{name} must map names to values, not {shown(value)}")

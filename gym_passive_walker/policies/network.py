@@ -1,4 +1,4 @@
-"""A trained network that acts: what stable-baselines3's MlpPolicy does, in NumPy."""
+"""Inference of stable-baselines3's MlpPolicy in NumPy."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ACTIVATIONS: dict[str, Callable[[NDArray], NDArray]] = {
     "ELU": lambda x: np.where(x > 0.0, x, np.expm1(np.minimum(x, np.float32(0.0)))),
     "SiLU": lambda x: x * (np.float32(0.5) * (np.float32(1.0) + np.tanh(np.float32(0.5) * x))),
 }
-"""What torch calls them, and what they do."""
+"""Activation functions by torch's names."""
 
 _SLOPES: dict[str, Callable[[NDArray], NDArray]] = {
     "ReLU": lambda x: (x > 0.0).astype(float),
@@ -28,35 +28,34 @@ _SLOPES: dict[str, Callable[[NDArray], NDArray]] = {
     "ELU": lambda x: np.where(x > 0.0, 1.0, np.exp(np.minimum(x, 0.0))),
     "SiLU": lambda x: (s := 0.5 * (1.0 + np.tanh(0.5 * x))) * (1.0 + x * (1.0 - s)),
 }
-"""Their derivatives."""
+"""Derivatives of the activation functions."""
 
-# Where each algorithm keeps its hidden layers, and the layer of the mean torque.
+# Names of the tensors of hidden layers, and of the layer of the mean action, by algorithm.
 _PLACES = {
     "ppo": ("mlp_extractor.policy_net", "action_net"),
     "ppo-fast": ("mlp_extractor.policy_net", "action_net"),
     "sac": ("actor.latent_pi", "actor.mu"),
     "shac": ("mlp_extractor.policy_net", "action_net"),
 }
-_LOG_STD = (-20.0, 2.0)  # to which SAC clips what its network says
+_LOG_STD = (-20.0, 2.0)  # SAC clips the output of its network to this range
 
 
 class Network:
-    """A Gaussian policy, or a squashed one (SAC), with what its observations were scaled by.
+    """A Gaussian policy, or a squashed one (SAC), with its observation normalizer.
 
     Args:
-        tensors: Weights and moments, by the names that stable-baselines3 gives them.
+        tensors: Weights and moments, by stable-baselines3's names.
         algo: "ppo", "ppo-fast", "sac" or "shac".
         activation: One of `ACTIVATIONS`.
-        normalizer: "epsilon" and "clip" of VecNormalize; None if observations were taken as they
-            are.
+        normalizer: "epsilon" and "clip" of VecNormalize; None without normalization.
 
     Attributes:
-        random: Where draws come from where actions are not deterministic.
+        random: Generator of the noise of stochastic actions.
 
     Raises:
         KeyError: if a tensor is missing.
-        ValueError: if an algorithm or activation has another name, a number is not finite, or
-            tensors do not fit together.
+        ValueError: if the algorithm or the activation is unknown, a number is not finite, or the
+            shapes of tensors do not match.
     """
 
     def __init__(
@@ -82,7 +81,7 @@ class Network:
         in_order = sorted(places, key=lambda place: int(place.rsplit(".", 1)[1]))
         self._hidden = [_layer(tensors, place) for place in in_order]
         self._mean = _layer(tensors, mean)
-        # The noise of most is the same everywhere; SAC's depends on what is seen.
+        # SAC's noise depends on the observation; that of other algorithms is constant.
         layers = [*self._hidden, self._mean]
         self._log_std: Layer | NDArray[np.float32]
         if self._squashed:
@@ -120,16 +119,16 @@ class Network:
         episode_start: ArrayLike | None = None,
         deterministic: bool = True,
     ) -> tuple[NDArray[np.float32], Any]:
-        """Choose actions, as stable-baselines3's `predict` does.
+        """Return actions, as stable-baselines3's `predict` does.
 
         Args:
-            observation: One observation (8,), or a batch (n, 8), as the environment gives it.
-            state: Returned as it is: the policy remembers nothing.
-            episode_start: Makes no difference.
-            deterministic: Whether to act by the mean torque, without noise.
+            observation: Observations of the environment, (k,) or (n, k).
+            state: Returned unchanged: the policy has no memory.
+            episode_start: Ignored.
+            deterministic: Whether to return the mean actions, without noise.
 
         Returns:
-            Actions, (1,) or (n, 1), and the state.
+            Actions, (actions,) or (n, actions), and the state.
 
         Raises:
             ValueError: if the observations have another shape.
@@ -153,10 +152,10 @@ class Network:
         return np.tanh(torque) if self._squashed else np.clip(torque, -1.0, 1.0), state
 
     def linearize(self, observation: NDArray) -> tuple[NDArray, NDArray]:
-        """The mean actions for observations (n, size), in double precision, and their derivatives.
+        """Return the mean actions for observations (n, size), and their derivatives, in float64.
 
-        `predict` computes in single precision: the actions agree to some of its roundings. Where an
-        action or a normalized observation is clipped, its derivative is 0.
+        `predict` computes in float32, so actions agree to a few of its roundings. Where an action
+        or a normalized observation is clipped, its derivative is 0.
 
         Returns:
             Actions (n, actions), and their derivatives (n, actions, size).
@@ -181,7 +180,7 @@ class Network:
         return np.clip(action, -1.0, 1.0), (np.abs(action) < 1.0)[:, :, None] * change
 
     def _noise(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Logarithm of the noise's standard deviation."""
+        """Return the logarithm of the noise's standard deviation."""
         if isinstance(self._log_std, tuple):
             weight, bias = self._log_std
             return np.clip(x @ weight.T + bias, *_LOG_STD)
@@ -189,7 +188,7 @@ class Network:
 
 
 def _layer(tensors: Mapping[str, NDArray], place: str) -> Layer:
-    """Weight and bias of a layer."""
+    """Return the weight and the bias of a layer."""
     weight, bias = (
         np.asarray(tensors[f"{place}.{name}"], np.float32) for name in ("weight", "bias")
     )

@@ -1,6 +1,6 @@
-"""Tensors from a file in the safetensors format: numbers and their names, and nothing to run.
+"""Reader of the safetensors format, which holds named tensors and no code.
 
-The file is the length of a header in 8 bytes, little-endian; the header, in JSON; and all numbers.
+A file holds the length of its header in 8 bytes, little-endian; the header in JSON; and the data.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ _DTYPES = {"F16": "<f2", "F32": "<f4", "F64": "<f8", "I32": "<i4", "I64": "<i8"}
 
 
 class PolicyError(ValueError):
-    """There is no such policy, or its files are damaged; the message says which."""
+    """A policy does not exist, or its files are damaged."""
 
 
 def read_tensors(path: Path) -> dict[str, NDArray]:
-    """All tensors of a file, by their names.
+    """Return all tensors of a file by name.
 
     Raises:
         PolicyError: if the file is missing, cut short or otherwise damaged.
@@ -46,7 +46,7 @@ def read_tensors(path: Path) -> dict[str, NDArray]:
 
 
 def _tensor(numbers: bytes, dtype: str, shape: list[int], data_offsets: list[int]) -> NDArray:
-    """One tensor, from where its header says that it lies."""
+    """Return one tensor from the data, by its entry in the header."""
     first, end = data_offsets
     kind = np.dtype(_DTYPES[dtype])
     if not 0 <= first <= end <= len(numbers) or end - first != math.prod(shape) * kind.itemsize:

@@ -1,1 +1,1 @@
-"""Any analysis over many walkers, slopes, seeds and scenes, on all processors at hand."""
+"""Parallel parameter sweeps: an analysis over many walkers, slopes, seeds and scenes."""

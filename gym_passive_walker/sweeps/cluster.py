@@ -1,7 +1,7 @@
-"""The same workers on the machines of a Ray cluster, one to each processor.
+"""Workers on the machines of a Ray cluster, one for each CPU.
 
-Machines come and go: a watcher is given tasks once it has a place and has said that it is there,
-and one that is lost with its machine leaves its tasks to the others.
+Machines may join and leave during a sweep. A watcher receives tasks once it has started. If its
+machine is lost, other watchers do its tasks.
 """
 
 from __future__ import annotations
@@ -20,19 +20,19 @@ from gym_passive_walker.sweeps.version import version
 from gym_passive_walker.sweeps.workers import STILLBORN, TRIES, Outcome, Pace, Task, Workers
 
 HERE = "here"
-"""The address of a cluster of this machine alone."""
+"""Address that starts a cluster of only this machine."""
 
-_LOOK = 1.0  # seconds between two looks at what room there is
-_PATIENCE = 300.0  # seconds for a cluster where nobody is at work to have room for one
-_WAITS = 5  # in which these are spent, with a report of the work's progress after each
+_LOOK = 1.0  # seconds between two checks for free CPUs
+_PATIENCE = 300.0  # seconds to wait for a free CPU while no task is running
+_WAITS = 5  # parts of this wait, with a report of progress after each
 
 
 class Watcher:
-    """Watches one worker, wherever Ray puts both.
+    """Supervises one worker, on the machine that Ray chooses.
 
     Args:
-        analysis: Its name.
-        time_out: Seconds after which a task is given up; None waits for ever.
+        analysis: Name of the analysis.
+        time_out: Seconds after which a task is given up; None waits forever.
     """
 
     def __init__(self, analysis: str, time_out: float | None) -> None:
@@ -40,10 +40,10 @@ class Watcher:
         self._workers = Workers(analysis, 1, time_out)
 
     def join(self, computing: str) -> None:
-        """Say that it is there, and computes by the sweep's version.
+        """Check that the machine has the sweep's version.
 
         Raises:
-            ValueError: if it computes by another.
+            ValueError: if the machine has another version.
         """
         if self._version != computing:
             raise ValueError(
@@ -52,7 +52,7 @@ class Watcher:
             )
 
     def outcomes(self, tasks: Sequence[Task]) -> list[Outcome]:
-        """How tasks ended, all at once.
+        """Do tasks, and return how each ended.
 
         Raises:
             RuntimeError: if no worker can be started.
@@ -61,14 +61,14 @@ class Watcher:
 
 
 class Cluster:
-    """As `Workers`, on Ray.
+    """Workers on a Ray cluster, with the interface of `Workers`.
 
     Args:
-        analysis: Its name.
-        count: How many workers; one to each of the cluster's processors if None, and at most.
-        time_out: Seconds after which a task is given up; None waits for ever.
-        address: Of the cluster; `HERE` starts one on this machine.
-        computing: The version by which the sweep is computed.
+        analysis: Name of the analysis.
+        count: Number of workers, at most one for each CPU of the cluster; None is one for each CPU.
+        time_out: Seconds after which a task is given up; None waits forever.
+        address: Address of the cluster; `HERE` starts one on this machine.
+        computing: Version of the code that computes the sweep.
 
     Raises:
         ImportError: if ray is not installed.
@@ -98,11 +98,11 @@ class Cluster:
         self._stillborn, self._looked = 0, 0.0
 
     def outcomes(self, tasks: Sequence[Task]) -> Iterator[Outcome]:
-        """Do tasks, and say of each how it ended soon after it has.
+        """Do tasks, and yield the outcome of each soon after it has ended.
 
         Raises:
-            ValueError: if a machine of the cluster computes by another version.
-            RuntimeError: if no worker can be started anywhere.
+            ValueError: if a machine of the cluster has another version.
+            RuntimeError: if no worker can be started on the cluster.
         """
         waiting, lost, tried = deque(tasks), deque[Task](), Counter[int]()
         pace = Pace(self._room())
@@ -115,7 +115,7 @@ class Cluster:
             for _ in range(_WAITS):
                 awaited = [*self._at_work, *self._joining]
                 ended = self._ray.wait(awaited, timeout=_PATIENCE / _WAITS)[0]
-                show()  # how far the work is, while tasks are long
+                show()  # progress, also during long tasks
                 if ended:
                     break
             if not ended and not self._at_work:
@@ -128,8 +128,8 @@ class Cluster:
                 try:
                     outcomes = self._ray.get(each)
                 except self._ray.exceptions.RayTaskError as error:
-                    raise error.cause from None  # what a watcher itself says ends the sweep
-                except self._ray.exceptions.RayError as error:  # gone, its machine perhaps too
+                    raise error.cause from None  # a watcher's own error ends the sweep
+                except self._ray.exceptions.RayError as error:  # lost, perhaps with its machine
                     tried.update(number for number, _ in taken)
                     lost += [pair for pair in taken if tried[pair[0]] < TRIES]
                     said = " ".join(str(error).split())
@@ -142,7 +142,7 @@ class Cluster:
                     yield outcome
 
     def _join(self, said: Any) -> None:
-        """A watcher has its place, or could not be made."""
+        """Register a watcher that has started, or count one that could not start."""
         watcher = self._joining.pop(said)
         try:
             self._ray.get(said)
@@ -158,12 +158,12 @@ class Cluster:
             self._idle.append(watcher)
 
     def _room(self) -> int:
-        """How many watchers the cluster has processors for now, as far as they were asked for."""
+        """Return the number of watchers for the cluster's present CPUs, at most `count`."""
         processors = max(1, int(self._ray.cluster_resources().get("CPU", 0)))
-        return min(self._asked or processors, processors)  # Ray lets what is too much wait
+        return min(self._asked or processors, processors)  # Ray queues any excess
 
     def _fill(self) -> None:
-        """Make watchers where there is room; they join once they have their place."""
+        """Create watchers for free CPUs; they join once Ray has started them."""
         crew = len(self._joining) + len(self._at_work) + len(self._idle)
         if crew and time.monotonic() < self._looked + _LOOK:
             return
@@ -173,5 +173,5 @@ class Cluster:
             self._joining[watcher.join.remote(self._computing)] = watcher
 
     def close(self) -> None:
-        """Leave the cluster; one of this machine alone ends."""
+        """Disconnect from the cluster; a cluster of only this machine ends."""
         self._ray.shutdown()

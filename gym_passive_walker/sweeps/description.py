@@ -1,4 +1,4 @@
-"""What is swept: an analysis, what stays the same, and what changes from task to task."""
+"""Description of a sweep: an analysis, its fixed arguments, and those that vary between tasks."""
 
 from __future__ import annotations
 
@@ -20,29 +20,29 @@ HOW = ("grid", "list", "sobol", "latin-hypercube")
 _SAMPLERS = {"sobol": "Sobol", "latin-hypercube": "LatinHypercube"}  # in scipy.stats.qmc
 
 RESERVED = ("task", "sweep", "version", "seed", "status", "error", "seconds")
-"""Columns that every row has, besides those of its parameters and results."""
+"""Columns of every sweep, besides those of parameters and results."""
 
 Given = dict[str, Any]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Description:
-    """A sweep, all of it: the same description is the same tasks, in the same order.
+    """Complete description of a sweep; it determines the tasks and their order.
 
     Attributes:
-        analysis: One of `tasks.ANALYSES`, or "module:function" for one of your own.
-        over: What changes, by name: parameters of the walker, arguments of the analysis or of its
-            scene. For a grid or a list, the values of each; for a sample, its [low, high].
-        how: "grid" for all combinations, "list" for the first values together, then the second
+        analysis: One of `tasks.ANALYSES`, or "module:function" for a function of your own.
+        over: Arguments that vary, by name: parameters of the walker, arguments of the analysis or
+            of its scene. A list of values for a grid or a list; [low, high] for a sample.
+        how: "grid" for all combinations; "list" for the first values together, then the second
             ones, and so on; "sobol" or "latin-hypercube" for a random sample of the box.
-        given: What is the same in all tasks, by name. A walker or a terrain may be a file here and
-            in `over`; the description keeps what the file holds.
-        samples: How many of a random sample; a power of two balances Sobol's.
-        seed: Of the sample, and of each task that has none of its own.
-        time_out: Seconds after which a task is given up; None waits for ever.
+        given: Arguments that are equal in all tasks, by name. A walker or a terrain may be a file
+            here and in `over`; the description stores the content of the file.
+        samples: Number of points of a random sample; a power of two balances Sobol's.
+        seed: Seed of the sample, and of each task without a seed of its own.
+        time_out: Seconds after which a task is given up; None waits forever.
 
     Raises:
-        ValueError: if it describes no sweep.
+        ValueError: if the description is invalid.
     """
 
     analysis: str
@@ -54,7 +54,7 @@ class Description:
     time_out: float | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what is no sweep."""
+        """Check the description."""
         if not isinstance(self.analysis, str):
             raise ValueError(f"analysis must be a name, not {self.analysis!r}")
         if self.how not in HOW:
@@ -103,7 +103,7 @@ class Description:
                 TOML file of such a mapping.
 
         Raises:
-            ValueError: if it describes no sweep.
+            ValueError: if the description is invalid.
             ImportError: if the file is YAML and pyyaml is not installed.
         """
         if isinstance(content, cls):
@@ -119,22 +119,22 @@ class Description:
 
     @cached_property
     def content(self) -> dict[str, Any]:
-        """All of it as JSON has it."""
+        """All attributes, as plain JSON values."""
         return json.loads(json.dumps(asdict(self), default=_plain))
 
     @cached_property
     def digest(self) -> str:
-        """A name for the content."""
+        """Hash of the content, 16 hexadecimal digits."""
         text = json.dumps(self.content, sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
     @cached_property
     def tasks(self) -> list[Given]:
-        """What each task is given, by name; its place in the list is its number."""
+        """Arguments of each task by name; the index in the list is the task's number."""
         names, columns = list(self.over), [list(values) for values in self.over.values()]
         rows: Any
         if self.how in _SAMPLERS:
-            from scipy.stats import qmc  # slow to load, and this package is loaded often
+            from scipy.stats import qmc  # slow to import
 
             low, high = np.array(columns, dtype=float).T
             made = getattr(qmc, _SAMPLERS[self.how])
@@ -156,7 +156,7 @@ def _kept(name: str, values: Any) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """A value as JSON has it."""
+    """Return a value as plain JSON."""
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
     if hasattr(value, "__dataclass_fields__"):  # a walker

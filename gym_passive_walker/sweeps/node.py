@@ -1,4 +1,4 @@
-"""What is done once on each machine: compiling, by one process, while the others wait."""
+"""Work that one process on each machine does for all: compilation, while the others wait."""
 
 from __future__ import annotations
 
@@ -20,15 +20,17 @@ from gym_passive_walker.physics.systems import SYSTEMS
 
 @contextmanager
 def locked(path: Path, *, wait: bool = True) -> Iterator[None]:
-    """Alone on this machine with a file, which is made; the system frees it when a process dies.
+    """Hold an exclusive lock on a file, which is created if necessary.
+
+    The operating system releases the lock when a process ends. On Windows there is no lock.
 
     Raises:
-        BlockingIOError: if another process holds it, and it is not to be waited for.
+        BlockingIOError: if another process holds the lock and `wait` is False.
     """
     with path.open("a", encoding="utf-8") as file:
         try:
             import fcntl
-        except ImportError:  # Windows, where nothing is lost but time
+        except ImportError:  # Windows: no lock
             pass
         else:
             fcntl.flock(file, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
@@ -36,7 +38,7 @@ def locked(path: Path, *, wait: bool = True) -> Iterator[None]:
 
 
 def compile_once() -> None:
-    """Compile everything that walks, unless it was done on this machine before."""
+    """Compile all equations and kernels, unless this machine has done so before."""
     folder = cache_directory()
     if folder is None or (folder / "swept").exists():
         return
@@ -48,7 +50,7 @@ def compile_once() -> None:
 
 
 def pieces() -> Iterator[Callable[[], object]]:
-    """All that is compiled, as what compiles it."""
+    """Yield functions, each of which compiles a part of the package when called."""
     for name in SYSTEMS:
         yield partial(compiled, name)
         yield partial(compiled, name, derived=True)
@@ -60,7 +62,7 @@ def pieces() -> Iterator[Callable[[], object]]:
 
 
 def _act(world: gym.Env | gym.vector.VectorEnv) -> None:
-    """A step of an environment."""
+    """Reset an environment, take one step, and close it."""
     world.reset(seed=0)
     world.step(np.zeros(world.action_space.shape))  # type: ignore[arg-type]
     world.close()

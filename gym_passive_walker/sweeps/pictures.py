@@ -1,4 +1,4 @@
-"""What `plot` draws of a sweep."""
+"""Plots of sweeps."""
 
 from __future__ import annotations
 
@@ -18,29 +18,30 @@ from gym_passive_walker.sweeps.tasks import check_trust
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_MANY = 2000  # points, from which on they are drawn smaller
+_MANY = 2000  # number of points from which on they are drawn smaller
 _MARKER = 16.0  # size of points in the legend, in square points
 
 
 @picture.register(Swept)
 def _swept(swept: Swept, ax: Axes | None = None, *, x: str, y: str, by: str) -> Axes:
-    """A point for each task over two of its parameters or results, told apart by a third.
+    """Draw a point for each task over two columns, marked or coloured by a third.
 
-    Truths are two kinds of points, numbers colours; tasks that failed are crosses. What is in a
-    walker's own units is drawn over its leg length, mass or pendulum time.
+    A Boolean third column gives two kinds of markers, a numeric one gives colours. Failed tasks are
+    crosses. Quantities in a walker's own units are made dimensionless with its leg length, mass and
+    pendulum time.
 
     Args:
         swept: The sweep.
         ax: matplotlib's axes to draw on; pyplot's current ones when None.
-        x: The column to the right.
-        y: The column upwards.
-        by: The column that tells points apart.
+        x: Column on the horizontal axis.
+        y: Column on the vertical axis.
+        by: Column that determines markers or colours.
 
     Raises:
         ValueError: if there is no such column, or the analysis is not trusted.
     """
     columns, described = swept.columns(), swept.description()
-    check_trust(described.analysis, swept.trust)  # whose arguments tell what is a length
+    check_trust(described.analysis, swept.trust)  # its arguments determine the units
     if said := unknown((x, y, by), tuple(columns), "this sweep"):
         raise ValueError(said)
     ax = axes_for(ax)
@@ -51,7 +52,7 @@ def _swept(swept: Swept, ax: Axes | None = None, *, x: str, y: str, by: str) -> 
         return columns[name] / sizes(name, described.analysis, tasks)
 
     across, up, kinds = drawn(x), drawn(y), columns[by][done]
-    size = 9.0 * min(1.0, _MANY / max(1, len(tasks)))  # of a point, so that many can be told apart
+    size = 9.0 * min(1.0, _MANY / max(1, len(tasks)))  # small, so that many stay distinct
     if all(isinstance(value, bool | np.bool_) for value in kinds):
         no, yes = done.copy(), done.copy()
         no[done], yes[done] = ~kinds.astype(bool), kinds.astype(bool)
@@ -74,6 +75,6 @@ def _swept(swept: Swept, ax: Axes | None = None, *, x: str, y: str, by: str) -> 
     if ax.get_legend_handles_labels()[0]:
         legend(ax)
         shown: Any = ax.get_legend()
-        for marker in shown.legend_handles:  # as large for many points as for few
+        for marker in shown.legend_handles:  # of equal size for many points and few
             marker.set_sizes([_MARKER])
     return ax

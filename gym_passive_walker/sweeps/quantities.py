@@ -1,4 +1,4 @@
-"""What the columns of a sweep are measured in, and what they are called in a picture."""
+"""Units and axis labels of the columns of a sweep."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ _SIZES: dict[str, Callable[[Walker], float]] = {
 }
 _OWN = {*(f.name for f in fields(Walker)), *Actuation._fields}
 _OWN_OF = {"gait": {"step_length", "step_period"}}
-"""Which columns are in a walker's own units: its parameters and drive, and these results."""
+"""Columns in a walker's own units: walker parameters and actuation, and these results."""
 
 
 def label(name: str) -> str:
-    """What a column is called on an axis, with its unit if it has one."""
+    """Return the axis label of a column, with its unit if it has one."""
     plain = name.replace("_", " ")
     unit = next((unit for unit, names in _UNITS.items() if name in names), "")
     said = f" ({unit})" if unit in ("rad", "strides") else f" / {unit}" if unit else ""
@@ -53,15 +53,15 @@ def label(name: str) -> str:
 
 
 def sizes(name: str, analysis: str, tasks: Sequence[Given]) -> NDArray[np.float64]:
-    """By what the values of a column are divided to be in the unit that its label says.
+    """Return the divisors that convert the values of a column to the unit of its label.
 
     Args:
         name: The column.
-        analysis: Of the sweep.
-        tasks: What each row's task was given.
+        analysis: Name of the sweep's analysis.
+        tasks: Arguments of each row's task.
 
     Returns:
-        Shape (tasks,): 1 where values are dimensionless, NaN where there is no such walker.
+        Shape (tasks,): 1 where values are dimensionless, NaN where the walker is invalid.
     """
     measure = next((_SIZES.get(unit) for unit, names in _UNITS.items() if name in names), None)
     if measure is None or name not in _OWN | _OWN_OF.get(analysis, set()):

@@ -1,4 +1,4 @@
-"""A sweep from its description to its folder, in one piece or in several."""
+"""Run a sweep, or continue an interrupted one."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ from gym_passive_walker.sweeps.workers import Task, Workers
 
 @dataclass(frozen=True, repr=False)
 class Swept(Table):
-    """A sweep that is over.
+    """A finished sweep: a table with a row for each task.
 
     Attributes:
-        folder: Where it is; ``folder / "rows"`` is its Parquet dataset.
-        tasks: How many tasks it had.
-        failures: How many of them failed or timed out.
-        trust: Whether its analysis may be a function that is not the package's.
+        folder: Folder of the sweep; ``folder / "rows"`` is its Parquet dataset.
+        tasks: Number of tasks.
+        failures: Number of tasks that failed or timed out.
+        trust: Whether the analysis may be a function from outside the package.
     """
 
     folder: Path
@@ -47,15 +47,15 @@ class Swept(Table):
     trust: bool = False
 
     def columns(self) -> dict[str, NDArray]:
-        """Its rows in the order of the tasks."""
+        """Return the columns by name, each (tasks,), with rows in the order of the tasks."""
         return read_columns(self.folder)
 
     def description(self) -> Description:
-        """What was swept."""
+        """Return the description of the sweep."""
         return read_description(self.folder)
 
     def facts(self) -> dict[str, str]:
-        """How it went."""
+        """Number of tasks, number of failures, and folder, as text."""
         return {
             "tasks": str(self.tasks),
             "failures": str(self.failures),
@@ -74,37 +74,38 @@ def sweep(
     trust: bool = False,
     **described: Any,
 ) -> Swept:
-    """Do an analysis many times over, on all processors, and keep what is found in a folder.
+    """Run an analysis for many sets of arguments in parallel, and store the results in a folder.
 
-    Killed at any moment, it goes on where it stopped when it is called again. A task that fails,
-    hangs or takes its process with it is a row with its error, and stops no other. A script that
-    sweeps does so below ``if __name__ == "__main__":``, since its processes read it too.
+    A sweep that was interrupted at any moment continues when it is called again. A task that fails,
+    hangs or crashes gives a row with its error; other tasks continue. A script must call `sweep`
+    below ``if __name__ == "__main__":``, since the worker processes import the script.
 
     Args:
-        analysis: Its name: gait, family, bifurcation, basin, robustness, check, optimal or
-            evaluation; a function of a module of your own, or "module:function" (with `trust`),
-            which returns numbers, words and truths by name; or all of the `Description`: an object,
-            a mapping, or the path of a JSON, YAML or TOML file of a mapping.
-        out: The folder; made if it is not there. None is the name of the description's file without
+        analysis: Name of an analysis: gait, family, bifurcation, basin, robustness, check, optimal
+            or evaluation. Or a function of a module of your own, or "module:function" (requires
+            `trust`), that returns numbers, text and booleans by name. Or a complete `Description`,
+            a mapping of its attributes, or the path of a JSON, YAML or TOML file of such a mapping.
+        out: The folder, created if necessary. None is the name of the description's file without
             its ending.
-        workers: How many processes; one to each processor if None.
-        ray: "here" for Ray on this machine, or the address of a cluster, whose machines see the
-            package, and a function of your own, at the same places.
-        branch: If the folder holds a sweep by another description, take one of its own beside it,
-            instead of refusing.
-        retry: Do tasks once more that failed or were given up; their rows are replaced.
-        trust: Allow "module:function", which imports that module and calls that function, whatever
-            they do. Not needed where the function itself is given.
-        **described: The rest of the `Description`: over, how, given, samples, seed, time_out.
+        workers: Number of processes; None is one for each CPU.
+        ray: "here" for Ray on this machine, or the address of a cluster. Its machines must have the
+            package, and any function of your own, at the same paths.
+        branch: If the folder holds a sweep with another description, use a new folder beside it
+            instead of raising an error.
+        retry: Repeat tasks that failed or timed out, and replace their rows.
+        trust: Allow "module:function", which imports that module and runs its code. Not needed if
+            `analysis` is the function itself.
+        **described: Further attributes of the `Description`: over, how, given, samples, seed,
+            time_out.
 
     Returns:
         The sweep: a table with a row for each task.
 
     Raises:
-        ValueError: if this is no sweep, its analysis is not trusted, or the folder holds another
-            sweep or damaged files.
-        OSError: if something cannot be written; what was is kept.
-        ImportError: if pyarrow, or ray, is not installed.
+        ValueError: if the description is invalid, the analysis is not trusted, or the folder holds
+            another sweep or damaged files.
+        OSError: if a file cannot be written; earlier results are kept.
+        ImportError: if pyarrow is not installed, or ray where it is used.
     """
     branch, retry = truth(branch, "branch"), truth(retry, "retry")
     if out is None and not is_file(analysis):
@@ -117,7 +118,7 @@ def sweep(
     if workers is not None:
         workers = whole(workers, "workers")
     computing = version(description.analysis)
-    if description.analysis in ANALYSES:  # what cannot be called is better known at once
+    if description.analysis in ANALYSES:  # fail early on invalid arguments
         task(description.analysis, description.tasks[0])
     store = Store(folder, description, computing, retry=retry)
     try:
@@ -137,7 +138,7 @@ def sweep(
 
 
 def _is_function(analysis: Any) -> bool:
-    """Whether a caller has given the function itself, not its name."""
+    """Return whether the analysis is a function, not a name or a description."""
     return callable(analysis) and not isinstance(analysis, Mapping | Description)
 
 
@@ -159,7 +160,7 @@ def _described(analysis: Any, rest: dict[str, Any]) -> Description:
 def _crew(
     description: Description, computing: str, tasks: int, workers: int | None, ray: str | None
 ) -> Workers | Cluster:
-    """Who does the tasks."""
+    """Create the workers: on a Ray cluster, or as processes on this machine."""
     analysis, time_out = description.analysis, description.time_out
     if ray is not None:
         return Cluster(analysis, workers, time_out, ray, computing)
@@ -167,7 +168,7 @@ def _crew(
 
 
 def _work(crew: Workers | Cluster, store: Store, left: list[Task]) -> None:
-    """Do the tasks that are left."""
+    """Do the remaining tasks and store their rows."""
     failures, began, given = 0, time.monotonic(), dict(left)
     try:
         with progress("tasks", len(left)) as advance:

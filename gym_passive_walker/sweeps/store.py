@@ -1,8 +1,8 @@
-"""What a sweep has found so far, in a folder: a Parquet dataset that is whole at any moment.
+"""Results of a sweep in a folder: a Parquet dataset that is valid at any moment.
 
-A row that is finished goes into a journal at once, a line of JSON. Every so often the journal's
-rows become a Parquet file, written aside and renamed; the journal begins anew. Whoever goes on with
-the sweep reads both.
+Each finished row is written to a journal at once, as a line of JSON. At intervals the journal's
+rows become a Parquet file, which is written under another name and renamed. The journal is then
+emptied. A continued sweep reads both.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from gym_passive_walker.sweeps.node import locked
 DONE, FAILED, TIMED_OUT = "done", "failed", "timed out"
 
 _MANIFEST, _JOURNAL = "sweep.json", "journal.jsonl"
-_SECONDS, _ROWS = 20.0, 50_000  # between two files
+_SECONDS, _ROWS = 20.0, 50_000  # after which a Parquet file is written
 _TYPES = {bool: "bool", int: "int64", float: "double", str: "string"}
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _BEFORE = {"task": "int64", "sweep": "string", "version": "string", "seed": "int64"}
@@ -35,18 +35,18 @@ _AFTER = {"status": "string", "error": "string", "seconds": "double"}
 
 
 class Store:
-    """The folder of a sweep, with nobody else in it.
+    """The folder of a sweep, locked against other processes.
 
     Args:
-        folder: Made if it is not there.
-        description: What is swept.
-        version: Of what computes.
-        retry: Whether tasks that failed are to be done again: their rows are taken out.
+        folder: The folder, created if necessary.
+        description: Description of the sweep.
+        version: Version of the code that computes the sweep.
+        retry: Whether to repeat failed tasks; their rows are removed.
 
     Raises:
-        ValueError: if the folder holds another sweep, one of another version, or anything else; if
-            a file of it is damaged, which is left as it is; or if another process is at it.
-        OSError: if it cannot be written.
+        ValueError: if the folder holds another sweep, another version or other files; if a file of
+            the sweep is damaged (it is not changed); or if another process uses the folder.
+        OSError: if the folder cannot be written.
         ImportError: if pyarrow is not installed.
     """
 
@@ -70,11 +70,11 @@ class Store:
         try:
             self._open(description, retry)
         except BaseException:
-            self._held.close()  # who mends the folder may go on in this process
+            self._held.close()  # allows a retry in this process after a repair
             raise
 
     def _open(self, description: Description, retry: bool) -> None:
-        """Take the folder, and up what stands in it."""
+        """Lock the folder and read its content."""
         with self._writing():
             self._rows_folder.mkdir(parents=True, exist_ok=True)
             try:
@@ -95,7 +95,7 @@ class Store:
         self.flush()
 
     def _read(self, retry: bool) -> None:
-        """Take up what stands in the folder; nothing has changed there if a file is damaged."""
+        """Read the rows of the folder; if a file is damaged, the folder is not changed."""
         parts = sorted(self._rows_folder.glob("*.parquet"))
         for path in parts:
             with _reading(path, "part"):
@@ -116,10 +116,10 @@ class Store:
                 self._pending.append(row)
 
     def _check_part(self, path: Path) -> None:
-        """Refuse a file that is no part of this sweep's dataset.
+        """Check that a file is a part of this sweep's dataset.
 
         Raises:
-            ValueError: if it is none.
+            ValueError: if it is not.
         """
         if not self._parquet.read_schema(path).equals(self._schema):
             raise ValueError("it has other columns than the sweep")
@@ -132,10 +132,10 @@ class Store:
             raise ValueError("it has rows of tasks that there are not")
 
     def _journal_rows(self) -> list[dict[str, Any]]:
-        """The rows of the journal; its last line may be torn, and is forgotten then.
+        """Return the rows of the journal; an incomplete last line is ignored.
 
         Raises:
-            ValueError: if another line is no row of this sweep.
+            ValueError: if another line is not a row of this sweep.
         """
         journal, rows = self.folder / _JOURNAL, []
         if not journal.exists():
@@ -161,7 +161,7 @@ class Store:
         return rows
 
     def _wrong(self, row: Any) -> str | None:
-        """What is wrong with a row of the journal; None if nothing is."""
+        """Return the reason why a row of the journal is invalid; None if it is valid."""
         if not isinstance(row, dict):
             return "it is no mapping"
         lacking = [name for name in ("task", "sweep", "version", "status") if name not in row]
@@ -181,7 +181,7 @@ class Store:
 
     @property
     def _kinds(self) -> dict[str, str]:
-        """The dataset's columns, and their types."""
+        """Types of the dataset's columns, by name."""
         results = self._manifest["columns"] or {}
         return {**_BEFORE, **self._parameters, **_AFTER, **results}
 
@@ -192,7 +192,7 @@ class Store:
         )
 
     def _take_failed_out(self, path: Path) -> bool:
-        """Leave in a file of the dataset what was done; whether there is anything."""
+        """Remove the failed tasks from a file of the dataset; return whether rows remain."""
         table = self._parquet.read_table(path)
         done = table.filter(self._arrow.compute.equal(table["status"], DONE))
         with self._writing():
@@ -203,13 +203,13 @@ class Store:
         return len(done) > 0
 
     def _put(self, table: Any, name: str) -> None:
-        """Write a file of the dataset, in place of one of that name."""
+        """Write or replace a file of the dataset, atomically."""
         aside = self.folder / f"{name}.aside"
         self._parquet.write_table(table, aside)
         os.replace(aside, self._rows_folder / name)
 
     def _new_journal(self) -> TextIO:
-        """A journal of the rows that are no part of the dataset yet."""
+        """Write and open a journal of the rows that are not in the dataset yet."""
         aside = self.folder / f"{_JOURNAL}.aside"
         aside.write_text("".join(f"{json.dumps(row)}\n" for row in self._pending), "utf-8")
         os.replace(aside, self.folder / _JOURNAL)
@@ -217,7 +217,7 @@ class Store:
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
-        """Around what writes: says what to do where that fails."""
+        """Add to an OSError of the enclosed code what the user can do."""
         try:
             yield
         except OSError as error:
@@ -229,14 +229,14 @@ class Store:
             ) from error
 
     def add(self, row: dict[str, Any], results: Mapping[str, Any]) -> None:
-        """Keep a finished task.
+        """Store a finished task.
 
         Args:
-            row: Its number, what it was given, how it ended, and in how many seconds.
-            results: What it found; nothing if it failed.
+            row: The task's number, arguments, status, error, and duration in seconds.
+            results: The task's results by name; empty if it failed.
 
         Raises:
-            OSError: if it cannot be written.
+            OSError: if the folder cannot be written.
         """
         if results:
             kinds = {name: _TYPES[type(value)] for name, value in results.items()}
@@ -258,13 +258,13 @@ class Store:
             self.flush()
 
     def flush(self, *, last: bool = False) -> None:
-        """Make the journal's rows a file of the dataset.
+        """Move the journal's rows to a new file of the dataset.
 
-        As long as no task has found anything, nobody knows the columns: then rows stay where they
-        are, unless these are the last.
+        The columns are unknown until a task has results. Until then rows stay in the journal,
+        unless `last` is True.
 
         Raises:
-            OSError: if it cannot be written.
+            OSError: if the folder cannot be written.
         """
         self._written = time.monotonic()
         columns = self._manifest["columns"]
@@ -273,14 +273,14 @@ class Store:
             parts = {n: [_as(row.get(n), kind) for row in rows] for n, kind in self._kinds.items()}
             table = self._arrow.Table.from_pydict(parts, schema=self._schema)
             with self._writing():
-                # By the first task and at random: no file is ever written over another.
+                # First task and a random part in the name, so that no file is overwritten.
                 self._put(table, f"{rows[0]['task']:08d}-{uuid.uuid4().hex[:16]}.parquet")
                 self._pending = []
                 self._journal.truncate(0)
 
     def close(self) -> None:
-        """Leave the folder to others."""
-        with self._held, suppress(OSError):  # on a full disk; what was said of it is said
+        """Close the journal and release the lock."""
+        with self._held, suppress(OSError):  # on a full disk, which was reported before
             self._journal.close()
 
     def _save_manifest(self) -> None:
@@ -294,15 +294,15 @@ _REMEDIES = {
     "journal": "put back a whole copy, or move it elsewhere, and its tasks are done once more",
     "part": "move it elsewhere, and the same call does its tasks once more",
 }
-"""What to do about a file that cannot be read."""
+"""Advice for the user, by the kind of file that cannot be read."""
 
 
 @contextmanager
 def _reading(path: Path, what: str) -> Iterator[None]:
-    """Turn whatever a damaged file does to its reader into a sentence.
+    """Turn any error while reading a damaged file into a ValueError.
 
     Raises:
-        ValueError: if it cannot be read, or does not hold what belongs there.
+        ValueError: if the file cannot be read, or its content is invalid.
     """
     try:
         yield
@@ -313,10 +313,10 @@ def _reading(path: Path, what: str) -> Iterator[None]:
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
-    """What a folder says it holds: the description, its digest, the version, the columns.
+    """Return the manifest of a folder: description, digest, version and columns of the sweep.
 
     Raises:
-        ValueError: if it holds no sweep, or says so in a way that cannot be read.
+        ValueError: if the folder holds no sweep, or its manifest is damaged.
     """
     path = folder / _MANIFEST
     if not path.exists():
@@ -336,10 +336,10 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 
 
 def read_description(folder: Path) -> Description:
-    """What is swept in a folder.
+    """Return the description of the sweep in a folder.
 
     Raises:
-        ValueError: if it holds no sweep, or its description cannot be read.
+        ValueError: if the folder holds no sweep, or its description cannot be read.
     """
     content = read_manifest(folder)["description"]
     with _reading(folder / _MANIFEST, "manifest"):
@@ -347,10 +347,10 @@ def read_description(folder: Path) -> Description:
 
 
 def read_columns(folder: Path) -> dict[str, NDArray]:
-    """The dataset in the order of its tasks, each column of shape (tasks,).
+    """Return the columns of the dataset by name, each (tasks,), in the order of the tasks.
 
     Raises:
-        ValueError: if there is nothing yet, or a file cannot be read.
+        ValueError: if the dataset is empty, or a file cannot be read.
         ImportError: if pyarrow is not installed.
     """
     with extra("sweep"):
@@ -371,12 +371,12 @@ def read_columns(folder: Path) -> dict[str, NDArray]:
 
 
 def holds_another(folder: Path, description: Description) -> bool:
-    """Whether a folder holds a sweep by another description."""
+    """Return whether a folder holds a sweep with another description."""
     return (folder / _MANIFEST).exists() and read_manifest(folder)["sweep"] != description.digest
 
 
 def _check(folder: Path, description: Description, version: str) -> None:
-    """Refuse a folder of something else."""
+    """Raise a ValueError if a folder holds other files, another sweep or another version."""
     if not folder.exists():
         return
     if not folder.is_dir():
@@ -406,7 +406,7 @@ def _check(folder: Path, description: Description, version: str) -> None:
 
 
 def _columns(tasks: list[dict[str, Any]]) -> dict[str, str]:
-    """Types of the parameters; what is neither number, word nor truth is written as JSON."""
+    """Return the types of the parameters by name; values other than scalars become JSON text."""
     found: dict[str, str] = {}
     for name in tasks[0]:
         kinds = {_TYPES.get(type(given[name]), "string") for given in tasks}
@@ -417,7 +417,7 @@ def _columns(tasks: list[dict[str, Any]]) -> dict[str, str]:
 
 
 def _fits(kinds: dict[str, str], columns: dict[str, str]) -> bool:
-    """Whether results have these columns; a whole number may stand among others."""
+    """Return whether results fit the columns; an integer fits a column of floats."""
     return kinds.keys() == columns.keys() and all(
         kind == columns[name] or (kind, columns[name]) == ("int64", "double")
         for name, kind in kinds.items()
@@ -425,7 +425,7 @@ def _fits(kinds: dict[str, str], columns: dict[str, str]) -> bool:
 
 
 def _as(value: Any, kind: str) -> Any:
-    """A value as its column has it."""
+    """Convert a value to the type of its column."""
     if value is None:
         return None
     if kind == "string":
@@ -435,7 +435,7 @@ def _as(value: Any, kind: str) -> Any:
 
 
 def _holds(value: Any, kind: str) -> bool:
-    """Whether a column may hold a value."""
+    """Return whether a column of a type may hold a value."""
     if value is None or kind == "string":
         return True
     if kind == "double" and type(value) is float:

@@ -1,4 +1,4 @@
-"""What a task does: an analysis of the package, told in a row of numbers and words."""
+"""Analyses of the package as tasks of a sweep; each returns a row of numbers and text."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def gait(
     scene: Any = None,
     terrain: Any = None,
 ) -> Row:
-    """Whether there is a gait of a kind at a slope, whether it is stable, and its measures."""
+    """Search for a gait of a kind at a slope; return its stability and its measures."""
     held = Actuation(hip_torque, ankle_torque, push_off)
     if controller is not None and any(held):
         raise ValueError(f"motors follow {controller}: leave torques and push-off out")
@@ -72,7 +72,7 @@ def family(
     scene: Any = None,
     terrain: Any = None,
 ) -> Row:
-    """How far a family of gaits goes, why no further, and where it is stable and fastest."""
+    """Continue a branch of gaits; return its ends, their reasons, its stable range and speed."""
     strides = stride_map(walker, controller=controller, scene=scene, terrain=terrain)
     found = gait_family(strides, slope_min, slope_max, kind)  # type: ignore[arg-type]
     steady = found.slope[found.stable]
@@ -102,7 +102,7 @@ def bifurcation(
     scene: Any = None,
     terrain: Any = None,
 ) -> Row:
-    """Where walks settle at a slope."""
+    """Return the attractor at a slope: its period and the range of stance angles."""
     strides = stride_map(walker, slope, controller=controller, scene=scene, terrain=terrain)
     found = bifurcation_diagram(
         strides, [slope], n_transient=n_transient, n_recorded=n_recorded, kind=kind  # type: ignore[arg-type]
@@ -125,7 +125,7 @@ def basin(
     scene: Any = None,
     terrain: Any = None,
 ) -> Row:
-    """The share of starts on a slice through the gait that walk on, and that settle on gaits."""
+    """Return the shares of a slice of initial states that keep walking and that reach gaits."""
     where = stride_map(walker, slope, controller=controller, scene=scene, terrain=terrain)
     found = basin_of_attraction(where, slope, resolution=resolution, strides=strides)
     return {
@@ -143,7 +143,7 @@ def check(
     controller: str | None = None,
     scene: Any = None,
 ) -> Row:
-    """Whether a gait could happen, item by item."""
+    """Check the feasibility constraints of a gait, item by item."""
     strides = stride_map(walker, slope, controller=controller, scene=scene)
     gait = find_gait(strides, slope, kind)  # type: ignore[arg-type]
     found = reality_check(gait, friction=friction)
@@ -162,7 +162,7 @@ def robustness(
     starts: int = 512,
     seed: int = 0,
 ) -> Row:
-    """How much a walk bears, of a passive walker or under a controller."""
+    """Measure the robustness of a passive walker or of a controller."""
     options: Row = {"roughness": roughness, "walkers": walkers, "strides": strides}
     options |= {"initial_error": initial_error, "starts": starts, "seed": seed}
     if controller is None and scene is None and changes.keys() == {"walker", "slope"}:
@@ -182,7 +182,7 @@ def robustness(
 
 
 def optimal(changes: Mapping[str, Any], speed: float, scene: str = "level") -> Row:
-    """The gait of least cost of transport at a speed."""
+    """Compute the gait of least cost of transport at a speed."""
     found = optimal_gait(changed(scene, changes), speed)
     names = ("cost_of_transport", "hip_cost", "ankle_cost", "push_off_cost", "push_off")
     names += ("step_period", "step_length", "stable", "stubs")
@@ -196,7 +196,7 @@ def evaluation(
     episodes: int = 20,
     seed: int = 0,
 ) -> Row:
-    """What a controller makes of some episodes, the first of which has the seed."""
+    """Evaluate a controller over some episodes; the first one has the seed."""
     who, where = acting(controller, scene, **changes)
     arena = gym.make_vec(ID, num_envs=episodes, scene=where)
     return walks.evaluate(who, arena, seed=seed).summary()
@@ -206,19 +206,19 @@ ANALYSES: dict[str, Callable[..., Row]] = {
     each.__name__: each
     for each in (gait, family, bifurcation, basin, robustness, check, optimal, evaluation)
 }
-"""What can be swept by name."""
+"""Analyses that a sweep can name."""
 
 
 def check_trust(analysis: str, trust: bool) -> bool:
-    """Refuse an analysis that is not the package's, unless the user trusts it.
+    """Check that the user trusts an analysis from outside the package.
 
-    A description may come from someone else's file, and to import a module runs it.
+    A description may be another person's file, and importing a module runs its code.
 
     Returns:
-        Whether it is trusted.
+        The argument `trust`.
 
     Raises:
-        ValueError: if it is not, and would have to be.
+        ValueError: if the analysis requires trust and `trust` is False.
     """
     if not isinstance(trust, bool):
         raise ValueError(f"trust must be True or False, not {trust!r}")
@@ -232,10 +232,12 @@ def check_trust(analysis: str, trust: bool) -> bool:
 
 
 def function(analysis: str) -> Callable[..., Any]:
-    """What an analysis calls, by its name or as "module:function", which is trusted here.
+    """Return the function of an analysis, by its name or as "module:function".
+
+    The module is imported without a check of trust.
 
     Raises:
-        ValueError: if there is none.
+        ValueError: if there is no such analysis.
     """
     if analysis in ANALYSES:
         return ANALYSES[analysis]
@@ -255,13 +257,13 @@ def function(analysis: str) -> Callable[..., Any]:
 
 
 def task(analysis: str, given: Mapping[str, Any]) -> Callable[[], Any]:
-    """An analysis with its arguments, to be called.
+    """Return an analysis with its arguments, as a function without arguments.
 
-    Parameters of a walker change the walker that is given; arguments of a scene come as a mapping
-    to a function that takes `changes`; a seed goes to those that take one.
+    Walker parameters change the given walker. Scene arguments are passed as a mapping to functions
+    with an argument `changes`. The seed is passed to functions that accept it.
 
     Raises:
-        ValueError: if the analysis takes no such argument, or there is no such walker.
+        ValueError: if an argument is unknown or missing, or the walker is invalid.
     """
     called, rest = function(analysis), dict(given)
     takes = signature(called).parameters
@@ -297,10 +299,10 @@ def task(analysis: str, given: Mapping[str, Any]) -> Callable[[], Any]:
 
 
 def flat(found: Any) -> Row:
-    """Results as a row: numbers, words and truths by name; a single one is called "value".
+    """Return results as a row of numbers, text and booleans by name; a single one is "value".
 
     Raises:
-        TypeError: if there is anything else among them.
+        TypeError: if a result has another type, or an integer needs more than 64 bits.
     """
     row: Row = {}
     for name, value in (found if isinstance(found, Mapping) else {"value": found}).items():

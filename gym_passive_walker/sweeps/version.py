@@ -1,4 +1,4 @@
-"""What results depend on besides a description: the version of what computes."""
+"""Version of the code that computes a sweep; results depend on it and on the description."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ _SOURCES += ("control/*", "policies/*", "sweeps/tasks")
 
 
 def version(analysis: str) -> str:
-    """The package's version, and a hash of the sources of what computes.
+    """Return the package's version and a hash of the sources that the results depend on.
 
-    A function of one's own counts with the module in which it is named.
+    For a function of your own, the hash includes its module.
 
     Raises:
         ValueError: if there is no such analysis.
     """
     root = Path(gym_passive_walker.__file__).parent
     sources = [path for part in _SOURCES for path in sorted(root.glob(f"{part}.py"))]
-    function(analysis)  # which loads its module
+    function(analysis)  # imports its module
     if analysis not in ANALYSES:
         named = getattr(sys.modules[analysis.partition(":")[0]], "__file__", None)
-        sources += [Path(named)] if named is not None else []  # the interpreter's own have none
+        sources += [Path(named)] if named is not None else []  # built-in modules have none
     digest = hashlib.sha256()
     for path in sources:
         digest.update(path.name.encode() + path.read_bytes())

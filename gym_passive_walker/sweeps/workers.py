@@ -1,8 +1,8 @@
-"""Worker processes on one machine, and who watches them.
+"""Worker processes on one machine, and their supervision.
 
-Each worker has a pipe of its own: it is sent tasks for about a second, and answers one by one. So
-it is known which task a worker is at: where that takes too long, or takes the process with it, the
-worker is replaced, and what else it was to do is left to the others.
+Each worker has a pipe. It receives tasks for about one second, and returns results one by one, so
+its current task is known. If that task times out or crashes the process, the worker is replaced.
+Its remaining tasks go back to the queue.
 """
 
 from __future__ import annotations
@@ -25,26 +25,26 @@ from gym_passive_walker.sweeps.store import DONE, FAILED, TIMED_OUT
 from gym_passive_walker.sweeps.tasks import ANALYSES, flat, task
 
 _MOST = 2000  # tasks sent at once
-_LOOK = 5.0  # seconds between two looks at how far the work is
+_LOOK = 5.0  # seconds between two reports of progress
 STILLBORN = 3
-"""Workers that end before they begin, after which it is no accident."""
+"""Number of workers that end before they are ready, after which the sweep fails."""
 
 TRIES = 2
-"""Of a task that takes its process with it."""
+"""Number of attempts at a task that crashes its process."""
 
 Task = tuple[int, dict[str, Any]]
-"""A task's number, and what it is given."""
+"""A task's number, and its arguments by name."""
 
 
 class Outcome(NamedTuple):
-    """How a task has ended.
+    """Outcome of a task.
 
     Attributes:
-        task: Its number.
+        task: Number of the task.
         status: `DONE`, `FAILED` or `TIMED_OUT`.
-        error: What went wrong; None if nothing did.
-        seconds: How long it took.
-        results: What it found, by name.
+        error: Error message; None without an error.
+        seconds: Duration in seconds.
+        results: Results by name; empty without results.
     """
 
     task: int
@@ -55,17 +55,21 @@ class Outcome(NamedTuple):
 
 
 class Pace:
-    """How many tasks make about a second."""
+    """Chooses the number of tasks that take about one second.
+
+    Args:
+        workers: Number of workers.
+    """
 
     def __init__(self, workers: int) -> None:
         self._workers, self._count, self._seconds = workers, 0, 0.0
 
     def note(self, outcome: Outcome) -> None:
-        """A task has taken so long."""
+        """Record the duration of a finished task."""
         self._count, self._seconds = self._count + 1, self._seconds + outcome.seconds
 
     def take(self, waiting: deque[Task]) -> list[Task]:
-        """The tasks for a worker to do next; towards the end fewer, so that all end together."""
+        """Take a worker's next tasks; fewer towards the end, so that all workers end together."""
         fair = -(-len(waiting) // (2 * self._workers))
         second = int(self._count / max(self._seconds, 1e-9)) if self._count else 1
         return [waiting.popleft() for _ in range(max(1, min(fair, second, _MOST)))]
@@ -75,9 +79,9 @@ class Workers:
     """Processes that do tasks of one analysis.
 
     Args:
-        analysis: Its name.
-        count: How many processes.
-        time_out: Seconds after which a task is given up; None waits for ever.
+        analysis: Name of the analysis.
+        count: Number of processes.
+        time_out: Seconds after which a task is given up; None waits forever.
     """
 
     def __init__(self, analysis: str, count: int, time_out: float | None) -> None:
@@ -86,7 +90,7 @@ class Workers:
         self._stillborn = 0
 
     def outcomes(self, tasks: Sequence[Task]) -> Iterator[Outcome]:
-        """Do tasks, and say of each how it ended as soon as it has.
+        """Do tasks, and yield the outcome of each as soon as it has ended.
 
         Raises:
             RuntimeError: if no worker can be started.
@@ -115,12 +119,12 @@ class Workers:
                 yield Outcome(late, TIMED_OUT, said, took, {})
 
     def close(self) -> None:
-        """End all processes."""
+        """Kill all processes."""
         for worker in self._crew:
             worker.end()
 
     def _patience(self) -> float:
-        """Seconds to the next time-out, or until it is time to show how far the work is."""
+        """Return the seconds to the next time-out or the next report of progress."""
         since = [worker.since for worker in self._crew if worker.tasks]
         if self._time_out is None or not since:
             return _LOOK
@@ -132,7 +136,7 @@ class Workers:
         return time.monotonic() - worker.since >= self._time_out
 
     def _lost(self, worker: _Worker, waiting: deque[Task], tried: Counter) -> Outcome | None:
-        """A process is gone: what it was at is tried once more, then has failed."""
+        """Replace a process that ended; its task is tried once more, then fails."""
         worker.process.join()
         code, at = worker.process.exitcode, worker.tasks[0] if worker.tasks else None
         self._stillborn += not worker.ready
@@ -152,34 +156,34 @@ class Workers:
         return Outcome(at[0], FAILED, f"its process ended with exit code {code}", took, {})
 
     def _replace(self, worker: _Worker, waiting: deque[Task]) -> None:
-        """Another process for one; what it had not begun waits again."""
+        """Replace a worker; tasks that it had not begun go back to the queue."""
         waiting.extendleft(reversed(list(worker.tasks)[1:]))
         worker.end()
         self._crew[self._crew.index(worker)] = _Worker(self._analysis)
 
 
 class _Worker:
-    """A process, its pipe, and what it has still to do: the first task is the one it is at."""
+    """A worker process, its pipe, and its remaining tasks; the first one is running."""
 
     def __init__(self, analysis: str) -> None:
         context = multiprocessing.get_context("spawn")
         self.pipe, theirs = context.Pipe()
         self.process = context.Process(target=_serve, args=(theirs, analysis))
         self.process.start()
-        theirs.close()  # so that its end is heard
+        theirs.close()  # so that the pipe reports the end of the process
         self.ready, self.since, self.tasks = False, time.monotonic(), deque[Task]()
 
     def send(self, tasks: list[Task]) -> None:
-        """Give it tasks."""
+        """Send tasks to the process."""
         self.tasks.extend(tasks)
         self.since = time.monotonic()
         try:
             self.pipe.send(tasks)
-        except OSError:  # it has ended, as its pipe will say
+        except OSError:  # the process has ended, which the next receive reports
             pass
 
     def hear(self) -> Outcome | None:
-        """What it says: first, that it is ready."""
+        """Receive an outcome; None for the first message, that the process is ready."""
         said = self.pipe.recv()
         self.since = time.monotonic()
         if said is None:
@@ -189,15 +193,15 @@ class _Worker:
         return said
 
     def end(self) -> None:
-        """End it, whatever it is at."""
+        """Kill the process, also during a task."""
         self.process.kill()
         self.process.join()
         self.pipe.close()
 
 
 def _serve(pipe: Connection, analysis: str) -> None:
-    """What a worker does: tasks, until nobody wants more."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # who watches decides
+    """Do tasks in a worker process, until the pipe is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
     threading.Thread(target=_leave_with_parent, daemon=True).start()
     hush()
     numba.set_num_threads(1)
@@ -222,7 +226,7 @@ def _done(analysis: str, number: int, given: dict[str, Any]) -> Outcome:
 
 
 def _leave_with_parent() -> None:
-    """A worker whose parent was killed would otherwise finish its task for nobody."""
+    """End this process when its parent is killed, so that no task runs without a reader."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         wait([parent.sentinel])

@@ -1,9 +1,9 @@
-"""Walkers for torch: strides, ticks and whole walks with exact gradients, and an environment.
+"""Walkers for torch: strides, control steps and episodes with exact gradients; an environment.
 
     from gym_passive_walker.torch import stride, tick, rollout
 
-Gradients come out of `backward`, forward mode and `torch.func` alike; `docs/derivatives.md` says
-what is exact and what happens at strikes, at grazing and at falls.
+`backward`, forward mode and `torch.func` return the gradients. `docs/derivatives.md` describes
+their accuracy, and how they behave at impacts, at grazing and at falls.
 """
 
 try:

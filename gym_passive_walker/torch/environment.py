@@ -1,4 +1,4 @@
-"""A vector environment whose observations, rewards and endings are torch tensors."""
+"""A vector environment with torch tensors as observations, rewards and termination flags."""
 
 from __future__ import annotations
 
@@ -16,25 +16,27 @@ from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 
 
 class PassiveWalkerTorchEnv:
-    """`PassiveWalkerVectorEnv` for learners that live on tensors: the same walks to the last bit.
+    """`PassiveWalkerVectorEnv` with torch tensors: trajectories are bitwise equal.
 
-    Walkers are carried on the CPU. There tensors share the memory of the environment's arrays and
-    cost no copy; on another device they are moved to and fro. What is different from the vector
-    environment: an episode's last observation is told for all walkers as one tensor, `info` as
-    tensors without masks, and the default is to begin the next episode in the step that ends one,
-    as trainers of this kind expect.
+    The CPU integrates the walkers. CPU tensors share the memory of the environment's arrays; for
+    another device they are copied. Differences from the vector environment:
+
+    - "final_obs" is one tensor for all walkers.
+    - The entries of `info` are tensors without masks.
+    - By default the step that ends an episode also begins the next one, as trainers of this kind
+      expect.
 
     Args:
-        num_envs: How many walkers.
-        scene: As of `PassiveWalkerEnv`.
-        device: Where tensors are wanted.
-        autoreset_mode: "SameStep" (the default), "NextStep" or "Disabled", as of the vector
-            environment.
-        **changes: As of `PassiveWalkerVectorEnv`.
+        num_envs: Number of walkers.
+        scene: A scene, its name, or its arguments; see `PassiveWalkerEnv`.
+        device: Device of the tensors.
+        autoreset_mode: "SameStep" (the default), "NextStep" or "Disabled"; see
+            `PassiveWalkerVectorEnv`.
+        **changes: Further arguments of `PassiveWalkerVectorEnv`.
 
     Attributes:
         envs: The vector environment.
-        device: Where tensors are.
+        device: Device of the tensors.
     """
 
     def __init__(
@@ -55,24 +57,24 @@ class PassiveWalkerTorchEnv:
     def around(
         cls, envs: PassiveWalkerVectorEnv, device: torch.device | str = "cpu"
     ) -> PassiveWalkerTorchEnv:
-        """The walkers of a vector environment, on tensors: both step the same ones."""
+        """Wrap a vector environment; steps of either one advance the same walkers."""
         self = cls.__new__(cls)
         self.device, self.envs = torch.device(device), envs
         return self
 
     @property
     def num_envs(self) -> int:
-        """How many walkers."""
+        """Number of walkers."""
         return self.envs.num_envs
 
     @property
     def observation_space(self) -> Any:
-        """Of one walker."""
+        """Observation space of one walker."""
         return self.envs.single_observation_space
 
     @property
     def action_space(self) -> Any:
-        """Of one walker."""
+        """Action space of one walker."""
         return self.envs.single_action_space
 
     def reset(
@@ -81,10 +83,14 @@ class PassiveWalkerTorchEnv:
         seed: int | Sequence[int | None] | None = None,
         options: dict[str, Any] | None = None,
     ) -> tuple[Tensor, dict[str, Any]]:
-        """Begin episodes; as of the vector environment, but that "reset_mask" may be a tensor.
+        """Begin episodes.
+
+        Args:
+            seed: Seed of the first environment, the others use seed + 1, ...; or one for each.
+            options: Options of `PassiveWalkerVectorEnv.reset`; "reset_mask" may be a tensor.
 
         Returns:
-            Observations, (num_envs, 8), and an empty dictionary.
+            Observations, (num_envs, k) with k = 8 by default, and an empty dictionary.
         """
         if options and isinstance(options.get("reset_mask"), Tensor):
             options = options | {"reset_mask": options["reset_mask"].cpu().numpy()}
@@ -92,20 +98,21 @@ class PassiveWalkerTorchEnv:
         return self._tensor(observations), {}
 
     def step(self, actions: Tensor) -> tuple[Tensor, Tensor, Tensor, Tensor, dict[str, Any]]:
-        """A step of every walker.
+        """Advance all walkers by one step.
 
         Args:
-            actions: Shape (num_envs, 1).
+            actions: Shape (num_envs, actions of the scene).
 
         Returns:
-            Observations (num_envs, 8); rewards, terminated and truncated (num_envs,); and what the
-            step tells: the numbers of `info`, zero where there is nothing to tell, "outcome" as an
-            `Outcome`'s number (0 where nothing has ended), and, where episodes end and begin
-            within a step, "final_obs" (num_envs, 8): observations before the new beginnings.
+            Observations (num_envs, k), with k = 8 by default; rewards, terminated and truncated,
+            each (num_envs,); and `info`, tensors that are zero where an entry has no value.
+            "outcome" is an `Outcome` as a number, 0 where no stride or episode ended. With
+            "SameStep", a step that ends episodes returns "final_obs" (num_envs, k): the
+            observations before the resets.
 
         Raises:
-            ValueError: as of the vector environment.
-            ResetNeeded: likewise.
+            ValueError: if the actions have another shape, or one is not finite.
+            ResetNeeded: if an environment must be reset first.
         """
         observations, rewards, terminated, truncated, told = self.envs.step(
             actions.detach().cpu().numpy()
@@ -130,28 +137,31 @@ class PassiveWalkerTorchEnv:
         return torch.from_numpy(array).to(self.device)
 
     def get_state(self) -> dict[str, Any]:
-        """As of the vector environment."""
+        """Return the state of the vector environment, from which `set_state` continues."""
         return self.envs.get_state()
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """As of the vector environment."""
+        """Continue from a state that `get_state` returned."""
         self.envs.set_state(state)
 
     def set_energy_cost(self, energy: str | None) -> None:
-        """As of the vector environment."""
+        """Set the hip work that actuators are charged for: "absolute", "positive" or "net".
+
+        None restores the scene's own. The change applies from the next step on.
+        """
         self.envs.set_energy_cost(energy)
 
     def render(self) -> Any:
-        """As of the vector environment."""
+        """Return a picture of each walker, or None without a render mode."""
         return self.envs.render()
 
     def close(self) -> None:
-        """Close what draws."""
+        """Close the renderers."""
         self.envs.close()
 
 
 def _numbered(outcomes: np.ndarray) -> np.ndarray:
-    """Outcomes by their numbers; most walkers have none."""
+    """Outcomes as numbers, (n,); 0 for none."""
     numbers = np.zeros(len(outcomes), np.int8)
     for i in np.flatnonzero(outcomes):
         numbers[i] = interface.OUTCOMES.index(outcomes[i])
@@ -159,7 +169,7 @@ def _numbered(outcomes: np.ndarray) -> np.ndarray:
 
 
 def _joined(ended: np.ndarray, last: dict[str, Any], rest: dict[str, Any]) -> dict[str, Any]:
-    """What is told of those whose episode has ended, and of the others, as one."""
+    """Merge the final info of ended episodes with the info of all others."""
     joined = {}
     for name in (last | rest).keys() - {"final_obs", "final_info"}:
         if not name.startswith("_"):

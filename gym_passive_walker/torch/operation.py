@@ -1,8 +1,8 @@
-"""A walker's motion as one operation of torch.
+"""The integration of walkers as one differentiable operation of torch.
 
-The engine carries derivatives along with the values, so that an operation knows the Jacobian of
-each walker when it has been computed: a gradient pulled back, and a tangent pushed forward, are one
-batched product. Everything is dimensionless here, float64, and on the processor.
+The engine computes the Jacobian of each walker together with the values. A backward pass or a
+forward-mode derivative is then one batched product. All quantities are dimensionless, float64, and
+on the CPU.
 """
 
 from __future__ import annotations
@@ -26,17 +26,17 @@ HELD = (
     "slope", "hip_torque", "ankle_torque", "push_off", "height_change", "slope_change", "push",
     "start", "end",
 )  # fmt: skip
-"""What walkers meet: slope, motors, the next foothold, a push on the hip at the start, the stance
-angle with which the stride began, if that is before, and when to stop."""
+"""Inputs besides the state: slope, actuation, next foothold, initial impulse on the hip, stance
+angle at the beginning of the stride, and time limit."""
 
 INPUTS = (*State._fields, *HELD)
-"""Columns of an operation's input; parameters of the walker follow."""
+"""Columns of the operation's input; the differentiated parameters of the walker follow."""
 
 RESULTS = (*ROWS, *MOTORS, "distance")
-"""Columns of its result; see `gaits.flow.ROWS`, `MOTORS`, and how far the hip has come."""
+"""Columns of the result: `gaits.flow.ROWS`, `gaits.flow.MOTORS`, and the distance of the hip."""
 
 _SIZE = len(State._fields)
-_INFINITESIMAL = 1e-100  # imaginary part that carries a derivative: its square is nothing
+_INFINITESIMAL = 1e-100  # complex step: its square underflows to zero
 _RUNNING, _STRUCK, _STALLED, _DIVERGED = map(
     int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED, Outcome.DIVERGED)
 )
@@ -44,16 +44,17 @@ _RUNNING, _STRUCK, _STALLED, _DIVERGED = map(
 
 @dataclass(frozen=True)
 class Manner:
-    """How walkers are to be carried on.
+    """Options of the operation.
 
     Attributes:
         walker: The walker.
-        parameters: Those that are inputs.
-        by: Inputs that are differentiated by, besides the state: of HELD, or parameters.
-        using: What of HELD is used, so that equations are those with it.
-        tolerance: Of the integration.
+        parameters: Names of the walker's parameters that are inputs.
+        by: Inputs to differentiate with respect to, besides the state: names of HELD or parameters.
+        using: Names of HELD that are used; the equations include their terms.
+        tolerance: Tolerance of the integration.
         end_on_toe_stub: Whether a stubbed toe ends a stride.
-        whole: Whether a stride begins here, and has stalled if it does not end.
+        whole: Whether a whole stride is integrated from the Poincaré section; it is STALLED if the
+            time ends before it does.
     """
 
     walker: Walker
@@ -66,14 +67,15 @@ class Manner:
 
 
 class Moved(NamedTuple):
-    """What has become of n walkers; without gradient but for the values.
+    """Results for n walkers, dimensionless; only the values have a gradient.
 
     Attributes:
-        values: In the order of RESULTS, (n, results).
-        jacobians: Of these by the inputs, (n, results, inputs).
-        phases: In which phase each is, (n,).
-        outcomes: An `Outcome`, (n,); RUNNING where the time was up.
-        margins: How fast strikes fell through zero, (n,); see `gaits.flow.Flow.margins`.
+        values: Results in the order of RESULTS, (n, results).
+        jacobians: Derivatives of the values with respect to the inputs, (n, results, inputs).
+        phases: Index of the phase in which each walker is, (n,).
+        outcomes: An `Outcome` as a number, (n,); RUNNING where the time limit was reached.
+        margins: Rates with which the events of impacts cross zero, (n,); see
+            `gaits.flow.Flow.margins`.
     """
 
     values: Tensor
@@ -83,38 +85,38 @@ class Moved(NamedTuple):
     margins: Tensor
 
     def result(self, name: str) -> Tensor:
-        """One of RESULTS, (n,)."""
+        """Return one of RESULTS, (n,)."""
         return self.values[:, RESULTS.index(name)]
 
     @property
     def walks(self) -> Tensor:
-        """Who has not fallen, (n,)."""
+        """Whether each walker has not fallen, (n,)."""
         return self.outcomes <= _STRUCK
 
     @property
     def states(self) -> Tensor:
-        """States, (n, 6)."""
+        """Final states, (n, 6)."""
         return self.values[:, :_SIZE]
 
 
 def carry_on(inputs: Tensor, phases: Tensor, going: Tensor, manner: Manner) -> Moved:
-    """Carry walkers on, each to its time's end, its heelstrike or its fall.
+    """Integrate each walker to its end time, its heelstrike or its fall.
 
     Args:
-        inputs: In the order of INPUTS, then parameters, (n, inputs).
-        phases: In which phase each is, (n,).
-        going: Whose walk goes on, (n,); the others stay where they are.
-        manner: How.
+        inputs: Inputs in the order of INPUTS, then parameters, (n, inputs).
+        phases: Index of the phase in which each walker is, (n,).
+        going: Whether each walker is integrated, (n,) booleans; the other states do not change.
+        manner: Options.
 
     Raises:
-        ValueError: if a motor is none that these feet can bear.
-        WalkerError: if parameters describe no walker.
+        ValueError: if the walker's feet do not permit an actuation.
+        WalkerError: if the parameters describe no walker.
     """
     return Moved(*_CarryOn.apply(inputs, phases, going, manner))  # type: ignore[misc]
 
 
 class _CarryOn(torch.autograd.Function):
-    """`carry_on` for autograd."""
+    """Autograd function of `carry_on`."""
 
     @staticmethod
     def forward(inputs: Tensor, phases: Tensor, going: Tensor, manner: Manner) -> Any:
@@ -150,7 +152,7 @@ class _CarryOn(torch.autograd.Function):
 
 
 class _Product(torch.autograd.Function):
-    """Jacobians (n, a, b) times vectors (n, b), constant where second derivatives are not asked."""
+    """Jacobians (n, a, b) times vectors (n, b); second derivatives raise NotImplementedError."""
 
     generate_vmap_rule = True
 
@@ -187,7 +189,7 @@ _SECOND = (
 def _walked(
     inputs: NDArray, phases: NDArray, going: NDArray, manner: Manner
 ) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
-    """What `Moved` tells, as arrays."""
+    """Compute the fields of `Moved` as arrays."""
     walker, count = manner.walker, len(inputs)
     values = np.zeros((count, len(RESULTS)))
     values[:, :_SIZE] = inputs[:, :_SIZE]
@@ -246,11 +248,11 @@ def _walked(
 def _pushed(
     walkers: Walkers, states: NDArray, phases: NDArray, pushes: NDArray, names: tuple[str, ...]
 ) -> tuple[NDArray, NDArray]:
-    """States (n, 6) after pushes on the hip along the slope, and how these change.
+    """Apply impulses (n,) on the hip along the slope to states (n, 6), with derivatives.
 
     Returns:
-        The states, and their derivatives by the states before, the push and what is named of
-        parameters, (n, 6, 7 + names).
+        The states after the impulses, (n, 6); and their derivatives with respect to the states
+        before, the impulse and the named parameters, (n, 6, 7 + names).
     """
     bodies, (count, width) = walkers.bodies(names), (len(states), _SIZE + 1 + len(names))
     given = np.zeros((count, width, _SIZE + 1), complex)
@@ -284,10 +286,10 @@ def _walker_with(walker: Walker, names: tuple[str, ...], values: tuple[float, ..
 
 
 def as_tensor(value: Any, name: str) -> Tensor:
-    """A number, an array or a tensor as a tensor that the engine can take.
+    """Return a number, an array or a tensor as a float64 tensor on the CPU.
 
     Raises:
-        TypeError: if it is a tensor of other numbers than float64, or on another device.
+        TypeError: if it is a tensor of another dtype than float64, or on another device.
     """
     if not isinstance(value, Tensor):
         return torch.from_numpy(np.array(value, dtype=float))
@@ -302,7 +304,7 @@ def as_tensor(value: Any, name: str) -> Tensor:
 
 
 def check_parameters(parameters: Mapping[str, Any] | None) -> dict[str, Tensor]:
-    """Parameters as tensors, by name.
+    """Return parameters as tensors, by name.
 
     Raises:
         WalkerError: if a walker has no such parameter.

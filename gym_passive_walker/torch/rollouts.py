@@ -1,7 +1,7 @@
-"""Whole walks under a policy, many side by side, with the gradient of what they return.
+"""Batched episodes under a policy, with the gradient of the return.
 
-The scene's rules are the environment's, and so are the equations of its reward (see `envs.task`);
-everything is dimensionless.
+The rules and the reward of a scene are those of the environment (see `envs.task`). All quantities
+are dimensionless.
 """
 
 from __future__ import annotations
@@ -31,21 +31,21 @@ _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Out
 
 
 class Standing(NamedTuple):
-    """Where n walkers are in their episodes; dimensionless.
+    """State of n walkers within their episodes, dimensionless.
 
     Attributes:
-        states: (n, 6).
-        slopes: In rad, (n,); footholds of a terrain slope that much more or less.
-        phases: Of their strides, (n,).
-        times: Since their strides began, (n,).
-        starts: Stance angles with which their strides began, (n,).
-        progress: How far the hip has come in the stride, (n,).
-        strides: That have ended in the episode, (n,).
-        keys: Of what is drawn for the walk: footholds, (n,).
-        commands: Speeds over sqrt(g l) that are commanded, (n,); 0 where none is.
-        last: What their last step has come to; zeros where an episode begins.
-        parameters: Values of the walkers' parameters that are not the scene's, (n,) each.
-        outcome: How the episode ended, an `Outcome`; RUNNING while it goes on.
+        states: States, (n, 6).
+        slopes: Slopes of the ground in rad, (n,); slopes of a terrain's footholds add to them.
+        phases: Index of the present phase of each stride, (n,).
+        times: Time since each stride began, in sqrt(l/g), (n,).
+        starts: Stance angle in rad with which each stride began, (n,).
+        progress: Distance of the hip in the present stride, in leg lengths, (n,).
+        strides: Number of strides that have ended in the episode, (n,).
+        keys: Terrain seeds, 64 bits each, (n,).
+        commands: Commanded speeds over sqrt(g l), (n,); 0 without a command.
+        last: The last control step; zeros where an episode begins.
+        parameters: Walker parameters that differ from the scene's, by name, (n,) each.
+        outcome: Outcome of the episode, an `Outcome` as a number, (n,); RUNNING until it ends.
     """
 
     states: Tensor
@@ -63,11 +63,11 @@ class Standing(NamedTuple):
 
     @property
     def going(self) -> Tensor:
-        """Whose episode goes on, (n,)."""
+        """Whether each episode is still running, (n,)."""
         return self.outcome == _RUNNING
 
     def detach(self) -> Standing:
-        """The same without a past: gradients of what follows end here."""
+        """Return a copy that is detached from the graph: gradients stop here."""
         return self._replace(
             states=self.states.detach(),
             starts=self.starts.detach(),
@@ -77,7 +77,7 @@ class Standing(NamedTuple):
 
 
 def _detached(part: Any) -> Any:
-    """Tensors without a past, however they are nested."""
+    """Detach all tensors of a nested structure from the graph."""
     if isinstance(part, Tensor):
         return part.detach()
     parts = map(_detached, part)
@@ -85,19 +85,19 @@ def _detached(part: Any) -> Any:
 
 
 class Rollout(NamedTuple):
-    """Walks of n walkers over at most T ticks.
+    """Episodes of n walkers over T control steps, dimensionless.
 
     Attributes:
-        returns: Sum of each walker's rewards, (n,), with its gradient.
-        rewards: (T, n); 0 after an episode has ended.
-        distances: How far the hip came in each tick, (T, n); a stride that falls takes back what
-            it brought.
-        energies: What motors were charged for, (T, n).
-        observations: What the policy saw, (T, n, 8) or more, as in the environment.
-        outcomes: How each tick ended, an `Outcome`, (T, n).
-        going: Whose episode went on when each tick began, (T, n).
-        margins: How fast strikes in it fell through zero, (T, n); see `Tick`.
-        end: Where walkers are now: to go on from.
+        returns: Sum of the rewards of each walker, (n,), with its gradient.
+        rewards: Rewards, (T, n); 0 after an episode has ended.
+        distances: Distance of the hip in each control step, in leg lengths, (T, n). A fall
+            subtracts the distance of the unfinished stride.
+        energies: Energy that the actuators are charged for, in m g l, (T, n).
+        observations: Observations of the policy, (T, n, k), as in the environment.
+        outcomes: Outcome of each control step, an `Outcome` as a number, (T, n).
+        going: Whether the episode was running when each control step began, (T, n).
+        margins: Rates with which the events of impacts cross zero, (T, n); see `Tick`.
+        end: State after the last control step, from which another rollout can start.
     """
 
     returns: Tensor
@@ -118,13 +118,17 @@ def standing(
     seed: int | None = None,
     parameters: Mapping[str, Any] | None = None,
 ) -> Standing:
-    """Walkers where episodes of a scene begin, as a vector environment with this seed draws them.
+    """Draw initial states of episodes, as a vector environment with this seed does.
 
     Args:
         scene: A scene, its name, or its arguments.
-        count: How many walkers.
-        seed: Of the first walker; the others' follow.
-        parameters: Values of parameters of the walker in place of the scene's, numbers or (count,).
+        count: Number of walkers.
+        seed: Seed of the first walker; the others use seed + 1, seed + 2, ...
+        parameters: Values of walker parameters that replace the scene's, numbers or (count,).
+
+    Raises:
+        SceneError: if the scene has noise, delays, random pushes or feasibility constraints.
+        WalkerError: if a walker has no such parameter.
     """
     scene, count = _differentiable(make_scene(scene)), whole(count, "count")
     batch = Batch(scene, count)
@@ -168,10 +172,10 @@ def standing(
 
 
 def _differentiable(scene: Scene) -> Scene:
-    """A scene on whose ground walks have gradients: footholds and commands may differ.
+    """Return the scene if its episodes have gradients; terrain and commands are allowed.
 
     Raises:
-        SceneError: if there is noise, delay, or what else is not known beforehand.
+        SceneError: if the scene has noise, delays, random pushes or feasibility constraints.
     """
     known = {"terrain": None, "terrain_lookahead": 0, "command": None}
     undisturbed(make_scene(scene, **known), "walks with gradients go")
@@ -188,22 +192,23 @@ def rollout(
     start: Standing | None = None,
     pushes: Any = None,
 ) -> Rollout:
-    """Let walkers walk under a policy; what they return has its exact gradient.
+    """Simulate episodes under a policy, with the exact gradient of their returns.
 
     Args:
-        policy: Takes observations (n, 8) or more, as of the environment but in float64, to actions
-            (n, actions), or (n,) where there is one, which are clipped to their bounds.
-        scene: A scene, its name, or its arguments; without noise, delay and random pushes.
-        horizon: Control steps.
-        count: How many walkers.
-        seed: As of `standing`.
-        start: Where they are, instead: from `standing` or from an earlier rollout's end.
+        policy: Maps observations (n, k), those of the environment in float64, to actions
+            (n, actions), or (n,) for a single action. Actions are clipped to their bounds.
+        scene: A scene, its name, or its arguments; without noise, delays and random pushes.
+        horizon: Number of control steps.
+        count: Number of walkers.
+        seed: Seed of the first walker; the others use seed + 1, seed + 2, ...
+        start: Initial state, from `standing` or the `end` of a rollout; replaces count and seed.
         pushes: Impulses on the hip along the slope as each control step begins, over m sqrt(g l),
-            positive downhill; a number, (horizon, 1) or (horizon, n). None when None.
+            positive downhill; a number, (horizon, 1) or (horizon, n). None applies none.
 
     Raises:
-        TypeError: if actions are not of float64.
-        ValueError: if the policy gives other than an action for each motor of each walker.
+        TypeError: if the actions are not float64 tensors on the CPU.
+        ValueError: if the actions or `pushes` have another shape.
+        SceneError: if the scene has noise, delays, random pushes or feasibility constraints.
     """
     scene, horizon = _differentiable(make_scene(scene)), whole(horizon, "horizon")
     here = standing(scene, count, seed=seed) if start is None else start
@@ -229,7 +234,11 @@ def rollout(
 
 
 def _ground(scene: Scene, here: Standing, ahead: int = 0) -> Tensor:
-    """Slope, rise to the next and turn of footholds so many ahead of walkers' own, (n, 3)."""
+    """Return ground data of the footholds that lie `ahead` strides in front.
+
+    Returns:
+        Slope in rad, height change in leg lengths and slope change in rad to the next, (n, 3).
+    """
     if scene.terrain is None:
         return torch.zeros((len(here.slopes), 3), dtype=torch.float64)
     keys = here.keys.numpy().view(np.uint64)
@@ -237,7 +246,7 @@ def _ground(scene: Scene, here: Standing, ahead: int = 0) -> Tensor:
 
 
 def observed(scene: Scene, here: Standing) -> Tensor:
-    """What the environment tells of walkers, (n, 8) or more; see `envs.task.see`."""
+    """Return the observations of the environment in float64, (n, k)."""
     if scene.observation is not None:
         seen = scene.observation(here.last)
         columns = seen if isinstance(seen, tuple | list) else [seen]
@@ -258,7 +267,11 @@ def observed(scene: Scene, here: Standing) -> Tensor:
 def _tick(
     policy: Callable[[Tensor], Tensor], scene: Scene, here: Standing, pushes: Tensor | None
 ) -> tuple[tuple[Tensor, ...], Standing]:
-    """One control step: what `Rollout` tells of it, in the order there; and where it ends."""
+    """Simulate one control step.
+
+    Returns:
+        Per-step fields of `Rollout` from `rewards` to `margins`, in order; and the final state.
+    """
     seen, going = observed(scene, here), here.going
     actions, wanted = (
         as_tensor(policy(seen), "the policy's action"),
@@ -282,7 +295,7 @@ def _tick(
     motors = tuple(_INPUT[name] for name in scene.actions)
     other = () if pushes is None else ("push",)
     ruled = any(getattr(scene, name) is not None for name in RULES)
-    other += ("start",) if ruled or scene.command is not None else ()  # the step's length is needed
+    other += ("start",) if ruled or scene.command is not None else ()  # for the step length
     parameters, uneven = tuple(here.parameters), () if scene.terrain is None else UNEVEN
     using = (*(motor for motor in motors if motor != "hip_torque"), *uneven, *other)
     manner = Manner(
@@ -295,7 +308,7 @@ def _tick(
     stalled = (moved.outcomes == _RUNNING) & (left <= spans)
     outcomes = torch.where(stalled & going, _STALLED, moved.outcomes)
     walks = outcomes <= _STRUCK
-    # What was paid in advance for a stride that does not come is taken back.
+    # A fall subtracts the distance that was rewarded earlier in the unfinished stride.
     distances = torch.where(walks, moved.result("distance"), 0.0 - here.progress)
     energies = torch.zeros_like(distances)
     charged, works = task.ENERGIES.index(scene.energy), system_of(scene.walker).works
@@ -346,7 +359,10 @@ def _step(
     held: dict[str, Tensor],
     push: Tensor,
 ) -> Transition:
-    """What functions of one's own are told of a step, but for what the reward has worked out."""
+    """Build the `Transition` for custom rewards and terminations.
+
+    Not filled in here: distance, energy, fell, reward, step_period and slope.
+    """
     works = system_of(scene.walker).works
     hip, ankle = (
         [
@@ -386,5 +402,5 @@ def _step(
 
 
 def _locked(scene: Scene, phases: Tensor) -> Tensor:
-    """Whose swing leg is straight, (n,)."""
+    """Whether the swing leg is straight, (n,)."""
     return torch.tensor([phase.links == 2 for phase in system_of(scene.walker).phases])[phases]

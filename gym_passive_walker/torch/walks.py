@@ -1,4 +1,4 @@
-"""Strides and ticks of walkers with exact gradients, in the walkers' own units."""
+"""Strides and control steps with exact gradients, in the walkers' own units."""
 
 from __future__ import annotations
 
@@ -29,30 +29,31 @@ from gym_passive_walker.walkers import WalkerLike, as_walker, varied
 
 
 class Stride(NamedTuple):
-    """Strides, as those of `gym_passive_walker.stride`; each field (n,), `state` (n, 6).
+    """Strides with gradients, in the walker's own units; see `gym_passive_walker.stride`.
 
-    Where a walker fell, nothing has a gradient, and what only a heelstrike or a kneestrike gives is
-    0 instead of NaN, so that sums stay finite.
+    Each field has shape (n,), `state` (n, 6); () and (6,) for a single stride. All gradients of a
+    failed stride are zero. Fields of an impact that did not happen are 0, not NaN, so that sums
+    stay finite.
 
     Attributes:
-        state: Where each stride ended; the next section state.
-        duration: Time taken.
-        kneestrike_time: When the knee locked; 0 if it did not.
-        step_length: From one contact point to the next; 0 without heelstrike.
+        state: Final state; after a heelstrike, the next state on the Poincaré section.
+        duration: Duration of the stride.
+        kneestrike_time: Time of kneestrike since the stride began; 0 without kneestrike.
+        step_length: Distance from one contact point to the next; 0 without heelstrike.
         hip_work: Net work of the hip torque.
-        hip_work_absolute: Integral of the absolute hip power.
+        hip_work_absolute: Integral of the absolute power of the hip torque.
         kneestrike_loss: Energy lost at kneestrike.
         heelstrike_loss: Energy lost at heelstrike.
         gravity_work: Work of gravity; 0 without heelstrike.
-        spring_work: What springs gave, less what they took; likewise.
+        spring_work: Net work of the springs on the walker; 0 without heelstrike.
         friction_loss: Energy lost to friction at the hip.
         ankle_work: Net work of the ankle torque.
-        ankle_work_absolute: Integral of its absolute power.
+        ankle_work_absolute: Integral of the absolute power of the ankle torque.
         push_off_work: Work of the push-off, just before heelstrike.
-        outcome: How it ended, an `Outcome`.
-        walks: Whether it ended with a heelstrike; only there are gradients.
-        margin: How fast what ended phases fell through zero at the strikes, the least of them, in
-            rad over sqrt(l/g): 0 at grazing, where derivatives grow beyond bounds. NaN at falls.
+        outcome: Outcome of the stride, an `Outcome` as a number.
+        walks: Whether the stride ended with a heelstrike; only then are gradients nonzero.
+        margin: Rate with which the event of an impact crosses zero, in rad over sqrt(l/g); the
+            least of the impacts. 0 at grazing, where derivatives are unbounded. NaN after a fall.
     """
 
     state: Tensor
@@ -75,23 +76,26 @@ class Stride(NamedTuple):
 
 
 class Tick(NamedTuple):
-    """What became of walkers in a tick; each field (n,), `state` (n, 6).
+    """Control steps with gradients, in the walker's own units.
+
+    Each field has shape (n,), `state` (n, 6); () and (6,) for a single walker.
 
     Attributes:
-        state: Where each is; after a heelstrike, the state in which the next stride begins.
-        phase: In which phase of its stride; give it to the next tick.
-        duration: Time taken: that of the tick, or less to a heelstrike.
-        distance: How far the hip has come along the slope.
+        state: Final state; after a heelstrike, the initial state of the next stride.
+        phase: Index of the stride's phase; pass it to the next control step.
+        duration: Duration; shorter than asked for if a heelstrike or a fall ended it.
+        distance: Distance of the hip along the slope.
         hip_work: Net work of the hip torque.
-        hip_work_absolute: Integral of the absolute hip power.
-        collision_loss: Energy lost at strikes.
+        hip_work_absolute: Integral of the absolute power of the hip torque.
+        collision_loss: Energy lost at kneestrike and heelstrike.
         friction_loss: Energy lost to friction at the hip.
         ankle_work: Net work of the ankle torque.
-        ankle_work_absolute: Integral of its absolute power.
-        push_off_work: Work of the push-off, if a heelstrike came.
-        outcome: How it ended, an `Outcome`: RUNNING or HEELSTRIKE unless the walker fell.
-        walks: Whether the walker has not fallen; only there are gradients.
-        margin: As of `Stride`; infinite without strikes.
+        ankle_work_absolute: Integral of the absolute power of the ankle torque.
+        push_off_work: Work of the push-off; 0 without heelstrike.
+        outcome: An `Outcome` as a number: RUNNING or HEELSTRIKE unless the walker fell.
+        walks: Whether the walker has not fallen; only then are gradients nonzero.
+        margin: Rate with which the event of an impact crosses zero, in rad over sqrt(l/g); infinite
+            without impacts, NaN after a fall.
     """
 
     state: Tensor
@@ -125,29 +129,32 @@ def stride(
     max_stride_time: float = LONGEST_STRIDE,
     end_on_toe_stub: bool = False,
 ) -> Stride:
-    """Follow walkers from one heelstrike to the next, with gradients by all that are tensors.
+    """Apply the stride map, with gradients with respect to all arguments that are tensors.
+
+    Dimensional arguments are in the walker's own units, as in `gym_passive_walker.stride`.
 
     Args:
         walker: The walker, in a form that `as_walker` takes.
-        slope: Slope in rad, a number or (n,).
-        state: State just after heelstrike, (6,) or (n, 6), in the walker's own units.
-        hip_torque: Torque held through the stride, a number or (n,); as of
-            `gym_passive_walker.stride`, as are the other motors and the foothold.
-        ankle_torque: Likewise, between ground and stance leg; on point feet alone.
-        push_off: Impulse along the stance leg just before heelstrike, likewise.
-        height_change: Height of the next foothold over this one, along this one's normal, likewise.
-        slope_change: By how much that slopes more steeply, in rad, likewise.
-        parameters: Values of parameters of the walker, by name, in place of its own; numbers or
+        slope: Slope in rad, positive downhill; a number or (n,).
+        state: State just after heelstrike, (6,) or (n, 6).
+        hip_torque: Torque held through the stride, positive when it opens the legs in the walking
+            direction; a number or (n,). Per unit of foot mass for the simplest walker.
+        ankle_torque: Torque between ground and stance leg, held through the stride; a number or
+            (n,). Requires point feet.
+        push_off: Impulse along the stance leg just before heelstrike; a number or (n,).
+        height_change: Height of the next foothold over this one, along this one's normal; a number
+            or (n,).
+        slope_change: Slope of the next foothold less that of this one, in rad; a number or (n,).
+        parameters: Values of walker parameters by name, which replace the walker's; numbers or
             (n,).
-        tolerance: As of `gym_passive_walker.stride`, as are `max_stride_time` and
-            `end_on_toe_stub`.
+        tolerance: Error relative to the largest angle or (dimensionless) angular velocity.
         max_stride_time: Time in units of sqrt(l/g) after which a stride has STALLED.
         end_on_toe_stub: Whether a kneed walker's locked swing leg below the ground ends the stride.
 
     Raises:
-        TypeError: if a tensor is not of float64 on the processor.
-        ValueError: if shapes do not fit.
-        WalkerError: if parameters describe no walker.
+        TypeError: if a tensor is not float64 or not on the CPU.
+        ValueError: if shapes do not match, or the walker's feet do not permit an actuation.
+        WalkerError: if the parameters describe no walker.
     """
     walk = _walk(
         walker, slope, state, Actuation(hip_torque, ankle_torque, push_off), (height_change,
@@ -198,25 +205,38 @@ def tick(
     tolerance: float = 1e-10,
     end_on_toe_stub: bool = False,
 ) -> Tick:
-    """Follow walkers for a while, or to a heelstrike on the way, with gradients as of `stride`.
+    """Integrate walkers for a duration or to heelstrike, with gradients.
+
+    Gradients are with respect to all arguments that are tensors. Dimensional arguments are in the
+    walker's own units.
 
     Args:
         walker: The walker, in a form that `as_walker` takes.
-        slope: Slope in rad, a number or (n,).
-        state: Where walkers are, (6,) or (n, 6), in their own units.
-        hip_torque: Torque held through the tick, a number or (n,).
-        duration: How long the tick is, a number or (n,).
-        phase: In which phase of its stride each is, a number or (n,): 0 where one begins, else what
-            the tick before has told.
-        ankle_torque: Torque between ground and stance leg, likewise; on point feet alone.
-        push_off: Impulse along the stance leg just before heelstrike, if that comes.
-        height_change: Height of the next foothold, as of `stride`.
-        slope_change: By how much that slopes more steeply, in rad.
-        push: Impulse on the hip along the slope as the tick begins, positive downhill, a number or
+        slope: Slope in rad, positive downhill; a number or (n,).
+        state: Initial state, (6,) or (n, 6).
+        hip_torque: Torque held through the control step, positive when it opens the legs in the
+            walking direction; a number or (n,).
+        duration: Duration of the control step, a number or (n,).
+        phase: Index of the stride's phase, a number or (n,): 0 at the beginning of a stride, else
+            the `phase` of the previous control step.
+        ankle_torque: Torque between ground and stance leg, held through the control step; a number
+            or (n,). Requires point feet.
+        push_off: Impulse along the stance leg just before heelstrike; a number or (n,). Has no
+            effect without heelstrike.
+        height_change: Height of the next foothold over this one, along this one's normal; a number
+            or (n,).
+        slope_change: Slope of the next foothold less that of this one, in rad; a number or (n,).
+        push: Impulse on the hip along the slope as the control step begins, positive downhill; a
+            number or (n,).
+        parameters: Values of walker parameters by name, which replace the walker's; numbers or
             (n,).
-        parameters: As of `stride`, as are `tolerance`, `end_on_toe_stub` and what is raised.
-        tolerance: Error relative to the largest angle or rate.
+        tolerance: Error relative to the largest angle or (dimensionless) angular velocity.
         end_on_toe_stub: Whether a kneed walker's locked swing leg below the ground ends the walk.
+
+    Raises:
+        TypeError: if a tensor is not float64 or not on the CPU.
+        ValueError: if shapes do not match, or the walker's feet do not permit an actuation.
+        WalkerError: if the parameters describe no walker.
     """
     walk = _walk(
         walker, slope, state, Actuation(hip_torque, ankle_torque, push_off), (height_change,
@@ -248,7 +268,7 @@ def tick(
 
 
 class _Walk(NamedTuple):
-    """What has become of walkers, with what turns it into their own units."""
+    """Dimensionless results for n walkers, and their conversion to the walkers' own units."""
 
     moved: Moved
     units: Units
@@ -266,7 +286,7 @@ class _Walk(NamedTuple):
         return [self.moved.result(name) * self.units.energy for name in names]
 
     def work(self, motor: str, kind: str) -> Tensor:
-        """Work of a torque; without gradient where a walker fell."""
+        """Work of a torque, (n,); without gradient where a walker fell."""
         held = getattr(self.torques, motor)
         held = torch.where(self.moved.walks, held, held.detach()) * getattr(self.works, motor)
         of = "" if motor == "hip" else f"{motor}_"
@@ -289,7 +309,7 @@ def _walk(
     end_on_toe_stub: bool,
     whole: bool = False,
 ) -> _Walk:
-    """Carry walkers on: through a whole stride up to a dimensionless end, or for a duration."""
+    """Integrate walkers through a stride of at most `end` sqrt(l/g), or for a duration."""
     walker, given = as_walker(walker), check_parameters(parameters)
     units = units_of(varied(walker, given) if given else walker)
     states, phases = as_tensor(state, "state"), torch.as_tensor(phase, dtype=torch.int64)
@@ -321,7 +341,7 @@ def _walk(
     inputs = torch.cat([states[:, :3], states[:, 3:] * time, columns], 1)
     asked = dict(zip(names, given_held, strict=True))
     using = [name for name, x in asked.items() if isinstance(x, Tensor) or np.any(x)]
-    # Parameters move the units, and with them what is held in the walker's own.
+    # Arguments in the walker's own units depend on its parameters through the units.
     by = ["slope"] if isinstance(slope, Tensor) else []
     by += [name for name in using if isinstance(asked[name], Tensor) or given]
     if duration is not None and (isinstance(duration, Tensor) or given):
