@@ -51,7 +51,7 @@ def _swept(swept: Swept, ax: Axes | None = None, *, x: str, y: str, by: str) -> 
         return columns[name] / sizes(name, described.analysis, tasks)
 
     across, up, kinds = drawn(x), drawn(y), columns[by][done]
-    size = 9.0 * min(1.0, _MANY / max(1, len(tasks)))  # of a point, so that many can be told apart
+    size = 9.0 * min(1.0, _MANY / max(1, len(tasks)))  # of a point, smaller if there are many
     if all(isinstance(value, bool | np.bool_) for value in kinds):
         no, yes = done.copy(), done.copy()
         no[done], yes[done] = ~kinds.astype(bool), kinds.astype(bool)
