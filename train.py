@@ -85,19 +85,31 @@ def train_parser() -> argparse.ArgumentParser:
     add("--algo", choices=ALGORITHMS, help=f"the algorithm ({DEFAULT_ALGORITHM})")
     add("--scene", help=f"the scene: {', '.join(SCENES)} ({DEFAULT_SCENE})")
     add("--walker", metavar="WALKER", help=f"another walker: {A_WALKER}")
-    add("--slope", type=float, nargs="+", metavar="RAD", help="another slope, or a range's ends")
-    add("--control", choices=("tick", "stride"), help="how long a torque is held")
-    add("--steps", type=whole, metavar="N", help="environment steps in all (the preset's)")
-    add("--envs", type=int, metavar="N", help="environments side by side (the preset's)")
-    add("--seed", type=int, help="seed of everything (0)")
+    add(
+        "--slope", type=float, nargs="+", metavar="RAD", help="slope in rad, or the ends of a range"
+    )
+    add(
+        "--control",
+        choices=("tick", "stride"),
+        help="hold a torque for a control step or for a stride",
+    )
+    add("--steps", type=whole, metavar="N", help="total number of environment steps (the preset's)")
+    add("--envs", type=int, metavar="N", help="number of parallel environments (the preset's)")
+    add("--seed", type=int, help="seed of all random numbers (0)")
     add("--every", type=whole, metavar="N", help="steps between evaluations and checkpoints")
     add("--out", type=Path, metavar="DIR", help="folder of the run (a new one under runs/)")
-    resumed = "go on with a run: this one, that of --out, or the latest under runs/"
+    resumed = "continue a run: this one, that of --out, or the latest under runs/"
     add("--resume", nargs="?", const=True, metavar="DIR", help=resumed)
     add("--tensorboard", action="store_true", help="write tensorboard's logs into the run's folder")
-    searched = "try N sets of hyperparameters (needs Optuna), and keep the best as a preset"
+    searched = "try N sets of hyperparameters (requires Optuna) and store the best as a preset"
     add("--search", type=whole, metavar="N", help=searched)
-    add("--ray", nargs="?", const="here", metavar="ADDRESS", help="search on Ray Tune (here)")
+    add(
+        "--ray",
+        nargs="?",
+        const="here",
+        metavar="ADDRESS",
+        help="search on Ray Tune (Ray on this machine)",
+    )
     add("--quiet", action="store_true", help="no progress bar")
     return parser
 

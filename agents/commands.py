@@ -38,14 +38,15 @@ def _parser(command: str, description: str) -> argparse.ArgumentParser:
 
 def evaluate(arguments: Sequence[str]) -> int:
     """Evaluate the policy of a run, or one of the package."""
-    parser = _parser("evaluate", "Judge a run's policy beside the passive walker.")
+    parser = _parser("evaluate", "Evaluate a policy beside the passive walker.")
     which = parser.add_mutually_exclusive_group(required=True)
     which.add_argument("run", type=Path, nargs="?", help="folder of the run")
     known = ", ".join(shipped_policies())
-    which.add_argument("--policy", metavar="NAME", help=f"or of these: {known}")
+    which.add_argument("--policy", metavar="NAME", help=f"policy of the package: {known}")
     add = parser.add_argument
-    add("--episodes", type=int, default=evaluation.EPISODES, metavar="N", help="(%(default)s)")
-    add("--seed", type=int, default=evaluation.SEED, help="of the episodes (%(default)s)")
+    add("--episodes", type=int, default=evaluation.EPISODES, metavar="N",
+        help="number of episodes (%(default)s)")  # fmt: skip
+    add("--seed", type=int, default=evaluation.SEED, help="seed of the episodes (%(default)s)")
     args = parser.parse_args(arguments)
     if args.run is not None and not args.run.is_dir():
         raise ConfigError(f"{args.run} is not the folder of a run")
@@ -84,7 +85,7 @@ def find_optimal(arguments: Sequence[str]) -> int:
 def optimal_table(gaits: Sequence[optimal.OptimalGait]) -> str:
     """A table of optimal gaits, as text."""
     lines = [
-        "speed/√(gl)  cost of transport  of it motor's  period  largest multiplier  optimality"
+        "speed/√(gl)  cost of transport       hip work  period  largest multiplier  optimality"
     ]
     for gait in gaits:
         lines.append(
@@ -99,11 +100,16 @@ def show_gait(arguments: Sequence[str]) -> int:
     parser = _parser("gait", "The periodic gait of a walker under a policy.")
     add = parser.add_argument
     known = ", ".join([*BASELINES, *shipped_policies()])
-    add("policy", help=f"the folder of a run, or one of {known}")
-    add("--scene", choices=tuple(SCENES), help="(a learned policy's own; else level)")
-    add("--slope", type=float, metavar="RAD", help="of a range, or another one")
-    add("--period", type=int, default=1, help="strides until it repeats (%(default)s)")
-    add("--out", type=Path, metavar="PNG", help="draw it into this file")
+    add("policy", help=f"folder of a run, or one of {known}")
+    add("--scene", choices=tuple(SCENES), help="scene (a learned policy's own; else level)")
+    add(
+        "--slope",
+        type=float,
+        metavar="RAD",
+        help="slope (the scene's; required if that is a range)",
+    )
+    add("--period", type=int, default=1, help="period of the gait in strides (%(default)s)")
+    add("--out", type=Path, metavar="PNG", help="picture file")
     args = parser.parse_args(arguments)
     out = None
     if args.out is not None:
@@ -161,18 +167,35 @@ def run_benchmark(arguments: Sequence[str]) -> int:
     """Compare agents in scenes, seed by seed; write scores, tables and a picture."""
     parser = _parser(
         "benchmark",
-        "Compare agents. What is done already is not done again, so it can be interrupted at any "
-        "time.",
+        "Compare agents. An interrupted command continues where it stopped.",
     )
     add = parser.add_argument
-    add("--scenes", nargs="+", default=list(SCENES), metavar="SCENE", help="(all)")
-    add("--agents", nargs="+", default=list(benchmark.AGENTS), metavar="AGENT", help="(all)")
-    add("--seeds", type=int, default=10, metavar="N", help="of those that learn (%(default)s)")
-    add("--budget", type=float, default=1.0, metavar="SHARE", help="of the presets' steps (1)")
-    add("--out", type=Path, default=Path("runs/benchmark"), metavar="DIR", help="(%(default)s)")
-    add("--tables", action="store_true", help="only print what is there")
-    add("--document", type=Path, metavar="MD", help="write the tables between its marks, and the "
-        "raw scores and the picture beside it")  # fmt: skip
+    add("--scenes", nargs="+", default=list(SCENES), metavar="SCENE", help="scenes (all)")
+    add("--agents", nargs="+", default=list(benchmark.AGENTS), metavar="AGENT", help="agents (all)")
+    add(
+        "--seeds",
+        type=int,
+        default=10,
+        metavar="N",
+        help="seeds of each learning agent (%(default)s)",
+    )
+    add(
+        "--budget",
+        type=float,
+        default=1.0,
+        metavar="SHARE",
+        help="fraction of the presets' steps (1)",
+    )
+    add(
+        "--out",
+        type=Path,
+        default=Path("runs/benchmark"),
+        metavar="DIR",
+        help="output folder (%(default)s)",
+    )
+    add("--tables", action="store_true", help="only print existing results")
+    add("--document", type=Path, metavar="MD", help="write the tables between the markers of this "
+        "file, and the raw scores and pictures beside it")  # fmt: skip
     add("--quiet", action="store_true", help="no progress bar")
     args = parser.parse_args(arguments)
     if not args.budget > 0.0:
@@ -208,7 +231,7 @@ def export_policy(arguments: Sequence[str]) -> int:
     """Write a run's policy as tensors and JSON, the format of the package's own policies."""
     parser = _parser("export", "Write a run's policy as tensors and JSON.")
     parser.add_argument("run", help="folder of the run")
-    parser.add_argument("folder", type=Path, help="where to")
+    parser.add_argument("folder", type=Path, help="output folder")
     args = parser.parse_args(arguments)
     config, policy = learned(args.run)
     if not isinstance(policy, LearnedPolicy):

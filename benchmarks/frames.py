@@ -121,8 +121,8 @@ def report() -> str:
     text = table([f"PPO, preset level, {native.num_envs} environments", "frames/s"], rows)
     return (
         f"{text}\n\nAfter {WARMING * frames:,} frames, training reaches {100 * own / floor:.1f} % "
-        f"of the frames/s that the free environment allows (medians of {MEASURED} updates, by "
-        "turns, of the time to collect frames and of the time to learn from them); the "
+        "of the frames/s that an environment without run time allows. Times to collect frames "
+        f"and to learn from them are medians of {MEASURED} updates, measured in turns. The "
         f"environment's own steps take {100 * env_only * own:.1f} % of the time of training. One "
         f"thread of torch. {machine('stable-baselines3', 'torch')}."
     )

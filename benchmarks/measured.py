@@ -51,12 +51,6 @@ def heyoka_batch(p: Problem, exact: NDArray, lanes: int, tolerance: float) -> Po
     return reached, seconds(lambda: stride(starts), repeats=3) / lanes * 1e6
 
 
-def heyoka_floor(p: Problem, lanes: int, tolerance: float) -> Point:
-    """Heyoka's batch mode without events: the error is NaN, the time is a lower bound."""
-    stride, starts = rivals.heyoka_batch(p, tolerance, lanes, events=False), p.starts[:lanes]
-    return float("nan"), seconds(lambda: stride(starts), repeats=3) / lanes * 1e6
-
-
 def diffrax(p: Problem, exact: NDArray, method: str, tolerance: float) -> Point:
     """Diffrax with one of its solvers, and `CROWD` walkers in a batch."""
     strides, starts = rivals.diffrax_batch(p, method, tolerance), np.resize(p.starts, (CROWD, 6))
@@ -64,18 +58,15 @@ def diffrax(p: Problem, exact: NDArray, method: str, tolerance: float) -> Point:
     return reached, seconds(lambda: strides(starts), repeats=3, most=1.0) / CROWD * 1e6
 
 
-def everyone_else(
-    p: Problem, exact: NDArray, lanes: tuple[int, ...] = (8,)
-) -> dict[str, Callable[[float], Point]]:
+def everyone_else(p: Problem, exact: NDArray) -> dict[str, Callable[[float], Point]]:
     """Other solvers by name, as functions from a tolerance to error and time.
 
     Args:
         p: The problem.
         exact: The exact next states on the Poincaré section, (n, 6).
-        lanes: Sizes of heyoka's batches.
     """
     return {
-        **{f"heyoka, {n} lanes": partial(heyoka_batch, p, exact, n) for n in lanes},
+        "heyoka, 8 lanes": partial(heyoka_batch, p, exact, 8),
         "heyoka, alone": partial(heyoka, p, exact),
         **{
             f"diffrax {method}, {CROWD} at once": partial(diffrax, p, exact, method)

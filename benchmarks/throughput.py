@@ -1,4 +1,4 @@
-"""Throughput: strides and control steps per second, beside other solvers and environments.
+"""Throughput: strides and control steps per second, beside other environments.
 
     python -m benchmarks.throughput               Run all parts, in some ten minutes.
     python -m benchmarks.throughput strides       Run one part.
@@ -19,7 +19,7 @@ import numba
 import numpy as np
 
 import gym_passive_walker  # noqa: F401  (registers the environment)
-from benchmarks import engine, measured, reference
+from benchmarks import engine, reference
 from benchmarks.engine import microseconds
 from benchmarks.problem import WALKS, Problem, error, problem
 from benchmarks.report import command, keep, machine, plot, seconds, table
@@ -107,41 +107,6 @@ def strides() -> None:
     plot("throughput", {name: (SIZES, times) for name, times in curves.items()}, names)
 
 
-def against() -> None:
-    """Measure the kneed walker's stride by other solvers, and by the engine at no larger error."""
-    p = problem("kneed")
-    exact, _ = reference.strides(p)
-    ours = []
-    for tolerance in 10.0 ** -np.arange(3.0, 15.0):
-        ours.append((error(engine.strides(p, tolerance), exact), microseconds(p, 4096, tolerance),
-                     microseconds(p, 1, tolerance)))  # fmt: skip
-    rows = [(f"this engine, {n} at once" if n > 1 else "this engine, alone", f"{10.0 ** -k:.0e}",
-             ours[k - 3][0], ours[k - 3][1 if n > 1 else 2], "")
-            for n in (4096, 1) for k in (4, 6, 8, 10, 12, 14)]  # fmt: skip
-    makers = measured.everyone_else(p, exact, lanes=(8, 16, 32))
-    makers["heyoka, 8 lanes, events left out"] = partial(measured.heyoka_floor, p, 8)
-    for name, make in makers.items():
-        for tolerance in (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14):
-            try:
-                reached, took = make(tolerance)
-            except ImportError:
-                rows.append((name, f"{tolerance:.0e}", float("nan"), float("nan"), "not installed"))
-                break
-            column = 2 if "alone" in name else 1
-            good = [o for o in ours if o[0] <= (reached if reached == reached else tolerance)]
-            best = min(o[column] for o in (good or ours[-1:]))
-            rows.append((name, f"{tolerance:.0e}", reached, took, f"{took / best:.3g}"))
-    text = table(
-        ["method", "tolerance", "error reached", "µs a stride", "times this engine's"], rows
-    )
-    keep(
-        "against",
-        f"{text}\n\nThe last column compares with the engine at an error no larger, alone with "
-        "alone and crowd with crowd; where no error can be told (events left out), at an error no "
-        f"larger than the tolerance. One core. {machine('scipy', 'heyoka', 'diffrax')}.",
-    )
-
-
 def ticks() -> None:
     """Measure control steps of the environments, beside other environments of the field."""
     rows: list[tuple] = []
@@ -172,7 +137,6 @@ def ticks() -> None:
                 )
             )
             envs.close()  # fmt: skip
-    fast = min(value for (count, _), value in native.items() if count in (64, 1024))
     for count in (64, 1024):
         envs = gym.make_vec("CartPole-v1", num_envs=count, vectorization_mode="vector_entry_point")
         took = _many(envs) / count
@@ -201,8 +165,8 @@ def ticks() -> None:
     ]
     scene = gym.make("PassiveWalker-v0").unwrapped.scene  # type: ignore[attr-defined]
     text += [
-        f"A tick lasts {scene.tick} √(l/g), at a tolerance of {scene.tolerance:.0e}; actions are "
-        f"drawn beforehand. The fastest native tick here takes {fast * 1e9:.0f} ns. "
+        f"A control step (tick) lasts {scene.tick} √(l/g), at a tolerance of "
+        f"{scene.tolerance:.0e}. Actions are drawn beforehand. "
         f"{machine('gymnasium', 'envpool', 'mujoco')}."
     ]
     keep("ticks", "\n\n".join(text))
@@ -269,7 +233,6 @@ def on_tensors() -> None:
 PARTS = {
     "accelerations": accelerations,
     "strides": strides,
-    "against": against,
     "ticks": ticks,
     "learning": learning,
     "on_tensors": on_tensors,

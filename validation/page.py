@@ -90,8 +90,8 @@ _SOURCES = """## Sources
 
 - The document: M. Garcia, A. Chatterjee, A. Ruina, *Efficiency, speed, and scaling of
   two-dimensional passive-dynamic walking*, Dynamics and Stability of Systems 15 (2000) 75–99, in
-  its form as chapter 4 of M. Garcia's thesis, whose numbers of sections, figures and tables are
-  given here.
+  its form as chapter 4 of M. Garcia's thesis (1999). Numbers of sections, figures and tables are
+  those of the chapter.
 - M. Garcia, A. Chatterjee, A. Ruina, M. Coleman, *The simplest walking model: stability,
   complexity, and scaling*, J. Biomech. Eng. 120 (1998) 281–288.
 - A. Goswami, B. Thuilot, B. Espiau, *A study of the passive gait of a compass-like biped robot:

@@ -80,8 +80,9 @@ def any_scene(rng: np.random.Generator, kind: int) -> PassiveWalkerEnv:
 
 @case(
     TOPIC,
-    "Steps of single environments of random walkers under random rules, whoever acts: observations "
-    "in their box, rewards that are distance less energy, sums that add up, endings with a name",
+    "Steps of single environments of random walkers in random scenes, with any actions: "
+    "observations in their box, rewards that are distance less energy, sums that add up, endings "
+    "with a name",
     quick=3_000, long=1_000_000, bound=1e-9, unit="largest sum of an episode",
 )  # fmt: skip
 def any_step(count: int, rng: np.random.Generator) -> Finding:

@@ -50,7 +50,7 @@ def add_walker(command: ArgumentParser) -> None:
     """Add arguments for a walker; `walker_of` returns the walker."""
     command.add_argument("walker", type=a_walker, metavar="WALKER", help=A_WALKER)
     command.add_argument(
-        "--tune", action="store_true", help="first meet the conditions for walking at slope 0"
+        "--tune", action="store_true", help="tune the walker first, for gaits at vanishing slope"
     )
 
 
@@ -61,7 +61,9 @@ def walker_of(arguments: Namespace) -> Any:
 
 def add_slope(command: ArgumentParser) -> None:
     """Add an argument for a slope."""
-    command.add_argument("slope", type=float, metavar="SLOPE", help="in rad, downhill")
+    command.add_argument(
+        "slope", type=float, metavar="SLOPE", help="slope in rad, positive downhill"
+    )
 
 
 def add_slopes(command: ArgumentParser) -> None:
@@ -73,19 +75,22 @@ def add_slopes(command: ArgumentParser) -> None:
 def add_kind(command: ArgumentParser) -> None:
     """Add an argument that selects the long-step or the short-step gait."""
     command.add_argument(
-        "--kind", choices=("long", "short"), default="long", help="which gait (%(default)s step)"
+        "--kind",
+        choices=("long", "short"),
+        default="long",
+        help="long-step or short-step gait (%(default)s)",
     )
 
 
 def add_motors(command: ArgumentParser, *, push_off: bool = True) -> None:
     """Add arguments for the walker's actuation; `map_of` returns the stride map."""
     add = command.add_argument
-    about = "{}, in every stride, in {} (%(default)s)"
+    about = "{} in {}, equal in each stride (%(default)s)"
     add("--torque", type=float, default=0.0, metavar="T", help=about.format("hip torque", "N m"))
     add("--ankle-torque", type=float, default=0.0, metavar="T",
-        help=about.format("ankle torque, on point feet", "N m"))  # fmt: skip
+        help=about.format("ankle torque (requires point feet)", "N m"))  # fmt: skip
     if push_off:
-        what = about.format("impulse along the stance leg before heelstrike", "N s")
+        what = about.format("push-off impulse along the stance leg, just before heelstrike,", "N s")
         add("--push-off", type=float, default=0.0, metavar="P", help=what)
     add_controller(command)
 
@@ -93,11 +98,11 @@ def add_motors(command: ArgumentParser, *, push_off: bool = True) -> None:
 def add_controller(command: ArgumentParser) -> None:
     """Add arguments for a controller; `map_of` returns the stride map."""
     command.add_argument(
-        "--controller", metavar="NAME", help="what works the motors: a feedback "
+        "--controller", metavar="NAME", help="controller: a feedback "
         f"({', '.join(BASELINES)}), a trained policy or its folder"
     )  # fmt: skip
     command.add_argument(
-        "--scene", metavar="SCENE", help="in which a controller acts (its own, or level)"
+        "--scene", metavar="SCENE", help="scene of the controller (its own, or level)"
     )
 
 
@@ -112,7 +117,7 @@ def map_of(arguments: Namespace, slope: float | None = None) -> StrideMap:
     if arguments.controller is None:
         return stride_map(walker, slope, controller=None if held.passive else held)
     if not held.passive:
-        raise ValueError("--controller works the motors: leave torques and the push-off out")
+        raise ValueError("--controller determines the actuation: omit torques and the push-off")
     return stride_map(walker, slope, controller=arguments.controller, scene=arguments.scene)
 
 
@@ -131,9 +136,15 @@ def add_walk(command: ArgumentParser, *, strides: int) -> None:
     add_slope(command)
     add_kind(command)
     add = command.add_argument
-    add("--strides", type=int, default=strides, metavar="N", help="at most (%(default)s)")
+    add(
+        "--strides",
+        type=int,
+        default=strides,
+        metavar="N",
+        help="largest number of strides (%(default)s)",
+    )
     add("--state", type=float, nargs=6, metavar="X", help="stance, thigh and shank angle in rad, "
-        "then their rates in rad/s, just after heelstrike (those of the gait)")  # fmt: skip
+        "then angular velocities in rad/s, just after heelstrike (the gait's)")  # fmt: skip
     add_motors(command)
     add_terrain(command)
     add(
@@ -141,7 +152,7 @@ def add_walk(command: ArgumentParser, *, strides: int) -> None:
         type=int,
         default=0,
         metavar="N",
-        help="which ground at random (%(default)s)",
+        help="seed of random terrain (%(default)s)",
     )
 
 

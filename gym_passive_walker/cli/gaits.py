@@ -64,7 +64,7 @@ def gait(command: ArgumentParser) -> Callable[[Namespace], Report]:
     add_walker(command)
     add_slope(command)
     add_motors(command)
-    command.add_argument("--period", type=int, default=1, help="strides until it repeats (1)")
+    command.add_argument("--period", type=int, default=1, help="period of the gait in strides (1)")
 
     def run(arguments: Namespace) -> Report:
         walker, slope, period = walker_of(arguments), arguments.slope, arguments.period
@@ -127,9 +127,9 @@ def bifurcation(command: ArgumentParser) -> Callable[[Namespace], Report]:
     add_kind(command)
     add_motors(command)
     add = command.add_argument
-    add("--slopes", type=int, default=50, metavar="N", help="how many slopes (%(default)s)")
-    add("--n-transient", type=int, default=500, metavar="N", help="strides before (%(default)s)")
-    add("--n-recorded", type=int, default=64, metavar="N", help="strides looked at (%(default)s)")
+    add("--slopes", type=int, default=50, metavar="N", help="number of slopes (%(default)s)")
+    add("--n-transient", type=int, default=500, metavar="N", help="transient strides (%(default)s)")
+    add("--n-recorded", type=int, default=64, metavar="N", help="recorded strides (%(default)s)")
 
     def run(arguments: Namespace) -> Report:
         slopes = np.linspace(arguments.low, arguments.high, arguments.slopes)
@@ -164,8 +164,16 @@ def basin(command: ArgumentParser) -> Callable[[Namespace], Report]:
     add_slope(command)
     add_motors(command)
     add = command.add_argument
-    add("--resolution", type=int, default=100, metavar="N", help="angles and rates (%(default)s)")
-    add("--strides", type=int, default=300, metavar="N", help="at most (%(default)s)")
+    add(
+        "--resolution", type=int, default=100, metavar="N", help="points of each axis (%(default)s)"
+    )
+    add(
+        "--strides",
+        type=int,
+        default=300,
+        metavar="N",
+        help="largest number of strides (%(default)s)",
+    )
 
     def run(arguments: Namespace) -> Report:
         found = basin_of_attraction(
@@ -202,7 +210,7 @@ def check(command: ArgumentParser) -> Callable[[Namespace], Report]:
     add_kind(command)
     add_motors(command, push_off=False)
     add = command.add_argument
-    add("--friction", type=float, default=0.8, help="coefficient of foot and ground (%(default)s)")
+    add("--friction", type=float, default=0.8, help="coefficient of friction (%(default)s)")
 
     def run(arguments: Namespace) -> Report:
         gait = gait_of(arguments)

@@ -47,9 +47,13 @@ def video(command: ArgumentParser) -> Callable[[Namespace], Report]:
     passive-walker video C 0.05 --terrain rough:height_std=0.002 --terrain-seed 1 --out rough.mp4
     """
     add_walk(command, strides=10)
-    _add_out(command, "walk.mp4", "a film, .mp4 or .gif")
+    _add_out(command, "walk.mp4", "video file, .mp4 or .gif")
     command.add_argument(
-        "--slower", type=float, default=1.0, metavar="TIMES", help="in slow motion (%(default)s)"
+        "--slower",
+        type=float,
+        default=1.0,
+        metavar="TIMES",
+        help="factor of slow motion (%(default)s)",
     )
 
     def run(arguments: Namespace) -> Report:
@@ -75,15 +79,18 @@ def play(command: ArgumentParser) -> Callable[[Namespace], Report]:
     passive-walker play C 0.03
     passive-walker play --policy level-ppo --film walk.mp4 --seconds 10
     """
-    policies = (
-        f"what works the motors: {', '.join(shipped_policies())}, or an exported policy's folder"
-    )
+    policies = f"controller: {', '.join(shipped_policies())}, or an exported policy's folder"
     add = command.add_argument
     add("walker", nargs="?", type=a_walker, metavar="WALKER", help=A_WALKER)
-    add("slope", nargs="?", type=float, metavar="SLOPE", help="in rad, downhill")
+    add("slope", nargs="?", type=float, metavar="SLOPE", help="slope in rad, positive downhill")
     add("--policy", metavar="POLICY", help=policies)
-    add("--seconds", type=float, metavar="TIME", help="close the window after so long")
-    add("--film", metavar="FILE", help="record everything in this file, .mp4 or .gif")
+    add(
+        "--seconds",
+        type=float,
+        metavar="TIME",
+        help="time in seconds after which the window closes",
+    )
+    add("--film", metavar="FILE", help="record a video to this file, .mp4 or .gif")
     add("--picture", metavar="FILE", help="write the last frame to this file, such as a .png")
 
     def run(arguments: Namespace) -> Report:
@@ -100,8 +107,14 @@ def figures(command: ArgumentParser) -> Callable[[Namespace], Report]:
     passive-walker figures 4.6 4.10 --out figures
     """
     add = command.add_argument
-    add("names", nargs="*", metavar="NUMBER", help="of a figure in the source, such as 4.6")
-    add("--out", type=Path, default=Path("figures"), metavar="FOLDER", help="(%(default)s)")
+    add("names", nargs="*", metavar="NUMBER", help="number of a figure, such as 4.6")
+    add(
+        "--out",
+        type=Path,
+        default=Path("figures"),
+        metavar="FOLDER",
+        help="output folder (%(default)s)",
+    )
 
     def run(arguments: Namespace) -> Report:
         from gym_passive_walker.render.figures import FIGURES, draw

@@ -19,7 +19,7 @@ def sweep(command: ArgumentParser) -> Callable[[Namespace], Report]:
     passive-walker sweep lab.yaml --out found --workers 2
     passive-walker sweep lab.yaml --ray
 
-    where lab.yaml holds:
+    where lab.yaml contains:
 
       analysis: gait
       given: {walker: lab}
@@ -30,14 +30,25 @@ def sweep(command: ArgumentParser) -> Callable[[Namespace], Report]:
     add("description", type=Path, metavar="FILE", help="YAML, JSON or TOML: analysis "
         f"({known}; module:function with --trust), over, how, given, samples, seed, "
         "time_out")  # fmt: skip
-    add("--out", type=Path, metavar="FOLDER", help="(the file's name without its ending)")
-    add("--workers", type=int, metavar="N", help="processes (one to each processor)")
-    add("--ray", nargs="?", const=HERE, metavar="ADDRESS", help="on a Ray cluster (here)")
-    add("--branch", action="store_true", help="beside another sweep, if the folder holds one")
-    add("--retry", action="store_true", help="tasks once more that failed or were given up")
+    add(
+        "--out",
+        type=Path,
+        metavar="FOLDER",
+        help="output folder (the file's name without its suffix)",
+    )
+    add("--workers", type=int, metavar="N", help="worker processes (one for each CPU core)")
+    add(
+        "--ray",
+        nargs="?",
+        const=HERE,
+        metavar="ADDRESS",
+        help="use a Ray cluster (Ray on this machine)",
+    )
+    add("--branch", action="store_true", help="use a new folder if this one has another sweep")
+    add("--retry", action="store_true", help="repeat tasks that failed or timed out")
 
-    add("--trust", action="store_true", help="call a function that is not the package's, which "
-        "the file names as module:function; it may do anything")  # fmt: skip
+    add("--trust", action="store_true", help="permit module:function as the analysis; such a "
+        "function runs with your rights")  # fmt: skip
 
     def run(arguments: Namespace) -> Report:
         found = swept(

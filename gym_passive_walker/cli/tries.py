@@ -29,7 +29,7 @@ def gauntlet(command: ArgumentParser) -> Callable[[Namespace], Report]:
     add = command.add_argument
     known = ", ".join([*shipped_policies(), *BASELINES])
     add("controller", metavar="CONTROLLER", help=f"{known}, or the folder of an exported policy")
-    add("--scene", choices=list(SCENES), help="that the tests change (the policy's own)")
+    add("--scene", choices=list(SCENES), help="scene of the tests (the policy's own)")
     add("--walkers", type=int, default=64, metavar="N", help="walks in each test (%(default)s)")
 
     def run(arguments: Namespace) -> Report:
@@ -44,7 +44,7 @@ def gauntlet(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
 
 def robustness(command: ArgumentParser) -> Callable[[Namespace], Report]:
-    """Try how much a walk bears: rough ground, steps, pushes, starts far from the gait.
+    """Measure robustness: rough ground, steps, pushes, initial states far from the gait.
 
     passive-walker robustness lab --slope 0.036
     passive-walker robustness level-ppo --roughness 0.004 --out level.png
@@ -54,16 +54,33 @@ def robustness(command: ArgumentParser) -> Callable[[Namespace], Report]:
     add(
         "controller",
         metavar="WALKER|CONTROLLER",
-        help=f"walks passively: {A_WALKER}; or acts: {known}, or a folder",
+        help=f"a passive walker: {A_WALKER}; or a controller: {known}, or a folder",
     )
-    add("--scene", choices=list(SCENES), help="where (the policy's own)")
-    add("--slope", type=float, metavar="RAD", help="in rad, downhill (the scene's)")
+    add("--scene", choices=list(SCENES), help="scene (the policy's own)")
+    add("--slope", type=float, metavar="RAD", help="slope in rad, positive downhill (the scene's)")
     add("--roughness", type=float, default=0.002, metavar="L",
         help="standard deviation of footholds' heights, in leg lengths (%(default)s)")  # fmt: skip
-    add("--strides", type=int, default=200, metavar="N", help="on rough ground (%(default)s)")
-    add("--walkers", type=int, metavar="N", help="there (4096 passive ones, 512 others)")
-    add("--seed", type=int, default=0, metavar="N", help="of ground and starts (%(default)s)")
-    add("--out", type=Path, metavar="FILE", help="a picture: .png, .pdf or .svg")
+    add(
+        "--strides",
+        type=int,
+        default=200,
+        metavar="N",
+        help="strides on rough ground (%(default)s)",
+    )
+    add(
+        "--walkers",
+        type=int,
+        metavar="N",
+        help="walkers on rough ground (4096 if passive, else 512)",
+    )
+    add(
+        "--seed",
+        type=int,
+        default=0,
+        metavar="N",
+        help="seed of terrain and initial states (%(default)s)",
+    )
+    add("--out", type=Path, metavar="FILE", help="picture file: .png, .pdf or .svg")
 
     def run(arguments: Namespace) -> Report:
         out = None if arguments.out is None else picture_path(arguments.out)

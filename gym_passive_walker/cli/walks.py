@@ -48,8 +48,10 @@ def simulate(command: ArgumentParser) -> Callable[[Namespace], Report]:
     """
     add_walk(command, strides=10)
     add = command.add_argument
-    add("--samples", type=int, default=100, metavar="N", help="of a stride (%(default)s)")
-    add("--out", type=Path, metavar="FILE", help="a .csv or .npz file for the samples")
+    add(
+        "--samples", type=int, default=100, metavar="N", help="samples of each stride (%(default)s)"
+    )
+    add("--out", type=Path, metavar="FILE", help=".csv or .npz file for the samples")
 
     def run(arguments: Namespace) -> Report:
         out: Path | None = arguments.out
@@ -119,12 +121,18 @@ def evaluate(command: ArgumentParser) -> Callable[[Namespace], Report]:
     known = ", ".join([*shipped_policies(), *BASELINES])
     add = command.add_argument
     add("policy", metavar="POLICY", help=f"{known}, or the folder of an exported one")
-    add("--scene", choices=list(SCENES), help="(the policy's own; level)")
+    add("--scene", choices=list(SCENES), help="scene (the policy's own; level)")
     add("--walker", type=a_walker, metavar="WALKER", help=A_WALKER)
-    add("--slope", type=float, metavar="RAD", help="another slope")
+    add("--slope", type=float, metavar="RAD", help="slope in rad (the scene's)")
     add_terrain(command)
-    add("--episodes", type=int, default=20, metavar="N", help="(%(default)s)")
-    add("--seed", type=int, default=1000, metavar="N", help="of the first one (%(default)s)")
+    add("--episodes", type=int, default=20, metavar="N", help="number of episodes (%(default)s)")
+    add(
+        "--seed",
+        type=int,
+        default=1000,
+        metavar="N",
+        help="seed of the first episode (%(default)s)",
+    )
 
     def run(arguments: Namespace) -> Report:
         name, episodes = arguments.policy, whole(arguments.episodes, "--episodes")

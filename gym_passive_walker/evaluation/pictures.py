@@ -37,11 +37,11 @@ def _robustness(found: Robustness, ax: Axes | None = None) -> Axes | NDArray:
     if np.isfinite(lasting):
         began = min(10, len(strides) - 1)
         falling = found.survivors[began] * (1.0 - 1.0 / lasting) ** (strides - strides[began])
-        survival.semilogy(strides, falling, "--", color=BLACK, label=f"1 in {lasting:.4g} falls")
+        survival.semilogy(strides, falling, "--", color=BLACK, label=f"rate 1/{lasting:.4g}")
     least = found.survivors[found.survivors > 0.0].min(initial=1.0)
     survival.set(
-        xlabel=f"strides on ground whose heights differ by {found.roughness:.3g} l",
-        ylabel="share that still walks", ylim=(0.7 * least, 1.3),
+        xlabel=f"strides on footholds with height σ = {found.roughness:.3g} l",
+        ylabel="fraction of walkers not fallen", ylim=(0.7 * least, 1.3),
     )  # fmt: skip
     legend(survival, columns=2)
     shown = found.period_response[:15]

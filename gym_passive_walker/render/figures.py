@@ -182,8 +182,8 @@ def period_doubling(slopes: int = 1200) -> Figure:
             textcoords="offset points", ha="center", fontsize="x-small",
         )  # fmt: skip
     ax.set_title(f"walker {name_of(walker)}", fontsize="medium", pad=14.0)
-    ax.plot([], [], ".", color="black", label="stance angles of settled walks")
-    ax.plot([], [], ":", color=GREY, label="period becomes 2, 4, 8")
+    ax.plot([], [], ".", color="black", label="stance angles after transients")
+    ax.plot([], [], ":", color=GREY, label="period doublings to 2, 4, 8")
     family_key(ax, family)
     legend(ax)
     return figure_of(ax)
@@ -232,14 +232,14 @@ FIGURES: dict[str, Plate] = {
     "4.3-angles": Plate(
         lambda: figure_of(both(simulate(*_lab(), strides=2, samples=400), OWN)),
         "Two strides of the laboratory's kneed walker at a slope of 0.036 rad. Left: angles of "
-        "both legs' thighs and shanks over time, in units of √(l/g). Right: their rates over "
-        "them, by role; dots join what a strike parts.",
+        "both legs' thighs and shanks over time, in units of √(l/g). Right: angular velocities "
+        "over angles, by role; dotted lines connect the states before and after an impact.",
     ),
     "4.3-strobe": Plate(
         lambda: figure_of(strobe(*_lab(), strides=3, ax=OWN)),
         "Three strides of the laboratory's kneed walker down a slope of 0.036 rad. Seven postures "
         "of each stride, evenly spaced in time, heavy at heelstrike; stance legs are pale between. "
-        "Diamonds: the knee as it strikes its stop. Marks on the ground count leg lengths l.",
+        "Diamonds: the knee at kneestrike. Marks on the ground count leg lengths l.",
     ),
     "4.5": Plate(transition, "Stance angle just after heelstrike " + _TRANSITION_SAYS),
     "4.6": Plate(lab_families, "Stance angle just after heelstrike " + _LAB_SAYS),
@@ -252,9 +252,9 @@ FIGURES: dict[str, Plate] = {
     "4.10": Plate(
         period_doubling,
         "The period-doubling route to chaos of the tuned kneed walker C. Black: stance angles of "
-        "100 successive strides, after 500 in which the walk settled, at each of 1200 slopes. "
-        "Blue: the gait of period one, heavy where it is stable. Dotted: where the period becomes "
-        "2, 4 and 8. At the dashed line settled walking ends: the walk is thrown out of its basin.",
+        "100 successive strides, after 500 transient strides, at each of 1200 slopes. "
+        "Blue: the gait of period one, heavy where it is stable. Dotted: period doublings to 2, 4 "
+        "and 8. Dashed: the crisis, beyond which all walks end in a fall.",
     ),
     "4.11": Plate(partial(transition, _SPEED), "Mean speed over √(g l) " + _TRANSITION_SAYS),
     "4.12": Plate(partial(lab_families, _SPEED), "Mean speed over √(g l) " + _LAB_SAYS),

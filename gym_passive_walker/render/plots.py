@@ -158,7 +158,7 @@ def family_key(ax: Axes, *families: GaitFamily) -> None:
     if any(family.halts for family in families):
         enter(continuation.STANCE_STOPS, marker=_ENDS[continuation.STANCE_STOPS], **hollow)
     if any(family.period_doublings for family in families):
-        enter("period doubles", marker="d", **hollow)
+        enter("period doubling", marker="d", **hollow)
 
 
 @picture.register(GaitFamily)
@@ -178,12 +178,12 @@ def _diagram(diagram: BifurcationDiagram, ax: Axes | None = None, **style: Any) 
     dots = {"color": BLACK, "markersize": 0.7, "markeredgewidth": 0.0, "rasterized": True}
     ax.plot(diagram.slope, diagram.stance_angle, ".", **{**dots, **style})
     ax.set(xlabel=SLOPE, ylabel=ANGLE)
-    ax.set_title(f"where walks of walker {name_of(diagram.walker)} settle", fontsize="medium")
+    ax.set_title(f"bifurcation diagram of walker {name_of(diagram.walker)}", fontsize="medium")
     last = diagram.slope[diagram.walks].max() if diagram.walks.any() else np.nan
     if last < diagram.slope.max():
         ax.axvline(last, color=GREY, linewidth=0.8, linestyle="--")
         ax.annotate(
-            f"beyond {last:.5g} rad\nevery walk begun ends in a fall",
+            f"beyond {last:.5g} rad\nall simulated walks end in a fall",
             (last, 0.03), (-4, 0), xycoords=("data", "axes fraction"),
             textcoords="offset points", ha="right", fontsize="small", color=GREY,
         )  # fmt: skip
@@ -196,9 +196,9 @@ def _cascade(cascade: Cascade, ax: Axes | None = None, **style: Any) -> Axes:
     gaps = cascade.limit - np.array(cascade.slopes)
     ax.semilogy(cascade.periods, gaps, **{**series(0), **style})
     ax.set_xscale("log", base=2)
-    ax.set(xlabel="period that doubles (strides)", ylabel="slope still to the limit (rad)")
+    ax.set(xlabel="period before the doubling (strides)", ylabel="limit minus slope (rad)")
     ax.set_title(
-        f"doublings of walker {name_of(cascade.walker)}, limit {cascade.limit:.6g} rad",
+        f"period doublings of walker {name_of(cascade.walker)}, limit {cascade.limit:.6g} rad",
         fontsize="medium",
     )
     return ax
@@ -212,9 +212,9 @@ def _basin(basin: Basin, ax: Axes | None = None) -> Axes:
     settled, rates = basin.settled.astype(int), basin.stance_rate * units_of(basin.walker).time
     # The shades differ in brightness, so that they stay distinct when printed in grey.
     shades = ["#f2f2f2", "#8c8c8c", BLUE, SKY_BLUE, GREEN, VERMILION]
-    kinds = [(-1, "falls"), (UNSETTLED, "walks on, settles on no gait")]
+    kinds = [(-1, "falls"), (UNSETTLED, "walks, without convergence")]
     for i, gait in enumerate(basin.gaits):
-        kinds.append((i, f"settles on {_gait_in_words(gait)}"))
+        kinds.append((i, f"converges to {_gait_in_words(gait)}"))
     code = np.zeros(settled.shape)
     for index, (kind, _) in enumerate(kinds):
         code[settled == kind] = index
@@ -230,9 +230,10 @@ def _basin(basin: Basin, ax: Axes | None = None) -> Axes:
         rate = gait.state[3] * units_of(basin.walker).time
         star = {"color": "white", "markeredgecolor": BLACK, "markersize": 11.0}
         ax.plot(gait.stance_angle, rate, "*", linestyle="", label="stable gait", **star)
-    ax.set(xlabel=ANGLE, ylabel="stance rate dθ/dt / √(g/l)")
+    ax.set(xlabel=ANGLE, ylabel="stance angular velocity dθ/dt / √(g/l)")
     ax.set_title(
-        f"basin of walker {name_of(basin.walker)}, slope {basin.slope:.4g} rad", fontsize="medium"
+        f"basin of attraction, walker {name_of(basin.walker)}, slope {basin.slope:.4g} rad",
+        fontsize="medium",
     )
     legend(ax, columns=2)
     return ax
@@ -253,7 +254,7 @@ def _reality(check: RealityCheck, ax: Axes | None = None) -> Axes:
     wrong = (values < 0.0) | ((items == "friction") & (values > check.friction))
     fails = wrong & ~np.array([passed[item] for item in items])
     for label, which, marker, colour in (
-        ("holds", ~fails, "o", BLUE), ("fails", fails, "X", VERMILION)
+        ("satisfied", ~fails, "o", BLUE), ("violated", fails, "X", VERMILION)
     ):  # fmt: skip
         if which.any():
             ax.hlines(rows[which], 0.0, values[which], color=colour, linewidth=1.0)
@@ -261,7 +262,7 @@ def _reality(check: RealityCheck, ax: Axes | None = None) -> Axes:
     friction = items == "friction"
     ax.vlines(
         check.friction, rows[friction].min() - 0.4, rows[friction].max() + 0.4,
-        color=BLACK, linestyle=":", label=f"friction there is, {check.friction:g}",
+        color=BLACK, linestyle=":", label=f"available friction, {check.friction:g}",
     )  # fmt: skip
     ax.axvline(0.0, color=BLACK, linewidth=0.8)
     names = [f"{r.item}: {r.quantity.strip()}" + f" / ({r.unit_name})" * bool(r.unit_name)
@@ -270,8 +271,7 @@ def _reality(check: RealityCheck, ax: Axes | None = None) -> Axes:
     ax.set_xscale("symlog", linthresh=0.01)
     ax.set(xlabel="value (linear below 0.01)", xlim=(None, 2.0 * max(1.0, values.max())))
     ax.set_title(
-        f"what walker {name_of(check.walker)} takes of ground and knees, "
-        f"slope {check.slope:.4g} rad",
+        f"feasibility of walker {name_of(check.walker)}, slope {check.slope:.4g} rad",
         fontsize="medium",
         loc="right",
     )
@@ -377,5 +377,5 @@ def multipliers(ax: Axes, values: NDArray) -> None:
     for axis in (ax.axhline, ax.axvline):
         axis(0.0, color=GREY, linewidth=0.4)
     ax.set(aspect="equal", xlabel="real part", ylabel="imaginary part")
-    ax.set_title("multipliers, and the unit circle", fontsize="small")
+    ax.set_title("Floquet multipliers and unit circle", fontsize="small")
     legend(ax)

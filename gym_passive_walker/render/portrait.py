@@ -55,7 +55,7 @@ def angles_over_time(ax: Axes, walk: Trajectory) -> None:
     times = walk.times / units_of(walk.walker).time
     angles = _by_leg(walk)
     segments = (", thigh", ", shank") if walk.walker.knees else ("",)
-    for leg, name in enumerate(("leg that stands first", "other leg")):
+    for leg, name in enumerate(("first stance leg", "other leg")):
         for segment, part in enumerate(segments):
             ax.plot(
                 times, angles[:, leg, segment], label=name + part, color=LEGS[leg],
@@ -90,7 +90,7 @@ def rates_over_angles(ax: Axes, states: NDArray, struck: NDArray, knees: bool) -
             jump = slice(after - 1, after + 1)
             ax.plot(angle[jump], rate[jump], ":", color=colour, linewidth=0.7)
     ax.plot([], [], "o", color=BLACK, markersize=5.0, label="just after heelstrike")
-    ax.plot([], [], ":", color=BLACK, linewidth=0.7, label="strike")
+    ax.plot([], [], ":", color=BLACK, linewidth=0.7, label="impact")
     ax.axhline(0.0, color=GREY, linewidth=0.4)
     ax.set(xlabel=ANGLES, ylabel=RATES)
 

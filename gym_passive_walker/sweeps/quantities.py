@@ -16,7 +16,7 @@ from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import Walker
 
 _NAMES = {"slope": SLOPE, "stance_angle": ANGLE, "froude_speed": SPEED, "speed": SPEED}
-_NAMES |= {"multiplier": "modulus of the largest multiplier", "seconds": "time it took (s)"}
+_NAMES |= {"multiplier": "modulus of the largest multiplier", "seconds": "run time (s)"}
 _LENGTHS = ("thigh_length", "thigh_offset", "thigh_gyration", "thigh_com", "foot_radius")
 _LENGTHS += ("shank_length", "shank_offset", "shank_gyration", "shank_com")
 _UNITS = {

@@ -79,7 +79,7 @@ def _draw_sliders(brush: Brush, player: Player) -> None:
     names = {preset: name for name, preset in WALKERS.items()}
     title = f"walker {names.get(player.walk.setup.walker, 'changed')}"
     if player.walk.map.controlled:
-        title += f", {player.walk.map.controller_name} at the motors"
+        title += f", controller {player.walk.map.controller_name}"
     brush.write(title, (PANEL.left + 12, 8), "topleft", look.HIP, size=22)
     for slider in player.sliders:
         row, selected = slider.row, slider is player.sliders[player.selected]

@@ -98,7 +98,7 @@ def test_the_examples_of_the_help_work(line, tmp_path, monkeypatch, capsys):
 
 def described_in_the_help():
     """The sweep that the help prints."""
-    return textwrap.dedent(sweep.__doc__.partition("lab.yaml holds:\n")[2])
+    return textwrap.dedent(sweep.__doc__.partition("lab.yaml contains:\n")[2])
 
 
 def test_the_sweep_of_the_help_is_one():

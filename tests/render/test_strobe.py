@@ -122,7 +122,7 @@ def test_angles_over_time_follow_each_leg_through_both_its_roles():
     curves = {line.get_label(): line for line in over_time.lines}
     walk = simulate("lab", SLOPE, GAIT, strides=2, samples=50)
     np.testing.assert_array_equal(
-        curves["leg that stands first, thigh"].get_ydata(),
+        curves["first stance leg, thigh"].get_ydata(),
         np.append(walk.states[:50, 0], walk.states[50:, 1]),
     )
     np.testing.assert_array_equal(
@@ -148,7 +148,7 @@ def test_a_portrait_is_lifted_at_strikes_and_dots_join_what_they_part():
 def test_a_straight_leg_has_one_curve():
     over_time, portrait = phase_portrait("D", 0.009, SHORT)
     labels = [line.get_label() for ax in (over_time, portrait) for line in ax.lines]
-    assert {"leg that stands first", "other leg", "stance leg", "swing leg"} <= set(labels)
+    assert {"first stance leg", "other leg", "stance leg", "swing leg"} <= set(labels)
     assert not any("shank" in label for label in labels)
 
 
