@@ -1,4 +1,4 @@
-"""The stride map of a walker whose motors follow a controller: a policy, a feedback, any function.
+"""The stride map of a walker under a controller: a policy, a feedback, any function.
 
 A controller chooses at the start of each control step, as in the environment, and its torques are
 held until the next. The map is exact in double precision. Where the controller has a derivative

@@ -51,7 +51,7 @@ def stride_map(
         slope: Slope in rad; the scene's, or the middle of its range, when None. Without a scene it
             may be left to the analysis.
         controller: What works the motors: None for a passive walker; an `Actuation`, the same in
-            each stride; an `OptimalGait`, whose torques are played without feedback; a trained
+            each stride; an `OptimalGait` (its torques are applied without feedback); a trained
             policy, a baseline, or the name of either; any object with `predict(observation, state,
             episode_start, deterministic)`; or a function from observations (n, 8) to actions
             (n, actions). What it remembers starts again with each stride.
@@ -166,7 +166,7 @@ def acting_as(strides: StrideMap, slope: float) -> tuple[Policy, Scene]:
     """What works a map's motors as a policy, and the scene in which it acts.
 
     Args:
-        strides: A map whose walker is not passive.
+        strides: A map of a walker that is not passive.
         slope: Slope in rad.
     """
     if isinstance(strides, ControlledMap):

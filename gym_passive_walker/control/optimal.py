@@ -91,7 +91,7 @@ def optimal_gait(
 
 
 def _with_corners(problem: Problem, z: NDArray) -> OptimalGait:
-    """The gait of a solution, or a cheaper one nearby whose knee locks as a tick ends."""
+    """The gait of a solution, or a cheaper one nearby with a knee that locks as a tick ends."""
     best = problem.measured(z)
     for edge in _edges(best, problem.tick):
         problem.edge = edge
@@ -156,7 +156,7 @@ def _edges(gait: OptimalGait, tick: float) -> list[float]:
 
 
 def constant_gait(scene: Scene) -> OptimalGait:
-    """A gait whose motors do the same all along, at rest where it is passive: where searches begin.
+    """A gait with constant torques, zero where it is passive: where searches begin.
 
     Raises:
         GaitNotFound: if there is none.
@@ -296,7 +296,7 @@ def least_cost(gaits: str | Sequence[OptimalGait], speed: float) -> float:
     of 0.01 √(g l), it is up to 0.7 %.
 
     Args:
-        gaits: Name of a scene whose costs are stored, or optimal gaits by growing speed.
+        gaits: Name of a scene with stored costs, or optimal gaits by growing speed.
         speed: Speed over sqrt(g l).
 
     Raises:

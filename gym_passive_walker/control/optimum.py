@@ -67,7 +67,7 @@ class OptimalGait:
         optimality: Largest entry of the Lagrangian's gradient that bounds do not explain, over the
             largest entry of the cost's own.
         stubs: Whether the toe would stub on it.
-        ankle_torques: Likewise of the ankle; empty if there is none.
+        ankle_torques: Torques of the ankle; empty if there is none.
         ankle_cost: Its charge.
         push_off: Impulse just before heelstrike, in units of m sqrt(g l).
         push_off_cost: Its work.
@@ -121,7 +121,7 @@ class _Seen:
         self._least, self._since = math.inf, 0
 
     def take(self, point: NDArray, merit: float) -> None:
-        """See a point, whose merit is small if it is good.
+        """See a point; a smaller merit is better.
 
         Raises:
             _StandsStill: if points have become no better for long.

@@ -26,7 +26,7 @@ LONGEST = 20.0
 """Time after which a stride is given up."""
 
 TOLD = (*ROWS, *MOTORS)
-"""What is told of a control step, in order; see `flow.ROWS`."""
+"""What is reported of a control step, in order; see `flow.ROWS`."""
 
 INPUTS = ("hip_torque", "ankle_torque", "push_off")
 """What motors hold, as the flow calls it, for each of a scene's channels."""
@@ -60,13 +60,13 @@ class Steps(NamedTuple):
     """The control steps of strides, those with which they begin before those that come after.
 
     Attributes:
-        walkers: Whose steps these are, (s,).
+        walkers: The walkers of these steps, (s,).
         numbers: The how-manieth of its stride each is, from 0, (s,).
         before: Where each begins, what is held and until when: records, (s, 1).
         after: Where it ends, (s, 1).
         change: How states with which they begin change along tangents, (s, 6, k).
         held: What motors hold, values before tangents, (s, motors, 1 + k).
-        rows: What `TOLD` has come to, likewise, (s, rows, 1 + k).
+        rows: Values and tangents of `TOLD`, (s, rows, 1 + k).
     """
 
     walkers: NDArray[np.intp]
@@ -197,7 +197,7 @@ def _chained(
 
     Args:
         after: Their ends, with tangents by the steps' own state and motors, (s, 1 + k).
-        walkers: Whose they are, (s,).
+        walkers: The walkers of these records, (s,).
         edges: Where those of each number begin, and the end of all.
         choices: What motors were given in those of each number.
         change: Of walkers' states as strides begin, (n, 6, k); those at their ends afterwards.
@@ -253,7 +253,7 @@ def _locked(before: NDArray, after: NDArray) -> NDArray[np.bool_]:
 
 
 def _joined(parts: Sequence[NDArray]) -> NDArray[Any]:
-    """Arrays one after the other; records as plain numbers, whose types NumPy compares fast."""
+    """Arrays one after the other; records as plain numbers: NumPy compares their types fast."""
     if parts[0].dtype != RECORD:
         return np.concatenate(parts)
     return np.concatenate([part.view(float) for part in parts]).view(RECORD)
@@ -374,7 +374,7 @@ def ticked_strides(
     """Follow walkers through a stride each, every torque held for a control step.
 
     Args:
-        walkers: Who walks; they are `using` ankle torque and push-off if there are any.
+        walkers: The walkers; they are `using` ankle torque and push-off if there are any.
         slopes: Slope in rad, one for all or (n,).
         points: Starts on the section, (n, m).
         torques: Torques of the hip, (n, N), or of hip and ankle, (n, 2, N); the last one is held

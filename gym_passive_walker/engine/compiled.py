@@ -271,7 +271,7 @@ def _measure(
 
 
 def _place(system: System, record: Memory, body: Memory) -> None:
-    """Where the hip is, for whoever counts the way from step to step."""
+    """Where the hip is, to measure the distance from step to step."""
     record["place"] = system.place(constants_of(system, body), state_of(system, record))
 
 

@@ -173,7 +173,7 @@ def gauntlet(
 
 
 def _arena(scene: Scene, count: int) -> PassiveWalkerVectorEnv:
-    """Walkers whose episodes end after TIME."""
+    """Walkers with episodes that end after TIME."""
     steps = TIME / scene.tick if scene.control == "tick" else TIME / 3.0
     return PassiveWalkerVectorEnv(count, scene, max_episode_steps=max(1, round(steps)))
 

@@ -1,6 +1,6 @@
 """How much a walk bears: rough ground, steps up and down, pushes, and starts far from its gait.
 
-Everything is tried in the environment, by whoever acts there: nobody, a feedback or a learned
+Everything is tried in the environment, under its controller: none, a feedback or a learned
 policy. Only how long a passive walker lasts is asked of the engine itself, which is faster.
 """
 
@@ -44,7 +44,7 @@ PHASES = np.linspace(0.0, 0.9, 10)
 """When pushes come, as shares of the gait's period."""
 
 _TRIES = 24  # sizes that are tried at once
-_SMALL = 1e-4  # leg lengths: a step whose answer is in proportion to it
+_SMALL = 1e-4  # leg lengths: a step with an answer in proportion to it
 _ANSWERS = 60  # strides that are looked at after it
 _IDLE = {"pushes": {"rate": 0.0, "impulse": 0.0}, "terrain": Terrain()}
 _CALM = {
@@ -72,8 +72,8 @@ class Robustness(Table):
     """How much a walk bears. Lengths are in leg lengths l, times in sqrt(l/g).
 
     Attributes:
-        controller: Who acts.
-        walker: Who walks.
+        controller: The controller.
+        walker: The walker.
         slope: On which slope, in rad.
         step_length: Of the gait.
         period: Of the gait.
@@ -85,9 +85,9 @@ class Robustness(Table):
         period_response: These changes, stride by stride, (strides,).
         step_up: Highest step of the ground that the walker walks on over, as it does over any lower
             one that was tried.
-        step_down: Likewise, deepest.
+        step_down: Deepest step down, in leg lengths.
         phases: When pushes came, as shares of the period, (k,).
-        forward: Largest impulse on the hip downhill then, in m sqrt(g l), likewise, (k,).
+        forward: Largest impulse on the hip downhill then, in m sqrt(g l), (k,).
         backward: Largest uphill, (k,).
         initial_error: By which share of the gait's angle and rates starts were off, at most.
         recovered: Share of starts within it from which the walker walks on.
@@ -167,7 +167,7 @@ def robustness(
             own when None. A passive walker needs none, but its slope; without one it may scuff.
         slope: Slope in rad instead of the scene's; the middle of a range when None.
         roughness: Standard deviation of the heights of footholds on rough ground, in leg lengths.
-            A scene whose own terrain is random is taken at its word.
+            A scene's own random terrain is used.
         walkers: How many walk over rough ground; 4096 passive ones or 512 others when None.
         strides: How many strides each of them makes there.
         initial_error: By which share of the gait's angle and rates starts are off, at most.
@@ -262,7 +262,7 @@ def _scene_of(controller: WalkerLike, scene: Any, slope: float | None) -> Scene:
 
 
 def _alone(scene: Scene) -> dict[str, Any]:
-    """Arguments by which nothing befalls a walker unless it is tried."""
+    """Arguments of a scene without disturbances but those that are tried."""
     return {**_CALM, "slope": float(np.mean(scene.slope))}
 
 
@@ -277,7 +277,7 @@ class _Tries:
     """Walks by which a policy is tried.
 
     Args:
-        policy: Who acts.
+        policy: The policy.
         scene: Where.
     """
 
@@ -302,7 +302,7 @@ class _Tries:
             strides: How many they may make.
             terrain: What they walk over instead of smooth ground.
             count: How many walk, where no states are given.
-            seed: Of what befalls them.
+            seed: Seed of the disturbances.
             **way: What is put in their way; see `Batch.put_in_the_way`.
         """
         count = count if states is None else len(states)

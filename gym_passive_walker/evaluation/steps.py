@@ -19,9 +19,9 @@ class Step(NamedTuple):
         actions: What the policy did, (n, 1).
         observations: What it sees next, (n, 8); what is written into them it does see.
         rewards: Shape (n,).
-        terminated: Whose episode has ended, (n,).
-        truncated: Whose time is up, (n,).
-        struck: Whose stride has ended with a heelstrike, (n,).
+        terminated: Whether each episode has ended, (n,).
+        truncated: Whether each time limit is reached, (n,).
+        struck: Whether each stride has ended with a heelstrike, (n,).
         infos: As of the vector environment.
     """
 
@@ -38,7 +38,7 @@ def steps(policy: Policy, envs: VectorEnv, observations: NDArray[np.float32]) ->
     """Let a policy act, deterministically, for as long as someone looks on.
 
     Args:
-        policy: Who acts.
+        policy: The policy.
         envs: A native batch that has just been reset, in its usual "NextStep" mode.
         observations: What the reset returned.
     """

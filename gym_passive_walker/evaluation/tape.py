@@ -2,7 +2,7 @@
 
 A step begins where the one before has ended, so once all are made each can be differentiated by
 itself: any number of walkers and steps are one call of the engine, and the chain rule, backwards
-through the steps, is left to whoever asks.
+through the steps, is left to the caller.
 """
 
 from __future__ import annotations
@@ -49,8 +49,8 @@ class Tape:
     """Notes the steps of an environment.
 
     Args:
-        envs: A vector environment, for Gymnasium or stable-baselines3, whose walkers are driven
-            by the hip alone, and whom nothing befalls.
+        envs: A vector environment, for Gymnasium or stable-baselines3, of walkers that are
+            driven by the hip alone, without disturbances.
 
     Raises:
         SceneError: if it is otherwise.
@@ -131,8 +131,8 @@ def _stands(fell: NDArray[np.bool_], begins: NDArray[np.bool_]) -> NDArray[np.bo
     """Whether the stride that each step is a part of does not fall, as far as is known, (T, n).
 
     Args:
-        fell: Who falls in a step, (T, n).
-        begins: Whose stride begins with it.
+        fell: Whether each walker falls in a step, (T, n).
+        begins: Whether a stride begins with it, (T, n).
     """
     stands, so_far = np.empty(fell.shape, bool), np.ones(fell.shape[1], bool)
     for step in reversed(range(len(fell))):

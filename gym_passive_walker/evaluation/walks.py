@@ -140,7 +140,7 @@ def evaluate(policy: Policy, arena: VectorEnv, *, seed: int) -> Walks:
         policy: The agent; it acts deterministically.
         arena: A native batch in its usual "NextStep" mode, each lane an episode.
         seed: Seed of the first episode, the next ones follow. The same seed is the same starts
-            and the same slopes, whoever walks.
+            and the same slopes, for every controller.
     """
     count = arena.num_envs
     sums = {name: np.zeros(count) for name in ("length", "duration", *_WORK)}

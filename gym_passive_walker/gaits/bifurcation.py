@@ -43,7 +43,7 @@ class BifurcationDiagram(Table):
     """Settled walks over slopes.
 
     Attributes:
-        walker: Who walks.
+        walker: The walker.
         slope: Slopes in rad, (n,).
         stance_angle: Stance angles of successive strides once settled, rad, (n, keep); NaN where
             the walker fell.
@@ -138,7 +138,7 @@ def beginnings(
     """Where to begin to walk.
 
     Args:
-        stride_map: Who walks.
+        stride_map: The stride map.
         slopes: rad, (n,).
         kind: Which gait to begin beside.
         start: A section state to begin with instead, or one for each slope.
@@ -196,8 +196,8 @@ def bifurcation_diagram(
     """Where walks settle, slope by slope (Fig. 4.10).
 
     Args:
-        walker: The walker, in a form that `as_walker` takes; or a map of `stride_map`, whose
-            controller then walks.
+        walker: The walker, in a form that `as_walker` takes; or a map of `stride_map` with
+            its controller.
         slopes: Slopes in rad, in the order in which a sweep takes them.
         n_transient: Strides taken before any is kept.
         n_recorded: Strides kept.

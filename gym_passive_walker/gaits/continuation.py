@@ -112,7 +112,7 @@ class Curve:
     """The gaits of a period as a curve.
 
     Attributes:
-        stride_map: Whose gaits.
+        stride_map: The stride map of the gaits.
         axis: What is varied.
         period: Strides of each gait.
     """
@@ -137,7 +137,7 @@ class Curve:
         return stride_map, stride_map.from_chart(ys[:, :-1]), slopes, values
 
     def _setting(self, ys: NDArray) -> tuple[StrideMap, NDArray, NDArray]:
-        """Whose strides, on which slopes, and the varied quantity at coordinates (n, m + 1)."""
+        """The stride map, slopes, and the varied quantity at coordinates (n, m + 1)."""
         values = self.axis.value(ys[:, -1])
         if self.axis.parameter == "slope":
             return self.stride_map, values, values
@@ -196,7 +196,7 @@ class Curve:
         """Gaits that are known roughly, to rounding: two steps of Newton's method for all at once.
 
         Args:
-            points: Gaits whose violation is small; each is moved across its tangent.
+            points: Gaits of small violation; each is moved across its tangent.
         """
         ys, across = (np.array([getattr(x, name) for x in points]) for name in ("y", "tangent"))
         guess = ys.copy()
@@ -398,7 +398,7 @@ def margins(curve: Curve, points: list[Point]) -> Margins:
 
 
 def reason_of(curve: Curve, last: list[Point]) -> End:
-    """Why and where a curve ends whose last gaits are given, the last one last."""
+    """Why and where a curve ends, by its last gaits, the last one last."""
     stride_map, points, slopes, values = curve.gaits_at(last)
     if math.isfinite(stride_map.hold):
         # There a controller observes the walker before the strike or after it.

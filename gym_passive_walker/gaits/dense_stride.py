@@ -56,7 +56,7 @@ def states_at(
         times: Since the start, shape (n,), in any order; later ones than the stride's end give
             the state that the stride ends with.
         hip_torque: Torque, as for `stride`.
-        ankle_torque: Likewise.
+        ankle_torque: Torque, as for `stride`.
         tolerance: As for `stride`.
 
     Returns:
@@ -204,9 +204,9 @@ class Phase(NamedTuple):
         flexion: Thigh less shank angle.
         clearance: Height of the swing foot over the ground.
         normal: Force of the ground, as in `forces.Reactions`.
-        tangential: Likewise.
-        stance_knee: Torque on the stop, likewise, but 0 without knees.
-        swing_knee: Likewise.
+        tangential: Force of the ground along it, as in `forces.Reactions`.
+        stance_knee: Torque on the stop; 0 without knees.
+        swing_knee: Torque on the swing knee's stop; 0 without knees.
     """
 
     locked: bool
@@ -239,7 +239,7 @@ def phases_of(
     """The phases of one stride: two with knees and one without, and more where torques change.
 
     Args:
-        stride_map: Whose stride.
+        stride_map: The stride map.
         slope: Slope in rad.
         start: Where the stride starts, shape (6,).
         end: How it ends: with a heelstrike.

@@ -85,13 +85,13 @@ def optimize_walker(
     maximize: bool = False,
     iterations: int = 200,
 ) -> Design:
-    """The walker, within bounds, whose gait does something best.
+    """The walker, within bounds, with the best gait by some objective.
 
     The optimum is a local one, reached from the walker's own gait by its exact derivatives.
 
     Args:
         walker: The walker to begin with, in a form that `as_walker` takes; or a map of
-            `stride_map`, whose controller then works its motors.
+            `stride_map` with its controller.
         objective: What is to be least: "cost_of_transport", "slope", "speed", "froude_speed",
             "step_length", "step_period", "stance_angle" as of `Gait`; "leg_length", "total_mass" as
             of `Walker`; "clearance", the least height of the passing swing foot as of

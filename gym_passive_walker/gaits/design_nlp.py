@@ -46,7 +46,7 @@ class Judged(NamedTuple):
     Attributes:
         gait: Its gait.
         quantities: What was asked for, by name, with gradients (k,).
-        cubic: Coefficients of the polynomial whose roots are the multipliers, (3,), and their
+        cubic: Coefficients of the polynomial with the multipliers as roots, (3,), and their
             derivatives (3, k), as of `coefficients`; None if not asked for.
     """
 
@@ -68,7 +68,7 @@ class Judged(NamedTuple):
 class Candidates:
     """Walkers alike but for some parameters, and the slope if that is among them.
 
-    A candidate is told by its shares x: how far each parameter is from its lower to its upper
+    A candidate is given by its shares x: how far each parameter is from its lower to its upper
     bound. Each is judged by its gait, which is followed from that of the one before.
 
     Args:
@@ -184,7 +184,7 @@ def slsqp(
         start: Where to begin, (n,).
         bounds: Of each entry of z.
         equal: What has to vanish; nothing if it has no values at the start.
-        beyond: Likewise, what must not be negative.
+        beyond: What must not be negative; nothing if it has no values at the start.
         iterations: At most.
         callback: Called after each.
     """

@@ -42,7 +42,7 @@ class Cascade(Table):
     """Period doublings one after the other.
 
     Attributes:
-        walker: Who walks.
+        walker: The walker.
         periods: Strides after which the gait repeats that doubles: 1, 2, 4, ...
         slopes: Slope in rad at which it does.
         gaits: The gait itself there, with a multiplier at -1.

@@ -56,7 +56,7 @@ class GaitFamily(Table):
         halts: Values where the stance leg stops in mid-stride, to about 1e-5 of them. On one side
             of each it barely passes the vertical; on the other it turns back for a while first.
         ends: The first and the last gait's end of the curve, with the reason of each.
-        stride_map: Whose gaits, but for what is varied.
+        stride_map: The stride map, but for what is varied.
     """
 
     walker: Walker
@@ -227,8 +227,8 @@ def gait_family(
     controller it begins at the map's own slope, if that lies in the range and has a gait.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes; or a map of `stride_map`, whose
-            controller then works its motors at all slopes.
+        walker: The walker, in a form that `as_walker` takes; or a map of `stride_map`. Its
+            controller then acts at all slopes.
         slope_min: Lowest slope in rad; positive, unless motors drive the walker.
         slope_max: Highest slope in rad.
         kind: Which gait to begin with, "long" or "short".

@@ -128,10 +128,10 @@ def first_passage(
     """How long walkers last on rough ground, from a crowd of them.
 
     Args:
-        who: As for `walks`, as all up to the terrain.
-        state: Likewise.
-        slope: Likewise.
-        terrain: Likewise.
+        who: As for `walks`.
+        state: As for `walks`.
+        slope: As for `walks`.
+        terrain: As for `walks`.
         walkers: How many begin.
         strides: How many they may make.
         settling: Strides before any are counted: after these they have forgotten their start.

@@ -66,7 +66,8 @@ torque; when the knee locked, what both strikes cost; the step length and the wo
 of springs in a stride that has ended, 0 where there are none; and what friction has taken."""
 
 MOTORS = ("ankle_moved", "ankle_turned", "push_work")
-"""What other motors have done: likewise how far the ankle has tipped, and the push-off's work."""
+"""What other actuators have done: how far the ankle has turned, net and either way; the work of the
+push-off."""
 
 
 def _place(name: str) -> int:
@@ -217,7 +218,7 @@ class Flow:
     (n, 1 + k, ...).
 
     Attributes:
-        walkers: Who walked.
+        walkers: The walkers.
         system: Which equations they obeyed.
         tangents: Along what tangents lead.
         bodies: The walkers' constants with their tangents, as of `Walkers.bodies`.
@@ -259,12 +260,12 @@ class Flow:
 
     @property
     def struck(self) -> NDArray[np.bool_]:
-        """Whose stride has ended with a heelstrike, (n,)."""
+        """Whether each stride has ended with a heelstrike, (n,)."""
         return self.outcomes == _STRUCK
 
     @property
     def locked(self) -> NDArray[np.bool_]:
-        """Whose knee has locked on the way, (n,)."""
+        """Whether each knee has locked on the way, (n,)."""
         before = 0.0 if self.on_section else self.before["knee_time"][:, 0]
         return self.records["knee_time"][:, 0] != before
 
@@ -360,7 +361,7 @@ class Flow:
     def next_stride(
         self, on: NDArray[np.bool_], ground: tuple[NDArray, float, float] | None = None
     ) -> Flow:
-        """The next stride of some walkers, (n,), whose last has ended with a heelstrike.
+        """The next stride of some walkers, (n,), after a heelstrike.
 
         Tangents go on from this one: they are of all strides since the first.
 
@@ -414,15 +415,15 @@ def flow(
     """Follow walkers from just after a heelstrike to the next, their fall, or a time.
 
     Args:
-        walkers: Who walks.
+        walkers: The walkers.
         states: Where they start, (n, 6).
         slopes: Slope in rad, one for all or (n,).
         controls: Torques that are held: of the hip, one for all or (n,); or of hip and ankle,
             (n, 2).
         push_offs: Impulses just before heelstrike, one for all or (n,).
-        rises: Heights of the next footholds, likewise; None on smooth ground.
-        turns: By how much these slope more steeply, likewise.
-        until: When to stop at the latest, likewise.
+        rises: Heights of the next footholds, one for all or (n,); None on smooth ground.
+        turns: By how much these slope more steeply, one for all or (n,).
+        until: When to stop at the latest, one for all or (n,).
         save_at: Times (n, k) instead, in any order, each as exact as any other: every walker is
             followed to k times, side by side. Later ones than its stride's end give the state that
             it ends with; one that is not finite gives nothing.
@@ -475,7 +476,7 @@ def go_on(
     """Follow walkers from wherever they are, each to its `end`, its heelstrike or its fall.
 
     Args:
-        walkers: Who walks.
+        walkers: The walkers.
         records: Where they are, what they hold and until when, as `Flow.here` has them, (n, 1);
             left as they are.
         by: Along what tangents lead, in order: "state" (one for each of its six numbers) or "point"

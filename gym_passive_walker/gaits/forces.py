@@ -53,8 +53,8 @@ def reactions(body, angles, rates, accelerations, lift, torque, knee_torque=0.0)
     Args:
         body: From `chain`.
         angles: Of stance leg, thigh and shank.
-        rates: Likewise.
-        accelerations: Likewise.
+        rates: Their angular velocities.
+        accelerations: Their angular accelerations.
         lift: Acceleration of the foot besides its rolling and beyond free fall, (back, up): only
             gravity's (sin(slope), cos(slope)) while it rolls.
         torque: Hip torque.
@@ -202,7 +202,7 @@ class Reactions(NamedTuple):
         tangential: Force of the ground along the slope, positive downhill.
         stance_knee: Torque on the stance knee's stop, positive when it is pressed: a negative one
             would flex the knee. NaN for a walker without knees.
-        swing_knee: Torque on the swing knee's stop, likewise; zero while the knee is free.
+        swing_knee: Torque on the swing knee's stop, positive when it is pressed; zero while the knee is free.
     """
 
     accelerations: NDArray[np.float64]
@@ -244,7 +244,7 @@ def forces(
         states: Angles and rates, shape (n, 6).
         phases: `Stage` of each, shape (n,).
         hip_torque: Torque, as for `stride`.
-        ankle_torque: Likewise.
+        ankle_torque: Torque, as for `stride`.
     """
     units, system, body = units_of(walker), system_of(walker), body_of(walker)
     given = units.to_dimensionless(np.array(states, dtype=float))

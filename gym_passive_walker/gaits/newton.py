@@ -24,7 +24,7 @@ class Solution(NamedTuple):
         values: Of the equations there, (n, k).
         sizes: Largest violation at each, (n,); infinite where it was given up or has no value.
         derivatives: Of the equations there, (n, k, k).
-        carried: What the equations told besides, one entry for each point; empty if nothing.
+        carried: What the equations returned besides, one entry for each point; empty if nothing.
     """
 
     points: NDArray[np.float64]
@@ -84,7 +84,7 @@ def newton(
         new_values, new_derivatives, new_carried = _evaluated(equations, trial)
         new_sizes, old_sizes = _size(new_values), sizes[active]
         if damped:
-            # The step that would follow tells better than the equations, whose scales differ,
+            # The step that would follow tells better than the equations, as their scales differ,
             # whether a solution is nearer: the natural test.
             following = _size(solved(derivatives[active], -new_values))
             better = (new_sizes < old_sizes) | (np.isfinite(new_sizes) & (following < length))

@@ -117,7 +117,7 @@ def spectral_radius(matrix: NDArray) -> float:
 
 
 def coefficients(matrix: NDArray, change: NDArray) -> tuple[NDArray, NDArray]:
-    """a, b, c of x^3 + a x^2 + b x + c, whose roots are a matrix's eigenvalues besides zeros.
+    """a, b, c of x^3 + a x^2 + b x + c with a matrix's eigenvalues besides zeros as roots.
 
     Args:
         matrix: Of rank 3 at most, (m, m).
@@ -144,7 +144,7 @@ def inside(cubic: NDArray, radius: float) -> tuple[NDArray, NDArray]:
     """What is positive when all roots lie inside a circle about zero, and only then.
 
     The first vanishes with a root at +radius, the second with one at -radius, the third with two
-    whose product is radius squared; the last two with a product of all three of radius cubed.
+    of a product of radius squared; the last two with a product of all three of radius cubed.
 
     Args:
         cubic: a, b, c of x^3 + a x^2 + b x + c.

@@ -33,7 +33,7 @@ class Place(NamedTuple):
     """Where a gait is.
 
     Attributes:
-        stride_map: Whose strides.
+        stride_map: The stride map.
         slope: Slope in rad.
         u: Logarithmic coordinates of the gait, (m,).
     """
@@ -44,7 +44,7 @@ class Place(NamedTuple):
 
     @property
     def walker(self) -> Walker:
-        """Who walks."""
+        """The walker."""
         return self.stride_map.walker
 
 
@@ -72,7 +72,7 @@ def place_near(stride_map: StrideMap, slope: float, guess: NDArray) -> Place | N
     """The gait of one stride nearest to a guess, if Newton's method reaches one.
 
     Args:
-        stride_map: Whose gait.
+        stride_map: The stride map of the gait.
         slope: Slope in rad.
         guess: Logarithmic coordinates, (m,).
     """

@@ -37,15 +37,15 @@ class StraightBody(NamedTuple):
         foot_diameter: Twice that.
         leg: Foot centre to hip.
         stance_along: First moment of the stance leg from the foot centre, the rest at its hip.
-        stance_across: Likewise.
+        stance_across: Its part across the leg.
         stance_inertia: Its second moment, plus that of the foot's rolling.
         swing_along: First moment of the straight swing leg from the hip.
-        swing_across: Likewise.
+        swing_across: Its part across the leg.
         swing_inertia: Its second moment.
         swing_mobility: 1 / swing_inertia.
         leg_mass: Mass of one leg.
         leg_com_along: Its centre of mass from the foot centre.
-        leg_com_across: Likewise.
+        leg_com_across: Its position across the leg.
         leg_spin: Moment of inertia about that centre of mass.
         hip_stiffness: Of the spring between the legs, / (m g l).
         hip_friction: Of the hip, torque per rate, / (m g l sqrt(l/g)).
@@ -74,16 +74,16 @@ class KneedBody(NamedTuple):
 
     Attributes:
         thigh_along: First moment of the thigh with the shank's mass at the knee, from the hip.
-        thigh_across: Likewise.
+        thigh_across: Its part across the leg.
         thigh_inertia: Its second moment.
         shank_along: First moment of the shank from the knee.
-        shank_across: Likewise.
+        shank_across: Its part across the leg.
         shank_inertia: Its second moment.
         shank_mobility: 1 / shank_inertia.
         knee_cosine: Inertia between thigh and shank: cosine part of their angle.
         knee_sine: Sine part.
         knee_along: Knee from the hip, in the thigh.
-        knee_across: Likewise.
+        knee_across: Its position across the leg.
         knee_stiffness: Of the spring that straightens the knee, / (m g l).
     """
 

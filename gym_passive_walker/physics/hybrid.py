@@ -1,4 +1,4 @@
-"""What a walker is to whoever computes with it: a hybrid system.
+"""What a walker is for computation: a hybrid system.
 
 A system has *phases*, in which it moves by differential equations. A phase ends where one of its
 *guards*, a function of the state, falls through zero; a *reset* then says with what state the next
@@ -246,9 +246,9 @@ class System(NamedTuple):
         travel: Function of a state: for each control the coordinate that it moves, so that the work
             of a constant control is it times the change of that coordinate.
         works: Whether each control works, 1 or 0: a hip's not on legs without mass.
-        spring_gain: Function of body and two states: what the energy of springs gains, likewise;
+        spring_gain: Function of body and two states: what the energy of springs gains;
             None where it counts for nothing.
-        friction_power: Function of body and state: what friction takes; None likewise.
+        friction_power: Function of body and state: what friction takes; None without friction.
         absent: Constants of its body, controls, impulses and parts of the ground that are zero for
             certain. Code is made without them, so that a walker does not pay for what it has not.
         State: Named tuple of its coordinates, and behind them of their rates in the same order.

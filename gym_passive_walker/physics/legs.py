@@ -206,7 +206,7 @@ def place(body, state):
 
 
 def standing(body, state, ground):
-    """The state with straight legs whose feet both touch the ground: little is left to put right.
+    """The state with straight legs and both feet on the ground, by a small correction.
 
     Legs with an angle 2 d between them stand on footholds that differ in height by `rise` where the
     sine of their mean angle is rise / (2 leg sin d): one step of Newton's method from there.

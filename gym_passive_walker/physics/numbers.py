@@ -2,7 +2,7 @@
 
 The statements in `physics` are plain functions. They run over floats and arrays, over SymPy's or
 heyoka's symbols, and over the expressions that the engine compiles; each kind of number registers
-here how it does these, and whoever brings a new kind does so from outside:
+here how it does these; other kinds are registered from outside:
 
     sine_cosine.register(heyoka.expression, lambda x: (heyoka.sin(x), heyoka.cos(x)))
 """

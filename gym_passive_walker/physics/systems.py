@@ -18,10 +18,10 @@ FITTINGS = ("hip_stiffness", "hip_friction", "knee_stiffness")
 """Constants of what may be fitted to a walker's joints."""
 
 EXTRAS = (*FITTINGS, "ankle", "push_off")
-"""What walkers may have; code is made without it for those who have none."""
+"""What walkers may have; others run code without it."""
 
 UNEVEN = ("height_change", "slope_change")
-"""What the ground may do from foothold to foothold, likewise."""
+"""What the ground may do from foothold to foothold; smooth ground runs code without it."""
 
 _KINDS = (kneed.SYSTEM, straight.SYSTEM, simplest.SYSTEM)
 

@@ -19,7 +19,7 @@ class Brush:
     Args:
         pygame: The module.
         canvas: Its surface.
-        scale: Pixels to a leg length; 1 for a brush whose widths are in pixels.
+        scale: Pixels to a leg length; 1 for a brush with widths in pixels.
         length: The leg length, in the walker's own units.
         lettering: Font size in pixels; None is a twentieth of the canvas's height.
     """

@@ -66,8 +66,8 @@ def tune(walker: WalkerLike) -> Walker:
     from hip to foot centre. A straight-legged walker is given the same offsets as its kneed twin.
 
     The conditions are necessary for walking at vanishing slopes, not sufficient for walking at any:
-    a walker that walks may be tuned into one that does not. So it is with the laboratory's, whose
-    gyrations would have to change as well. `tune_to_walk` gives the nearest tuned one that walks.
+    a walker that walks may be tuned into one that does not. The laboratory's walker is one:
+    its gyrations would have to change as well. `tune_to_walk` gives the nearest tuned one that walks.
 
     Raises:
         WalkerError: if the thigh has no mass to balance an angled foot with.
@@ -96,7 +96,7 @@ def interpolate(a: WalkerLike, b: WalkerLike, fraction: float) -> Walker:
 
     Args:
         a: The walker at fraction 0, in a form that `as_walker` takes.
-        b: The walker at fraction 1, likewise.
+        b: The walker at fraction 1, in the same forms.
         fraction: Usually between 0 and 1; beyond them is allowed while it is still a walker.
 
     Raises:

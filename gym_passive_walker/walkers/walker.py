@@ -28,7 +28,7 @@ class WalkerError(ValueError):
 class Walker(Shown):
     """A planar walker with two equal legs; masses are per leg.
 
-    A walker whose legs have no mass (``thigh_mass = shank_mass = 0`` and ``hip_mass > 0``) is the
+    A walker with legs without mass (``thigh_mass = shank_mass = 0`` and ``hip_mass > 0``) is the
     simplest walker: the limit of a vanishing point mass at each foot. `passive-walker figures 4.1`
     draws a walker with the name of each parameter; so does the page on theory.
 
@@ -48,7 +48,8 @@ class Walker(Shown):
         hip_mass: one extra point mass at the hip.
         hip_stiffness: of a torsional spring between the legs, relaxed where they are parallel; per
             unit of foot mass where legs have none.
-        hip_friction: viscous, torque per rate at which the legs open; likewise.
+        hip_friction: viscous, torque per rate at which the legs open; per
+            unit of foot mass where legs have none.
         knee_stiffness: of a torsional spring at the knee, relaxed where the leg is straight; of no
             effect on locked knees.
         knees: whether the swing knee is free until it strikes its stop; False locks both knees.
