@@ -103,7 +103,7 @@ class Batch:
         randoms: Each walker's own source of random numbers.
         seen: Numbers in an observation.
         custom: The user's own rules; None where there are none.
-        disturbances: What befalls walkers; None where nothing does.
+        disturbances: Their disturbances; None without any.
         token: Held by the thread that uses the batch; see `one_thread`.
 
     Raises:
@@ -168,7 +168,7 @@ class Batch:
         self.door = self._door()
 
     def changed(self, scene: Scene) -> Batch:
-        """As many walkers in another scene, whose episodes are yet to begin; see `become`.
+        """As many walkers in another scene, before their episodes; see `become`.
 
         Raises:
             SceneError: if its agents would observe or do other things.
@@ -239,7 +239,7 @@ class Batch:
             lanes: Which.
             observations: Theirs are filled, in the flat array of all: shape (count * seen,).
             options: "state" (one for each walker of the batch, or one for all) and "slope"
-                (likewise), in the walker's own units, instead of those drawn.
+                (one for each, or one for all), in the walker's own units, instead of those drawn.
 
         Raises:
             ValueError: if an option is unknown or out of its range; nothing has changed then
@@ -374,8 +374,9 @@ class Batch:
         Args:
             ledges: By how much the next foothold is higher than the terrain has it, in leg lengths;
                 one for all, or (count,).
-            impulses: Pushes of the hip, in units of m sqrt(g l), positive downhill; likewise.
-            times: When these come, since the stride began; likewise.
+            impulses: Pushes of the hip, in units of m sqrt(g l), positive downhill; one for
+                all, or (count,).
+            times: When these come, since the stride began; one for all, or (count,).
 
         Raises:
             ValueError: if the scene has no terrain, or no pushes.
@@ -444,7 +445,7 @@ class Batch:
         *,
         again: bool = False,
     ) -> tuple[int, int]:
-        """A step of every walker whose episode goes on; the others get a reward of 0.
+        """A step of every walker with an episode that goes on; others get a reward of 0.
 
         Args:
             actions: Flat: shape (count * actions of the scene,).

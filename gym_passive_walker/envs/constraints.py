@@ -71,13 +71,13 @@ def natives(name: str, *, pushed: bool, watched: bool) -> tuple[NDArray, NDArray
 
 
 def equipped(system: System, phases: NDArray, pushes: Any, looks: Any) -> tuple[NDArray, NDArray]:
-    """Phases whose resets look, and what else is done to walkers, from their native code.
+    """Phases with resets that look, and what else is done to walkers, from native code.
 
     Args:
         system: The system.
         phases: As compiled; they stay as they are.
         pushes: Code from `push_code`; None where walkers are not pushed.
-        looks: From `look_code`, likewise.
+        looks: Code from `look_code`; None where nothing is looked at.
     """
     phases, found = phases.copy(), np.zeros(len(phases), NATIVE)
     for i, (native, phase) in enumerate(zip(found, system.phases, strict=True)):
@@ -122,7 +122,7 @@ def look_code(system: System, module: Module) -> Module:
 
 
 def _push(system: System, phase: Phase, record: Memory, body: Memory) -> None:
-    """An impulse on the hip, whose work is its mean power over the jump."""
+    """An impulse on the hip; its work is its mean power over the jump."""
     assert phase.push is not None
     constants, state = compiled.constants_of(system, body), State(*record.entries("state"))
     back, up = record.argument(0), record.argument(1)

@@ -305,7 +305,7 @@ class Custom:
         return self.rules[name].native if name in self.rules else 0
 
     def begin(self, batch: Any, lanes: NDArray[np.int64]) -> None:
-        """Clear the transitions of walkers whose episodes begin."""
+        """Clear the transitions of walkers as their episodes begin."""
         transitions.begin(batch.records, batch.ledger, batch.machinery[0], lanes, self.notes)
         if batch.disturbances:
             self.notes["command"][lanes] = batch.disturbances.fates["command"][lanes]

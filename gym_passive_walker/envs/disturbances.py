@@ -1,4 +1,4 @@
-"""What befalls the walkers of a batch: their fates, and what is told of them."""
+"""Disturbances of the walkers of a batch, and what `info` has of them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Contact(NamedTuple):
 
     Attributes:
         x: Along the slope that is walked, in the walker's own units of length.
-        y: Over it, likewise.
+        y: Over it, in the same units.
         tilt: By how much the ground there slopes more steeply, in rad; angles are from its normal.
     """
 
@@ -33,12 +33,12 @@ _OF_PUSHES = ("pushes", "push_work", "episode_push_work")
 
 
 def disturbed(scene: Scene) -> bool:
-    """Whether anything of `fates` befalls walkers of a scene."""
+    """Whether walkers of a scene have any disturbance of `fates`."""
     return scene.command is not None or any(getattr(scene, n) != calm for n, calm in CALM.items())
 
 
 class Disturbances:
-    """What befalls walkers of a scene.
+    """Disturbances of walkers of a scene.
 
     Args:
         scene: A scene for which `disturbed` holds.
@@ -76,7 +76,7 @@ class Disturbances:
         records: NDArray,
         ledger: NDArray,
     ) -> None:
-        """Draw some walkers' fates, by a key from each one's random numbers."""
+        """Draw some walkers' disturbances, by a key from each one's random numbers."""
         keys = np.empty(len(lanes), np.uint64)
         for j, i in enumerate(lanes.tolist()):
             keys[j] = randoms[i].integers(2**64, dtype=np.uint64)
@@ -131,12 +131,12 @@ class Disturbances:
     def checked(
         self, state: Mapping[str, Any], times: NDArray[np.float64], going: NDArray[np.bool_]
     ) -> tuple[NDArray, NDArray]:
-        """Fates and late actions of a state, as copies, if they can be put back.
+        """Disturbances and late actions of a state, as copies, if they can be put back.
 
         Args:
             state: What `get_state` gave, and perhaps more.
             times: Since the walkers' strides began, (count,).
-            going: Whose episodes go on, (count,).
+            going: Whether each episode goes on, (count,).
 
         Raises:
             StateError: if they are damaged, or of another scene.

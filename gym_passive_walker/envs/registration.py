@@ -21,7 +21,7 @@ EASY_ID = "PassiveWalkerEasy-v0"
 """`PassiveWalker-v0` with another default scene: initial states are nearer to the gait."""
 
 EASY_SCENE = {"reset_noise_scale": 0.05}
-"""The default scene of `EASY_ID`, as changes of "level", whose `reset_noise_scale` is 0.10.
+"""The default scene of `EASY_ID`, as changes of "level" (its `reset_noise_scale` is 0.10).
 
 At 0.10, PPO of stable-baselines3 with default hyperparameters learns last to start from states with
 the legs far apart and little speed. These are rare, and a policy that walks sees an initial state

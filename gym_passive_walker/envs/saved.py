@@ -253,7 +253,7 @@ class Limits:
 
         Args:
             rows: Contiguous, (count,).
-            going: Whose episodes go on, (count,).
+            going: Whether each episode goes on, (count,).
 
         Raises:
             StateError: if a number is not; the message says which, and what is allowed.
@@ -304,7 +304,7 @@ class RowLimits:
             begun: Whether all walkers have begun an episode.
 
         Returns:
-            Whose episodes go on, (count,).
+            Whether each episode goes on, (count,).
 
         Raises:
             StateError: if something is wrong.
@@ -346,7 +346,7 @@ class FateLimits:
             found: Shape (count,) of `fates.FATE`.
             pending: Actions that come late, (count, steps, actions).
             times: Since the walkers' strides began, (count,).
-            going: Whose episodes go on, (count,).
+            going: Whether each episode goes on, (count,).
 
         Raises:
             StateError: if something is wrong.

@@ -191,7 +191,7 @@ class PassiveWalkerVecEnv(VecEnv):
     def _last_info(
         self, lane: int, observation: NDArray[np.float32], terminated: bool
     ) -> dict[str, Any]:
-        """The info of an environment whose episode has ended."""
+        """The info of an environment at the end of its episode."""
         row = self.batch.ledger[lane]
         ended = interface.OUTCOMES[row["ending"]] if terminated else "time_limit"
         info: dict[str, Any] = {name: row[name].item() for name in task.EVERY_STEP}

@@ -52,7 +52,7 @@ class Scene:
 
     Attributes:
         walker: A walker in a form that `as_walker` takes: a `Walker`, a name, a mapping or a file.
-        slope: Slope in rad, positive downhill; or (low, high), drawn anew at each reset.
+        slope: Slope in rad, positive downhill; or (low, high), drawn at each reset.
         control: "tick" for a new torque every `tick`, and at each heelstrike; "stride" for one
             torque from heelstrike to heelstrike.
         tick: Time for which a tick holds its torque; a heelstrike ends it early.
@@ -70,7 +70,7 @@ class Scene:
             where there are knees; straight legs cannot but pass through the ground.
         reset_noise_scale: How far a start may be from its gait, as a share of angle and rates. None
             is 0.10 for ticks and 0.05 for strides.
-        domain_randomization: By how large a share walker parameters vary, drawn anew at each reset:
+        domain_randomization: By how large a share walker parameters vary, drawn at each reset:
             ``{"foot_radius": 0.1}``.
         start: Section state to start from instead of the passive gait: [stance, thigh, shank]
             angles in rad, then their rates in units of 1/sqrt(l/g).
@@ -83,7 +83,7 @@ class Scene:
             rates alike, or one for each of its entries.
         action_noise: Standard deviation of what is added to each action, a share of the largest.
         action_delay: By how many steps an agent's actions come late.
-        command: Speed to keep over sqrt(g l), or (low, high), drawn anew at each reset; agents see
+        command: Speed to keep over sqrt(g l), or (low, high), drawn at each reset; agents see
             it. None commands nothing.
         command_weight: What a stride loses for each leg length by which it misses the way that it
             was commanded to go in its time.
@@ -317,7 +317,7 @@ CALM: dict[str, Any] = {
     "constraints": {},
     "terrain": None, "terrain_lookahead": 0,
 }  # fmt: skip
-"""Arguments of a scene in which nothing befalls a walker on its way."""
+"""Arguments of a scene without disturbances."""
 
 SCENES: dict[str, dict[str, Any]] = {
     "level": {},
@@ -350,12 +350,12 @@ SCENES: dict[str, dict[str, Any]] = {
 - "steep": walker C at a slope of 0.11, one torque a stride. Its gait there is unstable: it falls.
 - "rolling": walker C on a slope drawn from 0 to 0.06 at each reset.
 - "lab": the laboratory's walker at 0.036, where passive walking is stable.
-- "rough": walker C gently downhill, over footholds whose heights differ by 1 in 500 of its leg;
+- "rough": walker C gently downhill, over footholds with heights that differ by 1 in 500 of its leg;
   two are seen ahead. It trips after a few strides.
 - "pushed": walker C on level ground, pushed to and fro once in some seven strides.
 - "push-off": the simplest walker on level ground, near Kuo's slow gait (2002), in which each stride
   ends with a push-off of 0.04; without any it falls back in its first.
-- "commanded": walker C on level ground, at a speed that it is told.
+- "commanded": walker C on level ground, at a commanded speed.
 """
 
 
@@ -374,7 +374,7 @@ def by_hip_alone(scene: Scene, who: str) -> Scene:
 
 
 def plain(scene: Scene, who: str, *names: str) -> Scene:
-    """A scene whose rules are the environment's own, as some methods need them.
+    """A scene with the environment's own rules, as some methods need them.
 
     Args:
         scene: The scene.
@@ -393,7 +393,7 @@ def plain(scene: Scene, who: str, *names: str) -> Scene:
 
 
 def undisturbed(scene: Scene, who: str) -> Scene:
-    """A scene in which nothing befalls a walker and nothing is commanded, as some methods need it.
+    """A scene without disturbances and commands, as some methods need it.
 
     Raises:
         SceneError: if it is none.

@@ -22,7 +22,7 @@ from gym_passive_walker.gaits.search import seek
 from gym_passive_walker.walkers import WALKERS, Walker, WalkerError
 
 REFERENCE_SLOPES = (0.01, 0.02, 0.036, 0.06, 0.09, 0.005, 0.0025)
-"""Slopes whose gait a walker may start with where its own slope has none; on level ground and
+"""Slopes with a gait that a walker may start with where its own slope has none; on level ground and
 uphill, the first that has one."""
 
 NODES = 13
@@ -193,7 +193,7 @@ def checked_state(state: Sequence[float], walker: Walker) -> State:
 
     Args:
         state: [stance, thigh, shank] angles in rad and their rates, shape (6,).
-        walker: Whose state it is. A straight-legged walker's shank is ignored.
+        walker: The walker in this state. A straight-legged walker's shank is ignored.
 
     Raises:
         ValueError: if it is no state of an upright walker.

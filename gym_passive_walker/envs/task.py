@@ -49,7 +49,7 @@ LEDGER = np.dtype(
         ("strides", "i8"),
         ("outcome", "i8"),  # of a stride or an episode that has ended in this step
         ("ending", "i8"),  # outcome that ended the episode; 0 while it goes on
-        ("broken", "i8"),  # likewise, where a rule besides the equations does; see `fates`
+        ("broken", "i8"),  # the same, by a rule besides the equations; see `fates`
         ("truncated", "i8"),
         ("steps", "i8"),  # of the episode
         ("reward", "f8"),
@@ -166,9 +166,9 @@ def tell(ledger, asked, steps, counts, measures):
         ledger: The ledger.
         asked: Which walkers are asked about.
         steps: Filled: a row for each of EVERY_STEP but the last.
-        counts: Filled with the number of strides, and with the outcome of who has ended a stride or
-            an episode, as a number.
-        measures: Filled from the front: a row for each who has, with EVERY_STRIDE.
+        counts: Filled with the number of strides, and with the outcome, as a number, where a stride
+            or an episode has ended.
+        measures: Filled from the front: a row for each of these, with EVERY_STRIDE.
 
     Returns:
         How many walkers are asked about.
@@ -232,10 +232,10 @@ def begin(
 
 @jitted
 def command(records, ledger, rules, actions):
-    """Set every walker's torques and push-off, and the time to stop; whose episode is over rests.
+    """Set every walker's torques, push-off and time to stop; after its episode it rests.
 
     Returns:
-        The first walker whose action is not all finite, before anything has changed; else -1.
+        The first walker with an action that is not finite, before any change; else -1.
     """
     count = rules.actions
     for i in range(len(records)):
@@ -366,7 +366,7 @@ def settle(records, bodies, ledger, rules, phases, observations, rewards, termin
 
 @jitted
 def forget_stride(row):
-    """Clear what is told where a stride ends."""
+    """Clear the measures of a stride's end."""
     row.step_length, row.step_period, row.speed, row.cost_of_transport = 0.0, 0.0, 0.0, 0.0
     row.gravity_cost, row.hip_cost, row.net_hip_cost = 0.0, 0.0, 0.0
     row.ankle_cost, row.net_ankle_cost, row.push_off_cost = 0.0, 0.0, 0.0

@@ -1,7 +1,7 @@
 """A batch's ticks and starts as one call each, by where the batch's arrays lie.
 
 Numba takes a third of a microsecond to recognise an array of structures, and a tick needs eight:
-longer than the engine takes for one walker. What stays in its place from tick to tick is told once.
+longer than the engine takes for one walker. What stays in its place is noted once.
 """
 
 from __future__ import annotations
@@ -139,15 +139,15 @@ def tick(where, first, last, tiles, courses, observations, rewards, terminated, 
 def step(
     where, first, last, tiles, courses, again, observations, rewards, terminated, truncated
 ):  # fmt: skip
-    """A step of the walkers from `first` to before `last`, and `again` a start of who rests.
+    """A step of the walkers from `first` to before `last`, and `again` a start of those that rest.
 
     Args:
         where: A door's address.
         first: The first of them.
-        last: Whom they end before.
+        last: The one after the last of them.
         tiles: Where a tile lies to work at.
-        courses: Likewise, a course.
-        again: Whether they are all there are, and who rests begins another episode.
+        courses: Where a course lies to work at.
+        again: Whether they are all there are, and those that rest begin another episode.
         observations: Filled, flat, as all that follow.
         rewards: Filled.
         terminated: Filled.

@@ -126,7 +126,7 @@ _LEDGER, _STATES, _ACTS, _WORKS, _TIMES = (1 << part for part in range(len(PARTS
 
 @Kernel
 def begin(records, ledger, phases, lanes, notes):
-    """Clear the transitions of walkers whose episodes begin."""
+    """Clear the transitions of walkers as their episodes begin."""
     for j in range(len(lanes)):
         i = lanes[j]
         note, record = notes[i], records[i, 0]

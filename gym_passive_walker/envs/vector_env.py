@@ -292,10 +292,10 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         self.batch.set_energy_cost(energy)
 
     def _infos(self, which: NDArray[np.bool_] | None, most: int) -> dict[str, Any]:
-        """What single environments would put into `info`, with masks of who did.
+        """What single environments would put into `info`, with masks of those that did.
 
         Args:
-            which: Who makes this step; None for all.
+            which: Which walkers make this step; None for all.
             most: How many at most have ended a stride or an episode.
         """
         steps = np.empty((len(task.EVERY_STEP) - 1, self.num_envs))
@@ -426,7 +426,7 @@ def told(
     measures: NDArray[np.float64],
     befell: Mapping[str, NDArray],
 ) -> dict[str, Any]:
-    """The infos of a vector environment, of what `task.tell` tells and of what befell walkers."""
+    """The infos of a vector environment, from `task.tell` and the walkers' disturbances."""
     (strides, outcomes), infos = counts, {}
     columns = dict(zip(task.EVERY_STEP, (*steps, strides), strict=True))
     for name, column in (columns | dict(befell)).items():

@@ -202,7 +202,8 @@ class Reactions(NamedTuple):
         tangential: Force of the ground along the slope, positive downhill.
         stance_knee: Torque on the stance knee's stop, positive when it is pressed: a negative one
             would flex the knee. NaN for a walker without knees.
-        swing_knee: Torque on the swing knee's stop, positive when it is pressed; zero while the knee is free.
+        swing_knee: Torque on the swing knee's stop, positive when it is pressed; zero while the
+            knee is free.
     """
 
     accelerations: NDArray[np.float64]

@@ -56,7 +56,7 @@ def _kernels(
 class DeviceBatch:
     """Walkers of a scene, on a device.
 
-    A walker's episodes are those of its key, `seed` plus its number, whoever walks beside it. They
+    A walker's episodes are those of its key, `seed` plus its number, in any company. They
     go by the rules of `PassiveWalkerVectorEnv`, and the next one begins in the step that ends one.
 
     Args:
@@ -68,7 +68,7 @@ class DeviceBatch:
 
     Attributes:
         play: Actions, observations, rewards and endings, on the device; see `episodes.Play`.
-        walkers: What is kept of each walker, likewise.
+        walkers: What is kept of each walker, on the device.
 
     Raises:
         NoDevice: if there is no GPU.
@@ -193,6 +193,6 @@ class DeviceBatch:
     def step(self, *, stream: Any = 0) -> None:
         """A step of every walker, by `play.actions`: nothing is moved to or from the device.
 
-        A walker whose action is no finite number stays as it is, and its reward is not a number.
+        A walker without a finite action stays as it is, and its reward is not a number.
         """
         device.launch(self._step, self.count, self.walkers, self._world, self.play, stream=stream)

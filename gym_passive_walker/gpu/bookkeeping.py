@@ -48,7 +48,7 @@ class Bound:
             of: Functions of the package, by those that they stand for; or made ones.
         """
         stale, found = set(of), 0
-        while found < len(stale):  # and whoever calls them
+        while found < len(stale):  # and their callers
             found = len(stale)
             stale |= {caller for caller, calls in self._calls.items() if calls & stale}
         bound = Bound({key: made for key, made in self._made.items() if key not in stale})
@@ -64,7 +64,7 @@ class Bound:
         return self._made[function]
 
     def rebound(self, function: Any) -> FunctionType:
-        """A plain function whose names stand for what is bound to the device."""
+        """A plain function with names that stand for what is bound to the device."""
         found = plain(function)
         assert found is not None
         calls = self._calls.setdefault(function, set())

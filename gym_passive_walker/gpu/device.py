@@ -40,7 +40,7 @@ def need_device() -> None:
 
 
 class Row(np.void):
-    """A record whose fields are its attributes, as in a device's code, whatever they are called."""
+    """A record with its fields as attributes, as in a device's code, whatever they are called."""
 
     def __getattribute__(self, name: str) -> Any:
         get = super().__getattribute__

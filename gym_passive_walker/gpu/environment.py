@@ -1,4 +1,4 @@
-"""A vector environment whose walkers and tensors never leave the device."""
+"""A vector environment with walkers and tensors that never leave the device."""
 
 from __future__ import annotations
 
@@ -83,8 +83,8 @@ class PassiveWalkerGpuEnv:
         """A step of every walker.
 
         Args:
-            actions: On the device, (num_envs, actions of the scene). A walker whose action is no
-                finite number stays as it is, and its reward is not a number.
+            actions: On the device, (num_envs, actions of the scene). A walker without a finite action
+                stays as it is, and its reward is not a number.
 
         Returns:
             Observations (num_envs, seen); rewards, terminated and truncated (num_envs,); and what

@@ -2,7 +2,7 @@
 
 What is not here is what environments run on a processor, `task` and `fates`, each for a batch of
 one. What a walker meets is a function of its key and of how many episodes it has begun: so the same
-key walks the same walk whoever walks beside it.
+key walks the same walk in any company.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ class Walkers(NamedTuple):
         told: The ledger as the last step left it, before another episode began.
         keys: 64 bits for each.
         episodes: That each has begun.
-        fates: Of `fates.FATE`; of none where nothing befalls them.
-        pending: Actions that come late, (n, steps, actions); likewise.
+        fates: Of `fates.FATE`; of none without disturbances.
+        pending: Actions that come late, (n, steps, actions); of none without delay.
         notes: Of `transitions.NOTE`; of none without users' own functions.
     """
 
@@ -56,8 +56,8 @@ class World(NamedTuple):
         options: What the engine is told.
         rules: Of `task.RULES`.
         blank: A record as it begins, (1,).
-        row: Of the ledger, likewise.
-        fate: Of the fates, likewise.
+        row: A row of the ledger as it begins, (1,).
+        fate: Disturbances as they begin, (1,).
         slopes: Least and greatest slope that episodes begin on.
         nodes: Slopes at which states to start from are known.
         states: These, (nodes, 6).
@@ -66,7 +66,7 @@ class World(NamedTuple):
         odds: Of `fates.ODDS`.
         natives: Of `constraints.NATIVE`.
         table: Of the terrain's footholds.
-        spread: Likewise.
+        spread: Standard deviations of random footholds.
         own: Fields that users' functions read, and the numbers by which their reward, termination
             and observation are called; see `transitions.after`.
     """
@@ -129,11 +129,11 @@ DESK = kind(
 
 
 def calm_begin(walkers, world, i, desk, observations):
-    """Nothing befalls a walker."""
+    """Begin without disturbances."""
 
 
 def fateful_begin(walkers, world, i, desk, observations):
-    """Draw a walker's fate, and show what its sensors tell."""
+    """Draw a walker's disturbances, and show what its sensors measure."""
     own, odds = slice_of(i), world.odds
     walkers.fates[i] = world.fate[0]
     fates.begin(
@@ -151,7 +151,7 @@ def slice_of(i):
 
 
 def own_body(walkers, i):
-    """Its constants, likewise."""
+    """Its constants, as those of a batch of one."""
     return slice_of(i if len(walkers.bodies) == len(walkers.records) else 0)
 
 
@@ -180,7 +180,7 @@ def begin(walkers, world, i, desk, observations):
 
 
 befall = calm_begin
-"""What begins besides; bound to `fateful_begin` where something befalls walkers."""
+"""What begins besides; bound to `fateful_begin` where there are disturbances."""
 
 
 def plain_before(walkers, world, i):
@@ -252,7 +252,7 @@ def as_it_is(actions):
 def calm_step(
     walkers, world, i, tiles, courses, actions, observations, rewards, terminated, truncated
 ):
-    """A step of a walker that nothing befalls."""
+    """A step of a walker without disturbances."""
     own, body = slice_of(i), own_body(walkers, i)
     task.step(
         walkers.records[own], walkers.bodies[body], walkers.ledger[own], world.rules, world.phases,
@@ -275,7 +275,7 @@ def fateful_step(
 
 
 one_step = calm_step
-"""A walker's step; bound to `fateful_step` where something befalls walkers."""
+"""A walker's step; bound to `fateful_step` where there are disturbances."""
 
 
 def own_rows(walkers, play, i):

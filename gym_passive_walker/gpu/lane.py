@@ -57,7 +57,7 @@ class Machinery:
 
     Attributes:
         phases: What the engine knows of the system's phases, with numbers for addresses.
-        natives: What else is done to walkers, likewise.
+        natives: Addresses of what else is done to walkers.
         bound: Makes a device's function of one of the engine's.
         rules: The numbers by which users' functions are called, by their names.
     """

@@ -31,5 +31,5 @@ def jitted(function: Callable[..., Any]) -> Any:
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """Compile one that melts into whoever calls it."""
+    """Compile one that melts into its callers."""
     return jitted(function) if SIMULATED else cuda.jit(device=True, forceinline=True)(function)

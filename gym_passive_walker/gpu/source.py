@@ -1,7 +1,7 @@
 """Traced code as Python source over plain numbers, for compilers and simulators that read that.
 
 The operations are those that `engine.native` writes as machine code for processors, in the same
-order, products fused with sums alike: whoever computes them exactly walks the same walk to the last
+order, products fused with sums alike: an exact computation of them gives the same walk to the last
 bit. Memory is read and written by `gpu.primitives`.
 """
 
@@ -25,7 +25,7 @@ class Source(Module):
     one by its number: what stands for its address.
 
     Args:
-        before: Whose functions come before these in the same text.
+        before: Source of the functions before these in the same text.
         kind: Prefix of the functions' names.
         fuses: Whether a product that only a sum needs is rounded together with it.
 

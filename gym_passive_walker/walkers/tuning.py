@@ -67,7 +67,8 @@ def tune(walker: WalkerLike) -> Walker:
 
     The conditions are necessary for walking at vanishing slopes, not sufficient for walking at any:
     a walker that walks may be tuned into one that does not. The laboratory's walker is one:
-    its gyrations would have to change as well. `tune_to_walk` gives the nearest tuned one that walks.
+    its gyrations would have to change as well. `tune_to_walk` gives the nearest tuned walker that
+    walks.
 
     Raises:
         WalkerError: if the thigh has no mass to balance an angled foot with.
