@@ -83,8 +83,8 @@ class PassiveWalkerGpuEnv:
         """A step of every walker.
 
         Args:
-            actions: On the device, (num_envs, actions of the scene). A walker without a finite action
-                stays as it is, and its reward is not a number.
+            actions: On the device, (num_envs, actions of the scene). A walker stays as it is
+                without a finite action, and its reward is not a number.
 
         Returns:
             Observations (num_envs, seen); rewards, terminated and truncated (num_envs,); and what
