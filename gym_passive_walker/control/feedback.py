@@ -1,7 +1,7 @@
 """Once-per-stride linear feedback: the torques of a stride from the state that it starts in.
 
-Around a gait the stride map is x' = A x + B u, x being the deviation on the section and u that of
-the torques held through the pieces of the stride. Both matrices are exact derivatives.
+Around a gait the stride map is x' = A x + B u. Here x is the deviation on the section, and u that
+of the torques held through the pieces of the stride. Both matrices are exact derivatives.
 """
 
 from __future__ import annotations

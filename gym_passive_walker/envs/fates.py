@@ -1,12 +1,10 @@
-"""What befalls a walker on its way: pushes, noise and delay, a command, rules of reality.
+"""Disturbances of walkers: pushes, noise and delay; commands and constraints.
 
-Scenes that have none of these never come here. Those that have some step by `step` of this module
-in place of `task.step`: the same step, on the way of which walkers are halted where something is
-due, and carried on from there as exactly as before.
+Scenes that have some of these step by `step` of this module in place of `task.step`. It is the same
+step, but walkers stop where something is due, and go on from there as exactly as before.
 
-Each walker has its *fate*, drawn by a key that is taken from its own source of random numbers at
-its reset. What comes when is a function of that key (`engine.chance`), so it is the same whoever
-walks beside it.
+Disturbances of a walker are a function of its key (`engine.chance`). The key is drawn at each reset
+from the walker's own random numbers, so disturbances do not depend on other walkers.
 """
 
 from __future__ import annotations
@@ -144,7 +142,7 @@ def wait(fate, odds):
 
 @Kernel
 def begin(fates, odds, lanes, keys, pending, records, ledger, table, spread):
-    """Draw some walkers' fates anew, each by its key; `pending` are actions that come late."""
+    """Draw some walkers' disturbances, each by its key; `pending` are actions that come late."""
     for j in range(len(lanes)):
         i = lanes[j]
         fate = fates[i]
@@ -283,7 +281,7 @@ def step(
     records, bodies, ledger, rules, phases, options, tiles, courses, fates, pending, odds, natives,
     table, spread, actions, observations, rewards, terminated, truncated,
 ):  # fmt: skip
-    """A step of every walker, whose actions are finite; returns `settle`'s answers."""
+    """A step of every walker by finite actions; returns what `settle` does."""
     reached = copied(actions)
     sent(fates, ledger, odds[0], pending, reached)
     task.command(records, ledger, rules[0], reached)

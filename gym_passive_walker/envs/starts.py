@@ -1,7 +1,7 @@
 """Where episodes start: near the passive gait of the walker at its slope.
 
-Starts far from any gait never learn, so where no gait exists at a slope (level ground, most often)
-the walker starts with the gait of a slope that has one.
+Agents that start far from any gait never learn. Where a slope has no gait (level ground, most
+often), the walker starts with the gait of a slope that has one.
 """
 
 from __future__ import annotations

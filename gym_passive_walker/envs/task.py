@@ -205,10 +205,10 @@ def begin(
 ):  # fmt: skip
     """Begin the episodes of some walkers, each near a section state.
 
-    Slopes and gaits have a row for each, or one for all. Angles, stance rate and swing rates are
-    off by a factor each, which the draws (from 0 to 1, in columns 1 to 3) put between
-    1 - perturbation and 1 + perturbation. Thigh and shank share theirs: so the knee of a leg that
-    has just left the ground opens.
+    Slopes and gaits have a row for each, or one for all. Angles, stance rate and swing rates have
+    a factor each, between 1 - perturbation and 1 + perturbation. Columns 1 to 3 of the draws, from
+    0 to 1, give these factors. Thigh and shank share theirs: so the knee of a leg that has just
+    left the ground opens.
     """
     size = len(observations) // len(records)
     for j in range(len(lanes)):

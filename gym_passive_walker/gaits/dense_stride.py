@@ -1,8 +1,8 @@
 """What happens inside a stride: states at any instant, phases as series, collisions between them.
 
-Between impacts everything is analytic, so a Chebyshev series through a few dozen exact samples of
-a phase holds a quantity to rounding at every instant, ends included, and its derivative says where
-it turns. All is in the walker's own units.
+Between impacts everything is analytic. A Chebyshev series through a few dozen exact samples of a
+phase holds a quantity to rounding at every instant, ends included. Its derivative says where it
+turns. All is in the walker's own units.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """How long a walker lasts on ground at random: its mean first-passage time to a fall.
 
 A walker on rough ground falls sooner or later. Once it has forgotten how it began, each stride ends
-in a fall with the same small chance 1 - lambda, where lambda is the leading eigenvalue of the
-return map with falls absorbing (Byl and Tedrake 2009, Metastable walking machines): it lasts
+in a fall with the same small chance 1 - lambda. Here lambda is the leading eigenvalue of the
+return map with falls absorbing (Byl and Tedrake 2009, Metastable walking machines). It lasts
 1 / (1 - lambda) strides on average. That mean is estimated from a crowd that walks until it falls.
 """
 

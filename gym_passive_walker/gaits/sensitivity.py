@@ -131,7 +131,7 @@ def change_along(gait: Sensitivity, sizes: Sequence[float], look: Look) -> NDArr
     Args:
         gait: A gait with its derivatives.
         sizes: What counts as large a change of each quantity that is varied, k of them.
-        look: What to look at; it need not be on a gait to be told.
+        look: What to look at; it need not be on a gait.
 
     Returns:
         Derivatives by what is varied in the last axis, (..., k).

@@ -2,8 +2,8 @@
 
 The limit of `straight` with point feet as the feet's mass goes to zero: the swing leg no longer
 acts on the stance leg. A hip torque that the limit survives is one in proportion to the foot's
-mass, so here the torque is per unit of foot mass (times g l), and its work, like the foot's kinetic
-energy, is nothing beside the hip's. So it is with a spring and friction at the hip.
+mass, so here the torque is per unit of foot mass (times g l). Its work, as the foot's kinetic
+energy, is nothing beside the hip's. The same holds for a spring and friction at the hip.
 
 References:
     M. Garcia, A. Chatterjee, A. Ruina, M. Coleman, "The simplest walking model: stability,
