@@ -13,7 +13,7 @@ import pytest
 
 from gym_passive_walker.cli import main
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 
 PAGES = [
     ROOT / "README.md",
@@ -23,12 +23,12 @@ PAGES = [
 ]
 
 
-def _lines(page):
+def lines_of(page):
     blocks = re.findall(r"```(?:sh|bash|console)\n(.*?)```", page.read_text(), re.S)
     return [line for block in blocks for line in block.splitlines() if line.strip()]
 
 
-COMMANDS = list(dict.fromkeys(line for page in PAGES for line in _lines(page)))
+COMMANDS = list(dict.fromkeys(line for page in PAGES for line in lines_of(page)))
 
 FILES = {
     name: content
@@ -58,7 +58,7 @@ class Parsed(BaseException):
     """A command's own parser understood its arguments."""
 
 
-def _words(line):
+def words_of(line):
     words = shlex.split(line, comments=True)
     while "=" in words[0]:  # a variable of the environment
         words = words[1:]
@@ -76,7 +76,7 @@ def parse_only(monkeypatch):
     monkeypatch.setattr(argparse.ArgumentParser, "parse_args", stop)
 
 
-def _parse(words, config):
+def parse(words, config):
     """Let a command read its arguments, and do nothing."""
     program = Path(words[0]).name
     if program == "make":
@@ -101,6 +101,7 @@ def _parse(words, config):
     with pytest.MonkeyPatch.context() as patch, pytest.raises(Parsed):
         module = words[1] == "-m"
         patch.setattr(sys, "argv", words[2:] if module else words[1:])
+        patch.delitem(sys.modules, words[2] if module else "", raising=False)
         if module:
             runpy.run_module(words[2], run_name="__main__", alter_sys=True)
         else:
@@ -114,7 +115,7 @@ def _reason(line):
 @pytest.mark.parametrize("line", [line for line in COMMANDS if _reason(line)])
 def test_a_long_command_is_understood_by_its_own_parser(line, parse_only, pytestconfig):
     for part in line.partition("#")[0].split("&&"):
-        _parse(_words(part), pytestconfig)
+        parse(words_of(part), pytestconfig)
 
 
 @pytest.mark.parametrize("line", [line for line in COMMANDS if not _reason(line)])
@@ -123,7 +124,7 @@ def test_a_short_command_does_what_it_says(line, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     for name, content in FILES.items():
         Path(name).write_text(content)
-    words = _words(line)
+    words = words_of(line)
     if words[1:2] == ["play"]:
         pytest.importorskip("pygame")
         words += ["--seconds", "0.1"]
@@ -144,7 +145,7 @@ def test_each_reason_not_to_run_a_command_is_needed():
 
 @pytest.mark.parametrize("line", COMMANDS)
 def test_each_file_that_a_command_reads_is_there_or_printed(line):
-    for word in _words(line):
+    for word in words_of(line):
         if word.endswith((".json", ".yaml", ".txt")) and word not in USERS_OWN:
             assert word in FILES or (ROOT / word).exists(), f"nobody has {word}"
 
