@@ -7,6 +7,7 @@ import runpy
 import shlex
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -29,6 +30,27 @@ def lines_of(page):
 
 
 COMMANDS = list(dict.fromkeys(line for page in PAGES for line in lines_of(page)))
+
+INLINE = sorted(
+    {
+        " ".join(line.split())
+        for page in [*PAGES, *sorted((ROOT / "docs" / "notebooks").glob("*.md"))]
+        for line in re.findall(
+            r"(?<!`)`((?:python|passive-walker) [^`]*)`(?!`)",
+            re.sub(r"```.*?```", "", page.read_text(), flags=re.S),
+        )
+    }
+)
+"""Commands within sentences and tables."""
+
+PARSE_NOTHING = (
+    "benchmarks.gpu", "examples.once_a_stride", "examples.potential_shaping",
+    "tests.control.test_matrix",
+)  # fmt: skip
+"""Modules that run without a parser, or only where there is a GPU."""
+
+INCOMPLETE = r"python -c|.*(\.\.\.|…|\b[A-Z]{2,})"
+"""How commands begin that are code, or that leave words to the reader."""
 
 FILES = {
     name: content
@@ -116,6 +138,19 @@ def _reason(line):
 def test_a_long_command_is_understood_by_its_own_parser(line, parse_only, pytestconfig):
     for part in line.partition("#")[0].split("&&"):
         parse(words_of(part), pytestconfig)
+
+
+@pytest.mark.parametrize("line", [line for line in INLINE if not re.match(INCOMPLETE, line)])
+def test_a_command_in_a_sentence_is_understood_by_its_own_parser(line, parse_only, pytestconfig):
+    words = words_of(line)
+    if words[2:] and words[2] in PARSE_NOTHING:
+        assert find_spec(words[2]) and len(words) == 3
+    elif len(words) == 2 and words[0] == "passive-walker":
+        words.append("--help")  # the sentence names the command alone
+        with pytest.raises(SystemExit):
+            parse(words, pytestconfig)
+    else:
+        parse(words, pytestconfig)
 
 
 @pytest.mark.parametrize("line", [line for line in COMMANDS if not _reason(line)])
