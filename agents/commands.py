@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -218,7 +219,8 @@ def run_benchmark(arguments: Sequence[str]) -> int:
     standings.write_csv(args.out / "scores.csv", scores)
     if args.document is not None:
         folder = args.document.parent
-        standings.write_document(args.document, text)
+        made = standings.provenance(shlex.join(["python", "train.py", "benchmark", *arguments]))
+        standings.write_document(args.document, f"{text}\n\n{made}")
         standings.write_csv(folder / "agents-scores.csv", scores)
         standings.draw(folder / "images" / "agents-pareto.png", scores)
         standings.draw_learning(

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import math
+import subprocess
 from collections import Counter
 from collections.abc import Sequence
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -23,22 +25,22 @@ from gym_passive_walker.evaluation.walks import WALKED_ON
 from gym_passive_walker.files import prepare, replacing
 from gym_passive_walker.render.axes import BLACK, GREY, SPEED, legend, panels, save, series
 
-BEGIN, END = "<!-- benchmark: begin -->", "<!-- benchmark: end -->"
+BEGIN, END = "<!-- benchmark -->", "<!-- end of benchmark -->"
 """The lines of a document that enclose the tables."""
 
 ROWS = (
     ("distance", "distance / l", ".1f"),
     ("speed", "speed / √(gl)", ".3f"),
     ("cost_of_transport", "cost of transport, absolute work", ".4f"),
-    ("positive_hip_cost", "  of it positive motor work", ".4f"),
-    ("net_hip_cost", "  net motor work", ".4f"),
+    ("positive_hip_cost", "  of which positive hip work", ".4f"),
+    ("net_hip_cost", "  net hip work", ".4f"),
     ("gravity_cost", "  gravity's share", ".4f"),
     ("above_optimum", "cost above the optimum at that speed", ".0%"),
     ("strides", "strides", ".0f"),
     ("hundred_strides", "walks of 100 strides", ".0%"),
     ("walked_on", "walks to the time limit", ".0%"),
-    ("kick_forward", "largest kick forward survived", ".0%"),
-    ("kick_backward", "largest kick backward survived", ".0%"),
+    ("kick_forward", "largest forward perturbation survived", ".0%"),
+    ("kick_backward", "largest backward perturbation survived", ".0%"),
     ("rough_strides", "strides to a fall on rough ground", ".0f"),
     ("steps_to_hundred", "steps until half the walks reach 100 strides", ",.0f"),
     ("seconds_to_hundred", "  seconds of training", ".1f"),
@@ -177,6 +179,13 @@ def around_tables(path: Path) -> tuple[str, str]:
     return head, rest.split(END, 1)[1]
 
 
+def provenance(command: str) -> str:
+    """A line with the command, the date and the commit of a result."""
+    words = ["git", "rev-parse", "--short=7", "HEAD"]
+    done = subprocess.run(words, cwd=Path(__file__).parent, capture_output=True, text=True)
+    return f"*`{command}`, {date.today()}, commit `{done.stdout.strip()}`*"
+
+
 def write_document(path: Path, text: str) -> None:
     """Replace the text between a document's lines `BEGIN` and `END`.
 
@@ -193,15 +202,17 @@ def draw(path: Path, scores: Sequence[Score]) -> None:
     """Draw cost of transport over speed: passive and optimal gaits, and agents on level ground."""
     family, gaits = _passive(), optimal.load("level")
     figure, (ax,) = panels(size=(7.0, 5.4))
-    ax.plot(family.froude_speed, np.sin(family.slope), "--", color=GREY, label="passive, downhill")
+    ax.plot(
+        family.froude_speed, np.sin(family.slope), "--", color=GREY, label="passive, slope"
+    )
     speeds = [g.speed for g in gaits]
     costs = [g.cost_of_transport for g in gaits]
-    ax.plot(speeds, costs, color=BLACK, label="optimal, on the level")
+    ax.plot(speeds, costs, color=BLACK, label="optimal, level ground")
     for index, (agent, walked) in enumerate(walking_on_the_level(scores).items()):
         speeds = [s["speed"] for s in walked]
         costs = [s["cost_of_transport"] for s in walked]
         style = {**series(index), "linestyle": "", "markersize": 5.0, "alpha": 0.7}
-        ax.plot(speeds, costs, label=f"{agent}, on the level", **style)
+        ax.plot(speeds, costs, label=f"{agent}, level ground", **style)
     ax.set(xlabel=SPEED, ylabel="cost of transport (absolute work)", yscale="log")
     ax.set(xlim=(0.04, 0.2), ylim=(3e-4, 0.1))
     legend(ax)

@@ -19,7 +19,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from benchmarks.report import command, keep, machine, table
+from benchmarks.report import command, machine, table
+from benchmarks.tables import keep
 
 WALKS = {"C": 0.03, "A": 0.03, "D": 0.009}
 """A kneed, a straight-legged and the simplest walker, with a slope in rad for each."""

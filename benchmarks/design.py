@@ -13,7 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 
 import gym_passive_walker as gpw
-from benchmarks.report import DOCS, command, keep, table
+from benchmarks.report import command, table
+from benchmarks.tables import DOCS, keep
 from gym_passive_walker.render.strobe import strobe
 
 PAGE = DOCS / "design.md"

@@ -1,8 +1,8 @@
-"""How do the shipped policies and the feedback controllers do in the fixed tests?
+"""Robustness of the shipped policies and the feedback controllers in the fixed tests.
 
     python -m benchmarks.gauntlet
 
-Prints a row for each controller, and puts the table into docs/robustness.md. It takes minutes.
+Prints a row for each controller and writes the table into docs/robustness.md, in two minutes.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def main() -> None:
     keep(
         "gauntlet",
         f"{text}\n\n{WALKERS} walks of 100 √(l/g) in each of 14 tests; a column is the share that "
-        f"reaches the time limit. `python -m benchmarks.gauntlet`, {machine()}.",
+        f"reaches the time limit. {machine()}.",
         DOCS / "robustness.md",
     )
 

@@ -21,7 +21,8 @@ import numpy as np
 import gym_passive_walker  # noqa: F401  (registers the environment)
 from benchmarks import engine
 from benchmarks.problem import error, problem
-from benchmarks.report import command, keep, machine, seconds, table
+from benchmarks.report import command, machine, seconds, table
+from benchmarks.tables import keep
 from gym_passive_walker.gpu import device
 from gym_passive_walker.gpu.batch import DeviceBatch
 from gym_passive_walker.gpu.device import SIMULATED, cuda

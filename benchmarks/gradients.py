@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from benchmarks import penalty, reference, rivals
 from benchmarks.problem import Problem, problem
-from benchmarks.report import command, keep, machine, plot, seconds, table
+from benchmarks.report import command, machine, plot, seconds, table
+from benchmarks.tables import keep
 from gym_passive_walker import WALKERS, console
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics import legs

@@ -20,8 +20,9 @@ from scipy.integrate import DOP853, RK45
 
 from benchmarks import reference
 from benchmarks.problem import Problem, error, problem
-from benchmarks.report import command, keep, machine, seconds, table
+from benchmarks.report import command, machine, seconds, table
 from benchmarks.rivals import heyoka_swings
+from benchmarks.tables import keep
 from gym_passive_walker import console
 from gym_passive_walker.engine.compiled import loaded, object_code, phases_of, written
 from gym_passive_walker.engine.layout import COURSE, PAIR, aligned, tile_for

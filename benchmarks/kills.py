@@ -24,7 +24,8 @@ from stable_baselines3.common.save_util import load_from_zip_file
 
 import train
 from agents import files
-from benchmarks.report import DOCS, keep, machine, table
+from benchmarks.report import machine, table
+from benchmarks.tables import DOCS, keep
 from gym_passive_walker import console
 
 PAGE = DOCS / "stability.md"
@@ -134,8 +135,7 @@ def main() -> int:
         found = kill(Path(folder), options.kills)
     heads = ["kills", "with a newest checkpoint of", "of steps", "numbers compared", "differ"]
     row = [found.kills, ", ".join(map(str, found.steps)), STEPS, found.compared, found.differ]
-    command = " ".join(["python -m benchmarks.kills", *sys.argv[1:]])
-    text = f"`{command}`\n{machine('torch', 'stable-baselines3')}\n\n{table(heads, [row])}"
+    text = f"{table(heads, [row])}\n\n{machine('torch', 'stable-baselines3')}."
     if options.write:
         keep("kills", text, PAGE)
     else:

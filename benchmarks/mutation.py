@@ -32,7 +32,8 @@ import pytest
 from benchmarks.concerned import CHANGED, tests_of
 from benchmarks.equivalent_mutants import EQUIVALENT
 from benchmarks.mutants import BESIDE, BLIND, FAULTS, PACKAGE, ROOT, Mutant, faults, path_of, sample
-from benchmarks.report import DOCS, keep, machine, table
+from benchmarks.report import machine, table
+from benchmarks.tables import DOCS, keep
 
 PAGE = DOCS / "stability.md"
 PATIENCE = 300.0  # seconds after which a mutant that still runs counts as detected
@@ -205,12 +206,12 @@ def report(records: list[dict]) -> str:
     rows.append(["all", *(sum(row[i] for row in rows) for i in range(1, 5))])
     for row in rows:
         row.append(f"{row[2] / max(1, row[1] - row[3]):.0%}")
-    heads = ["room", "wrong", "noticed", "without effect", "survived", "score"]
+    heads = ["package", "faults", "noticed", "without effect", "survived", "score"]
     text = table(heads, rows)
     left = [record["name"] for record in records if not record["noticed_by"]]
     if left:
         reasons = [(code(name), EQUIVALENT.get(name, "**survived**")) for name in left]
-        text += "\n\n" + table(["not noticed", "why it changes no walk"], reasons)
+        text += "\n\n" + table(["not noticed", "why it changes no trajectory"], reasons)
     return text
 
 
@@ -223,12 +224,12 @@ def main() -> None:
     """Run from the command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     add = parser.add_argument
-    add("--changes", type=int, default=0, help="change so many single signs instead")
-    add("--seed", type=int, default=1, help="of their order")
+    add("--changes", type=int, default=0, help="try this number of single changes instead")
+    add("--seed", type=int, default=1, help="seed of their order")
     add("--blind", action="store_true", help="faults by someone who had not read the tests")
-    add("--rooms", nargs="+", metavar="ROOM", help="these rooms only")
-    add("--again", action="store_true", help="try once more what was not noticed")
-    add("--tried", action="store_true", help="try nothing: tell of what has been tried so far")
+    add("--rooms", nargs="+", metavar="ROOM", help="only these packages")
+    add("--again", action="store_true", help="repeat faults that were not noticed")
+    add("--tried", action="store_true", help="only report results so far")
     add("--results", type=Path, default=ROOT / "build" / "mutants.jsonl")
     add("--write", action="store_true", help=f"put the tables into {PAGE.name}")
     options = parser.parse_args()
@@ -242,13 +243,12 @@ def main() -> None:
 
     console.print_in_any_encoding()
     found = report(records)
-    command = " ".join(["python -m benchmarks.mutation", *sys.argv[1:]])
     share = f"{len(records)} of {len(pool)} single changes."
     if not options.changes:
         share = f"{len(records)} of {len(thought_up)} faults."
     for name in [] if options.changes else gone:
         share += f"\nThe code that this fault was written for has changed: {name}."
-    text = "\n\n".join(filter(None, [f"`{command}`\n{machine('scipy')}", share, found]))
+    text = "\n\n".join([share, found, f"{machine('scipy')}."])
     if options.write:
         faulty = "blind faults" if options.blind else "faults"
         keep("mutation" if options.changes else faulty, text, PAGE)

@@ -18,7 +18,8 @@ import numpy as np
 
 from benchmarks import engine
 from benchmarks.problem import WALKS, Problem, problem
-from benchmarks.report import DOCS, command, keep, machine, seconds, table
+from benchmarks.report import command, machine, seconds, table
+from benchmarks.tables import DOCS, keep
 from gym_passive_walker.engine.compiled import constants_used, loaded, object_code
 from gym_passive_walker.engine.jit import call
 from gym_passive_walker.engine.layout import TILE, WIDTH, aligned

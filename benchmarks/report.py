@@ -1,4 +1,4 @@
-"""Print results, and write them into the pages of `docs/`."""
+"""Measure times, name the machine, and draw and print results."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from datetime import date
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-DOCS = Path(__file__).parent.parent / "docs"
-PAGE = DOCS / "benchmarks.md"
+from benchmarks.tables import DOCS
 
 
 def machine(*packages: str) -> str:
@@ -88,12 +87,16 @@ def command(
     if parts is None:
         parser.parse_args()
         return
-    parser.add_argument("parts", nargs="*", help=f"of {', '.join(parts)}; all if none")
-    chosen = parser.parse_args().parts
-    for name in chosen:
+
+    def part(name: str) -> str:
         if name not in parts:
-            parser.error(f"no part {name!r}: choose from {', '.join(parts)}")
-    for name in chosen or parts:
+            raise argparse.ArgumentTypeError(f"no part {name!r}: choose from {', '.join(parts)}")
+        return name
+
+    parser.add_argument(
+        "parts", nargs="*", type=part, help=f"of {', '.join(parts)}; all if none is given"
+    )
+    for name in parser.parse_args().parts or parts:
         parts[name]()
 
 
@@ -142,14 +145,3 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
     lines = ["| " + " | ".join(heads) + " |", "|" + "---|" * len(heads)]
     lines += ["| " + " | ".join(cell(value) for value in row) + " |" for row in rows]
     return "\n".join(lines)
-
-
-def keep(name: str, text: str, page: Path = PAGE) -> None:
-    """Print a result and write it into a page, between the comments with its name."""
-    print(f"\n{text}", flush=True)
-    first, last = f"<!-- {name} -->", f"<!-- end of {name} -->"
-    old = page.read_text(encoding="utf-8") if page.exists() else ""
-    if first not in old:
-        old += f"\n{first}\n{last}\n"
-    before, rest = old.split(first, 1)
-    page.write_text(before + f"{first}\n\n{text}\n\n{last}" + rest.split(last, 1)[1], "utf-8")

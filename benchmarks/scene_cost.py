@@ -16,7 +16,8 @@ import numpy as np
 import gym_passive_walker as gpw
 from benchmarks.engine import again, crowd
 from benchmarks.problem import problem
-from benchmarks.report import command, keep, machine, seconds, table
+from benchmarks.report import command, machine, seconds, table
+from benchmarks.tables import keep
 from gym_passive_walker import console
 from gym_passive_walker.gaits.trajectory import simulate
 

@@ -7,15 +7,14 @@ a million strides.
 from __future__ import annotations
 
 import argparse
-import shlex
-import sys
 import time
 
 import numpy as np
 
-from benchmarks.report import DOCS, keep, machine, table
+from benchmarks.report import machine, table
 from benchmarks.stress_cases.case import Case, Finding
 from benchmarks.stress_cases.everything import STATEMENTS
+from benchmarks.tables import DOCS, keep
 from gym_passive_walker import console
 
 PAGE = DOCS / "stability.md"
@@ -49,9 +48,8 @@ def main() -> int:
         rows.append(row(case, finding))
         mark = "    " if held else "NOT "
         print(f"{mark}{time.perf_counter() - before:7.1f} s  {case.statement}", flush=True)
-    command = f"python -m benchmarks.stress {shlex.join(sys.argv[1:])}"
     heads = ["topic", "statement", "tried", "failed", "largest error"]
-    text = f"`{command}`\n{machine('scipy')}\n\n{table(heads, rows)}"
+    text = f"{table(heads, rows)}\n\n{machine('scipy')}."
     if options.write:
         keep(f"stress {options.only}".strip(), text, PAGE)
     else:

@@ -24,7 +24,8 @@ import numba
 import numpy as np
 
 import gym_passive_walker as gpw
-from benchmarks.report import DOCS, command, keep, machine, seconds, table
+from benchmarks.report import command, machine, seconds, table
+from benchmarks.tables import DOCS, keep
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.sweeps.description import Description
 from gym_passive_walker.sweeps.store import DONE, Store

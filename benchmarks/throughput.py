@@ -22,7 +22,8 @@ import gym_passive_walker  # noqa: F401  (registers the environment)
 from benchmarks import engine, reference
 from benchmarks.engine import microseconds
 from benchmarks.problem import WALKS, Problem, error, problem
-from benchmarks.report import command, keep, machine, plot, seconds, table
+from benchmarks.report import command, machine, plot, seconds, table
+from benchmarks.tables import keep
 from gym_passive_walker.engine.compiled import constants_used, loaded, object_code
 from gym_passive_walker.engine.equations import Equations
 from gym_passive_walker.engine.jit import call

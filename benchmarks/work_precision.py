@@ -19,7 +19,8 @@ import numpy as np
 from benchmarks import engine, measured, reference
 from benchmarks.measured import CROWD, Point
 from benchmarks.problem import WALKS, error, problem
-from benchmarks.report import command, keep, machine, plot, seconds, table
+from benchmarks.report import command, machine, plot, seconds, table
+from benchmarks.tables import keep
 
 TOLERANCES = 10.0 ** -np.arange(3.0, 14.1, 0.5)
 LEVELS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)

@@ -345,9 +345,10 @@ SCENES: dict[str, dict[str, Any]] = {
 }
 """Named scenes, and what they do passively.
 
-- "level", the default: walker C on level ground. It takes ever smaller steps for ever, a thousand
-  of them in a few leg lengths, so judge it by distance and speed, never by strides or survival.
-- "steep": walker C at a slope of 0.11, one torque a stride. Its gait there is unstable: it falls.
+- "level", the default: walker C on level ground. Its steps shrink until it stubs its toe: 91
+  strides and 9.5 l without reset noise, 61 strides and 6.3 l on average over the benchmark's
+  episodes. Judge it by distance and speed, not by strides.
+- "steep": walker C at a slope of 0.11, one torque a stride. Its gait is unstable; it stubs its toe.
 - "rolling": walker C on a slope drawn from 0 to 0.06 at each reset.
 - "lab": the laboratory's walker at 0.036, where passive walking is stable.
 - "rough": walker C gently downhill, over footholds with heights that differ by 1 in 500 of its leg;

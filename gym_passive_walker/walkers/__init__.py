@@ -1,11 +1,13 @@
 """What a walker is: McGeer's parameters, the walkers of the source document, and their tuning.
 
 Lengths, masses and gravity are in any consistent set of units. A leg is a thigh and a shank with
-a circular foot; both legs are alike. Figure 4.1 of Garcia, Chatterjee and Ruina names the
-parameters; here they are in words. Offsets across a leg (`thigh_offset`, `shank_offset`) are
+a circular foot; both legs are alike. Fig. 4.1 of Garcia (1999) names the parameters; here they
+are in words. Offsets across a leg (`thigh_offset`, `shank_offset`) are
 positive backwards, uphill of the line that they are measured from.
 
 References:
+    M. Garcia, "Stability, scaling, and chaos in passive-dynamic gait models", PhD thesis, Cornell
+    University (1999), chapter 4; all numbers of figures and tables are the chapter's.
     M. Garcia, A. Chatterjee, A. Ruina, "Efficiency, speed, and scaling of two-dimensional
     passive-dynamic walking", Dynamics and Stability of Systems 15 (2000) 75-99.
     T. McGeer, "Passive walking with knees", IEEE ICRA (1990) 1640-1645.

@@ -15,7 +15,7 @@ import gym_passive_walker as gpw
 from gym_passive_walker.control.baselines import LinearFeedback
 
 PAGE = Path(__file__).parents[2] / "docs" / "analyses.md"
-BEGIN, END = "<!-- pairs: begin -->", "<!-- pairs: end -->"
+BEGIN, END = "<!-- pairs -->", "<!-- end of pairs -->"
 LAB = {"walker": "lab", "slope": 0.036}
 
 

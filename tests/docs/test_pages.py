@@ -1,6 +1,5 @@
 """What the documentation says can be done, can be done."""
 
-import importlib
 import os
 import re
 import subprocess
@@ -11,7 +10,7 @@ import pytest
 
 import gym_passive_walker as gpw
 
-DOCS = Path(__file__).parent.parent
+DOCS = Path(__file__).parents[2]
 
 
 PAGES = sorted(
@@ -61,16 +60,6 @@ def test_the_code_on_a_page_runs_from_top_to_bottom(page, monkeypatch, capsys):
         if re.search(rf"(import|from) {learner}\b", "".join(blocks)):
             pytest.importorskip(learner)
     exec(compile("\n".join(blocks), page, "exec"), {"__name__": "__main__"})
-
-
-@pytest.mark.parametrize("module", ["gym_passive_walker", "gym_passive_walker.render"])
-def test_every_public_name_stands_on_the_page_of_names(module):
-    page = (DOCS / "docs" / "api.md").read_text()
-    described = {
-        name.rpartition(".")[2]
-        for name in re.findall(r"^\.\. (?:auto|py:)\w+:: ([\w.]+)", page, re.M)
-    }
-    assert set(importlib.import_module(module).__all__) <= described
 
 
 @pytest.mark.slow

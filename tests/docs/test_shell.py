@@ -7,13 +7,14 @@ import runpy
 import shlex
 import subprocess
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
 
 from gym_passive_walker.cli import main
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 
 PAGES = [
     ROOT / "README.md",
@@ -23,12 +24,33 @@ PAGES = [
 ]
 
 
-def _lines(page):
+def lines_of(page):
     blocks = re.findall(r"```(?:sh|bash|console)\n(.*?)```", page.read_text(), re.S)
     return [line for block in blocks for line in block.splitlines() if line.strip()]
 
 
-COMMANDS = list(dict.fromkeys(line for page in PAGES for line in _lines(page)))
+COMMANDS = list(dict.fromkeys(line for page in PAGES for line in lines_of(page)))
+
+INLINE = sorted(
+    {
+        " ".join(line.split())
+        for page in [*PAGES, *sorted((ROOT / "docs" / "notebooks").glob("*.md"))]
+        for line in re.findall(
+            r"(?<!`)`((?:python|passive-walker) [^`]*)`(?!`)",
+            re.sub(r"```.*?```", "", page.read_text(), flags=re.S),
+        )
+    }
+)
+"""Commands within sentences and tables."""
+
+PARSE_NOTHING = (
+    "benchmarks.gpu", "examples.once_a_stride", "examples.potential_shaping",
+    "tests.control.test_matrix",
+)  # fmt: skip
+"""Modules that run without a parser, or only where there is a GPU."""
+
+INCOMPLETE = r"python -c|.*(\.\.\.|…|\b[A-Z]{2,})"
+"""How commands begin that are code, or that leave words to the reader."""
 
 FILES = {
     name: content
@@ -58,7 +80,7 @@ class Parsed(BaseException):
     """A command's own parser understood its arguments."""
 
 
-def _words(line):
+def words_of(line):
     words = shlex.split(line, comments=True)
     while "=" in words[0]:  # a variable of the environment
         words = words[1:]
@@ -76,7 +98,7 @@ def parse_only(monkeypatch):
     monkeypatch.setattr(argparse.ArgumentParser, "parse_args", stop)
 
 
-def _parse(words, config):
+def parse(words, config):
     """Let a command read its arguments, and do nothing."""
     program = Path(words[0]).name
     if program == "make":
@@ -101,6 +123,7 @@ def _parse(words, config):
     with pytest.MonkeyPatch.context() as patch, pytest.raises(Parsed):
         module = words[1] == "-m"
         patch.setattr(sys, "argv", words[2:] if module else words[1:])
+        patch.delitem(sys.modules, words[2] if module else "", raising=False)
         if module:
             runpy.run_module(words[2], run_name="__main__", alter_sys=True)
         else:
@@ -114,7 +137,20 @@ def _reason(line):
 @pytest.mark.parametrize("line", [line for line in COMMANDS if _reason(line)])
 def test_a_long_command_is_understood_by_its_own_parser(line, parse_only, pytestconfig):
     for part in line.partition("#")[0].split("&&"):
-        _parse(_words(part), pytestconfig)
+        parse(words_of(part), pytestconfig)
+
+
+@pytest.mark.parametrize("line", [line for line in INLINE if not re.match(INCOMPLETE, line)])
+def test_a_command_in_a_sentence_is_understood_by_its_own_parser(line, parse_only, pytestconfig):
+    words = words_of(line)
+    if words[2:] and words[2] in PARSE_NOTHING:
+        assert find_spec(words[2]) and len(words) == 3
+    elif len(words) == 2 and words[0] == "passive-walker":
+        words.append("--help")  # the sentence names the command alone
+        with pytest.raises(SystemExit):
+            parse(words, pytestconfig)
+    else:
+        parse(words, pytestconfig)
 
 
 @pytest.mark.parametrize("line", [line for line in COMMANDS if not _reason(line)])
@@ -123,7 +159,7 @@ def test_a_short_command_does_what_it_says(line, tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     for name, content in FILES.items():
         Path(name).write_text(content)
-    words = _words(line)
+    words = words_of(line)
     if words[1:2] == ["play"]:
         pytest.importorskip("pygame")
         words += ["--seconds", "0.1"]
@@ -144,7 +180,7 @@ def test_each_reason_not_to_run_a_command_is_needed():
 
 @pytest.mark.parametrize("line", COMMANDS)
 def test_each_file_that_a_command_reads_is_there_or_printed(line):
-    for word in _words(line):
+    for word in words_of(line):
         if word.endswith((".json", ".yaml", ".txt")) and word not in USERS_OWN:
             assert word in FILES or (ROOT / word).exists(), f"nobody has {word}"
 

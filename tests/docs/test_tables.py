@@ -1,0 +1,119 @@
+"""Tables of results name the command and the commit that they were made with."""
+
+import importlib
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import gym_passive_walker as gpw
+from benchmarks import tables
+from tests.docs.test_names import need
+from tests.docs.test_shell import parse, parse_only, words_of  # noqa: F401  (a fixture)
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted((ROOT / "docs").glob("*.md"))
+
+MADE = {
+    f"{page.stem}/{name}": text
+    for page in PAGES
+    for name, text in re.findall(
+        r"<!-- (.+?) -->\n(.*?)<!-- end of \1 -->", page.read_text(encoding="utf-8"), re.S
+    )
+}
+"""Texts between markers, by PAGE/NAME."""
+
+CODE = {
+    key: sorted(set(re.findall(r"`([^`\n]+)`", text)))
+    for key, text in MADE.items()
+    if key not in ("stability/mutation",)  # its code is changed code, at the commit below it
+}
+"""Code that is mentioned in each text."""
+
+
+def test_each_marker_has_its_end():
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        begins = re.findall(r"<!-- (?!end of )(.+?) -->", text)
+        assert begins == re.findall(r"<!-- end of (.+?) -->", text), page
+
+
+def test_the_list_has_every_table_and_no_other():
+    assert set(tables.TABLES) == set(MADE)
+
+
+@pytest.mark.parametrize("command", sorted(set(tables.TABLES.values())))
+def test_each_command_exists(command, parse_only, pytestconfig):  # noqa: F811
+    if command == "python -m tests.control.test_matrix":
+        importlib.import_module("tests.control.test_matrix")
+        return
+    if "benchmarks.gpu " in command:
+        need("gym_passive_walker.gpu")
+        assert command.split()[-1] in importlib.import_module("benchmarks.gpu").PARTS
+        return
+    parse(words_of(command), pytestconfig)
+
+
+@pytest.mark.parametrize("key", sorted(MADE))
+def test_each_table_names_its_command_and_a_commit(key):
+    text = MADE[key]
+    if not text.strip() or "not yet measured" in text or key == "analyses/pairs":
+        return
+    command, commits = re.findall(r"^\*`(.+?)`.*?, (commits? `.*?)\*$", text, re.M)[-1]
+    assert command == tables.TABLES[key]
+    assert re.fullmatch(r"commits? `[0-9a-f]{7,}\+?`((, | and )`[0-9a-f]{7,}\+?`)*", commits)
+
+
+@pytest.mark.parametrize("key", sorted(CODE))
+def test_each_module_and_public_name_in_a_table_exists(key):
+    for code in CODE[key]:
+        if re.fullmatch(r"gpw\.[\w.]+", code):
+            assert hasattr(gpw, code.split(".")[1]), code
+        elif re.fullmatch(r"[a-z_]+", code) and key == "design/tuned" and code != "heavy":
+            assert hasattr(gpw, code), code
+    packages = {path.name for path in (ROOT / "gym_passive_walker").iterdir() if path.is_dir()}
+    for name in re.findall(r"(?<=[|`\s])((?:[a-z_]+\.)+[a-z_]+)(?=[|`\s])", MADE[key]):
+        first, *rest = name.split(".")
+        if first in packages:  # functions inside the package may have changed since the run
+            importlib.import_module(f"gym_passive_walker.{first}.{rest[0]}")
+
+
+def test_the_list_is_printed_and_an_unknown_name_is_an_error(capsys, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["tables"])
+    assert tables.main() == 0
+    printed = capsys.readouterr().out
+    assert all(key in printed and command in printed for key, command in tables.TABLES.items())
+    for name, said in (("strides", "or performance/strides"), ("no such", "not in the list")):
+        monkeypatch.setattr(sys, "argv", ["tables", name])
+        with pytest.raises(SystemExit):
+            tables.main()
+        assert said in capsys.readouterr().err
+
+
+def test_tables_are_made_again_by_their_commands(monkeypatch, capsys):
+    ran = []
+
+    def run(words, **_):
+        ran.append(words)
+        return subprocess.CompletedProcess(words, len(ran) - 1)
+
+    monkeypatch.setattr(subprocess, "run", run)
+    monkeypatch.setattr(sys, "argv", ["tables", "tick", "performance/strides", "gauntlet"])
+    assert tables.main() == 1  # the second fails, so that the third is not tried
+    assert [words[1:] for words in ran] == [
+        ["-m", "benchmarks.work_precision", "ticks"], ["-m", "benchmarks.performance", "strides"],
+    ]  # fmt: skip
+
+
+def test_a_table_is_written_between_its_markers(tmp_path, monkeypatch, capsys):
+    page = tmp_path / "benchmarks.md"
+    page.write_text("above\n<!-- tick -->\nold\n<!-- end of tick -->\nbelow\n")
+    monkeypatch.setattr(tables, "commit", lambda: "1234567")
+    tables.keep("tick", "new", page)
+    made = "new\n\n*`python -m benchmarks.work_precision ticks`, commit `1234567`*"
+    assert page.read_text() == f"above\n<!-- tick -->\n\n{made}\n\n<!-- end of tick -->\nbelow\n"
+    tables.keep("another", "one", page)
+    assert page.read_text().endswith("<!-- end of another -->\n")
+    assert "new" in capsys.readouterr().out
