@@ -202,9 +202,7 @@ def draw(path: Path, scores: Sequence[Score]) -> None:
     """Draw cost of transport over speed: passive and optimal gaits, and agents on level ground."""
     family, gaits = _passive(), optimal.load("level")
     figure, (ax,) = panels(size=(7.0, 5.4))
-    ax.plot(
-        family.froude_speed, np.sin(family.slope), "--", color=GREY, label="passive, slope"
-    )
+    ax.plot(family.froude_speed, np.sin(family.slope), "--", color=GREY, label="passive, slope")
     speeds = [g.speed for g in gaits]
     costs = [g.cost_of_transport for g in gaits]
     ax.plot(speeds, costs, color=BLACK, label="optimal, level ground")
