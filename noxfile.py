@@ -20,7 +20,7 @@ QUIET = {"SDL_VIDEODRIVER": "dummy", "MPLBACKEND": "Agg"}
     [("3.11", "lowest-direct"), ("3.11", "highest"), ("3.12", "highest"), ("3.13", "highest")],
 )
 def tests(session: nox.Session, resolution: str) -> None:
-    """Walk in an environment of its own, with kernels compiled anew."""
+    """Walk in an environment of its own, and compile its kernels again."""
     # Matplotlib 3.10.0 calls pyparsing by names that 3.3 warns of.
     bounds = ["pyparsing~=3.2.0"] * (resolution == "lowest-direct")
     session.install(f"--resolution={resolution}", ".[render,figures,test]", *bounds)

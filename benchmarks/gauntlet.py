@@ -8,7 +8,8 @@ Prints a row for each controller and writes the table into docs/robustness.md, i
 from __future__ import annotations
 
 import gym_passive_walker as gpw
-from benchmarks.report import DOCS, command, keep, machine, table
+from benchmarks.report import command, machine, table
+from benchmarks.tables import DOCS, keep
 from gym_passive_walker import console
 from gym_passive_walker.policies import shipped_policies
 

@@ -23,7 +23,7 @@ version = release = _version("gym-passive-walker")
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
 exclude_patterns = ["_build", "_generated", "jupyter_execute"]
 
-# Pages are Markdown. Notebooks are too, and run anew when they or the package have changed.
+# Pages are Markdown. Notebooks are too, and run again when they or the package have changed.
 myst_enable_extensions = ["dollarmath", "deflist"]
 myst_heading_anchors = 3
 nb_execution_mode = "force"

@@ -350,13 +350,13 @@ SCENES: dict[str, dict[str, Any]] = {
   episodes. Judge it by distance and speed, not by strides.
 - "steep": walker C at a slope of 0.11, one torque a stride. Its gait is unstable; it stubs its toe.
 - "rolling": walker C on a slope drawn from 0 to 0.06 at each reset.
-- "lab": the laboratory's walker at 0.036, where passive walking is stable.
-- "rough": walker C gently downhill, over footholds with heights that differ by 1 in 500 of its leg;
-  two are seen ahead. It trips after a few strides.
-- "pushed": walker C on level ground, pushed to and fro once in some seven strides.
+- "lab": the laboratory's walker at 0.036, where its passive gait is stable.
+- "rough": walker C at a slope of 0.02, on footholds with heights of standard deviation 0.002 l; two
+  footholds ahead are observed. It stubs its toe, after eight strides on average.
+- "pushed": walker C on level ground, with one push in about seven strides.
 - "push-off": the simplest walker on level ground, near Kuo's slow gait (2002), in which each stride
-  ends with a push-off of 0.04; without any it falls back in its first.
-- "commanded": walker C on level ground, at a commanded speed.
+  ends with a push-off of 0.04; without push-off it falls backward, mostly in its first stride.
+- "commanded": walker C on level ground, with a commanded speed; passively as "level".
 """
 
 
