@@ -123,7 +123,8 @@ def parse(words, config):
     with pytest.MonkeyPatch.context() as patch, pytest.raises(Parsed):
         module = words[1] == "-m"
         patch.setattr(sys, "argv", words[2:] if module else words[1:])
-        patch.delitem(sys.modules, words[2] if module else "", raising=False)
+        for name in (words[2], f"{words[2]}.__main__") if module else ():  # or runpy warns
+            patch.delitem(sys.modules, name, raising=False)
         if module:
             runpy.run_module(words[2], run_name="__main__", alter_sys=True)
         else:
