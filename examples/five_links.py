@@ -2,8 +2,9 @@
 
     python -m examples.five_links
 
-Springs and dampers hold the knees nearly straight and the torso on the line between the thighs. The
-feet are points. Lengths are in units of the leg, masses in units of the whole.
+Springs and dampers hold the knees nearly straight and the torso on the line between the thighs.
+Four motors act beside them: at both knees, and between the torso and each thigh. The feet are
+points. Lengths are in units of the leg, masses in units of the whole.
 
 References:
     C. Chevallereau, G. Abba, Y. Aoustin, F. Plestan, E. R. Westervelt, C. Canudas-de-Wit, J. W.
@@ -66,6 +67,15 @@ class State(NamedTuple):
     swing_shin_rate: float
 
 
+class Motors(NamedTuple):
+    """Torques that open a knee or turn a thigh against the torso."""
+
+    stance_knee: float
+    stance_hip: float
+    swing_hip: float
+    swing_knee: float
+
+
 def above(angle, length):
     """A point at a distance from the lower end of a segment."""
     return -length * sin(angle), length * cos(angle)
@@ -116,6 +126,13 @@ def dissipation(body, state):
     return 0.5 * body.damping * sum(rate**2 for rate in stretched(body, state[5:], 0.0))
 
 
+def pose(body, state):
+    """The stance leg, the torso and the swing leg, for pictures."""
+    knee, hip, swing_knee, foot = joints(state)
+    top = added(hip, above(state.torso, TORSO.length))
+    return [[hip, swing_knee, foot], [(0.0, 0.0), knee, hip], [hip, top]]
+
+
 FIVE_LINKS = gpw.System(
     name="five links",
     body=Body(),
@@ -134,6 +151,11 @@ FIVE_LINKS = gpw.System(
     ),
     potential=potential,
     dissipation=dissipation,
+    Control=Motors,
+    travel=lambda s: Motors(
+        s.thigh - s.shin, s.thigh - s.torso, s.swing_thigh - s.torso, s.swing_thigh - s.swing_shin
+    ),
+    pose=pose,
     start=(0.35, 0.4, 0.03, -0.35, -0.4, -0.32, -0.17, -0.53, -0.12, -0.27),
 )
 

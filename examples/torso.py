@@ -66,6 +66,14 @@ def lean(stance, swing, torso):
     return torso - 0.5 * (stance + swing)
 
 
+def pose(body, state):
+    """Both legs and the torso, for pictures."""
+    x, y = hip = -sin(state.stance), cos(state.stance)
+    foot = x + sin(state.swing), y - cos(state.swing)
+    top = x - body.height * sin(state.torso), y + body.height * cos(state.torso)
+    return [[hip, foot], [(0.0, 0.0), hip], [hip, top]]
+
+
 TORSO = gpw.System(
     name="torso",
     body=Body(),
@@ -81,6 +89,7 @@ TORSO = gpw.System(
     counts=(lambda body, state: -state.stance, lambda b, s: s.swing - s.stance - 0.02),
     potential=lambda body, s: 0.5 * body.stiffness * lean(*s[:3]) ** 2,
     dissipation=lambda body, s: 0.5 * body.damping * lean(*s[3:]) ** 2,
+    pose=pose,
     start=(0.28, -0.28, 0.0, -0.27, -0.12, -0.57),
 )
 

@@ -40,7 +40,8 @@ class ConstantTorque:
         scene = make_scene(scene)
         if torque and "hip" not in scene.actions:
             raise ValueError(f"a hip torque is none of this scene's actions {scene.actions}")
-        self.torque, self.scale = float(torque), scene.max_hip_torque
+        self.torque = float(torque)
+        self.scale = scene.largest("hip") if torque else scene.max_hip_torque
         self.acts = np.array([name == "hip" for name in scene.actions])
 
     def predict(

@@ -15,7 +15,14 @@ from gym_passive_walker.control.controlled import ControlledMap
 from gym_passive_walker.control.controllers import ControllerLike, SceneLike, acting
 from gym_passive_walker.control.optimum import OptimalGait
 from gym_passive_walker.control.policy import Policy
-from gym_passive_walker.envs.scene import CALM, CHANNELS, Scene, make_scene, plain
+from gym_passive_walker.envs.scene import (
+    CALM,
+    CHANNELS,
+    Scene,
+    make_scene,
+    plain,
+    with_parameters,
+)
 from gym_passive_walker.gaits.actuation import PASSIVE, Actuation, one_actuation
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait
@@ -197,6 +204,7 @@ def calm(scene: Scene, slope: float | None = None) -> Scene:
     """
     slope = float(np.mean(scene.slope)) if slope is None else one_slope(slope)
     command = None if scene.command is None else float(np.mean(scene.command))
+    with_parameters(scene, "a controller of a stride map")
     plain(scene, "controllers of stride maps have", "observation")
     smooth = (
         {"terrain": Terrain(), "terrain_lookahead": scene.terrain_lookahead}

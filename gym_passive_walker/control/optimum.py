@@ -20,7 +20,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import minimize
 
 from gym_passive_walker.control.ticks import TickedStride, before_kneestrike, ticked_stride
-from gym_passive_walker.envs.scene import CHANNELS, Scene
+from gym_passive_walker.envs.scene import (
+    CHANNELS,
+    Scene,
+    with_parameters,
+)
 from gym_passive_walker.gaits.flow import Walkers
 from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.passage import NoStride
@@ -141,6 +145,7 @@ def slope_of(scene: Scene) -> float:
     Raises:
         ValueError: if the scene has a range of slopes.
     """
+    with_parameters(scene, "an optimal gait")
     if isinstance(scene.slope, tuple):
         raise ValueError(
             f"a gait is of one slope, and this scene has those from {scene.slope[0]:g} to "

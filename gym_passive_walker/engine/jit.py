@@ -46,6 +46,15 @@ def inlined(function: Callable[..., Any]) -> Any:
     return numba.njit(forceinline=True, **_WITHIN)(function)
 
 
+def named(function: Callable[..., Any], variant: str) -> Callable[..., Any]:
+    """A function of a factory, named apart from the factory's others.
+
+    The linker knows cached functions by their names: of two with one name it calls either.
+    """
+    function.__qualname__ += f"_{variant}" * bool(variant)
+    return function
+
+
 class _Kept(NullCache):
     """Numba's interface to this package's cache, for one function.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.arguments import check_slope, check_state, whole
 from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.lanes import RESTING
-from gym_passive_walker.engine.layout import RECORD
-from gym_passive_walker.engine.run import in_parts, options, workspace
+from gym_passive_walker.engine.layout import layout_of, record_for
+from gym_passive_walker.engine.run import in_parts, options, states_in, workspace
 from gym_passive_walker.envs import fates, saved, task, ticks
 from gym_passive_walker.envs.constraints import ROOM
 from gym_passive_walker.envs.custom import RULES, Custom
@@ -23,11 +23,11 @@ from gym_passive_walker.envs.disturbances import Contact, Disturbances, disturbe
 from gym_passive_walker.envs.interface import refuse
 from gym_passive_walker.envs.one_thread import Token
 from gym_passive_walker.envs.scene import Scene, SceneError
-from gym_passive_walker.envs.starts import DRAWS, Starts, checked_state
+from gym_passive_walker.envs.starts import DRAWS, Starts, as_recorded, checked_state
 from gym_passive_walker.envs.transitions import STOPPED
 from gym_passive_walker.physics.hybrid import System
 from gym_passive_walker.physics.systems import UNEVEN, bodies, kind_of, system_of
-from gym_passive_walker.walkers import Walker
+from gym_passive_walker.walkers import Walker, state_size
 
 OPTIONS = ("state", "slope")
 """What `reset` may be asked for."""
@@ -38,17 +38,20 @@ _CROWD = 2048  # walkers from which on threads may share the work
 
 def rules_of(scene: Scene, system: System, step_limit: float) -> NDArray:
     """A scene's rules, as the kernel reads them."""
-    rules = np.zeros(1, task.RULES)
+    rules = np.zeros(1, task.rules_for(layout_of(system)))
+    own = scene.own_system
     rules["tick"] = scene.tick if scene.control == "tick" else math.inf
     rules["max_stride_time"] = scene.max_stride_time
     rules["actions"] = len(scene.actions)
     for i, name in enumerate(scene.actions):
-        channel = task.CHANNELS.index(name)
+        channel = scene.channels.index(name)
         rules["channels"][0, i], rules["largest"][0, channel] = channel, scene.largest(name)
     rules["energy_weight"] = scene.energy_weight
     rules["charged"] = task.ENERGIES.index(scene.energy)
     rules["step_limit"] = step_limit
-    rules["works"] = (*system.works, 1.0)
+    rules["weight"] = 1.0 if own is None else own.total_mass
+    rules["works"][0, : len(system.works)] = np.divide(system.works, rules["weight"])
+    rules["works"][0, -1] = 1.0
     return rules
 
 
@@ -130,7 +133,8 @@ class Batch:
         self.scene, self.count, self.token = scene, count, Token()
         self._given = {"walkers": walkers, "slopes": slopes, "step_limit": step_limit}
         self.seen = task.SIZE + (scene.command is not None) + 2 * scene.terrain_lookahead
-        self.custom = Custom(scene, count) if any(getattr(scene, name) for name in RULES) else None
+        judged = scene.own_system is not None or any(getattr(scene, name) for name in RULES)
+        self.custom = Custom(scene, count) if judged else None
         self._plain: NDArray[np.float32] | None = None  # what is seen where that is not asked for
         if self.custom and self.custom.seen:
             self._plain = np.empty(count * self.seen, np.float32)
@@ -140,7 +144,7 @@ class Batch:
         if len({kind_of(walker) for walker in self.walkers}) > 1:
             raise SceneError(
                 "walkers of one batch must be of one kind: all with knees, all with straight legs, "
-                "or all with legs without mass"
+                "all with legs without mass, or all one system"
             )
         slope_of = [None] * count if slopes is None else check_slope(slopes).tolist()
         shared: dict[Any, Starts] = {}
@@ -160,8 +164,9 @@ class Batch:
         if self.disturbances:
             self.bodies = np.pad(self.bodies, ((0, 0), (0, 0), (0, ROOM)))
         self._radii = _radii(shown)
-        self.records = np.zeros((count, 1), RECORD)
-        self.ledger = np.zeros(count, task.LEDGER)
+        self.layout = layout_of(self.system)
+        self.records = np.zeros((count, 1), record_for(self.layout))
+        self.ledger = np.zeros(count, task.ledger_for(self.layout))
         self.rules = rules_of(scene, self.system, step_limit)
         self.randoms: list[np.random.Generator] = []
         self.machinery = self._machinery()
@@ -203,7 +208,7 @@ class Batch:
         here = self.disturbances
         phases = here.natives[0] if here else compiled(self.system.name)
         told = options(self.scene.tolerance, scuff=bool(self.scene.end_on_toe_stub))
-        return phases, told, *workspace()
+        return phases, told, *workspace(layout=self.layout)
 
     def _door(self) -> ticks.Door:
         """Where compiled code finds the walkers."""
@@ -248,7 +253,7 @@ class Batch:
         where = np.array(lanes, np.int64)
         if self.starts_alike and not options:
             self._prepare()
-            ticks.begin(self.door.where, where, True, *_UNASKED, observations)
+            self.door.kernels.begin(self.door.where, where, True, *_UNASKED, observations)
             return
         states, asked = self._asked(options) if options else (None, None)
         draws = self.drawn(where)
@@ -258,13 +263,14 @@ class Batch:
         slopes, gaits = self._nominal(where, draws[:, 0], asked, wanted=states is None)
         if states is not None:
             given = [(states[i].tolist(), varied.get(i, self.walkers[i])) for i in where.tolist()]
-            gaits = np.array([checked_state(state, walker) for state, walker in given])
+            found = [checked_state(state, walker) for state, walker in given]
+            gaits = as_recorded(self.walkers[0], found)
             draws[:] = 0.5  # no change
         for i, walker in varied.items():
             self.walkers[i], self._constants[i : i + 1] = walker, bodies(walker)
             self._radii[i : i + 1] = _radii([walker])
         plain = observations if self._plain is None else self._plain
-        ticks.begin(self.door.where, where, False, slopes, gaits, draws, plain)
+        self.door.kernels.begin(self.door.where, where, False, slopes, gaits, draws, plain)
         if self.disturbances:
             self.disturbances.begin(where, self.randoms, self.records, self.ledger)
             self.disturbances.observe(self.ledger, where, plain)
@@ -294,18 +300,20 @@ class Batch:
         wanted: bool,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Slopes, drawn or asked for, and if wanted the gaits there: a row for all, or for each."""
-        none = np.zeros((1, 6))
+        size = 2 * self.layout.links
+        none = np.zeros((1, size))
         if asked is not None:
             slopes = asked[where]
             if not wanted:
                 return slopes, none
             each = zip(where.tolist(), slopes.tolist(), strict=True)
-            return slopes, np.array([self._starts[i].state(slope) for i, slope in each])
+            found = [self._starts[i].state(slope) for i, slope in each]
+            return slopes, as_recorded(self.walkers[0], found)
         if self._alike_starts:
             starts = self._starts[0]
             slopes = starts.slopes(shares)
             return slopes, starts.states(slopes) if wanted else none
-        slopes, gaits = np.empty(len(where)), np.zeros((len(where), 6))
+        slopes, gaits = np.empty(len(where)), np.zeros((len(where), size))
         for j, i in enumerate(where.tolist()):
             slopes[j : j + 1] = self._starts[i].slopes(shares[j : j + 1])
             if wanted:
@@ -317,7 +325,11 @@ class Batch:
     ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
         """The states and slopes that options ask for, one for each walker."""
         found: list[NDArray[np.float64] | None] = []
-        for name, check, size in (("state", check_state, (6,)), ("slope", check_slope, ())):
+        numbers = state_size(self.walkers[0])
+        for name, check, size in (
+            ("state", partial(check_state, size=numbers), (numbers,)),
+            ("slope", check_slope, ()),
+        ):
             if options.get(name) is None:
                 found.append(None)
                 continue
@@ -495,7 +507,7 @@ class Batch:
         if self.count < _CROWD and not self.disturbances:
             if at_once:
                 self._prepare()
-            wrong, strides, endings = ticks.step.compiled(
+            wrong, strides, endings = door.kernels.step.compiled(
                 door.where, 0, self.count, *door.desk, at_once,
                 observations, rewards, terminated, truncated,
             )  # fmt: skip
@@ -511,7 +523,8 @@ class Batch:
         ended = []
 
         def job(a: int, b: int) -> None:
-            desk = self.machinery[2:] if (a, b) == (0, self.count) else workspace()
+            whole = (a, b) == (0, self.count)
+            desk = self.machinery[2:] if whole else workspace(layout=self.layout)
             size = len(observations) // self.count
             seen = observations[a * size : b * size]
             results = seen, rewards[a:b], terminated[a:b], truncated[a:b]
@@ -522,7 +535,7 @@ class Batch:
                 ended.append(fates.step(*walkers, *self.machinery[:2], *desk, *further, *results))
             else:
                 at = [part.ctypes.data for part in desk]
-                ended.append(ticks.step(door.where, a, b, *at, False, *results)[1:])
+                ended.append(door.kernels.step(door.where, a, b, *at, False, *results)[1:])
 
         in_parts(job, self.count, self.threads)
         if again:
@@ -536,7 +549,7 @@ class Batch:
         if self._apart:
             return self.step(action, observation, *self.door.results)
         self.door.actions[...] = action
-        wrong, strides, endings = ticks.step_here.compiled(self.door.where, observation)
+        wrong, strides, endings = self.door.step_here(self.door.where, observation)
         if wrong >= 0:
             self.refuse(wrong)
         return strides, endings
@@ -565,9 +578,10 @@ class Batch:
 
     @property
     def states(self) -> NDArray[np.float64]:
-        """States in the walkers' own units, shape (count, 6)."""
-        states = self.records["state"][:, 0].copy()
-        states[:, 3:] /= np.array([walker.time_unit for walker in self.walkers])[:, None]
+        """States in the walkers' own units, shape (count, 6), or (count, 2 m) of a `System`."""
+        half = state_size(self.walkers[0]) // 2
+        states = states_in(self.records[:, 0], half).copy()
+        states[:, half:] /= np.array([walker.time_unit for walker in self.walkers])[:, None]
         return states
 
     def contact(self, lane: int) -> Contact:
@@ -589,7 +603,7 @@ class Batch:
             "scene": self._described,
             "records": self.records.copy(),
             "ledger": self.ledger.copy(),
-            "walkers": list(self.walkers),
+            "walkers": [saved.kept(walker) for walker in self.walkers],
             "random": [deepcopy(r.bit_generator.state) for r in self.randoms],
             **befell,
         }
@@ -597,7 +611,7 @@ class Batch:
     @cached_property
     def _limits(self) -> saved.RowLimits:
         last = STOPPED - (self.scene.terminated is None)
-        return saved.RowLimits(self.rules[0], len(self.machinery[0]), last)
+        return saved.RowLimits(self.rules[0], len(self.machinery[0]), last, self.layout)
 
     @cached_property
     def _described(self) -> str:

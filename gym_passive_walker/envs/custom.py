@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,21 +17,27 @@ from numpy.typing import NDArray
 from gym_passive_walker.arguments import number, shown, unknown
 from gym_passive_walker.engine import compiled
 from gym_passive_walker.engine.expressions import Expression, choose
+from gym_passive_walker.engine.layout import NARROW, Layout, layout_of
 from gym_passive_walker.engine.native import Memory, Module, uses
 from gym_passive_walker.envs import task, transitions
 from gym_passive_walker.envs.checks import SceneError
 from gym_passive_walker.envs.transitions import (
-    NOTE,
     OF_LEDGER,
     PARTS,
+    SEVERAL,
     TRUTHS,
-    WIDE,
     Transition,
+    note_for,
 )
 from gym_passive_walker.math import where
 from gym_passive_walker.physics.hybrid import Outcome, State
 
 _STRUCK = float(Outcome.HEELSTRIKE)
+
+
+def everything(step: Transition) -> tuple[Any, ...]:
+    """The default observation of a `System`: all of its state, and the slope in rad."""
+    return *step.state, step.slope
 
 
 TERMS: dict[str, Callable[[Transition], Any]] = {
@@ -111,13 +117,49 @@ def checked_rule(name: str, given: Any) -> Any:
     return given
 
 
+class Shape(NamedTuple):
+    """What the transitions of a scene's walkers are made of.
+
+    Attributes:
+        actions: Number of actions.
+        State: Named tuple of a state.
+        layout: The room for states in records.
+    """
+
+    actions: int
+    State: type = State
+    layout: Layout = NARROW
+
+    def transition(self, parts: Mapping[str, Any]) -> Transition:
+        """A `Transition` of recorded fields: booleans are numbers there, vectors are lists."""
+        given: dict[str, Any] = dict(parts)
+        count, room = len(self.State._fields) // 2, self.layout.links  # type: ignore[attr-defined]
+        for name in ("before", "state"):
+            each = given[name]
+            given[name] = self.State(*each[:count], *each[room : room + count])
+        for name in ("action", "last_action"):
+            given[name] = tuple(given[name][: self.actions])
+        for name in TRUTHS:
+            if not isinstance(given[name], bool | np.bool_):
+                given[name] = given[name] > 0.5
+        return Transition(**given)
+
+
+def shape_of(scene: Any) -> Shape:
+    """The shape of a scene's transitions."""
+    own = scene.own_system
+    if own is None:
+        return Shape(len(scene.actions))
+    return Shape(len(scene.actions), own.State, layout_of(own.hybrid))
+
+
 class Rule:
     """A user's function, compiled where possible.
 
     Args:
         name: "reward", "observation" or "terminated".
         function: The function of a `Transition`.
-        actions: Number of actions of the scene.
+        shape: What its transitions are made of.
 
     Attributes:
         size: How many numbers it returns.
@@ -128,10 +170,10 @@ class Rule:
         SceneError: if it raises an error, or does not return numbers.
     """
 
-    def __init__(self, name: str, function: Callable[[Transition], Any], actions: int) -> None:
-        self.name, self.function, self.actions = name, function, actions
+    def __init__(self, name: str, function: Callable[[Transition], Any], shape: Shape) -> None:
+        self.name, self.function, self.shape = name, function, shape
         self.native, self.noted, self._each = 0, _ALL, False
-        sample = np.zeros(2, NOTE)
+        sample = np.zeros(2, note_for(shape.layout))
         sample["duration"], sample["steps"] = 0.1, 1.0
         try:
             self._compile()
@@ -155,7 +197,7 @@ class Rule:
         )
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Rule, (self.name, self.function, self.actions)
+        return Rule, (self.name, self.function, self.shape)
 
     def _check_size(self, size: int) -> None:
         if size == 0 or (self.name != "observation" and size != 1):
@@ -184,15 +226,17 @@ class Rule:
     def write(self, module: Module) -> None:
         """Add the function, by the name "rule", to a module that rounds each operation."""
         known: dict = {}
-        self.size = len(self._traced(_read(Memory(NOTE, 1, known), None, self.actions)))
+        note_type = note_for(self.shape.layout)
+        ledger_type = task.ledger_for(self.shape.layout)
+        self.size = len(self._traced(_read(Memory(note_type, 1, known), None, self.shape)))
         self._check_size(self.size)
         seen = np.dtype([("seen", "f8", (self.size,))])
         noting = self.name == "observation"
-        layouts = (NOTE, seen) if noting else (task.LEDGER, NOTE)
+        layouts = (note_type, seen) if noting else (ledger_type, note_type)
 
         def code(first: Memory, second: Memory) -> None:
             note = first if noting else second
-            step = _read(note, None if noting else first, self.actions)
+            step = _read(note, None if noting else first, self.shape)
             for i, result in enumerate(self._traced(step)):
                 value = Expression(note.known, "constant", 0.0).number(result)
                 if isinstance(result, Expression) and result.op in _CONDITIONS:
@@ -214,7 +258,7 @@ class Rule:
         """Results (n, size) for transitions (n,), by arrays or walker by walker."""
         if self._each:
             return np.array([self._of_one(notes[i : i + 1]) for i in range(len(notes))], float)
-        found = self.function(of_notes(notes, self.actions))
+        found = self.function(of_notes(notes, self.shape))
         columns = found if isinstance(found, tuple | list) else [found]
         return np.stack(
             [np.broadcast_to(np.asarray(column, float), len(notes)) for column in columns], axis=1
@@ -223,20 +267,20 @@ class Rule:
     def _of_one(self, note: NDArray) -> list[Any]:
         """Results for the transition (1,) of one walker."""
         parts = {
-            name: note[name][0].tolist() if name in WIDE else note[name].item()
+            name: note[name][0].tolist() if name in SEVERAL else note[name].item()
             for name in Transition._fields
         }
-        found = self.function(_transition(parts, self.actions))
+        found = self.function(self.shape.transition(parts))
         return list(found) if isinstance(found, tuple | list) else [found]
 
 
 _CONDITIONS = ("<", "<=", ">", ">=", "and", "or", "not")
 
 
-def _read(note: Memory, row: Memory | None, actions: int) -> Transition:
+def _read(note: Memory, row: Memory | None, shape: Shape) -> Transition:
     """A transition of expressions that read a note, or the ledger's row if it has the field."""
     parts: dict[str, Any] = {
-        name: note.entries(name) if name in WIDE else note[name] for name in Transition._fields
+        name: note.entries(name) if name in SEVERAL else note[name] for name in Transition._fields
     }
     if row is not None:
         struck = abs(row["outcome"] - _STRUCK) < 0.5
@@ -245,39 +289,26 @@ def _read(note: Memory, row: Memory | None, actions: int) -> Transition:
             parts[name] = choose(struck, row[name], 0.0)
         parts["heelstrike"] = choose(struck, 1.0, 0.0)
         parts["fell"] = choose(row["ending"] > 0.5, 1.0, 0.0)
-    return _transition(parts, actions)
+    return shape.transition(parts)
 
 
-def of_notes(notes: NDArray, actions: int) -> Transition:
-    """Transitions (n,) of NOTE as one `Transition` of arrays."""
+def of_notes(notes: NDArray, shape: Shape) -> Transition:
+    """Transitions (n,), as recorded, as one `Transition` of arrays."""
     parts: dict[str, Any] = {
-        name: list(notes[name].T) if name in WIDE else notes[name] for name in Transition._fields
+        name: list(notes[name].T) if name in SEVERAL else notes[name] for name in Transition._fields
     }
-    return _transition(parts, actions)
-
-
-def _transition(parts: Mapping[str, Any], actions: int) -> Transition:
-    """A `Transition` of recorded fields: booleans are numbers there, vectors are lists."""
-    given: dict[str, Any] = dict(parts)
-    for name in ("before", "state"):
-        given[name] = State(*given[name])
-    for name in ("action", "last_action"):
-        given[name] = tuple(given[name][:actions])
-    for name in TRUTHS:
-        if not isinstance(given[name], bool | np.bool_):
-            given[name] = given[name] > 0.5
-    return Transition(**given)
+    return shape.transition(parts)
 
 
 class Custom:
     """The user's own functions of a scene, for a batch of walkers.
 
     Args:
-        scene: A scene with at least one such function.
+        scene: A scene with at least one such function, or with a `System`.
         count: Number of walkers.
 
     Attributes:
-        notes: Transitions of the last step, (count,) of NOTE.
+        notes: Transitions of the last step, (count,) of `note_for` the walkers' layout.
         rules: Functions by name: "reward", "observation", "terminated".
         noted: Groups of `transitions.PARTS` to record, as bits.
         native: Whether reward and termination are compiled.
@@ -285,12 +316,15 @@ class Custom:
     """
 
     def __init__(self, scene: Any, count: int) -> None:
-        self.notes, self._actions = np.zeros(count, NOTE), len(scene.actions)
+        self._shape = shape_of(scene)
+        self.notes = np.zeros(count, note_for(self._shape.layout))
         self.rules: dict[str, Rule] = {}
-        for name in RULES:
-            given = getattr(scene, name)
-            if given is not None:
-                self.rules[name] = Rule(name, rule_of(given), self._actions)
+        given = {name: getattr(scene, name) for name in RULES}
+        if scene.own_system is not None and given["observation"] is None:
+            given["observation"] = everything
+        for name, function in given.items():
+            if function is not None:
+                self.rules[name] = Rule(name, rule_of(function), self._shape)
         self._judged = [name for name in ("reward", "terminated") if name in self.rules]
         self._slow = [name for name in self._judged if not self.rules[name].native]
         self.native = not self._slow
@@ -349,7 +383,7 @@ class Custom:
         function = self.rules["reward"].function
         if not isinstance(function, Weighted):
             return {"function": self.notes["paid"].copy()}
-        terms = function.terms(of_notes(self.notes, self._actions))
+        terms = function.terms(of_notes(self.notes, self._shape))
         return {name: np.array(np.broadcast_to(x, len(self.notes))) for name, x in terms.items()}
 
 

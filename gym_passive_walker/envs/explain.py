@@ -62,11 +62,14 @@ def as_text(env: Any = "level") -> str:
     """The tables of `explain` as text."""
     scene, *_ = _parts(env)
     every = f"every {scene.tick:g} sqrt(l/g) and" if scene.control == "tick" else "only"
+    own = scene.own_system
+    who = describe(scene.walker) if own is None else f"system {own.title!r}"
     slope = " to ".join(f"{bound:g}" for bound in np.atleast_1d(scene.slope))
     lines = [
-        f"{describe(scene.walker)}, slope {slope} rad; an action is chosen {every} after a "
-        "heelstrike.",
-        "Units: leg length l, mass m, time sqrt(l/g).",
+        f"{who}, slope {slope} rad; an action is chosen {every} after a heelstrike.",
+        "Units: leg length l, mass m, time sqrt(l/g)."
+        if scene.own_system is None
+        else "Units: those of the system, in which gravity is 1; energies over its weight.",
     ]
     for title, rows in as_rows(env).items():
         heads = list(rows[0])
@@ -92,17 +95,24 @@ def as_rows(env: Any = "level") -> dict[str, Rows]:
         last = {name: float(term[0]) for name, term in batch.reward_terms().items()}
         for row in paid:
             row["last"] = last[row["term"]]
+    own = scene.own_system is not None
     acts: Rows = [
         {
             "number": i,
-            "action": _CHANNELS[name][0],
-            "min": 0.0 if name == "push_off" else -1.0,
+            "action": f"control {name!r}" if own else _CHANNELS[name][0],
+            "min": 0.0 if name == "push_off" and not own else -1.0,
             "max": 1.0,
-            "action 1 is": f"{scene.largest(name):g} {_CHANNELS[name][1]}",
+            "action 1 is": f"{scene.largest(name):g} {'' if own else _CHANNELS[name][1]}".rstrip(),
         }
         for i, name in enumerate(scene.actions)
     ]
-    return {"observation": seen, "action": acts, "reward": paid, "episode end": _ends(scene, limit)}
+    tables = {
+        "observation": seen,
+        "action": acts,
+        "reward": paid,
+        "episode end": _ends(scene, limit),
+    }
+    return {title: rows for title, rows in tables.items() if rows}
 
 
 def _parts(env: Any) -> tuple[Scene, Batch | None, float | None]:
@@ -123,7 +133,7 @@ def _parts(env: Any) -> tuple[Scene, Batch | None, float | None]:
 
 def _observed(scene: Scene) -> Rows:
     """What an agent observes: name, unit and bounds of each number."""
-    own = Custom(scene, 0).seen if scene.observation else None
+    own = Custom(scene, 0).seen if scene.observation or scene.own_system else None
     space = interface.observation_space(scene, own)
     names = list(_SEEN)
     if scene.command is not None:
@@ -131,8 +141,11 @@ def _observed(scene: Scene) -> Rows:
     for k in range(1, scene.terrain_lookahead + 1):
         names += [(f"height of foothold {k} ahead over the one before", "l")]
         names += [("its slope less that of the one before", "rad")]
-    if own is not None:
-        names = [(f"of {_name(scene.observation)}", "")] * own
+    if scene.observation is not None:
+        names = [(f"of {_name(scene.observation)}", "")] * len(space.low)
+    elif scene.own_system is not None:
+        fields = scene.own_system.State._fields  # type: ignore[attr-defined]
+        names = [*((name, "") for name in fields), ("slope, positive downhill", "rad")]
     return [
         {"observation": name, "unit": unit, "min": float(low), "max": float(high)}
         for (name, unit), low, high in zip(names, space.low, space.high, strict=True)
@@ -164,6 +177,10 @@ def _ends(scene: Scene, limit: float | None) -> Rows:
         "fell_forward": "the stance leg lies on the ground, ahead",
         "fell_backward": "the stance leg lies on the ground, behind",
         "swing_overrotation": "the swing leg has turned beyond upright",
+    }
+    if scene.own_system is not None:
+        found = dict.fromkeys(scene.own_system.falls, "a rule of the system's falls")
+    found |= {
         "stalled": f"no heelstrike within {scene.max_stride_time:g} sqrt(l/g)",
         "diverged": "the motion is no longer finite",
     }

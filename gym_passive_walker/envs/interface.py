@@ -100,6 +100,7 @@ def refuse(action: Any, actions: Sequence[str], lane: int | None = None) -> NoRe
     """
     where = "" if lane is None else f" of environment {lane}"
     told = "one finite number" if len(actions) == 1 else f"finite numbers of {', '.join(actions)}"
+    told = told if actions else "without numbers"
     shown = action[0] if isinstance(action, np.ndarray) and action.shape == (1,) else action
     raise ValueError(
         f"the action{where} must be {told} (beyond -1 and 1 it is clipped), not {shown}"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, fields, is_dataclass
 from functools import cache
 from typing import Any
 
@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.engine.lanes import RESTING
-from gym_passive_walker.engine.layout import RECORD
+from gym_passive_walker.engine.layout import Layout, record_for
 from gym_passive_walker.envs import fates, task
 from gym_passive_walker.envs.scene import Scene
-from gym_passive_walker.physics.hybrid import Control, Outcome
-from gym_passive_walker.walkers import PARAMETERS, Walker
+from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.walkers import PARAMETERS, Mechanism, Walker
 
 _MANY = 2**53  # more steps than anyone makes
 _FINITE = float(np.finfo(float).max)
@@ -98,11 +98,23 @@ def over(ledger: NDArray) -> NDArray[np.bool_]:
 
 def described(scene: Scene) -> str:
     """A scene as a text that says all of it."""
-    return json.dumps(asdict(scene), default=_described)
+    parts = {field.name: getattr(scene, field.name) for field in fields(scene)}
+    return json.dumps(parts, default=_described)
+
+
+def kept(walker: Any) -> Any:
+    """What a saved state holds of a walker: of a `System` its equations' name and its body."""
+    if isinstance(walker, Mechanism):
+        return walker.hybrid.name, *map(float, walker.body)
+    return walker
 
 
 def _described(value: Any) -> Any:
-    """A number of NumPy's, or a function by its name, for JSON."""
+    """A number of NumPy's, a function by its name, or a walker, for JSON."""
+    if isinstance(value, Mechanism):
+        return [value.title, *kept(value)]
+    if is_dataclass(value) and not isinstance(value, type):
+        return asdict(value)
     if callable(value):
         return f"{value.__module__}:{getattr(value, '__qualname__', type(value).__qualname__)}"
     return value.item()
@@ -146,6 +158,10 @@ def check_walkers(
         StateError: if one of them cannot be there.
     """
     row = list(given) if isinstance(given, Sequence) else []
+    if isinstance(own[0], Mechanism):
+        if row != [kept(walker) for walker in own]:
+            raise StateError("the state's 'walkers' are not the systems of this environment")
+        return list(own)
     if len(row) != len(own) or not all(isinstance(walker, Walker) for walker in row):
         raise StateError(
             f"the state's 'walkers' must be a row of {len(own)} walkers, not {type(given).__name__}"
@@ -279,20 +295,23 @@ class RowLimits:
         rules: The scene's, one row of `task.RULES`.
         phases: How many the walkers' system has.
         last: The greatest number of an outcome.
+        layout: Of the walkers' records.
     """
 
-    def __init__(self, rules: NDArray, phases: int, last: int) -> None:
+    def __init__(self, rules: NDArray, phases: int, last: int, layout: Layout) -> None:
         longest, limit = float(rules["max_stride_time"]), min(float(rules["step_limit"]), _MANY)
         time, largest = (0.0, longest), rules["largest"]
-        torque, reason = largest[: len(Control._fields)], (0, last)
+        torque, reason = largest[:-1], (0, last)
         self._records = Limits(
-            "records", RECORD, phase=(0, phases - 1), outcome=(RESTING, len(Outcome) - 1),
+            "records", record_for(layout),
+            phase=(0, phases - 1), outcome=(RESTING, len(Outcome) - 1),
             steps=(0, _MANY), time=time, knee_time=time, end=time, step=(0.0, _FINITE),
             control=(-torque, torque), push_off=(0.0, largest[-1]),
         )  # fmt: skip
         self._ledger = Limits(
-            "ledger", task.LEDGER, skip=task.EVERY_STRIDE, outcome=reason, ending=reason,
-            broken=reason, truncated=(0, 1), steps=(0, limit), strides=(0, limit),
+            "ledger", task.ledger_for(layout), skip=task.EVERY_STRIDE,
+            outcome=reason, ending=reason, broken=reason, truncated=(0, 1),
+            steps=(0, limit), strides=(0, limit),
         )  # fmt: skip
 
     def check(self, records: NDArray, ledger: NDArray, *, begun: bool) -> NDArray[np.bool_]:

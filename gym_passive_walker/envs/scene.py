@@ -28,7 +28,7 @@ from gym_passive_walker.envs.custom import RULES, checked_rule
 from gym_passive_walker.envs.task import CHANNELS, ENERGIES, SIZE
 from gym_passive_walker.gaits.terrain import Terrain, terrain_from
 from gym_passive_walker.loading import is_file
-from gym_passive_walker.walkers import PARAMETERS, Walker, as_walker
+from gym_passive_walker.walkers import PARAMETERS, Mechanism, Walker, as_any, as_walker, state_size
 
 CONTROLS = ("tick", "stride")
 
@@ -51,7 +51,8 @@ class Scene:
     attribute afterwards is the value that was chosen for it.
 
     Attributes:
-        walker: A walker in a form that `as_walker` takes: a `Walker`, a name, a mapping or a file.
+        walker: A walker in a form that `as_walker` takes: a `Walker`, a name, a mapping or a file;
+            or a `System` of the user's own. `make_scene` takes such a one as `system` as well.
         slope: Slope in rad, positive downhill; or (low, high), drawn at each reset.
         control: "tick" for a new torque every `tick`, and at each heelstrike; "stride" for one
             torque from heelstrike to heelstrike.
@@ -59,7 +60,7 @@ class Scene:
         actions: What an agent acts by, in the order of its action's numbers: "hip", a torque
             between the legs; "ankle", a torque between ground and stance leg, on point feet;
             "push_off", an impulse along the stance leg just before heelstrike, of which that in
-            the last action of a stride counts.
+            the last action of a stride counts. None is ("hip",), or all controls of a `System`.
         max_hip_torque: Torque of the action 1; 0 is a passive walker. None is 0.05 for ticks and
             0.03 for strides. Of the simplest walker, torque per unit of foot mass.
         max_ankle_torque: Ankle torque of the action 1.
@@ -107,7 +108,7 @@ class Scene:
     slope: float | tuple[float, float] = 0.0
     control: str = "tick"
     tick: float = 0.1
-    actions: tuple[str, ...] = ("hip",)
+    actions: tuple[str, ...] = None  # type: ignore[assignment]
     max_hip_torque: float = None  # type: ignore[assignment]
     max_ankle_torque: float = 0.05
     max_push_off: float = 0.2
@@ -145,7 +146,9 @@ class Scene:
         def bound(name: str, low: float, high: float) -> None:
             put(name, bounded(name, getattr(self, name), low, high))
 
-        put("walker", as_walker(self.walker))
+        put("walker", as_any(self.walker))
+        if self.own_system is not None:
+            self._check_own()
         put("slope", self._checked_slope())
         for name, names in (("control", CONTROLS), ("energy", ENERGIES)):
             if getattr(self, name) not in names:
@@ -213,17 +216,18 @@ class Scene:
 
     def _checked_actions(self) -> tuple[str, ...]:
         """What an agent acts by."""
+        channels = self.channels
+        if self.actions is None:
+            return ("hip",) if self.own_system is None else channels
         given = (self.actions,) if isinstance(self.actions, str) else self.actions
         try:
             actions = tuple(given)
         except TypeError:
-            actions = ()
-        strange = [action for action in actions if action not in CHANNELS]
-        if not actions or strange or len(set(actions)) < len(actions):
-            raise SceneError(
-                f"actions must be some of {', '.join(map(repr, CHANNELS))}, each once, "
-                f"not {shown(self.actions)}"
-            )
+            actions = ("",)
+        strange = [action for action in actions if action not in channels]
+        if not (actions or not channels) or strange or len(set(actions)) < len(actions):
+            allowed = f"some of {', '.join(map(repr, channels))}, each once" if channels else "()"
+            raise SceneError(f"actions must be {allowed}, not {shown(self.actions)}")
         if "ankle" in actions and self.walker.foot_radius != 0.0:
             raise SceneError(
                 "the action 'ankle' needs point feet: a round foot rolls, and the ground under it "
@@ -231,9 +235,32 @@ class Scene:
             )
         return actions
 
+    @property
+    def own_system(self) -> Mechanism | None:
+        """The user's `System` that walks here; None where a walker of the package does."""
+        return self.walker if isinstance(self.walker, Mechanism) else None
+
+    @property
+    def channels(self) -> tuple[str, ...]:
+        """What agents may act by."""
+        return CHANNELS if self.own_system is None else self.own_system.controls
+
     def largest(self, channel: str) -> float:
         """What the action 1 does in a channel."""
-        return getattr(self, _LARGEST[channel])
+        if self.own_system is None:
+            return getattr(self, _LARGEST[channel])
+        usual = self.max_hip_torque * self.own_system.total_mass
+        return float(self.own_system.limits.get(channel, usual))
+
+    def _check_own(self) -> None:
+        """Refuse what a user's system does not have."""
+        wanted: dict[str, Any] = CALM | {"command": None, "domain_randomization": {}}
+        found = [name for name, calm in wanted.items() if getattr(self, name) not in (calm, None)]
+        if found:
+            raise SceneError(
+                f"{' and '.join(found)} need a walker with two legs and McGeer's parameters, not "
+                f"the system {self.walker.title!r}"
+            )
 
     def _checked_shares(self) -> dict[str, float]:
         """Shares by which parameters of the walker may vary."""
@@ -277,9 +304,10 @@ class Scene:
             start = real_array(self.start, "start", "numbers")  # type: ignore[arg-type]
         except ValueError:
             start = np.empty(0)
-        if start.shape != (6,):
+        if start.shape != (size := state_size(self.walker),):
+            parts = "angles and rates" if self.own_system is None else "coordinates and rates"
             raise SceneError(
-                f"start must be 6 finite numbers, angles and rates, not {shown(self.start)}"
+                f"start must be {size} finite numbers, {parts}, not {shown(self.start)}"
             )
         return tuple(start.tolist())
 
@@ -393,6 +421,24 @@ def plain(scene: Scene, who: str, *names: str) -> Scene:
     return scene
 
 
+def with_parameters(scene: Scene, what: str) -> Scene:
+    """A scene with a walker of the package, as some methods need it.
+
+    Args:
+        scene: The scene.
+        what: What needs it, to begin a sentence.
+
+    Raises:
+        SceneError: if a user's `System` walks in it.
+    """
+    if scene.own_system is not None:
+        raise SceneError(
+            f"{what} needs a walker with two legs and McGeer's parameters, not the system "
+            f"{scene.walker.title!r}"
+        )
+    return scene
+
+
 def undisturbed(scene: Scene, who: str) -> Scene:
     """A scene without disturbances and commands, as some methods need it.
 
@@ -414,7 +460,8 @@ def make_scene(scene: Scene | str | Mapping[str, Any] = "level", **changes: Any)
 
     Args:
         scene: A `Scene`, one of `SCENES`, or a mapping of a scene's arguments.
-        **changes: Arguments of `Scene` that replace the scene's own.
+        **changes: Arguments of `Scene` that replace the scene's own; "system", a `System` of the
+            user's own, is another name of "walker".
 
     Raises:
         SceneError: if there is no such scene, or the arguments describe none.
@@ -429,6 +476,12 @@ def make_scene(scene: Scene | str | Mapping[str, Any] = "level", **changes: Any)
         arguments = dict(SCENES[scene])
     else:
         raise SceneError(f"no scene {shown(scene)}: give a Scene, or one of {', '.join(SCENES)}")
+    if "system" in changes:
+        if "walker" in changes:
+            raise SceneError("give a scene a walker or a system, not both")
+        changes["walker"] = changes.pop("system")
+        if not isinstance(changes["walker"], Mechanism):
+            raise SceneError(f"system must be a gpw.System, not {shown(changes['walker'])}")
     arguments.update(changes)
     if said := unknown(arguments, known, "a scene"):
         raise SceneError(said)

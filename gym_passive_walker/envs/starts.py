@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.engine.jit import Kernel
+from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.envs.scene import SCENES, Scene, SceneError, make_scene
 from gym_passive_walker.gaits.search import seek
-from gym_passive_walker.walkers import WALKERS, Walker, WalkerError
+from gym_passive_walker.walkers import WALKERS, Mechanism, Walker, WalkerError, state_size
 
 REFERENCE_SLOPES = (0.01, 0.02, 0.036, 0.06, 0.09, 0.005, 0.0025)
 """Slopes with a gait that a walker may start with where its own slope has none; on level ground and
@@ -70,7 +71,10 @@ def searched_gait(walker: Walker, slope: float, guess: State | None = None) -> S
     Returns:
         The state, rates in units of 1/sqrt(l/g) as in the guess.
     """
-    units = np.array([1.0, 1.0, 1.0, *[walker.time_unit] * 3])
+    if isinstance(walker, Mechanism) and walker.start is None and guess is None:
+        return None
+    half = state_size(walker) // 2
+    units = np.array([*[1.0] * half, *[walker.time_unit] * half])
     for start in (None,) if guess is None else (np.array(guess) / units, None):
         gait = seek(walker, slope, guess=start).gait
         if gait is not None and gait.kind == "long":
@@ -90,6 +94,8 @@ def gait_near(walker: Walker, slope: float, guess: State | None = None) -> State
         state = passive_gait(walker, candidate, guess if candidate == slope else None)
         if state is not None:
             return state
+    if isinstance(walker, Mechanism) and walker.start is not None:
+        return tuple(map(float, walker.start))
     raise SceneError(
         f"this walker has no passive gait at slope {slope:g} nor at any of {REFERENCE_SLOPES}: "
         "give the scene a start"
@@ -127,12 +133,13 @@ class Starts:
             slopes: In rad, shape (n,).
 
         Returns:
-            Shape (n, 6), or (1, 6) if all start alike; rates in units of 1/sqrt(l/g).
+            Shape (n, 6), or (1, 6) if all start alike, with rates in units of 1/sqrt(l/g); of a
+            `System` as records have them, see `as_recorded`.
         """
         nodes, states = self.nodes
         if len(nodes) == 1:
             return states
-        found = np.empty((len(slopes), 6))
+        found = np.empty((len(slopes), states.shape[1]))
         between(nodes, states, slopes, found)
         return found
 
@@ -168,11 +175,22 @@ class Starts:
     def nodes(self) -> tuple[NDArray, NDArray]:
         """Slopes of the range, and the states to start from there."""
         if self.scene.start is not None:
-            return np.array([self.low]), np.array([self.scene.start])
+            return np.array([self.low]), as_recorded(self.walker, [self.scene.start])
         states: list[State] = []
         for slope in reversed(self.node_slopes):
             states.insert(0, gait_near(self.walker, slope, states[0] if states else None))
-        return np.array(self.node_slopes), np.array(states)
+        return np.array(self.node_slopes), as_recorded(self.walker, states)
+
+
+def as_recorded(walker: Walker, states: Sequence[State]) -> NDArray[np.float64]:
+    """States (n, 2 m) in rows as long as a record's, which may have room for more coordinates."""
+    found = np.array(states, dtype=float)
+    if not isinstance(walker, Mechanism):
+        return found
+    room, half = layout_of(walker.hybrid).links, walker.coordinates
+    rows = np.zeros((len(found), 2 * room))
+    rows[:, :half], rows[:, room : room + half] = found[:, :half], found[:, half:]
+    return rows
 
 
 @Kernel
@@ -184,7 +202,7 @@ def between(nodes, states, slopes, found):
         while right < last and slopes[i] >= nodes[right]:
             right += 1
         share = (slopes[i] - nodes[right - 1]) / (nodes[right] - nodes[right - 1])
-        for k in range(6):
+        for k in range(states.shape[1]):
             found[i, k] = (1.0 - share) * states[right - 1, k] + share * states[right, k]
 
 
@@ -199,6 +217,10 @@ def checked_state(state: Sequence[float], walker: Walker) -> State:
         ValueError: if it is no state of an upright walker.
     """
     given = np.asarray(state, dtype=float)
+    if isinstance(walker, Mechanism):
+        if not walker.standing(given.tolist()):
+            raise ValueError(f"options['state'] is of a walker that has fallen: {given.tolist()}")
+        return tuple(given.tolist())
     if given.shape != (6,) or not np.all(np.isfinite(given)):
         raise ValueError(
             "options['state'] must be 6 finite numbers, [stance, thigh, shank] angles and their "

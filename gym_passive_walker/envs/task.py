@@ -10,11 +10,13 @@ Each walker has its record, which the engine carries along (`engine.layout`), an
 from __future__ import annotations
 
 import math
+from functools import cache
 
 import numpy as np
 
 from gym_passive_walker.engine.jit import Kernel, address, call, jitted
 from gym_passive_walker.engine.lanes import RESTING
+from gym_passive_walker.engine.layout import NARROW, Layout
 from gym_passive_walker.engine.run import carry_on
 from gym_passive_walker.physics.hybrid import Outcome
 
@@ -43,44 +45,59 @@ EVERY_STRIDE = (
 )
 """What `info` tells besides where a stride ends; zero at other steps."""
 
-LEDGER = np.dtype(
-    [(name, "f8") for name in (*EVERY_STEP[:-1], *EVERY_STRIDE)]
-    + [
-        ("strides", "i8"),
-        ("outcome", "i8"),  # of a stride or an episode that has ended in this step
-        ("ending", "i8"),  # outcome that ended the episode; 0 while it goes on
-        ("broken", "i8"),  # the same, by a rule besides the equations; see `fates`
-        ("truncated", "i8"),
-        ("steps", "i8"),  # of the episode
-        ("reward", "f8"),
-        ("total", "f8"),  # of the rewards
-        ("slope", "f8"),
-        ("origin", "f8"),  # where the stance foot would touch the ground, its leg along the normal
-        ("place", "f8"),  # of the hip from there, before the step
-        # Of the strides that have ended since the episode began: their time, and gravity's work.
-        ("clock", "f8"),
-        ("descent", "f8"),
-        # Since the stride began: of each channel's motor, and of the hip.
-        ("net_work", "f8", (len(CHANNELS),)),
-        ("charge", "f8", (len(CHANNELS),)),
-        ("progress", "f8"),
-    ]
-)
 
-RULES = np.dtype(
-    [
+@cache
+def ledger_for(layout: Layout) -> np.dtype:
+    """The layout of a ledger, for walkers with records of a layout."""
+    channels = (layout.controls + 1,)  # the controls, then the push-off
+    return np.dtype(
+        [(name, "f8") for name in (*EVERY_STEP[:-1], *EVERY_STRIDE)]
+        + [
+            ("strides", "i8"),
+            ("outcome", "i8"),  # of a stride or an episode that has ended in this step
+            ("ending", "i8"),  # outcome that ended the episode; 0 while it goes on
+            ("broken", "i8"),  # the same, by a rule besides the equations; see `fates`
+            ("truncated", "i8"),
+            ("steps", "i8"),  # of the episode
+            ("reward", "f8"),
+            ("total", "f8"),  # of the rewards
+            ("slope", "f8"),
+            ("origin", "f8"),  # where the stance foot would touch the ground at stance angle 0
+            ("place", "f8"),  # of the hip from there, before the step
+            # Of the strides that have ended since the episode began: time, and gravity's work.
+            ("clock", "f8"),
+            ("descent", "f8"),
+            # Since the stride began: of each channel's motor, and of the hip.
+            ("net_work", "f8", channels),
+            ("charge", "f8", channels),
+            ("progress", "f8"),
+        ]
+    )
+
+
+LEDGER = ledger_for(NARROW)
+
+
+@cache
+def rules_for(layout: Layout) -> np.dtype:
+    """The layout of a scene's rules, for walkers with records of a layout."""
+    channels = (layout.controls + 1,)
+    return np.dtype([
         ("tick", "f8"),
         ("max_stride_time", "f8"),
         ("actions", "i8"),  # how many an agent has
-        ("channels", "i8", (len(CHANNELS),)),  # of them, indices into CHANNELS
-        ("largest", "f8", (len(CHANNELS),)),  # of each channel; 0 if it is not in use
+        ("channels", "i8", channels),  # of each action: the number of a control, or the last
+        ("largest", "f8", channels),  # of each channel; 0 if it is not in use
         ("energy_weight", "f8"),
         ("step_limit", "f8"),
         ("charged", "i8"),  # an index into ENERGIES
-        ("works", "f8", (len(CHANNELS),)),  # 0 where a torque costs none: on feet without mass
-    ]
-)
-"""A scene's rules."""
+        # Work / (m g l) of a unit of each control; 0 where it costs none: on feet without mass.
+        ("works", "f8", channels),
+        ("weight", "f8"),  # of the walker, in the unit of its records
+    ])  # fmt: skip
+
+
+RULES = rules_for(NARROW)
 
 ENERGIES = ("absolute", "positive", "net")
 """How the motor is charged for hip work."""
@@ -101,7 +118,6 @@ LOWEST = -BOUNDS
 LOWEST[6] = 0.0
 
 _HEELSTRIKE, _STALLED = int(Outcome.HEELSTRIKE), int(Outcome.STALLED)
-_PUSH_OFF = CHANNELS.index("push_off")
 _ABSOLUTE, _POSITIVE = map(ENERGIES.index, ("absolute", "positive"))
 
 
@@ -144,7 +160,7 @@ def over(row):
 @jitted
 def see(record, row, phases, observations, first):
     """Write a walker's observation."""
-    for i in range(6):
+    for i in range(SIZE - 2):  # a user's own system is seen by `custom.everything`
         observations[first + i] = clipped(record.state[i], BOUNDS[i])
     observations[first + 6] = 1.0 if phases[record.phase].links == 2 else 0.0
     observations[first + 7] = clipped(row.slope, BOUNDS[7])
@@ -219,10 +235,11 @@ def begin(
         row.slope = slopes[j if len(slopes) > 1 else 0]
         record.ground[0], record.ground[1] = math.sin(row.slope), math.cos(row.slope)
         gait = gaits[j if len(gaits) > 1 else 0]
-        for k in range(6):
-            which = 1 if k < 3 else (2 if k == 3 else 3)
+        links = len(record.start)
+        for k in range(2 * links):
+            which = 1 if k < links else (2 if k == links else 3)
             record.state[k] = gait[k] * (1.0 + reset_noise_scale * (2.0 * draws[j, which] - 1.0))
-        for k in range(3):
+        for k in range(links):
             record.start[k] = record.state[k]
         row.origin = radii[own] * record.state[0]
         call(phases[0].place, address(records[i]), address(bodies[own]), 0, 0, 0.0, 0.0)
@@ -250,7 +267,7 @@ def command(records, ledger, rules, actions):
         for j in range(count):
             channel = rules.channels[j]
             share = clipped(actions[i * count + j], 1.0)
-            if channel == _PUSH_OFF:
+            if channel == len(record.control):
                 record.push_off = rules.largest[channel] * max(share, 0.0)
             else:
                 record.control[channel] = rules.largest[channel] * share
@@ -263,42 +280,47 @@ def command(records, ledger, rules, actions):
 @jitted
 def charge(record, row, rules):
     """Enter the step's work of each motor."""
-    for channel in range(_PUSH_OFF):
+    push_off = len(record.control)
+    for channel in range(push_off):
         if rules.largest[channel] == 0.0 or rules.works[channel] == 0.0:
             continue
-        torque, moved = record.control[channel], record.moved[channel]
-        turned = record.turned[channel]
+        torque = record.control[channel] * rules.works[channel]
+        moved, turned = record.moved[channel], record.turned[channel]
         energy = _motor_charge(rules.charged, torque, moved, turned)
         row.energy += energy
         row.charge[channel] += energy
         row.net_work[channel] += torque * moved
-    if record.outcome == _HEELSTRIKE and rules.largest[_PUSH_OFF] != 0.0:
+    if record.outcome == _HEELSTRIKE and rules.largest[push_off] != 0.0:
         row.energy += record.push_work
-        row.charge[_PUSH_OFF] = record.push_work
+        row.charge[push_off] = record.push_work
 
 
 @jitted
-def end_stride(record, row):
+def end_stride(record, row, rules):
     """Measure the stride that a heelstrike has just ended, and open the next one."""
-    length = record.step_length
+    length, push_off = record.step_length, len(record.control)
+    way = length * rules.weight
     row.strides += 1
     row.step_length = length
     row.step_period = record.time
     row.speed = length / record.time
-    row.gravity_cost = record.gravity_work / length
+    row.gravity_cost = record.gravity_work / way
     row.hip_cost, row.net_hip_cost = row.charge[0] / length, row.net_work[0] / length
     row.ankle_cost, row.net_ankle_cost = row.charge[1] / length, row.net_work[1] / length
-    row.push_off_cost = row.charge[_PUSH_OFF] / length
-    motors = row.hip_cost + row.ankle_cost + row.push_off_cost
+    row.push_off_cost = row.charge[push_off] / length
+    motors = row.hip_cost + row.ankle_cost
+    for channel in range(2, push_off):
+        motors += row.charge[channel] / length
+    motors += row.push_off_cost
     row.cost_of_transport = row.gravity_cost + motors
-    row.collision_cost = (record.knee_loss + record.heel_loss) / length
-    row.friction_cost = record.friction_loss / length
+    row.collision_cost = (record.knee_loss + record.heel_loss) / way
+    row.friction_cost = record.friction_loss / way
     row.kneestrike_time = record.knee_time
-    for channel in range(_PUSH_OFF + 1):
+    for channel in range(push_off + 1):
         row.net_work[channel], row.charge[channel] = 0.0, 0.0
     row.progress = 0.0
     row.clock += record.time
-    row.descent += record.gravity_work
+    row.descent += record.gravity_work / rules.weight
     row.origin -= record.place - record.passed
     record.time, record.knee_time = 0.0, 0.0
     record.knee_loss, record.heel_loss, record.friction_loss = 0.0, 0.0, 0.0
@@ -353,7 +375,7 @@ def settle(records, bodies, ledger, rules, phases, observations, rewards, termin
         row.total += row.reward
         row.steps += 1
         if struck:
-            end_stride(record, row)
+            end_stride(record, row, rules)
             strides += 1
         if row.steps >= rules.step_limit:
             row.truncated = 1

@@ -7,20 +7,31 @@ longer than the engine takes for one walker. What stays in its place is noted on
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.engine.compiled import PHASE
-from gym_passive_walker.engine.jit import Kernel, inlined, jitted, uniform, view
+from gym_passive_walker.engine.jit import Kernel, inlined, jitted, named, uniform, view
 from gym_passive_walker.engine.lanes import RESTING
-from gym_passive_walker.engine.layout import COURSE, RECORD, TILE
+from gym_passive_walker.engine.layout import (
+    NARROW,
+    PAIR,
+    Layout,
+    course_for,
+    layout_in,
+    record_for,
+    tile_for,
+)
 from gym_passive_walker.engine.run import OPTIONS
 from gym_passive_walker.envs import task, transitions
 from gym_passive_walker.envs.custom import Custom
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.starts import DRAWS, Starts, between
-from gym_passive_walker.envs.transitions import NOTE
+from gym_passive_walker.envs.transitions import note_for
 
 STAYS = (
     "records", "bodies", "radii", "ledger", "rules", "phases", "options", "tiles", "courses",
@@ -45,55 +56,6 @@ _capsule = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)
 )
 
 
-@inlined
-def found(where, first, last):
-    """What a door has noted, and its walkers from one to before another."""
-    places = view(where, (1,), PLACES)
-    here = places[0]
-    records = view(here.records, (here.of_records, 1), RECORD)[first:last]
-    bodies = view(here.bodies, (here.of_bodies, 1, here.constants), _NUMBER)
-    if here.of_bodies > 1:
-        bodies = bodies[first:last]
-    ledger = view(here.ledger, (here.of_ledger,), task.LEDGER)[first:last]
-    phases = view(here.phases, (here.of_phases,), PHASE)
-    return places, records, bodies, ledger, phases
-
-
-@Kernel
-def begin(where, lanes, alike, slopes, gaits, draws, observations):
-    """Begin episodes of some walkers, as `task.begin` does.
-
-    Args:
-        where: A door's address.
-        lanes: Which walkers.
-        alike: Whether they start as the door has noted, by the numbers that each one draws; the
-            next three are of no interest then.
-        slopes: As of `task.begin`, as all that follow.
-        gaits: Theirs.
-        draws: Theirs.
-        observations: Filled, flat.
-    """
-    places, records, bodies, ledger, phases = found(where, 0, _ALL)
-    here = places[0]
-    radii = view(here.radii, (here.of_radii,), _NUMBER)
-    if alike:
-        draws, slopes = np.empty((len(lanes), DRAWS)), np.empty(len(lanes))
-        fill(where, lanes, draws)
-        for j in range(len(lanes)):
-            slopes[j] = here.low
-            if here.low != here.high:
-                slopes[j] = here.low + (here.high - here.low) * draws[j, 0]
-        nodes = view(here.nodes, (here.of_nodes,), _NUMBER)
-        gaits = view(here.states, (here.of_states, 6), _NUMBER)
-        if len(nodes) > 1:
-            states, gaits = gaits, np.empty((len(lanes), 6))
-            between(nodes, states, slopes, gaits)
-    task.begin(
-        records, bodies, radii, ledger, np.zeros(1, RECORD), np.zeros(1, task.LEDGER), phases,
-        lanes, slopes, gaits, draws, here.reset_noise_scale, observations,
-    )  # fmt: skip
-
-
 @jitted
 def fill(where, lanes, draws):
     """See `draw`."""
@@ -110,85 +72,154 @@ def draw(where, lanes, draws):
     fill(where, lanes, draws)
 
 
-@jitted
-def tick(where, first, last, tiles, courses, observations, rewards, terminated, truncated):
-    """A step of some walkers by the actions that lie there; see `task.step`."""
-    places, records, bodies, ledger, phases = found(where, first, last)
-    here = places[0]
-    rules = view(here.rules, (1,), task.RULES)
-    options = view(here.options, (1,), OPTIONS)
-    actions = view(here.actions, (here.of_actions,), _NUMBER)
-    each = rules[0].actions
-    own = actions[first * each : last * each]
-    notes = view(here.notes, (here.of_notes,), NOTE)[first:last]
-    if here.of_notes > 0:
-        transitions.before(records, notes, here.noted)
-    wrong, strides, endings = task.step(
-        records, bodies, ledger, rules, phases, options, view(tiles, (1,), TILE),
-        view(courses, (1,), COURSE), own, observations, rewards, terminated, truncated,
-    )  # fmt: skip
-    if here.of_notes > 0 and wrong < 0:
-        endings += transitions.after(
-            records, ledger, rules, phases, own, notes, here.noted, here.paid, here.ends,
-            here.native != 0, rewards, terminated,
+class Kernels(NamedTuple):
+    """Compiled calls of a batch, for walkers with records of one layout."""
+
+    begin: Kernel
+    step: Kernel
+    step_here: Kernel
+    tell: Kernel
+
+
+@cache
+def kernels_for(layout: Layout) -> Kernels:
+    """The compiled calls of batches of which the records have a layout."""
+    record, ledger_of, rules_of = (
+        record_for(layout),
+        task.ledger_for(layout),
+        task.rules_for(layout),
+    )
+    note, course, tile = note_for(layout), course_for(layout), tile_for(PAIR, layout=layout)
+    size = 2 * layout.links
+
+    def within(compiler: Callable[..., Any]) -> Callable[..., Any]:
+        return lambda function: compiler(named(function, "wide" * (layout != NARROW)))
+
+    @within(inlined)
+    def found(where, first, last):
+        """What a door has noted, and its walkers from one to before another."""
+        places = view(where, (1,), PLACES)
+        here = places[0]
+        records = view(here.records, (here.of_records, 1), record)[first:last]
+        bodies = view(here.bodies, (here.of_bodies, 1, here.constants), _NUMBER)
+        if here.of_bodies > 1:
+            bodies = bodies[first:last]
+        ledger = view(here.ledger, (here.of_ledger,), ledger_of)[first:last]
+        phases = view(here.phases, (here.of_phases,), PHASE)
+        return places, records, bodies, ledger, phases
+
+    @within(Kernel)
+    def begin(where, lanes, alike, slopes, gaits, draws, observations):
+        """Begin episodes of some walkers, as `task.begin` does.
+
+        Args:
+            where: A door's address.
+            lanes: Which walkers.
+            alike: Whether they start as the door has noted, by the numbers that each one draws; the
+                next three are of no interest then.
+            slopes: As of `task.begin`, as all that follow.
+            gaits: Theirs.
+            draws: Theirs.
+            observations: Filled, flat.
+        """
+        places, records, bodies, ledger, phases = found(where, 0, _ALL)
+        here = places[0]
+        radii = view(here.radii, (here.of_radii,), _NUMBER)
+        if alike:
+            draws, slopes = np.empty((len(lanes), DRAWS)), np.empty(len(lanes))
+            fill(where, lanes, draws)
+            for j in range(len(lanes)):
+                slopes[j] = here.low
+                if here.low != here.high:
+                    slopes[j] = here.low + (here.high - here.low) * draws[j, 0]
+            nodes = view(here.nodes, (here.of_nodes,), _NUMBER)
+            gaits = view(here.states, (here.of_states, size), _NUMBER)
+            if len(nodes) > 1:
+                states, gaits = gaits, np.empty((len(lanes), size))
+                between(nodes, states, slopes, gaits)
+        task.begin(
+            records, bodies, radii, ledger, np.zeros(1, record), np.zeros(1, ledger_of), phases,
+            lanes, slopes, gaits, draws, here.reset_noise_scale, observations,
         )  # fmt: skip
-    return wrong, strides, endings
 
+    @within(jitted)
+    def tick(where, first, last, tiles, courses, observations, rewards, terminated, truncated):
+        """A step of some walkers by the actions that lie there; see `task.step`."""
+        places, records, bodies, ledger, phases = found(where, first, last)
+        here = places[0]
+        rules = view(here.rules, (1,), rules_of)
+        options = view(here.options, (1,), OPTIONS)
+        actions = view(here.actions, (here.of_actions,), _NUMBER)
+        each = rules[0].actions
+        own = actions[first * each : last * each]
+        notes = view(here.notes, (here.of_notes,), note)[first:last]
+        if here.of_notes > 0:
+            transitions.before(records, notes, here.noted)
+        wrong, strides, endings = task.step(
+            records, bodies, ledger, rules, phases, options, view(tiles, (1,), tile),
+            view(courses, (1,), course), own, observations, rewards, terminated, truncated,
+        )  # fmt: skip
+        if here.of_notes > 0 and wrong < 0:
+            endings += transitions.after(
+                records, ledger, rules, phases, own, notes, here.noted, here.paid, here.ends,
+                here.native != 0, rewards, terminated,
+            )  # fmt: skip
+        return wrong, strides, endings
 
-@Kernel
-def step(
-    where, first, last, tiles, courses, again, observations, rewards, terminated, truncated
-):  # fmt: skip
-    """A step of the walkers from `first` to before `last`, and `again` a start of those that rest.
+    @within(Kernel)
+    def step(
+        where, first, last, tiles, courses, again, observations, rewards, terminated, truncated
+    ):  # fmt: skip
+        """A step of the walkers from `first` to before `last`; `again` starts those that rest.
 
-    Args:
-        where: A door's address.
-        first: The first of them.
-        last: The one after the last of them.
-        tiles: Where a tile lies to work at.
-        courses: Where a course lies to work at.
-        again: Whether they are all there are, and those that rest begin another episode.
-        observations: Filled, flat, as all that follow.
-        rewards: Filled.
-        terminated: Filled.
-        truncated: Filled.
+        Args:
+            where: A door's address.
+            first: The first of them.
+            last: The one after the last of them.
+            tiles: Where a tile lies to work at.
+            courses: Where a course lies to work at.
+            again: Whether they are all there are, and those that rest begin another episode.
+            observations: Filled, flat, as all that follow.
+            rewards: Filled.
+            terminated: Filled.
+            truncated: Filled.
 
-    Returns:
-        As of `task.step`.
-    """
-    answer = tick(
-        where, first, last, tiles, courses, observations, rewards, terminated, truncated
-    )  # fmt: skip
-    if again and answer[0] < 0:
-        _, records, _, _, _ = found(where, first, last)
-        resting, count = np.empty(len(records), np.int64), 0
-        for i in range(len(records)):
-            if records[i, 0].outcome == RESTING:
-                resting[count] = i
-                count += 1
-        none = np.empty((0, 6))
-        begin(where, resting[:count], True, np.empty(0), none, none, observations)
-    return answer
+        Returns:
+            As of `task.step`.
+        """
+        answer = tick(
+            where, first, last, tiles, courses, observations, rewards, terminated, truncated
+        )  # fmt: skip
+        if again and answer[0] < 0:
+            _, records, _, _, _ = found(where, first, last)
+            resting, count = np.empty(len(records), np.int64), 0
+            for i in range(len(records)):
+                if records[i, 0].outcome == RESTING:
+                    resting[count] = i
+                    count += 1
+            none = np.empty((0, size))
+            begin(where, resting[:count], True, np.empty(0), none, none, observations)
+        return answer
 
+    @within(Kernel)
+    def step_here(where, observation):
+        """A step of a single walker, with reward and endings in the batch's own arrays."""
+        here = view(where, (1,), PLACES)[0]
+        return tick(
+            where, 0, 1, here.tiles, here.courses, observation,
+            view(here.rewards, (1,), _NUMBER),
+            view(here.terminated, (1,), _TRUTH),
+            view(here.truncated, (1,), _TRUTH),
+        )  # fmt: skip
 
-@Kernel
-def step_here(where, observation):
-    """A step of a single walker, with reward and endings in the batch's own arrays."""
-    here = view(where, (1,), PLACES)[0]
-    return tick(
-        where, 0, 1, here.tiles, here.courses, observation,
-        view(here.rewards, (1,), _NUMBER),
-        view(here.terminated, (1,), _TRUTH),
-        view(here.truncated, (1,), _TRUTH),
-    )  # fmt: skip
+    @within(Kernel)
+    def tell(where, asked, steps, counts, measures):
+        """`task.tell` of the walkers there."""
+        here = view(where, (1,), PLACES)[0]
+        ledger = view(here.ledger, (here.of_ledger,), ledger_of)
+        return task.tell(ledger, asked, steps, counts, measures)
 
-
-@Kernel
-def tell(where, asked, steps, counts, measures):
-    """`task.tell` of the walkers there."""
-    here = view(where, (1,), PLACES)[0]
-    ledger = view(here.ledger, (here.of_ledger,), task.LEDGER)
-    return task.tell(ledger, asked, steps, counts, measures)
+    return Kernels(begin, step, step_here, tell)
 
 
 class Door:
@@ -201,6 +232,8 @@ class Door:
 
     Attributes:
         where: The address that kernels take.
+        kernels: The kernels, for records of these walkers' layout.
+        step_here: Of these, compiled, that which single environments call.
         desk: Those of the tile and the course where one thread works.
         actions: Of all walkers, flat, to be filled before a step.
         results: Rewards and both kinds of endings, (count,), as `step_here` leaves them.
@@ -218,6 +251,8 @@ class Door:
         self._places["reset_noise_scale"] = scene.reset_noise_scale
         self._places["constants"] = arrays["bodies"].shape[-1]
         self.where: int = self._places.ctypes.data
+        self.kernels = kernels_for(layout_in(arrays["records"].dtype))
+        self.step_here = self.kernels.step_here.compiled
         self.desk = arrays["tiles"].ctypes.data, arrays["courses"].ctypes.data
         results = dict(zip(("rewards", "terminated", "truncated"), self.results, strict=True))
         self._put(actions=self.actions, **results, **arrays)

@@ -5,21 +5,22 @@ Fields that no function reads are not recorded.
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gym_passive_walker.engine.jit import Kernel, address, call, entry, inlined
 from gym_passive_walker.engine.lanes import RESTING
+from gym_passive_walker.engine.layout import NARROW, Layout
 from gym_passive_walker.envs import task
 from gym_passive_walker.envs.checks import CHECKS
-from gym_passive_walker.physics.hybrid import Outcome, State
+from gym_passive_walker.physics.hybrid import Outcome
 
 STOPPED = len(Outcome) + len(CHECKS)
 """Outcome of an episode that the scene's own `terminated` ends."""
 
-_HEELSTRIKE, _PUSH_OFF = int(Outcome.HEELSTRIKE), task.CHANNELS.index("push_off")
-_ACTIONS = len(task.CHANNELS)
+_HEELSTRIKE = int(Outcome.HEELSTRIKE)
 
 
 class Transition(NamedTuple):
@@ -30,16 +31,16 @@ class Transition(NamedTuple):
 
     Attributes:
         before: State as the step began: angles `stance`, `thigh` and `shank` in rad, angular
-            velocities `stance_rate`, `thigh_rate` and `shank_rate`.
+            velocities `stance_rate`, `thigh_rate` and `shank_rate`; of a `System` its own `State`.
         state: State as it ended; after a heelstrike the legs have exchanged their roles.
         knee_locked: Whether the swing leg is straight.
         distance: Distance of the hip along the slope; a stride that falls loses its distance.
         duration: Duration of the step.
         time: Time since the episode began.
         energy: Energy that the actuators are charged for.
-        hip_work: Net work of the hip torque.
+        hip_work: Net work of the hip torque; of a `System`, of its first control.
         hip_work_absolute: Integral of the absolute power of the hip torque.
-        ankle_work: Net work of the ankle torque.
+        ankle_work: Net work of the ankle torque; of a `System`, of its second control.
         ankle_work_absolute: Integral of the absolute power of the ankle torque.
         push_off_work: Work of the push-off.
         collision_loss: Energy lost at kneestrike and heelstrike.
@@ -60,8 +61,8 @@ class Transition(NamedTuple):
         reward: The environment's own reward.
     """
 
-    before: State
-    state: State
+    before: Any
+    state: Any
     knee_locked: Any
     distance: Any
     duration: Any
@@ -92,7 +93,7 @@ class Transition(NamedTuple):
 TRUTHS = ("knee_locked", "heelstrike", "fell")
 """Boolean fields; recorded as 1 or 0."""
 
-WIDE = {"before": 6, "state": 6, "action": _ACTIONS, "last_action": _ACTIONS}
+SEVERAL = ("before", "state", "action", "last_action")
 """Fields of several numbers."""
 
 OF_LEDGER = (
@@ -110,16 +111,24 @@ PARTS = (
 )
 """Groups of fields that are recorded together: the bits of `noted`."""
 
-NOTE = np.dtype(
-    [(name, "f8", (WIDE[name],) if name in WIDE else ()) for name in Transition._fields]
-    + [
-        ("began", "f8"),  # the time of its stride as the step began
-        ("lost", "f8"),  # what its kneestrike had cost by then
-        ("paid", "f8"),  # result of `reward`
-        ("ends", "f8"),  # result of `terminated`
-    ]
-)
-"""Layout of the recorded transition of one walker, and of the results of its functions."""
+
+@cache
+def note_for(layout: Layout) -> np.dtype:
+    """The layout of a walker's recorded transition, and of the results of its functions."""
+    state, action = (2 * layout.links,), (layout.controls + 1,)
+    sizes = {"before": state, "state": state, "action": action, "last_action": action}
+    return np.dtype(
+        [(name, "f8", sizes.get(name, ())) for name in Transition._fields]
+        + [
+            ("began", "f8"),  # the time of its stride as the step began
+            ("lost", "f8"),  # what its kneestrike had cost by then
+            ("paid", "f8"),  # result of `reward`
+            ("ends", "f8"),  # result of `terminated`
+        ]
+    )
+
+
+NOTE = note_for(NARROW)
 
 _LEDGER, _STATES, _ACTS, _WORKS, _TIMES = (1 << part for part in range(len(PARTS)))
 
@@ -130,10 +139,10 @@ def begin(records, ledger, phases, lanes, notes):
     for j in range(len(lanes)):
         i = lanes[j]
         note, record = notes[i], records[i, 0]
-        for k in range(6):
+        for k in range(len(record.state)):
             note.before[k] = record.state[k]
             note.state[k] = record.state[k]
-        for k in range(_ACTIONS):
+        for k in range(len(record.control) + 1):
             note.action[k], note.last_action[k] = 0.0, 0.0
         note.knee_locked = 1.0 if phases[record.phase].links == 2 else 0.0
         note.distance, note.duration, note.time, note.energy = 0.0, 0.0, 0.0, 0.0
@@ -152,7 +161,7 @@ def before(records, notes, noted):
         return
     for i in range(len(records)):
         note, record = notes[i], records[i, 0]
-        for k in range(6):
+        for k in range(len(record.state)):
             note.before[k] = record.state[k]
         note.began, note.lost = record.time, record.knee_loss
 
@@ -199,21 +208,21 @@ def after(
         if noted & _LEDGER:
             note_ledger(note, row, struck)
         if noted & _STATES:
-            for k in range(6):
+            for k in range(len(record.state)):
                 note.state[k] = record.state[k]
             note.knee_locked = 1.0 if phases[record.phase].links == 2 else 0.0
             note.height_change, note.slope_change = record.ground[2], record.ground[3]
         if noted & _ACTS:
             for j in range(count):
                 note.last_action[j] = note.action[j]
-                least = 0.0 if rules[0].channels[j] == _PUSH_OFF else -1.0
+                least = 0.0 if rules[0].channels[j] == len(record.control) else -1.0
                 note.action[j] = max(task.clipped(actions[i * count + j], 1.0), least)
         if noted & _WORKS:
             work, moved = record.control[0] * rules[0].works[0], record.moved[0]
             note.hip_work, note.hip_work_absolute = work * moved, abs(work) * record.turned[0]
             work, moved = record.control[1] * rules[0].works[1], record.moved[1]
             note.ankle_work, note.ankle_work_absolute = work * moved, abs(work) * record.turned[1]
-            pushes = struck and rules[0].largest[_PUSH_OFF] != 0.0
+            pushes = struck and rules[0].largest[len(record.control)] != 0.0
             note.push_off_work = record.push_work if pushes else 0.0
         if noted & _TIMES:
             note.duration = (row.step_period if struck else record.time) - note.began

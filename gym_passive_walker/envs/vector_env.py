@@ -14,7 +14,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import KEPT, seed_number, shown, whole
-from gym_passive_walker.envs import interface, saved, task, ticks
+from gym_passive_walker.envs import interface, saved, task
 from gym_passive_walker.envs.batch import OPTIONS, Batch
 from gym_passive_walker.envs.frames import frame
 from gym_passive_walker.envs.infos import Infos
@@ -23,7 +23,7 @@ from gym_passive_walker.envs.registration import MAX_EPISODE_STEPS
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.extras import need
 from gym_passive_walker.physics.hybrid import Outcome
-from gym_passive_walker.walkers import Walker, WalkerLike, as_walker
+from gym_passive_walker.walkers import Walker, WalkerLike, as_any
 
 _OUTCOMES = np.array(interface.OUTCOMES, object)
 
@@ -69,8 +69,9 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             raise ValueError(f"render_mode must be 'rgb_array' or None, not {shown(render_mode)}")
         self.num_envs = num_envs = whole(num_envs, "num_envs", 1, KEPT)
         if isinstance(walkers, Sequence | np.ndarray) and len(walkers):
-            walkers = [as_walker(walker) for walker in walkers]
-            changes.setdefault("walker", walkers[0])
+            walkers = [as_any(walker) for walker in walkers]
+            if "system" not in changes:
+                changes.setdefault("walker", walkers[0])
         self.scene = make_scene(scene, **changes)
         if render_mode is not None:
             need("pygame", "render")
@@ -302,7 +303,8 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         counts = np.empty((2, self.num_envs), np.int64)
         measures = np.empty((most, len(task.EVERY_STRIDE)))
         asked = self._everyone if which is None else which
-        if not ticks.tell.compiled(self.batch.door.where, asked, steps, counts, measures):
+        tell = self.batch.door.kernels.tell
+        if not tell.compiled(self.batch.door.where, asked, steps, counts, measures):
             return {}
         befell = {name: np.where(asked, told, 0) for name, told in self.batch.told().items()}
         mask = asked.copy()

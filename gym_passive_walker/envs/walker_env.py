@@ -154,10 +154,11 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | Argument               | Default             | What                                       |
     | ---------------------- | ------------------- | ------------------------------------------ |
     | `walker`               | "C"                 | preset, `Walker`, or mapping of parameters |
+    | `system`               | None                | a `gym_passive_walker.System` instead      |
     | `slope`                | 0.0                 | rad, positive downhill; or (low, high)     |
     | `control`              | "tick"              | "tick" or "stride"                         |
     | `tick`                 | 0.1                 | how long a tick's torque is held           |
-    | `actions`              | ("hip",)            | "hip", "push_off", "ankle"                 |
+    | `actions`              | ("hip",)            | "hip", "push_off", "ankle"; or controls    |
     | `max_hip_torque`       | 0.05 (stride: 0.03) | torque of action 1; 0 is passive           |
     | `max_ankle_torque`     | 0.05                | ankle torque of action 1                   |
     | `max_push_off`         | 0.2                 | push-off of action 1, over m sqrt(g l)     |
@@ -202,6 +203,9 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     >>> env = gym.make("PassiveWalker-v0", reward=keep_speed)
 
     ```
+
+    With `system`, a `gym_passive_walker.System` walks. The actions are its controls, the
+    observation is its state and the slope.
 
     `gym_passive_walker.explain(env)` prints observation, action, reward and endings as tables.
     `env.unwrapped.set_scene(slope=0.02)` changes arguments for the episodes that follow.

@@ -12,7 +12,11 @@ from scipy.stats import binomtest
 
 from gym_passive_walker.arguments import whole
 from gym_passive_walker.control.controllers import ControllerLike, SceneLike, acting
-from gym_passive_walker.envs.scene import Scene, make_scene
+from gym_passive_walker.envs.scene import (
+    Scene,
+    make_scene,
+    with_parameters,
+)
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.evaluation.walks import WALKED_ON, Walks, evaluate
 from gym_passive_walker.progress import progress
@@ -161,6 +165,7 @@ def gauntlet(
     """
     count = whole(walkers, "walkers", 1, 100_000)
     _, own = acting(controller, scene)
+    with_parameters(own, "the gauntlet")
     walks: dict[str, Walks] = {}
     with progress("tests", len(TESTS)) as done:
         for name, changes in TESTS.items():

@@ -14,7 +14,12 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.envs import task
 from gym_passive_walker.envs.custom import RULES
-from gym_passive_walker.envs.scene import by_hip_alone, plain, undisturbed
+from gym_passive_walker.envs.scene import (
+    by_hip_alone,
+    plain,
+    undisturbed,
+    with_parameters,
+)
 from gym_passive_walker.gaits.flow import ROWS, Walkers, go_on
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.physics.systems import system_of
@@ -58,7 +63,8 @@ class Tape:
 
     def __init__(self, envs: Any) -> None:
         self._batch = envs.batch
-        scene = by_hip_alone(envs.scene, "steps that are differentiated are driven")
+        scene = with_parameters(envs.scene, "a step with derivatives")
+        scene = by_hip_alone(scene, "steps that are differentiated are driven")
         scene = plain(scene, "steps that are differentiated have", *RULES)
         self._scene = undisturbed(scene, "steps that are differentiated go")
         self.clear()

@@ -18,7 +18,12 @@ from gym_passive_walker.envs.batch import rules_of, system_in
 from gym_passive_walker.envs.constraints import ROOM
 from gym_passive_walker.envs.custom import Custom, Rule
 from gym_passive_walker.envs.disturbances import Disturbances, disturbed
-from gym_passive_walker.envs.scene import Scene, SceneError, make_scene
+from gym_passive_walker.envs.scene import (
+    Scene,
+    SceneError,
+    make_scene,
+    with_parameters,
+)
 from gym_passive_walker.envs.starts import Starts
 from gym_passive_walker.envs.transitions import NOTE
 from gym_passive_walker.gpu import device, episodes
@@ -85,7 +90,7 @@ class DeviceBatch:
         **changes: Any,
     ) -> None:
         device.need_device()
-        self.scene = make_scene(scene, **changes)
+        self.scene = with_parameters(make_scene(scene, **changes), "a batch on a device")
         self.count = whole(count, "count")
         self.custom = Custom(self.scene, 0)
         for name, rule in self.custom.rules.items():

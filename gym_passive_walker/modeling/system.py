@@ -72,6 +72,10 @@ class System(Mechanism):
         travel: Function of the state: for each control the coordinate that it moves, as a
             `Control`. Its torque acts along that coordinate.
         start: A state just after heelstrike near a gait, (2 m,), with which searches begin.
+        limits: By the name of a control, its largest size: what the action 1 of an environment
+            does. Of other controls it is the scene's `max_hip_torque` times the system's weight.
+        pose: Function of body and state: what pictures show, lines of points (x, y). None draws a
+            line from the foot to each mass.
 
     Raises:
         StatementError: if a function does not fit the others. The message names it.
@@ -91,6 +95,8 @@ class System(Mechanism):
     Control: type = Free
     travel: Callable[[Any], Any] = _uncontrolled
     start: Sequence[float] | None = None
+    limits: Mapping[str, float] = field(default_factory=dict)
+    pose: Callable[[Any, Any], Sequence[Sequence[tuple[Any, Any]]]] | None = None
     _made: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -108,10 +114,31 @@ class System(Mechanism):
         made._made.update(self._made)  # the equations are the same: they are compiled once
         return made
 
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"_made": {}}  # what is compiled stays in its process
+
     @property
     def title(self) -> str:  # type: ignore[override]
         """Its name."""
         return self.name
+
+    @property
+    def controls(self) -> tuple[str, ...]:
+        """Names of its controls."""
+        return self.Control._fields  # type: ignore[attr-defined]
+
+    def drawn(self, state: Sequence[float]) -> list[NDArray[np.float64]]:
+        """Lines of points (x, y) that show a state (2 m,), each of shape (points, 2)."""
+        given = self.State(*state)
+        if self.pose is not None:
+            return [np.array(line, dtype=float) for line in self.pose(self.body, given)]
+        links = [Link(*link) for link in self.links(self.body, given)]
+        return [np.array([(0.0, 0.0), (link.x, link.y)], dtype=float) for link in links]
+
+    def standing(self, state: Sequence[float]) -> bool:
+        """Whether no rule of `falls` says that a state (2 m,) has fallen."""
+        given = self.State(*state)
+        return all(float(upright(self.body, given)) > 0.0 for upright in self.falls.values())
 
     @property
     def coordinates(self) -> int:
@@ -326,7 +353,13 @@ def _check(system: System) -> None:
     for name in system.falls:
         if name not in _FALLS:
             raise checks.error("falls", f"has no outcome {name!r}: choose from {', '.join(_FALLS)}")
-    controls = len(system.Control._fields)  # type: ignore[attr-defined]
+    for name, limit in system.limits.items():
+        if name not in system.controls:
+            known = ", ".join(system.controls) or "none"
+            raise checks.error("limits", f"has no control {name!r}: choose from {known}")
+        if checks.numbers("limits", [limit])[0] <= 0.0:
+            raise checks.error("limits", f"must be positive, not {limit!r} of {name!r}")
+    controls = len(system.controls)
     rows = 1 + len(system.falls) + len(system.counts) + controls
     if rows > MOST_GUARDS or controls > WIDE.controls or len(system.body) > MOST_CONSTANTS:
         raise checks.error(
@@ -367,7 +400,10 @@ def _check_functions(checks: _Checks, state: Any) -> None:
         if function is not None:
             checks.numbers(name, [checks.tried(name, function, body, state)])
     moved = checks.tried("travel", system.travel, state)
-    checks.numbers("travel", moved, len(system.Control._fields))  # type: ignore[attr-defined]
+    checks.numbers("travel", moved, len(system.controls))
+    for line in checks.tried("pose", system.drawn, state):
+        if line.ndim != 2 or line.shape[1] != 2 or not np.all(np.isfinite(line)):
+            raise checks.error("pose", "must give lines of finite points (x, y)")
 
 
 def _check_equations(checks: _Checks, state: Any) -> None:

@@ -60,7 +60,9 @@ SYSTEMS = {
 
 
 def kind_of(walker: Walker) -> str:
-    """What kind of legs a walker has: "kneed", "straight" or "simplest"."""
+    """What kind of legs a walker has: "kneed", "straight", "simplest", or a user's own."""
+    if isinstance(walker, Mechanism):
+        return walker.hybrid.name
     if walker.massless_legs:
         return simplest.SYSTEM.name
     return kneed.SYSTEM.name if walker.knees else straight.SYSTEM.name

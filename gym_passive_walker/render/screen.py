@@ -16,7 +16,7 @@ from gym_passive_walker.render import look
 from gym_passive_walker.render.brush import Brush
 from gym_passive_walker.render.ground import between, height
 from gym_passive_walker.render.pose import Leg, Pose, legs_by_identity, pose
-from gym_passive_walker.walkers import WalkerLike, as_walker
+from gym_passive_walker.walkers import Mechanism, WalkerLike, as_any, state_size
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -82,7 +82,7 @@ class Screen:
     `fps` frames per second; after the user has closed it, frames are no longer drawn.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes.
+        walker: The walker, in a form that `as_walker` takes, or a `System`.
         mode: "human" or "rgb_array".
         fps: Frames per second of a window; 0 shows frames without delay.
         size: Width and height of a frame in pixels; a video requires even numbers.
@@ -104,7 +104,7 @@ class Screen:
             raise ValueError(f"mode must be one of {MODES}, not {mode!r}")
         if min(size) < 1 or not 0.0 <= fps < math.inf:
             raise ValueError(f"size and fps must be positive, not {size} and {fps}")
-        self.walker = as_walker(walker)
+        self.walker = as_any(walker)
         self.mode, self.fps, self.size = mode, fps, size
         self._pygame = pygame = load_pygame()
         self._canvas = pygame.Surface((_OVERSAMPLING * size[0], _OVERSAMPLING * size[1]), depth=32)
@@ -134,7 +134,8 @@ class Screen:
         """Draw one frame.
 
         Args:
-            state: [stance, thigh, shank] angles in rad and their angular velocities, shape (6,).
+            state: [stance, thigh, shank] angles in rad and their angular velocities, shape (6,);
+                of a `System` its coordinates and their rates.
             slope: Slope in rad, positive downhill.
             contact_x: Contact point of the stance foot along the slope, in the walker's units.
             strides: Number of heelstrikes so far; the legs change roles, not colours.
@@ -158,10 +159,13 @@ class Screen:
         """
         if not self._open:
             return None
-        if np.shape(state) != (6,):
-            raise ValueError(f"a frame shows one state of shape (6,), not {np.shape(state)}")
-        brush, posture = self._brush, pose(self.walker, state, contact_x, contact_y, tilt)
+        if np.shape(state) != (size := (state_size(self.walker),)):
+            raise ValueError(f"a frame shows one state of shape {size}, not {np.shape(state)}")
         ground = _LEVEL if profile is None else np.asarray(profile, dtype=float)
+        if isinstance(self.walker, Mechanism):
+            self._draw_lines(self.walker.drawn(np.asarray(state).tolist()), slope, contact_x)
+            return self._finished(notes, warning)
+        brush, posture = self._brush, pose(self.walker, state, contact_x, contact_y, tilt)
         self._look_at(posture, slope, ground)
         self._canvas.fill(look.SKY)
         self._follow(posture, strides)
@@ -178,6 +182,26 @@ class Screen:
         self._pushed(posture.hip)
         self._ground(ground)
         self._scuff(posture.swing, ground)
+        return self._finished(notes, warning)
+
+    def _draw_lines(self, lines: list[NDArray], slope: float, contact_x: float) -> None:
+        """Draw a system by its lines of points, from its stance foot, on smooth ground."""
+        brush = self._brush
+        wide, high = self._canvas.get_size()
+        origin = 0.5 * wide, (1.0 - _GROUND_SHARE) * high
+        brush.look_at(np.array([contact_x, 0.0]), slope, origin)
+        self._canvas.fill(look.SKY)
+        for number, line in enumerate(lines):
+            places = brush.at(line + np.array([contact_x, 0.0]))
+            brush.line(places, 0.026, look.LEGS[number % len(look.LEGS)])
+            for place in places:
+                brush.disc(place, 0.034, look.HIP)
+        self._ground(_LEVEL)
+
+    def _finished(
+        self, notes: tuple[Sequence[str], Sequence[str]], warning: str
+    ) -> NDArray[np.uint8] | None:
+        """Write the text, and return or show the frame."""
         self._write(notes, warning)
         frame = self._pygame.transform.smoothscale(self._canvas, self.size)
         if self.mode == "rgb_array":

@@ -18,7 +18,13 @@ from gym_passive_walker.arguments import whole
 from gym_passive_walker.envs import task
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.custom import RULES, rule_of
-from gym_passive_walker.envs.scene import CHANNELS, Scene, make_scene, undisturbed
+from gym_passive_walker.envs.scene import (
+    CHANNELS,
+    Scene,
+    make_scene,
+    undisturbed,
+    with_parameters,
+)
 from gym_passive_walker.envs.transitions import STOPPED, Transition
 from gym_passive_walker.envs.vector_env import seed_randoms
 from gym_passive_walker.gaits.actuation import Actuation
@@ -178,6 +184,7 @@ def _differentiable(scene: Scene) -> Scene:
         SceneError: if the scene has noise, delays, random pushes or feasibility constraints.
     """
     known = {"terrain": None, "terrain_lookahead": 0, "command": None}
+    with_parameters(scene, "a walk with gradients")
     undisturbed(make_scene(scene, **known), "walks with gradients go")
     return scene
 

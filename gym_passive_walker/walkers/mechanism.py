@@ -17,10 +17,17 @@ class Mechanism:
     foot_radius = 0.0
     title: str
     body: Any
+    State: type
+    start: Any
+    limits: Any
+    controls: tuple[str, ...]
     coordinates: int
     total_mass: float
     hybrid: Any
     """The hybrid system that it obeys, a `physics.hybrid.System`."""
+    falls: Any
+    drawn: Any
+    standing: Any
 
 
 def state_size(walker: Any) -> int:

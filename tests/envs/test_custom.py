@@ -9,11 +9,11 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.envs.checks import SceneError
-from gym_passive_walker.envs.custom import TERMS, Rule, of_notes
+from gym_passive_walker.envs.custom import TERMS, Rule, Shape, of_notes
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.envs.scene import make_scene
-from gym_passive_walker.envs.transitions import NOTE, TRUTHS, WIDE, Transition
+from gym_passive_walker.envs.transitions import NOTE, SEVERAL, TRUTHS, Transition
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 
 COUNT, STEPS = 5, 40
@@ -106,7 +106,7 @@ def test_fields_are_those_of_the_infos_and_close_their_books():
         share = np.full((COUNT, 2), 0.1 * (k % 3))
         before = env.batch.records["state"][:, 0].copy()
         _, rewards, ended, _, infos = env.step(share)
-        step = of_notes(env.batch.custom.notes, 2)
+        step = of_notes(env.batch.custom.notes, Shape(2))
         time, lost = time + step.duration, lost + step.collision_loss
         np.testing.assert_array_equal(np.transpose(step.before), before)
         np.testing.assert_array_equal(step.distance, infos["distance"])
@@ -385,7 +385,7 @@ def test_functions_are_the_same_of_numbers_arrays_tensors_and_in_native_code(fun
     np.testing.assert_allclose(of(torch.from_numpy(values)).numpy(), expected, rtol=1e-15)
     notes = np.zeros(len(values), NOTE)
     notes["time"] = values
-    rule = Rule("observation", lambda step: of(step.time), 1)
+    rule = Rule("observation", lambda step: of(step.time), Shape(1))
     numbers = np.empty((len(values), 1))
     from gym_passive_walker.envs.transitions import look
 
@@ -394,6 +394,6 @@ def test_functions_are_the_same_of_numbers_arrays_tensors_and_in_native_code(fun
 
 
 def test_every_field_of_a_transition_is_described_and_kept():
-    assert set(TRUTHS) | set(WIDE) <= set(Transition._fields) <= set(NOTE.names)
+    assert set(TRUTHS) | set(SEVERAL) <= set(Transition._fields) <= set(NOTE.names)
     for name in Transition._fields:
         assert f"        {name}: " in Transition.__doc__

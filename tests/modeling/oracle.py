@@ -74,10 +74,16 @@ class Independent:
         self._by = made(sympy.Matrix([[sympy.diff(each, x) for x in q] for each in new]))
         self._foot = made([place.subs({x0: 0, y0: 0}) for place in foot])
         self._counts = [made(function(body, state)) for function in system.counts]
+        moved = [sympy.sympify(each) for each in system.travel(state)]
+        torques = [[sympy.diff(each, x) for each in moved] for x in q]
+        self._torques = made(sympy.Matrix(self.count, len(moved), lambda i, j: torques[i][j]))
 
-    def accelerations(self, state):
-        """Solve the equations of motion."""
-        return np.linalg.solve(self._mass(*state), np.ravel(self._rest(*state)).astype(float))
+    def accelerations(self, state, control=()):
+        """Solve the equations of motion under torques."""
+        forces = np.ravel(self._rest(*state)).astype(float)
+        if len(control):
+            forces = forces + np.array(self._torques(*state), dtype=float) @ control
+        return np.linalg.solve(self._mass(*state), forces)
 
     def energies(self, state):
         """Kinetic and potential energy, springs included."""
@@ -95,16 +101,18 @@ class Independent:
         rates = np.array(self._by(*state), dtype=float) @ after[: self.count]
         return np.concatenate([np.array(self._new(*state), dtype=float), rates]), lost
 
-    def stride(self, state):
-        """The state after the next heelstrike, and when it comes."""
+    def stride(self, state, control=(), duration=20.0):
+        """The state after the next heelstrike, and when it comes; or at a time before it."""
 
         def foot(_, y):
             return self._foot(*y)[1] if all(f(*y) > 0.0 for f in self._counts) else 1.0
 
         foot.terminal, foot.direction = True, -1.0
         walk = solve_ivp(
-            lambda _, y: np.concatenate([y[self.count :], self.accelerations(y)]),
-            (0.0, 20.0), np.array(state, dtype=float), method="DOP853", rtol=1e-12, atol=1e-13,
+            lambda _, y: np.concatenate([y[self.count :], self.accelerations(y, control)]),
+            (0.0, duration), np.array(state, dtype=float), method="DOP853", rtol=1e-12, atol=1e-13,
             events=foot, max_step=0.02,
         )  # fmt: skip
+        if not len(walk.t_events[0]):
+            return walk.y[:, -1], duration
         return self.strike(walk.y_events[0][0])[0], walk.t_events[0][0]

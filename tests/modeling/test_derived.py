@@ -33,7 +33,8 @@ def random_states(system, count=5):
 
 def test_accelerations_are_those_of_lagrange(both):
     system, independent = both
-    controls, ground = system.Control(), Ground(np.sin(SLOPE), np.cos(SLOPE))
+    controls = system.Control(*[0.0] * len(system.controls))
+    ground = Ground(np.sin(SLOPE), np.cos(SLOPE))
     accelerations = system.hybrid.phases[0].accelerations
     for state in random_states(system):
         found = accelerations(system.body, system.State(*state), controls, ground)

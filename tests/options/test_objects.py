@@ -93,7 +93,9 @@ def stated(**statement):
     still = system.hybrid.phases[0].accelerations
     walks = gpw.stride(system, 0.03, [COMPASS.start, (0.24, -0.24, -1.6, -0.17)])
     pushed = still(body, state, system.Control(1.0), hybrid.Ground(0.0, 1.0))
-    return system.name, system.State, system.Control, system.start, pushed, walks
+    largest = make_scene(system=system).largest(system.controls[0])
+    shown = system.drawn(COMPASS.start)
+    return system.name, system.State, system.Control, system.start, pushed, walks, largest, shown
 
 
 LAB = dict(
@@ -133,6 +135,10 @@ OPTIONS = {
         of=gpw.Link.__new__,
     ),
     "System.vary": Call(COMPASS.vary, {}, {}, of=gpw.System.vary),
+    "System.drawn": Call(COMPASS.drawn, {"state": COMPASS.start}, {"state": (0.3, -0.1, 0.0, 0.0)}),
+    "System.standing": Call(
+        COMPASS.standing, {"state": COMPASS.start}, {"state": (-1.6, 0.0, 0.0, 0.0)}
+    ),
     "System": Call(
         stated,
         {each.name: getattr(DRIVEN, each.name) for each in fields(DRIVEN) if each.init},
@@ -151,6 +157,8 @@ OPTIONS = {
             Control=statements.Motor,
             travel=lambda s: statements.Hip(2.0 * (s.swing - s.stance)),
             start=(0.25, -0.25, -0.3, -0.2),
+            limits={"hip": 0.2},
+            pose=lambda b, s: [[(0.0, 0.0), (-s.stance, 1.0)]],
         ),
         of=gpw.System.__init__,
     ),
