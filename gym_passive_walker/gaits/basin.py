@@ -12,7 +12,7 @@ References:
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -239,6 +239,18 @@ def _slice(
     exact = stride_map.with_tolerance(_EXACT)
     duration = float(gait.stride.duration) / stride_map.units.time
     before = exact.before_strike(exact.points_at(gait.state)[0], gait.slope, duration)
+    if stride_map.own:
+        system: Any = stride_map.walker
+        m = system.coordinates
+        near = system.with_both_feet_down(gait.state[:m] * (angles / gait.state[0])[:, None])
+        old = system.exchanged(near)
+        if not np.allclose(system.exchanged(old), near, equal_nan=True):
+            raise ValueError(
+                "the slice of a basin needs legs that a second heelstrike exchanges back: "
+                f"relabel of system {system.name!r} does not"
+            )
+        speeds = system.struck(np.hstack([old, np.tile(before[m:], (len(old), 1))]))[:, m:]
+        return np.hstack([near, speeds * (rates / speeds[:, 0])[:, None]])
     stance, swing = (np.full(len(angles), rate) for rate in before[3:5])
     points, *_ = heelstrike(stride_map, angles, stance, swing)
     # The impact is linear in the angular velocities, so the result is scaled to each stance value.
@@ -261,8 +273,10 @@ def basin_of_attraction(
     """Compute the basins of attraction of a walker's gaits on a slice of the Poincaré section.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes; or a map of `stride_map`, which may
-            have a controller.
+        walker: The walker, in a form that `as_walker` takes, or a `System`; or a map of
+            `stride_map`, which may have a controller. The stance angle of a system is its first
+            coordinate; its other coordinates on the slice are those near the gait's at which the
+            swing foot touches the ground.
         slope: Slope in rad; the map's own when None.
         stance_angles: Stance angles in rad, (n,); from near 0 to 2.2 times the long gait's if None.
         stance_rates: Stance angular velocities in the walker's own units, (m,); from 2.2 times the
@@ -283,12 +297,12 @@ def basin_of_attraction(
         ValueError: if an argument is out of range.
     """
     stride_map = map_of(walker, tolerance=check_tolerance(tolerance))
-    check_parametric(stride_map.walker, "the slice of a basin")
     walker, slope = stride_map.walker, stride_map.chosen(slope)
     atol = number(atol, "atol", above=0.0)
     resolution = whole(resolution, "resolution", 1, _FINEST)
     strides = whole(strides, "strides")
     if ratios is not None:
+        check_parametric(stride_map.walker, "the argument `ratios` of a basin")
         allowed = "two numbers, thigh and shank rate over the stance rate"
         if real_array(ratios, "ratios", allowed).shape != (2,):
             raise ValueError(f"ratios must be {allowed}, not {shown(ratios)}")
@@ -305,8 +319,12 @@ def basin_of_attraction(
         )
     share = np.linspace(_SPAN / resolution, _SPAN, resolution)
     angles = _axis(stance_angles, share * (gait.stance_angle if gait else 0.0), "stance_angles")
-    rates = _axis(stance_rates, share[::-1] * (gait.state[3] if gait else 0.0), "stance_rates")
-    if np.any(angles <= 0.0):
+    if stride_map.own and stride_map.size < 4:
+        raise ValueError("the slice of a basin needs a system of two coordinates or more")
+    first = len(gait.state) // 2 if gait else 0  # index of the stance rate
+    rates = share[::-1] * (gait.state[first] if gait else 0.0)
+    rates = _axis(stance_rates, rates, "stance_rates")
+    if np.any(angles <= 0.0) and not stride_map.own:
         raise ValueError("stance_angles must be positive: they are those just after heelstrike")
     grid = np.meshgrid(angles, rates * stride_map.units.time)
     points = _slice(stride_map, gait, grid[0].ravel(), grid[1].ravel(), ratios)

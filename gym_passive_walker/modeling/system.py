@@ -20,6 +20,7 @@ from gym_passive_walker.walkers import Mechanism
 
 _BETWEEN = 7  # looks at a guard within a step; a foot may dip and rise between its ends
 _TRIALS, _CLOSE = 3, 1e-9  # random states of a check, and the largest relative error
+_ITERATIONS = 30  # of Newton's method
 _FALLS = tuple(
     outcome.name.lower()
     for outcome in Outcome
@@ -134,6 +135,41 @@ class System(Mechanism):
             return [np.array(line, dtype=float) for line in self.pose(self.body, given)]
         links = [Link(*link) for link in self.links(self.body, given)]
         return [np.array([(0.0, 0.0), (link.x, link.y)], dtype=float) for link in links]
+
+    def with_both_feet_down(self, coordinates: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Coordinates (n, m) nearby at which the swing foot touches the ground.
+
+        The first coordinate stays as it is; the others change as little as Newton's method allows.
+        They are not a number where it does not converge.
+        """
+        rates = np.zeros_like(coordinates)
+
+        def foot(body: Any, state: Any) -> tuple:
+            height = self.landing(body, state)[1]
+            return height, *rates_by(height, state[1 : self.coordinates])
+
+        found = np.array(coordinates, dtype=float)
+        height = np.full(len(found), np.inf)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            for _ in range(_ITERATIONS):
+                parts = Derived(foot)(self.body, self.State(*found.T, *rates.T))
+                height, *slopes = (np.broadcast_to(part, len(found)) for part in parts)
+                step = np.stack(slopes, axis=-1) * (height / sum(s**2 for s in slopes))[:, None]
+                found[:, 1:] -= np.where(height[:, None] == 0.0, 0.0, step)
+        found[~(np.abs(height) < _CLOSE)] = np.nan
+        return found
+
+    def struck(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
+        """States (n, 2 m) after a heelstrike in each of these."""
+        strike = Derived(lambda body, state: self._strike(body, state, 0.0, Ground(0.0, 1.0)).after)
+        after = strike(self.body, self.State(*states.T))
+        return np.stack([np.broadcast_to(part, len(states)) for part in after], axis=-1)
+
+    def exchanged(self, coordinates: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Coordinates (n, m) after the legs have exchanged their roles."""
+        state = self.State(*coordinates.T, *np.zeros_like(coordinates).T)
+        found = self.relabel(self.body, state)
+        return np.stack([np.broadcast_to(part, len(coordinates)) for part in found], axis=-1)
 
     def standing(self, state: Sequence[float]) -> bool:
         """Whether no rule of `falls` says that a state (2 m,) has fallen."""

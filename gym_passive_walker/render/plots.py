@@ -227,7 +227,7 @@ def _basin(basin: Basin, ax: Axes | None = None) -> Axes:
             swatch = {"color": colours[i], "markeredgecolor": GREY, "markersize": 9.0}
             ax.plot([], [], "s", linestyle="", label=label, **swatch)
     for gait in basin.gaits:
-        rate = gait.state[3] * units_of(basin.walker).time
+        rate = gait.state[len(gait.state) // 2] * units_of(basin.walker).time
         star = {"color": "white", "markeredgecolor": BLACK, "markersize": 11.0}
         ax.plot(gait.stance_angle, rate, "*", linestyle="", label="stable gait", **star)
     ax.set(xlabel=ANGLE, ylabel="stance angular velocity dθ/dt / √(g/l)")

@@ -28,6 +28,9 @@ class Mechanism:
     falls: Any
     drawn: Any
     standing: Any
+    with_both_feet_down: Any
+    struck: Any
+    exchanged: Any
 
 
 def state_size(walker: Any) -> int:

@@ -89,18 +89,21 @@ def test_a_rimless_wheel_has_the_gait_and_the_multiplier_of_its_closed_form():
         assert gait.multipliers[0] == pytest.approx(multiplier, rel=1e-12)
 
 
+# The compass of `statements` by McGeer's parameters.
+STRAIGHT = Walker(
+    thigh_length=0.5, thigh_mass=1.0 / 6.0, thigh_com=0.5, shank_length=0.5, shank_mass=0.0,
+    hip_mass=2.0 / 3.0, knees=False, gravity=1.0,
+)  # fmt: skip
+
+
 def test_a_compass_stated_by_its_masses_walks_as_the_package_s_own():
-    walker = Walker(
-        thigh_length=0.5, thigh_mass=1.0 / 6.0, thigh_com=0.5, shank_length=0.5, shank_mass=0.0,
-        hip_mass=2.0 / 3.0, knees=False, gravity=1.0,
-    )  # fmt: skip
     for slope in (0.03, 0.06):
-        own, package = gpw.find_gait(COMPASS, slope), gpw.find_gait(walker, slope)
+        own, package = gpw.find_gait(COMPASS, slope), gpw.find_gait(STRAIGHT, slope)
         np.testing.assert_allclose(own.state, package.state[[0, 1, 3, 4]], rtol=1e-10)
         np.testing.assert_allclose(own.multipliers[:3], package.multipliers, rtol=1e-8)
         assert own.step_length == pytest.approx(package.step_length, rel=1e-10)
         assert own.cost_of_transport == pytest.approx(package.cost_of_transport, rel=1e-10)
-    own, package = (gpw.doubling_cascade(x, 0.05, 0.1) for x in (COMPASS, walker))
+    own, package = (gpw.doubling_cascade(x, 0.05, 0.1) for x in (COMPASS, STRAIGHT))
     np.testing.assert_allclose(own.slopes[:3], package.slopes[:3], rtol=1e-7)
 
 
@@ -146,3 +149,29 @@ def test_controls_act_along_the_coordinates_that_they_move():
 
 def test_functions_run_on_numbers_and_arrays_alike():
     assert sin(0.3) == np.sin(0.3) and cos(0.3) == np.cos(0.3)
+
+
+def test_a_compass_stated_by_its_masses_has_the_basin_of_the_package_s_own():
+    slice_of = {"stance_angles": np.linspace(0.18, 0.36, 30), "stance_rates": [-0.4, -0.33, -0.28]}
+    own, package = (gpw.basin_of_attraction(x, SLOPE, **slice_of) for x in (COMPASS, STRAIGHT))
+    assert 0.1 < own.walks.mean() < 0.9
+    np.testing.assert_array_equal(own.settled, package.settled)
+    np.testing.assert_array_equal(own.outcome, package.outcome)
+    assert own.plot().get_xlabel()
+
+
+@pytest.mark.parametrize("system", [TORSO, FIVE_LINKS], ids=lambda s: s.name)
+def test_states_of_a_basin_s_slice_have_both_feet_on_the_ground(system):
+    coordinates = np.array(system.start[: system.coordinates]) * np.linspace(0.5, 1.3, 7)[:, None]
+    found = system.with_both_feet_down(coordinates)
+    np.testing.assert_array_equal(found[:, 0], coordinates[:, 0])
+    for row in found:
+        state = system.State(*row, *np.zeros(system.coordinates))
+        assert abs(system.landing(system.body, state)[1]) < 1e-12
+    assert np.abs(found - coordinates).max() < 0.1
+    np.testing.assert_allclose(system.exchanged(system.exchanged(found)), found)
+
+
+def test_a_basin_needs_two_coordinates():
+    with pytest.raises(ValueError, match="two coordinates"):
+        gpw.basin_of_attraction(RIMLESS_WHEEL, 0.06)

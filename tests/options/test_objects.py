@@ -136,6 +136,21 @@ OPTIONS = {
     ),
     "System.vary": Call(COMPASS.vary, {}, {}, of=gpw.System.vary),
     "System.drawn": Call(COMPASS.drawn, {"state": COMPASS.start}, {"state": (0.3, -0.1, 0.0, 0.0)}),
+    "System.with_both_feet_down": Call(
+        COMPASS.with_both_feet_down,
+        {"coordinates": np.array([[0.3, -0.25]])},
+        {"coordinates": np.array([[0.2, -0.25]])},
+    ),
+    "System.exchanged": Call(
+        COMPASS.exchanged,
+        {"coordinates": np.array([[0.3, -0.25]])},
+        {"coordinates": np.array([[0.2, -0.25]])},
+    ),
+    "System.struck": Call(
+        COMPASS.struck,
+        {"states": np.array([[-0.3, 0.3, -1.0, -0.2]])},
+        {"states": np.array([[-0.3, 0.3, -1.0, -0.1]])},
+    ),
     "System.standing": Call(
         COMPASS.standing, {"state": COMPASS.start}, {"state": (-1.6, 0.0, 0.0, 0.0)}
     ),
