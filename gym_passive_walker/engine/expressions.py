@@ -97,6 +97,8 @@ class Expression:
         return self.args[0] if self.op == "neg" else self._with("neg", self)
 
     def __pow__(self, power: Any) -> Expression:
+        if power == 0.5:
+            return square_root(self)
         if power not in range(1, 9):
             return NotImplemented
         half = self ** (power // 2) if power > 1 else self.number(1.0)

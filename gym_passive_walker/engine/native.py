@@ -32,13 +32,14 @@ class Module:
 
     Args:
         fuses: Whether a product that only one sum uses becomes a fused multiply-add.
+        group: Lanes of a vector; 1 for code over single numbers.
 
     Attributes:
         table: Constants of vector code, with their index in the module's table.
     """
 
-    def __init__(self, *, fuses: bool = True) -> None:
-        self.fuses = fuses
+    def __init__(self, *, fuses: bool = True, group: int = GROUP) -> None:
+        self.fuses, self.group = fuses, group
         self.functions: list[str] = []
         self.declared: set[str] = set()
         self.table: dict[str, int] = {}
@@ -131,7 +132,7 @@ class Function:
         self.module, self.layouts, self.active = module, layouts, active
         # The stack is aligned so that each spilled register lies in one cache line.
         self.lines = [
-            f"define void @{name}({_PARAMETERS}) nounwind alignstack({8 * GROUP}) {{",
+            f"define void @{name}({_PARAMETERS}) nounwind alignstack({8 * module.group}) {{",
             "b0:",
             "%p0 = inttoptr i64 %first to ptr",
             "%p1 = inttoptr i64 %second to ptr",
@@ -151,7 +152,7 @@ class Function:
         The second address is the module's table of constants. Memory operands cost nothing;
         separate constants would each need an address to be loaded.
         """
-        self._emit(code, vector=True)
+        self._emit(code, vector=self.module.group > 1)
         self.block += 1  # a block of its own, scheduled separately
         self.lines += [f"br label %b{self.block}", f"b{self.block}:"]
 
@@ -239,7 +240,8 @@ class Emitter:
     ) -> None:
         self.owner, self.uses, self.vector, self.lane = owner, uses, vector, lane
         self.number, self.truth, self.word = (
-            f"<{GROUP} x {kind}>" if vector else kind for kind in ("double", "i1", "i64")
+            f"<{owner.module.group} x {kind}>" if vector else kind
+            for kind in ("double", "i1", "i64")
         )
         self.done: dict[Expression, str] = {}
         self.before_planes: list[str] | None = None
@@ -359,7 +361,7 @@ class Emitter:
         return new(f"bitcast {word} {value} to {self.number}")
 
     def _call(self, name: str, *operands: str) -> str:
-        full = f"@llvm.{name}.{f'v{GROUP}f64' if self.vector else 'f64'}"
+        full = f"@llvm.{name}.{f'v{self._group}f64' if self.vector else 'f64'}"
         kinds = ", ".join([self.number] * len(operands))
         self.owner.module.declared.add(f"declare {self.number} {full}({kinds})")
         given = ", ".join(f"{self.number} {operand}" for operand in operands)
@@ -375,7 +377,7 @@ class Emitter:
 
     def _alike(self, kind: str, constant: str) -> str:
         """Return a literal, equal in all lanes; written out, as LLVM 15 has no `splat`."""
-        return f"<{', '.join([f'{kind} {constant}'] * GROUP)}>" if self.vector else constant
+        return f"<{', '.join([f'{kind} {constant}'] * self._group)}>" if self.vector else constant
 
     def _splat(self, value: str) -> str:
         if not self.vector:
@@ -383,7 +385,7 @@ class Emitter:
         first = self.owner.new(f"insertelement {self.number} poison, double {value}, i32 0")
         return self.owner.new(
             f"shufflevector {self.number} {first}, {self.number} poison, "
-            f"<{GROUP} x i32> zeroinitializer"
+            f"<{self._group} x i32> zeroinitializer"
         )
 
     def _address(self, place: tuple) -> tuple[str, bool]:
@@ -419,5 +421,9 @@ class Emitter:
         )
 
     @property
+    def _group(self) -> int:
+        return self.owner.module.group
+
+    @property
     def _alignment(self) -> int:
-        return 8 * GROUP if self.vector else 8
+        return 8 * self._group if self.vector else 8

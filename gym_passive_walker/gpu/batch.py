@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gym_passive_walker.arguments import whole
 from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import options
-from gym_passive_walker.envs import fates, task
+from gym_passive_walker.envs import fates, one_walker, task
 from gym_passive_walker.envs.batch import rules_of, system_in
 from gym_passive_walker.envs.constraints import ROOM
 from gym_passive_walker.envs.custom import Custom, Rule
@@ -49,8 +49,8 @@ def _kernels(
         })  # fmt: skip
     if fateful:
         bound = bound.instead({
-            fates.copied: episodes.as_it_is,
-            fates.carry_through: episodes.carry_through,
+            fates.copied: one_walker.as_it_is,
+            fates.carry_through: one_walker.carry_through,
             episodes.calm_begin: episodes.fateful_begin,
             episodes.calm_step: episodes.fateful_step,
         })  # fmt: skip

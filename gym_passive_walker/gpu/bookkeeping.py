@@ -7,30 +7,19 @@ processors run.
 
 from __future__ import annotations
 
-import dis
-from collections.abc import Hashable
-from types import FunctionType, ModuleType
+from types import FunctionType
 from typing import Any
 
-from numba.core.dispatcher import Dispatcher
-
-from gym_passive_walker.engine.jit import Kernel
+from gym_passive_walker.engine import bound
 from gym_passive_walker.gpu.primitives import jitted
 
-_OURS = "gym_passive_walker"
+
+def _compiled(function: FunctionType) -> Any:
+    """A function for kernels to call."""
+    return jitted(function)
 
 
-def plain(value: Any) -> FunctionType | None:
-    """The function that kernels are made of, or are to be; None of anything else."""
-    if isinstance(value, Kernel):
-        return value.function  # type: ignore[return-value]
-    if isinstance(value, Dispatcher):
-        return value.py_func
-    ours = isinstance(value, FunctionType) and value.__module__.startswith(_OURS)
-    return value if ours else None
-
-
-class Bound:
+class Bound(bound.Bound):
     """Functions bound to a device, each made once.
 
     Args:
@@ -38,53 +27,4 @@ class Bound:
     """
 
     def __init__(self, given: dict[Any, Any]) -> None:
-        self._made = dict(given)
-        self._calls: dict[Any, set[Any]] = {}
-
-    def instead(self, of: dict[Any, Any]) -> Bound:
-        """The same with other functions instead.
-
-        Args:
-            of: Functions of the package, by those that they stand for; or made ones.
-        """
-        stale, found = set(of), 0
-        while found < len(stale):  # and their callers
-            found = len(stale)
-            stale |= {caller for caller, calls in self._calls.items() if calls & stale}
-        bound = Bound({key: made for key, made in self._made.items() if key not in stale})
-        bound._calls = {key: calls for key, calls in self._calls.items() if key not in stale}
-        for function, other in of.items():
-            bound._made[function] = bound(other) if plain(other) else other
-        return bound
-
-    def __call__(self, function: Any) -> Any:
-        """A function of the package, and all that it calls, for kernels to call."""
-        if function not in self._made:
-            self._made[function] = jitted(self.rebound(function))
-        return self._made[function]
-
-    def rebound(self, function: Any) -> FunctionType:
-        """A plain function with names that stand for what is bound to the device."""
-        found = plain(function)
-        assert found is not None
-        calls = self._calls.setdefault(function, set())
-        names = dict(found.__globals__)
-        read = [(step.opname, step.argval) for step in dis.get_instructions(found)]
-        attributes = {name for kind, name in read if kind in ("LOAD_ATTR", "LOAD_METHOD")}
-        for name in {name for kind, name in read if kind == "LOAD_GLOBAL"} & names.keys():
-            value = names[name]
-            if isinstance(value, ModuleType) and value.__name__.startswith(_OURS):
-                names[name] = ModuleType(value.__name__)
-                for part in attributes & vars(value).keys():
-                    setattr(names[name], part, self._other(vars(value)[part], calls))
-            else:
-                names[name] = self._other(value, calls)
-        return FunctionType(found.__code__, names, found.__name__)
-
-    def _other(self, value: Any, calls: set[Any]) -> Any:
-        """What stands on a device for what a function names, which is noted if it is called."""
-        given = isinstance(value, Hashable) and value in self._made
-        if not given and plain(value) is None:
-            return value
-        calls.add(value)
-        return self(value)
+        super().__init__(given, _compiled)

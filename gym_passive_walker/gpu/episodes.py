@@ -13,7 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gym_passive_walker.engine.chance import uniform, word
-from gym_passive_walker.engine.run import carry_on
 from gym_passive_walker.envs import fates, task, transitions
 from gym_passive_walker.envs.starts import DRAWS, between
 from gym_passive_walker.gpu.device import cuda, kind
@@ -230,23 +229,6 @@ def own_sight(walkers, world, play, i, observations, begins):
 
 before, after, sight = plain_before, plain_after, plain_sight
 """Users' own functions; bound to `own_before`, `own_after`, `own_sight` where there are some."""
-
-
-def carry_through(records, bodies, fates_, phases, options, tiles, courses, odds, natives):
-    """Carry the one walker to the end of its step; as of `fates.carry_through`."""
-    record, fate = records[0, 0], fates_[0]
-    fate.until, fate.impulse = record.end, 0.0
-    if not fate.idle:
-        fates.meet(records, bodies, 0, fate, odds, natives)
-    carry_on(records, bodies, phases, options, tiles, courses)
-    while not fate.idle and record.outcome == 0 and record.time < fate.until:
-        fates.meet(records, bodies, 0, fate, odds, natives)
-        carry_on(records, bodies, phases, options, tiles, courses)
-
-
-def as_it_is(actions):
-    """The thread's own copy of actions."""
-    return actions
 
 
 def calm_step(

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.engine import jit, lanes
 from gym_passive_walker.engine.compiled import phases_of, written
-from gym_passive_walker.engine.lanes import WAITING, came, leave
 from gym_passive_walker.engine.layout import COURSE, PAIR, tile_for
+from gym_passive_walker.engine.one_walker import carry, entry
 from gym_passive_walker.envs.constraints import equipped, look_code, push_code
 from gym_passive_walker.envs.custom import Rule
 from gym_passive_walker.gpu import primitives
@@ -23,27 +23,6 @@ from gym_passive_walker.physics.systems import SYSTEMS
 
 TILE, RUN = kind(tile_for(PAIR, width=1)), kind(COURSE)
 """A tile for one walker, and how guards run over its step."""
-
-
-def carry(records, bodies, phase, number, tiles, courses, options):
-    """Take the one walker through a phase if it waits there; as of `lanes.carry`."""
-    record = records[0, 0]
-    if record.phase != number or record.outcome != WAITING:
-        return
-    tile, planes, event = jit.address(tiles), len(tiles) - 1, 0
-    scuff = float(options.scuff)
-    jit.call(phase.equip, tile, jit.address(bodies[0]), 0, planes, 0.0, 0.0)
-    jit.call(phase.load, tile, jit.address(records[0]), 0, planes, options.first_step, 0.0)
-    jit.call(phase.first, tile, tile, 0, planes, 0.0, 0.0)
-    while event == 0:
-        jit.call(phase.sweep, tile, tile, 0, planes, options.fineness, scuff)
-        event = came(tiles, courses, phase, 0, options)
-    leave(records[0], bodies[0], tiles, phase, 0, event, options)
-
-
-def entry(array, i):
-    """Where an entry of an array lies."""
-    return jit.address(array[i:])
 
 
 class Machinery:

@@ -63,8 +63,16 @@ def _turned(along: float | NDArray, across: float | NDArray, angle: NDArray) -> 
     return np.stack([-back, up], axis=-1)
 
 
-def _leg(walker: Walker, hip: NDArray, thigh: NDArray, shank: NDArray) -> Leg:
-    """Positions of a leg below a hip, from its angles in rad."""
+class Joints(NamedTuple):
+    """Points of a leg below the hip; see `Leg`."""
+
+    knee: NDArray[np.float64]
+    foot: NDArray[np.float64]
+    tip: NDArray[np.float64]
+
+
+def joints(walker: Walker, hip: NDArray, thigh: NDArray, shank: NDArray) -> Joints:
+    """Positions of a leg's joints below a hip, from its angles in rad."""
     radius, bend = walker.foot_radius, walker.shank_angle
     reach = walker.shank_length - radius
     knee = hip + _turned(
@@ -73,10 +81,23 @@ def _leg(walker: Walker, hip: NDArray, thigh: NDArray, shank: NDArray) -> Leg:
         thigh,
     )
     down = _turned(-math.cos(bend), -math.sin(bend), shank)
-    foot = knee + reach * down
+    foot = knee + down * reach
+    return Joints(knee, foot, foot + down * radius)
+
+
+def hip_over(walker: Walker, contact: NDArray, stance: NDArray, tilt: NDArray) -> NDArray:
+    """Position of the hip, from the contact point and the stance angle to the slope's normal."""
+    sine, cosine = sine_cosine(tilt)
+    foot = contact + np.stack([sine, cosine], axis=-1) * walker.foot_radius
+    return foot + _turned(leg_line(walker), 0.0, stance)
+
+
+def _leg(walker: Walker, hip: NDArray, thigh: NDArray, shank: NDArray) -> Leg:
+    """Positions of a leg below a hip, from its angles in rad."""
+    radius, below = walker.foot_radius, joints(walker, hip, thigh, shank)
     spread = np.linspace(-SOLE_SPAN, SOLE_SPAN, SOLE_POINTS)
     arc = _turned(-radius * np.cos(spread), -radius * np.sin(spread), shank[..., None])
-    return Leg(knee, foot, foot + radius * down, foot[..., None, :] + arc)
+    return Leg(*below, below.foot[..., None, :] + arc)
 
 
 def pose(
@@ -115,8 +136,7 @@ def pose(
     stance, thigh = state[..., 0] - tilt, state[..., 1] - tilt
     shank = state[..., 2] - tilt if walker.knees else thigh
     contact = np.stack([x, y], axis=-1)
-    foot = contact + walker.foot_radius * np.stack([np.sin(tilt), np.cos(tilt)], axis=-1)
-    hip = foot + _turned(leg_line(walker), 0.0, stance)
+    hip = hip_over(walker, contact, stance, tilt)
     return Pose(
         contact=contact,
         hip=hip,

@@ -15,7 +15,7 @@ import gym_passive_walker as gpw
 ROOT = Path(__file__).parents[2]
 API = (ROOT / "docs" / "api.md").read_text(encoding="utf-8")
 
-PUBLIC = ("", ".render", ".torch", ".gpu", ".math", ".viewer")
+PUBLIC = ("", ".render", ".torch", ".gpu", ".math", ".viewer", ".web")
 """Modules with public names in `__all__`, after the package's name."""
 
 

@@ -1,0 +1,117 @@
+"""The files of a page: a WebAssembly module for each kind of walker, and what they share."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from gym_passive_walker.engine import cache
+from gym_passive_walker.policies import TENSORS, policy_folder, shipped_policies
+from gym_passive_walker.progress import compiling
+from gym_passive_walker.web import notes
+
+_ROOT = Path(__file__).parent
+PACKAGE = _ROOT / "package"
+"""The folder of the JavaScript package, without what is built."""
+
+KINDS = ("kneed", "straight", "simplest")
+DATA = "data.json"
+
+# Numba then writes code for a processor without vector units, which becomes the smallest module.
+_PLAIN = {
+    "NUMBA_CPU_NAME": "generic",
+    "NUMBA_CPU_FEATURES": "",
+    "NUMBA_LOOP_VECTORIZE": "0",
+    "NUMBA_SLP_VECTORIZE": "0",
+}
+
+
+class WebError(RuntimeError):
+    """The WebAssembly modules cannot be built; the message says why."""
+
+
+def _name() -> str:
+    """Return the name under which modules are cached: a hash of what they are made of."""
+    digest = hashlib.sha256(sys.version.encode())
+    for folder in ("web", "render", "walkers", "policies", "envs"):
+        for source in sorted((_ROOT.parent / folder).glob("*.py")):
+            digest.update(source.name.encode() + source.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def modules() -> dict[str, bytes]:
+    """Return the WebAssembly modules, by file name.
+
+    They are compiled in a process of their own in about twenty seconds, and cached.
+
+    Raises:
+        WebError: if they cannot be compiled here.
+    """
+    names = [f"{kind}.wasm" for kind in KINDS]
+    made = {name: cache.found(f"web-{_name()}-{name}") for name in names}
+    if any(content is None for content in made.values()):
+        with compiling("the walkers for web pages"), tempfile.TemporaryDirectory() as folder:
+            _compile(Path(folder))
+            made = {name: (Path(folder) / name).read_bytes() for name in names}
+        for name, content in made.items():
+            cache.keep(f"web-{_name()}-{name}", content)  # type: ignore[arg-type]
+    return made  # type: ignore[return-value]
+
+
+def data() -> bytes:
+    """Return the data that the modules share, as JSON; cached."""
+    name = f"web-{_name()}-{DATA}"
+    found = cache.found(name)
+    if found is None:
+        found = json.dumps(notes.of_all(), separators=(",", ":"), allow_nan=False).encode()
+        cache.keep(name, found)
+    return found
+
+
+def _compile(folder: Path) -> None:
+    command = [sys.executable, "-m", "gym_passive_walker.web.compile", str(folder)]
+    path = os.pathsep.join([str(_ROOT.parent.parent), os.environ.get("PYTHONPATH", "")])
+    environment = {**os.environ, **_PLAIN, "PYTHONPATH": path.rstrip(os.pathsep)}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    if done.returncode:
+        last = (done.stderr.strip() or "no message").splitlines()[-1]
+        raise WebError(f"the WebAssembly modules cannot be compiled: {last}")
+
+
+def files() -> dict[str, bytes]:
+    """Return all files of the JavaScript package, by their paths in it.
+
+    Raises:
+        WebError: if the modules cannot be compiled here.
+    """
+    found = {
+        path.relative_to(PACKAGE).as_posix(): path.read_bytes()
+        for path in sorted(PACKAGE.rglob("*"))
+        if path.is_file()
+    }
+    found |= modules() | {DATA: data()}
+    for name in shipped_policies():
+        found[f"policies/{name}.safetensors"] = (policy_folder(name) / TENSORS).read_bytes()
+    return found
+
+
+def build(folder: str | Path) -> Path:
+    """Write the JavaScript package into a folder, ready for a page or for npm.
+
+    Args:
+        folder: The folder; it is made if it does not exist.
+
+    Raises:
+        WebError: if the modules cannot be compiled here.
+    """
+    folder = Path(folder)
+    for name, content in files().items():
+        place = folder / name
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_bytes(content)
+    return folder

@@ -1,0 +1,127 @@
+"""What a page knows besides compiled code: layouts, walkers, gaits to start from, policies."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import numpy as np
+
+from gym_passive_walker import __version__
+from gym_passive_walker.engine.run import options
+from gym_passive_walker.envs import fates, task
+from gym_passive_walker.envs.checks import CHECKS
+from gym_passive_walker.envs.scene import SCENES
+from gym_passive_walker.envs.starts import REFERENCE_SLOPES, searched_gait
+from gym_passive_walker.physics.hybrid import Outcome, System
+from gym_passive_walker.physics.systems import kind_of
+from gym_passive_walker.policies import DESCRIPTION, policy_folder, shipped_policies
+from gym_passive_walker.walkers import WALKERS
+from gym_passive_walker.walkers.presets import ABOUT
+from gym_passive_walker.walkers.walker import PARAMETERS
+from gym_passive_walker.web import kernels
+
+TOLERANCES = (1e-6, 1e-8, 1e-10, 1e-12)
+"""Tolerances of the integration that a page may choose from."""
+
+SECTION = "gym_passive_walker"
+"""Name of the custom section of a module with its notes."""
+
+_KINDS = {"f8": "f8", "f4": "f4", "i8": "i8", "u8": "u8"}
+
+
+def _places(layout: np.dtype, origin: int = 0, prefix: str = "") -> dict[str, list]:
+    """Return the offset, the kind and the number of entries of each field, also of nested ones."""
+    found: dict[str, list] = {}
+    for name, (field, offset, *_) in (layout.fields or {}).items():
+        place = origin + offset
+        if field.base.names:
+            found[prefix + name] = [place, "record", field.itemsize]
+            found |= _places(field.base, place, f"{prefix}{name}.")
+        else:
+            count = int(np.prod(field.shape, dtype=int))
+            found[prefix + name] = [place, _KINDS[field.base.str[1:]], count]
+    return found
+
+
+def of_module(kind: System, variants: tuple[str, ...], end: int) -> bytes:
+    """Return the notes of a module, as JSON.
+
+    Args:
+        kind: The kind of walker.
+        variants: Endings of the names of its systems.
+        end: First address after the module's data.
+    """
+    left = {"tile", "course"}
+    return json.dumps(
+        {
+            "version": __version__,
+            "kind": kind.name,
+            "variants": variants,
+            "end": end,
+            "size": kernels.WALK.itemsize,
+            "places": {
+                name: place
+                for name, place in _places(kernels.WALK).items()
+                if name.partition(".")[0] not in left and not name.startswith(("blank", "before."))
+            },
+            "links": [phase.links for phase in kind.phases],
+            "constants": len(kind.Body._fields),  # type: ignore[attr-defined]
+            "works": [*kind.works, 1.0],
+            "points": kernels.POINTS,
+            "options": {
+                f"{tolerance:g}": [options(tolerance)[name].item() for name in _TOLD]
+                for tolerance in TOLERANCES
+            },
+        },
+        separators=(",", ":"),
+    ).encode()
+
+
+_TOLD = ("tolerance", "landing", "doubt", "first_step", "fineness")
+
+
+def of_all() -> dict[str, Any]:
+    """Return what all modules share."""
+    return {
+        "version": __version__,
+        "parameters": PARAMETERS,
+        "walkers": {
+            name: {
+                "kind": kind_of(walker),
+                "about": ABOUT[name],
+                "parameters": {field: getattr(walker, field) for field in (*PARAMETERS, "knees")},
+                "gaits": _gaits(name),
+            }
+            for name, walker in WALKERS.items()
+        },
+        "outcomes": [outcome.name for outcome in Outcome],
+        "channels": task.CHANNELS,
+        "energies": task.ENERGIES,
+        "every_step": task.EVERY_STEP,
+        "every_stride": task.EVERY_STRIDE,
+        "bounds": task.BOUNDS.tolist(),
+        "checks": CHECKS,
+        "latest": kernels.LATEST,
+        "farthest": kernels.FARTHEST,
+        "passed": fates.PASSED,
+        "scenes": SCENES,
+        "policies": {name: _policy(name) for name in shipped_policies()},
+    }
+
+
+def _gaits(name: str) -> list[list[Any]]:
+    """Return slopes at which a walker has a stable or unstable long gait, and its states there."""
+    slopes = sorted({*REFERENCE_SLOPES, *_SLOPES})
+    found = ((slope, searched_gait(WALKERS[name], slope)) for slope in slopes)
+    return [[slope, list(state)] for slope, state in found if state is not None]
+
+
+_SLOPES = (0.0025, 0.004, 0.008, 0.015, 0.03, 0.045, 0.05, 0.07, 0.08, 0.11)
+
+
+def _policy(name: str) -> dict[str, Any]:
+    """Return the options of a trained policy's network, and its scene."""
+    told = json.loads((policy_folder(name) / DESCRIPTION).read_text(encoding="utf-8"))
+    options = {key: told[key] for key in ("algo", "activation", "normalizer")}
+    return options | {"scene": SCENES[told["scene"]] | told["env"]}

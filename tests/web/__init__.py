@@ -1,0 +1,1 @@
+"""Walkers in WebAssembly."""

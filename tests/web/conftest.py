@@ -1,0 +1,42 @@
+"""The JavaScript package, built once, and Node.js to run it."""
+
+import json
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gym_passive_walker.web.build import build
+
+
+@pytest.fixture(scope="session")
+def node() -> str:
+    """Node.js."""
+    found = shutil.which("node")
+    if found is None:
+        pytest.skip("Node.js is not installed, which runs walkers as a web page does")
+    return found
+
+
+@pytest.fixture(scope="session")
+def package(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the JavaScript package."""
+    return build(tmp_path_factory.mktemp("package"))
+
+
+@pytest.fixture(scope="session")
+def run(node: str, package: Path) -> Callable[..., list[Any]]:
+    """Run jobs of `walks.mjs` in Node; return their results."""
+
+    def jobs(*given: dict[str, Any]) -> list[Any]:
+        command = [node, str(Path(__file__).parent / "walks.mjs"), str(package)]
+        done = subprocess.run(
+            command, input=json.dumps(given), text=True, capture_output=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    return jobs

@@ -1,0 +1,88 @@
+"""The package of a page: its size, what it refuses, its policies."""
+
+import json
+import subprocess
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.web.build import KINDS
+
+_COMPRESSED = """
+import { readFileSync } from "node:fs";
+import { brotliCompressSync } from "node:zlib";
+const sizes = process.argv.slice(1).map((name) => brotliCompressSync(readFileSync(name)).length);
+console.log(JSON.stringify(sizes));
+"""
+
+
+def test_a_compressed_module_has_at_most_60_kilobytes(node, package):
+    names = [str(package / f"{kind}.wasm") for kind in KINDS]
+    command = [node, "--input-type=module", "-e", _COMPRESSED, *names]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert max(json.loads(done.stdout)) <= 60_000
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"preset": "C", "gravity": -1.5},
+        {"preset": "C", "thigh_mass": -0.5},
+        {"preset": "C", "foot_radius": 0.75},
+        {"preset": "C", "foot_angle": 1.25},
+        {"preset": "C", "thigh_com": 12.5},
+        {"preset": "C", "shank_mass": 0.0},
+        {"preset": "C", "foot_raduis": 0.1},
+        {"preset": "D", "hip_mass": 0.0},
+        {"preset": "D", "foot_radius": 0.1},
+        {"preset": "B", "thigh_mass": 0.5, "shank_mass": 0.0, "thigh_com": 0.0},
+        {"preset": "C", "knees": 1.5},
+        {"preset": "C", "gravity": "much"},
+    ],
+)
+def test_a_walker_that_cannot_be_is_refused_in_pythons_words(run, given):
+    (said,) = run({"what": "refusal", "walker": given, "scene": {}})
+    with pytest.raises(gpw.WalkerError) as error:
+        gpw.as_walker(given)
+    assert said == f"WalkerError: {error.value}"
+
+
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"tick": 0.0},
+        {"control": "often"},
+        {"energy": "some"},
+        {"actions": ["hip", "hip"]},
+        {"actions": ["ankle"]},
+        {"max_hip_torque": -1.5},
+        {"pushes": {"rate": 1.5}},
+        {"pushes": {"rate": 1.5, "impulse": 20.5}},
+        {"observation_noise": -0.5},
+        {"action_delay": -1.5},
+        {"command": [0.5, 0.25]},
+        {"reset_noise_scale": 1.5},
+        {"end_on_toe_stub": 1.5},
+        {"terrain_lookahead": 2},
+        {"slop": 0.1},
+    ],
+)
+def test_a_scene_that_cannot_be_is_refused_as_in_python(run, given):
+    (said,) = run({"what": "refusal", "walker": "C", "scene": given})
+    with pytest.raises(ValueError) as error:
+        make_scene({"walker": "C", **given})
+    name, _, message = said.partition(": ")
+    assert name == "SceneError"
+    if "slop" not in given:  # the page has fewer arguments to list
+        assert message == str(error.value)
+
+
+@pytest.mark.parametrize("name", ["level-ppo", "steep-sac", "rough-ppo"])
+def test_a_policys_actions_are_pythons_up_to_single_precision(run, name):
+    policy = gpw.load_policy(name)
+    count = 8 + 2 * policy.scene.terrain_lookahead
+    observations = np.random.default_rng(0).normal(0.0, 0.3, (100, count))
+    (found,) = run({"what": "policy", "name": name, "observations": observations.tolist()})
+    assert np.array(found) == pytest.approx(policy.predict(observations)[0], abs=2e-5)
