@@ -105,7 +105,7 @@ def family(command: ArgumentParser) -> Callable[[Namespace], Report]:
         columns: dict[str, Any] = record(found, _FAMILY)
         shown = columns | {"multiplier": np.abs(found.multipliers[:, 0]), "stable": found.stable}
         columns |= record(found, ("multipliers", "stable"))
-        marks = record(found, ("folds", "period_doublings", "halts"))
+        marks = record(found, ("folds", "period_doublings", "neimark_sackers", "halts"))
         facts: dict[str, Any] = {f"{name} (rad)": values for name, values in marks.items()}
         for side, end in zip(("first", "last"), found.ends, strict=True):
             facts[f"{side} end"] = f"{end.value:.8g} rad: {end.reason}"

@@ -2,8 +2,9 @@
 
 The gaits of a walker as its ground or one of its parameters changes are a curve in the section's
 logarithmic coordinates and one coordinate of the varied quantity; derivatives are exact. Where the
-parameter turns back lies a fold; where a multiplier passes -1 the period doubles; both are located
-to rounding by root finding along the curve.
+parameter turns back lies a fold; where a multiplier passes -1 the period doubles; where a complex
+pair crosses the unit circle a torus is born (Neimark and Sacker). All are located to rounding by
+root finding along the curve.
 
 The curve can only end where the stride map itself has an edge: where kneestrike comes as late as
 heelstrike, or where the foot no longer comes down at heelstrike but glides along the ground. What
@@ -221,6 +222,22 @@ def doubling_test(point: Point) -> float:
     return float(np.linalg.det(np.eye(len(point.map)) + point.map))
 
 
+def neimark_sacker_test(point: Point) -> float:
+    """Changes sign where the product of two multipliers passes 1, as of a complex pair.
+
+    It does so too where the product of two real multipliers passes 1, which is no bifurcation.
+    """
+    multipliers = np.linalg.eigvals(point.map)
+    i, j = np.triu_indices(len(multipliers), 1)
+    return float(np.prod(multipliers[i] * multipliers[j] - 1.0).real)
+
+
+def on_the_unit_circle(point: Point) -> bool:
+    """Whether a complex pair of multipliers has modulus 1, to the accuracy of `locate`."""
+    multipliers = np.linalg.eigvals(point.map)
+    return bool(np.any((np.abs(np.abs(multipliers) - 1.0) < 1e-6) & (multipliers.imag > 1e-6)))
+
+
 def locate(curve: Curve, a: Point, b: Point, test: Callable[[Point], float]) -> Point | None:
     """The point between two where a test function vanishes, by Brent's method along the chord."""
     chord = b.y - a.y
@@ -291,20 +308,29 @@ class Branch(NamedTuple):
     points: list[Point]
     folds: list[float]
     doublings: list[float]
+    torus: list[float]
     end: End
 
 
 def follow(curve: Curve, start: Point, resolution: float) -> Branch:
     """Follow the curve from a point along its tangent to an end, or to an end of its axis."""
     low, high = (curve.axis.coordinate(bound) for bound in (curve.axis.low, curve.axis.high))
-    points, folds, doublings = [start], [], []
+    points, folds, doublings, torus = [start], [], [], []
     at_bound: Point | None = None
     end: End | None = None
 
-    def crossings(there: Point, test: Callable[[Point], float]) -> list[float]:
+    def crossings(
+        there: Point,
+        test: Callable[[Point], float],
+        holds: Callable[[Point], bool] = lambda point: True,
+    ) -> list[float]:
         crossed = test(points[-1]) * test(there) < 0.0
         located = locate(curve, points[-1], there, test) if crossed else None
-        return [curve.value_at(located)] if located else []
+        return [curve.value_at(located)] if located and holds(located) else []
+
+    def multipliers_cross(there: Point) -> None:
+        doublings.extend(crossings(there, doubling_test))
+        torus.extend(crossings(there, neimark_sacker_test, on_the_unit_circle))
 
     steps = points_along(curve, start, first=_FIRST_STEP, longest=resolution, accuracy=_UNPOLISHED)
     with progress("gaits along a curve") as followed:
@@ -322,10 +348,10 @@ def follow(curve: Curve, start: Point, resolution: float) -> Branch:
                 at_bound = curve.correct(guess)
                 end = End(float(curve.axis.value(bound)), BOUND)
                 if at_bound is not None:
-                    doublings += crossings(at_bound, doubling_test)
+                    multipliers_cross(at_bound)
                 break
             folds += crossings(there, lambda point: float(point.tangent[-1]))
-            doublings += crossings(there, doubling_test)
+            multipliers_cross(there)
             points.append(there)
     if curve.stride_map.exact and len(points) > 1:
         points = [start, *curve.polished(points[1:])]
@@ -333,7 +359,7 @@ def follow(curve: Curve, start: Point, resolution: float) -> Branch:
         points.append(at_bound)
     if end is None:
         end = reason_of(curve, points[-_LAST:])
-    return Branch(_thinned(points), folds, doublings, end)
+    return Branch(_thinned(points), folds, doublings, torus, end)
 
 
 def _thinned(points: list[Point]) -> list[Point]:

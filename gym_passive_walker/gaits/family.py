@@ -53,6 +53,7 @@ class GaitFamily(Table):
         multipliers: Shape (n, m), largest modulus first.
         folds: Values of the varied quantity where the family turns back.
         period_doublings: Values where a multiplier passes -1.
+        neimark_sackers: Values where a complex pair of multipliers crosses the unit circle.
         halts: Values where the stance leg stops in mid-stride, to about 1e-5 of them. On one side
             of each it barely passes the vertical; on the other it turns back for a while first.
         ends: The first and the last gait's end of the curve, with the reason of each.
@@ -71,6 +72,7 @@ class GaitFamily(Table):
     multipliers: NDArray[np.complex128]
     folds: tuple[float, ...]
     period_doublings: tuple[float, ...]
+    neimark_sackers: tuple[float, ...]
     halts: tuple[float, ...]
     ends: tuple[End, End]
     stride_map: StrideMap
@@ -101,8 +103,11 @@ class GaitFamily(Table):
     def facts(self) -> dict[str, str]:
         """From where to where it leads, and what happens on the way."""
         marks = {
-            "folds": self.folds, "period doublings": self.period_doublings, "halts": self.halts
-        }  # fmt: skip
+            "folds": self.folds,
+            "period doublings": self.period_doublings,
+            "Neimark-Sacker bifurcations": self.neimark_sackers,
+            "halts": self.halts,
+        }
         name = self.stride_map.controller_name
         return {
             **({"controller": name} if name else {}),
@@ -165,6 +170,7 @@ def _family(
         multipliers=np.array([multipliers_of(point.map) for point in along]),
         folds=tuple(sorted(down.folds + up.folds)),
         period_doublings=tuple(sorted(down.doublings + up.doublings)),
+        neimark_sackers=tuple(sorted(down.torus + up.torus)),
         halts=halts,
         ends=ends,
         stride_map=stride_map,

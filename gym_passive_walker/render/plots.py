@@ -89,15 +89,16 @@ def draw_family(
     """
     if by not in MEASURES:
         raise ValueError(f"a family is drawn by {', '.join(MEASURES)}, not by {by!r}")
-    value = family.columns()[by]
+    value = family.stance_angle if by == "stance_angle" else family.columns()[by]
     style = {"color": BLUE, "solid_capstyle": "butt", **style}
     ax.plot(family.value, value, label=label or None, **{"linewidth": LIGHT, **style})
     doublings = [_place(family, x, -_to_minus_one(family)) for x in family.period_doublings]
+    circles = [_place(family, x, -_to_circle(family)) for x in family.neimark_sackers]
     halts = [_place(family, x, family.step_period) for x in family.halts]
     along = np.arange(len(family))
-    # The heavy line continues from the last stable gait to the period doubling.
-    fine = np.sort(np.append(along, doublings))
-    heavy = np.isin(fine, np.append(along[family.stable], doublings))
+    # The heavy line continues from the last stable gait to the bifurcation.
+    fine = np.sort(np.concatenate([along, doublings, circles]))
+    heavy = np.isin(fine, np.concatenate([along[family.stable], doublings, circles]))
     curve = np.interp(fine, along, family.value), np.interp(fine, along, value)
     ax.plot(curve[0], np.where(heavy, curve[1], np.nan), **{"linewidth": HEAVY, **style})
     point = {"linestyle": "", "color": style["color"], "zorder": 3, "markersize": 6.0}
@@ -105,7 +106,8 @@ def draw_family(
         reason = end.reason.split(";")[0]
         if reason in _ENDS:
             ax.plot(family.value[at], value[at], _ENDS[reason], **point)
-    for marker, places in ((_ENDS[continuation.STANCE_STOPS], halts), ("d", doublings)):
+    marks = (_ENDS[continuation.STANCE_STOPS], halts), ("d", doublings), ("h", circles)
+    for marker, places in marks:
         where = np.interp(places, along, family.value), np.interp(places, along, value)
         ax.plot(*where, marker, fillstyle="none", **point)
     ax.set(xlabel=varied_label(family.parameter), ylabel=MEASURES[by])
@@ -122,6 +124,12 @@ def varied_label(parameter: str) -> str:
 def _to_minus_one(family: GaitFamily) -> NDArray[np.float64]:
     """Distance of each gait's Floquet multipliers to -1, where the period doubles, shape (n,)."""
     return np.abs(family.multipliers + 1.0).min(axis=1)
+
+
+def _to_circle(family: GaitFamily) -> NDArray[np.float64]:
+    """Distance of each gait's complex multipliers to the unit circle, shape (n,)."""
+    distance = np.abs(np.abs(family.multipliers) - 1.0)
+    return np.where(family.multipliers.imag == 0.0, np.inf, distance).min(axis=1)
 
 
 def _place(family: GaitFamily, value: float, likely: NDArray) -> float:
@@ -159,6 +167,8 @@ def family_key(ax: Axes, *families: GaitFamily) -> None:
         enter(continuation.STANCE_STOPS, marker=_ENDS[continuation.STANCE_STOPS], **hollow)
     if any(family.period_doublings for family in families):
         enter("period doubling", marker="d", **hollow)
+    if any(family.neimark_sackers for family in families):
+        enter("Neimark-Sacker bifurcation", marker="h", **hollow)
 
 
 @picture.register(GaitFamily)

@@ -58,6 +58,9 @@ class Independent:
         if system.dissipation:
             friction = [sympy.diff(system.dissipation(body, state), each) for each in v]
             forces = [a - b for a, b in zip(forces, friction, strict=True)]
+        if system.forces:
+            feedback = system.forces(body, state)
+            forces = [a + b for a, b in zip(forces, feedback, strict=True)]
         mass = sympy.Matrix(self.count, self.count, lambda i, j: sympy.diff(momenta[i], v[j]))
         drift = [sum(sympy.diff(p, a) * b for a, b in zip(q, v, strict=True)) for p in momenta]
         rest = sympy.Matrix([a - b for a, b in zip(forces, drift, strict=True)])

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from examples.driven_torso import DRIVEN_TORSO
 from examples.five_links import FIVE_LINKS
 from examples.rimless_wheel import RIMLESS_WHEEL, closed_form
 from examples.torso import TORSO
@@ -17,7 +18,12 @@ from tests.modeling.oracle import Independent
 from tests.modeling.statements import COMPASS, DRIVEN, Hip
 
 SLOPE = 0.03
-SYSTEMS = {"torso": TORSO, "five links": FIVE_LINKS, "compass": COMPASS}
+SYSTEMS = {
+    "torso": TORSO,
+    "five links": FIVE_LINKS,
+    "compass": COMPASS,
+    "driven torso": DRIVEN_TORSO,
+}
 
 
 @pytest.fixture(scope="module", params=SYSTEMS, name="both")
