@@ -10,6 +10,7 @@ from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.errors import ExtensionError
 
+from gym_passive_walker import web
 from gym_passive_walker.envs.walker_env import PassiveWalkerEnv
 
 os.environ["NUMBA_ENABLE_CUDASIM"] = "1"  # pages on devices are made where there is none
@@ -41,6 +42,8 @@ napoleon_use_ivar = True
 html_theme = "furo"
 html_title = "Gym Passive Walker"  # in words: the side bar is too narrow for the name in one piece
 html_theme_options = {"navigation_with_keys": True}
+html_static_path = ["_generated/static"]
+html_css_files = ["passive-walker/player.css"]
 
 _DRAWS = re.compile(r"\.plot\(|\bplt\.")
 
@@ -66,4 +69,6 @@ def setup(app: Sphinx) -> None:
 # The environment's docstring is Markdown, in Gymnasium's own layout: a page of it.
 _generated = Path(__file__).parent / "_generated"
 _generated.mkdir(exist_ok=True)
+# Pages with a walker load its modules.
+web.build(_generated / "static" / "passive-walker")
 (_generated / "environment.md").write_text(inspect.getdoc(PassiveWalkerEnv) or "", encoding="utf-8")

@@ -70,7 +70,11 @@ def test_every_program_prints_in_any_encoding():
     }
     programs = {name: text for name, text in programs.items() if begins.search(text)}
     # One prints JSON for another process, with whichever package is there; one prints nothing.
-    silent = {"benchmarks/regress_work.py", "gym_passive_walker/envs/starts.py"}
+    silent = {
+        "benchmarks/regress_work.py",
+        "gym_passive_walker/envs/starts.py",
+        "gym_passive_walker/web/compile.py",
+    }
     assert silent < programs.keys() and len(programs) > 20
     safe = (
         "console.run(",

@@ -10,8 +10,9 @@ import numpy as np
 from gym_passive_walker import __version__
 from gym_passive_walker.engine.run import options
 from gym_passive_walker.envs import fates, task
+from gym_passive_walker.envs.batch import rules_of
 from gym_passive_walker.envs.checks import CHECKS
-from gym_passive_walker.envs.scene import SCENES
+from gym_passive_walker.envs.scene import SCENES, make_scene
 from gym_passive_walker.envs.starts import REFERENCE_SLOPES, searched_gait
 from gym_passive_walker.physics.hybrid import Outcome, System
 from gym_passive_walker.physics.systems import kind_of
@@ -67,7 +68,7 @@ def of_module(kind: System, variants: tuple[str, ...], end: int) -> bytes:
             },
             "links": [phase.links for phase in kind.phases],
             "constants": len(kind.Body._fields),  # type: ignore[attr-defined]
-            "works": [*kind.works, 1.0],
+            "rules": _rules(kind),
             "points": kernels.POINTS,
             "options": {
                 f"{tolerance:g}": [options(tolerance)[name].item() for name in _TOLD]
@@ -76,6 +77,18 @@ def of_module(kind: System, variants: tuple[str, ...], end: int) -> bytes:
         },
         separators=(",", ":"),
     ).encode()
+
+
+def _rules(kind: System) -> dict[str, list[float]]:
+    """Return the rules of a passive walker of a kind: what a page leaves as it is."""
+    name = next(name for name, walker in WALKERS.items() if kind_of(walker) == kind.name)
+    rules = rules_of(make_scene({"walker": name}), kind, 0.0)[0]
+    left = ("tick", "step_limit")  # infinite here or in a page
+    return {
+        field: np.atleast_1d(rules[field]).tolist()
+        for field in rules.dtype.names or ()
+        if field not in left
+    }
 
 
 _TOLD = ("tolerance", "landing", "doubt", "first_step", "fineness")

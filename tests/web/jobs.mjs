@@ -1,0 +1,79 @@
+// Jobs of tests: what walkers do, with memory as base64. For Node.js and for pages.
+
+const bytes = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+
+function text(data) {
+  let found = "";
+  for (const byte of data) found += String.fromCharCode(byte);
+  return btoa(found);
+}
+
+/** Integrates records as they are; returns them, the walker's constants and microseconds each. */
+async function strides(walkers, { walker, scene, records, tolerance, fromSection, body }) {
+  const walk = await walkers.create(walker, scene);
+  const block = walk.block, size = block.record("record").length;
+  walk.setTolerance(tolerance, walk.scene.end_on_toe_stub, fromSection);
+  const own = block.bytes.slice(block.at("bodies"), block.at("bodies") + 8 * block.notes.constants);
+  if (body) block.bytes.set(bytes(body), block.at("bodies"));
+  const all = bytes(records);
+  const began = performance.now();
+  for (let at = 0; at < all.length; at += size) {
+    block.record("record").set(all.subarray(at, at + size));
+    block.run(0);
+    all.set(block.record("record"), at);
+  }
+  return { records: text(all), body: text(own), time: ((performance.now() - began) * 1e3 * size) / all.length };
+}
+
+/** Takes episodes of control steps; returns what each step leaves in memory. */
+async function episodes(walkers, { walker, scene, body, starts }) {
+  const walk = await walkers.create(walker, scene);
+  const block = walk.block, found = [];
+  if (body) block.bytes.set(bytes(body), block.at("bodies"));
+  for (const { key, state, actions } of starts) {
+    const rows = [text(new Uint8Array(walk.reset({ seed: BigInt(key), state }).buffer))];
+    for (const action of actions) {
+      const { observation, reward, terminated, truncated } = walk.step(action);
+      rows.push([
+        text(block.record("record")), text(block.record("ledger")), text(block.record("fate")),
+        text(new Uint8Array(observation.buffer)), reward, terminated, truncated,
+      ]);
+      if (walk.over) break;
+    }
+    found.push(rows);
+  }
+  return found;
+}
+
+/** Returns the message with which something is refused, or null. */
+async function refusal(walkers, { walker, scene }) {
+  try {
+    await walkers.create(walker, scene);
+    return null;
+  } catch (error) {
+    return `${error.name}: ${error.message}`;
+  }
+}
+
+async function policy(walkers, { name, observations }) {
+  const { predict } = await walkers.loadPolicy(name);
+  return observations.map((each) => predict(each));
+}
+
+async function joints(walkers, { walker, states }) {
+  const walk = await walkers.create(walker, { max_hip_torque: 0 });
+  return states.map((state) => {
+    walk.reset({ state });
+    return walk.joints();
+  });
+}
+
+async function gait(walkers, { walker, slope }) {
+  const walk = await walkers.create(walker, { slope });
+  return walk.findGait();
+}
+
+const DOES = { strides, episodes, refusal, policy, joints, gait };
+
+/** Does a job with the module `passive-walker.js`; returns its result. */
+export const run = (walkers, job) => DOES[job.what](walkers, job);

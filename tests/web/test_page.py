@@ -1,0 +1,200 @@
+"""The player in a page, in a headless Chromium."""
+
+import json
+import shutil
+import threading
+import time
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.engine.run import advance, new_records
+from gym_passive_walker.physics.systems import bodies, system_of
+from gym_passive_walker.policies import shipped_policies
+from tests.web.browser import Browser
+from tests.web.test_walks import SIX, _job, _near, _unlike
+
+PAGE = """<!doctype html>
+<html lang="en">
+<head><meta charset="utf-8"><meta name="viewport" content="width=device-width">
+<title>Walkers</title><link rel="icon" href="data:,">
+<link rel="stylesheet" href="player.css"></head>
+<body><main id="walker"></main>
+<script type="module">
+  import { play } from "./player.js";
+  globalThis.player = await play(document.querySelector("#walker"), { share: true });
+  globalThis.first = performance.now();
+</script></body></html>
+"""
+_READY = """new Promise((done) => {
+  const wait = () => globalThis.first ? done(globalThis.first) : setTimeout(wait, 10);
+  wait();
+})"""
+_FRAMES = """new Promise((done) => {
+  const slider = player.sliders.slope.input, began = performance.now();
+  let frames = 0;
+  const tick = () => {
+    frames += 1;
+    slider.value = 0.03 + 0.01 * Math.sin(frames / 10);
+    slider.dispatchEvent(new Event("input"));
+    if (performance.now() - began < 1000) requestAnimationFrame(tick);
+    else done(frames);
+  };
+  requestAnimationFrame(tick);
+})"""
+
+
+class _Silent(SimpleHTTPRequestHandler):
+    extensions_map = {  # noqa: RUF012
+        **SimpleHTTPRequestHandler.extensions_map,
+        ".mjs": "text/javascript",
+        ".js": "text/javascript",
+        ".wasm": "application/wasm",
+    }
+
+    def log_message(self, *_):
+        pass
+
+
+@pytest.fixture(scope="module")
+def address(package):
+    (package / "index.html").write_text(PAGE)
+    shutil.copy(Path(__file__).parent / "jobs.mjs", package)
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(_Silent, directory=str(package)))
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{server.server_port}/"
+    server.shutdown()
+    server.server_close()
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    names = ("chromium", "chromium-browser", "google-chrome", "chrome")
+    program = next(filter(None, map(shutil.which, names)), None)
+    if program is None:
+        pytest.skip("Chromium is not installed, in which the page is tried")
+    made = Browser(program, tmp_path_factory.mktemp("browser"))
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def page(browser, address):
+    """The page, opened afresh; a message of its console is an error."""
+    browser.said.clear()
+    browser.open("about:blank")
+
+    def opened(settings=""):
+        browser.open("about:blank")
+        browser.open(f"{address}#{settings}")
+        time.sleep(0.1)
+        browser.first = browser.run(_READY)
+        return browser
+
+    yield opened
+    assert browser.said == []
+
+
+def test_the_first_frame_comes_within_a_second(page):
+    assert min(page().first for _ in range(3)) < 1000.0
+
+
+def test_the_picture_moves_while_a_slider_does(page):
+    assert page().run(_FRAMES) > 30
+    assert page().run("player.walk.over") is False
+
+
+def test_strides_in_a_page_are_the_cpus_byte_for_byte(page):
+    jobs, there = [], []
+    for name in SIX:
+        walker = gpw.WALKERS[name]
+        records = new_records(_near(walker, 0.03, 100), 0.03)
+        jobs.append(_job(walker, name, records))
+        there.append(advance(system_of(walker), bodies(walker), records, tolerance=1e-8))
+    found = page().run(f"""(async () => {{
+        const {{ run }} = await import("./jobs.mjs");
+        const walkers = await import("./passive-walker.js");
+        const results = [];
+        for (const job of {json.dumps(jobs)}) results.push(await run(walkers, job));
+        return results;
+    }})()""")
+    assert [_unlike(*pair) for pair in zip(found, there, strict=True)] == [0] * len(SIX)
+
+
+def test_every_walker_and_every_policy_walks(page):
+    there = page()
+    walkers = [("walker", "walkerChoice", name, name) for name in gpw.WALKERS]
+    policies = [("policy", "controllers", name, f"policy {name}") for name in shipped_policies()]
+    for choice, select, name, value in walkers + policies:
+        distance = there.run(f"""(async () => {{
+            player.running = false;
+            player.{select}.value = {json.dumps(value)};
+            player.{select}.dispatchEvent(new Event("change"));
+            while (player.settings.{choice} !== {json.dumps(name)} || player.walk.strides) {{
+                await new Promise((done) => setTimeout(done, 20));
+            }}
+            await new Promise((done) => setTimeout(done, 50));
+            player.advance(1.0);
+            player.draw();
+            return [player.walk.info.episode_distance, player.said.textContent];
+        }})()""")
+        assert distance[0] > 0.1 and distance[1] == "", name
+
+
+def test_a_walker_that_cannot_be_says_why_and_the_walk_goes_on(page):
+    there = page()
+    there.run("player.sliders.foot_radius.input.max = 2")
+    there.run("""(() => {
+        player.sliders.foot_radius.input.value = 1.5;
+        player.sliders.foot_radius.input.dispatchEvent(new Event("input"));
+    })()""")
+    time.sleep(0.2)
+    assert there.run("player.said.textContent").startswith("foot_radius must lie from 0 to below")
+    assert there.run("player.walk.walker.foot_radius") == gpw.WALKERS["lab"].foot_radius
+
+
+def test_an_address_keeps_the_settings(page):
+    there = page("walker=C&slope=0.02&foot_radius=0.21&ground=rough&speed=0.5")
+    settings = there.run("player.settings")
+    assert (settings["walker"], settings["slope"], settings["ground"]) == ("C", 0.02, "rough")
+    assert settings["changes"] == {"foot_radius": 0.21} and settings["speed"] == 0.5
+    there.run("player.toggle()")
+    there.run("player.sliders.torque.input.value = 0.001")
+    there.run('player.sliders.torque.input.dispatchEvent(new Event("input"))')
+    time.sleep(0.3)
+    assert "torque=0.001" in there.run("location.hash") and "foot_radius" in there.run(
+        "location.hash"
+    )
+
+
+def test_keys_pause_and_push(page):
+    there = page()
+    key = "player.canvas.dispatchEvent(new KeyboardEvent('keydown', {{ key: '{}' }}))"
+    there.run(key.format(" "))
+    assert there.run("player.running") is False
+    before = there.run("player.walk.state")
+    there.run(key.format("ArrowRight"))
+    there.run("player.advance(0.1)")
+    assert there.run("player.walk.block.get('fate.pushes')") == 1
+    assert not np.allclose(there.run("player.walk.state"), before)
+
+
+def test_a_reader_who_prefers_reduced_motion_begins_in_pause(page, browser):
+    browser.ask(
+        "Emulation.setEmulatedMedia",
+        features=[{"name": "prefers-reduced-motion", "value": "reduce"}],
+    )
+    try:
+        assert page().run("player.running") is False
+    finally:
+        browser.ask("Emulation.setEmulatedMedia", features=[])
+
+
+def test_every_control_has_a_label(page):
+    unnamed = page().run("""[...document.querySelectorAll("input, select, button, canvas")]
+        .filter((each) => !each.labels?.length && !each.textContent && !each.ariaLabel).length""")
+    assert unnamed == 0
