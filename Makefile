@@ -3,7 +3,7 @@
 # make test    the same, and run the tests          (make test ARGS='-m slow' for the long ones)
 # make docs    the same, and build the documentation's site in docs/_build
 # make test-matrix  the fast tests on each Python, with the oldest libraries allowed and the newest
-# make lint    style, import rules, types
+# make lint    style, import rules, words of the prose, types
 # make clean   remove .venv and every cache; what training wrote under runs/ stays
 
 PYTHON ?= python3
@@ -38,6 +38,7 @@ lint: $(VENV)/.installed-dev
 	$(BIN)/ruff check --extend-select D103 gym_passive_walker agents examples validation
 	$(BIN)/ruff format --check .
 	$(BIN)/lint-imports
+	$(BIN)/python -m tests.words
 	$(BIN)/pyright --pythonpath $(BIN)/python
 
 $(VENV)/.created:

@@ -5,8 +5,8 @@
     python -m benchmarks.defaults --scene "{reset_noise_scale: 0.1, max_hip_torque: 0.1}"
 
 PPO trains on 16 environments, SAC on one. At each mark, and at the end of `learn`, the policy acts
-without noise in 100 episodes, whose seeds are 1000 to 1099. Printed are the walks that reach the
-time limit of 4,000 steps, of the first 20 and of all 100, and the mean return.
+without noise in 100 episodes with the seeds 1000 to 1099. It prints the number of walks that reach
+the time limit of 4,000 steps, of the first 20 and of all 100, and the mean return.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Shaped(VecEnvWrapper):
 
 
 class Scaled:
-    """A policy of scaled observations, for an environment whose observations are not."""
+    """A policy of scaled observations, for an environment of observations without scale."""
 
     def __init__(self, model: BaseAlgorithm, scale: np.ndarray) -> None:
         self.model, self.scale = model, scale

@@ -1,6 +1,5 @@
 """How Sphinx makes the documentation's site: `make docs`."""
 
-import inspect
 import os
 import re
 from importlib.metadata import version as _version
@@ -11,7 +10,6 @@ from sphinx.application import Sphinx
 from sphinx.errors import ExtensionError
 
 from gym_passive_walker import web
-from gym_passive_walker.envs.walker_env import PassiveWalkerEnv
 
 os.environ["NUMBA_ENABLE_CUDASIM"] = "1"  # pages on devices are made where there is none
 os.environ["MPLBACKEND"] = "module://matplotlib_inline.backend_inline"  # cells show pictures
@@ -22,7 +20,7 @@ copyright = author
 version = release = _version("gym-passive-walker")
 
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx.ext.viewcode"]
-exclude_patterns = ["_build", "_generated", "jupyter_execute"]
+exclude_patterns = ["_build", "_generated", "rendered", "jupyter_execute"]
 
 # Pages are Markdown. Notebooks are too, and run again when they or the package have changed.
 myst_enable_extensions = ["dollarmath", "deflist"]
@@ -66,9 +64,7 @@ def setup(app: Sphinx) -> None:
     app.connect("doctree-read", _check_pictures)
 
 
-# The environment's docstring is Markdown, in Gymnasium's own layout: a page of it.
 _generated = Path(__file__).parent / "_generated"
 _generated.mkdir(exist_ok=True)
 # Pages with a walker load its modules.
 web.build(_generated / "static" / "passive-walker")
-(_generated / "environment.md").write_text(inspect.getdoc(PassiveWalkerEnv) or "", encoding="utf-8")

@@ -146,6 +146,13 @@ export interface Joints {
   stance: number;
 }
 
+/** The walker at an instant, for a picture. */
+export interface Frame {
+  state: State;
+  strides: number;
+  joints: Joints;
+}
+
 export interface Colors {
   background: string;
   ground: string;
@@ -204,11 +211,12 @@ export class PassiveWalker {
   push(impulse: number): void;
   change(options: { walker?: WalkerLike | null; scene?: Scene }): void;
   joints(state?: State): Joints;
-  /** The state within the last step, at a share from 0 to 1 of it. */
-  within(share: number): State;
+  frame(): Frame;
+  /** The walker within the last step, at a share from 0 to 1 of it. */
+  within(share: number): Frame;
   render(
     canvas: HTMLCanvasElement,
-    options?: { colors?: Partial<Colors>; state?: State; width?: number; push?: number | null },
+    options?: { colors?: Partial<Colors>; frame?: Frame; width?: number; push?: number | null },
   ): void;
 }
 

@@ -561,6 +561,7 @@ export class PassiveWalker {
   #data;
   #origin = 0;
   #trace = [];
+  #earlier = null;
 
   constructor(data, module, walker, scene) {
     this.#data = data;
@@ -621,6 +622,7 @@ export class PassiveWalker {
 
   #putRules(scene) {
     const block = this.#block;
+    for (const [name, row] of Object.entries(block.notes.rules)) row.forEach((x, i) => block.set(`rules.${name}`, x, i));
     block.set("rules.tick", scene.control === "tick" ? scene.tick : Infinity);
     block.set("rules.max_stride_time", scene.max_stride_time);
     block.set("rules.actions", scene.actions.length);
@@ -633,7 +635,6 @@ export class PassiveWalker {
     block.set("rules.energy_weight", scene.energy_weight);
     block.set("rules.charged", this.#data.energies.indexOf(scene.energy));
     block.set("rules.step_limit", scene.step_limit);
-    block.notes.works.forEach((work, i) => block.set("rules.works", work, i));
   }
 
   #putOdds(scene) {
@@ -712,8 +713,9 @@ export class PassiveWalker {
     block.record("before").set(block.record("record"));
     this.#origin = 0;
     this.#trace = [];
-    this.events = [];
     this.#contact();
+    this.#earlier = this.#here();
+    this.duration = 0;
     return this.observation;
   }
 
@@ -742,6 +744,7 @@ export class PassiveWalker {
     given.forEach((x, i) => block.set("actions", x, i));
     block.record("before").set(block.record("record"));
     const before = block.get("record.time");
+    this.#earlier = this.#here();
     block.run(STEP);
     const terminated = block.bytes[block.at("terminated")] !== 0;
     const truncated = block.bytes[block.at("truncated")] !== 0;
@@ -922,45 +925,64 @@ export class PassiveWalker {
     return this.#trace.map((each) => ({ ...each }));
   }
 
-  /**
-   * Positions of the joints, (x, y) in the walker's units: x downhill along the slope from the start.
-   *
-   * @param state A state instead of the present one.
-   */
+  /** Where the stride began, and on what. */
+  #here() {
+    const block = this.#block, l = this.legLength;
+    return {
+      x: this.#origin + block.get("fate.x") * l,
+      y: block.get("fate.y") * l,
+      tilt: block.get("fate.tilt"),
+      start: block.get("record.start"),
+      strides: this.strides,
+    };
+  }
+
+  /** Positions of the joints, (x, y) in the walker's units: x along the slope from the start. */
   joints(state = this.state) {
+    return this.#placed(state, this.#here());
+  }
+
+  #placed(state, { x, y, tilt, start }) {
     const block = this.#block;
-    for (let i = 0; i < 3; i++) block.set("shape.angles", state[i] - block.get("fate.tilt"), i);
-    if (!this.parameters.knees) block.set("shape.angles", state[1] - block.get("fate.tilt"), 2);
-    block.set("shape.tilt", block.get("fate.tilt"));
+    const angles = state.slice(0, 3).map((angle) => angle - tilt);
+    if (!this.parameters.knees) angles[2] = angles[1];
+    angles.forEach((angle, i) => block.set("shape.angles", angle, i));
+    block.set("shape.tilt", tilt);
     block.functions.joints(block.at("shape"), block.at("points"));
-    const tilt = block.get("fate.tilt");
-    const rolled = this.parameters.foot_radius * (block.get("record.start") - state[0]);
-    const x = this.#origin + block.get("fate.x") * this.legLength + rolled * Math.cos(tilt);
-    const y = block.get("fate.y") * this.legLength - rolled * Math.sin(tilt);
-    const found = { contact: [x, y], shank: state[2] - tilt, stance: state[0] - tilt };
+    const rolled = this.parameters.foot_radius * (start - state[0]);
+    const contact = [x + rolled * Math.cos(tilt), y - rolled * Math.sin(tilt)];
+    const found = { contact, stance: angles[0], shank: angles[2] };
     block.notes.points.forEach((name, i) => {
-      found[name] = [x + block.get("points", 2 * i), y + block.get("points", 2 * i + 1)];
+      found[name] = [contact[0] + block.get("points", 2 * i), contact[1] + block.get("points", 2 * i + 1)];
     });
     return found;
   }
 
+  /** The walker now, for a picture. */
+  frame() {
+    const state = this.state;
+    return { state, strides: this.strides, joints: this.joints(state) };
+  }
+
   /**
-   * The state within the last control step, at a share from 0 to 1 of it.
+   * The walker within the last control step, at a share from 0 to 1 of it, for a picture.
    *
-   * The engine integrates the step again up to there, so that it is as exact as the step's end.
+   * The engine integrates the step again up to there, so the frame is as exact as the step's end. A
+   * step with a push has no frame but its end.
    */
   within(share) {
     const block = this.#block;
+    if (share >= 1 || !(this.duration > 0) || block.get("fate.impulse") !== 0) return this.frame();
     const kept = block.bytes.slice(block.base, block.table);
     try {
       const names = ["record.control", "record.control", "record.push_off"];
       const held = names.map((name, i) => block.get(name, i % 2));
       block.record("record").set(block.record("before"));
       names.forEach((name, i) => block.set(name, held[i], i % 2));
-      const now = block.get("record.time") + Math.max(share * this.duration, 1e-9);
-      block.set("record.end", now);
+      block.set("record.end", block.get("record.time") + Math.max(share * this.duration, 1e-9));
       block.run(ADVANCE);
-      return Array.from(block.row("record.state"));
+      const state = Array.from(block.row("record.state"));
+      return { state, strides: this.#earlier.strides, joints: this.#placed(state, this.#earlier) };
     } finally {
       block.bytes.set(kept, block.base);
     }
@@ -1010,10 +1032,10 @@ export class PassiveWalker {
   /**
    * Draws the walker and its ground on a canvas.
    *
-   * @param options `colors` by name, `state` instead of the present one, `width` shown in leg lengths.
+   * @param options `colors` by name, `frame` instead of the present one, `width` in leg lengths.
    */
-  render(canvas, { colors = {}, state = this.state, width = 3.2, push = null } = {}) {
-    draw(this, canvas, { ...COLORS, ...colors }, state, width, push);
+  render(canvas, { colors = {}, frame = this.frame(), width = 3.2, push = null } = {}) {
+    draw(this, canvas, { ...COLORS, ...colors }, frame, width, push);
   }
 }
 
@@ -1075,9 +1097,9 @@ const COLORS = {
   body: "#374151", push: "#b91c1c",
 };
 
-function draw(walk, canvas, colors, state, width, push) {
+function draw(walk, canvas, colors, { joints, strides }, width, push) {
   const context = canvas.getContext("2d");
-  const joints = walk.joints(state), l = walk.legLength, slope = walk.scene.slope;
+  const l = walk.legLength, slope = walk.scene.slope;
   const scale = canvas.width / (width * l);
   const [sine, cosine] = [Math.sin(slope), Math.cos(slope)];
   const middle = joints.hip[0];
@@ -1087,8 +1109,8 @@ function draw(walk, canvas, colors, state, width, push) {
   };
   context.fillStyle = colors.background;
   context.fillRect(0, 0, canvas.width, canvas.height);
-  drawGround(walk, context, place, middle, width * l, colors, joints, scale);
-  const odd = walk.strides % 2 === 1;
+  drawGround(walk, context, place, middle, width * l, colors, scale);
+  const odd = strides % 2 === 1;
   const legs = [
     ["swing", odd ? colors.even : colors.odd, joints.shank],
     ["stance", odd ? colors.odd : colors.even, joints.stance],
@@ -1102,7 +1124,7 @@ function draw(walk, canvas, colors, state, width, push) {
   if (push) drawPush(context, [x, y], push, colors.push, scale * l);
 }
 
-function drawGround(walk, context, place, middle, span, colors, joints, scale) {
+function drawGround(walk, context, place, middle, span, colors, scale) {
   const reach = span, holds = walk.footholds;
   context.strokeStyle = colors.ground;
   context.lineWidth = Math.max(1, 0.006 * scale * walk.legLength);
@@ -1139,8 +1161,8 @@ function drawLeg(walk, context, place, joints, name, color, angle, scale, slope)
   const radius = walk.parameters.foot_radius * scale;
   if (radius > 0) {
     const [x, y] = place(points[2]);
-    // The sole's middle is opposite to the leg's direction; the canvas turns clockwise.
-    const down = Math.PI / 2 + slope + angle;
+    // The middle of the sole lies on the shank's line; angles of a canvas turn clockwise.
+    const down = Math.PI / 2 + slope - angle;
     context.beginPath();
     context.arc(x, y, radius, down - SOLE_SPAN, down + SOLE_SPAN);
     context.stroke();

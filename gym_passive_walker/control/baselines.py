@@ -27,7 +27,7 @@ _STANDS = 1e-5  # rad, in single precision: legs that mirror each other have jus
 
 
 class ConstantTorque:
-    """The same torque all along.
+    """A constant torque.
 
     Args:
         torque: Torque in units of m g l.
@@ -58,7 +58,7 @@ class ConstantTorque:
 
 
 class Passive(ConstantTorque):
-    """No torque: what McGeer's walkers do."""
+    """No torque: passive walking, as of McGeer."""
 
     name = "passive"
 
@@ -151,7 +151,7 @@ class Schedule(StrideFeedback):
 
 
 class LinearFeedback(StrideFeedback):
-    """One or two torques a stride, which bring the walker back to its gait.
+    """Linear feedback by one or two torques a stride, which stabilizes the gait.
 
     Args:
         scene: A `Scene`, its name, or a mapping of its arguments; of a range of slopes, the gains
@@ -202,7 +202,7 @@ class LinearFeedback(StrideFeedback):
 
 
 class Optimal(StrideFeedback):
-    """The torques of an optimal gait, with feedback that brings the walker back to it.
+    """Torques of an optimal gait, with linear feedback that stabilizes it.
 
     On the gait it plays exactly the gait's torques. Off it, LQR over all torques of the stride
     changes them at its start, whether or not the gait is stable by itself.

@@ -255,7 +255,7 @@ def save(path: Path, gaits: list[OptimalGait]) -> None:
 
 
 def load(scene: str) -> list[OptimalGait]:
-    """The stored gaits of a named scene, by growing speed.
+    """Return the stored optimal gaits of a named scene, in order of increasing speed.
 
     Raises:
         ValueError: if there are none.

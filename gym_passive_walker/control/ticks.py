@@ -289,9 +289,9 @@ class TickedStride(NamedTuple):
         turn: How far it turned, either way, (n, N): the absolute work of a unit.
         push_work: Work of the push-off, (n,).
         kneestrike: When the knee locks, (n,); 0 without knees.
-        by: Derivatives of all these, in this order, by the m coordinates of the start, the T
-            torques, the push-off if there is one, and what else was asked for,
-            (n, m + 4 + 2 T, m + T + others).
+        by: Derivatives of all these, in this order, (n, m + 4 + 2 T, m + T + others). They are by
+            the m coordinates of the initial state, the T torques, the push-off if there is one,
+            and the other variables that were named.
         outcomes: How each ended, an `Outcome`, (n,).
         steps: Their control steps.
     """

@@ -65,7 +65,7 @@ class Bound:
         return self._made[function]
 
     def rebound(self, function: Any) -> FunctionType:
-        """Return a plain function whose names refer to what is bound to the machine."""
+        """Return a plain function; its names refer to what is bound to the machine."""
         found = plain(function)
         assert found is not None
         calls = self._calls.setdefault(function, set())

@@ -204,7 +204,7 @@ class Batch:
         return alike and not self.disturbances and not self.custom
 
     def _machinery(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """Compiled phases, what the engine is told, and where one thread works."""
+        """Compiled phases, options of the engine, and the work space of one thread."""
         here = self.disturbances
         phases = here.natives[0] if here else compiled(self.system.name)
         told = options(self.scene.tolerance, scuff=bool(self.scene.end_on_toe_stub))

@@ -39,7 +39,7 @@ Rows = list[dict[str, Any]]
 
 
 def explain(env: Any = "level") -> None:
-    """Print what an agent observes, does and is paid for, and what ends an episode.
+    """Print observation, action, reward and termination of an environment.
 
     Args:
         env: An environment, single, vector or stable-baselines3's; or a scene, by its name, as a

@@ -81,7 +81,7 @@ class Lane:
 
 
 class PassiveWalkerVecEnv(VecEnv):
-    """Walkers for stable-baselines3.
+    """A batch of walkers as a `VecEnv` of stable-baselines3.
 
     Args:
         num_envs: How many walkers.

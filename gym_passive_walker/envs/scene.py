@@ -44,63 +44,65 @@ _PERTURBATION = {"tick": 0.10, "stride": 0.05}
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """What is simulated: a walker, its ground, its motor, and the rules of an episode.
+    """Configuration of an environment: a walker, its ground, its actuators and the episode's rules.
 
-    Everything is in the dimensionless units of the walker: lengths by the leg length l, times by
-    sqrt(l/g), torques and energies by m g l (m the total mass). Where an argument is None, the
-    attribute afterwards is the value that was chosen for it.
+    All numbers are in the dimensionless units of the walker: lengths in leg lengths l, times in
+    sqrt(l/g), torques and energies in m g l (m is the total mass). An argument of None is replaced
+    by its default.
 
     Attributes:
         walker: A walker in a form that `as_walker` takes: a `Walker`, a name, a mapping or a file;
             or a `System` of the user's own. `make_scene` takes such a one as `system` as well.
         slope: Slope in rad, positive downhill; or (low, high), drawn at each reset.
-        control: "tick" for a new torque every `tick`, and at each heelstrike; "stride" for one
-            torque from heelstrike to heelstrike.
-        tick: Time for which a tick holds its torque; a heelstrike ends it early.
-        actions: What an agent acts by, in the order of its action's numbers: "hip", a torque
-            between the legs; "ankle", a torque between ground and stance leg, on point feet;
-            "push_off", an impulse along the stance leg just before heelstrike, of which that in
-            the last action of a stride counts. None is ("hip",), or all controls of a `System`.
+        control: "tick" for a new action every `tick`, and at each heelstrike; "stride" for one
+            action from heelstrike to heelstrike.
+        tick: Length of a control step in sqrt(l/g); a heelstrike ends it early.
+        actions: Actuators, in the order of the action's numbers. "hip" is a torque between the
+            legs. "ankle" is a torque between ground and stance leg, for point feet. "push_off" is
+            an impulse along the stance leg just before heelstrike, by the stride's last action.
+            None is ("hip",), or all controls of a `System`.
         max_hip_torque: Torque of the action 1; 0 is a passive walker. None is 0.05 for ticks and
-            0.03 for strides. Of the simplest walker, torque per unit of foot mass.
+            0.03 for strides. For the simplest walker, torque per unit of foot mass.
         max_ankle_torque: Ankle torque of the action 1.
         max_push_off: Push-off of the action 1, in units of m sqrt(g l).
-        energy_weight: What a unit of energy costs, in leg lengths of distance.
-        energy: What motors are charged for: "absolute", "positive" or "net" work.
-        end_on_toe_stub: Whether a locked swing leg below the ground ends the episode. None means
-            where there are knees; straight legs cannot but pass through the ground.
-        reset_noise_scale: How far a start may be from its gait, as a share of angle and rates. None
+        energy_weight: Price of a unit of energy, in leg lengths of distance.
+        energy: Actuator work that the reward subtracts: "absolute", "positive" or "net".
+        end_on_toe_stub: Whether a locked swing leg below the ground ends the episode. None is True
+            for walkers with knees; straight legs always pass through the ground.
+        reset_noise_scale: Largest relative change of the initial angle and angular velocities. None
             is 0.10 for ticks and 0.05 for strides.
-        domain_randomization: By how large a share walker parameters vary, drawn at each reset:
+        domain_randomization: Largest relative change of walker parameters, drawn at each reset:
             ``{"foot_radius": 0.1}``.
-        start: Section state to start from instead of the passive gait: [stance, thigh, shank]
-            angles in rad, then their rates in units of 1/sqrt(l/g).
-        max_stride_time: Time after which a stride without heelstrike has stalled.
+        start: Initial state on the Poincaré section instead of the passive gait: [stance, thigh,
+            shank] angles in rad, then their angular velocities in units of 1/sqrt(l/g).
+        max_stride_time: Time in sqrt(l/g) after which a stride without heelstrike has stalled.
         tolerance: Error of the dynamics of a step; see `stride`.
-        pushes: Impulses on the hip along the slope, at random times: "rate", how many there are on
-            average in a unit of time, and "impulse", in units of m sqrt(g l) and positive downhill,
-            a number or a range to draw from. None of them if empty.
-        observation_noise: Standard deviation of what is added to each observation: of angles and
-            rates alike, or one for each of its entries.
-        action_noise: Standard deviation of what is added to each action, a share of the largest.
-        action_delay: By how many steps an agent's actions come late.
-        command: Speed to keep over sqrt(g l), or (low, high), drawn at each reset; agents see
-            it. None commands nothing.
-        command_weight: What a stride loses for each leg length by which it misses the way that it
-            was commanded to go in its time.
-        constraints: What comes of the checks of `reality_check`, "scuffing", "knee lock", "contact"
-            and "friction": "ignore", "report" or "end".
-        terrain: How footholds lie, in a form that `terrain_from` takes: a `Terrain`, a mapping
+        pushes: Impulses on the hip along the slope, at random times; none if empty. "rate" is their
+            mean number in a unit of time. "impulse", in units of m sqrt(g l) and positive downhill,
+            is a number or a range to draw from.
+        observation_noise: Standard deviation of the noise on each observation: one number for
+            angles and angular velocities, or one for each entry.
+        action_noise: Standard deviation of the noise on each action, as a share of the largest.
+        action_delay: Number of control steps between an action and its effect.
+        command: Commanded speed over sqrt(g l), or (low, high), drawn at each reset; it is part of
+            the observation. None commands nothing.
+        command_weight: Price of each leg length by which a stride differs from the commanded
+            distance in its time.
+        constraints: "ignore", "report" or "end" for each check of `reality_check`: "scuffing",
+            "knee lock", "contact" and "friction".
+        terrain: Footholds, in a form that `terrain_from` takes: a `Terrain`, a mapping
             such as ``{"rough": {"height_std": 0.01}}``, text or a file; smooth when None.
-        terrain_lookahead: Of how many footholds ahead agents see the rise to them and their turn.
+        terrain_lookahead: Number of footholds ahead that agents observe, by their changes of height
+            and slope.
         friction: Coefficient of friction of foot and ground.
-        knee_latch: What a latch of the stance knee holds against flexion, as a torque in m g l, and
-            in a strike as an impulse in m l sqrt(g l); 0 is a knee that is pressed on its stop.
-        scuff_depth: How far below the ground the swing foot may pass, in leg lengths.
-        reward: What a step is worth instead: a function of a `Transition`, or weights of
+        knee_latch: Largest flexion torque in m g l that a latch of the stance knee holds, and in a
+            collision the impulse in m l sqrt(g l); 0 is a knee that is pressed on its stop.
+        scuff_depth: Largest depth of the swing foot below the ground, in leg lengths.
+        reward: The reward instead of the default: a function of a `Transition`, or weights of
             `custom.TERMS` by name: ``{"distance": 1.0, "energy": -10.0}``.
-        observation: What agents see instead: a function of a `Transition` that gives numbers.
-        terminated: What ends episodes besides falls: a function of a `Transition`.
+        observation: The observation instead of the default: a function of a `Transition` that
+            returns numbers.
+        terminated: Termination besides falls: a function of a `Transition`.
         reward_terms: Whether `info` has the terms of each reward: "reward_distance" and so on.
     """
 
@@ -456,7 +458,7 @@ def undisturbed(scene: Scene, who: str) -> Scene:
 
 
 def make_scene(scene: Scene | str | Mapping[str, Any] = "level", **changes: Any) -> Scene:
-    """A scene as given, by name, or by its arguments, with changes.
+    """Return a scene: a given one, a named one, or one from its arguments, with changes.
 
     Args:
         scene: A `Scene`, one of `SCENES`, or a mapping of a scene's arguments.

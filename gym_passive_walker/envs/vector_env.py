@@ -29,7 +29,7 @@ _OUTCOMES = np.array(interface.OUTCOMES, object)
 
 
 class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
-    """A batch of `PassiveWalkerEnv`, each exactly what it would be alone.
+    """A batch of `PassiveWalkerEnv`; trajectories are bitwise equal to single environments.
 
     Observations, rewards, endings and infos are those of as many single environments in a
     `SyncVectorEnv`, seeded alike, to the last bit; the steps of all are one call of one kernel.
@@ -39,9 +39,10 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         num_envs: How many walkers.
         scene: As of `PassiveWalkerEnv`.
         max_episode_steps: Steps after which an episode is truncated; -1 or None for never.
-        autoreset_mode: "NextStep" (the step after an ending is the reset), "SameStep" (the ending
-            step returns the next episode's first observation, and the last one in
-            ``infos["final_obs"]``), or "Disabled" (``reset(options={"reset_mask": ...})``).
+        autoreset_mode: "NextStep", "SameStep" or "Disabled". "NextStep": the step after the end of
+            an episode is its reset. "SameStep": the last step of an episode returns the first
+            observation of the next one, and has the last one in ``infos["final_obs"]``.
+            "Disabled": call ``reset(options={"reset_mask": ...})``.
         walkers: A walker for each environment, of one kind, instead of the scene's.
         slopes: A slope for each environment, instead of the scene's.
         threads: How many threads large batches use; numba's number when None. It changes no result.

@@ -23,116 +23,129 @@ _SINGLE = np.dtype(np.float32)
 
 
 class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
-    """A passive walker with a motor at its hip, on exact hybrid dynamics.
+    """A passive walker with a hip actuator, on exact hybrid dynamics.
 
     ## Description
 
-    A planar walker of two legs, with or without knees, goes down a slope or over level ground. Left
-    alone on a gentle slope it can walk with no motor at all: gravity pays for what the strikes of
-    knee and heel lose (McGeer; Garcia, Chatterjee and Ruina). Here a hip torque is added, and the
-    agent has to go far for little energy.
+    A planar walker with two legs, with or without knees, walks down a slope or on level ground. On
+    a gentle slope it can walk without an actuator: gravity supplies the energy that the collisions
+    of knee and heel lose (McGeer; Garcia, Chatterjee and Ruina). This environment adds a hip
+    torque. The agent has to walk far with little energy.
 
-    Between strikes the equations of motion are integrated with error control, and the moment of
-    each strike is found exactly; strikes are plastic collisions. All numbers that an agent sees are
-    dimensionless, with the leg length l, the total mass m and sqrt(l/g) as units, so that one agent
-    fits any walker.
+    Between collisions the equations of motion are integrated with error control. The time of each
+    collision is found as the root of an event function; collisions are plastic. All numbers that
+    an agent observes are dimensionless. Their units are the leg length l, the total mass m and
+    sqrt(l/g), so that one agent fits any walker. A stride is one step, heelstrike to heelstrike.
 
     ## Action Space
 
     A `Box(-1.0, 1.0, (1,), float32)`: the hip torque between stance leg and swing thigh, as a share
-    of `max_hip_torque` (which is in units of m g l), positive when it swings the free leg forward.
-    Actions outside are clipped; an action that is not a finite number raises a `ValueError`.
+    of `max_hip_torque` (in m g l), positive when it swings the free leg forward. Actions outside
+    the box are clipped. A non-finite action raises a `ValueError`.
 
-    With `control="tick"` it is held for `tick`, or until the heelstrike if that comes first, so
-    that the agent's clock starts anew with each stride. With `control="stride"` it is held from one
-    heelstrike to the next. For the simplest walker, whose legs have no mass, a torque is per unit
-    of foot mass, and costs nothing.
+    With `control="tick"` an action is held for `tick`, or until the heelstrike if that comes first;
+    a control step begins with each stride. With `control="stride"` it is held from one heelstrike
+    to the next. The legs of the simplest walker have no mass: its torque is per unit of foot mass,
+    and costs nothing.
 
-    With `actions=("hip", "push_off", "ankle")`, or some of them in any order, an action has a
-    number for each: "push_off", from 0 to 1, is an impulse along the stance leg just before
-    heelstrike, as a share of `max_push_off`, of which that in the stride's last action counts;
-    "ankle" is a torque between ground and stance leg, positive when it tips the walker forward, as
-    a share of `max_ankle_torque`, for walkers with point feet.
+    With `actions=("hip", "push_off", "ankle")`, or some of them in any order, an action has one
+    number for each. "push_off", from 0 to 1, is an impulse along the stance leg just before
+    heelstrike, as a share of `max_push_off`; the last action of a stride determines it. "ankle" is
+    a torque between ground and stance leg, as a share of `max_ankle_torque`, for walkers with point
+    feet. It is positive when it tips the walker forward.
 
     ## Observation Space
 
-    A `Box` of shape (8,), float32, the same for all walkers and controls (a `command` is one number
-    more, from 0 to 1; a `terrain_lookahead` two for each foothold, its rise from -1 to 1 leg
-    lengths and its turn from -pi/2 to pi/2):
+    A `Box` of shape (8,), float32, the same for all walkers and controls:
 
     | Num | Observation                                    | Min   | Max  |
     | --- | ---------------------------------------------- | ----- | ---- |
     | 0   | stance leg's angle (rad)                       | -pi/2 | pi/2 |
     | 1   | swing thigh's angle (rad)                      | -pi   | pi   |
     | 2   | swing shank's angle (rad)                      | -pi   | pi   |
-    | 3   | stance leg's rate, times sqrt(l/g)             | -10   | 10   |
-    | 4   | swing thigh's rate, times sqrt(l/g)            | -10   | 10   |
-    | 5   | swing shank's rate, times sqrt(l/g)            | -10   | 10   |
+    | 3   | stance leg's angular velocity, times sqrt(l/g) | -10   | 10   |
+    | 4   | swing thigh's, times sqrt(l/g)                 | -10   | 10   |
+    | 5   | swing shank's, times sqrt(l/g)                 | -10   | 10   |
     | 6   | 1 if the swing knee is locked, 0 if it is free | 0     | 1    |
     | 7   | slope (rad), positive downhill                 | -pi/2 | pi/2 |
 
-    Angles are measured from the ground's normal, positive where the hip is uphill of the foot; the
-    stance angle falls as the walker goes. Rates beyond their bounds are clipped. The legs change
-    names at heelstrike: "stance" is always the one that stands.
+    A `command` adds one number, from 0 to 1. A `terrain_lookahead` adds two numbers for each
+    foothold: the change of height from -1 to 1 leg lengths, and that of slope from -pi/2 to pi/2.
+
+    Angles are measured from the normal of the ground, positive where the hip is uphill of the foot;
+    the stance angle decreases during a stride. Angular velocities beyond their bounds are clipped.
+    The legs swap names at heelstrike: "stance" is always the leg on the ground.
 
     ## Rewards
 
     At each step: distance - `energy_weight` * energy.
 
-    - distance: how far the hip came along the slope, in leg lengths. A stride that ends without
-      heelstrike does not count: what was paid for it is taken back at the fall, so that the
-      distances of an episode add up to what was walked, and a dive is worth nothing.
-    - energy: what the motor is charged for, over m g l: absolute, positive or net hip work.
+    - distance: displacement of the hip along the slope, in leg lengths. A stride that ends without
+      heelstrike does not count: its distance is subtracted again at the fall. So the distances of
+      an episode add up to the completed strides, and a dive has no value.
+    - energy: hip work over m g l: absolute, positive or net.
 
-    A fall has no other price. At every step `info` has "distance" and "energy", their sums
-    "episode_distance" and "episode_energy", and "strides" so far. At each stride's end it has
-    "step_length" / l, "step_period" / sqrt(l/g), "speed" / sqrt(g l), "kneestrike_time" since
-    the stride began (0 without knees), and, each as energy over weight and step length,
-    "gravity_cost" (what gravity paid), "hip_cost" (what the motor was charged for), their sum
-    "cost_of_transport", "net_hip_cost" (net work of the motor), "ankle_cost",
-    "net_ankle_cost" and "push_off_cost" likewise, "collision_cost" (what the strikes
-    lost) and "friction_cost" (what friction took); and "outcome" is "heelstrike".
+    A fall has no other price. With a `command`, a stride loses
+    `command_weight` * | length - command * period |, but never more than its length. At the default
+    weight of 2, a walker at the commanded speed v earns v in each unit of time. It earns 3 s - 2 v
+    at a lower speed s, and 2 v - s at a higher one. Energy is subtracted from that.
 
-    With a `command`, a stride loses `command_weight` times the leg lengths by which it missed the
-    way that was commanded, | length - command * period |, but never more than its length: at the
-    default weight of 2 a walker earns v for each unit of time at the commanded speed v, 3 s - 2 v
-    at a lower speed s, and 2 v - s at a higher one, less what its energy costs.
+    The default task counts as solved from a mean return of 47.3 (`reward_threshold` of its spec).
+    This is nine tenths of the way from the passive walker's return, 6.3, to the optimal gait's,
+    51.9.
 
-    `info` tells at every step, in scenes that have them: "command"; "pushes" that have come,
-    "push_work" / (m g l) that they did in this step, and "episode_push_work"; and what the checks
-    of `constraints` go by in this step: "normal_force" / (m g), "normal_impulse" / (m sqrt(g l)),
-    "stance_knee_torque" / (m g l), "stance_knee_impulse" / (m l sqrt(g l)) and "clearance" / l,
-    the least of each (infinite where there was no strike), and the greatest coefficient of
-    "friction" that was needed (infinite where the ground would have had to pull).
+    ## Info
 
-    The default task counts as solved from a mean return of 47.3 (`reward_threshold` of its spec):
-    nine tenths of the way from the passive walker's return, 6.3, to the optimal gait's, 51.9.
+    | Entry                                           | At         | Quantity                      |
+    | ----------------------------------------------- | ---------- | ----------------------------- |
+    | "distance", "energy"                            | each step  | terms of the reward           |
+    | "episode_distance", "episode_energy", "strides" | each step  | sums in the episode           |
+    | "outcome"                                       | stride end | "heelstrike", or see below    |
+    | "step_length"                                   | stride end | over l                        |
+    | "step_period", "kneestrike_time"                | stride end | over sqrt(l/g); 0: no knees   |
+    | "speed"                                         | stride end | over sqrt(g l)                |
+    | "cost_of_transport"                             | stride end | gravity_cost + hip_cost       |
+    | "gravity_cost"                                  | stride end | work of gravity               |
+    | "hip_cost", "net_hip_cost"                      | stride end | hip work, as charged and net  |
+    | "ankle_cost", "net_ankle_cost", "push_off_cost" | stride end | work of the other actuators   |
+    | "collision_cost", "friction_cost"               | stride end | energy lost                   |
+    | "command"                                       | each step  | over sqrt(g l)                |
+    | "pushes"                                        | each step  | number so far                 |
+    | "push_work", "episode_push_work"                | each step  | over m g l                    |
+    | "normal_force", "normal_impulse"                | each step  | least, m g and m sqrt(g l)    |
+    | "stance_knee_torque", "stance_knee_impulse"     | each step  | least, m g l, m l sqrt(g l)   |
+    | "clearance"                                     | each step  | least, over l                 |
+    | "friction"                                      | each step  | largest coefficient required  |
+
+    Costs are energies over weight times step length. "command", "pushes" and their work are in the
+    info of scenes that have them. The last six are there with `constraints`. A least value
+    is infinite if the step had no such event; "friction" is infinite if the ground would have had
+    to pull.
 
     ## Starting State
 
-    Just after a heelstrike, at the walker's passive gait on the slope of the episode, or, where it
-    has none, at its gait on the nearest of a few gentle slopes. Angles, stance rate and swing rates
-    are each multiplied by a number drawn from 1 - `reset_noise_scale` to 1 + `reset_noise_scale`.
-    The slope is drawn first, if it is a range. `reset(options={"state": ..., "slope": ...})` gives
-    either of them instead: the state [stance, thigh, shank] angles and their rates in the walker's
-    own units.
+    Just after a heelstrike, at the walker's passive gait on the slope of the episode. If there is
+    no such gait, it is the gait on the nearest of a few gentle slopes. Angle, stance angular
+    velocity and swing angular velocities are each multiplied by a number drawn from
+    1 - `reset_noise_scale` to 1 + `reset_noise_scale`. The slope is drawn first, if it is a range.
+    `reset(options={"state": ..., "slope": ...})` sets either of them instead. The state has the
+    [stance, thigh, shank] angles and their angular velocities in the walker's own units.
 
     ## Episode End
 
     Termination, with its reason in `info["outcome"]`:
 
     - "fell_forward", "fell_backward": the stance leg lies on the ground.
-    - "swing_overrotation": the swing leg has gone round beyond upright.
-    - "stubbed_toe": a locked swing leg is below the ground (if `end_on_toe_stub`; a free knee may
-      let the foot scuff by a fraction of a percent of the leg, as in the source document). Without
-      this rule agents learn to snap the knee shut and sweep a stiff leg through the floor.
+    - "swing_overrotation": the swing leg has rotated beyond upright.
+    - "stubbed_toe": a locked swing leg is below the ground, if `end_on_toe_stub`. A free knee may
+      let the foot scuff by a fraction of a percent of the leg, as in Garcia (1999). Without this
+      rule agents learn to lock the knee early and move a stiff leg through the floor.
     - "knee_not_locked": the foot came down in front before the knee had locked.
     - "stalled": no heelstrike within `max_stride_time`.
-    - "diverged": the motion left the range of numbers; no ordinary action gets there.
-    - "lost_contact", "slipped", "stance_knee_gave_way", "scuffed": where `constraints` has the
-      check "contact", "friction", "knee lock" or "scuffing" end episodes. The stride does not
-      count.
-    - "stopped": the scene's own `terminated` holds.
+    - "diverged": the state left the range of numbers; no ordinary action does this.
+    - "lost_contact", "slipped", "stance_knee_gave_way", "scuffed": if `constraints` has "end" for
+      the check "contact", "friction", "knee lock" or "scuffing". The stride does not count.
+    - "stopped": the scene's own `terminated` returned True.
 
     Truncation: after 4000 steps (`max_episode_steps` of `gymnasium.make`).
 
@@ -147,9 +160,9 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
     ```
 
-    `scene` names a scene (`gym_passive_walker.envs.scene.SCENES`) whose arguments the others
-    change: "level" (the default), "steep", "rolling", "lab", "rough", "pushed", "push-off" or
-    "commanded".
+    `scene` is the name of a scene in `gym_passive_walker.envs.scene.SCENES`: "level" (the default),
+    "steep", "rolling", "lab", "rough", "pushed", "push-off" or "commanded". The other arguments
+    change it.
 
     | Argument               | Default             | What                                       |
     | ---------------------- | ------------------- | ------------------------------------------ |
@@ -157,38 +170,38 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | `system`               | None                | a `gym_passive_walker.System` instead      |
     | `slope`                | 0.0                 | rad, positive downhill; or (low, high)     |
     | `control`              | "tick"              | "tick" or "stride"                         |
-    | `tick`                 | 0.1                 | how long a tick's torque is held           |
+    | `tick`                 | 0.1                 | length of a control step, in sqrt(l/g)     |
     | `actions`              | ("hip",)            | "hip", "push_off", "ankle"; or controls    |
-    | `max_hip_torque`       | 0.05 (stride: 0.03) | torque of action 1; 0 is passive           |
-    | `max_ankle_torque`     | 0.05                | ankle torque of action 1                   |
+    | `max_hip_torque`       | 0.05 (stride: 0.03) | torque of action 1, in m g l; 0 is passive |
+    | `max_ankle_torque`     | 0.05                | ankle torque of action 1, in m g l         |
     | `max_push_off`         | 0.2                 | push-off of action 1, over m sqrt(g l)     |
     | `energy_weight`        | 10.0                | leg lengths that a unit of energy is worth |
     | `energy`               | "absolute"          | "absolute", "positive" or "net" hip work   |
     | `end_on_toe_stub`      | True with knees     | whether a stubbed toe ends the episode     |
-    | `reset_noise_scale`    | 0.10 (stride: 0.05) | how far starts are from the gait           |
-    | `domain_randomization` | {}                  | parameter: share by which it varies        |
+    | `reset_noise_scale`    | 0.10 (stride: 0.05) | relative range of initial states           |
+    | `domain_randomization` | {}                  | parameter: relative range                  |
     | `start`                | None                | dimensionless state instead of the gait    |
-    | `max_stride_time`      | 20.0                | when a stride has stalled                  |
+    | `max_stride_time`      | 20.0                | limit of a stride, in sqrt(l/g)            |
     | `tolerance`            | 1e-8                | error of the dynamics                      |
     | `pushes`               | {}                  | {"rate": ..., "impulse": (low, high)}      |
-    | `observation_noise`    | 0.0                 | std of angles and rates; or of each entry  |
+    | `observation_noise`    | 0.0                 | std of observations; or of each entry      |
     | `action_noise`         | 0.0                 | std of actions                             |
-    | `action_delay`         | 0                   | steps by which actions come late           |
+    | `action_delay`         | 0                   | control steps before an action acts        |
     | `command`              | None                | speed over sqrt(g l); or (low, high)       |
     | `command_weight`       | 2.0                 | price of a leg length beside the command   |
     | `constraints`          | {}                  | check: "ignore", "report" or "end"         |
     | `terrain`              | None                | {"rough": {"height_std": ...}} or another  |
-    | `terrain_lookahead`    | 0                   | footholds ahead that are seen              |
+    | `terrain_lookahead`    | 0                   | footholds ahead that are observed          |
     | `friction`             | 0.8                 | coefficient of foot and ground             |
-    | `knee_latch`           | 0.0                 | torque that holds the stance knee          |
-    | `scuff_depth`          | 0.01                | how deep the swing foot may pass           |
+    | `knee_latch`           | 0.0                 | torque that holds the stance knee, in m g l|
+    | `scuff_depth`          | 0.01                | largest depth of the swing foot, in l      |
     | `reward`               | None                | function of a `Transition`, or weights     |
     | `observation`          | None                | function of a `Transition`: the numbers    |
     | `terminated`           | None                | function of a `Transition`: ends episodes  |
     | `reward_terms`         | False               | whether `info` has the reward's terms      |
     | `render_mode`          | None                | "human", "rgb_array" or None               |
 
-    `gymnasium.make_vec` takes the same, and runs all environments in one kernel.
+    `gymnasium.make_vec` takes the same arguments, and simulates all environments in one kernel.
 
     `reward`, `observation` and `terminated` are functions of a `gym_passive_walker.Transition`, the
     result of one control step. They replace the reward and the observation above; `terminated` ends
@@ -207,7 +220,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     With `system`, a `gym_passive_walker.System` walks. The actions are its controls, the
     observation is its state and the slope.
 
-    `gym_passive_walker.explain(env)` prints observation, action, reward and endings as tables.
+    `gym_passive_walker.explain(env)` prints observation, action, reward and termination as tables.
     `env.unwrapped.set_scene(slope=0.02)` changes arguments for the episodes that follow.
 
     `PassiveWalkerEasy-v0` is the same environment with another default scene, "level" with
@@ -260,9 +273,9 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
 
         Args:
             seed: Seeds the random numbers of this and the following episodes.
-            options: "state" to start from ([stance, thigh, shank] angles in rad and their rates
-                in rad per unit of the walker's time, just after a heelstrike), and "slope" in rad,
-                instead of those drawn.
+            options: "state" and "slope" instead of those drawn. The state is just after a
+                heelstrike: [stance, thigh, shank] angles in rad and their angular velocities in rad
+                per unit of the walker's time. The slope is in rad.
 
         Raises:
             ValueError: if an option is unknown or out of its range.

@@ -69,7 +69,7 @@ class _Walks(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Robustness(Table):
-    """How much a walk bears. Lengths are in leg lengths l, times in sqrt(l/g).
+    """Disturbances that a walk withstands. Lengths are in leg lengths l, times in sqrt(l/g).
 
     Attributes:
         controller: The controller.
@@ -151,7 +151,7 @@ def robustness(
     starts: int = 512,
     seed: int = 0,
 ) -> Robustness:
-    """Try how much a walk bears.
+    """Measure which disturbances a walk withstands.
 
     Example:
         >>> import gym_passive_walker as gpw

@@ -51,7 +51,7 @@ class Linear(NamedTuple):
 
 
 class Tape:
-    """Notes the steps of an environment.
+    """Record of the steps of an environment, for differentiation.
 
     Args:
         envs: A vector environment, for Gymnasium or stable-baselines3, of walkers that are

@@ -134,7 +134,7 @@ def _median(values: NDArray) -> float:
 
 
 def evaluate(policy: Policy, arena: VectorEnv, *, seed: int) -> Walks:
-    """Let an agent walk one episode in each of some environments.
+    """Simulate one episode of an agent in each environment of a batch.
 
     Args:
         policy: The agent; it acts deterministically.

@@ -193,7 +193,7 @@ def bifurcation_diagram(
     longest_period: int = 32,
     tolerance: float = 1e-10,
 ) -> BifurcationDiagram:
-    """Where walks settle, slope by slope (Fig. 4.10).
+    """Simulate walks until they settle, for each of several slopes (Fig. 4.10).
 
     Args:
         walker: The walker, in a form that `as_walker` takes; or a map of `stride_map` with

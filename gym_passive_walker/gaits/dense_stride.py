@@ -86,7 +86,7 @@ def foot_clearance(walker: Walker, states: NDArray) -> tuple[NDArray, NDArray]:
 
 
 class Extreme(NamedTuple):
-    """A value, and the time at which it is taken."""
+    """An extreme value and its time."""
 
     value: float
     time: float
@@ -174,7 +174,7 @@ def greatest(candidates: Iterable[Extreme]) -> Extreme:
 
 
 class Impulse(NamedTuple):
-    """What the ground gives the stance foot in a collision.
+    """Impulse of the ground on the stance foot in a collision.
 
     Attributes:
         normal: Away from the ground.

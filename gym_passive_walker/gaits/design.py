@@ -46,7 +46,7 @@ _LOOKS = 128  # designs looked at
 
 @dataclass(frozen=True)
 class Design:
-    """A walker that does something best.
+    """Result of `optimize_walker`: the walker with the best value of an objective.
 
     Attributes:
         objective: What was made best.

@@ -39,7 +39,7 @@ _MOST_STEPS = 400
 
 @dataclass(frozen=True, repr=False)
 class Cascade(Table):
-    """Period doublings one after the other.
+    """Successive period doublings.
 
     Attributes:
         walker: The walker.

@@ -473,20 +473,19 @@ def go_on(
     on_section: bool = False,
     uneven: bool = False,
 ) -> Flow:
-    """Follow walkers from wherever they are, each to its `end`, its heelstrike or its fall.
+    """Integrate walkers from their states, each to its `end`, its heelstrike or its fall.
 
     Args:
         walkers: The walkers.
-        records: Where they are, what they hold and until when, as `Flow.here` has them, (n, 1);
-            left as they are.
-        by: Along what tangents lead, in order: "state" (one for each of its six numbers) or "point"
-            (one for each coordinate of the section), "slope", "hip_torque", "ankle_torque",
-            "push_off", "height_change" and "slope_change" of the next foothold, a parameter of the
-            walker, "start", the stance angle with which the stride began (legs mirrored), by which
-            its length changes, or "end", the time to stop.
-        lanes: Which walkers these are, where parameters are given for more.
+        records: States, controls and end times, as in `Flow.here`, (n, 1); not changed.
+        by: Variables of the derivatives, in order. "state" gives one tangent for each of its six
+            numbers, "point" one for each coordinate of the section. Others are "slope",
+            "hip_torque", "ankle_torque", "push_off", "height_change" and "slope_change" of the next
+            foothold, a parameter of the walker, "start" and "end". "start" is the stance angle at
+            the beginning of the stride (legs mirrored), "end" the time to stop.
+        lanes: Indices of these walkers, if parameters are given for more.
         on_section: Whether a stride begins here.
-        uneven: Whether next footholds lie otherwise than these.
+        uneven: Whether the next footholds differ in height or slope from these.
     """
     tangents = _tangents_by(walkers, by) if by else _NONE
     walked = np.zeros((len(records), 1 + len(tangents.names)), records.dtype)

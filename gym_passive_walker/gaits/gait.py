@@ -26,7 +26,7 @@ _EXACT = 1e-13  # tolerance of the integration when gaits are measured
 
 
 class GaitNotFound(Exception):
-    """No such gait; the message names walker, slope, what was tried and what would help.
+    """There is no such gait; the message names walker, slope, the search and remedies.
 
     Attributes:
         slope: A nearby slope in rad at which there is a gait; None if none is known.

@@ -59,7 +59,7 @@ def _kernels(
 
 
 class DeviceBatch:
-    """Walkers of a scene, on a device.
+    """A batch of walkers of a scene on a GPU.
 
     A walker's episodes are those of its key, `seed` plus its number, in any company. They
     go by the rules of `PassiveWalkerVectorEnv`, and the next one begins in the step that ends one.

@@ -21,7 +21,7 @@ with extra("train"):
 
 
 class PassiveWalkerGpuEnv:
-    """As `torch.PassiveWalkerTorchEnv`, with the walkers on the device too.
+    """A vector environment with torch tensors that simulates its walkers on a GPU.
 
     A step moves nothing to the processor and waits for nothing: it only tells the device what to do
     next. An episode that ends begins again in the same step. Walkers follow the rules of

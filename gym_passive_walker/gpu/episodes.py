@@ -52,7 +52,7 @@ class World(NamedTuple):
 
     Attributes:
         phases: Of the system.
-        options: What the engine is told.
+        options: Options of the engine.
         rules: Of `task.RULES`.
         blank: A record as it begins, (1,).
         row: A row of the ledger as it begins, (1,).

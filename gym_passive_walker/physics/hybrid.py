@@ -66,7 +66,7 @@ SMOOTH = Ground(0.0, 1.0)
 
 
 class Outcome(IntEnum):
-    """How a stride, or a tick of one, ended."""
+    """Result of a stride or of a control step."""
 
     RUNNING = 0
     """The time asked for is over and the stride goes on."""

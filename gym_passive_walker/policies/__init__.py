@@ -72,7 +72,7 @@ def policy_folder(name: str | Path) -> Path:
 
 
 def load_policy(name_or_folder: str | Path) -> TrainedPolicy:
-    """Load a trained policy; it needs only NumPy.
+    """Load a trained policy; requires NumPy alone.
 
     Example:
         >>> import gym_passive_walker as gpw

@@ -28,7 +28,7 @@ def play(
     film: str | Path | None = None,
     picture: str | Path | None = None,
 ) -> None:
-    """Watch a walker in a window, push it, and change it and its slope while it walks.
+    """Show a walker in an interactive window with pushes and changes of its parameters.
 
     The engine computes the motion as exactly as elsewhere; a change takes effect in the next frame.
     The window requires the extra "render", and a display unless SDL_VIDEODRIVER=dummy.

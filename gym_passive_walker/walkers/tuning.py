@@ -12,7 +12,7 @@ from gym_passive_walker.walkers.walker import PARAMETERS, Walker, WalkerError
 
 
 class TuningErrors(NamedTuple):
-    """How far a walker is from the conditions for walking at vanishing slope (Fig. 4.7).
+    """Errors of a walker in the conditions for walking at vanishing slope (Fig. 4.7).
 
     Each is zero for a tuned walker. Lengths are in units of the leg length, positive forward.
     Condition 2, the hip over the contact, holds of every walker with circular feet, by the way
@@ -46,7 +46,7 @@ def _lateral(walker: Walker) -> tuple[float, float]:
 
 
 def tuning_errors(walker: WalkerLike) -> TuningErrors:
-    """Say which of Fig. 4.7's conditions for zero-slope walking a walker fails, and by how much."""
+    """Return the errors of a walker in the conditions for walking at zero slope (Fig. 4.7)."""
     walker = as_walker(walker)
     leg_ahead, shank_ahead = _lateral(walker)
     length = walker.leg_length

@@ -21,7 +21,7 @@ _NOT_NEGATIVE += ("hip_stiffness", "hip_friction", "knee_stiffness")
 
 
 class WalkerError(ValueError):
-    """The parameters describe no walker; the message says which, and what is allowed."""
+    """A parameter of a walker is invalid; the message names it and its range."""
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

@@ -197,7 +197,7 @@ def _prefixed(module: Module, prefix: str) -> str:
 
 
 class _Geometry(Module):
-    """A module whose expressions may use functions of a library."""
+    """A module with expressions that may use functions of a library."""
 
     def function(self, name: str, layouts: Any, *, active: Any = ()) -> Function:
         return _GeometryFunction(self, name, layouts)

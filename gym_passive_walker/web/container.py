@@ -1,7 +1,7 @@
 """WebAssembly modules from LLVM's object files, without a linker.
 
-An object file with all code in it is a module whose memory, table and stack pointer are imported.
-It lacks exports; the names of its functions are in its custom section "linking".
+An object file with all code in it is a module that imports its memory, table and stack pointer. It
+lacks exports; the names of its functions are in its custom section "linking".
 """
 
 from __future__ import annotations

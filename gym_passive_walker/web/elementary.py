@@ -1,8 +1,8 @@
 """Elementary functions for machines without a mathematical library or a fused multiply-add.
 
 Numba compiles these functions for WebAssembly, which has neither. `fused` is exact. `sine`,
-`cosine`, `logarithm` and `arcsine` compute with pairs of numbers of about 104 bits and round once,
-so they return the number that is nearest to the exact result, up to rare cases near a tie.
+`cosine`, `logarithm` and `arcsine` compute with pairs of numbers of about 104 bits and round once.
+The result is the number nearest to the exact one, up to rare cases near a tie.
 """
 
 from __future__ import annotations

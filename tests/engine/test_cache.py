@@ -67,13 +67,16 @@ def test_a_source_that_changes_has_another_fingerprint(tmp_path, monkeypatch):
 
 
 def test_whatever_is_compiled_is_part_of_the_fingerprint():
-    """Kernels call those of other files, and native code is traced from them; GPUs' is not kept."""
+    """Kernels call those of other files, and native code is traced from them.
+
+    Code for GPUs and web pages is not kept.
+    """
     hashed = {path for pattern in cache._SOURCES for path in cache._ROOT.glob(f"{pattern}.py")}
     making = ("engine.jit import", "engine.native import")
     made = {
         path
         for path in cache._ROOT.rglob("*.py")
-        if path.parent.name != "gpu" and any(m in path.read_text() for m in making)
+        if path.parent.name not in {"gpu", "web"} and any(m in path.read_text() for m in making)
     }
     assert len(made) > 10 and made <= hashed
 
