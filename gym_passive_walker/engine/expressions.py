@@ -219,8 +219,10 @@ class Tangents:
                 self._done[x] = _times(change, cosine if x.op == "sin" else -sine)
             elif x.op in _RULES:
                 self._done[x] = _RULES[x.op](x, *map(self, operands(x)))
-            else:
+            elif x.op in _CONSTANT:
                 self._done[x] = None
+            else:
+                raise NotImplementedError(f"{x.op!r} has no derivative here")
         return self._done[x]
 
 
@@ -252,5 +254,9 @@ _RULES: dict[str, Callable[..., Expression | None]] = {
     "neg": lambda x, a: None if a is None else -a,
     "abs": lambda x, a: None if a is None else choose(x.args[0] < 0.0, -a, a),
     "sqrt": lambda x, a: _times(a, 0.5 / x),
+    "exp": lambda x, a: _times(a, x),
+    "tanh": lambda x, a: _times(a, 1.0 - x * x),
     "choose": _choice,
 }
+_CONSTANT = frozenset({"constant", "read", "argument", "rounding", "inverse root"})
+_CONSTANT |= {"<", "<=", ">", ">=", "and", "or", "not"}

@@ -23,7 +23,7 @@ _NUMBERS = ("%x", "%y")
 _COMPARED = {"<": "olt", "<=": "ole", ">": "ogt", ">=": "oge"}
 _ARITHMETIC = {"mul": "fmul", "div": "fdiv", "add": "fadd", "sub": "fsub"}
 _INTRINSICS = {"abs": "fabs", "sqrt": "sqrt"}
-_OF_THE_SYSTEM = ("exp", "tanh")  # functions of the C library, of single numbers
+_OF_THE_SYSTEM = ("exp", "tanh")  # functions of the C library
 _ROUNDING = 2e-15  # bound on rounding errors of numbers about one
 
 
@@ -304,8 +304,17 @@ class Emitter:
         return self.owner.new(self._operation(op, *values))
 
     def _from_library(self, name: str, value: str) -> str:
+        """Emit a call of the C library; over lanes, one for each of them."""
+        new, call = self.owner.new, f"call double @{name}(double "
         self.owner.module.declared.add(f"declare double @{name}(double)")
-        return self.owner.new(f"call double @{name}(double {value})")
+        if not self.vector:
+            return new(f"{call}{value})")
+        result = "poison"
+        for lane in range(self._group):
+            number = new(f"extractelement {self.number} {value}, i32 {lane}")
+            changed = f"double {new(f'{call}{number})')}, i32 {lane}"
+            result = new(f"insertelement {self.number} {result}, {changed}")
+        return result
 
     def _operation(self, op: str, *values: str) -> str:
         """Return the instruction for an operation on values."""

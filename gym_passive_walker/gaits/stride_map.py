@@ -272,6 +272,16 @@ class StrideMap(Section):
             column[:] = part[lanes] if np.ndim(part) else part
         return actuations
 
+    def _points(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Check points of the section, (n, m)."""
+        points = np.asarray(points, dtype=float)
+        if points.ndim != 2 or points.shape[1] != self.dimension:
+            raise ValueError(
+                f"points of the section must have the shape (n, {self.dimension}), got "
+                f"{points.shape}; map.points_at(states) gives them"
+            )
+        return points
+
     def apply(
         self, points: NDArray, slopes: ArrayLike | None = None, *, strides: int = 1
     ) -> Passage:
@@ -282,6 +292,7 @@ class StrideMap(Section):
             slopes: Slope in rad, one for all or (n,); the map's own when None.
             strides: How many times to apply the map.
         """
+        points = self._points(points)
         slopes = self._slopes(slopes, len(points))
         told, outcomes = self._follow(points, slopes, np.arange(len(points)), strides)
         return Passage(**_named(told[0]), outcomes=outcomes)
@@ -309,6 +320,7 @@ class StrideMap(Section):
         Returns:
             The `Passage`, and a `Change` with the derivatives of its fields.
         """
+        points = self._points(points)
         slopes = self._slopes(slopes, len(points))
         walking, outcomes = np.arange(len(points)), np.empty(len(points), np.int8)
         if len(points) > _FEW:

@@ -1,5 +1,6 @@
 """The stride map of the analyses: everyone's strides, with derivatives of all that they tell."""
 
+import re
 from dataclasses import fields, replace
 
 import numpy as np
@@ -280,3 +281,11 @@ def test_the_derivative_of_the_map_is_the_same_in_any_units():
     own = stride_jacobian("C", slope, walker_map.states_at(points)[0], tolerance=1e-14)
     time = np.array([1.0, *[walker_map.units.time] * 3])
     np.testing.assert_allclose(change.ends[0] / time[:, None] * time, own, rtol=1e-10, atol=1e-12)
+
+
+@pytest.mark.parametrize("shape", [(3,), (2, 4), (5, 1, 3)])
+def test_points_of_another_shape_are_refused(shape):
+    stride_map = StrideMap.of("lab-straight", slope=0.03)
+    for method in (stride_map.apply, stride_map.linearize):
+        with pytest.raises(ValueError, match=re.escape(f"shape (n, 3), got {shape}")):
+            method(np.zeros(shape))

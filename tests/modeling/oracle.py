@@ -22,6 +22,10 @@ def _(x):
     return sympy.sin(x), sympy.cos(x)
 
 
+# NumPy asks objects for their own methods.
+sympy.Expr.exp, sympy.Expr.tanh = (lambda x: sympy.exp(x)), (lambda x: sympy.tanh(x))
+
+
 class Independent:
     """A system's motion and impacts.
 

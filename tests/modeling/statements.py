@@ -5,7 +5,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import gym_passive_walker as gpw
-from gym_passive_walker.math import cos, sin
+from examples.torso import TORSO
+from gym_passive_walker.math import cos, exp, sin, tanh
 
 
 class Legs(NamedTuple):
@@ -70,3 +71,19 @@ COMPASS = gpw.System(
 )
 
 DRIVEN = replace(COMPASS, Control=Hip, travel=lambda state: Hip(state.swing - state.stance))
+
+
+def progressive(body, state):
+    """Energy of a spring at the torso that stiffens."""
+    return body.stiffness * (0.5 * (exp(state.torso) + exp(-state.torso)) - 1.0)
+
+
+def saturated(body, state):
+    """A torque between torso and stance leg that saturates."""
+    torque = 0.2 * tanh(5.0 * (state.stance - state.torso) - state.torso_rate)
+    return -torque, 0.0, torque
+
+
+PROGRESSIVE = replace(
+    TORSO, name="progressive torso", potential=progressive, dissipation=None, forces=saturated
+)

@@ -15,7 +15,7 @@ from gym_passive_walker.modeling.mechanics import Derived
 from gym_passive_walker.physics.hybrid import Ground
 from gym_passive_walker.walkers import Walker
 from tests.modeling.oracle import Independent
-from tests.modeling.statements import COMPASS, DRIVEN, Hip
+from tests.modeling.statements import COMPASS, DRIVEN, PROGRESSIVE, Hip
 
 SLOPE = 0.03
 SYSTEMS = {
@@ -23,6 +23,7 @@ SYSTEMS = {
     "five links": FIVE_LINKS,
     "compass": COMPASS,
     "driven torso": DRIVEN_TORSO,
+    "progressive torso": PROGRESSIVE,
 }
 
 
@@ -57,7 +58,7 @@ def test_an_impact_is_that_of_a_contact_impulse_on_a_free_mechanism(both):
         np.testing.assert_allclose(found.lost, lost, rtol=1e-10, atol=1e-13)
 
 
-@pytest.mark.parametrize("name", ["torso", "compass"])
+@pytest.mark.parametrize("name", ["torso", "compass", "progressive torso"])
 def test_a_stride_is_what_scipy_integrates(name):
     system = SYSTEMS[name]
     independent = Independent(system, SLOPE)
@@ -113,12 +114,13 @@ def test_a_compass_stated_by_its_masses_walks_as_the_package_s_own():
     np.testing.assert_allclose(own.slopes[:3], package.slopes[:3], rtol=1e-7)
 
 
-def test_derivatives_of_a_stride_are_those_of_differences():
-    gait = gpw.find_gait(TORSO, SLOPE)
+@pytest.mark.parametrize("system", [TORSO, PROGRESSIVE], ids=lambda s: s.name)
+def test_derivatives_of_a_stride_are_those_of_differences(system):
+    gait = gpw.find_gait(system, SLOPE)
     found = gpw.stride_jacobian(gait, wrt=("state", "slope", "torso", "stiffness"))
     change = 1e-6
 
-    def ends(state=gait.state, slope=SLOPE, system=TORSO):
+    def ends(state=gait.state, slope=SLOPE, system=system):
         return gpw.stride(system, slope, state, tolerance=1e-13).state
 
     columns = []
@@ -129,18 +131,20 @@ def test_derivatives_of_a_stride_are_those_of_differences():
         columns.append((ends(ahead) - ends(behind)) / (2.0 * change))
     columns.append((ends(slope=SLOPE + change) - ends(slope=SLOPE - change)) / (2.0 * change))
     for name in ("torso", "stiffness"):
-        value = getattr(TORSO.body, name)
-        ahead, behind = (TORSO.vary(**{name: value + s * change}) for s in (1.0, -1.0))
+        value = getattr(system.body, name)
+        ahead, behind = (system.vary(**{name: value + s * change}) for s in (1.0, -1.0))
         columns.append((ends(system=ahead) - ends(system=behind)) / (2.0 * change))
     np.testing.assert_allclose(found, np.stack(columns, axis=1), rtol=1e-6, atol=1e-7)
 
 
-def test_a_crowd_walks_bitwise_as_each_alone():
-    gait = gpw.find_gait(FIVE_LINKS, 0.05)
-    states = gait.state * (1.0 + 1e-4 * np.random.default_rng(0).normal(size=(40, 10)))
-    crowd = gpw.stride(FIVE_LINKS, 0.05, states)
+@pytest.mark.parametrize("system", [FIVE_LINKS, PROGRESSIVE], ids=lambda s: s.name)
+def test_a_crowd_walks_bitwise_as_each_alone(system):
+    gait = gpw.find_gait(system, 0.05)
+    random = np.random.default_rng(0).normal(size=(40, len(gait.state)))
+    states = gait.state * (1.0 + 1e-4 * random)
+    crowd = gpw.stride(system, 0.05, states)
     for i in (0, 17, 39):
-        np.testing.assert_array_equal(crowd.state[i], gpw.stride(FIVE_LINKS, 0.05, states[i]).state)
+        np.testing.assert_array_equal(crowd.state[i], gpw.stride(system, 0.05, states[i]).state)
 
 
 def test_controls_act_along_the_coordinates_that_they_move():
