@@ -13,11 +13,16 @@ def square(x, seed=0):
     return {"square": x * x, "odd": x % 2 == 1, "word": f"{x} {seed}"}
 
 
-def noted(x, folder):
-    """Says that it was done, so that it can be seen how often."""
-    with open(Path(folder) / "noted", "a") as file:
+def noted(x, folder, processes=1):
+    """Says that it was done, so that it can be seen how often; waits for other processes."""
+    notes = Path(folder) / "noted"
+    with open(notes, "a") as file:
         file.write(f"{x} {os.getpid()}\\n")
-    time.sleep(0.02)
+    end = time.monotonic() + 20.0
+    while time.monotonic() < end:
+        time.sleep(0.02)
+        if len({line.split()[1] for line in notes.read_text().splitlines()}) >= processes:
+            break
     return {"square": x * x}
 
 

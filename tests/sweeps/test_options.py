@@ -73,8 +73,8 @@ def test_rows_are_the_same_whoever_does_the_tasks_and_lie_where_they_are_asked_f
 def test_as_many_processes_work_as_are_asked_for(odd):
     for count in (1, 2):
         (odd / str(count)).mkdir()
-        given = {"folder": str(odd / str(count))}
-        over = {"x": list(range(40))}
+        given = {"folder": str(odd / str(count)), "processes": count}
+        over = {"x": list(range(8))}
         gpw.sweep("odd_tasks:noted", odd / f"out {count}", trust=True, over=over, given=given,
                   workers=count)  # fmt: skip
         lines = (odd / str(count) / "noted").read_text().splitlines()
