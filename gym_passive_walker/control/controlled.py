@@ -18,12 +18,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import shown
-from gym_passive_walker.control.ticks import INPUTS, TOLD, Choice, Steps, follow, hold
+from gym_passive_walker.control.ticks import Choice, Steps, follow, hold, inputs_of, report_of
+from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.envs import task
-from gym_passive_walker.envs.scene import CHANNELS, Scene
+from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.starts import Starts
 from gym_passive_walker.gaits.actuation import Actuation, for_each
-from gym_passive_walker.gaits.flow import Flow, Walkers, go_on, new_records
+from gym_passive_walker.gaits.flow import Flow, Walkers, go_on, new_records, states_in
 from gym_passive_walker.gaits.passage import imbalance, product
 from gym_passive_walker.gaits.stride import Stride, account
 from gym_passive_walker.gaits.stride_map import Samples, StrideMap
@@ -32,9 +33,6 @@ from gym_passive_walker.progress import progress
 from gym_passive_walker.walkers import PARAMETERS
 
 _STATE = len(State._fields)
-_TIME, _LENGTH, _KNEE, _PUSHED = map(TOLD.index, ("time", "step_length", "knee_time", "push_work"))
-_LOST = [TOLD.index(name) for name in ("knee_loss", "heel_loss", "friction_loss")]
-_MOVED = [TOLD.index(name) for name in ("moved", "ankle_moved")]
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
 _SLOPE = 7  # its place in an observation
 _SHIFTS = 1e-6, 5e-4  # of a coordinate, for differences in double and in single precision
@@ -122,17 +120,24 @@ class ControlledMap(StrideMap):
     @property
     def parameters(self) -> dict[str, float]:
         """What may be varied, in the walker's units."""
+        if self.own:
+            return super().parameters
         return {name: getattr(self.walker, name) for name in PARAMETERS}
 
     @cached_property
     def _motors(self) -> list[int]:
-        """Which of CHANNELS each action is."""
-        return [CHANNELS.index(name) for name in self.scene.actions]
+        """Which of the scene's channels each action is."""
+        return [self.scene.channels.index(name) for name in self.scene.actions]
+
+    @cached_property
+    def _inputs(self) -> list[str]:
+        """What each action sets, as tangents are by it."""
+        return [inputs_of(self.walker)[motor] for motor in self._motors]
 
     @cached_property
     def walkers(self) -> Walkers:
         """The walkers, and how exactly they are followed."""
-        using = tuple(INPUTS[motor] for motor in self._motors if motor)
+        using = () if self.own else tuple(name for name in self._inputs if name != "hip_torque")
         return Walkers(
             walker=self.walker, using=using, tolerance=self.tolerance,
             parameters={} if self.values is None else {str(self.parameter): self.values},
@@ -232,22 +237,24 @@ class ControlledMap(StrideMap):
             turns=slope_change,
             ahead=self.ahead(place),
         )  # fmt: skip
-        of, rows, struck = steps.walkers, steps.rows, steps.outcomes == _STRUCK
+        report = report_of(self.walkers)
+        at, of, rows, struck = report.at, steps.walkers, steps.rows, steps.outcomes == _STRUCK
         there, ended = of[struck], rows[struck]
         told, outcomes = np.full((n, m + 6, 1 + width), np.nan), np.full(n, int(Outcome.DIVERGED))
         told[sound, m + 2 :], outcomes[sound] = 0.0, _STALLED
         over = steps.outcomes != _RUNNING
         outcomes[of[over]] = steps.outcomes[over]
-        told[there, : m + 2] = ended[:, [*self.coordinates, _TIME, _LENGTH]]
-        told[of[steps.locked], m + 4] = rows[steps.locked, _KNEE]
+        told[there, : m + 2] = ended[:, [*self.coordinates, at["time"], at["step_length"]]]
+        told[of[steps.locked], m + 4] = rows[steps.locked, at["knee_time"]]
         lost, supplied = told[:, m + 2], told[:, m + 3]
-        lost_since = rows[:, _LOST].sum(axis=1)  # friction and knee: since the stride began
+        losses = [at[f"{name}_loss"] for name in ("knee", "heel", "friction")]
+        lost_since = rows[:, losses].sum(axis=1)  # friction and knee: since the stride began
         lost_since[:, 0] -= steps.before["friction_loss"][:, 0] + steps.before["knee_loss"][:, 0]
         np.add.at(lost, of, lost_since)
         works = self.walkers.system().works
         for j, channel in enumerate(self._motors):
             if channel < len(works):
-                work = product(steps.held[:, j], rows[:, _MOVED[channel]])
+                work = product(steps.held[:, j], rows[:, report.moved[channel]])
                 np.add.at(supplied, of, works[channel] * work)
             else:
                 told[there, m + 5] = steps.held[struck, j]
@@ -256,7 +263,9 @@ class ControlledMap(StrideMap):
         if "slope" in moving:
             tangent = 1 + moving["slope"]
             sine[:, tangent], cosine[:, tangent] = cosine[:, 0], -sine[:, 0]
-        supplied[there] += product(sine[there], ended[:, _LENGTH]) + ended[:, _PUSHED]
+        supplied[there] += (
+            product(sine[there], ended[:, at["step_length"]]) + ended[:, at["push_work"]]
+        )
         if self.terrain is not None:
             heights, columns = np.zeros((len(there), 1 + width)), [0, *moving.values()]
             columns[1:] = [1 + tangent for tangent in columns[1:]]
@@ -342,12 +351,20 @@ class ControlledMap(StrideMap):
 
         moving = seeds.moving
         return follow(
-            self.walkers, new_records(states, slopes, height_change=rises, slope_change=turns),
-            choose,
-            motors=[INPUTS[motor] for motor in self._motors], tick=self.hold,
+            self.walkers, self._begun(states, slopes, rises, turns), choose,
+            motors=self._inputs, tick=self.hold,
             max_stride_time=self.scene.max_stride_time, lanes=lanes, chosen=chosen,
             change=change if seeds.points.shape[2] else None, moving=tuple(moving),
             columns=tuple(moving.values()), uneven=bool(np.any(rises) or np.any(turns)),
+        )  # fmt: skip
+
+    def _begun(
+        self, states: NDArray, slopes: NDArray, rises: ArrayLike = 0.0, turns: ArrayLike = 0.0
+    ) -> NDArray:
+        """Records in which strides begin, (n, 1)."""
+        return new_records(
+            states, slopes, height_change=rises, slope_change=turns,
+            layout=layout_of(self.walkers.system()),
         )  # fmt: skip
 
     def _no_seeds(self, count: int) -> _Seeds:
@@ -385,7 +402,7 @@ class ControlledMap(StrideMap):
             by_slope[seeds.moving["slope"]] = 1.0
         if hasattr(agent, "plan"):
             if step == 0:
-                points = self.point(records["state"][:, 0])
+                points = self.point(self._states(records))
                 plan, by = np.asarray(agent.plan(points, slopes)), None
                 if width:
                     by_point, by_ground = agent.plan_by(points, slopes)
@@ -398,9 +415,10 @@ class ControlledMap(StrideMap):
             seen = self._observed(records, slopes, ahead)
             if self.exact:
                 actions, by_seen = agent.linearize(seen)
-                inside = np.abs(records["state"][:, 0]) < _BOUNDS[:_STATE]
-                by_state = by_seen[:, :, :_STATE] * inside[:, None]
-                along = by_seen[:, :, _SLOPE, None] * by_slope
+                inside = np.abs(self._states(records)) < self._bounds
+                by_state = by_seen[:, :, : self.size] * inside[:, None]
+                slope = self.size if self.own else _SLOPE
+                along = by_seen[:, :, slope, None] * by_slope
             else:
                 if self._single:
                     seen = seen.astype(np.float32)  # as the environment gives it
@@ -425,6 +443,8 @@ class ControlledMap(StrideMap):
     ) -> NDArray[np.float64]:
         """What the controller observes of walkers, as in the environment, (n, size)."""
         scene, record = self.scene, records[:, 0]
+        if self.own:
+            return np.column_stack([self._states(records), slopes])
         size = task.SIZE + (scene.command is not None)
         seen = np.zeros((len(records), size + 2 * scene.terrain_lookahead))
         links = np.array([phase.links for phase in self.walkers.system().phases])
@@ -438,8 +458,19 @@ class ControlledMap(StrideMap):
             seen[:, size:] = np.clip(ahead, -bounds, bounds)
         return seen
 
+    def _states(self, records: NDArray) -> NDArray[np.float64]:
+        """States of walkers, (n, 6)."""
+        return states_in(records[:, 0], self.size // 2)
+
+    @property
+    def _bounds(self) -> NDArray[np.float64]:
+        """To what a state is clipped in an observation, (6,)."""
+        return np.full(self.size, np.inf) if self.own else _BOUNDS[:_STATE]
+
     def _sound(self, points: NDArray) -> NDArray[np.bool_]:
         """Whether strides may begin at points: no knee bent backwards, no leg on the ground."""
+        if self.own:
+            return np.asarray(np.isfinite(points).all(axis=1))
         with np.errstate(invalid="ignore"):
             sound = (points[:, 0] > 0.0) & (points[:, 0] < 0.5 * math.pi)
             return sound & (points[:, 3] <= points[:, 2]) if self.walker.knees else sound
@@ -465,12 +496,13 @@ class ControlledMap(StrideMap):
             turns=slope_change,
             ahead=ahead,
         )  # fmt: skip
-        works, ended = np.zeros((2, 2, n)), new_records(starts, slopes)
+        works, ended = np.zeros((2, 2, n)), self._begun(starts, slopes)
         before, after = steps.before[:, 0], steps.after[:, 0]
         for motor, unit in enumerate(system.works):
             power = before["control"][:, motor] * (unit * units.energy)
-            np.add.at(works[motor, 0], steps.walkers, power * after["moved"][:, motor])
-            np.add.at(works[motor, 1], steps.walkers, np.abs(power) * after["turned"][:, motor])
+            place = 0 if self.own else motor
+            np.add.at(works[place, 0], steps.walkers, power * after["moved"][:, motor])
+            np.add.at(works[place, 1], steps.walkers, np.abs(power) * after["turned"][:, motor])
         ended[steps.walkers, 0] = after  # the last of a walker's steps stays
         record, pushed = ended[:, 0], ended["push_work"][:, 0] * units.energy
         if not shape:
@@ -493,8 +525,9 @@ class ControlledMap(StrideMap):
         slopes = for_each(slopes, n)
         steps = self._steps(states, slopes, each, rises=rises, turns=turns, ahead=ahead)
         found = Samples(
-            np.full((n, k, _STATE), np.nan), np.zeros((n, k), np.int64), np.zeros((n, k, 3))
-        )
+            np.full((n, k, self.size), np.nan), np.zeros((n, k), np.int64),
+            np.zeros((n, k, len(inputs_of(self.walker)))),
+        )  # fmt: skip
         rows, columns = np.nonzero(np.isfinite(times))
         wanted = times[rows, columns]
         step = self._step_at(steps, rows, wanted)
@@ -506,7 +539,10 @@ class ControlledMap(StrideMap):
             records["end"][:, 0] = wanted[some]
             seen = go_on(self.walkers, records, lanes=here[0], on_section=first, uneven=uneven)
             found.states[here], found.stages[here] = seen.states, seen.stages
-            found.controls[here] = np.column_stack([records["control"][:, 0], records["push_off"]])
+            controls = records["control"][:, 0]
+            if not self.own:
+                controls = np.column_stack([controls, records["push_off"]])
+            found.controls[here] = controls[:, : found.controls.shape[2]]
         return found
 
     def _step_at(self, steps: Steps, walkers: NDArray, times: NDArray) -> NDArray[np.intp]:

@@ -21,14 +21,13 @@ from gym_passive_walker.envs.scene import (
     Scene,
     make_scene,
     plain,
-    with_parameters,
 )
 from gym_passive_walker.gaits.actuation import PASSIVE, Actuation, one_actuation
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.gaits.terrain import Terrain, TerrainLike, terrain_from
-from gym_passive_walker.walkers import WalkerLike, as_any, as_walker, check_parametric
+from gym_passive_walker.walkers import WalkerLike, as_any, check_parametric
 
 
 def stride_map(
@@ -61,7 +60,8 @@ def stride_map(
             each stride; an `OptimalGait` (its torques are applied without feedback); a trained
             policy, a baseline, or the name of either; any object with `predict(observation, state,
             episode_start, deterministic)`; or a function from observations (n, 8) to actions
-            (n, actions). What it remembers starts again with each stride.
+            (n, actions). What it remembers starts again with each stride. A `System` is observed
+            by its state and the slope, (n, 2 m + 1).
         scene: Which motors a controller has, how strong they are and how long its actions are
             held, in a form that `make_scene` takes; the policy's own or "level" when None. Its
             disturbances are left out.
@@ -102,7 +102,7 @@ def stride_map(
         named = _Function(named)
     if scene is None and not isinstance(named, str | PathLike):
         scene = getattr(named, "scene", "level")
-    changes: dict[str, Any] = {} if walker is None else {"walker": as_walker(walker)}
+    changes: dict[str, Any] = {} if walker is None else {"walker": as_any(walker)}
     if isinstance(named, str) and named in BASELINES and slope is not None:
         changes["slope"] = one_slope(slope)  # it is made for this slope
     acts, there = acting(named, scene, **changes)  # type: ignore[arg-type]
@@ -204,7 +204,6 @@ def calm(scene: Scene, slope: float | None = None) -> Scene:
     """
     slope = float(np.mean(scene.slope)) if slope is None else one_slope(slope)
     command = None if scene.command is None else float(np.mean(scene.command))
-    with_parameters(scene, "a controller of a stride map")
     plain(scene, "controllers of stride maps have", "observation")
     smooth = (
         {"terrain": Terrain(), "terrain_lookahead": scene.terrain_lookahead}

@@ -9,36 +9,80 @@ here is dimensionless.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import lru_cache, partial
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.engine.layout import RECORD
-from gym_passive_walker.gaits.flow import MOTORS, ROWS, Walkers, go_on, new_records, rows_of
+from gym_passive_walker.engine.layout import layout_of
+from gym_passive_walker.gaits.flow import (
+    Entry,
+    Walkers,
+    controls_of,
+    go_on,
+    new_records,
+    rows_of,
+)
 from gym_passive_walker.gaits.passage import NoStride
 from gym_passive_walker.physics.hybrid import Outcome, State
-from gym_passive_walker.walkers import Walker
+from gym_passive_walker.walkers import Mechanism, Walker
 
 LONGEST = 20.0
 """Time after which a stride is given up."""
 
-TOLD = (*ROWS, *MOTORS)
-"""What is reported of a control step, in order; see `flow.ROWS`."""
-
 INPUTS = ("hip_torque", "ankle_torque", "push_off")
-"""What motors hold, as the flow calls it, for each of a scene's channels."""
+"""Names of what actuators hold, for each of a scene's channels; see `inputs_of`."""
 
-_DURATION, _LENGTH, _KNEE, _PUSHED = map(
-    TOLD.index, ("time", "step_length", "knee_time", "push_work")
-)
-_TURNED = [[TOLD.index(motor + way) for motor in ("", "ankle_")] for way in ("moved", "turned")]
+_MEASURES = (
+    "time", "step_length", "knee_time", "push_work", "knee_loss", "heel_loss", "friction_loss",
+)  # fmt: skip
 _TOGETHER = 2048, 128  # walkers that are followed at once, without tangents and with them
 _STATE = len(State._fields)
 _RUNNING, _STRUCK = int(Outcome.RUNNING), int(Outcome.HEELSTRIKE)
 _VERGE = 1e-8  # of the time until a kneestrike: it has not yet come
+
+
+class Report(NamedTuple):
+    """Rows that are reported of a control step, the state first.
+
+    Attributes:
+        names: The rows as entries of a record; see `flow.rows_of`.
+        size: Numbers of a state.
+        at: Row of each measure, by its name.
+        moved: Rows of what each control has moved, net.
+        turned: Rows of the same, either way.
+    """
+
+    names: tuple[Entry, ...]
+    size: int
+    at: dict[str, int]
+    moved: list[int]
+    turned: list[int]
+
+
+def report_of(walkers: Walkers) -> Report:
+    """Return the rows that are reported of walkers' control steps."""
+    system = walkers.system()
+    return _report(system.coordinates, len(system.works), layout_of(system).links)
+
+
+@lru_cache
+def _report(coordinates: int, controls: int, room: int) -> Report:
+    places = [i + part for part in (0, room) for i in range(coordinates)]
+    size, first = len(places), len(places) + len(_MEASURES)
+    names: list[Entry] = [*(("state", i) for i in places), *_MEASURES]
+    names += [(name, j) for name in ("moved", "turned") for j in range(controls)]
+    at = {name: size + i for i, name in enumerate(_MEASURES)}
+    rows = list(range(first, first + 2 * controls))
+    return Report(tuple(names), size, at, rows[:controls], rows[controls:])
+
+
+def inputs_of(walker: Walker) -> tuple[str, ...]:
+    """Names of tangents by what a walker's actuators hold, in the order of a scene's channels."""
+    controls = controls_of(walker)
+    return controls if isinstance(walker, Mechanism) else (*controls, "push_off")
 
 
 class Choice(NamedTuple):
@@ -66,7 +110,7 @@ class Steps(NamedTuple):
         after: Where it ends, (s, 1).
         change: How states with which they begin change along tangents, (s, 6, k).
         held: What motors hold, values before tangents, (s, motors, 1 + k).
-        rows: Values and tangents of `TOLD`, (s, rows, 1 + k).
+        rows: Values and tangents of the rows of `report_of`, (s, rows, 1 + k).
     """
 
     walkers: NDArray[np.intp]
@@ -111,7 +155,7 @@ def follow(
         records: Where strides begin, (n, 1).
         choose: Function of which walkers (c,), their records (c, 1) and the control step's number,
             that says what their motors are given; of all walkers also once some strides have ended.
-        motors: Which of INPUTS the motors are.
+        motors: Which of `inputs_of` the motors are.
         tick: How long a control step is.
         max_stride_time: When a stride is given up.
         lanes: Which of the crowd walkers are, where these differ in a parameter.
@@ -133,10 +177,11 @@ def follow(
     if len(chosen) > (most := _TOGETHER[width > 0]):
         parts = [chosen[i : i + most] for i in range(0, len(chosen), most)]
         return _beside([again(chosen=part, in_turn=in_turn) for part in parts])
-    by = ("state", *motors, *moving, "start") if width else ()
-    told, places = records[chosen], [INPUTS.index(motor) for motor in motors]
+    by, report = ("state", *motors, *moving, "start") if width else (), report_of(crowd)
+    told, inputs = records[chosen], inputs_of(crowd.walker)
+    places = [inputs.index(motor) for motor in motors]
     if not len(chosen):
-        shapes = ((_STATE, width), (len(motors), 1 + width), (len(TOLD), 1 + width))
+        shapes = ((report.size, width), (len(motors), 1 + width), (len(report.names), 1 + width))
         empty = (np.empty((0, *shape)) for shape in shapes)
         return Steps._make([chosen, chosen, records[:0], records[:0], *empty])
     on, taken, choices = np.arange(len(chosen)), [], []
@@ -165,14 +210,14 @@ def follow(
     held = np.concatenate([choice.held for choice in choices])[:, :, None]
     plain, astray = after[:, :1], walkers[:0]
     if change is None:
-        rows, states = rows_of(after, TOLD), np.zeros((len(walkers), _STATE, 0))
+        rows, states = rows_of(after, report.names), np.zeros((len(walkers), report.size, 0))
         return Steps(chosen[walkers], numbers, before, plain, states, held, rows)
     if not in_turn:
         after, alike = _side_by_side(
             crowd, before, plain, by, lanes[chosen[walkers]], edges[1], uneven
         )
         astray, plain = np.unique(walkers[~alike]), after[:, :1]
-    states, along, rows = _chained(after, walkers, edges, choices, change[chosen], columns)
+    states, along, rows = _chained(after, walkers, edges, choices, change[chosen], columns, report)
     steps = Steps(
         chosen[walkers], numbers, before, plain, states,
         np.concatenate([held, along], axis=2), rows,
@@ -192,6 +237,7 @@ def _chained(
     choices: Sequence[Choice],
     change: NDArray,
     columns: Sequence[int],
+    report: Report,
 ) -> tuple[NDArray, NDArray, NDArray]:
     """Tangents of control steps' states and motors, and what they tell, by the chain rule.
 
@@ -202,13 +248,15 @@ def _chained(
         choices: What motors were given in those of each number.
         change: Of walkers' states as strides begin, (n, 6, k); those at their ends afterwards.
         columns: Along which tangents something else changes.
+        report: The rows that are reported.
     """
-    columns, (width, motors) = list(columns), (change.shape[2], choices[0].held.shape[1])
+    columns, size = list(columns), report.size
+    width, motors = change.shape[2], choices[0].held.shape[1]
     values, by_state, by_held, by_rest, by_start = np.split(
-        rows_of(after, TOLD), np.cumsum([1, _STATE, motors, len(columns)]), axis=2
+        rows_of(after, report.names), np.cumsum([1, size, motors, len(columns)]), axis=2
     )
-    starts = change[walkers, :1]
-    states, along = (np.zeros((len(walkers), size, width)) for size in (_STATE, motors))
+    starts = change[walkers, : by_start.shape[2]]
+    states, along = (np.zeros((len(walkers), each, width)) for each in (size, motors))
     for choice, (low, high) in zip(choices, pairwise(edges), strict=True):
         here, now = walkers[low:high], slice(low, high)
         states[now] = change[here]
@@ -216,8 +264,8 @@ def _chained(
             along[now] += choice.by_state @ states[now]
         if choice.along is not None:
             along[now] += choice.along
-        ends = by_state[now, :_STATE] @ states[now] + by_held[now, :_STATE] @ along[now]
-        ends[:, :, columns] += by_rest[now, :_STATE]
+        ends = by_state[now, :size] @ states[now] + by_held[now, :size] @ along[now]
+        ends[:, :, columns] += by_rest[now, :size]
         change[here] = ends
     rows = by_state @ states + by_held @ along + by_start @ starts
     rows[:, :, columns] += by_rest
@@ -254,9 +302,9 @@ def _locked(before: NDArray, after: NDArray) -> NDArray[np.bool_]:
 
 def _joined(parts: Sequence[NDArray]) -> NDArray[Any]:
     """Arrays one after the other; records as plain numbers: NumPy compares their types fast."""
-    if parts[0].dtype != RECORD:
+    if (kind := parts[0].dtype).names is None:
         return np.concatenate(parts)
-    return np.concatenate([part.view(float) for part in parts]).view(RECORD)
+    return np.concatenate([part.view(float) for part in parts]).view(kind)
 
 
 def _beside(parts: Sequence[Steps]) -> Steps:
@@ -267,7 +315,7 @@ def _beside(parts: Sequence[Steps]) -> Steps:
 
 
 def hold(records: NDArray, motor: int, given: ArrayLike) -> None:
-    """Have one of INPUTS of walkers (n, 1) hold what it is given."""
+    """Have one of the inputs of walkers (n, 1), by its number, hold what it is given."""
     if motor < records["control"].shape[2]:
         records["control"][:, 0, motor] = given
     else:
@@ -408,14 +456,15 @@ def ticked_strides(
     )  # fmt: skip
     told, outcomes = np.zeros((n, m + 4 + 2 * size, 1 + width)), np.full(n, int(Outcome.STALLED))
     angles = told[:, m + 2 : -2].reshape(n, 2, motors, count, -1)  # a view: swing and turn
-    turned = steps.rows[:, np.array(_TURNED)[:, :motors]]
+    report = report_of(walkers)
+    turned = steps.rows[:, np.array([report.moved, report.turned])[:, :motors]]
     held_in = np.minimum(steps.numbers, count - 1)
     np.add.at(angles, (steps.walkers, slice(None), slice(None), held_in), turned)  # type: ignore[arg-type]
     struck, over = steps.outcomes == _STRUCK, steps.outcomes != _RUNNING
-    ended = [*section.coordinates, _DURATION, _LENGTH]
+    ended = [*section.coordinates, report.at["time"], report.at["step_length"]]
     told[steps.walkers[struck], : m + 2] = steps.rows[struck][:, ended]
-    told[steps.walkers[struck], -2] = steps.rows[struck, _PUSHED]
-    told[steps.walkers[steps.locked], -1] = steps.rows[steps.locked, _KNEE]
+    told[steps.walkers[struck], -2] = steps.rows[struck, report.at["push_work"]]
+    told[steps.walkers[steps.locked], -1] = steps.rows[steps.locked, report.at["knee_time"]]
     outcomes[steps.walkers[over]] = steps.outcomes[over]
     told[outcomes != _STRUCK] = np.nan
     values, shape = told[:, :, 0], torques.shape

@@ -478,12 +478,14 @@ def make_scene(scene: Scene | str | Mapping[str, Any] = "level", **changes: Any)
         arguments = dict(SCENES[scene])
     else:
         raise SceneError(f"no scene {shown(scene)}: give a Scene, or one of {', '.join(SCENES)}")
-    if "system" in changes:
-        if "walker" in changes:
+    for given in (arguments, changes):
+        if "system" not in given:
+            continue
+        if "walker" in given:
             raise SceneError("give a scene a walker or a system, not both")
-        changes["walker"] = changes.pop("system")
-        if not isinstance(changes["walker"], Mechanism):
-            raise SceneError(f"system must be a gpw.System, not {shown(changes['walker'])}")
+        given["walker"] = given.pop("system")
+        if not isinstance(given["walker"], Mechanism):
+            raise SceneError(f"system must be a gpw.System, not {shown(given['walker'])}")
     arguments.update(changes)
     if said := unknown(arguments, known, "a scene"):
         raise SceneError(said)

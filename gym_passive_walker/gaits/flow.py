@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.engine.layout import RECORD, layout_of
+from gym_passive_walker.engine.layout import Layout, layout_in, layout_of, record_for
 from gym_passive_walker.engine.run import (
     LONGEST_STRIDE,
     advance,
@@ -29,7 +29,7 @@ from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import Ground, Outcome, State, System
 from gym_passive_walker.physics.systems import UNEVEN, bodies, bodies_by, system_of, varied_bodies
-from gym_passive_walker.walkers import Walker
+from gym_passive_walker.walkers import Mechanism, Walker
 
 __all__ = [
     "LONGEST_STRIDE",
@@ -70,25 +70,32 @@ MOTORS = ("ankle_moved", "ankle_turned", "push_work")
 push-off."""
 
 
-def _place(name: str) -> int:
-    """Where one of ROWS or MOTORS stands among the numbers of a record."""
-    if name in State._fields:
-        return RECORD.fields["state"][1] // 8 + State._fields.index(name)  # type: ignore[index]
-    of_ankle = name.removeprefix("ankle_")
-    return RECORD.fields[of_ankle][1] // 8 + (of_ankle != name)  # type: ignore[index]
+Entry = str | tuple[str, int]
+"""A number of a record: one of ROWS or MOTORS, another field, or a field and an index in it."""
+
+_ENTRIES: dict[Entry, tuple[str, int]] = {
+    **{name: ("state", i) for i, name in enumerate(State._fields)},
+    **{f"ankle_{name}": (name, 1) for name in ("moved", "turned")},
+}
 
 
-_PLACES = {name: _place(name) for name in (*ROWS, *MOTORS)}
+@lru_cache
+def _offsets(names: tuple[Entry, ...], layout: Layout) -> list[int]:
+    """Places of entries among the numbers of a record."""
+    fields: Any = record_for(layout).fields
+    entries = [_ENTRIES.get(name, name) for name in names]
+    pairs = [entry if isinstance(entry, tuple) else (entry, 0) for entry in entries]
+    return [fields[name][1] // 8 + index for name, index in pairs]
 
 
-def rows_of(records: NDArray, names: Sequence[str] = ROWS) -> NDArray[np.float64]:
-    """Some of ROWS and MOTORS of records (n, 1 + k): values before tangents, 0 where one fell.
+def rows_of(records: NDArray, names: Sequence[Entry] = ROWS) -> NDArray[np.float64]:
+    """Return entries of records (n, 1 + k): values, then tangents, which are 0 after a fall.
 
     Returns:
         Shape (n, names, 1 + k).
     """
     numbers = records.view(float).reshape(*records.shape, -1)
-    rows = numbers.swapaxes(1, 2)[:, [_PLACES[name] for name in names]]
+    rows = numbers.swapaxes(1, 2)[:, _offsets(tuple(names), layout_in(records.dtype))]
     rows[records["outcome"][:, 0] > _STRUCK, :, 1:] = 0.0
     return rows
 
@@ -100,10 +107,10 @@ class Tangents(NamedTuple):
         names: What each is by, (k,).
         states: Changes of the state, (k, 6) or (n, k, 6).
         slopes: Of the slope, (k,).
-        controls: Of the torques of hip and ankle, (k, 2).
+        controls: Of the controls, (k, controls).
         push_offs: Of the push-off, (k,).
         footholds: Of the next foothold's height and turn, (k, 2).
-        starts: Of the stance angle with which the stride began, (k,).
+        starts: Of the coordinates with which the stride began, (k, 3).
         ends: Of the time to stop, (k,).
     """
 
@@ -127,20 +134,33 @@ def _tangents(walker: Walker, by: tuple[str, ...], directions: int | None = None
         else np.zeros((directions, section.size))
     )
     size = section.size
-    of_state = {"state": np.eye(size), "point": of_point}
+    starts = np.eye(size // 2) if section.own else MIRRORED[None]
+    of_start = np.zeros((len(starts), size))
+    of_state = {"state": np.eye(size), "point": of_point, "start": of_start}
     states = [of_state.get(name, np.zeros((1, size))) for name in by]
     names = tuple(name for name, rows in zip(by, states, strict=True) for _ in rows)
 
     def by_each(*wanted: str) -> NDArray:
         return np.array([[float(x == name) for name in wanted] for x in names])
 
+    controls = controls_of(walker)
+    began = np.zeros((len(names), size // 2))
+    began[[i for i, name in enumerate(names) if name == "start"]] = starts[: names.count("start")]
     return Tangents(
         names,
         np.concatenate([np.zeros((0, size)), *states]),
-        controls=by_each("hip_torque", "ankle_torque").reshape(-1, 2),
+        controls=by_each(*controls).reshape(len(names), len(controls)),
         footholds=by_each(*UNEVEN).reshape(-1, 2),
-        **{f"{name}s": by_each(name).ravel() for name in ("slope", "push_off", "start", "end")},
+        starts=began,
+        **{f"{name}s": by_each(name).ravel() for name in ("slope", "push_off", "end")},
     )
+
+
+def controls_of(walker: Walker) -> tuple[str, ...]:
+    """Names of tangents by a walker's controls, in order."""
+    if isinstance(walker, Mechanism):
+        return tuple(f"control {name}" for name in walker.controls)
+    return "hip_torque", "ankle_torque"
 
 
 _NONE = Tangents((), np.empty((0, _SIZE)), *(np.empty(0) for _ in Tangents._fields[2:]))
@@ -482,7 +502,8 @@ def go_on(
             numbers, "point" one for each coordinate of the section. Others are "slope",
             "hip_torque", "ankle_torque", "push_off", "height_change" and "slope_change" of the next
             foothold, a parameter of the walker, "start" and "end". "start" is the stance angle at
-            the beginning of the stride (legs mirrored), "end" the time to stop.
+            the beginning of the stride (legs mirrored), "end" the time to stop. Of a user's system,
+            "start" gives one tangent for each coordinate; its controls are `controls_of`.
         lanes: Indices of these walkers, if parameters are given for more.
         on_section: Whether a stride begins here.
         uneven: Whether the next footholds differ in height or slope from these.
@@ -517,8 +538,8 @@ def _seed(records: NDArray, tangents: Tangents, by: Collection[str]) -> None:
     changes = records[:, 1:]  # zero but for what is written here, which takes as long as walking
     if "state" in by or "point" in by:
         put_states(changes, tangents.states)
-    if "hip_torque" in by or "ankle_torque" in by:
-        changes["control"] = tangents.controls
+    if tangents.controls.any():
+        changes["control"][..., : tangents.controls.shape[1]] = tangents.controls
     if "push_off" in by:
         changes["push_off"] = tangents.push_offs
     if "height_change" in by or "slope_change" in by:
@@ -527,7 +548,7 @@ def _seed(records: NDArray, tangents: Tangents, by: Collection[str]) -> None:
         slope_change = records["ground"][:, :1, 1::-1] * [1.0, -1.0]
         changes["ground"][..., :2] = tangents.slopes[:, None] * slope_change
     if "start" in by:
-        changes["start"] = tangents.starts[:, None] * MIRRORED
+        changes["start"][..., : tangents.starts.shape[1]] = tangents.starts
     if "end" in by:
         changes["end"] = tangents.ends
 

@@ -532,7 +532,9 @@ class StrideMap(Section):
             self.walkers, states, slopes, controls=actuations[:, :2], save_at=times, rises=rises,
             turns=turns,
         )  # fmt: skip
-        controls = np.broadcast_to(actuations[:, None, :], (*times.shape, 3))
+        if self.own:
+            actuations = np.zeros((len(states), len(self.walker.controls)))  # type: ignore[attr-defined]
+        controls = np.broadcast_to(actuations[:, None, :], (*times.shape, actuations.shape[1]))
         return Samples(seen.states, seen.stages, controls)
 
     def sample(self, points: NDArray, slopes: ArrayLike, times: NDArray) -> Samples:

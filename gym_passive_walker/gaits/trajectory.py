@@ -23,7 +23,7 @@ from gym_passive_walker.gaits.terrain import Terrain, TerrainLike, contacts, ter
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import Walker, name_of, state_size
+from gym_passive_walker.walkers import Mechanism, Walker, name_of, state_size
 
 COARSEST_SAMPLES = 1e-4
 """Largest tolerance at which samples just before an impact differ from the impact itself."""
@@ -48,7 +48,8 @@ class Trajectory(Table):
         strides: Number of the stride that each sample belongs to, from 0, shape (n,).
         phases: `Stage` of the swing leg, shape (n,).
         outcomes: `Outcome` of each stride, shape (strides made,); all but the last are HEELSTRIKE.
-        torques: Hip and ankle torque that act up to each sample, shape (n, 2).
+        torques: Hip and ankle torque that act up to each sample, shape (n, 2); of a `System`, its
+            controls, shape (n, controls).
         terrain: Terrain; None for smooth ground.
         terrain_seed: Seed of the terrain.
     """
@@ -94,16 +95,18 @@ class Trajectory(Table):
 
     def columns(self) -> dict[str, NDArray]:
         """One row for each instant."""
+        names, acting = STATE_NAMES, ("hip_torque", "ankle_torque")
+        if isinstance(self.walker, Mechanism):
+            names, acting = self.walker.State._fields, self.walker.controls  # type: ignore[attr-defined]
         return {
             "time": self.times,
             "stride": self.strides,
             "phase": self.phases,
-            **dict(zip(STATE_NAMES, self.states.T, strict=True)),
+            **dict(zip(names, self.states.T, strict=True)),
             "contact_x": self.contact_x,
             "contact_y": self.contact_y,
             "tilt": self.tilts,
-            "hip_torque": self.torques[:, 0],
-            "ankle_torque": self.torques[:, 1],
+            **dict(zip(acting, self.torques.T, strict=True)),
         }
 
 
@@ -223,7 +226,11 @@ def simulate(
         strides=np.repeat(np.arange(made), samples),
         phases=seen.stages.ravel(),
         outcomes=np.array([int(walk.outcome) for walk in walks]),
-        torques=(seen.controls[..., :2] * [units.torque, units.energy]).reshape(-1, 2),
+        torques=(
+            seen.controls
+            if isinstance(walker, Mechanism)
+            else seen.controls[..., :2] * [units.torque, units.energy]
+        ).reshape(len(first) * samples, -1),
         terrain=footholds,
         terrain_seed=terrain_seed,
     )

@@ -35,11 +35,11 @@ from gym_passive_walker.render.axes import (
     panels,
     series,
 )
-from gym_passive_walker.render.portrait import TIME, angles_over_time, both, portrait_of
+from gym_passive_walker.render.portrait import TIME, angles_over_time, both, parts_of, portrait_of
 from gym_passive_walker.render.strobe import strobe
 from gym_passive_walker.shown import picture
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import name_of
+from gym_passive_walker.walkers import Mechanism, name_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -359,8 +359,16 @@ def _gait(gait: Gait, ax: Axes | None = None, optimum: Any = None) -> Axes | NDA
 def _torques(ax: Axes, walk: Trajectory, gait: Gait, optimum: Any) -> None:
     """Draw the hip torque over the first stride, beside that of an optimal gait."""
     units, first = units_of(walk.walker), walk.strides == 0
-    times, torques = walk.times[first] / units.time, walk.torques[first, 0] / units.torque
-    name = gait.stride_map.controller_name
+    times, name = walk.times[first] / units.time, gait.stride_map.controller_name
+    if isinstance(walk.walker, Mechanism):
+        for (label, colour, dash), torque in zip(
+            parts_of(walk.walker, walk.walker.controls), walk.torques[first].T, strict=True
+        ):
+            ax.step(times, torque, where="pre", color=colour, linestyle=dash, label=label)
+        ax.set(xlabel=TIME, ylabel="control")
+        legend(ax, columns=2)
+        return
+    torques = walk.torques[first, 0] / units.torque
     ax.step(times, torques, where="pre", color=BLUE, label=name)
     if optimum is not None:
         held = np.append(optimum.torques, optimum.torques[-1])

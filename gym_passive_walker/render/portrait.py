@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +27,7 @@ from gym_passive_walker.render.axes import (
 )
 from gym_passive_walker.render.strobe import LEGS
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import name_of
+from gym_passive_walker.walkers import Mechanism, Walker, name_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,6 +37,20 @@ TIME, ANGLES, RATES = "time t / √(l/g)", "angle θ (rad)", "rate dθ/dt / √(
 PARTS = (("stance leg", BLUE, "-"), ("swing thigh", VERMILION, (0, (5, 1.5))),
          ("swing shank", GREEN, (0, (1, 1))))  # fmt: skip
 """Name, colour and dash of each angle of a state."""
+
+_DASHES = "-", (0, (5, 1.5)), (0, (1, 1))
+
+
+def parts_of(walker: Walker, names: Sequence[str] = ()) -> list[tuple[str, str, Any]]:
+    """Name, colour and dash of each coordinate of a walker, or of a system's other names."""
+    if isinstance(walker, Mechanism):
+        names = names or walker.State._fields[: walker.coordinates]  # type: ignore[attr-defined]
+        colours = BLUE, VERMILION, GREEN
+        return [
+            (name, colours[i % 3], _DASHES[(i + i // 3) % 3])
+            for i, name in enumerate(name.replace("_", " ") for name in names)
+        ]
+    return list(PARTS) if walker.knees else [PARTS[0], ("swing leg", *PARTS[1][1:])]
 
 
 def _by_leg(walk: Trajectory) -> NDArray[np.float64]:
@@ -53,15 +68,20 @@ def _by_leg(walk: Trajectory) -> NDArray[np.float64]:
 def angles_over_time(ax: Axes, walk: Trajectory) -> None:
     """Draw each leg's angles over time, through both its roles; vertical lines are impacts."""
     times = walk.times / units_of(walk.walker).time
-    angles = _by_leg(walk)
-    segments = (", thigh", ", shank") if walk.walker.knees else ("",)
-    for leg, name in enumerate(("first stance leg", "other leg")):
-        for segment, part in enumerate(segments):
-            ax.plot(
-                times, angles[:, leg, segment], label=name + part, color=LEGS[leg],
-                linewidth=(1.8, 1.1)[leg], linestyle=("-", (0, (4.0, 1.2)))[segment],
-            )  # fmt: skip
     heels = np.flatnonzero(np.diff(walk.strides)) + 1
+    if isinstance(walk.walker, Mechanism):
+        for (name, colour, dash), angle in zip(parts_of(walk.walker), walk.states.T, strict=False):
+            lines = broken(times, heels), broken(angle, heels)
+            ax.plot(*lines, label=name, color=colour, linestyle=dash, linewidth=1.5)
+    else:
+        angles = _by_leg(walk)
+        segments = (", thigh", ", shank") if walk.walker.knees else ("",)
+        for leg, name in enumerate(("first stance leg", "other leg")):
+            for segment, part in enumerate(segments):
+                ax.plot(
+                    times, angles[:, leg, segment], label=name + part, color=LEGS[leg],
+                    linewidth=(1.8, 1.1)[leg], linestyle=("-", (0, (4.0, 1.2)))[segment],
+                )  # fmt: skip
     knees = np.setdiff1d(walk.struck, heels)
     few = len(walk.outcomes) <= 12  # more lines would hide the curves
     for label, dash, at in (("heelstrike", "-", heels), ("kneestrike", ":", knees)):
@@ -70,18 +90,18 @@ def angles_over_time(ax: Axes, walk: Trajectory) -> None:
     ax.set(xlabel=TIME, ylabel=ANGLES)
 
 
-def rates_over_angles(ax: Axes, states: NDArray, struck: NDArray, knees: bool) -> None:
+def rates_over_angles(ax: Axes, states: NDArray, struck: NDArray, walker: Walker) -> None:
     """Draw angular velocities over angles, for the stance leg and the swing leg.
 
     Args:
         ax: Axes to draw on.
         states: Angles in rad and dimensionless angular velocities, shape (n, 6).
         struck: Index of the first sample after each impact, where a dotted line bridges the jump.
-        knees: Whether thigh and shank differ.
+        walker: The walker; of a `System`, all coordinates are drawn.
     """
-    parts = PARTS if knees else (PARTS[0], ("swing leg", *PARTS[1][1:]))
-    for part, (name, colour, dash) in reversed(list(enumerate(parts))):
-        angle, rate = states[:, part], states[:, 3 + part]
+    half = states.shape[1] // 2
+    for part, (name, colour, dash) in reversed(list(enumerate(parts_of(walker)))):
+        angle, rate = states[:, part], states[:, half + part]
         style: dict[str, Any] = {"color": colour, "linewidth": 1.5}
         moves = broken(angle, struck), broken(rate, struck)
         ax.plot(*moves, linestyle=dash, label=name, **style)
@@ -98,7 +118,7 @@ def rates_over_angles(ax: Axes, states: NDArray, struck: NDArray, knees: bool) -
 def portrait_of(ax: Axes, walk: Trajectory) -> None:
     """Draw the phase portrait of a walk: angular velocities over angles."""
     states = units_of(walk.walker).to_dimensionless(walk.states)
-    rates_over_angles(ax, states, walk.struck, walk.walker.knees)
+    rates_over_angles(ax, states, walk.struck, walk.walker)
 
 
 def phase_portrait(

@@ -30,7 +30,7 @@ from gym_passive_walker.render.axes import (
 )
 from gym_passive_walker.render.ground import between, ground_under, height
 from gym_passive_walker.render.pose import Leg, Pose, legs_by_identity, level, pose
-from gym_passive_walker.walkers import WalkerLike, as_walker, name_of
+from gym_passive_walker.walkers import Mechanism, WalkerLike, as_any, name_of, state_size
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -179,17 +179,25 @@ def strobe_of(
         ValueError: if the states' shape does not fit or a number is not finite.
         ImportError: if matplotlib is not installed.
     """
-    walker, states = as_walker(walker), check_state(states)
+    walker = as_any(walker)
+    states = check_state(states, size=state_size(walker))
     if states.ndim != 2 or not len(states):
-        raise ValueError(f"states must have shape (n, 6) with n above 0, not {states.shape}")
+        size = state_size(walker)
+        raise ValueError(f"states must have shape (n, {size}) with n above 0, not {states.shape}")
     x, y, tilts = (
         np.broadcast_to(np.asarray(part, dtype=float), len(states))
         for part in (contact_x, contact_y, tilts)
     )
     strides = np.broadcast_to(np.asarray(strides, dtype=int), len(states))
-    posture = pose(walker, states, x, y, tilts)
     length = walker.leg_length
-    everything = np.concatenate([posture.hip, posture.stance.foot, posture.swing.foot])
+    lines: list[list[NDArray]] = []
+    if isinstance(walker, Mechanism):
+        lines = [[line + np.array([x[i], y[i]]) for line in walker.drawn(state)]
+                 for i, state in enumerate(states.tolist())]  # fmt: skip
+        everything = np.concatenate([line for drawn in lines for line in drawn])
+    else:
+        posture = pose(walker, states, x, y, tilts)
+        everything = np.concatenate([posture.hip, posture.stance.foot, posture.swing.foot])
     span = everything[:, 0].min() - 0.3 * length, everything[:, 0].max() + 0.3 * length
     if not given(ax):
         ax = OWN if path is not None else ax
@@ -202,17 +210,24 @@ def strobe_of(
     ground(ax, span, slope, length, surface)
     struck = np.append(True, np.diff(strides) != 0)
     struck[-1] = True
-    for index in range(len(states)):
+    for drawn, heavy in zip(lines, struck, strict=False):
+        for line in drawn:
+            ax.plot(
+                *level(line, slope).T, color=LEGS[0], solid_capstyle="round",
+                linewidth=2.0 if heavy else 1.0, alpha=1.0 if heavy else _FAINT,
+            )  # fmt: skip
+    for index in range(len(states) if not lines else 0):
         own = pose(walker, states[index], x[index], y[index], tilts[index])
         for leg, colour in zip(legs_by_identity(own, int(strides[index])), LEGS, strict=True):
             stands = leg is own.stance and not struck[index]
             width, alpha = (2.0, 1.0) if struck[index] else (1.0, _FAINT if stands else 0.9)
             _leg(ax, own, leg, slope, not stands, color=colour, linewidth=width, alpha=alpha)
-    hips = level(posture.hip, slope)
-    ax.plot(*hips.T, "-", color=HIP, linewidth=0.6, zorder=2.5)
-    ax.plot(*hips.T, "o", color=HIP, markersize=3.0, zorder=3, label="hip")
-    for colour, label in zip(LEGS, ("leg that stands first", "other leg"), strict=True):
-        ax.plot([], [], color=colour, linewidth=1.6, label=label)
+    if not lines:
+        hips = level(posture.hip, slope)
+        ax.plot(*hips.T, "-", color=HIP, linewidth=0.6, zorder=2.5)
+        ax.plot(*hips.T, "o", color=HIP, markersize=3.0, zorder=3, label="hip")
+        for colour, label in zip(LEGS, ("leg that stands first", "other leg"), strict=True):
+            ax.plot([], [], color=colour, linewidth=1.6, label=label)
     if len(kneestrikes := np.reshape(kneestrikes, (-1, 3, 2))):
         # Kneestrikes fall between flashes: without the leg, the mark would stand alone.
         for leg in kneestrikes:
