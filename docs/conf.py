@@ -59,8 +59,14 @@ def _check_pictures(_: Sphinx, doctree: nodes.document) -> None:
             )
 
 
+def _as_files(_: Sphinx, __: str, source: list[str]) -> None:
+    """Let the site offer copies of notebooks as files; they are no pages of it."""
+    source[0] = source[0].replace("](rendered/", "](path:rendered/")
+
+
 def setup(app: Sphinx) -> None:
     """Check each page as it is read."""
+    app.connect("source-read", _as_files)
     app.connect("doctree-read", _check_pictures)
 
 
