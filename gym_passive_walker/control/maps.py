@@ -27,7 +27,7 @@ from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.gaits.terrain import Terrain, TerrainLike, terrain_from
-from gym_passive_walker.walkers import WalkerLike, as_any, check_parametric
+from gym_passive_walker.walkers import WalkerLike, as_any, check_heights_only, check_parametric
 
 
 def stride_map(
@@ -86,8 +86,9 @@ def stride_map(
         if walker is None:
             raise ValueError("stride_map needs a walker, a scene, or a policy")
         own, held = as_any(walker), controller or PASSIVE
-        if held is not PASSIVE or ground is not None:
-            check_parametric(own, "an Actuation or a terrain")
+        if held is not PASSIVE:
+            check_parametric(own, "an Actuation")
+        check_heights_only(own, 0.0 if ground is None else ground.slopes)
         return StrideMap.of(
             own, slope=None if slope is None else one_slope(slope), tolerance=tolerance,
             controller=held if held is PASSIVE else one_actuation(own, held), terrain=ground,
@@ -107,6 +108,7 @@ def stride_map(
         changes["slope"] = one_slope(slope)  # it is made for this slope
     acts, there = acting(named, scene, **changes)  # type: ignore[arg-type]
     there = calm(there, slope)
+    check_heights_only(there.walker, 0.0 if ground is None else ground.slopes)
     return ControlledMap(
         walker=there.walker, slope=float(np.mean(there.slope)), agent=acts, scene=there,
         tolerance=tolerance, terrain=ground,

@@ -205,8 +205,8 @@ class Batch:
 
     def _machinery(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
         """Compiled phases, options of the engine, and the work space of one thread."""
-        here = self.disturbances
-        phases = here.natives[0] if here else compiled(self.system.name)
+        here, name = self.disturbances, self.system.name  # makes a user's system known by its name
+        phases = here.natives[0] if here else compiled(name)
         told = options(self.scene.tolerance, scuff=bool(self.scene.end_on_toe_stub))
         return phases, told, *workspace(layout=self.layout)
 
@@ -276,8 +276,7 @@ class Batch:
             self.disturbances.observe(self.ledger, where, plain)
         if self.custom:
             self.custom.begin(self, where)
-            if self.custom.seen:
-                self.custom.observe(observations, where)
+            self._see(observations, where)
 
     def _prepare(self) -> None:
         """Make known what calm walkers start by."""
@@ -434,11 +433,22 @@ class Batch:
     def observe(self, observations: NDArray[np.float32]) -> None:
         """Write all walkers' observations, flat: shape (count * seen,)."""
         if self.custom and self.custom.seen:
-            self.custom.observe(observations)
+            self._see(observations)
             return
         task.observe(self.records, self.ledger, self.machinery[0], observations)
         if self.disturbances:
             self.disturbances.observe(self.ledger, np.arange(self.count), observations)
+
+    def _see(
+        self, observations: NDArray[np.float32], lanes: NDArray[np.int64] | None = None
+    ) -> None:
+        """Write walkers' observations by a function, with noise on those of a `System`."""
+        if self.custom is None or not self.custom.seen:
+            return
+        self.custom.observe(observations, slice(None) if lanes is None else lanes)
+        if self.disturbances and self.scene.own_system and self.scene.observation is None:
+            lanes = np.arange(self.count) if lanes is None else lanes
+            self.disturbances.spoil(self.ledger, lanes, observations)
 
     def told(self) -> dict[str, NDArray]:
         """Entries (count,) of `info` at every step besides those of `task.EVERY_STEP`."""
@@ -485,8 +495,7 @@ class Batch:
             endings += custom.after(self, rewards, terminated)
         if not custom.native:
             endings += custom.judge(self, rewards, terminated)
-        if custom.seen:
-            custom.observe(observations)
+        self._see(observations)
         if again:
             self._begin_again(observations)
         return strides, endings

@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.engine import compiled
+from gym_passive_walker.engine.equations import places_of, state_of
 from gym_passive_walker.engine.expressions import choose, larger
-from gym_passive_walker.engine.layout import RECORD
+from gym_passive_walker.engine.layout import RECORD, layout_of, record_for
 from gym_passive_walker.engine.native import Memory, Module
 from gym_passive_walker.gaits.forces import borne, landing, pushed_off, struck
 from gym_passive_walker.physics import legs
@@ -95,7 +96,7 @@ def push_code(system: System, module: Module) -> Module:
     """Functions that push the hip of a record, by the impulse (back, up), into a module."""
     for i, phase in enumerate(system.phases):
         if phase.push is not None:
-            function = module.function(f"push{i}", (RECORD, page(system)))
+            function = module.function(f"push{i}", (record_for(layout_of(system)), page(system)))
             function.once(partial(_push, system, phase))
             function.end()
     return module
@@ -122,17 +123,24 @@ def look_code(system: System, module: Module) -> Module:
 
 
 def _push(system: System, phase: Phase, record: Memory, body: Memory) -> None:
-    """An impulse on the hip; its work is its mean power over the jump."""
+    """An impulse on the hip, or a system's centre of mass; its work is its mean power."""
     assert phase.push is not None
-    constants, state = compiled.constants_of(system, body), State(*record.entries("state"))
+    constants, state = compiled.constants_of(system, body), state_of(system, record)
     back, up = record.argument(0), record.argument(1)
-    jumps = phase.push(constants, state, back, up)
-    for link in range(3):
-        jump = jumps[min(link, phase.links - 1)]
-        record["state", 3 + link] = record["state", 3 + link] + jump
-    moment = legs.moment_of_push(constants, state.stance, back, up)
+    jumps, count = phase.push(constants, state, back, up), system.coordinates
+    jumps = [jumps[min(link, phase.links - 1)] for link in range(count)]
+    rates = [rate + jump for rate, jump in zip(state[count:], jumps, strict=True)]
+    for place, rate in zip(places_of(system, record)[count:], rates, strict=True):
+        record["state", place] = rate
+    if system.State is State:
+        moment = legs.moment_of_push(constants, state.stance, back, up)
+        work = moment * (state.stance_rate + 0.5 * jumps[0])
+    else:
+        after = system.State(*state[:count], *rates)
+        energies = [system.kinetic_energy(constants, each) for each in (state, after)]
+        work = energies[1] - energies[0]
     place = "notes", NOTES.index("push_work")
-    body[place] = body[place] + moment * (state.stance_rate + 0.5 * jumps[0])
+    body[place] = body[place] + work
 
 
 def _note(body: Memory, **found: Any) -> None:

@@ -40,6 +40,11 @@ def everything(step: Transition) -> tuple[Any, ...]:
     return *step.state, step.slope
 
 
+def everything_and_command(step: Transition) -> tuple[Any, ...]:
+    """The same, and the commanded speed."""
+    return *everything(step), step.command
+
+
 TERMS: dict[str, Callable[[Transition], Any]] = {
     "distance": lambda step: step.distance,
     "energy": lambda step: step.energy,
@@ -321,7 +326,8 @@ class Custom:
         self.rules: dict[str, Rule] = {}
         given = {name: getattr(scene, name) for name in RULES}
         if scene.own_system is not None and given["observation"] is None:
-            given["observation"] = everything
+            commanded = scene.command is not None
+            given["observation"] = everything_and_command if commanded else everything
         for name, function in given.items():
             if function is not None:
                 self.rules[name] = Rule(name, rule_of(function), self._shape)

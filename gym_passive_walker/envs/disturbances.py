@@ -13,6 +13,7 @@ from gym_passive_walker.envs import constraints, fates, saved, task
 from gym_passive_walker.envs.checks import CHECKS
 from gym_passive_walker.envs.scene import CALM, Scene
 from gym_passive_walker.gaits.terrain import Terrain
+from gym_passive_walker.walkers import state_size
 
 
 class Contact(NamedTuple):
@@ -49,6 +50,7 @@ class Disturbances:
         fates: Shape (count,) of `fates.FATE`.
         odds: Shape (1,) of `fates.ODDS`.
         pending: Actions that come late, (count, steps, actions).
+        noise: Standard deviation of the noise on each number of a `System`'s observation.
     """
 
     def __init__(self, scene: Scene, system: str, count: int) -> None:
@@ -57,6 +59,7 @@ class Disturbances:
         self.pending = np.zeros((count, scene.action_delay, len(scene.actions)))
         self.terrain = (scene.terrain or Terrain()).arrays()
         self._limits = saved.FateLimits(self.odds[0])
+        self.noise = _noise(scene)
 
     @property
     def natives(self) -> tuple[NDArray, NDArray]:
@@ -87,6 +90,11 @@ class Disturbances:
     def observe(self, ledger: NDArray, lanes: NDArray, observations: NDArray[np.float32]) -> None:
         """Make some walkers' observations those of their sensors."""
         fates.observe(self.fates, ledger, self.odds, *self.terrain, lanes, observations)
+
+    def spoil(self, ledger: NDArray, lanes: NDArray, observations: NDArray[np.float32]) -> None:
+        """Add noise to some walkers' observations of a `System`."""
+        if np.any(self.noise):
+            fates.spoil(self.fates, ledger, self.noise, lanes, observations)
 
     def lean(self, slopes: NDArray[np.float64], lanes: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Have some walkers walk on other slopes; those of the footholds that they stand on."""
@@ -151,14 +159,22 @@ class Disturbances:
         self.fates[:], self.pending[:] = found
 
 
+def _noise(scene: Scene) -> NDArray[np.float64]:
+    """Standard deviation of the noise on each number of an observation but the command."""
+    noise, size = scene.observation_noise, state_size(scene.walker)
+    rest = (task.SIZE if scene.own_system is None else size + 1) - size
+    given = noise if isinstance(noise, tuple) else [noise] * size + [0.0] * rest
+    return np.array(given, dtype=float)
+
+
 def _odds(scene: Scene) -> NDArray:
     """A scene's rules, as kernels read them."""
     odds = np.zeros(1, fates.ODDS)
     if scene.pushes:
         odds["rate"], odds["push"] = scene.pushes["rate"], scene.pushes["impulse"]
-    noise = scene.observation_noise
-    odds["noise"] = noise if isinstance(noise, tuple) else [noise] * 6 + [0.0] * (task.SIZE - 6)
-    odds["noisy"] = np.any(odds["noise"])
+    if scene.own_system is None:
+        odds["noise"] = _noise(scene)
+        odds["noisy"] = np.any(odds["noise"])
     if scene.command is not None:
         odds["commanded"], odds["command"] = True, np.broadcast_to(scene.command, 2)
     odds["uneven"], odds["terrain_lookahead"] = scene.terrain is not None, scene.terrain_lookahead

@@ -136,6 +136,9 @@ def _observed(scene: Scene) -> Rows:
     own = Custom(scene, 0).seen if scene.observation or scene.own_system else None
     space = interface.observation_space(scene, own)
     names = list(_SEEN)
+    if scene.own_system is not None:
+        fields = scene.own_system.State._fields  # type: ignore[attr-defined]
+        names = [*((name, "") for name in fields), ("slope, positive downhill", "rad")]
     if scene.command is not None:
         names.append(("commanded speed", "sqrt(g l)"))
     for k in range(1, scene.terrain_lookahead + 1):
@@ -143,9 +146,6 @@ def _observed(scene: Scene) -> Rows:
         names += [("its slope less that of the one before", "rad")]
     if scene.observation is not None:
         names = [(f"of {_name(scene.observation)}", "")] * len(space.low)
-    elif scene.own_system is not None:
-        fields = scene.own_system.State._fields  # type: ignore[attr-defined]
-        names = [*((name, "") for name in fields), ("slope, positive downhill", "rad")]
     return [
         {"observation": name, "unit": unit, "min": float(low), "max": float(high)}
         for (name, unit), low, high in zip(names, space.low, space.high, strict=True)

@@ -108,6 +108,17 @@ def observe(fates, ledger, odds, table, spread, lanes, observations):
         perceive(fates[i], ledger[i], odds[0], table, spread, observations, i * size)
 
 
+@Kernel
+def spoil(fates, ledger, noise, lanes, observations):
+    """Add noise to the first numbers of some walkers' observations."""
+    size = len(observations) // len(ledger)
+    for i in lanes:
+        for k in range(len(noise)):
+            if noise[k] > 0.0:
+                place = len(noise) * ledger[i].steps + k
+                observations[i * size + k] += noise[k] * normal(fates[i].key, place, _SENSOR)
+
+
 @jitted
 def lay(record, row, fate, table, spread):
     """Lay the ground of the stride that begins."""
@@ -300,7 +311,7 @@ def step(
     for i in range(len(records)):
         row, fate = ledger[i], fates[i]
         if not fate.idle:
-            fate.push_work = bodies[i, 0, len(bodies[i, 0]) - _ROOM + _WORK]
+            fate.push_work = bodies[i, 0, len(bodies[i, 0]) - _ROOM + _WORK] / rules[0].weight
             fate.episode_push_work += fate.push_work
             if odds[0].commanded and row.outcome == _HEELSTRIKE:
                 lost = obey(row, fate, odds[0])

@@ -159,9 +159,10 @@ def check_walkers(
     """
     row = list(given) if isinstance(given, Sequence) else []
     if isinstance(own[0], Mechanism):
-        if row != [kept(walker) for walker in own]:
+        found = [_system_of(entry, base, shares) for entry, base in zip(row, bases, strict=False)]
+        if len(row) != len(own) or None in found:
             raise StateError("the state's 'walkers' are not the systems of this environment")
-        return list(own)
+        return found  # type: ignore[return-value]
     if len(row) != len(own) or not all(isinstance(walker, Walker) for walker in row):
         raise StateError(
             f"the state's 'walkers' must be a row of {len(own)} walkers, not {type(given).__name__}"
@@ -181,6 +182,22 @@ def check_walkers(
                 f"{', '.join(off) or 'parameters'} cannot be here"
             )
     return row
+
+
+def _system_of(entry: Any, base: Any, shares: Mapping[str, float]) -> Any:
+    """The system that `kept` has written, if it may vary around a base so; else None."""
+    name, *values = entry if isinstance(entry, tuple | list) and entry else [None]
+    fields = base.body._fields
+    if name != base.hybrid.name or len(values) != len(fields):
+        return None
+    if not all(isinstance(value, float) for value in values):
+        return None
+    near = (
+        abs(value - own) <= (shares[field] + _ROUNDING) * abs(own) if field in shares
+        else value == own
+        for field, value, own in zip(fields, values, base.body, strict=True)
+    )  # fmt: skip
+    return base.with_body(dict(zip(fields, values, strict=True))) if all(near) else None
 
 
 def _near(walker: Walker, base: Walker, name: str, share: float) -> bool:

@@ -28,7 +28,15 @@ from gym_passive_walker.envs.custom import RULES, checked_rule
 from gym_passive_walker.envs.task import CHANNELS, ENERGIES, SIZE
 from gym_passive_walker.gaits.terrain import Terrain, terrain_from
 from gym_passive_walker.loading import is_file
-from gym_passive_walker.walkers import PARAMETERS, Mechanism, Walker, as_any, as_walker, state_size
+from gym_passive_walker.walkers import (
+    PARAMETERS,
+    Mechanism,
+    Walker,
+    as_any,
+    as_walker,
+    check_heights_only,
+    state_size,
+)
 
 CONTROLS = ("tick", "stride")
 
@@ -77,9 +85,9 @@ class Scene:
             shank] angles in rad, then their angular velocities in units of 1/sqrt(l/g).
         max_stride_time: Time in sqrt(l/g) after which a stride without heelstrike has stalled.
         tolerance: Error of the dynamics of a step; see `stride`.
-        pushes: Impulses on the hip along the slope, at random times; none if empty. "rate" is their
-            mean number in a unit of time. "impulse", in units of m sqrt(g l) and positive downhill,
-            is a number or a range to draw from.
+        pushes: Impulses on the hip along the slope (for a `System`, on its centre of mass), at
+            random times; none if empty. "rate" is their mean number in a unit of time. "impulse",
+            in units of m sqrt(g l) and positive downhill, is a number or a range to draw from.
         observation_noise: Standard deviation of the noise on each observation: one number for
             angles and angular velocities, or one for each entry.
         action_noise: Standard deviation of the noise on each action, as a share of the largest.
@@ -183,7 +191,8 @@ class Scene:
             raise SceneError(str(error)) from None
         put("domain_randomization", self._checked_shares())
         put("pushes", checked_pushes(self.pushes))
-        put("observation_noise", checked_noise(self.observation_noise, SIZE))
+        size = SIZE if self.own_system is None else state_size(self.walker) + 1
+        put("observation_noise", checked_noise(self.observation_noise, size))
         put("action_delay", self._checked_delay())
         if self.command is not None:
             low, high = spread("command", self.command, 0.0, FASTEST)
@@ -256,8 +265,7 @@ class Scene:
 
     def _check_own(self) -> None:
         """Refuse what a user's system does not have."""
-        wanted: dict[str, Any] = CALM | {"command": None, "domain_randomization": {}}
-        found = [name for name, calm in wanted.items() if getattr(self, name) not in (calm, None)]
+        found = [name for name in ("constraints", "terrain_lookahead") if getattr(self, name)]
         if found:
             raise SceneError(
                 f"{' and '.join(found)} need a walker with two legs and McGeer's parameters, not "
@@ -271,7 +279,9 @@ class Scene:
                 "domain_randomization must map parameters to shares, not "
                 f"{shown(self.domain_randomization)}"
             )
-        if said := unknown(self.domain_randomization, PARAMETERS, "domain_randomization: a walker"):
+        own = self.own_system
+        known = PARAMETERS if own is None else own.body._fields
+        if said := unknown(self.domain_randomization, known, "domain_randomization: a walker"):
             raise SceneError(said)
         return {
             name: bounded(f"domain_randomization[{name!r}]", share, 0.0, 0.5)
@@ -282,6 +292,8 @@ class Scene:
         """A number of footholds, and the terrain that they are of."""
         try:
             object.__setattr__(self, "terrain", terrain_from(self.terrain))
+            if self.terrain is not None:
+                check_heights_only(self.walker, (*self.terrain.slopes, self.terrain.slope_std))
             terrain_lookahead = whole(
                 self.terrain_lookahead, "terrain_lookahead", least=0, most=_FARTHEST
             )

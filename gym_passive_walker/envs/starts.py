@@ -154,11 +154,14 @@ class Starts:
             return self.walker
         for _ in range(100):
             factors = 1.0 + np.array(list(shares.values())) * rng.uniform(-1.0, 1.0, len(shares))
+            nominal = self.walker.body if isinstance(self.walker, Mechanism) else self.walker
             changed = {
-                name: getattr(self.walker, name) * factor
+                name: getattr(nominal, name) * factor
                 for name, factor in zip(shares, factors.tolist(), strict=True)
             }
             try:
+                if isinstance(self.walker, Mechanism):
+                    return self.walker.with_body(changed)
                 return replace(self.walker, **changed)
             except WalkerError:
                 continue

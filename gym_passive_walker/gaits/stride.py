@@ -30,7 +30,7 @@ from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.physics.hybrid import Ground, Outcome, System
 from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import Mechanism, Walker, state_size
+from gym_passive_walker.walkers import Mechanism, Walker, check_heights_only, state_size
 
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
 
@@ -243,6 +243,7 @@ def stride(
     if not callable(backend):
         raise ValueError(f"backend must be a function, such as gpu.advance, not {shown(backend)}")
     ground = check_foothold(height_change, slope_change)
+    check_heights_only(walker, slope_change)
     try:
         around = (*actuation_shapes(actuation), *(part.shape for part in ground or ()))
         shape = np.broadcast_shapes(states.shape[:-1], slopes.shape, *around)

@@ -215,14 +215,14 @@ class StrideMap(Section):
     def state(self, points: NDArray, place: int = 0) -> NDArray:
         """Return dimensionless states (..., 6) at points (..., m), on foothold `place`."""
         states = super().state(points)
-        if self.terrain is not None:
+        if self.terrain is not None and not self.own:
             states[..., 1] = states[..., 2] = self._trailing(points[..., 0], place)[0]
         return states
 
     def state_by(self, points: NDArray, changes: NDArray, place: int = 0) -> NDArray:
         """Return changes of states (n, 6, k) for changes (n, m, k) of points (n, m)."""
         states = super().state(changes.swapaxes(1, 2)).swapaxes(1, 2)
-        if self.terrain is not None:
+        if self.terrain is not None and not self.own:
             ahead = self._trailing(points[:, 0], place)[1][:, None] * changes[:, 0]
             states[:, 1], states[:, 2] = ahead, ahead
         return states
@@ -359,7 +359,7 @@ class StrideMap(Section):
         if self.terrain is not None:
             first = {"rises": ground[0, 1], "turns": ground[0, 2]}
             # The trailing leg's angle depends on the points and on the leg length.
-            charted = [name for name in by if name in PARAMETERS]
+            charted = [name for name in by if name in PARAMETERS and not self.own]
             here, count = points[walking], 0
             if "point" in by:
                 ways = np.eye(self.dimension) if along is None else along[walking]
@@ -368,7 +368,7 @@ class StrideMap(Section):
             else:
                 ways, by = np.zeros((len(walking), self.dimension, 0)), ["point", *by]
             columns = [self.state_by_parameter(here, name)[:, :, None] for name in charted]
-            along = np.zeros((len(points), 6, count + len(charted)))
+            along = np.zeros((len(points), self.size, count + len(charted)))
             along[walking] = np.concatenate([self.state_by(here, ways), *columns], axis=2)
         slopes = slopes[walking]
         with np.errstate(all="ignore"), progress("strides", strides) as taken:
@@ -439,9 +439,10 @@ class StrideMap(Section):
     def _heights(self, bodies: NDArray, shape: tuple[int, ...], place: int) -> NDArray[np.float64]:
         """Return heights of the next contact points over these, in leg lengths, (n, 1 + k)."""
         _, height_change, slope_change = self.ground[place]
-        radii = bodies[..., self.walkers.system().Body._fields.index("foot_radius")]
         heights = np.zeros(shape)
-        heights[:, : radii.shape[1]] = radii * (1.0 - math.cos(slope_change))
+        if not self.own:
+            radii = bodies[..., self.walkers.system().Body._fields.index("foot_radius")]
+            heights[:, : radii.shape[1]] = radii * (1.0 - math.cos(slope_change))
         heights[:, 0] += height_change
         return heights
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -111,8 +111,8 @@ class System(Mechanism):
                 f"body of system {self.name!r} has no {', '.join(unknown)}: it has "
                 f"{', '.join(self.body._fields)}"
             )
-        made = replace(self, body=self.body._replace(**parameters))
-        made._made.update(self._made)  # the equations are the same: they are compiled once
+        made = self.with_body(parameters)
+        _check(made)
         return made
 
     def __getstate__(self) -> dict[str, Any]:
@@ -198,6 +198,21 @@ class System(Mechanism):
             self._made["hybrid"] = stated
         return self._made["hybrid"]
 
+    @property
+    def uneven(self) -> hybrid.System:  # type: ignore[override]
+        """The same on footholds of different heights."""
+        if "uneven" not in self._made:
+            absent = tuple(name for name in self.hybrid.absent if name != "height_change")
+            stated = self.hybrid._replace(name=f"{self.hybrid.name}-uneven", absent=absent)
+            SYSTEMS[stated.name] = self._made["uneven"] = stated
+        return self._made["uneven"]
+
+    def with_body(self, values: Mapping[str, float]) -> System:
+        """This system with other values of some fields of its body, without checks."""
+        made = object.__new__(System)  # with the same equations, which are compiled once
+        made.__dict__.update(self.__dict__ | {"body": self.body._replace(**values)})
+        return made
+
     def _stated(self) -> hybrid.System:
         strike = Guard(
             lambda body, state, ground: self.landing(body, state)[1] - ground.height_change,
@@ -216,6 +231,7 @@ class System(Mechanism):
             accelerations=Derived(self._accelerations),
             guards=(strike, *falls),
             resets={Outcome.HEELSTRIKE: hybrid.Reset(self._strike)},
+            push=self._push,
         )
         takes = self.dissipation is not None or self.forces is not None
         return hybrid.System(
@@ -262,6 +278,13 @@ class System(Mechanism):
                 ways = rates_by(moved, coordinates)
                 forces = [a + b * torque for a, b in zip(forces, ways, strict=True)]
         return tuple(solve(motion.matrix(), forces))
+
+    def _push(self, body: Any, state: Any, back: Any, up: Any) -> tuple:
+        """Jumps of the rates by an impulse at the centre of mass, per unit of mass."""
+        _, x, y = self._centre(body, state)
+        ways = (rates_by(part, state[: self.coordinates]) for part in (x, y))
+        impulses = [up * b - back * a for a, b in zip(*ways, strict=True)]
+        return tuple(solve(self._motion(body, state).matrix(), impulses))
 
     def _strike(self, body: Any, before: Any, push_off: Any, ground: Ground) -> hybrid.Strike:
         rates, lost = self._motion(body, before).landing(self.landing(body, before))

@@ -77,7 +77,8 @@ def system_of(*walkers: Walker, using: Collection[str] = ()) -> System:
             that vary, ground that does.
     """
     if isinstance(walkers[0], Mechanism):
-        return walkers[0].hybrid
+        smooth = set(UNEVEN).isdisjoint(using)
+        return walkers[0].hybrid if smooth else walkers[0].uneven
     if not set(UNEVEN).isdisjoint(using):
         return SYSTEMS[f"{kind_of(walkers[0])}-uneven"]
     fitted = any(getattr(walker, name) for walker in walkers for name in FITTINGS)

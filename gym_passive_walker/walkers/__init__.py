@@ -13,7 +13,12 @@ References:
     T. McGeer, "Passive walking with knees", IEEE ICRA (1990) 1640-1645.
 """
 
-from gym_passive_walker.walkers.mechanism import Mechanism, check_parametric, state_size
+from gym_passive_walker.walkers.mechanism import (
+    Mechanism,
+    check_heights_only,
+    check_parametric,
+    state_size,
+)
 from gym_passive_walker.walkers.names import describe, name_of
 from gym_passive_walker.walkers.parts import Part, assemble, combine, lab_walker_from_parts
 from gym_passive_walker.walkers.presets import (
@@ -41,6 +46,7 @@ __all__ = [
     "as_walker",
     "assemble",
     "changed",
+    "check_heights_only",
     "check_parametric",
     "combine",
     "describe",

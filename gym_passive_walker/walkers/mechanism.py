@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 
 class Mechanism:
     """A walker that a user states by equations of its own; see `gym_passive_walker.System`.
@@ -25,17 +27,34 @@ class Mechanism:
     total_mass: float
     hybrid: Any
     """The hybrid system that it obeys, a `physics.hybrid.System`."""
+    uneven: Any
+    """The same on footholds of different heights."""
     falls: Any
     drawn: Any
     standing: Any
     with_both_feet_down: Any
     struck: Any
     exchanged: Any
+    with_body: Any
 
 
 def state_size(walker: Any) -> int:
     """How many numbers a walker's state has: coordinates and their rates."""
     return 2 * walker.coordinates if isinstance(walker, Mechanism) else 6
+
+
+def check_heights_only(walker: Any, slopes: Any) -> None:
+    """Refuse footholds of different slopes for a walker of a user's own.
+
+    Its coordinates may be lengths, or angles to another link, which do not turn with the ground.
+
+    Raises:
+        ValueError: if it is a `Mechanism` and a slope is not 0.
+    """
+    if isinstance(walker, Mechanism) and np.any(slopes):
+        raise ValueError(
+            f"footholds of the system {walker.title!r} may differ in height, not in slope"
+        )
 
 
 def check_parametric(walker: Any, what: str) -> None:

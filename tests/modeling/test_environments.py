@@ -26,10 +26,28 @@ SCENES = {
 }
 
 
+DISTURBANCES = {
+    "pushes": {"rate": 0.5, "impulse": (-0.01, 0.01)}, "terrain": "rough:height_std=0.0005",
+    "observation_noise": 0.01, "action_noise": 0.1, "action_delay": 1, "command": (0.1, 0.2),
+}  # fmt: skip
+DISTURBED = {
+    f"{name}, disturbed": {
+        **scene, **DISTURBANCES, "domain_randomization": {scene["system"].body._fields[0]: 0.05}
+    }
+    for name, scene in SCENES.items()
+}  # fmt: skip
+
+
 @pytest.fixture(params=SCENES)
 def arguments(request):
     """The arguments of a scene in which a user's system walks."""
     return SCENES[request.param]
+
+
+@pytest.fixture(params=[*SCENES, *DISTURBED])
+def any_arguments(request):
+    """The same, disturbed scenes among them."""
+    return (SCENES | DISTURBED)[request.param]
 
 
 def made(**arguments):
@@ -139,9 +157,9 @@ def test_energy_is_torque_times_how_far_each_control_has_moved():
     assert info["energy"] == pytest.approx(torques @ (after - before), abs=1e-9)
 
 
-def test_walkers_of_a_vector_environment_are_those_of_single_ones(arguments):
-    many = gym.make_vec("PassiveWalker-v0", num_envs=5, **arguments)
-    singles = [made(**arguments) for _ in range(5)]
+def test_walkers_of_a_vector_environment_are_those_of_single_ones(any_arguments):
+    many = gym.make_vec("PassiveWalker-v0", num_envs=5, **any_arguments)
+    singles = [made(**any_arguments) for _ in range(5)]
     first, _ = many.reset(seed=7)
     starts = [env.reset(seed=7 + i)[0] for i, env in enumerate(singles)]
     np.testing.assert_array_equal(first, starts)
@@ -156,9 +174,9 @@ def test_walkers_of_a_vector_environment_are_those_of_single_ones(arguments):
     assert not over.all()
 
 
-def test_a_crowd_on_threads_is_the_crowd_on_one(arguments):
+def test_a_crowd_on_threads_is_the_crowd_on_one(any_arguments):
     one, several = (
-        gym.make_vec("PassiveWalker-v0", num_envs=4096, threads=n, **arguments) for n in (1, 2)
+        gym.make_vec("PassiveWalker-v0", num_envs=4096, threads=n, **any_arguments) for n in (1, 2)
     )
     for env in (one, several):
         env.reset(seed=0)
@@ -167,24 +185,23 @@ def test_a_crowd_on_threads_is_the_crowd_on_one(arguments):
             np.testing.assert_array_equal(ours, theirs)
 
 
-def test_an_environment_goes_on_from_its_saved_state(arguments):
-    env = made(**arguments)
+def test_an_environment_goes_on_from_its_saved_state(any_arguments):
+    env = made(**any_arguments)
     actions = actions_of(env, 12)
     env.reset(seed=4)
     for action in actions[:6]:
         env.step(action)
     saved = pickle.loads(pickle.dumps(env.get_state()))
     expected = [env.step(action)[:2] for action in actions[6:]]
-    other = made(**arguments)
+    other = made(**any_arguments)
     other.set_state(saved)
     for action, (observation, reward) in zip(actions[6:], expected, strict=True):
         found = other.step(action)
         np.testing.assert_array_equal(found[0], observation)
         assert found[1] == reward
     with pytest.raises(StateError, match=r"system|walker"):
-        made(**arguments | {"system": arguments["system"].vary(**heavier(arguments))}).set_state(
-            saved
-        )
+        heavy = any_arguments["system"].vary(**heavier(any_arguments))
+        made(**any_arguments | {"system": heavy}).set_state(saved)
 
 
 def heavier(arguments):
@@ -297,11 +314,11 @@ def test_actions_may_be_some_of_the_controls_in_any_order():
 REFUSED = {
     "a walker and a system": {"system": COMPASS, "walker": "C"},
     "no system": {"system": "C"},
-    "terrain": {"system": COMPASS, "terrain": {"stairs": {"rise": -0.01}}},
-    "pushes": {"system": COMPASS, "pushes": {"rate": 0.1, "impulse": 0.01}},
-    "observation_noise": {"system": COMPASS, "observation_noise": 0.1},
-    "command": {"system": COMPASS, "command": 0.2},
-    "domain_randomization": {"system": COMPASS, "domain_randomization": {"hip": 0.1}},
+    "differ in height, not in slope": {"system": COMPASS, "terrain": {"rough": {"slope_std": 0.1}}},
+    "constraints": {"system": COMPASS, "constraints": {"contact": "end"}},
+    "terrain_lookahead": {"system": COMPASS, "terrain": "stairs:rise=0", "terrain_lookahead": 1},
+    "5 of them": {"system": COMPASS, "observation_noise": (0.1,) * 8},
+    "has no knee": {"system": COMPASS, "domain_randomization": {"knee": 0.1}},
     "end_on_toe_stub": {"system": COMPASS, "end_on_toe_stub": True},
     "start must be 4": {"system": COMPASS, "start": (0.1,) * 6},
     "actions must be some of 'hip'": {"system": DRIVEN, "actions": ("ankle",)},
