@@ -58,12 +58,17 @@ class ConstantTorque:
 
 
 class Passive(ConstantTorque):
-    """No torque: passive walking, as of McGeer."""
+    """No torque: passive walking, as McGeer's machines walk.
+
+    Args:
+        scene: A `Scene`, its name, or a mapping of its arguments; gives the number of actions. One
+            when None.
+    """
 
     name = "passive"
 
-    def __init__(self) -> None:
-        super().__init__(0.0, "level")
+    def __init__(self, scene: Scene | str | dict[str, Any] | None = None) -> None:
+        super().__init__(0.0, "level" if scene is None else scene)
 
 
 class StrideFeedback:
@@ -246,7 +251,7 @@ CONSTANT_TORQUE = 0.0025
 """Torque of the agent that holds one all along, in units of m g l: it walks on level ground."""
 
 BASELINES: dict[str, Callable[[Scene], Policy]] = {
-    "passive": lambda scene: Passive(),
+    "passive": Passive,
     "constant": lambda scene: ConstantTorque(CONSTANT_TORQUE, scene),
     "lqr": LinearFeedback,
     "deadbeat": lambda scene: LinearFeedback(scene, "deadbeat"),

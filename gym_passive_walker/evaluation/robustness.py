@@ -25,14 +25,13 @@ from gym_passive_walker.gaits.first_passage import SETTLING as FORGETTING
 from gym_passive_walker.gaits.first_passage import FirstPassage, survivors, walks
 from gym_passive_walker.gaits.flow import Walkers
 from gym_passive_walker.gaits.gait import Gait
+from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap
 from gym_passive_walker.gaits.terrain import Terrain, rough
-from gym_passive_walker.physics import legs
-from gym_passive_walker.physics.systems import body_of
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import Walker, WalkerLike, as_walker, is_walker, name_of
+from gym_passive_walker.walkers import Mechanism, Walker, WalkerLike, as_any, is_walker, name_of
 
 SETTLING = 200
 """Strides that a walker makes to come to its gait, before it is tried."""
@@ -59,12 +58,15 @@ class _Walks(NamedTuple):
     Attributes:
         made: Strides that each has made, (n,).
         periods: The time that each took, (n, strides); NaN where there is none.
-        states: With what state each stride ended, in the walker's own units, (n, strides, 6).
+        states: With what state each stride ended, in the walker's own units, (n, strides, 6), or
+            (n, strides, 2 m) of a `System`.
+        lengths: The length of each stride, in leg lengths, (n, strides).
     """
 
     made: NDArray[np.int64]
     periods: NDArray[np.float64]
     states: NDArray[np.float64]
+    lengths: NDArray[np.float64]
 
 
 @dataclass(frozen=True, repr=False)
@@ -87,7 +89,8 @@ class Robustness(Table):
             one that was tried.
         step_down: Deepest step down, in leg lengths.
         phases: When pushes came, as shares of the period, (k,).
-        forward: Largest impulse on the hip downhill then, in m sqrt(g l), (k,).
+        forward: Largest impulse downhill then, on the hip or on the centre of mass of a `System`,
+            in m sqrt(g l), (k,).
         backward: Largest uphill, (k,).
         initial_error: By which share of the gait's angle and rates starts were off, at most.
         recovered: Share of starts within it from which the walker walks on.
@@ -160,9 +163,9 @@ def robustness(
         True
 
     Args:
-        controller: A passive walker, in a form that `as_walker` takes; a map of `stride_map`, or a
-            `Gait` of one; or a controller: a feedback or a trained policy, the name of one, or
-            anything with `predict`.
+        controller: A passive walker, in a form that `as_walker` takes, or a `System`; a map of
+            `stride_map`, or a `Gait` of one; or a controller: a feedback or a trained policy, the
+            name of one, or anything with `predict`.
         scene: Where it walks: a `Scene`, its name or a mapping of its arguments. A learned policy's
             own when None. A passive walker needs none, but its slope; without one it may scuff.
         slope: Slope in rad instead of the scene's; the middle of a range when None.
@@ -193,7 +196,8 @@ def robustness(
             controller, scene = acting_as(strides_of, slope)
     passive = is_walker(controller)
     if passive:
-        policy, tried, name = Passive(), _scene_of(controller, scene, slope), "passive"
+        tried, name = _scene_of(controller, scene, slope), "passive"
+        policy: Policy = Passive(tried)
     else:
         changes = {} if slope is None else {"slope": slope}
         policy, tried = acting(controller, scene, **changes)  # type: ignore[arg-type]
@@ -253,7 +257,7 @@ def _scene_of(controller: WalkerLike, scene: Any, slope: float | None) -> Scene:
     if scene is None and slope is None:
         raise ValueError("a passive walker needs a slope: robustness('C', slope=0.05)")
     changes: dict[str, Any] = {} if slope is None else {"slope": slope}
-    passive = as_walker(controller)
+    passive = as_any(controller)
     walker = {"walker": passive, "end_on_toe_stub": False} if scene is None else {}
     found = make_scene({} if scene is None else scene, **walker, **changes)
     if scene is not None and found.walker != passive:
@@ -283,7 +287,8 @@ class _Tries:
 
     def __init__(self, policy: Policy, scene: Scene) -> None:
         self.policy, self.scene = policy, scene
-        self.gait = np.zeros(6)
+        self.section = Section(walker=scene.walker)
+        self.gait = np.zeros(self.section.size)
 
     def walk(
         self,
@@ -298,7 +303,7 @@ class _Tries:
         """Let walkers walk.
 
         Args:
-            states: Where each begins, (n, 6); where the scene's episodes do when None.
+            states: Where each begins, (n, 6) or (n, 2 m); where the scene's episodes do when None.
             strides: How many they may make.
             terrain: What they walk over instead of smooth ground.
             count: How many walk, where no states are given.
@@ -314,18 +319,20 @@ class _Tries:
         observations, _ = envs.reset(seed=seed, options=options)
         envs.batch.put_in_the_way(**way)
         made, going = np.zeros(count, np.int64), np.ones(count, bool)
-        periods, ends = np.full((count, strides), np.nan), np.full((count, strides, 6), np.nan)
+        periods, lengths = np.full((2, count, strides), np.nan)
+        ends = np.full((count, strides, self.section.size), np.nan)
         for step in steps(self.policy, envs, observations):
             going &= ~step.terminated
             struck = np.flatnonzero(step.struck & going)
             if len(struck):
                 periods[struck, made[struck]] = step.infos["step_period"][struck]
+                lengths[struck, made[struck]] = step.infos["step_length"][struck]
                 ends[struck, made[struck]] = envs.batch.states[struck]
                 made[struck] += 1
                 going[struck] &= made[struck] < strides
             if not going.any():
                 break
-        return _Walks(made, periods, ends)
+        return _Walks(made, periods, ends, lengths)
 
     def settled(self, seed: int) -> _Gait:
         """Walk until each stride is as the last; from there everything is tried.
@@ -347,8 +354,7 @@ class _Tries:
                 "again: it limps, wanders, or needs longer to settle"
             )
         self.gait = last
-        length = legs.step_length(body_of(self.scene.walker), last[0], last[0])
-        return _Gait(float(length), float(found.periods[0, -1]))
+        return _Gait(float(found.lengths[0, -1]), float(found.periods[0, -1]))
 
     def lasting(
         self, terrain: Terrain, count: int, strides: int, seed: int
@@ -390,22 +396,31 @@ class _Tries:
 
     def recovered(self, initial_error: float, count: int, seed: int) -> tuple[float, float]:
         """The share of starts off the gait from which the walker walks on, and its error."""
-        draws = np.random.default_rng(seed).uniform(
-            1.0 - initial_error, 1.0 + initial_error, (count, 3)
-        )
-        made = self.walk(self.gait * draws[:, [0, 0, 0, 1, 2, 2]], AFTER).made
+        made = self.walk(self.near(initial_error, count, seed), AFTER).made
         share = float(np.mean(made == AFTER))
-        return share, math.sqrt(share * (1.0 - share) / count)
+        return share, math.sqrt(share * (1.0 - share) / len(made))
+
+    def near(self, initial_error: float, count: int, seed: int) -> NDArray[np.float64]:
+        """States with both feet down whose angles and rates are up to a share off the gait's.
+
+        Fewer than `count` if some of a `System` cannot have both feet down.
+        """
+        draw, walker = np.random.default_rng(seed).uniform, self.scene.walker
+        low, high = 1.0 - initial_error, 1.0 + initial_error
+        if not isinstance(walker, Mechanism):
+            return self.gait * draw(low, high, (count, 3))[:, [0, 0, 0, 1, 2, 2]]
+        states, angles = self.gait * draw(low, high, (count, self.section.size)), walker.coordinates
+        states[:, :angles] = walker.with_both_feet_down(states[:, :angles])
+        return states[np.isfinite(states).all(axis=1)]
 
     def recovery(self, seed: int, off: float = 0.01) -> float:
         """Strides until walkers a little off the gait are ten times as near to it."""
-        draws = 1.0 + off * np.random.default_rng(seed).uniform(-1.0, 1.0, (32, 3))
-        starts = self.gait * draws[:, [0, 0, 0, 1, 2, 2]]
+        starts = self.near(off, 32, seed)
         found = self.walk(starts, _ANSWERS)
         units = units_of(self.scene.walker)
-        gait = units.to_dimensionless(self.gait)
-        away = np.abs(units.to_dimensionless(found.states) - gait)[..., [0, 3, 4, 5]].max(axis=2)
-        began = np.abs(units.to_dimensionless(starts) - gait)[:, [0, 3, 4, 5]].max(axis=1)
+        gait, seen = units.to_dimensionless(self.gait), self.section.coordinates
+        away = np.abs(units.to_dimensionless(found.states) - gait)[..., seen].max(axis=2)
+        began = np.abs(units.to_dimensionless(starts) - gait)[:, seen].max(axis=1)
         near = np.all(away <= 0.1 * began.max(), axis=0)  # walkers that fell are not
         far = np.flatnonzero(~near)
         last = far[-1] if len(far) else -1  # index of the last stride after which they are not

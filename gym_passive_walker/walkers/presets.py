@@ -91,8 +91,8 @@ WalkerLike: TypeAlias = Walker | Mechanism | str | Mapping[str, Any] | PathLike[
 
 
 def is_walker(value: Any) -> TypeGuard[WalkerLike]:
-    """Whether a value is one that `as_walker` looks at: no other name, and no folder."""
-    if isinstance(value, Walker | Mapping):
+    """Whether a value is one that `as_any` looks at: no other name, and no folder."""
+    if isinstance(value, Walker | Mechanism | Mapping):
         return True
     return (isinstance(value, str) and value in WALKERS) or (
         is_file(value) and not os.path.isdir(value)
