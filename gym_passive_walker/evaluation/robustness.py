@@ -401,7 +401,7 @@ class _Tries:
         return share, math.sqrt(share * (1.0 - share) / len(made))
 
     def near(self, initial_error: float, count: int, seed: int) -> NDArray[np.float64]:
-        """States with both feet down whose angles and rates are up to a share off the gait's.
+        """States with both feet down, with angles and rates up to a share off the gait's.
 
         Fewer than `count` if some of a `System` cannot have both feet down.
         """

@@ -82,6 +82,10 @@ def acts(policy):
     return first, policy.predict(seen[1], memory)[0]
 
 
+MOTORS = {"actions": ("hip", "push_off"), "max_push_off": 0.1}
+"""A scene with two actions."""
+
+
 def made(of):
     return lambda **arguments: acts(of(**arguments))
 
@@ -244,7 +248,9 @@ OPTIONS = {
         dict(torque=0.02, scene="steep"),
         of=baselines.ConstantTorque,
     ),
-    "Passive": Call(made(baselines.Passive), {}, {}, of=baselines.Passive),
+    "Passive": Call(
+        made(baselines.Passive), {}, {"scene": MOTORS}, of=baselines.Passive
+    ),
     "LinearFeedback": Call(
         made(baselines.LinearFeedback),
         dict(scene="lab"),
