@@ -248,9 +248,7 @@ OPTIONS = {
         dict(torque=0.02, scene="steep"),
         of=baselines.ConstantTorque,
     ),
-    "Passive": Call(
-        made(baselines.Passive), {}, {"scene": MOTORS}, of=baselines.Passive
-    ),
+    "Passive": Call(made(baselines.Passive), {}, {"scene": MOTORS}, of=baselines.Passive),
     "LinearFeedback": Call(
         made(baselines.LinearFeedback),
         dict(scene="lab"),
