@@ -75,7 +75,7 @@ _TIMES = ("time", "end")
 _COURSES = ("before", "rate_before", "bend_before", "after", "rate_after", "bend_after")
 _RECORDS = ("state", "start", "ground", "control", "time", "knee_time", "knee_loss", "heel_loss")
 _RECORDS += ("step_length", "gravity_work", "spring_work", "friction_loss", "moved", "turned")
-_RECORDS += ("push_off", "push_work", "body")
+_RECORDS += ("push_off", "push_work", "passed", "body")
 _LOSSES = {Outcome.KNEESTRIKE: "knee_loss", Outcome.HEELSTRIKE: "heel_loss"}
 
 

@@ -26,7 +26,6 @@ from gym_passive_walker.engine.run import (
 )
 from gym_passive_walker.gaits.actuation import USES
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import Ground, Outcome, State, System
 from gym_passive_walker.physics.systems import UNEVEN, bodies, bodies_by, system_of, varied_bodies
 from gym_passive_walker.walkers import Mechanism, Walker
@@ -303,8 +302,8 @@ class Flow:
     def _shaped(self, each: NDArray) -> NDArray:
         return each if self.instants is None else each.reshape(-1, self.instants, *each.shape[1:])
 
-    def told(self, names: Sequence[str] = ROWS) -> NDArray[np.float64]:
-        """Some of ROWS and MOTORS: values before tangents, which are 0 where a walker fell.
+    def told(self, names: Sequence[Entry] = ROWS) -> NDArray[np.float64]:
+        """Some entries, as for `rows_of`: values before tangents, which are 0 where a walker fell.
 
         Returns:
             Shape (n, names, 1 + k).
@@ -313,14 +312,17 @@ class Flow:
 
     @cached_property
     def distance(self) -> NDArray[np.float64]:
-        """How far hips have come along the ground they stood on, with tangents, (n, 1 + k)."""
-        stances = np.empty(self.records.shape)
-        stances[:, :1] = self.before["state"][..., 0]
-        stances[:, 1:] = self.tangents.states[..., 0]
-        before = _places(self.system.Body, self.bodies, stances)
-        states, turns = self.records["state"], self.records["ground"][..., 3]
-        old = np.where(self.struck[:, None], states[..., 1] - turns, states[..., 0])
-        travelled = _places(self.system.Body, self.bodies, old) - before
+        """How far hips have come along the ground they stood on, with tangents, (n, 1 + k).
+
+        Of a user's system it is the centre of mass.
+        """
+        shape = *self.records.shape, 2 * self.system.coordinates
+        states = np.empty(shape)
+        states[:, :1] = states_in(self.before, self.system.coordinates)
+        states[:, 1:] = self.tangents.states
+        before = _places(self.system, self.bodies, states)
+        places = _places(self.system, self.bodies, states_in(self.records, shape[-1] // 2))
+        travelled = np.where(self.struck[:, None], self.records["passed"], places) - before
         travelled[self.outcomes > _STRUCK, 1:] = 0.0
         return travelled
 
@@ -573,14 +575,15 @@ def _followed(
     return Flow(walkers, system, tangents, bodies, records, began, on_section, instants)
 
 
-def _places(Body: type, bodies: NDArray, stances: NDArray) -> NDArray:
-    """Where hips are, by constants (1 or n, 1 or 1 + k, ...) and angles (n, 1 + k); as these."""
+def _places(system: System, bodies: NDArray, states: NDArray) -> NDArray:
+    """Where hips are, by constants (1 or n, 1 or 1 + k, ...) and states; both (n, 1 + k)."""
 
-    def at(bodies: NDArray, stances: NDArray) -> NDArray:
-        return legs.progress(Body(*np.moveaxis(bodies, -1, 0)), stances)
+    def at(bodies: NDArray, states: NDArray) -> NDArray:
+        body, state = (np.moveaxis(values, -1, 0) for values in (bodies, states))
+        return system.place(system.Body(*body), system.State(*state))
 
-    changed = np.imag(at(_changed(bodies), _changed(stances))) / _INFINITESIMAL
-    return np.concatenate([at(bodies[:, :1], stances[:, :1]), changed], axis=1)
+    changed = np.imag(at(_changed(bodies), _changed(states))) / _INFINITESIMAL
+    return np.concatenate([at(bodies[:, :1], states[:, :1]), changed], axis=1)
 
 
 def _changed(values: NDArray) -> NDArray:

@@ -39,7 +39,7 @@ class Derived:
     """A function that differentiates what it is given, for expressions and for numbers.
 
     Args:
-        function: Takes named tuples of expressions to numbers, or to nested tuples of them.
+        function: Takes expressions, or named tuples of them, to numbers or nested tuples of them.
     """
 
     def __init__(self, function: Callable[..., Any]) -> None:
@@ -47,12 +47,17 @@ class Derived:
 
     def __call__(self, *arguments: Any) -> Any:
         """The result, of the kind of numbers that the arguments hold."""
-        numbers = [x for argument in arguments for x in argument]
+        numbers: list[Any] = []
+        for argument in arguments:
+            numbers += argument if isinstance(argument, tuple) else [argument]
         if any(isinstance(x, Expression) for x in numbers):
             return self.function(*arguments)
         known: dict = {}
         symbols = iter([read(known, i) for i in range(len(numbers))])
-        given = [type(a)(*(next(symbols) for _ in a)) for a in arguments]
+        given = [
+            a._make(next(symbols) for _ in a) if hasattr(a, "_make") else next(symbols)
+            for a in arguments
+        ]
         return evaluated(self.function(*given), numbers)
 
 

@@ -231,7 +231,7 @@ class System(Mechanism):
             accelerations=Derived(self._accelerations),
             guards=(strike, *falls),
             resets={Outcome.HEELSTRIKE: hybrid.Reset(self._strike)},
-            push=self._push,
+            push=Derived(self._push),
         )
         takes = self.dissipation is not None or self.forces is not None
         return hybrid.System(

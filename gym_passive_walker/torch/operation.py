@@ -17,25 +17,69 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from gym_passive_walker.control.ticks import hold, inputs_of
+from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.gaits.actuation import Actuation, check_actuation
-from gym_passive_walker.gaits.flow import MIRRORED, MOTORS, ROWS, Walkers, go_on, new_records
-from gym_passive_walker.physics.hybrid import Outcome, State
-from gym_passive_walker.walkers import PARAMETERS, Walker, WalkerError
+from gym_passive_walker.gaits.flow import MIRRORED, Entry, Walkers, go_on, new_records
+from gym_passive_walker.physics.hybrid import Outcome
+from gym_passive_walker.physics.systems import UNEVEN, system_of
+from gym_passive_walker.walkers import PARAMETERS, Mechanism, Walker, WalkerError
 
-HELD = (
-    "slope", "hip_torque", "ankle_torque", "push_off", "height_change", "slope_change", "push",
-    "start", "end",
+
+class Columns(NamedTuple):
+    """Columns of the operation's input and result for a kind of walker.
+
+    Attributes:
+        size: Numbers of a state.
+        controls: Names of inputs that actuators hold; see `control.ticks.inputs_of`.
+        inputs: Places of each input besides the state, by name: the slope, the controls, the next
+            foothold, and the initial impulse on the hip. Then the coordinates at the beginning of
+            the stride (the stance angle if legs mirror each other), and the time limit. Those of
+            the differentiated parameters follow.
+        results: Entries of a record that are reported after the state; see `gaits.flow.rows_of`.
+    """
+
+    size: int
+    controls: tuple[str, ...]
+    inputs: dict[str, list[int]]
+    results: tuple[Entry, ...]
+
+    @property
+    def width(self) -> int:
+        """Number of inputs without parameters."""
+        return self.inputs["end"][0] + 1
+
+    def row(self, entry: Entry) -> int:
+        """Column of a result; the last one is "distance"."""
+        return len(self.results) if entry == "distance" else self.results.index(entry)
+
+
+@lru_cache
+def columns_of(walker: Walker) -> Columns:
+    """Return the columns of the operation for a walker."""
+    system, controls = system_of(walker), inputs_of(walker)
+    size, own = 2 * system.coordinates, isinstance(walker, Mechanism)
+    room = layout_of(system).links
+    starts = system.coordinates if own else 1
+    names = ("slope", *controls, *UNEVEN, "push", *("start",) * starts, "end")
+    places = [i + half for half in (0, room) for i in range(system.coordinates)]
+    return Columns(
+        size=size,
+        controls=controls,
+        inputs={
+            name: [size + i for i, each in enumerate(names) if each == name] for name in names
+        },
+        results=(
+            *(("state", i) for i in places), *_MEASURES,
+            *((name, j) for name in ("moved", "turned") for j in range(len(system.works))),
+        ),
+    )  # fmt: skip
+
+
+_MEASURES = (
+    "time", "knee_time", "knee_loss", "heel_loss", "step_length", "gravity_work", "spring_work",
+    "friction_loss", "push_work",
 )  # fmt: skip
-"""Inputs besides the state: slope, actuation, next foothold, initial impulse on the hip, stance
-angle at the beginning of the stride, and time limit."""
-
-INPUTS = (*State._fields, *HELD)
-"""Columns of the operation's input; the differentiated parameters of the walker follow."""
-
-RESULTS = (*ROWS, *MOTORS, "distance")
-"""Columns of the result: `gaits.flow.ROWS`, `gaits.flow.MOTORS`, and the distance of the hip."""
-
-_SIZE = len(State._fields)
 _INFINITESIMAL = 1e-100  # complex step: its square underflows to zero
 _RUNNING, _STRUCK, _STALLED, _DIVERGED = map(
     int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED, Outcome.DIVERGED)
@@ -49,8 +93,9 @@ class Manner:
     Attributes:
         walker: The walker.
         parameters: Names of the walker's parameters that are inputs.
-        by: Inputs to differentiate with respect to, besides the state: names of HELD or parameters.
-        using: Names of HELD that are used; the equations include their terms.
+        by: Inputs to differentiate with respect to, besides the state: names of `Columns.inputs` or
+            parameters.
+        using: Names of `Columns.inputs` that are used; the equations include their terms.
         tolerance: Tolerance of the integration.
         end_on_toe_stub: Whether a stubbed toe ends a stride.
         whole: Whether a whole stride is integrated from the Poincaré section; it is STALLED if the
@@ -70,12 +115,13 @@ class Moved(NamedTuple):
     """Results for n walkers, dimensionless; only the values have a gradient.
 
     Attributes:
-        values: Results in the order of RESULTS, (n, results).
+        values: Results in the order of `columns`, (n, results).
         jacobians: Derivatives of the values with respect to the inputs, (n, results, inputs).
         phases: Index of the phase in which each walker is, (n,).
         outcomes: An `Outcome` as a number, (n,); RUNNING where the time limit was reached.
         margins: Rates with which the events of impacts cross zero, (n,); see
             `gaits.flow.Flow.margins`.
+        columns: Columns of inputs and results.
     """
 
     values: Tensor
@@ -83,10 +129,11 @@ class Moved(NamedTuple):
     phases: Tensor
     outcomes: Tensor
     margins: Tensor
+    columns: Columns
 
-    def result(self, name: str) -> Tensor:
-        """Return one of RESULTS, (n,)."""
-        return self.values[:, RESULTS.index(name)]
+    def result(self, *entry: Any) -> Tensor:
+        """Return one of the results, (n,): "time", or "moved", 0."""
+        return self.values[:, self.columns.row(entry[0] if len(entry) == 1 else entry)]
 
     @property
     def walks(self) -> Tensor:
@@ -95,15 +142,15 @@ class Moved(NamedTuple):
 
     @property
     def states(self) -> Tensor:
-        """Final states, (n, 6)."""
-        return self.values[:, :_SIZE]
+        """Final states, (n, 6), or (n, 2 m) of a `System`."""
+        return self.values[:, : self.columns.size]
 
 
 def carry_on(inputs: Tensor, phases: Tensor, going: Tensor, manner: Manner) -> Moved:
     """Integrate each walker to its end time, its heelstrike or its fall.
 
     Args:
-        inputs: Inputs in the order of INPUTS, then parameters, (n, inputs).
+        inputs: Inputs in the order of `columns_of` the walker, then parameters, (n, inputs).
         phases: Index of the phase in which each walker is, (n,).
         going: Whether each walker is integrated, (n,) booleans; the other states do not change.
         manner: Options.
@@ -112,7 +159,8 @@ def carry_on(inputs: Tensor, phases: Tensor, going: Tensor, manner: Manner) -> M
         ValueError: if the walker's feet do not permit an actuation.
         WalkerError: if the parameters describe no walker.
     """
-    return Moved(*_CarryOn.apply(inputs, phases, going, manner))  # type: ignore[misc]
+    moved = _CarryOn.apply(inputs, phases, going, manner)
+    return Moved(*moved, columns=columns_of(manner.walker))  # type: ignore[misc]
 
 
 class _CarryOn(torch.autograd.Function):
@@ -190,9 +238,10 @@ def _walked(
     inputs: NDArray, phases: NDArray, going: NDArray, manner: Manner
 ) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
     """Compute the fields of `Moved` as arrays."""
-    walker, count = manner.walker, len(inputs)
-    values = np.zeros((count, len(RESULTS)))
-    values[:, :_SIZE] = inputs[:, :_SIZE]
+    walker, count, columns = manner.walker, len(inputs), columns_of(manner.walker)
+    size, names = columns.size, columns.inputs
+    values = np.zeros((count, len(columns.results) + 1))
+    values[:, :size] = inputs[:, :size]
     jacobians = np.zeros((*values.shape, inputs.shape[1]))
     after, margins = phases.copy(), np.full(count, np.inf)
     outcomes = np.zeros(count, np.int64)
@@ -201,13 +250,15 @@ def _walked(
     if len(lanes) == 0:
         return values, jacobians, after, outcomes, margins
     own = inputs[lanes]
-    _check(walker, manner.parameters, own[:, len(INPUTS) :])
-    motors = Actuation(*own[:, _SIZE + 1 : _SIZE + 4].T)
-    check_actuation(walker, motors)
-    states, held = own[:, :_SIZE].copy(), dict(zip(HELD, own[:, _SIZE:].T, strict=False))
-    if not walker.knees:
-        states[:, 2], states[:, 5] = states[:, 1], states[:, 4]
-    parameters = dict(zip(manner.parameters, own[:, len(INPUTS) :].T, strict=True))
+    _check(walker, manner.parameters, own[:, columns.width :])
+    held = {name: own[:, places[0]] for name, places in names.items()}
+    states, begun = own[:, :size].copy(), own[:, names["start"]]
+    if not isinstance(walker, Mechanism):
+        check_actuation(walker, Actuation(*(held[name] for name in columns.controls)))
+        begun = begun * MIRRORED
+        if not walker.knees:
+            states[:, 2], states[:, 5] = states[:, 1], states[:, 4]
+    parameters = dict(zip(manner.parameters, own[:, columns.width :].T, strict=True))
     walkers = Walkers(
         walker=walker, parameters=parameters, tolerance=manner.tolerance,
         end_on_toe_stub=manner.end_on_toe_stub,
@@ -217,25 +268,26 @@ def _walked(
     if pushed:
         states, by_push = _pushed(walkers, states, phases[lanes], held["push"], manner.parameters)
     records = new_records(
-        states, held["slope"], np.stack(motors[:2], axis=1),
-        push_off=held["push_off"], height_change=held["height_change"],
-        slope_change=held["slope_change"], end=held["end"],
+        states, held["slope"], end=held["end"], height_change=held["height_change"],
+        slope_change=held["slope_change"], layout=layout_of(walkers.system()),
     )  # fmt: skip
+    for motor, name in enumerate(columns.controls):
+        hold(records, motor, held[name])
     records["phase"][:, 0] = phases[lanes]
     if "start" in manner.using:
-        records["start"][:, 0] = held["start"][:, None] * MIRRORED
+        records["start"][:, 0, : begun.shape[1]] = begun
     by = [name for name in manner.by if name != "push"]
     walked = go_on(walkers, records, ("state", *by), on_section=manner.whole)
-    told = np.concatenate([walked.told((*ROWS, *MOTORS)), walked.distance[:, None]], axis=1)
-    names = (*INPUTS, *manner.parameters)
-    columns = [*range(_SIZE), *map(names.index, by)]
+    told = np.concatenate([walked.told(columns.results), walked.distance[:, None]], axis=1)
+    of_parameters = {name: [columns.width + i] for i, name in enumerate(manner.parameters)}
+    moving = [*range(size), *(i for name in by for i in (names | of_parameters)[name])]
     values[lanes] = told[:, :, 0]
-    own_jacobians = np.zeros((len(lanes), len(RESULTS), inputs.shape[1]))
-    own_jacobians[:, :, columns] = told[:, :, 1:]
+    own_jacobians = np.zeros((len(lanes), values.shape[1], inputs.shape[1]))
+    own_jacobians[:, :, moving] = told[:, :, 1:]
     if pushed:
-        moved = [*range(_SIZE), INPUTS.index("push"), *range(len(INPUTS), inputs.shape[1])]
-        own_jacobians[:, :, range(_SIZE)] = 0.0
-        own_jacobians[:, :, moved] += told[:, :, 1 : 1 + _SIZE] @ by_push
+        moved = [*range(size), *names["push"], *range(columns.width, inputs.shape[1])]
+        own_jacobians[:, :, range(size)] = 0.0
+        own_jacobians[:, :, moved] += told[:, :, 1 : 1 + size] @ by_push
     jacobians[lanes] = own_jacobians
     after[lanes], outcomes[lanes] = walked["phase"][:, 0], walked.outcomes
     margins[lanes] = walked.margins
@@ -248,41 +300,52 @@ def _walked(
 def _pushed(
     walkers: Walkers, states: NDArray, phases: NDArray, pushes: NDArray, names: tuple[str, ...]
 ) -> tuple[NDArray, NDArray]:
-    """Apply impulses (n,) on the hip along the slope to states (n, 6), with derivatives.
+    """Apply impulses (n,) along the slope to states (n, 6), with derivatives.
+
+    They act on the hip, or at the centre of mass of a `System`.
 
     Returns:
         The states after the impulses, (n, 6); and their derivatives with respect to the states
         before, the impulse and the named parameters, (n, 6, 7 + names).
     """
-    bodies, (count, width) = walkers.bodies(names), (len(states), _SIZE + 1 + len(names))
-    given = np.zeros((count, width, _SIZE + 1), complex)
+    bodies, (count, size) = walkers.bodies(names), states.shape
+    given = np.zeros((count, size + 1 + len(names), size + 1), complex)
     given[:] = np.concatenate([states, pushes[:, None]], axis=1)[:, None]
-    given[:, : _SIZE + 1] += 1j * _INFINITESIMAL * np.eye(_SIZE + 1)
-    constants = np.zeros((count, width, bodies.shape[2]), complex)
+    given[:, : size + 1] += 1j * _INFINITESIMAL * np.eye(size + 1)
+    constants = np.zeros((*given.shape[:2], bodies.shape[2]), complex)
     constants[:] = bodies[:, :1]
     if bodies.shape[1] > 1:
-        constants[:, _SIZE + 1 :] += 1j * _INFINITESIMAL * bodies[:, 1:]
-    system, after = walkers.system(), given[..., :_SIZE].copy()
+        constants[:, size + 1 :] += 1j * _INFINITESIMAL * bodies[:, 1:]
+    system, after, half = walkers.system(), given[..., :size].copy(), size // 2
     for number, phase in enumerate(system.phases):
         here = phases == number
         if phase.push is None or not here.any():
             continue
         *state, push = np.moveaxis(given[here], -1, 0)
         body = system.Body(*np.moveaxis(constants[here], -1, 0))
-        stance, thigh, *shank = phase.push(body, State(*state), -push, 0.0)
-        after[here, :, 3:] += np.stack([stance, thigh, *(shank or [thigh])], axis=-1)
+        jumps = list(phase.push(body, system.State(*state), -push, 0.0))
+        jumps += jumps[-1:] * (half - len(jumps))  # a straight leg's thigh and shank are one body
+        after[here, :, half:] += np.stack(jumps, axis=-1)
     return np.real(after[:, 0]).copy(), np.imag(after).swapaxes(1, 2) / _INFINITESIMAL
 
 
 def _check(walker: Walker, names: tuple[str, ...], values: NDArray) -> None:
-    if names:
-        for row in set(map(tuple, values.tolist())):
-            _walker_with(walker, names, row)
+    if not names:
+        return
+    rows = values
+    if isinstance(walker, Mechanism):  # a check takes long: try those with an extreme value
+        rows = values[np.unique([values.argmin(axis=0), values.argmax(axis=0)])]
+    for row in set(map(tuple, rows.tolist())):
+        _check_walker(walker, names, row)
 
 
 @lru_cache(maxsize=4096)
-def _walker_with(walker: Walker, names: tuple[str, ...], values: tuple[float, ...]) -> Walker:
-    return replace(walker, **dict(zip(names, values, strict=True)))
+def _check_walker(walker: Any, names: tuple[str, ...], values: tuple[float, ...]) -> None:
+    parameters: Any = dict(zip(names, values, strict=True))
+    if isinstance(walker, Mechanism):
+        walker.vary(**parameters)
+    else:
+        replace(walker, **parameters)
 
 
 def as_tensor(value: Any, name: str) -> Tensor:
@@ -303,16 +366,16 @@ def as_tensor(value: Any, name: str) -> Tensor:
     return value
 
 
-def check_parameters(parameters: Mapping[str, Any] | None) -> dict[str, Tensor]:
-    """Return parameters as tensors, by name.
+def check_parameters(walker: Walker, parameters: Mapping[str, Any] | None) -> dict[str, Tensor]:
+    """Return parameters of a walker as tensors, by name.
 
     Raises:
-        WalkerError: if a walker has no such parameter.
+        WalkerError: if the walker has no such parameter.
     """
     given = dict(parameters or {})
-    unknown = sorted(set(given) - set(PARAMETERS))
-    if unknown:
+    known = walker.body._fields if isinstance(walker, Mechanism) else PARAMETERS
+    if unknown := sorted(set(given) - set(known)):
         raise WalkerError(
-            f"a walker has no parameter {', '.join(unknown)}: choose from {', '.join(PARAMETERS)}"
+            f"this walker has no parameter {', '.join(unknown)}: choose from {', '.join(known)}"
         )
     return {name: as_tensor(value, name) for name, value in given.items()}

@@ -12,27 +12,28 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from gym_passive_walker.arguments import whole
 from gym_passive_walker.envs import task
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.custom import RULES, rule_of
-from gym_passive_walker.envs.scene import (
-    CHANNELS,
-    Scene,
-    make_scene,
-    undisturbed,
-    with_parameters,
-)
+from gym_passive_walker.envs.scene import Scene, make_scene, undisturbed
 from gym_passive_walker.envs.transitions import STOPPED, Transition
 from gym_passive_walker.envs.vector_env import seed_randoms
-from gym_passive_walker.gaits.actuation import Actuation
-from gym_passive_walker.physics.hybrid import Outcome, State
+from gym_passive_walker.gaits.flow import states_in
+from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.physics.systems import UNEVEN, system_of
-from gym_passive_walker.torch.operation import Manner, Moved, as_tensor, carry_on, check_parameters
+from gym_passive_walker.torch.operation import (
+    Manner,
+    Moved,
+    as_tensor,
+    carry_on,
+    check_parameters,
+    columns_of,
+)
 
-_INPUT: dict[str, str] = dict(zip(CHANNELS, Actuation._fields, strict=True))
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
 
 
@@ -40,11 +41,12 @@ class Standing(NamedTuple):
     """State of n walkers within their episodes, dimensionless.
 
     Attributes:
-        states: States, (n, 6).
+        states: States, (n, 6); of a `System` (n, 2 m).
         slopes: Slopes of the ground in rad, (n,); slopes of a terrain's footholds add to them.
         phases: Index of the present phase of each stride, (n,).
         times: Time since each stride began, in sqrt(l/g), (n,).
-        starts: Stance angle in rad with which each stride began, (n,).
+        starts: Stance angle in rad with which each stride began, (n, 1); of a `System` all m
+            coordinates, (n, m).
         progress: Distance of the hip in the present stride, in leg lengths, (n,).
         strides: Number of strides that have ended in the episode, (n,).
         keys: Terrain seeds, 64 bits each, (n,).
@@ -144,20 +146,21 @@ def standing(
     if batch.disturbances:
         fates = batch.disturbances.fates
         slopes, keys, commands = fates["slope"], fates["key"], fates["command"]
+    own, coordinates = scene.own_system, system_of(scene.walker).coordinates
+    bodies: list[Any] = [walker if own is None else walker.body for walker in batch.walkers]  # type: ignore[attr-defined]
     values = {
-        name: torch.tensor([getattr(walker, name) for walker in batch.walkers])
+        name: torch.tensor([getattr(body, name) for body in bodies], dtype=torch.float64)
         for name in scene.domain_randomization
     }
-    values = {name: value.double() for name, value in values.items()}
-    given = check_parameters(parameters)
+    given = check_parameters(scene.walker, parameters)
     zeros = torch.zeros(count, dtype=torch.float64)
-    states = torch.from_numpy(batch.records["state"][:, 0].copy())
+    states = torch.from_numpy(states_in(batch.records[:, 0], coordinates).copy())
     here = Standing(
         states=states,
         slopes=torch.from_numpy(slopes.copy()),
         phases=torch.zeros(count, dtype=torch.int64),
         times=zeros,
-        starts=states[:, 0],
+        starts=states[:, : len(columns_of(scene.walker).inputs["start"])],
         progress=zeros,
         strides=torch.zeros(count, dtype=torch.int64),
         keys=torch.from_numpy(keys.view(np.int64).copy()),
@@ -168,7 +171,7 @@ def standing(
     )
     none, never = (zeros,) * len(scene.actions), torch.zeros(count, dtype=torch.bool)
     tilts, rises, turns = _ground(scene, here).T
-    at = State(*states.T)
+    at = system_of(scene.walker).State(*states.T)
     last = here.last._replace(
         before=at, state=at, knee_locked=never, heelstrike=never, fell=never, action=none,
         last_action=none, slope=here.slopes + tilts, height_change=rises, slope_change=turns,
@@ -184,7 +187,6 @@ def _differentiable(scene: Scene) -> Scene:
         SceneError: if the scene has noise, delays, random pushes or feasibility constraints.
     """
     known = {"terrain": None, "terrain_lookahead": 0, "command": None}
-    with_parameters(scene, "a walk with gradients")
     undisturbed(make_scene(scene, **known), "walks with gradients go")
     return scene
 
@@ -259,10 +261,12 @@ def observed(scene: Scene, here: Standing) -> Tensor:
         columns = seen if isinstance(seen, tuple | list) else [seen]
         return torch.stack([torch.zeros_like(here.times) + column for column in columns], 1)
     bounds = torch.from_numpy(task.BOUNDS)
-    seen = _locked(scene, here.phases).double()
     slopes = here.slopes + _ground(scene, here)[:, 0]
-    seen = torch.cat([here.states, seen[:, None], slopes[:, None]], 1)
-    parts = [torch.maximum(torch.minimum(seen, bounds), -bounds)]
+    parts = [torch.cat([here.states, slopes[:, None]], 1)]
+    if scene.own_system is None:
+        locked = _locked(scene, here.phases).double()
+        seen = torch.cat([here.states, locked[:, None], slopes[:, None]], 1)
+        parts = [torch.maximum(torch.minimum(seen, bounds), -bounds)]
     if scene.command is not None:
         parts.append(here.commands[:, None])
     most = torch.tensor([task.HIGHEST, task.STEEPEST], dtype=torch.float64)
@@ -289,17 +293,19 @@ def _tick(
             f"a policy gives one action for each of {wanted[0]} walkers and each of its motors "
             f"({', '.join(scene.actions)}): shape {wanted}, not {tuple(actions.shape)}"
         )
-    held: dict[str, Tensor] = {name: torch.zeros_like(here.times) for name in CHANNELS}
+    held: dict[str, Tensor] = {name: torch.zeros_like(here.times) for name in scene.channels}
     for name, share in zip(scene.actions, actions.reshape(wanted).T, strict=True):
-        held[name] = scene.largest(name) * share.clamp(-1.0 * (name != "push_off"), 1.0)
+        least = 0.0 if scene.own_system is None and name == "push_off" else -1.0
+        held[name] = scene.largest(name) * share.clamp(least, 1.0)
     spans = torch.full_like(here.times, scene.tick if scene.control == "tick" else math.inf)
     left, (tilts, rises, turns) = scene.max_stride_time - here.times, _ground(scene, here).T
     columns = [
         here.slopes + tilts, *held.values(), rises, turns,
-        torch.zeros_like(left) if pushes is None else pushes, here.starts,
+        torch.zeros_like(left) if pushes is None else pushes, *here.starts.T,
         torch.minimum(spans, left), *here.parameters.values(),
     ]  # fmt: skip
-    motors = tuple(_INPUT[name] for name in scene.actions)
+    inputs_by = dict(zip(scene.channels, columns_of(scene.walker).controls, strict=True))
+    motors = tuple(inputs_by[name] for name in scene.actions)
     other = () if pushes is None else ("push",)
     ruled = any(getattr(scene, name) is not None for name in RULES)
     other += ("start",) if ruled or scene.command is not None else ()  # for the step length
@@ -318,13 +324,13 @@ def _tick(
     # A fall subtracts the distance that was rewarded earlier in the unfinished stride.
     distances = torch.where(walks, moved.result("distance"), 0.0 - here.progress)
     energies = torch.zeros_like(distances)
-    charged, works = task.ENERGIES.index(scene.energy), system_of(scene.walker).works
-    for name, work, of in zip(CHANNELS, works, ("", "ankle_"), strict=False):
+    charged, works = task.ENERGIES.index(scene.energy), _works(scene)
+    for j, (name, work) in enumerate(zip(scene.channels, works, strict=False)):
         if name in scene.actions and work:
-            torques = torch.where(walks, held[name], held[name].detach())
-            angles = moved.result(f"{of}moved"), moved.result(f"{of}turned")
+            torques = torch.where(walks, held[name], held[name].detach()) * work
+            angles = moved.result("moved", j), moved.result("turned", j)
             energies = energies + task.motor_charge(charged, torques, *angles)
-    if "push_off" in scene.actions:
+    if scene.own_system is None and "push_off" in scene.actions:
         energies = energies + torch.where(struck, moved.result("push_work"), 0.0)
     distances, energies = (torch.where(going, x, 0.0) for x in (distances, energies))
     rewards = task.reward(distances, energies, scene.energy_weight)
@@ -337,7 +343,7 @@ def _tick(
         states=moved.states,
         phases=moved.phases,
         times=torch.where(struck, 0.0, durations.detach()),
-        starts=torch.where(struck, moved.states[:, 0], here.starts),
+        starts=torch.where(struck[:, None], moved.states[:, : here.starts.shape[1]], here.starts),
         progress=torch.where(struck, 0.0, here.progress + distances),
         strides=here.strides + struck,
     )
@@ -370,17 +376,14 @@ def _step(
 
     Not filled in here: distance, energy, fell, reward, step_period and slope.
     """
-    works = system_of(scene.walker).works
-    hip, ankle = (
-        [
-            task.motor_charge(
-                task.ENERGIES.index(kind), held[name] * work, moved.result(f"{of}moved"),
-                moved.result(f"{of}turned"),
-            )
-            for kind in ("net", "absolute")
-        ]
-        for name, work, of in (("hip", works.hip, ""), ("ankle", works.ankle, "ankle_"))
-    )  # fmt: skip
+    hip, ankle = [[torch.zeros_like(here.times)] * 2 for _ in range(2)]
+    for j, (of, name, work) in enumerate(
+        zip((hip, ankle), scene.channels, _works(scene), strict=False)
+    ):
+        angles = moved.result("moved", j), moved.result("turned", j)
+        for i, kind in enumerate(("net", "absolute")):
+            of[i] = task.motor_charge(task.ENERGIES.index(kind), held[name] * work, *angles)
+    State = system_of(scene.walker).State
     struck, last = moved.outcomes == _STRUCK, here.last
     _, rises, turns = _ground(scene, ends).T
     largest = {name: scene.largest(name) or 1.0 for name in scene.actions}
@@ -406,6 +409,12 @@ def _step(
         action=tuple(held[name] / largest[name] for name in scene.actions),
         last_action=last.action,
     )
+
+
+def _works(scene: Scene) -> NDArray[np.float64]:
+    """Work of a unit of each control over what it has moved, (controls,), in units of m g l."""
+    weight = 1.0 if scene.own_system is None else scene.own_system.total_mass
+    return np.divide(system_of(scene.walker).works, weight)
 
 
 def _locked(scene: Scene, phases: Tensor) -> Tensor:

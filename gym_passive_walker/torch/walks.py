@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,25 +14,25 @@ from gym_passive_walker.arguments import check_tolerance
 from gym_passive_walker.envs.task import ENERGIES, motor_charge
 from gym_passive_walker.gaits.actuation import Actuation, actuation_units
 from gym_passive_walker.gaits.flow import LONGEST_STRIDE
-from gym_passive_walker.physics.hybrid import Control
 from gym_passive_walker.physics.systems import UNEVEN, system_of
 from gym_passive_walker.torch.operation import (
-    INPUTS,
     Manner,
     Moved,
     as_tensor,
     carry_on,
     check_parameters,
+    columns_of,
 )
 from gym_passive_walker.units import Units, units_of
-from gym_passive_walker.walkers import WalkerLike, as_walker, varied
+from gym_passive_walker.walkers import Mechanism, WalkerLike, as_any, varied
 
 
 class Stride(NamedTuple):
     """Strides with gradients, in the walker's own units; see `gym_passive_walker.stride`.
 
-    Each field has shape (n,), `state` (n, 6); () and (6,) for a single stride. All gradients of a
-    failed stride are zero. Fields of an impact that did not happen are 0, not NaN, so that sums
+    Each field has shape (n,), `state` (n, 6), or (n, 2 m) of a `System`; () and (6,) for a single
+    stride. `hip_work` of a `System` is that of all its controls. All gradients of a failed stride
+    are zero. Fields of an impact that did not happen are 0, not NaN, so that sums
     stay finite.
 
     Attributes:
@@ -78,7 +78,8 @@ class Stride(NamedTuple):
 class Tick(NamedTuple):
     """Control steps with gradients, in the walker's own units.
 
-    Each field has shape (n,), `state` (n, 6); () and (6,) for a single walker.
+    Each field has shape (n,), `state` (n, 6), or (n, 2 m) of a `System`; () and (6,) for a single
+    walker. `hip_work` of a `System` is that of all its controls.
 
     Attributes:
         state: Final state; after a heelstrike, the initial state of the next stride.
@@ -124,6 +125,7 @@ def stride(
     push_off: Any = 0.0,
     height_change: Any = 0.0,
     slope_change: Any = 0.0,
+    controls: Mapping[str, Any] | None = None,
     parameters: Mapping[str, Any] | None = None,
     tolerance: float = 1e-10,
     max_stride_time: float = LONGEST_STRIDE,
@@ -134,9 +136,9 @@ def stride(
     Dimensional arguments are in the walker's own units, as in `gym_passive_walker.stride`.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes.
+        walker: The walker, in a form that `as_walker` takes, or a `System`.
         slope: Slope in rad, positive downhill; a number or (n,).
-        state: State just after heelstrike, (6,) or (n, 6).
+        state: State just after heelstrike, (6,) or (n, 6); of a `System` (2 m,) or (n, 2 m).
         hip_torque: Torque held through the stride, positive when it opens the legs in the walking
             direction; a number or (n,). Per unit of foot mass for the simplest walker.
         ankle_torque: Torque between ground and stance leg, held through the stride; a number or
@@ -145,8 +147,10 @@ def stride(
         height_change: Height of the next foothold over this one, along this one's normal; a number
             or (n,).
         slope_change: Slope of the next foothold less that of this one, in rad; a number or (n,).
-        parameters: Values of walker parameters by name, which replace the walker's; numbers or
-            (n,).
+        controls: Values of a `System`'s controls by name, held as the torques are; numbers or
+            (n,). Those that are not named are 0.
+        parameters: Values by name of walker parameters, or of fields of a `System`'s body, which
+            replace the walker's; numbers or (n,).
         tolerance: Error relative to the largest angle or (dimensionless) angular velocity.
         max_stride_time: Time in units of sqrt(l/g) after which a stride has STALLED.
         end_on_toe_stub: Whether a kneed walker's locked swing leg below the ground ends the stride.
@@ -159,7 +163,7 @@ def stride(
     walk = _walk(
         walker, slope, state, Actuation(hip_torque, ankle_torque, push_off), (height_change,
         slope_change, 0.0),
-        parameters,
+        controls, parameters,
         end=max_stride_time, tolerance=tolerance, end_on_toe_stub=end_on_toe_stub, whole=True,
     )  # fmt: skip
     knee_loss, heel_loss, gravity, springs, friction, pushed = walk.energies(
@@ -171,15 +175,15 @@ def stride(
         duration=moved.result("time") * units.time,
         kneestrike_time=moved.result("knee_time") * units.time,
         step_length=moved.result("step_length") * units.length,
-        hip_work=walk.work("hip", "net"),
-        hip_work_absolute=walk.work("hip", "absolute"),
+        hip_work=walk.work(walk.hip, "net"),
+        hip_work_absolute=walk.work(walk.hip, "absolute"),
         kneestrike_loss=knee_loss,
         heelstrike_loss=heel_loss,
         gravity_work=gravity,
         spring_work=springs,
         friction_loss=friction,
-        ankle_work=walk.work("ankle", "net"),
-        ankle_work_absolute=walk.work("ankle", "absolute"),
+        ankle_work=walk.work(walk.ankle, "net"),
+        ankle_work_absolute=walk.work(walk.ankle, "absolute"),
         push_off_work=pushed,
         outcome=moved.outcomes,
         walks=moved.walks,
@@ -192,7 +196,7 @@ def tick(
     walker: WalkerLike,
     slope: Any,
     state: Any,
-    hip_torque: Any,
+    hip_torque: Any = 0.0,
     *,
     duration: Any,
     phase: Any = 0,
@@ -201,6 +205,7 @@ def tick(
     height_change: Any = 0.0,
     slope_change: Any = 0.0,
     push: Any = 0.0,
+    controls: Mapping[str, Any] | None = None,
     parameters: Mapping[str, Any] | None = None,
     tolerance: float = 1e-10,
     end_on_toe_stub: bool = False,
@@ -211,9 +216,9 @@ def tick(
     walker's own units.
 
     Args:
-        walker: The walker, in a form that `as_walker` takes.
+        walker: The walker, in a form that `as_walker` takes, or a `System`.
         slope: Slope in rad, positive downhill; a number or (n,).
-        state: Initial state, (6,) or (n, 6).
+        state: Initial state, (6,) or (n, 6); of a `System` (2 m,) or (n, 2 m).
         hip_torque: Torque held through the control step, positive when it opens the legs in the
             walking direction; a number or (n,).
         duration: Duration of the control step, a number or (n,).
@@ -226,10 +231,12 @@ def tick(
         height_change: Height of the next foothold over this one, along this one's normal; a number
             or (n,).
         slope_change: Slope of the next foothold less that of this one, in rad; a number or (n,).
-        push: Impulse on the hip along the slope as the control step begins, positive downhill; a
-            number or (n,).
-        parameters: Values of walker parameters by name, which replace the walker's; numbers or
-            (n,).
+        push: Impulse along the slope as the control step begins, positive downhill; a number or
+            (n,). It acts on the hip, or at the centre of mass of a `System`.
+        controls: Values of a `System`'s controls by name, held as the torques are; numbers or
+            (n,). Those that are not named are 0.
+        parameters: Values by name of walker parameters, or of fields of a `System`'s body, which
+            replace the walker's; numbers or (n,).
         tolerance: Error relative to the largest angle or (dimensionless) angular velocity.
         end_on_toe_stub: Whether a kneed walker's locked swing leg below the ground ends the walk.
 
@@ -241,7 +248,7 @@ def tick(
     walk = _walk(
         walker, slope, state, Actuation(hip_torque, ankle_torque, push_off), (height_change,
         slope_change, push),
-        parameters,
+        controls, parameters,
         duration=duration, phase=phase, tolerance=tolerance, end_on_toe_stub=end_on_toe_stub,
     )  # fmt: skip
     moved, units = walk.moved, walk.units
@@ -253,12 +260,12 @@ def tick(
         phase=moved.phases,
         duration=moved.result("time") * units.time,
         distance=moved.result("distance") * units.length,
-        hip_work=walk.work("hip", "net"),
-        hip_work_absolute=walk.work("hip", "absolute"),
+        hip_work=walk.work(walk.hip, "net"),
+        hip_work_absolute=walk.work(walk.hip, "absolute"),
         collision_loss=knee_loss + heel_loss,
         friction_loss=friction,
-        ankle_work=walk.work("ankle", "net"),
-        ankle_work_absolute=walk.work("ankle", "absolute"),
+        ankle_work=walk.work(walk.ankle, "net"),
+        ankle_work_absolute=walk.work(walk.ankle, "absolute"),
         push_off_work=pushed,
         outcome=moved.outcomes,
         walks=moved.walks,
@@ -273,25 +280,38 @@ class _Walk(NamedTuple):
     moved: Moved
     units: Units
     time: Tensor  # the unit of time, (n, 1)
-    torques: Control  # dimensionless, (n,) each
-    works: Control
+    torques: Tensor  # dimensionless, (n, controls)
+    works: Sequence[float]
     several: bool
+    own: bool
 
     @property
     def state(self) -> Tensor:
-        states = self.moved.states
-        return torch.cat([states[:, :3], states[:, 3:] / self.time], 1)
+        states, half = self.moved.states, self.moved.columns.size // 2
+        return torch.cat([states[:, :half], states[:, half:] / self.time], 1)
+
+    @property
+    def hip(self) -> range:
+        """Places of the controls that count as the hip's: all of a `System`."""
+        return range(len(self.works) if self.own else 1)
+
+    @property
+    def ankle(self) -> range:
+        """Places of those that count as the ankle's."""
+        return range(0 if self.own else 1, 0 if self.own else 2)
 
     def energies(self, *names: str) -> list[Tensor]:
         return [self.moved.result(name) * self.units.energy for name in names]
 
-    def work(self, motor: str, kind: str) -> Tensor:
-        """Work of a torque, (n,); without gradient where a walker fell."""
-        held = getattr(self.torques, motor)
-        held = torch.where(self.moved.walks, held, held.detach()) * getattr(self.works, motor)
-        of = "" if motor == "hip" else f"{motor}_"
-        moved, turned = self.moved.result(f"{of}moved"), self.moved.result(f"{of}turned")
-        return motor_charge(ENERGIES.index(kind), held, moved, turned) * self.units.energy
+    def work(self, controls: range, kind: str) -> Tensor:
+        """Work of some controls, (n,); without gradient where a walker fell."""
+        total = torch.zeros(len(self.torques), dtype=torch.float64)
+        for j in controls:
+            held = self.torques[:, j]
+            held = torch.where(self.moved.walks, held, held.detach()) * self.works[j]
+            moved, turned = self.moved.result("moved", j), self.moved.result("turned", j)
+            total = total + motor_charge(ENERGIES.index(kind), held, moved, turned)
+        return total * self.units.energy
 
 
 def _walk(
@@ -300,6 +320,7 @@ def _walk(
     state: Any,
     actuation: Actuation,
     met: tuple[Any, Any, Any],
+    controls: Mapping[str, Any] | None,
     parameters: Mapping[str, Any] | None,
     *,
     duration: Any = None,
@@ -310,35 +331,41 @@ def _walk(
     whole: bool = False,
 ) -> _Walk:
     """Integrate walkers through a stride of at most `end` sqrt(l/g), or for a duration."""
-    walker, given = as_walker(walker), check_parameters(parameters)
-    units = units_of(varied(walker, given) if given else walker)
+    walker = as_any(walker)
+    own, given = isinstance(walker, Mechanism), check_parameters(walker, parameters)
+    units = units_of(varied(walker, given) if given and not own else walker)
     states, phases = as_tensor(state, "state"), torch.as_tensor(phase, dtype=torch.int64)
-    names, given_held = (*Actuation._fields, *UNEVEN, "push", "start"), (*actuation, *met, 0.0)
-    in_units = (*actuation_units(units), units.length, 1.0, units.impulse, 1.0)
-    controls = [
+    columns, wanted = columns_of(walker), _controls(walker, actuation, met, controls)
+    starts, size = columns.inputs["start"], columns.size
+    names = (*columns.controls, *UNEVEN, "push", *("start",) * len(starts))
+    given_held = (*wanted, *met, *(0.0,) * len(starts))
+    motors = (1.0,) * len(wanted) if own else actuation_units(units)
+    in_units = (*motors, units.length, 1.0, units.impulse, *(1.0,) * len(starts))
+    held_inputs = [
         as_tensor(x, name) / unit for name, x, unit in zip(names, given_held, in_units, strict=True)
     ]
     ends = end if duration is None else as_tensor(duration, "duration") / units.time
     held = [
         as_tensor(slope, "slope"),
-        *controls,
+        *held_inputs,
         as_tensor(ends, "max_stride_time"),
         *given.values(),
     ]
     shapes = [states.shape[:-1], phases.shape, *(x.shape for x in held)]
     shape = max(shapes, key=len)
-    if states.shape[-1:] != (6,) or len(shape) > 1 or not set(shapes) <= {shape, ()}:
+    if states.shape[-1:] != (size,) or len(shape) > 1 or not set(shapes) <= {shape, ()}:
         sizes = {name: tuple(x.shape) for name, x in zip(("slope", *names), held, strict=False)}
         raise ValueError(
-            "state must have shape (6,) or (n, 6), and slope, hip_torque and all else be numbers "
-            f"or (n,), but state is {tuple(states.shape)}, and "
+            f"state must have shape ({size},) or (n, {size}), and slope, {names[0]} and all else "
+            f"be numbers or (n,), but state is {tuple(states.shape)}, and "
             f"{', '.join(f'{name} {size}' for name, size in sizes.items() if size)}"
         )
     count = math.prod(shape)
     time = torch.as_tensor(units.time, dtype=torch.float64).expand(shape).reshape(count, 1)
-    states, phases = states.expand(*shape, 6).reshape(count, 6), phases.expand(shape).reshape(count)
-    columns = torch.stack([x.expand(shape).reshape(count) for x in held], 1)
-    inputs = torch.cat([states[:, :3], states[:, 3:] * time, columns], 1)
+    states = states.expand(*shape, size).reshape(count, size)
+    phases = phases.expand(shape).reshape(count)
+    rest = torch.stack([x.expand(shape).reshape(count) for x in held], 1)
+    inputs = torch.cat([states[:, : size // 2], states[:, size // 2 :] * time, rest], 1)
     asked = dict(zip(names, given_held, strict=True))
     using = [name for name, x in asked.items() if isinstance(x, Tensor) or np.any(x)]
     # Arguments in the walker's own units depend on its parameters through the units.
@@ -356,5 +383,39 @@ def _walk(
         whole=whole,
     )
     moved = carry_on(inputs, phases, torch.ones(count, dtype=torch.bool), manner)
-    torques = Control(*(inputs[:, INPUTS.index(f"{name}_torque")] for name in Control._fields))
-    return _Walk(moved, units, time, torques, system_of(walker).works, bool(shape))
+    works = system_of(walker).works
+    motors = [columns.inputs[name][0] for name in columns.controls[: len(works)]]
+    return _Walk(moved, units, time, inputs[:, motors], works, bool(shape), own)
+
+
+def _controls(
+    walker: Any, actuation: Actuation, met: tuple[Any, Any, Any], controls: Any
+) -> tuple[Any, ...]:
+    """What actuators hold, in the order of the walker's controls.
+
+    Raises:
+        ValueError: if the walker has no such actuator, or the foothold's slope changes.
+    """
+    asked = dict(controls or {})
+    if not isinstance(walker, Mechanism):
+        if asked:
+            raise ValueError(
+                "controls are those of a System: give hip_torque, ankle_torque and push_off"
+            )
+        return actuation
+    used = [
+        name
+        for name, x in zip((*Actuation._fields, "slope_change"), (*actuation, met[1]), strict=True)
+        if isinstance(x, Tensor) or np.any(x)
+    ]
+    if used:
+        raise ValueError(
+            f"the system {walker.title!r} takes no {' or '.join(used)}: give controls, and "
+            "footholds that differ in height"
+        )
+    if strange := sorted(set(asked) - set(walker.controls)):
+        raise ValueError(
+            f"the system {walker.title!r} has no control {', '.join(strange)}: choose from "
+            f"{', '.join(walker.controls) or 'none'}"
+        )
+    return tuple(asked.get(name, 0.0) for name in walker.controls)

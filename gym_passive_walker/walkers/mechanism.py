@@ -36,6 +36,7 @@ class Mechanism:
     struck: Any
     exchanged: Any
     with_body: Any
+    vary: Any
 
 
 def state_size(walker: Any) -> int:

@@ -17,6 +17,7 @@ import gym_passive_walker as gpw
 from gym_passive_walker.envs.scene import SCENES, Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.envs.walker_env import PassiveWalkerEnv
+from tests.modeling.statements import DRIVEN
 from tests.options.heard import Call, To, cases, check, missing, plain
 
 START = (0.3, -0.3, -0.4, -0.4, -0.3, -0.3)
@@ -456,6 +457,7 @@ def test_every_option_of_torch_is_heard():
     state = gpw.find_gait("lab", 0.036).state
     near, of_lab = 1.01 * state, dict(walker="lab", slope=0.036, state=state)
     of_d = dict(walker="D", slope=0.009, state=gpw.find_gait("D", 0.009).state)
+    of_own = dict(walker=DRIVEN, slope=0.03, state=DRIVEN.start)
     per_tick = dict(**of_lab, hip_torque=0.1, duration=0.1)
     later = doors.tick(**{**per_tick, "duration": 0.05})
     table = {
@@ -471,6 +473,7 @@ def test_every_option_of_torch_is_heard():
                 push_off=0.2,
                 height_change=-0.002,
                 slope_change=0.004,
+                controls=To({"hip": 0.01}, of_own),
                 parameters={"hip_mass": 0.5},
                 tolerance=1e-5,
                 max_stride_time=To(0.5, look=lambda told: told.outcome),
@@ -494,6 +497,7 @@ def test_every_option_of_torch_is_heard():
                 height_change=To(-0.002, dict(duration=5.0)),
                 slope_change=To(0.004, dict(duration=5.0)),
                 push=0.1,
+                controls=To({"hip": 0.01}, dict(**of_own, hip_torque=0.0, duration=0.1)),
                 parameters={"hip_mass": 0.5},
                 tolerance=1e-5,
                 end_on_toe_stub=To(
