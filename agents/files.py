@@ -47,7 +47,7 @@ def reading(path: Path) -> Iterator[None]:
     except Exception as error:  # random bytes raise anything
         raise ConfigError(
             f"{path} is damaged, or does not fit the run's {CONFIG} ({reason(error)}): put back a "
-            "whole copy, or begin anew elsewhere"
+            "whole copy, or start again elsewhere"
         ) from None
 
 

@@ -1,4 +1,4 @@
-"""Hyperparameter search with Optuna, in this process or through Ray Tune on many processors."""
+"""Hyperparameter search with Optuna, in this process or through Ray Tune on many CPUs."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def search(
         folder: Folder of the study, the trainings, and the best hyperparameters as a preset in
             YAML. All machines of a cluster must have access to it under this path.
         trials: Total number of trainings.
-        ray: "here" for Ray Tune on this machine, with a training on each processor, or the address
+        ray: "here" for Ray Tune on this machine, with a training on each core, or the address
             of a cluster; None runs one training after another.
         progress: Whether to print each result.
 
@@ -144,7 +144,7 @@ def _tune(
     *,
     progress: bool,
 ) -> None:
-    """Run the trials of a study with Ray Tune, one on each processor at a time."""
+    """Run the trials of a study with Ray Tune, one on each core at a time."""
     with _needed("Ray Tune", "ray"):
         import ray as library  # type: ignore[import-not-found]
         from ray import tune  # type: ignore[import-not-found]

@@ -4,7 +4,7 @@
     python -m benchmarks.cold_start waits         Run one part.
 
 Each time is that of a fresh process, in CPU seconds: first with an empty cache, then with the cache
-that the first process filled. The tables are written to docs/benchmarks.md.
+that the first process filled. The tables are written to docs/benchmarks-start.md.
 """
 
 from __future__ import annotations
@@ -20,7 +20,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from benchmarks.report import command, machine, table
-from benchmarks.tables import keep
+from benchmarks.tables import DOCS, keep
+
+PAGE = DOCS / "benchmarks-start.md"
 
 WALKS = {"C": 0.03, "A": 0.03, "D": 0.009}
 """A kneed, a straight-legged and the simplest walker, with a slope in rad for each."""
@@ -83,7 +85,7 @@ def waits() -> None:
             rows.append((name, wait(parts, cache), wait(parts, cache)))
         print(*rows[-1], flush=True)
     text = table(["CPU seconds", "empty cache", "filled cache"], rows)
-    keep("cold start", f"{text}\n\nOne core, each in a fresh process. {_machine()}.")
+    keep("cold start", f"{text}\n\nOne core, each in a fresh process. {_machine()}.", PAGE)
 
 
 PROCESSORS = {
@@ -115,7 +117,7 @@ def levels() -> None:
         print(*rows[-1], flush=True)
     heads = ["made for", "CPU s, none there", "all there", "equations, kB", "bookkeeping, kB"]
     text = table([*heads, "us a stride"], rows)
-    keep("levels", f"{text}\n\nOne core, scene lab: a first reset and step. {_machine()}.")
+    keep("levels", f"{text}\n\nOne core, scene lab: a first reset and step. {_machine()}.", PAGE)
 
 
 def kernels() -> None:
@@ -128,7 +130,7 @@ def kernels() -> None:
         table(["equations, CPU seconds", "traced", "LLVM", "loaded", "kB"], modules),
         table(["bookkeeping compiled by numba, CPU seconds", "alone"], compilations),
     ]
-    keep("kernels", "\n\n".join([*text, f"One core. {_machine()}."]))
+    keep("kernels", "\n\n".join([*text, f"One core. {_machine()}."]), PAGE)
 
 
 def _machine() -> str:

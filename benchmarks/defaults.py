@@ -66,7 +66,7 @@ class Scaled:
         self.model, self.scale = model, scale
 
     def predict(self, observation: np.ndarray, *rest: Any, **named: Any) -> Any:
-        """Actions, as of stable-baselines3."""
+        """Actions, as stable-baselines3 returns them."""
         return self.model.predict(self.scale * observation, *rest, **named)
 
 

@@ -3,8 +3,8 @@
     python -m benchmarks.gpu               Run all parts.
     python -m benchmarks.gpu strides       Run one part: strides, ticks or learning.
 
-Each part prints its table and writes the table to docs/benchmarks.md. It requires a CUDA GPU and
-the extras "gpu" and, for `learning`, "train" and "rsl-rl". With NUMBA_ENABLE_CUDASIM=1 a few
+Each part prints its table and writes the table to docs/benchmarks-speed.md. It requires a CUDA GPU
+and the extras "gpu" and, for `learning`, "train" and "rsl-rl". With NUMBA_ENABLE_CUDASIM=1 a few
 walkers run on a simulated GPU, and no table is written.
 """
 
@@ -22,7 +22,7 @@ import gym_passive_walker  # noqa: F401  (registers the environment)
 from benchmarks import engine
 from benchmarks.problem import error, problem
 from benchmarks.report import command, machine, seconds, table
-from benchmarks.tables import keep
+from benchmarks.tables import SPEED, keep
 from gym_passive_walker.gpu import device
 from gym_passive_walker.gpu.batch import DeviceBatch
 from gym_passive_walker.gpu.device import SIMULATED, cuda
@@ -84,7 +84,7 @@ def _told(name: str, text: str) -> None:
         return
     there = cuda.get_current_device().name
     there = there.decode() if isinstance(there, bytes) else there
-    keep(name, f"{text}\n\n{there}; processor: {machine('numba-cuda', 'torch')}.")
+    keep(name, f"{text}\n\n{there}; processor: {machine('numba-cuda', 'torch')}.", SPEED)
 
 
 def carried() -> None:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from benchmarks import penalty, reference, rivals
 from benchmarks.problem import Problem, problem
 from benchmarks.report import command, machine, plot, seconds, table
-from benchmarks.tables import keep
+from benchmarks.tables import PRECISION, keep
 from gym_passive_walker import WALKERS, console
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics import legs
@@ -257,7 +257,8 @@ def main() -> None:
         plot(f"gradients-{strides}", drawn, names, title=title, falling=True)
     text = table(["strides", "method", "setting", "relative error", "ms a gradient"], rows)
     used = machine("torch", "heyoka", "jax", "diffrax", "torchdiffeq", "mujoco")
-    keep("gradients", f"{text}\n\nThe references' own errors are about {', '.join(notes)}. {used}.")
+    text += f"\n\nThe references' own errors are about {', '.join(notes)}. {used}."
+    keep("gradients", text, PRECISION)
 
 
 if __name__ == "__main__":

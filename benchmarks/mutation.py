@@ -35,7 +35,7 @@ from benchmarks.mutants import BESIDE, BLIND, FAULTS, PACKAGE, ROOT, Mutant, fau
 from benchmarks.report import machine, table
 from benchmarks.tables import DOCS, keep
 
-PAGE = DOCS / "stability.md"
+PAGE = DOCS / "mutation.md"
 PATIENCE = 300.0  # seconds after which a mutant that still runs counts as detected
 LIBRARIES = ("numba", "scipy.optimize", "scipy.linalg", "gymnasium", "torch", "stable_baselines3")
 """Libraries that tests import and mutants do not change."""

@@ -3,7 +3,7 @@
     python -m benchmarks.scene_cost
 
 Run times are ratios to the simplest scene with that walker, from alternating measurements in one
-run. The table is written to docs/benchmarks.md.
+run. The table is written to docs/benchmarks-speed.md.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import gym_passive_walker as gpw
 from benchmarks.engine import again, crowd
 from benchmarks.problem import problem
 from benchmarks.report import command, machine, seconds, table
-from benchmarks.tables import keep
+from benchmarks.tables import SPEED, keep
 from gym_passive_walker import console
 from gym_passive_walker.gaits.trajectory import simulate
 
@@ -143,7 +143,7 @@ def main() -> None:
     """Print the tables and write them to the page."""
     command(__doc__)
     text = "\n\n".join([kinds(), analysis(), environments()])
-    keep("scene cost", f"{text}\n\nOne core. {machine('gymnasium')}.")
+    keep("scene cost", f"{text}\n\nOne core. {machine('gymnasium')}.", SPEED)
 
 
 if __name__ == "__main__":

@@ -15,20 +15,20 @@ import sys
 from pathlib import Path
 
 DOCS = Path(__file__).parents[1] / "docs"
-PAGE = DOCS / "benchmarks.md"
+PRECISION, SPEED = DOCS / "benchmarks-precision.md", DOCS / "benchmarks-speed.md"
 
 SCRIPTS = {
-    "benchmarks/work-precision": "work_precision strides",
-    "benchmarks/walks": "work_precision walks",
-    "benchmarks/tick": "work_precision ticks",
-    "benchmarks/penalty": "work_precision penalties",
-    **{f"benchmarks/{name}": name for name in ("gradients", "integrators")},
-    **{f"benchmarks/{part}": f"throughput {part}" for part in (
+    "benchmarks-precision/work-precision": "work_precision strides",
+    "benchmarks-precision/walks": "work_precision walks",
+    "benchmarks-precision/tick": "work_precision ticks",
+    "benchmarks-precision/penalty": "work_precision penalties",
+    **{f"benchmarks-precision/{name}": name for name in ("gradients", "integrators")},
+    **{f"benchmarks-speed/{part}": f"throughput {part}" for part in (
         "accelerations", "strides", "ticks", "learning", "on_tensors")},
-    **{f"benchmarks/gpu {part}": f"gpu {part}" for part in ("strides", "ticks", "learning")},
-    "benchmarks/scene cost": "scene_cost",
-    "benchmarks/cold start": "cold_start waits",
-    **{f"benchmarks/{part}": f"cold_start {part}" for part in ("levels", "kernels")},
+    **{f"benchmarks-speed/gpu {part}": f"gpu {part}" for part in ("strides", "ticks", "learning")},
+    "benchmarks-speed/scene cost": "scene_cost",
+    "benchmarks-start/cold start": "cold_start waits",
+    **{f"benchmarks-start/{part}": f"cold_start {part}" for part in ("levels", "kernels")},
     **{f"performance/{part}": f"performance {part}" for part in ("strides", "operations")},
     "design/cheap": "design cost",
     "design/steady": "design return",
@@ -38,15 +38,15 @@ SCRIPTS = {
     **{f"stability/stress {topic}": f"stress --long --only '{topic}' --write" for topic in (
         "anything at all", "uneven ground")},
     "stability/kills": "kills --kills 5 --write",
-    "stability/faults": "mutation --write",
-    "stability/mutation": "mutation --changes 74 --write",
+    "mutation/faults": "mutation --write",
+    "mutation/mutation": "mutation --changes 74 --write",
     **{f"scaling/{part}": f"sweeps {part}" for part in (
         "walkers", "parameters", "tasks", "keeper", "naps", "minutes")},
 }  # fmt: skip
 TABLES = {name: f"python -m benchmarks.{script}" for name, script in SCRIPTS.items()} | {
     "analyses/pairs": "python -m tests.control.test_matrix",
-    "benchmarks/benchmark": "python train.py benchmark --scenes level steep rolling lab "
-    "--budget 0.2 --document docs/benchmarks.md",
+    "benchmarks-agents/benchmark": "python train.py benchmark --scenes level steep rolling lab "
+    "--budget 0.2 --document docs/benchmarks-agents.md",
 }
 """Commands by PAGE/NAME of the table that they write."""
 
@@ -61,7 +61,7 @@ def commit() -> str:
     return git("rev-parse", "--short=7", "HEAD").strip() + "+" * bool(changed)
 
 
-def keep(name: str, text: str, page: Path = PAGE) -> None:
+def keep(name: str, text: str, page: Path) -> None:
     """Print a table and write it into a page, with its command and commit."""
     given = shlex.join([Path(sys.argv[0]).stem, *sys.argv[1:]])
     made = TABLES.get(f"{page.stem}/{name}", f"python -m benchmarks.{given}")

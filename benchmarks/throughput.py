@@ -3,8 +3,8 @@
     python -m benchmarks.throughput               Run all parts, in some ten minutes.
     python -m benchmarks.throughput strides       Run one part.
 
-Each part prints its table and writes the table to docs/benchmarks.md. Run it on an otherwise idle
-machine.
+Each part prints its table and writes the table to docs/benchmarks-speed.md. Run it on an otherwise
+idle machine.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from benchmarks import engine, reference
 from benchmarks.engine import microseconds
 from benchmarks.problem import WALKS, Problem, error, problem
 from benchmarks.report import command, machine, plot, seconds, table
-from benchmarks.tables import keep
+from benchmarks.tables import SPEED, keep
 from gym_passive_walker.engine.compiled import constants_used, loaded, object_code
 from gym_passive_walker.engine.equations import Equations
 from gym_passive_walker.engine.jit import call
@@ -41,7 +41,7 @@ def accelerations() -> None:
         crowded, alone = (_nanoseconds(problem(name), crowd) for crowd in (True, False))
         rows.append((name, crowded, alone, alone / crowded))
     heads = ["walker", "ns, one of a tile", "ns, one alone", "ratio"]
-    keep("accelerations", f"{table(heads, rows)}\n\nOne core. {machine()}.")
+    keep("accelerations", f"{table(heads, rows)}\n\nOne core. {machine()}.", SPEED)
 
 
 def _nanoseconds(p: Problem, crowd: bool) -> float:
@@ -103,7 +103,7 @@ def strides() -> None:
         ]  # fmt: skip
     size = engine.crowd(problem("kneed"), 1).nbytes
     text += [f"Memory: {size} bytes a walker. {machine()}."]
-    keep("strides", "\n\n".join(text))
+    keep("strides", "\n\n".join(text), SPEED)
     names = "walkers in the batch", "µs a stride and walker, one core"
     plot("throughput", {name: (SIZES, times) for name, times in curves.items()}, names)
 
@@ -170,7 +170,7 @@ def ticks() -> None:
         f"{scene.tolerance:.0e}. Actions are drawn beforehand. "
         f"{machine('gymnasium', 'envpool', 'mujoco')}."
     ]
-    keep("ticks", "\n\n".join(text))
+    keep("ticks", "\n\n".join(text), SPEED)
 
 
 def _one(env: gym.Env) -> float:
@@ -221,14 +221,14 @@ def learning() -> None:
     """Measure frames per second of PPO with this environment, and with an empty one."""
     from benchmarks import frames
 
-    keep("learning", frames.report())
+    keep("learning", frames.report(), SPEED)
 
 
 def on_tensors() -> None:
     """Measure frames per second of PPO on tensors, beside PPO of stable-baselines3."""
     from benchmarks import frames
 
-    keep("on_tensors", frames.on_tensors())
+    keep("on_tensors", frames.on_tensors(), SPEED)
 
 
 PARTS = {

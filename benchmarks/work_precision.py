@@ -4,7 +4,7 @@
     python -m benchmarks.work_precision strides       Run one part.
 
 Errors are relative to 80-bit arithmetic (see `reference`). Tables are written to
-docs/benchmarks.md, plots to docs/images/.
+docs/benchmarks-precision.md, plots to docs/images/.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from benchmarks import engine, measured, reference
 from benchmarks.measured import CROWD, Point
 from benchmarks.problem import WALKS, error, problem
 from benchmarks.report import command, machine, plot, seconds, table
-from benchmarks.tables import keep
+from benchmarks.tables import PRECISION, keep
 
 TOLERANCES = 10.0 ** -np.arange(3.0, 14.1, 0.5)
 LEVELS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
@@ -70,7 +70,11 @@ def strides() -> None:
         drawn = {label: np.transpose(curve).tolist() for label, curve in curves.items()}
         names = "error of the next section state", "µs a walker, one core"
         plot(f"work-precision-{name}", drawn, names, title=title, falling=True)
-    keep("work-precision", "\n\n".join([*text, f"{machine('scipy', 'heyoka', 'diffrax')}."]))
+    keep(
+        "work-precision",
+        "\n\n".join([*text, f"{machine('scipy', 'heyoka', 'diffrax')}."]),
+        PRECISION,
+    )
 
 
 def walks() -> None:
@@ -83,7 +87,11 @@ def walks() -> None:
         took = seconds(lambda t=tolerance: engine.walk(p, 100, t), repeats=2)
         rows.append((f"{tolerance:.0e}", reached, took / len(p.starts) * 1e6))
     text = table(["tolerance", "error after 100 strides", "µs a walker, 64 at once"], rows)
-    keep("walks", f"{text}\n\nA stable gait forgets errors of single strides. {machine('heyoka')}.")
+    keep(
+        "walks",
+        f"{text}\n\nA stable gait forgets errors of single strides. {machine('heyoka')}.",
+        PRECISION,
+    )
 
 
 def ticks() -> None:
@@ -99,14 +107,18 @@ def ticks() -> None:
         took = seconds(job, at_least=0.05) / CROWD * 1e6
         rows.append((f"{tolerance:.0e}", reached, took, float(few["steps"].mean())))
     text = table(["tolerance", "error", f"µs a walker, {CROWD} at once", "integration steps"], rows)
-    keep("tick", f"{text}\n\nA tick of 0.1 √(l/g) with a hip torque of 0.02 m g l. {machine()}.")
+    keep(
+        "tick",
+        f"{text}\n\nA tick of 0.1 √(l/g) with a hip torque of 0.02 m g l. {machine()}.",
+        PRECISION,
+    )
 
 
 def penalties() -> None:
     """Measure the benefit of exact events over a penalty contact in MuJoCo."""
     from benchmarks import penalty
 
-    keep("penalty", f"{penalty.report()}\n\n{machine('mujoco')}.")
+    keep("penalty", f"{penalty.report()}\n\n{machine('mujoco')}.", PRECISION)
 
 
 PARTS: dict[str, Callable[[], Any]] = {

@@ -230,7 +230,7 @@ class SpeedControl(OnceAStride):
     def __init__(self, scene: SceneLike, speed: float, *, decay: float = 0.0) -> None:
         super().__init__(scene)
         if not self.scene.walker.massless_legs:
-            raise ValueError("speed control is for the simplest walker, whose legs have no mass")
+            raise ValueError("speed control is for the simplest walker: its legs have no mass")
         if self.parts not in (("push_off",), ("hip_torque",)):
             raise ValueError('speed control has one action: "push_off" or "hip"')
         self.speed, self.decay = speed, decay

@@ -99,7 +99,7 @@ class PotentialShaping:
         if walker.knees or walker.foot_radius:
             raise ValueError("potential shaping needs a walker with knees=False and foot_radius=0")
         if walker.thigh_offset or walker.shank_offset or walker.foot_angle:
-            raise ValueError("this example is for walkers whose masses are on the line of the leg")
+            raise ValueError("this example is for walkers with masses on the line of the leg")
 
     def torques(self, state: ArrayLike, slope: ArrayLike) -> Torques:
         """Torques of the law, in the walker's own units.

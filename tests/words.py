@@ -1,9 +1,10 @@
-"""Check the prose of documentation and docstrings: words to avoid, and long sentences.
+"""Check the prose of documentation, docstrings, comments and messages for words to avoid.
 
     python -m tests.words                  every page and module
     python -m tests.words FILE...          some of them
 
 The words are those for which the literature has a term, and those that make a sentence unclear.
+Sentences of pages and docstrings must not be long either.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from __future__ import annotations
 import ast
 import re
 import sys
+import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -23,16 +25,25 @@ AVOIDED = {
     r"(?<!people )(?<!someone )(?<!users )(?<!readers )(?<!those )who": "that; a person",
     r"befall\w*|befell": "disturbances",
     r"fates?": "disturbance state",
-    r"told|telling": "returned, reported, given",
+    r"told|tells?|telling": "returns, reports, shows",
     r"anew": "again; recomputed",
     r"likewise": "name it",
+    r"as of": "as in, see, of",
     r"nonsense": "invalid input",
     r"strobe pictures?": "stroboscopic picture",
+    r"(?:seed|source) documents?": "Garcia (1999), chapter 4",
+    r"on the level": "on level ground",
+    r"doors?": "entry point",
+    r"crowd": "batch",
+    r"truths?": "boolean",
+    r"looked at": "checked, read",
+    r"programmes?": "program; nonlinear program",
+    r"(?:optim|random|normal|minim|maxim|initial|vector|general)is\w+": "-ize",
 }
 """Words to avoid, as regular expressions, and what to write instead."""
 
-_PAGES = ("README.md", "CONTRIBUTING.md", "docs/*.md", "docs/notebooks/*.md")
-_MODULES = ("gym_passive_walker", "agents", "benchmarks", "examples", "validation")
+_PAGES = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/*.md", "docs/notebooks/*.md")
+_MODULES = ("gym_passive_walker", "agents", "benchmarks", "docs", "examples", "validation")
 _CODE = re.compile(r"```.*?```|~~~.*?~~~|<!--.*?-->|\$\$.*?\$\$", re.S)
 _INLINE = re.compile(r"`[^`]*`|\$[^$\n]*\$|\[([^\]]*)\]\([^)]*\)|https?://\S+|<[^>\n]*>")
 _ENDS = re.compile(r"(?<=[.!?:;])\s+|\n\s*\n|\n\s*(?:[-*]|\d+\.)\s|\n\s*\|[^\n]*")
@@ -58,6 +69,19 @@ def docstrings(path: Path) -> Iterator[tuple[int, str]]:
                     yield child.lineno, text
 
 
+def remarks(path: Path) -> Iterator[tuple[int, str]]:
+    """Lines and texts of the comments of a module, and of its strings of more than a word."""
+    with tokenize.open(path) as file:
+        for token in tokenize.generate_tokens(file.readline):
+            if token.type == tokenize.COMMENT:
+                yield token.start[0], token.string.lstrip("# ")
+    known = {text for _, text in docstrings(path)}
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Constant) and isinstance(text := node.value, str):
+            if " " in text.strip() and text not in known:
+                yield node.lineno, text
+
+
 def _entries(text: str) -> str:
     """A docstring as Markdown: sections are paragraphs, each argument is one."""
     lines = []
@@ -79,16 +103,20 @@ def _entries(text: str) -> str:
 
 def faults(path: Path) -> Iterator[str]:
     """What is wrong in a file, a line for each fault."""
+    short: list[tuple[int, str]] = []
     if path.suffix == ".py":
         texts = [(line, _entries(text)) for line, text in docstrings(path)]
+        short = list(remarks(path))
     else:
         texts = [(1, path.read_text(encoding="utf-8"))]
     name = path.relative_to(ROOT)
-    for line, text in texts:
+    for line, text in texts + short:
         for sentence in prose(text):
             for avoided, instead in AVOIDED.items():
                 if found := re.search(rf"\b(?:{avoided})\b", sentence, re.I):
                     yield f"{name}:{line}: {found[0]!r} (write: {instead}) in: {sentence[:90]}"
+    for line, text in texts:
+        for sentence in prose(text):
             if (count := len(sentence.split())) > LONGEST:
                 yield f"{name}:{line}: a sentence of {count} words: {sentence[:90]} ..."
 

@@ -1,4 +1,4 @@
-"""The validation page: its sections, their computation, and the page in Markdown."""
+"""The validation pages: their sections, their computation, and the pages in Markdown."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from validation.rows import Row
 
 
 class Section(NamedTuple):
-    """A part of the page.
+    """A part of a page.
 
     Attributes:
         title: Heading of the section.
@@ -37,31 +37,66 @@ class Section(NamedTuple):
     text: str = ""
 
 
-SECTIONS = (
+class Page(NamedTuple):
+    """A page of its own, beside that of all differences.
+
+    Attributes:
+        title: Heading of the page.
+        sections: Its sections.
+    """
+
+    title: str
+    sections: tuple[Section, ...]
+
+
+_LAB = (
     Section("The walkers (Table 4.1, Figs. 4.3, 4.5 and 4.7)", parameters.table),
     Section("The laboratory's walker from its parts (4.10.1)", parameters.laboratory),
-    Section("Simulation and experiment (4.2, Table 4.2)", lab.table,
-            "Computed for the walker of Fig. 4.3's caption. The experiment may differ by what the "
-            "document's own columns differ by, and 0.01."),
+    Section(
+        "Simulation and experiment (4.2, Table 4.2)",
+        lab.table,
+        "Computed for the walker of Fig. 4.3's caption. The experiment may differ by what the "
+        "document's own columns differ by, and 0.01.",
+    ),
     Section("The return map (4.3.1)", lab.maps),
     Section("What a machine would feel (4.3.2)", lab.reality),
+)
+_SIMPLEST = (
     Section("Costs, speeds and collisions (4.3.3, 4.3.4)", simplest.costs),
     Section("The simplest walker (4.4)", simplest.simplest_walker, "Walker D."),
     Section("The simplest walker's way to chaos (4.4)", chaos.simplest_walker, "Walker D."),
-    Section("Point feet with mass (4.5.1, Figs. 4.5 and 4.11)", point_feet.point_feet,
-            "Walkers E and F. A power of γ is the exact tangent d ln θ / d ln γ of the curve of "
-            "gaits."),
-    Section("Knees free and locked (4.5.2, Figs. 4.6 and 4.12)", families.laboratory,
-            "Walkers lab and lab-straight."),
-    Section("Tuned walkers (4.6.1, 4.6.2)", tuning.tuned_walkers,
-            "Walkers A and C, their tuning made exact."),
-    Section("De-tuning (Fig. 4.8)", tuning.de_tuning,
-            "From C, exactly tuned, to the laboratory's walker."),
+    Section(
+        "Point feet with mass (4.5.1, Figs. 4.5 and 4.11)",
+        point_feet.point_feet,
+        "Walkers E and F. A power of γ is the exact tangent d ln θ / d ln γ of the curve of gaits.",
+    ),
+)
+_KNEED = (
+    Section(
+        "Knees free and locked (4.5.2, Figs. 4.6 and 4.12)",
+        families.laboratory,
+        "Walkers lab and lab-straight.",
+    ),
+    Section(
+        "Tuned walkers (4.6.1, 4.6.2)",
+        tuning.tuned_walkers,
+        "Walkers A and C, their tuning made exact.",
+    ),
+    Section(
+        "De-tuning (Fig. 4.8)",
+        tuning.de_tuning,
+        "From C, exactly tuned, to the laboratory's walker.",
+    ),
     Section("Families of tuned walkers (Figs. 4.9 and 4.13, 4.8)", tuning.observations),
     Section("Energy and scaling (4.6.3)", point_feet.scaling),
-    Section("The tuned kneed walker's way to chaos (4.7, Fig. 4.10)", chaos.kneed_walker,
-            "Walker C, exactly tuned."),
+    Section(
+        "The tuned kneed walker's way to chaos (4.7, Fig. 4.10)",
+        chaos.kneed_walker,
+        "Walker C, exactly tuned.",
+    ),
     Section("Which gait is the faster (4.9, Figs. 4.11 to 4.13)", families.speeds),
+)
+_LITERATURE = (
     Section("Other publications: the simplest walker", literature.simplest_walker),
     Section("Other publications: the compass walker", literature.compass),
     Section("Rough ground: the rimless wheel, and point feet", wheel.rough_ground),
@@ -74,9 +109,17 @@ SECTIONS = (
             "Walker D at slope 0.009, hip torques of at most 2 per foot mass over g l."),
 )  # fmt: skip
 
+PAGES = {
+    "lab": Page("The laboratory's walker", _LAB),
+    "simplest": Page("The simplest walker and point feet", _SIMPLEST),
+    "kneed": Page("Kneed and tuned walkers", _KNEED),
+    "literature": Page("Other publications", _LITERATURE),
+}
+"""Pages by the last part of their names."""
+
 _HEAD = """# Validation
 
-Every number, and every statement with a number in it, of the source document, beside what this
+Every number, and every statement with a number in it, of Garcia (1999), chapter 4, beside what this
 package computes; then numbers of other publications. Written by
 
     python -m validation --out docs/validation.md
@@ -111,7 +154,13 @@ _SOURCES = """## Sources
   Phys. 19 (1978) 25–52.
 """
 
+_NOTE = "[Validation]({}) says how these tables are made, and lists all differences and sources."
+
 _COLUMNS = ("Where", "What", "Print", "Computed", "Difference", "Agrees", "Remark")
+
+
+def _cells(row: Row) -> tuple[str, ...]:
+    return (*row[:5], "yes" if row.agrees else "**no**", row.remark)
 
 
 def _table(cells: list[tuple[str, ...]], columns: tuple[str, ...]) -> str:
@@ -121,32 +170,52 @@ def _table(cells: list[tuple[str, ...]], columns: tuple[str, ...]) -> str:
     )
 
 
-def render(page: dict[str, list[Row]]) -> str:
-    """The page as Markdown.
+def render(rows: dict[str, list[Row]], path: str | Path = "validation.md") -> dict[Path, str]:
+    """The pages as Markdown, by their files.
 
     Args:
-        page: Rows by the titles of their sections.
+        rows: By the titles of their sections.
+        path: File of the first page, which lists all differences; the others are beside it.
     """
-    rows = [row for section in page.values() for row in section]
-    apart = [row for row in rows if not row.agrees]
-    parts = [
+    path, every = Path(path), [row for section in rows.values() for row in section]
+    apart = [row for row in every if not row.agrees]
+    files = {path.with_stem(f"{path.stem}-{name}"): page for name, page in PAGES.items()}
+    pages, links, names = {}, [], []
+    for file, page in files.items():
+        parts = [
+            f"# Validation: {page.title[0].lower()}{page.title[1:]}\n",
+            _NOTE.format(path.name),
+        ]
+        of_page = [row for section in page.sections for row in rows[section.title]]
+        agree = sum(row.agrees for row in of_page)
+        links.append((f"[{page.title}]({file.name})", str(len(of_page)), str(agree)))
+        names.append(file.stem)
+        for section in page.sections:
+            parts.append(f"\n## {section.title}\n")
+            if section.text:
+                parts.append(section.text + "\n")
+            parts.append(_table([_cells(row) for row in rows[section.title]], _COLUMNS))
+        pages[file] = "\n".join([*parts, ""])
+    first = [
         _HEAD,
-        "## Where print and computation differ\n",
-        f"{len(rows)} statements; {len(rows) - len(apart)} agree and {len(apart)} differ:\n",
+        _table(links, ("Page", "Statements", "Agree")),
+        "\n## Where print and computation differ\n",
+        f"{len(every)} statements; {len(every) - len(apart)} agree and {len(apart)} differ:\n",
         _table([(*row[:4], row.remark) for row in apart], (*_COLUMNS[:4], "Why")),
+        "",
+        _SOURCES,
+        "\n".join(["```{toctree}", ":hidden:", "", *names, "```", ""]),
     ]
-    texts = {section.title: section.text for section in SECTIONS}
-    for title, section in page.items():
-        parts.append(f"\n## {title}\n")
-        if texts.get(title):
-            parts.append(texts[title] + "\n")
-        cells = [(*row[:5], "yes" if row.agrees else "**no**", row.remark) for row in section]
-        parts.append(_table(cells, _COLUMNS))
-    return "\n".join([*parts, "", _SOURCES])
+    return {path: "\n".join(first)} | pages
+
+
+def sections() -> list[Section]:
+    """The sections of all pages, in order."""
+    return [section for page in PAGES.values() for section in page.sections]
 
 
 def compute(progress: Callable[[str], None] = lambda title: None) -> dict[str, list[Row]]:
-    """Compute the page.
+    """Compute the rows.
 
     Args:
         progress: Function called with each section's title before that section is computed.
@@ -154,20 +223,21 @@ def compute(progress: Callable[[str], None] = lambda title: None) -> dict[str, l
     Returns:
         Rows by the titles of their sections.
     """
-    page = {}
-    for section in SECTIONS:
+    rows = {}
+    for section in sections():
         progress(section.title)
-        page[section.title] = list(section.rows())
-    return page
+        rows[section.title] = list(section.rows())
+    return rows
 
 
 def write(path: str | Path, progress: Callable[[str], None] = lambda title: None) -> list[Row]:
-    """Compute the page and write it to a file.
+    """Compute the pages and write them to a file and to those beside it.
 
     Returns:
         The rows that are not as expected; an empty list if there are none.
     """
-    page = compute(progress)
-    with replacing(path) as aside:
-        aside.write_text(render(page), encoding="utf-8")
-    return [row for rows in page.values() for row in rows if not row.sound]
+    computed = compute(progress)
+    for file, text in render(computed, path).items():
+        with replacing(file) as aside:
+            aside.write_text(text, encoding="utf-8")
+    return [row for rows in computed.values() for row in rows if not row.sound]

@@ -182,7 +182,7 @@ class ControlledMap(StrideMap):
         by: Sequence[str] = (),
         along: NDArray | None = None,
     ) -> tuple[NDArray, NDArray[np.int8]]:
-        """What `Change` tells, values before derivatives, (1 + k, m + 6, n); and the outcomes."""
+        """Results as in `Change`, values before derivatives, (1 + k, m + 6, n); and outcomes."""
         m, n = self.dimension, len(points)
         if refused := set(by) & {*Actuation._fields}:
             raise ValueError(f"{', '.join(sorted(refused))} follow {self.controller_name}")
@@ -337,7 +337,7 @@ class ControlledMap(StrideMap):
             change: Of the states along these, (n, 6, k).
             rises: Heights of the next footholds.
             turns: By how much these slope more steeply.
-            ahead: What is observed of the footholds ahead, as of `look`; smooth when None.
+            ahead: What is observed of the footholds ahead, as `look` returns it; smooth when None.
         """
         seeds = seeds or self._no_seeds(len(states))
         memory: Any = None

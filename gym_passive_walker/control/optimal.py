@@ -147,7 +147,7 @@ def _edges(gait: OptimalGait, tick: float) -> list[float]:
     """The ends of ticks about a gait's kneestrike.
 
     A torque that changes just as the knee locks makes a corner in the cost, and most optima lie in
-    one; smooth optimisation finds them by holding the kneestrike there.
+    one; smooth optimization finds them by holding the kneestrike there.
     """
     if gait.kneestrike_time == 0.0 or math.isinf(tick):
         return []
@@ -215,7 +215,7 @@ def optimal_gaits(
     there is one, is the optimum at its speed: it is among them.
 
     Args:
-        scene: As of `optimal_gait`.
+        scene: As for `optimal_gait`.
         speeds: Speeds over sqrt(g l).
     """
     scene = make_scene(scene)

@@ -37,7 +37,7 @@ _OPEN = 1e-3  # from the end of a stride to its start, after one round: that wil
 _WORTH = 1e-6  # gain, relative, that is worth another round
 _ROUNDS = 8  # of setting unknowns aside, and of taking them up again
 _AT_BOUND, _PULL = 1e-9, 1e-6  # distance from a bound; share of the gradient that is one off it
-_NEWTON = 3  # iterations that close a stride, from where the optimisation left it
+_NEWTON = 3  # iterations that close a stride, from where the optimization left it
 _CLOSED = 1e-9  # from its end to its start, at most, for a stride to be a gait
 _NEAR = 1e-7  # a bound, at which an unknown counts as at it
 _AHEAD = np.array([[-1.0, 1.0], [1.0, 1.0]])
@@ -108,11 +108,11 @@ class OptimalGait:
 
 
 class _StandsStill(Exception):
-    """An optimisation gets no further: it zigzags about a corner of the cost."""
+    """An optimization makes no progress: it zigzags about a corner of the cost."""
 
 
 class _Seen:
-    """The best of the points that an optimisation has come through.
+    """The best of the points that an optimization has come through.
 
     Attributes:
         best: That point.

@@ -158,7 +158,7 @@ def follow(
         motors: Which of `inputs_of` the motors are.
         tick: How long a control step is.
         max_stride_time: When a stride is given up.
-        lanes: Which of the crowd walkers are, where these differ in a parameter.
+        lanes: Which of these walkers each is, where these differ in a parameter.
         change: Of the states along k tangents, (n, 6, k); None without tangents.
         moving: What else changes along tangents, one each: "slope", or parameters of the walkers.
         columns: Along which.
@@ -239,7 +239,7 @@ def _chained(
     columns: Sequence[int],
     report: Report,
 ) -> tuple[NDArray, NDArray, NDArray]:
-    """Tangents of control steps' states and motors, and what they tell, by the chain rule.
+    """Tangents of control steps' states and motors, and their results, by the chain rule.
 
     Args:
         after: Their ends, with tangents by the steps' own state and motors, (s, 1 + k).

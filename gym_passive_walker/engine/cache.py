@@ -68,7 +68,7 @@ def cache_directory() -> Path | None:
             failures.append(f"{directory} is read-only")
     _warn(
         f"compiled code cannot be kept ({'; '.join(failures)}), so that every process compiles it "
-        "anew: set NUMBA_CACHE_DIR to a folder that can be written to"
+        "again: set NUMBA_CACHE_DIR to a folder that can be written to"
     )
     return None
 
@@ -144,7 +144,7 @@ def keep(name: str, data: bytes) -> None:
             aside.unlink()
         _warn(
             f"compiled code cannot be kept in {directory} ({error.strerror}), so that every "
-            "process compiles it anew: free some space, or set NUMBA_CACHE_DIR to another folder"
+            "process compiles it again: free some space, or set NUMBA_CACHE_DIR to another folder"
         )
 
 

@@ -554,7 +554,7 @@ class Batch:
     def step_alone(
         self, action: NDArray[np.floating], observation: NDArray[np.float32]
     ) -> tuple[int, int]:
-        """A step of a batch of one; what `step` fills besides is left at the door."""
+        """A step of a batch of one; the other arrays that `step` fills are the `Door`'s."""
         if self._apart:
             return self.step(action, observation, *self.door.results)
         self.door.actions[...] = action
@@ -564,7 +564,7 @@ class Batch:
         return strides, endings
 
     def refuse(self, wrong: int) -> NoReturn:
-        """Say what is wrong with a walker's action, of those at the door."""
+        """Say what is wrong with a walker's action, of the actions in the `Door`."""
         lane = wrong if self.count > 1 else None
         refuse(self.door.actions.reshape(self.count, -1)[wrong], self.scene.actions, lane)
 

@@ -58,7 +58,7 @@ def natives(name: str, *, pushed: bool, watched: bool) -> tuple[NDArray, NDArray
     Args:
         name: The system's.
         pushed: Whether walkers are pushed.
-        watched: Whether they are looked at.
+        watched: Whether they are checked.
 
     Returns:
         Shape (phases,) of `compiled.PHASE`, and of NATIVE.
@@ -78,7 +78,7 @@ def equipped(system: System, phases: NDArray, pushes: Any, looks: Any) -> tuple[
         system: The system.
         phases: As compiled; they stay as they are.
         pushes: Code from `push_code`; None where walkers are not pushed.
-        looks: Code from `look_code`; None where nothing is looked at.
+        looks: Code from `look_code`; None where nothing is checked.
     """
     phases, found = phases.copy(), np.zeros(len(phases), NATIVE)
     for i, (native, phase) in enumerate(zip(found, system.phases, strict=True)):

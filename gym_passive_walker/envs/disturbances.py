@@ -120,7 +120,7 @@ class Disturbances:
         return impulse / largest if impulse else 0.0
 
     def told(self, bodies: NDArray) -> dict[str, NDArray]:
-        """What `info` tells besides at every step: a number for each walker."""
+        """Further entries of `info` at every step: a number for each walker."""
         found = {}
         if self.scene.command is not None:
             found["command"] = self.fates["command"]

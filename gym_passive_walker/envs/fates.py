@@ -30,7 +30,7 @@ FATE = np.dtype(
         ("key", "u8"),  # of what is drawn
         ("command", "f8"),  # speed to keep
         ("due", "f8"),  # when the next push comes, since the stride began
-        ("until", "f8"),  # when the step is over, likewise
+        ("until", "f8"),  # when the step is over, since the stride began
         ("known", "f8"),  # of that push, where it is known beforehand
         ("ledge", "f8"),  # height of one before the next foothold, besides the terrain
         ("pushes", "i8"),  # that have come
@@ -41,7 +41,7 @@ FATE = np.dtype(
         ("tilt", "f8"),  # by how much this one slopes more
         ("x", "f8"),  # where the stride began to touch it, along the slope that is walked
         ("y", "f8"),  # over it
-        ("passed", "f8", (PASSED, 2)),  # likewise of the strides before, the last one first
+        ("passed", "f8", (PASSED, 2)),  # x and y of the strides before, the last one first
         ("impulse", "f8"),  # of the pushes in this step
     ]
 )
@@ -84,7 +84,7 @@ _WHEN, _HOW_HARD, _SENSOR, _MOTOR, _COMMAND = range(5)
 
 @jitted
 def perceive(fate, row, odds, table, spread, observations, first):
-    """Spoil what a walker's sensors tell, and add its command and the footholds ahead."""
+    """Add noise to what a walker's sensors measure; append its command and the footholds ahead."""
     if odds.noisy:
         for k in range(task.SIZE):
             if odds.noise[k] > 0.0:

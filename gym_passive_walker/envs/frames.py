@@ -1,4 +1,4 @@
-"""What an environment's pictures show, and tell in words."""
+"""Scene and captions of an environment's pictures."""
 
 from __future__ import annotations
 

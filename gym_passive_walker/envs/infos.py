@@ -1,4 +1,4 @@
-"""What a step tells of many walkers, made when someone looks."""
+"""Infos of a step of many walkers, made when they are first read."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 
 class Infos(dict[str, Any]):
-    """A dictionary that is filled when it is first looked at or written into.
+    """A dictionary that is filled when it is first read or written.
 
     Most loops read infos seldom, and to make them takes a fifth of a tick of 64 walkers.
 

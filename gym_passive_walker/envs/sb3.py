@@ -1,4 +1,4 @@
-"""The native batch as a vectorised environment of stable-baselines3.
+"""The native batch as a vectorized environment of stable-baselines3.
 
     from stable_baselines3 import PPO
     from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
@@ -85,14 +85,14 @@ class PassiveWalkerVecEnv(VecEnv):
 
     Args:
         num_envs: How many walkers.
-        scene: As of `PassiveWalkerEnv`.
+        scene: As for `PassiveWalkerEnv`.
         max_episode_steps: Steps after which an episode is truncated; -1 or None for never.
         seed: Seeds the first reset; a later one is seeded with `seed()`.
-        walkers: As of `PassiveWalkerVectorEnv`.
-        slopes: As of `PassiveWalkerVectorEnv`.
-        threads: As of `PassiveWalkerVectorEnv`.
+        walkers: As for `PassiveWalkerVectorEnv`.
+        slopes: As for `PassiveWalkerVectorEnv`.
+        threads: As for `PassiveWalkerVectorEnv`.
         render_mode: "rgb_array", or None.
-        **changes: As of `PassiveWalkerEnv`.
+        **changes: As for `PassiveWalkerEnv`.
 
     Attributes:
         envs: The vector environment that carries them.
@@ -228,7 +228,7 @@ class PassiveWalkerVecEnv(VecEnv):
         """Note something with some environments; what is simulated cannot be changed so.
 
         Raises:
-            AttributeError: if it is one of what `Lane` tells.
+            AttributeError: if it is one that `Lane` reports.
         """
         for i in self._get_indices(indices):
             setattr(self.lanes[i], attr_name, value)

@@ -21,7 +21,7 @@ from gym_passive_walker.engine.run import carry_on
 from gym_passive_walker.physics.hybrid import Outcome
 
 EVERY_STEP = ("distance", "energy", "episode_distance", "episode_energy", "strides")
-"""What `info` tells at every step: progress of the hip along the slope in this step, in leg
+"""Entries of `info` at every step: progress of the hip along the slope in this step, in leg
 lengths; what the motor is charged for in it, / (m g l); both since the episode began; heelstrikes
 since then."""
 
@@ -43,7 +43,7 @@ EVERY_STRIDE = (
     "friction_cost",
     "kneestrike_time",
 )
-"""What `info` tells besides where a stride ends; zero at other steps."""
+"""Further entries of `info` where a stride ends; zero at other steps."""
 
 
 @cache
@@ -176,7 +176,7 @@ def observe(records, ledger, phases, observations):
 
 @jitted
 def tell(ledger, asked, steps, counts, measures):
-    """Write what the ledger tells of the walkers asked about; of the others, zeros.
+    """Write the numbers that infos report of the walkers asked about; of the others, zeros.
 
     Args:
         ledger: The ledger.

@@ -97,7 +97,7 @@ def kernels_for(layout: Layout) -> Kernels:
 
     @within(inlined)
     def found(where, first, last):
-        """What a door has noted, and its walkers from one to before another."""
+        """What a `Door` has noted, and its walkers from one to before another."""
         places = view(where, (1,), PLACES)
         here = places[0]
         records = view(here.records, (here.of_records, 1), record)[first:last]
@@ -113,11 +113,11 @@ def kernels_for(layout: Layout) -> Kernels:
         """Begin episodes of some walkers, as `task.begin` does.
 
         Args:
-            where: A door's address.
+            where: Address of a `Door`.
             lanes: Which walkers.
-            alike: Whether they start as the door has noted, by the numbers that each one draws; the
-                next three are of no interest then.
-            slopes: As of `task.begin`, as all that follow.
+            alike: Whether they start as the `Door` has noted, by the numbers that each one draws;
+                the next three are ignored then.
+            slopes: As for `task.begin`, as all that follow.
             gaits: Theirs.
             draws: Theirs.
             observations: Filled, flat.
@@ -173,7 +173,7 @@ def kernels_for(layout: Layout) -> Kernels:
         """A step of the walkers from `first` to before `last`; `again` starts those that rest.
 
         Args:
-            where: A door's address.
+            where: Address of a `Door`.
             first: The first of them.
             last: The one after the last of them.
             tiles: Where a tile lies to work at.
@@ -185,7 +185,7 @@ def kernels_for(layout: Layout) -> Kernels:
             truncated: Filled.
 
         Returns:
-            As of `task.step`.
+            As `task.step`.
         """
         answer = tick(
             where, first, last, tiles, courses, observations, rewards, terminated, truncated
@@ -237,8 +237,8 @@ class Door:
         desk: Those of the tile and the course where one thread works.
         actions: Of all walkers, flat, to be filled before a step.
         results: Rewards and both kinds of endings, (count,), as `step_here` leaves them.
-        of_step: What the first walker's ledger tells of EVERY_STEP but the strides.
-        of_stride: What it tells of EVERY_STRIDE.
+        of_step: Numbers of EVERY_STEP but the strides, in the first walker's ledger.
+        of_stride: Numbers of EVERY_STRIDE in it.
         counts: Its strides, and its outcome.
     """
 

@@ -33,11 +33,11 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
 
     Observations, rewards, endings and infos are those of as many single environments in a
     `SyncVectorEnv`, seeded alike, to the last bit; the steps of all are one call of one kernel.
-    Infos are a dictionary that is filled when it is first looked at.
+    Infos are a dictionary that is filled when it is first read.
 
     Args:
         num_envs: How many walkers.
-        scene: As of `PassiveWalkerEnv`.
+        scene: As for `PassiveWalkerEnv`.
         max_episode_steps: Steps after which an episode is truncated; -1 or None for never.
         autoreset_mode: "NextStep", "SameStep" or "Disabled". "NextStep": the step after the end of
             an episode is its reset. "SameStep": the last step of an episode returns the first
@@ -47,7 +47,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         slopes: A slope for each environment, instead of the scene's.
         threads: How many threads large batches use; numba's number when None. It changes no result.
         render_mode: "rgb_array", or None.
-        **changes: As of `PassiveWalkerEnv`.
+        **changes: As for `PassiveWalkerEnv`.
     """
 
     metadata = {"render_modes": ["rgb_array"], "autoreset_mode": AutoresetMode.NEXT_STEP}  # noqa: RUF012
@@ -114,7 +114,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
 
         Args:
             seed: Seeds the environments with seed, seed + 1, ...; or one seed for each.
-            options: "reset_mask", a boolean array of which to reset; "state" and "slope" as of
+            options: "reset_mask", a boolean array of which to reset; "state" and "slope" as for
                 `PassiveWalkerEnv`, one for all or one for each. It is left as it is.
 
         Raises:
@@ -255,7 +255,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             mask: Which environments, a boolean array of shape (num_envs,); None is all.
 
         Returns:
-            All environments' observations, which tell the new slopes; shape (num_envs, 8), or
+            All environments' observations, which contain the new slopes; shape (num_envs, 8), or
             (num_envs, 9) with a command.
 
         Raises:
@@ -378,7 +378,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         found = self.batch.checked(state, "begun", "ended", begun=begun)
         ended = saved.flags(state, "ended", (self.num_envs,))
         if begun and not np.array_equal(ended, saved.over(found.ledger)):
-            raise saved.StateError("the state's 'ended' and its ledger differ in whose have ended")
+            raise saved.StateError("the state's 'ended' and its ledger differ in which ended")
         if not self.batch.randoms:
             seed_randoms(self.batch, None, range(self.num_envs))
         self.batch.put_back(found)

@@ -393,7 +393,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             slope: In rad, positive downhill.
 
         Returns:
-            The observation, which tells the new slope.
+            The observation, which contains the new slope.
 
         Raises:
             ResetNeeded: if no episode is under way.

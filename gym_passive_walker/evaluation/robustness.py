@@ -44,7 +44,7 @@ PHASES = np.linspace(0.0, 0.9, 10)
 
 _TRIES = 24  # sizes that are tried at once
 _SMALL = 1e-4  # leg lengths: a step with an answer in proportion to it
-_ANSWERS = 60  # strides that are looked at after it
+_ANSWERS = 60  # strides that are evaluated after it
 _IDLE = {"pushes": {"rate": 0.0, "impulse": 0.0}, "terrain": Terrain()}
 _CALM = {
     "observation_noise": 0.0, "action_noise": 0.0, "reset_noise_scale": 0.0,
@@ -345,7 +345,7 @@ class _Tries:
         if found.made[0] < SETTLING:
             raise ValueError(
                 f"the walker falls after {found.made[0]} strides of smooth ground: there is no "
-                "gait whose robustness could be told"
+                "gait of which robustness could be measured"
             )
         scale = np.abs(last).max()
         if np.abs(last - before).max() > 1e-3 * scale:

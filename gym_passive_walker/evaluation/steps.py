@@ -22,7 +22,7 @@ class Step(NamedTuple):
         terminated: Whether each episode has ended, (n,).
         truncated: Whether each time limit is reached, (n,).
         struck: Whether each stride has ended with a heelstrike, (n,).
-        infos: As of the vector environment.
+        infos: As returned by the vector environment.
     """
 
     actions: NDArray[np.float32]
@@ -35,7 +35,7 @@ class Step(NamedTuple):
 
 
 def steps(policy: Policy, envs: VectorEnv, observations: NDArray[np.float32]) -> Iterator[Step]:
-    """Let a policy act, deterministically, for as long as someone looks on.
+    """Yield the steps of an environment under a policy that acts deterministically, without end.
 
     Args:
         policy: The policy.

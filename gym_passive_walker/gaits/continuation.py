@@ -50,7 +50,7 @@ _VANISHING = 10.0  # rate over angle of a walker that rocks rather than steps
 _ASTRAY = 0.3  # of a step: from where a gait is expected to where it may be
 _UNPOLISHED = 1e-5  # violation of gaits until all of a curve are known
 _MOST_POINTS = 4000
-_LAST = 40  # points that tell of an end
+_LAST = 40  # points that indicate an end
 _CROWDED = 1e-3
 _GLIDING = 0.01
 
@@ -223,7 +223,7 @@ def doubling_test(point: Point) -> float:
 
 
 def neimark_sacker_test(point: Point) -> float:
-    """Changes sign where the product of two multipliers passes 1, as of a complex pair.
+    """Changes sign where the product of two multipliers passes 1, as it does for a complex pair.
 
     It does so too where the product of two real multipliers passes 1, which is no bifurcation.
     """
@@ -363,7 +363,7 @@ def follow(curve: Curve, start: Point, resolution: float) -> Branch:
 
 
 def _thinned(points: list[Point]) -> list[Point]:
-    """The points without those that crowd before an end: short steps are for finding it."""
+    """The points without the dense ones before an end: short steps are for finding it."""
     kept = points[:1]
     for point in points[1:-1]:
         if np.abs(point.y - kept[-1].y).max() > _CROWDED:

@@ -41,7 +41,7 @@ _OF_THE_SIMPLEST += ("hip_stiffness", "hip_friction")
 _MOVED = ("thigh_com", "thigh_gyration", "shank_com", "shank_gyration")
 _TUNED = (*_MOVED, "thigh_offset", "shank_offset")
 _SHARES = (0.05, 0.6)  # of a segment's length: where such designs are looked for
-_LOOKS = 128  # designs looked at
+_LOOKS = 128  # designs evaluated
 
 
 @dataclass(frozen=True)
@@ -93,8 +93,8 @@ def optimize_walker(
         walker: The walker to begin with, in a form that `as_walker` takes; or a map of
             `stride_map` with its controller.
         objective: What is to be least: "cost_of_transport", "slope", "speed", "froude_speed",
-            "step_length", "step_period", "stance_angle" as of `Gait`; "leg_length", "total_mass" as
-            of `Walker`; "clearance", the least height of the passing swing foot as of
+            "step_length", "step_period", "stance_angle" as in `Gait`; "leg_length", "total_mass" as
+            in `Walker`; "clearance", the least height of the passing swing foot as in
             `RealityCheck`; "knee_margin", the time from kneestrike to heelstrike over the stride's;
             or "spectral_radius", the modulus of the largest multiplier.
         parameters: What may change: "slope", and numerical parameters of `Walker`.

@@ -1,4 +1,4 @@
-"""Design as a nonlinear programme: candidates judged by their gaits, for SciPy's SLSQP."""
+"""Design as a nonlinear program: candidates judged by their gaits, for SciPy's SLSQP."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Judged(NamedTuple):
         gait: Its gait.
         quantities: What was asked for, by name, with gradients (k,).
         cubic: Coefficients of the polynomial with the multipliers as roots, (3,), and their
-            derivatives (3, k), as of `coefficients`; None if not asked for.
+            derivatives (3, k), as `coefficients` returns them; None if not asked for.
     """
 
     gait: Sensitivity

@@ -97,7 +97,7 @@ def doubling_cascade(
     Args:
         walker: The walker, in a form that `as_walker` takes, or a map of `stride_map`.
         slope_min: A slope in rad where the period-one gait is followed from.
-        slope_max: Steepest slope looked at.
+        slope_max: Steepest slope searched, in rad.
         kind: Which gait.
         doublings: How many to locate; the last gait has period 2 ** (doublings - 1).
 

@@ -3,7 +3,7 @@
 A walker on rough ground falls sooner or later. Once it has forgotten how it began, each stride ends
 in a fall with the same small chance 1 - lambda. Here lambda is the leading eigenvalue of the
 return map with falls absorbing (Byl and Tedrake 2009, Metastable walking machines). It lasts
-1 / (1 - lambda) strides on average. That mean is estimated from a crowd that walks until it falls.
+1 / (1 - lambda) strides on average. That mean is estimated from a batch that walks until it falls.
 """
 
 from __future__ import annotations
@@ -125,7 +125,7 @@ def first_passage(
     settling: int = SETTLING,
     **options: Any,
 ) -> FirstPassage:
-    """How long walkers last on rough ground, from a crowd of them.
+    """How long walkers last on rough ground, from a batch of them.
 
     Args:
         who: As for `walks`.
@@ -142,7 +142,7 @@ def first_passage(
 
 
 def survivors(crowd: Iterator[int], walkers: int, strides: int) -> NDArray[np.int64]:
-    """How many of a crowd from `walks` are left: before any stride, and after each of them."""
+    """How many of a batch from `walks` are left: before any stride, and after each of them."""
     left = np.zeros(1 + strides, np.int64)
     left[0] = walkers
     with progress("strides on rough ground", strides) as taken:

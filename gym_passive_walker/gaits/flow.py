@@ -240,7 +240,7 @@ class Flow:
         walkers: The walkers.
         system: Which equations they obeyed.
         tangents: Along what tangents lead.
-        bodies: The walkers' constants with their tangents, as of `Walkers.bodies`.
+        bodies: The walkers' constants with their tangents, as in `Walkers.bodies`.
         records: Where they are, tangents behind the values, (n, 1 + k).
         began: Gives the records from which they came; None for strides after the first.
         on_section: Whether a stride began there.

@@ -84,7 +84,7 @@ def newton(
         new_values, new_derivatives, new_carried = _evaluated(equations, trial)
         new_sizes, old_sizes = _size(new_values), sizes[active]
         if damped:
-            # The step that would follow tells better than the equations, as their scales differ,
+            # The step that would follow shows better than the equations, as their scales differ,
             # whether a solution is nearer: the natural test.
             following = _size(solved(derivatives[active], -new_values))
             better = (new_sizes < old_sizes) | (np.isfinite(new_sizes) & (following < length))
@@ -120,7 +120,7 @@ def fixed_point(
             (n, k, k).
         guesses: (n, k).
         accuracy: Largest distance between a point and where the map leads.
-        damped: As of `newton`.
+        damped: As for `newton`.
     """
 
     def equations(points: NDArray) -> tuple[NDArray, NDArray]:

@@ -24,7 +24,7 @@ from gym_passive_walker.walkers import Mechanism, Walker
 SLOPE = "slope"
 
 _ACCURACY = 1e-14  # violation that is aimed at
-_STEP = 2.5e-4  # between places looked at: longest change of a coordinate, or of what is varied
+_STEP = 2.5e-4  # between places evaluated: longest change of a coordinate, or of what is varied
 _PLACES = np.array([-2.0, -1.0, 1.0, 2.0])
 _WEIGHTS = np.array([1.0, -8.0, 8.0, -1.0]) / 12.0
 

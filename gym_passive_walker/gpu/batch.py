@@ -66,10 +66,10 @@ class DeviceBatch:
 
     Args:
         count: How many walkers.
-        scene: As of `PassiveWalkerEnv`.
+        scene: As for `PassiveWalkerEnv`.
         step_limit: Steps after which an episode is truncated.
         seed: Of the first walker: any whole number below 2^64.
-        **changes: As of `PassiveWalkerEnv`.
+        **changes: As for `PassiveWalkerEnv`.
 
     Attributes:
         play: Actions, observations, rewards and endings, on the device; see `episodes.Play`.

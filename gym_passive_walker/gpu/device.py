@@ -20,8 +20,8 @@ BLOCK = 64
 """Threads of a block: a thread takes nearly all registers there may be, so blocks are small."""
 
 _MISSING = (
-    "this needs a CUDA device, and there is none here: walk on the processor (gpw.stride, "
-    "gym.make_vec), or set NUMBA_ENABLE_CUDASIM=1 before Python starts to have a device simulated"
+    "this needs a CUDA GPU, and there is none here: simulate on the CPU (gpw.stride, "
+    "gym.make_vec), or set NUMBA_ENABLE_CUDASIM=1 before Python starts to simulate a GPU"
 )
 
 

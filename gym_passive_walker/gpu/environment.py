@@ -23,16 +23,16 @@ with extra("train"):
 class PassiveWalkerGpuEnv:
     """A vector environment with torch tensors that simulates its walkers on a GPU.
 
-    A step moves nothing to the processor and waits for nothing: it only tells the device what to do
+    A step moves nothing to the CPU and waits for nothing: it only launches kernels on the GPU
     next. An episode that ends begins again in the same step. Walkers follow the rules of
     `PassiveWalkerVectorEnv`; their random numbers are others: functions of a walker's key.
 
     Args:
         num_envs: How many walkers.
-        scene: As of `PassiveWalkerEnv`.
+        scene: As for `PassiveWalkerEnv`.
         max_episode_steps: Steps after which an episode is truncated; -1 or None for never.
         seed: Of the first walker; the next have those that follow.
-        **changes: As of `PassiveWalkerEnv`.
+        **changes: As for `PassiveWalkerEnv`.
 
     Attributes:
         crowd: The walkers.
@@ -88,7 +88,7 @@ class PassiveWalkerGpuEnv:
 
         Returns:
             Observations (num_envs, seen); rewards, terminated and truncated (num_envs,); and what
-            the step tells, as of `PassiveWalkerTorchEnv`: also "final_obs", the observations
+            infos, as in `PassiveWalkerTorchEnv`: also "final_obs", the observations
             before other episodes began.
         """
         play = self._play

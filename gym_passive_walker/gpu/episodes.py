@@ -1,6 +1,6 @@
 """Episodes on a device: a step of one walker, its end, and how the next one begins.
 
-What is not here is what environments run on a processor, `task` and `fates`, each for a batch of
+What is not here is what environments run on a CPU, `task` and `fates`, each for a batch of
 one. What a walker meets is a function of its key and of how many episodes it has begun: so the same
 key walks the same walk in any company.
 """

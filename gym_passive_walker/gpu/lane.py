@@ -31,7 +31,7 @@ class Machinery:
     Args:
         system: Its name.
         pushed: Whether walkers are pushed.
-        watched: Whether ground and knees are looked at.
+        watched: Whether feasibility constraints are checked.
         rules: Users' own functions.
 
     Attributes:

@@ -1,6 +1,6 @@
 """Traced code as Python source over plain numbers, for compilers and simulators that read that.
 
-The operations are those that `engine.native` writes as machine code for processors, in the same
+The operations are those that `engine.native` writes as machine code for CPUs, in the same
 order, products fused with sums alike: an exact computation of them gives the same walk to the last
 bit. Memory is read and written by `gpu.primitives`.
 """

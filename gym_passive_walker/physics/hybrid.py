@@ -110,7 +110,7 @@ class Watch(IntEnum):
     BOUND = 1
     """It is positive while the phase lasts: a phase that would begin beyond it ends at once."""
     SCUFF = 2
-    """It counts only where scuffing is a rule; looked at from one step's end to the next."""
+    """It counts only where scuffing is a rule; checked from one step's end to the next."""
 
 
 class Guard(NamedTuple):
@@ -121,7 +121,7 @@ class Guard(NamedTuple):
         outcome: How the phase has ended then.
         watch: How closely to look.
         where: Functions of the same that are all positive where falling through zero counts.
-        between: At how many places within an integration step a strike's guard is looked at too:
+        between: At how many places within an integration step a strike's guard is checked too:
             it may fall and rise again within a step, the sooner the less linear in the angles.
     """
 

@@ -43,7 +43,7 @@ def weight_moment(back, up, gravity):
 
 
 def impulse(back, up, velocity_back, velocity_up):
-    """Generalised momentum of a leg with first moment (back, up) when it is translated."""
+    """Generalized momentum of a leg with first moment (back, up) when it is translated."""
     return velocity_back * up - velocity_up * back
 
 
@@ -327,7 +327,7 @@ _ON_SMOOTH_GROUND = {
 def on_smooth_ground(phase: Phase) -> Phase:
     """A phase on ground without steps: its guards fall where they do anywhere, and are linear.
 
-    So they seldom fall and rise again within a step, and are looked at at its ends alone.
+    So they seldom fall and rise again within a step, and are checked at its ends alone.
     """
     each = (_ON_SMOOTH_GROUND.get(guard, (guard,)) for guard in phase.guards)
     guards = (guard._replace(between=0) for guards in each for guard in guards)

@@ -102,13 +102,13 @@ class Network:
                 np.asarray(tensors[f"normalizer.obs_rms.{name}"]) for name in ("mean", "var")
             )
             if mean_seen.shape != (self._size,) or variance.shape != (self._size,):
-                raise ValueError("its normaliser is of other observations")
+                raise ValueError("its normalizer is of other observations")
             if not isinstance(normalizer, Mapping):
                 raise ValueError(f"normalizer must have epsilon and clip, not {shown(normalizer)}")
             epsilon = number(normalizer["epsilon"], "epsilon", least=0.0)
             clip = number(normalizer["clip"], "clip", above=0.0, most=math.inf)
             if not np.all(variance + epsilon > 0.0):
-                raise ValueError("its normaliser's variances must be above 0")
+                raise ValueError("its normalizer's variances must be above 0")
             self._moments = mean_seen, np.sqrt(variance + epsilon), clip
         self.random = np.random.default_rng()
 

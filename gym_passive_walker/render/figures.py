@@ -208,7 +208,7 @@ _STABLE = (
 _LAB_SAYS = (
     "of the gaits of the laboratory's walker over slope, with its knees free and locked. "
     + _STABLE
-    + " Hollow squares: gaits whose stance leg stops for an instant in mid-stride."
+    + " Hollow squares: gaits with a stance leg that stops for an instant in mid-stride."
 )
 _TUNED_SAYS = (
     "of the walkers A to E, tuned so that they can walk at vanishing slope, over slope, on linear "

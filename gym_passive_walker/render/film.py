@@ -37,7 +37,7 @@ def film_path(path: str | Path) -> Path:
     """
     path = Path(path)
     if path.suffix not in _KINDS:
-        raise ValueError(f"a film's name must end in {' or '.join(_KINDS)}, not {path}")
+        raise ValueError(f"a video's name must end in {' or '.join(_KINDS)}, not {path}")
     return prepare(path)
 
 
@@ -91,7 +91,7 @@ class Film:
             process = self._writer.proc
             self._writer.close()
             if process is not None and process.returncode:
-                raise OSError(None, "the film could not be written; is the disk full?")
+                raise OSError(None, "the video could not be written; is the disk full?")
 
     def __enter__(self) -> Self:
         return self

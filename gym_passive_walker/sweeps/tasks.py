@@ -308,7 +308,7 @@ def flat(found: Any) -> Row:
     for name, value in (found if isinstance(found, Mapping) else {"value": found}).items():
         value = value.item() if isinstance(value, np.generic | np.ndarray) else value
         if not isinstance(value, bool | int | float | str):
-            raise TypeError(f"{name} must be a number, a word or a truth, not {value!r}")
+            raise TypeError(f"{name} must be a number, a string or a boolean, not {value!r}")
         if isinstance(value, int) and not -(2**63) <= value < 2**63:
             raise TypeError(f"{name} must fit into 64 bits, and {value} does not")
         row[str(name)] = value

@@ -362,7 +362,7 @@ def as_tensor(value: Any, name: str) -> Tensor:
             "policies compute in float64 (policy.double())"
         )
     if value.device.type != "cpu":
-        raise TypeError(f"walkers walk on the processor, and {name} is on {value.device}: move it")
+        raise TypeError(f"{name} is on {value.device}: move it to the CPU, as walkers are there")
     return value
 
 

@@ -30,6 +30,9 @@ def play(
 ) -> None:
     """Show a walker in an interactive window with pushes and changes of its parameters.
 
+    The ground is smooth. A scene is no argument: pass its walker and slope, or a policy, which has
+    the walker, the mean slope and the actuators of its own scene, without terrain and disturbances.
+
     The engine computes the motion as exactly as elsewhere; a change takes effect in the next frame.
     The window requires the extra "render", and a display unless SDL_VIDEODRIVER=dummy.
 
@@ -46,8 +49,8 @@ def play(
     Raises:
         ValueError: if an argument is out of its range; subclasses say which (`WalkerError`,
             `SceneError`, `PolicyError`).
-        ImportError: if pygame is not installed, or moviepy for a film.
-        OSError: if the machine has no display, or the film or picture cannot be written.
+        ImportError: if pygame is not installed, or moviepy for a video.
+        OSError: if the machine has no display, or the video or picture cannot be written.
     """
     pygame = load_pygame()
     from gym_passive_walker.viewer.player import FPS, SIZE, Player, gentle_slope

@@ -105,7 +105,7 @@ class LiveWalk:
         self.begin(setup, start)
 
     def begin(self, setup: Setup, start: ArrayLike | None = None) -> None:
-        """Begin again with a setup; an error, as of the class, leaves the walk as it is."""
+        """Begin again with a setup; an error, as in the class, leaves the walk as it is."""
         walker, strides = setup.walker, setup.stride_map()
         if start is None:
             state = gait_near(walker, setup.slope)

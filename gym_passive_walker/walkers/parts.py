@@ -11,13 +11,14 @@ from gym_passive_walker.walkers.walker import Walker, WalkerError
 
 
 class Part(NamedTuple):
-    """A rigid piece of a leg segment.
+    """A rigid piece of a leg segment, in any consistent set of units.
 
     Attributes:
-        mass: its mass.
-        com: its centre of mass, down the segment from the upper joint.
-        offset: its centre of mass, backwards across the segment.
-        inertia: its moment of inertia about its own centre of mass.
+        mass: Its mass.
+        com: Distance of its centre of mass from the upper joint, down the segment.
+        offset: Distance of its centre of mass from the segment's line: positive backwards (uphill)
+            in a thigh, positive forwards (downhill) in a shank; see `assemble`.
+        inertia: Its moment of inertia about its own centre of mass.
     """
 
     mass: float
@@ -67,16 +68,25 @@ def assemble(
     """Build a walker from the measured pieces of its legs (appendix 4.10.1).
 
     Args:
-        thigh: Parts of one thigh, measured from the hip along the thigh.
+        thigh: Parts of one thigh, measured from the hip along the thigh: `com` down it, `offset`
+            **backwards** across it, as `Walker.thigh_offset`.
         shank: Parts of one shank, measured from the knee along the *straight* leg, that is along
-            the thigh's direction: `com` down it, `offset` **forward** of it, as on a workbench.
-        thigh_length: l_t.
+            the thigh's direction: `com` down it, `offset` **forwards** across it, as on a
+            workbench. `Walker.shank_offset` is positive backwards.
+        thigh_length: l_t, hip to knee.
         shank_length: l_s, knee to the bottom of the foot through the foot's centre.
-        foot_radius: R.
+        foot_radius: R, of the circular foot.
         knee_angle: Angle in rad between the thigh's line and the line knee-foot centre, straight.
         hip_mass: Point mass at the hip, for both legs together.
         knees: Whether the knees bend.
         gravity: g.
+
+    Returns:
+        The walker; lengths, masses and `gravity` have the units of the arguments.
+
+    Raises:
+        WalkerError: if the parts have no mass, or the walker is impossible.
+        ValueError: if a length or an angle is not a finite number.
     """
     thigh_length, shank_length = (
         number(thigh_length, "thigh_length"),

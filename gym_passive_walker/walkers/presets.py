@@ -1,4 +1,4 @@
-"""The walkers of the source document, and the forms in which a walker may be given."""
+"""The walkers of Garcia (1999), chapter 4, and the forms in which a walker may be given."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ WALKERS: dict[str, Walker] = {
     "lab": _LAB,
     "lab-straight": replace(_LAB, knees=False),
 }
-"""The walkers of the source document: A to E of Table 4.1, F of Fig. 4.5, and the laboratory's
+"""The walkers of Garcia (1999), chapter 4: A to E of Table 4.1, F of Fig. 4.5, and the laboratory's
 walker of Fig. 4.3 with its knees free and locked."""
 
 ABOUT: dict[str, str] = {

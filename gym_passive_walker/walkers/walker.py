@@ -84,7 +84,7 @@ class Walker(Shown):
     def __new__(cls, **parameters: Any) -> Walker:
         """Refuse what no walker has, before `__init__` does so in Python's words."""
         known = cls.__dataclass_fields__
-        if not parameters.keys() <= known.keys():  # seldom, and walkers are made in crowds
+        if not parameters.keys() <= known.keys():  # seldom, and walkers are made by the thousand
             raise WalkerError(unknown(parameters, tuple(known), "a walker"))
         return super().__new__(cls)
 

@@ -36,6 +36,12 @@ NEEDS = {
 """Libraries of extras, by a word in the recipes that need them."""
 
 
+def test_each_recipe_is_in_the_list_of_goals():
+    head, *sections = re.split(r"^## (.+)$", (DOCS / "docs" / "howto.md").read_text(), flags=re.M)
+    anchors = [re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in sections[::2]]
+    assert [anchor for anchor in anchors if f"(#{anchor})" not in head] == []
+
+
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # torchrl warns of what it uses itself
 @pytest.mark.parametrize("recipe", RECIPES)
 def test_a_recipe_runs_by_itself(recipe, monkeypatch, tmp_path, capsys):

@@ -65,3 +65,16 @@ def test_words_and_long_sentences_are_found(text, said, tmp_path, monkeypatch):
     page.write_text(text, encoding="utf-8")
     found = list(words.faults(page))
     assert (said in found[0]) if said else not found, found
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["x = 1  # told by the caller", 'raise ValueError(f"{x} is told")', '"""It is told."""'],
+    ids=["comment", "message", "docstring"],
+)
+def test_words_of_comments_messages_and_docstrings_are_found(text, tmp_path, monkeypatch):
+    monkeypatch.setattr(words, "ROOT", tmp_path)
+    module = tmp_path / "module.py"
+    module.write_text(text, encoding="utf-8")
+    (found,) = words.faults(module)
+    assert "'told'" in found

@@ -51,7 +51,7 @@ def test_without_a_device_one_sentence_says_so():
     pretended = "import sys, types; sys.modules['numba_cuda'] = types.ModuleType('numba_cuda'); "
     installed = "" if find_spec("numba_cuda") else pretended
     code = installed + "from gym_passive_walker.gpu import DeviceBatch; DeviceBatch(2)"
-    assert "this needs a CUDA device, and there is none here" in run("-c", code, code=1)
+    assert "this needs a CUDA GPU, and there is none here" in run("-c", code, code=1)
 
 
 @pytest.mark.skipif(find_spec("numba_cuda") is not None, reason="the extra is installed")

@@ -1,5 +1,8 @@
 """Tensors that are the device's own: what learners see of a crowd."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -40,6 +43,16 @@ def test_the_environments_tensors_tell_what_the_crowd_holds():
             np.testing.assert_array_equal(infos[name].numpy(), crowd.walkers.told[name])
         endings += int((terminated | truncated).sum())
     assert endings >= 4
+
+
+def test_the_code_on_the_page_runs():
+    page = Path(__file__).parents[2] / "docs" / "gpu.md"
+    (code,) = re.findall(r"```py\n(.*?)```", page.read_text(encoding="utf-8"), re.S)
+    names: dict = {}
+    exec(compile(code.replace("65_536", "2"), page.name, "exec"), names)
+    assert names["observations"].shape == (2, 8)
+    expected = names["gpw"].stride("C", 0.036, names["states"])
+    np.testing.assert_array_equal(names["result"].state, expected.state)
 
 
 def test_what_a_step_has_told_stays_told():

@@ -1,4 +1,4 @@
-"""The validation page: every row is judged, and the page in the repository is the one computed."""
+"""The validation pages: every row is judged, and the repository's pages are those computed."""
 
 import re
 from pathlib import Path
@@ -7,10 +7,11 @@ import pytest
 
 from validation import page
 from validation.__main__ import main
-from validation.page import SECTIONS, Section, compute, render
-from validation.rows import claim, number
+from validation.page import PAGES, Page, Section, compute, render, sections
+from validation.rows import Row, claim, number
 
 PAGE = Path(__file__).parents[2] / "docs" / "validation.md"
+FILES = [PAGE, *(PAGE.with_stem(f"validation-{name}") for name in PAGES)]
 
 
 def tables(text):
@@ -26,7 +27,7 @@ def tables(text):
 
 @pytest.fixture(scope="module")
 def committed():
-    return tables(PAGE.read_text(encoding="utf-8"))
+    return tables("".join(file.read_text(encoding="utf-8") for file in FILES))
 
 
 def statements(rows):
@@ -34,8 +35,27 @@ def statements(rows):
     return [(row[0], row[1], row[2], row[5]) for row in rows]
 
 
-def test_the_page_has_every_section_in_order(committed):
-    titles = [section.title for section in SECTIONS]
+def test_the_pages_are_rendered_from_their_rows(committed):
+    rows = {
+        section.title: [
+            Row(
+                *(cell.replace("\\|", "|") for cell in (*cells[:5],)),
+                cells[5] == "yes",
+                True,
+                cells[6],
+            )
+            for cells in committed[section.title][2:]
+        ]
+        for section in sections()
+    }
+    rendered = render(rows, PAGE)
+    assert [*rendered] == FILES
+    for file, text in rendered.items():
+        assert text == file.read_text(encoding="utf-8"), file
+
+
+def test_the_pages_have_every_section_in_order(committed):
+    titles = [section.title for section in sections()]
     assert [title for title in committed if title in titles] == titles
     for title in titles:
         assert committed[title][0] == list(page._COLUMNS)
@@ -45,17 +65,23 @@ def test_the_page_has_every_section_in_order(committed):
 
 def test_every_disagreement_is_listed_with_its_reason(committed):
     listed = committed["Where print and computation differ"][2:]
-    rows = [row for section in SECTIONS for row in committed[section.title][2:]]
+    rows = [row for section in sections() for row in committed[section.title][2:]]
     apart = [row for row in rows if row[5] != "yes"]
     assert [row[:4] for row in listed] == [row[:4] for row in apart]
     assert all(len(row[-1]) > 20 for row in listed)
     assert f"{len(rows)} statements" in PAGE.read_text(encoding="utf-8")
 
 
-def test_a_page_reads_as_it_was_written():
+def test_a_page_reads_as_it_was_written(monkeypatch):
     met = number("4.4 | a slope | 0.015", 0.0150884, digits=6)
     not_met = claim("4.7 | |x| | all", "none", False, expected=False, remark="It is so.")
-    found = tables(render({"One": [met], "Two": [not_met]}))
+    one, two = Section("One", list), Section("Two", list)
+    monkeypatch.setattr(
+        page, "PAGES", {"numbers": Page("One", (one,)), "words": Page("Two", (two,))}
+    )
+    pages = render({"One": [met], "Two": [not_met]}, "page.md")
+    assert [*map(str, pages)] == ["page.md", "page-numbers.md", "page-words.md"]
+    found = tables("".join(pages.values()))
     cells = ["4.4", "a slope", "0.015", "0.0150884", "+8.8e-05 (±0.0005)", "yes", ""]
     assert found["One"][2] == cells
     assert found["Two"][2] == ["4.7", "|x|", "all", "none", "", "**no**", "It is so."]
@@ -89,13 +115,13 @@ def test_the_command_writes_the_page_and_fails_if_a_row_is_not_as_known(
     good = Section("Good", lambda: [number("4.4 | x | 1", 1.0)])
     bad = Section("Bad", lambda: [number("4.4 | y | 1", 2.0)])
     path = tmp_path / "page.md"
-    monkeypatch.setattr(page, "SECTIONS", (good,))
+    monkeypatch.setattr(page, "PAGES", {"good": Page("Good", (good,))})
     assert main(["--out", str(path)]) == 0
     assert "1 of 1  Good" in capsys.readouterr().out
-    monkeypatch.setattr(page, "SECTIONS", (good, bad))
+    monkeypatch.setattr(page, "PAGES", {"all": Page("All", (good, bad))})
     assert main(["--out", str(path)]) == 1
     assert "not as known: 4.4, y: 2" in capsys.readouterr().err
-    assert list(tables(path.read_text(encoding="utf-8")))[1:3] == ["Good", "Bad"]
+    assert list(tables((tmp_path / "page-all.md").read_text(encoding="utf-8"))) == ["Good", "Bad"]
 
 
 @pytest.mark.slow
@@ -105,6 +131,6 @@ def test_the_whole_page_is_as_it_is_known_to_be(committed):
     assert unsound == []
     for row in (row for rows in computed.values() for row in rows):
         assert row.agrees or row.remark, f"{row.what}: say why print and computation differ"
-    fresh = tables(render(computed))
-    for section in SECTIONS:
+    fresh = tables("".join(render(computed).values()))
+    for section in sections():
         assert statements(fresh[section.title]) == statements(committed[section.title])

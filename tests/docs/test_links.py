@@ -1,0 +1,74 @@
+"""Links of the documentation lead somewhere, and its pages are near the first one."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+PAGES = [
+    *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")),
+    ROOT / "benchmarks" / "README.md",
+    *sorted(DOCS.glob("*.md")),
+    *sorted((DOCS / "notebooks").glob("*.md")),
+]
+LONGEST = 3000
+"""Words of a page, tables that commands write left out."""
+
+WRITTEN = ("environment.md", "names.md")
+"""Pages that are made from docstrings."""
+
+
+def plain(page):
+    """A page's text without its code."""
+    return re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.S | re.M)
+
+
+def anchors(page):
+    """Anchors of a page's headings, as the repository's site and Sphinx make them."""
+    for heading in re.findall(r"^#+ (.+)$", plain(page), re.M):
+        yield re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", "-")
+
+
+def targets(page):
+    """Paths and anchors of the links to the repository's own files."""
+    for link in re.findall(r"\]\(([^)\s]+)\)", plain(page)):
+        if not re.match(r"https?:", link):
+            name, _, anchor = link.partition("#")
+            yield link, (page.parent / name).resolve() if name else page, anchor
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_each_link_leads_to_a_file_and_to_a_heading(page):
+    for link, target, anchor in targets(page):
+        assert target.exists(), link
+        assert not anchor or anchor in anchors(target), link
+        if DOCS in page.parents and target.suffix == ".md":
+            assert DOCS in target.parents, f"{link}: Sphinx takes it for a page of the site"
+
+
+def test_each_page_is_two_links_from_the_first_at_most():
+    near = {DOCS / "index.md"}
+    for _ in range(2):
+        near |= {target for page in near if page.suffix == ".md" for _, target, _ in targets(page)}
+    assert [page for page in PAGES if DOCS in page.parents and page not in near] == []
+
+
+def test_each_page_is_in_one_table_of_contents():
+    listed = ["index"]
+    for page in PAGES:
+        for tree in re.findall(r"^```{toctree}\n(.*?)^```", page.read_text("utf-8"), re.S | re.M):
+            for name in tree.split("\n\n")[-1].split():
+                listed += [
+                    x.relative_to(DOCS).with_suffix("").as_posix() for x in DOCS.glob(f"{name}.md")
+                ]
+    pages = [page.relative_to(DOCS).with_suffix("") for page in PAGES if DOCS in page.parents]
+    assert sorted(listed) == sorted(page.as_posix() for page in pages)
+
+
+def test_no_page_is_longer_than_a_reader_wants():
+    for page in set(DOCS.glob("*.md")) - {DOCS / name for name in WRITTEN}:
+        text = page.read_text(encoding="utf-8")
+        text = re.sub(r"<!-- (.+?) -->\n.*?<!-- end of \1 -->", "", text, flags=re.S)
+        assert len(text.split()) <= LONGEST, page.name
