@@ -86,11 +86,9 @@ class Config:
                 whole(getattr(self, name), name)
             if self.episode_steps is not None:
                 whole(self.episode_steps, "episode_steps")
-            whole(self.seed, "seed", least=0)
+            whole(self.seed, "seed", 0, 2**31 - 1)
         except ValueError as error:
             raise ConfigError(str(error)) from None
-        if self.seed >= 2**31:
-            raise ConfigError(f"seed must be below {2**31}, not {self.seed}")
         for name in ("algo", "scene"):
             if not isinstance(getattr(self, name), str):
                 raise ConfigError(f"{name} must be the name of one, not {getattr(self, name)!r}")

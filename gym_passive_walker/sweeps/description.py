@@ -72,8 +72,7 @@ class Description:
             raise ValueError(f"{', '.join(both)} cannot both change and be given")
         if taken := {*self.over, *self.given} & {*RESERVED} - {"seed"}:
             raise ValueError(f"{', '.join(sorted(taken))} is a column of every sweep's: rename it")
-        if whole(self.seed, "seed", 0) >= 2**63:
-            raise ValueError(f"seed must be a whole number below 2^63, not {self.seed!r}")
+        whole(self.seed, "seed", 0, 2**63 - 1)
         if self.time_out is not None:
             number(self.time_out, "time_out", above=0.0)
         if (self.how in _SAMPLERS) != (self.samples is not None):

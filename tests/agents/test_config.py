@@ -164,3 +164,9 @@ def test_presets_explore_where_ticks_are_many():
     assert configure("ppo", "steep").exploration is None
     assert configure("sac", "level").exploration["highest"] == 1.0
     assert configure("sac", "steep").exploration is None
+
+
+def test_seeds_reach_up_to_those_of_the_libraries():
+    assert configure(seed=2**31 - 1).seed == 2**31 - 1
+    with pytest.raises(ConfigError, match=rf"seed must be a whole number from 0 to {2**31 - 1}"):
+        configure(seed=2**31)

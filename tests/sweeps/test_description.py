@@ -197,3 +197,10 @@ def test_what_is_said_besides_a_description_replaces_what_it_says(tmp_path):
         found = _described(description, {"over": {"slope": [0.04]}})
         assert [each["slope"] for each in found.tasks] == [0.04]
         assert found.given == {"walker": "lab"}
+
+
+def test_the_seed_of_a_sweep_has_63_bits():
+    given = {"analysis": "gait", "over": {"slope": [0.01]}}
+    assert Description(**given, seed=2**63 - 1).seed == 2**63 - 1
+    with pytest.raises(ValueError, match=rf"seed must be a whole number from 0 to {2**63 - 1}"):
+        Description(**given, seed=2**63)
