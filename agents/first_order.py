@@ -32,7 +32,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 from torch import Tensor, nn
 
-from gym_passive_walker.evaluation.tape import Linear, Tape
+from gym_passive_walker.evaluation.linearization import Linear, StepRecorder
 
 _STATE = slice(0, 6)  # the state within an observation
 _LISTENING = 10
@@ -51,7 +51,7 @@ class Taped(VecEnvWrapper):
     """Environments that record their steps and the results, for differentiation.
 
     Attributes:
-        tape: The recorded steps.
+        recorder: The recorded steps.
         seen: Observations after each step, before a reset; one array (n, 8) for each step.
         ended: Whether the episode ended with the step; one boolean array (n,) for each step.
         fell: Whether it ended by a fall, with no later rewards; a boolean array (n,) for each step.
@@ -59,12 +59,12 @@ class Taped(VecEnvWrapper):
 
     def __init__(self, venv: VecEnv) -> None:
         super().__init__(venv)
-        self.tape = Tape(venv.unwrapped)
+        self.recorder = StepRecorder(venv.unwrapped)
         self.clear()
 
     def clear(self) -> None:
         """Delete all recorded steps."""
-        self.tape.clear()
+        self.recorder.clear()
         self.seen: list[NDArray] = []
         self.ended: list[NDArray] = []
         self.fell: list[NDArray] = []
@@ -75,7 +75,7 @@ class Taped(VecEnvWrapper):
 
     def step_async(self, actions: NDArray) -> None:
         """Record a step, and start it."""
-        self.tape.note(actions)
+        self.recorder.record(actions)
         self.venv.step_async(actions)
 
     def step_wait(self) -> VecEnvStepReturn:
@@ -248,7 +248,7 @@ class SHAC(OnPolicyAlgorithm):
         critic = _by_state(self.value, np.stack(env.seen)) / spread
         critic[np.stack(env.fell)] = 0.0
         gains, costates = backwards(
-            env.tape.linearize(), policy, critic, np.stack(env.ended),
+            env.recorder.linearize(), policy, critic, np.stack(env.ended),
             gamma=self.gamma, gae_lambda=self.gae_lambda,
         )  # fmt: skip
         # An action beyond its bounds is moved back towards them, but not further away.

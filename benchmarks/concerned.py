@@ -15,7 +15,7 @@ CHANGED = {
     **{
         f"engine/{name}": _MACHINERY
         for name in ("expressions", "sines", "native", "runge_kutta", "verner", "layout",
-                     "equations", "step", "one_lane", "compiled", "landing", "lanes", "run")
+                     "equations", "step", "one_lane", "compiled", "event_location", "lanes", "run")
     },
     **{
         f"walkers/{name}": ["tests/test_walkers.py", *_MECHANICS]
@@ -52,7 +52,7 @@ _CONCERNING = {
     "envs/batch": "crowds changes vector_env starts walker_env task custom",
     "envs/checks": "scene",
     "envs/disturbances": "disturbances constraints terrain",
-    "envs/fates": "disturbances constraints terrain",
+    "envs/disturbance_kernels": "disturbances constraints terrain",
     "envs/infos": "infos",
     "envs/constraints": "constraints disturbances",
     "envs/sb3": "sb3 crowds",
@@ -65,7 +65,7 @@ _CONCERNING = {
     "envs/walker_env": "crowds walker_env",
     "evaluation/robustness": "robustness",
     "evaluation/steps": "steps baselines benchmark",
-    "evaluation/tape": "tape",
+    "evaluation/linearization": "linearization",
     "evaluation/walks": "agents/evaluation",
     "examples/once_a_stride": "once_a_stride",
     "examples/potential_shaping": "potential_shaping",
@@ -110,7 +110,7 @@ _BESIDES = {
     "agents/first_order": "reference first_order",
     "agents/ppo_fast": "reference ppo_fast",
     "cli/sweeps": "sweeps/options",
-    "envs/fates": "streams",
+    "envs/disturbance_kernels": "streams",
     "gaits/terrain": "envs/streams",
 }
 _EVERYWHERE = "permutations streams"

@@ -1,7 +1,7 @@
 """Equivalent mutants, with the reason: they change no result, or only the run time."""
 
 EQUIVALENT: dict[str, str] = {
-    "engine/landing.root: low + high -> low - high": (
+    "engine/event_location.root: low + high -> low - high": (
         "leaves the bracket where the slope is exactly 0; the next line then takes its middle"
     ),
     "engine/step.module: STRETCH = 1.1 -> STRETCH = 1.1110000000000002": (

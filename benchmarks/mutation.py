@@ -39,11 +39,13 @@ PAGE = DOCS / "mutation.md"
 PATIENCE = 300.0  # seconds after which a mutant that still runs counts as detected
 LIBRARIES = ("numba", "scipy.optimize", "scipy.linalg", "gymnasium", "torch", "stable_baselines3")
 """Libraries that tests import and mutants do not change."""
-_FATES, _TICKS = ("fates.*", "*-pushed-*", "*-watched-*"), ("ticks.*",)
+_DISTURBED, _TICKS = ("disturbance_kernels.*", "*-pushed-*", "*-watched-*"), ("ticks.*",)
 WITHIN = {
-    **dict.fromkeys(("envs/checks", "envs/constraints", "gaits/forces", "gaits/terrain"), _FATES),
+    **dict.fromkeys(
+        ("envs/checks", "envs/constraints", "gaits/forces", "gaits/terrain"), _DISTURBED
+    ),
     "envs/starts": _TICKS,
-    "envs/task": _FATES + _TICKS,
+    "envs/task": _DISTURBED + _TICKS,
     "envs/transitions": _TICKS,
 }
 """Patterns of compiled code, besides a file's own, that depends on the file."""

@@ -213,20 +213,20 @@ def instance(value: Any, kind: type[_T], name: str, source: str) -> _T:
     return value
 
 
-def unknown(names: Iterable[Any], known: Sequence[str], who: str) -> str | None:
+def unknown(names: Iterable[Any], known: Sequence[str], owner: str) -> str | None:
     """Return a message on unknown names, with similar known ones; None if all are known.
 
     Args:
         names: The names to check.
         known: All known names.
-        who: Subject of the message, such as "a walker".
+        owner: Subject of the message, such as "a walker".
     """
     strange = [str(name) for name in names if name not in known]
     if not strange:
         return None
     near = {name: get_close_matches(name[:100], known, 1) for name in strange}
     said = [f"{name} ({close[0]}?)" if close else cut(name) for name, close in near.items()]
-    return f"{who} has no {', '.join(said)}; it has {', '.join(known)}"
+    return f"{owner} has no {', '.join(said)}; it has {', '.join(known)}"
 
 
 def gait_kind(kind: Any) -> Any:

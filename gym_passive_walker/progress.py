@@ -88,7 +88,7 @@ def show() -> None:
     _LINE.show()
 
 
-def hush() -> None:
+def disable_progress() -> None:
     """Disable progress bars in this process; its terminal belongs to another process."""
     _LINE.hushed = True
 

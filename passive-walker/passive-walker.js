@@ -854,8 +854,8 @@ export class PassiveWalker {
       throw new SceneError(`impulse must be a number from -10 to 10, not ${shown(impulse)}`);
     }
     if (this.over || impulse === 0) return;
-    this.#block.set("fate.known", impulse);
-    this.#block.set("fate.due", this.time);
+    this.#block.set("disturbance.known", impulse);
+    this.#block.set("disturbance.due", this.time);
   }
 
   /**
@@ -876,8 +876,8 @@ export class PassiveWalker {
     const slower = before / this.timeUnit;
     for (let i = 3; i < 6; i++) block.set("record.state", block.get("record.state", i) / slower, i);
     for (const name of ["time", "step", "knee_time"]) block.set(`record.${name}`, block.get(`record.${name}`) * slower);
-    if (block.get("ledger.slope") !== next.slope + block.get("fate.tilt")) this.#lean(next.slope);
-    this.#origin = contact - (block.get("fate.x") * this.legLength) - this.#rolled();
+    if (block.get("ledger.slope") !== next.slope + block.get("disturbance.tilt")) this.#lean(next.slope);
+    this.#origin = contact - (block.get("disturbance.x") * this.legLength) - this.#rolled();
     if (length !== this.legLength) this.#trace = [];
   }
 
@@ -888,14 +888,14 @@ export class PassiveWalker {
   /** Continues on another slope. */
   #lean(slope) {
     const block = this.#block, kept = block.bytes.slice(block.base, block.table);
-    block.set("slopes", slope + block.get("fate.tilt"));
+    block.set("slopes", slope + block.get("disturbance.tilt"));
     block.set("odds.uneven", 0);
     block.run(BEGIN);
     const ground = [block.get("record.ground", 0), block.get("record.ground", 1)];
     block.bytes.set(kept, block.base);
     ground.forEach((x, i) => block.set("record.ground", x, i));
-    block.set("ledger.slope", slope + block.get("fate.tilt"));
-    block.set("fate.slope", slope);
+    block.set("ledger.slope", slope + block.get("disturbance.tilt"));
+    block.set("disturbance.slope", slope);
   }
 
   #rolled() {
@@ -911,13 +911,13 @@ export class PassiveWalker {
     if (this.scene.terrain === null && strides && this.#trace.length) {
       this.#origin += block.get("ledger.step_length") * this.legLength;
     }
-    this.#trace.push({ strides, x: this.#origin + block.get("fate.x") * this.legLength, y: block.get("fate.y") * this.legLength });
+    this.#trace.push({ strides, x: this.#origin + block.get("disturbance.x") * this.legLength, y: block.get("disturbance.y") * this.legLength });
     if (this.#trace.length > 12) this.#trace.shift();
   }
 
   /** Position of the contact point along the slope, in the walker's units of length. */
   get contact() {
-    return this.#origin + this.#block.get("fate.x") * this.legLength + this.#rolled();
+    return this.#origin + this.#block.get("disturbance.x") * this.legLength + this.#rolled();
   }
 
   /** Contact points at which the last strides began, in the walker's units of length. */
@@ -929,9 +929,9 @@ export class PassiveWalker {
   #here() {
     const block = this.#block, l = this.legLength;
     return {
-      x: this.#origin + block.get("fate.x") * l,
-      y: block.get("fate.y") * l,
-      tilt: block.get("fate.tilt"),
+      x: this.#origin + block.get("disturbance.x") * l,
+      y: block.get("disturbance.y") * l,
+      tilt: block.get("disturbance.tilt"),
       start: block.get("record.start"),
       strides: this.strides,
     };
@@ -972,7 +972,7 @@ export class PassiveWalker {
    */
   within(share) {
     const block = this.#block;
-    if (share >= 1 || !(this.duration > 0) || block.get("fate.impulse") !== 0) return this.frame();
+    if (share >= 1 || !(this.duration > 0) || block.get("disturbance.impulse") !== 0) return this.frame();
     const kept = block.bytes.slice(block.base, block.table);
     try {
       const names = ["record.control", "record.control", "record.push_off"];

@@ -122,7 +122,7 @@ def test_a_bar_says_how_it_goes_and_none_where_the_terminal_is_anothers(terminal
     assert any("1/4, 3/s, 1 failed, " in text for text in pictures(terminal))
     before = terminal.getvalue()
     monkeypatch.setattr(module._LINE, "hushed", False)
-    module.hush()
+    module.disable_progress()
     with progress("tasks", 4) as advance:
         advance()
     assert terminal.getvalue() == before

@@ -141,12 +141,14 @@ def evaluate(command: ArgumentParser) -> Callable[[Namespace], Report]:
         policy, scene = acting(name, arguments.scene, **changes)
         arena = gym.make_vec(ID, num_envs=episodes, scene=scene)
         agents = {name: policy, "without a motor": Passive()}
-        walks = {who: evaluated(agent, arena, seed=arguments.seed) for who, agent in agents.items()}
+        walks = {
+            label: evaluated(agent, arena, seed=arguments.seed) for label, agent in agents.items()
+        }
         slope = " to ".join(f"{bound:g}" for bound in np.atleast_1d(scene.slope))
         title = f"{name}, {describe(scene.walker)}, slope {slope} rad; {episodes} episodes"
         return Report(
             compared(title, walks),
-            [row for who, done in walks.items() for row in done.rows(who, digits=None)],
+            [row for label, done in walks.items() for row in done.rows(label, digits=None)],
         )
 
     return run

@@ -501,7 +501,7 @@ def before_kneestrike(
     by = ("state", *INPUTS[:motors], "end")
     verge = go_on(walkers, records, by, on_section=steps.numbers[now] == 0)
     value, by_state, by_held, by_end = np.split(
-        verge.told(State._fields)[0], np.cumsum([1, _STATE, motors]), axis=1
+        verge.rows(State._fields)[0], np.cumsum([1, _STATE, motors]), axis=1
     )
     change = by_state @ steps.change[now] + by_held @ steps.held[now, :motors, 1:]
     return value[:, 0], change + (1.0 - _VERGE) * by_end @ walked.by[-1:]

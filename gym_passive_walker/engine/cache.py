@@ -17,7 +17,14 @@ from functools import cache
 from pathlib import Path
 
 _ROOT = Path(__file__).parent.parent
-_SOURCES = ("physics/*", "engine/*", "envs/task", "envs/fates", "envs/constraints", "envs/checks")
+_SOURCES = (
+    "physics/*",
+    "engine/*",
+    "envs/task",
+    "envs/disturbance_kernels",
+    "envs/constraints",
+    "envs/checks",
+)
 _SOURCES += (
     "envs/starts",
     "envs/ticks",

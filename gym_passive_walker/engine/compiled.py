@@ -34,7 +34,7 @@ from gym_passive_walker.physics.numbers import sine_cosine
 from gym_passive_walker.physics.systems import SYSTEMS
 from gym_passive_walker.progress import compiling
 
-OF_LANE = ("equip", "load", "move", "unload", "look", "accept", "onto")
+OF_LANE = ("load_constants", "load", "move", "unload", "look", "accept", "onto")
 OF_LANES = ("first", "sweep")
 
 PHASE = np.dtype(

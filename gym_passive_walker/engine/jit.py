@@ -22,7 +22,7 @@ from numba.extending import intrinsic, typeof_impl
 from numba.np.arrayobj import populate_array
 
 from gym_passive_walker.engine import cache
-from gym_passive_walker.engine.announced import announce
+from gym_passive_walker.engine.compile_notice import announce
 
 if config.DISABLE_JIT:  # type: ignore[attr-defined]
     raise ImportError(

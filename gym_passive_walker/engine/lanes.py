@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from gym_passive_walker.engine.event_location import LOST, TIME_UP, process_events
 from gym_passive_walker.engine.jit import address, call, inlined, jitted
-from gym_passive_walker.engine.landing import LOST, TIME_UP, attend
 from gym_passive_walker.engine.layout import WIDTH
 from gym_passive_walker.engine.native import GROUP
 from gym_passive_walker.engine.step import ALERT, PLAIN, UP
@@ -27,14 +27,14 @@ not change."""
 
 @inlined
 def came(tiles, courses, phase, lane, options):
-    """Return the result of a lane's step, as `landing.attend` does.
+    """Return the result of a lane's step, as `event_location.process_events` does.
 
     Returns:
         The event that ends the phase; TIME_UP, LOST or GIVEN_UP; 0 to go on.
     """
     verdict = tiles[0].verdict[lane]
     if verdict == ALERT:
-        return attend(tiles, courses, phase, lane, options)
+        return process_events(tiles, courses, phase, lane, options)
     return TIME_UP if verdict == UP else 0
 
 
@@ -97,7 +97,7 @@ def carry(records, bodies, phase, number, tiles, courses, options):
                 i = queue[called]
                 if not alike or lane >= equipped:
                     body = address(bodies[0 if alike else i])
-                    call(phase.equip, origin, body, lane, planes, 0.0, 0.0)
+                    call(phase.load_constants, origin, body, lane, planes, 0.0, 0.0)
                     equipped = max(equipped, lane + 1)
                 whole = address(records[i])
                 call(phase.load, origin, whole, lane, planes, options.first_step, 0.0)

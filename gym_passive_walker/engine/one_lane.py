@@ -37,7 +37,7 @@ class OneLane(Equations):
     def _onward(self) -> dict[int, list[float]]:
         return self.pair.onward(LAST_STAGES)
 
-    def equip(self, tile: Memory, body: Memory) -> None:
+    def load_constants(self, tile: Memory, body: Memory) -> None:
         """Copy a walker's constants to a lane."""
         fields = self.system.Body._fields  # type: ignore[attr-defined]
         for i, name in enumerate(self.names):

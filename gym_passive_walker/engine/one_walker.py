@@ -13,7 +13,7 @@ def carry(records, bodies, phase, number, tiles, courses, options):
         return
     tile, planes, event = jit.address(tiles), len(tiles) - 1, 0
     scuff = float(options.scuff)
-    jit.call(phase.equip, tile, jit.address(bodies[0]), 0, planes, 0.0, 0.0)
+    jit.call(phase.load_constants, tile, jit.address(bodies[0]), 0, planes, 0.0, 0.0)
     jit.call(phase.load, tile, jit.address(records[0]), 0, planes, options.first_step, 0.0)
     jit.call(phase.first, tile, tile, 0, planes, 0.0, 0.0)
     while event == 0:

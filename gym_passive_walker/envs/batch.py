@@ -16,7 +16,7 @@ from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import layout_of, record_for
 from gym_passive_walker.engine.run import in_parts, options, states_in, workspace
-from gym_passive_walker.envs import fates, saved, task, ticks
+from gym_passive_walker.envs import disturbance_kernels, saved, task, ticks
 from gym_passive_walker.envs.constraints import ROOM
 from gym_passive_walker.envs.custom import RULES, Custom
 from gym_passive_walker.envs.disturbances import Contact, Disturbances, disturbed
@@ -373,18 +373,18 @@ class Batch:
         if self.custom:
             self.custom.notes["slope"][lanes] = checked[lanes]
 
-    def put_in_the_way(
+    def schedule_events(
         self,
         *,
-        ledges: ArrayLike = 0.0,
+        height_changes: ArrayLike = 0.0,
         impulses: ArrayLike = 0.0,
         times: ArrayLike = 0.0,
     ) -> None:
-        """Try walkers that have just begun a stride: put something into its way.
+        """Add a step in the ground or a push to the stride that walkers have just begun.
 
         Args:
-            ledges: By how much the next foothold is higher than the terrain has it, in leg lengths;
-                one for all, or (count,).
+            height_changes: By how much the next foothold is higher than the terrain has it, in leg
+                lengths; one for all, or (count,).
             impulses: Pushes of the hip, in units of m sqrt(g l), positive downhill; one for
                 all, or (count,).
             times: When these come, since the stride began; one for all, or (count,).
@@ -393,15 +393,18 @@ class Batch:
             ValueError: if the scene has no terrain, or no pushes.
         """
         here = self.disturbances
-        for name, given, of in (("ledges", ledges, "terrain"), ("impulses", impulses, "pushes")):
+        for name, given, of in (
+            ("height_changes", height_changes, "terrain"),
+            ("impulses", impulses, "pushes"),
+        ):
             if np.any(given) and (here is None or getattr(self.scene, of) in (None, {})):
                 raise ValueError(f"{name} need a scene with {of}, if only idle ones")
         if here is None:
             return
-        here.fates["ledge"] = ledges
-        self.records["ground"][:, 0, 2] += ledges
-        here.fates["known"] = impulses
-        here.fates["due"] = np.where(here.fates["known"] != 0.0, times, here.fates["due"])
+        here.states["extra_height"] = height_changes
+        self.records["ground"][:, 0, 2] += height_changes
+        here.states["known"] = impulses
+        here.states["due"] = np.where(here.states["known"] != 0.0, times, here.states["due"])
 
     @property
     def energy_cost(self) -> str:
@@ -450,9 +453,9 @@ class Batch:
             lanes = np.arange(self.count) if lanes is None else lanes
             self.disturbances.spoil(self.ledger, lanes, observations)
 
-    def told(self) -> dict[str, NDArray]:
+    def info_values(self) -> dict[str, NDArray]:
         """Entries (count,) of `info` at every step besides those of `task.EVERY_STEP`."""
-        found = self.disturbances.told(self.bodies) if self.disturbances else {}
+        found = self.disturbances.info_values(self.bodies) if self.disturbances else {}
         if self.scene.reward_terms:
             found |= {f"reward_{name}": term for name, term in self.reward_terms().items()}
         return found
@@ -541,7 +544,11 @@ class Batch:
                 own = self.bodies[a:b] if len(self.bodies) > 1 else self.bodies
                 walkers = self.records[a:b], own, self.ledger[a:b], self.rules
                 further = *self.disturbances.part(a, b), each[a:b].reshape(-1)
-                ended.append(fates.step(*walkers, *self.machinery[:2], *desk, *further, *results))
+                ended.append(
+                    disturbance_kernels.step(
+                        *walkers, *self.machinery[:2], *desk, *further, *results
+                    )
+                )
             else:
                 at = [part.ctypes.data for part in desk]
                 ended.append(door.kernels.step(door.where, a, b, *at, False, *results)[1:])
@@ -641,7 +648,7 @@ class Batch:
             saved.check_scene(state["scene"], self._described)
         names = ["scene", "records", "ledger", "walkers", "random", *further]
         if self.disturbances:
-            names += ["fates", "pending"]
+            names += ["disturbances", "pending"]
         if self.custom:
             names.append("transitions")
         given = saved.entries(state, names)

@@ -348,7 +348,7 @@ class Custom:
         """Clear the transitions of walkers as their episodes begin."""
         transitions.begin(batch.records, batch.ledger, batch.machinery[0], lanes, self.notes)
         if batch.disturbances:
-            self.notes["command"][lanes] = batch.disturbances.fates["command"][lanes]
+            self.notes["command"][lanes] = batch.disturbances.states["command"][lanes]
 
     def before(self, batch: Any) -> None:
         """Record states before a step."""
@@ -357,7 +357,7 @@ class Custom:
     def after(self, batch: Any, rewards: NDArray[np.float64], terminated: NDArray[np.bool_]) -> int:
         """Record a step and evaluate compiled functions; returns how many episodes end."""
         if batch.disturbances:
-            self.notes["push"] = batch.disturbances.fates["impulse"]
+            self.notes["push"] = batch.disturbances.states["impulse"]
         return transitions.after(
             batch.records, batch.ledger, batch.rules, batch.machinery[0], batch.door.actions,
             self.notes, self.noted, self.address("reward"), self.address("terminated"),

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.envs import constraints, fates, saved, task
+from gym_passive_walker.envs import constraints, disturbance_kernels, saved, task
 from gym_passive_walker.envs.checks import CHECKS
 from gym_passive_walker.envs.scene import CALM, Scene
 from gym_passive_walker.gaits.terrain import Terrain
@@ -34,7 +34,7 @@ _OF_PUSHES = ("pushes", "push_work", "episode_push_work")
 
 
 def disturbed(scene: Scene) -> bool:
-    """Whether walkers of a scene have any disturbance of `fates`."""
+    """Whether walkers of a scene have any disturbance of `disturbance_kernels`."""
     return scene.command is not None or any(getattr(scene, n) != calm for n, calm in CALM.items())
 
 
@@ -47,15 +47,15 @@ class Disturbances:
         count: How many walkers.
 
     Attributes:
-        fates: Shape (count,) of `fates.FATE`.
-        odds: Shape (1,) of `fates.ODDS`.
+        disturbances: Shape (count,) of `disturbance_kernels.DISTURBANCE`.
+        odds: Shape (1,) of `disturbance_kernels.ODDS`.
         pending: Actions that come late, (count, steps, actions).
         noise: Standard deviation of the noise on each number of a `System`'s observation.
     """
 
     def __init__(self, scene: Scene, system: str, count: int) -> None:
         self.scene, self._system = scene, system
-        self.fates, self.odds = np.zeros(count, fates.FATE), _odds(scene)
+        self.states, self.odds = np.zeros(count, disturbance_kernels.DISTURBANCE), _odds(scene)
         self.pending = np.zeros((count, scene.action_delay, len(scene.actions)))
         self.terrain = (scene.terrain or Terrain()).arrays()
         self._limits = saved.FateLimits(self.odds[0])
@@ -68,9 +68,9 @@ class Disturbances:
         return constraints.natives(self._system, pushed=pushed, watched=watched)
 
     def part(self, first: int, last: int) -> tuple[NDArray, ...]:
-        """What `fates.step` takes of the walkers from one to before another."""
-        fates, pending = self.fates[first:last], self.pending[first:last]
-        return fates, pending, self.odds, self.natives[1], *self.terrain
+        """What `disturbance_kernels.step` takes of the walkers from one to before another."""
+        disturbances, pending = self.states[first:last], self.pending[first:last]
+        return disturbances, pending, self.odds, self.natives[1], *self.terrain
 
     def begin(
         self,
@@ -83,23 +83,25 @@ class Disturbances:
         keys = np.empty(len(lanes), np.uint64)
         for j, i in enumerate(lanes.tolist()):
             keys[j] = randoms[i].integers(2**64, dtype=np.uint64)
-        fates.begin(
-            self.fates, self.odds, lanes, keys, self.pending, records, ledger, *self.terrain
+        disturbance_kernels.begin(
+            self.states, self.odds, lanes, keys, self.pending, records, ledger, *self.terrain
         )
 
     def observe(self, ledger: NDArray, lanes: NDArray, observations: NDArray[np.float32]) -> None:
         """Make some walkers' observations those of their sensors."""
-        fates.observe(self.fates, ledger, self.odds, *self.terrain, lanes, observations)
+        disturbance_kernels.observe(
+            self.states, ledger, self.odds, *self.terrain, lanes, observations
+        )
 
     def spoil(self, ledger: NDArray, lanes: NDArray, observations: NDArray[np.float32]) -> None:
         """Add noise to some walkers' observations of a `System`."""
         if np.any(self.noise):
-            fates.spoil(self.fates, ledger, self.noise, lanes, observations)
+            disturbance_kernels.add_noise(self.states, ledger, self.noise, lanes, observations)
 
     def lean(self, slopes: NDArray[np.float64], lanes: NDArray[np.bool_]) -> NDArray[np.float64]:
         """Have some walkers walk on other slopes; those of the footholds that they stand on."""
-        self.fates["slope"][lanes] = slopes[lanes]
-        return slopes + self.fates["tilt"]
+        self.states["slope"][lanes] = slopes[lanes]
+        return slopes + self.states["tilt"]
 
     def contact(self, lane: int, rolled: float, length: float) -> Contact:
         """Where a walker touches a foothold.
@@ -109,23 +111,23 @@ class Disturbances:
             rolled: How far its foot has rolled in this stride, in leg lengths.
             length: Of its leg, in its own units.
         """
-        x, y, tilt = (float(self.fates[name][lane]) for name in ("x", "y", "tilt"))
+        x, y, tilt = (float(self.states[name][lane]) for name in ("x", "y", "tilt"))
         x, y = x + rolled * math.cos(tilt), y - rolled * math.sin(tilt)
         return Contact(x * length, y * length, tilt)
 
     def pushed(self, lane: int) -> float:
         """What pushed a walker in this step, as a share of the largest push, from -1 to 1."""
-        impulse = float(self.fates["impulse"][lane])
+        impulse = float(self.states["impulse"][lane])
         largest = max(abs(impulse), float(np.abs(self.odds["push"]).max()))
         return impulse / largest if impulse else 0.0
 
-    def told(self, bodies: NDArray) -> dict[str, NDArray]:
+    def info_values(self, bodies: NDArray) -> dict[str, NDArray]:
         """Further entries of `info` at every step: a number for each walker."""
         found = {}
         if self.scene.command is not None:
-            found["command"] = self.fates["command"]
+            found["command"] = self.states["command"]
         if self.scene.pushes:
-            found |= {name: self.fates[name] for name in _OF_PUSHES}
+            found |= {name: self.states[name] for name in _OF_PUSHES}
         notes = bodies[:, 0, -constraints.ROOM :]
         for check in self.scene.constraints:
             for name in constraints.READINGS[check]:
@@ -134,7 +136,7 @@ class Disturbances:
 
     def get_state(self) -> dict[str, NDArray]:
         """All that decides what comes next; a copy."""
-        return {"fates": self.fates.copy(), "pending": self.pending.copy()}
+        return {"disturbances": self.states.copy(), "pending": self.pending.copy()}
 
     def checked(
         self, state: Mapping[str, Any], times: NDArray[np.float64], going: NDArray[np.bool_]
@@ -149,14 +151,14 @@ class Disturbances:
         Raises:
             StateError: if they are damaged, or of another scene.
         """
-        found = saved.like(state["fates"], "fates", self.fates)
+        found = saved.like(state["disturbances"], "disturbances", self.states)
         pending = saved.like(state["pending"], "pending", self.pending)
         self._limits.check(found, pending, times, going)
         return found, pending
 
     def put_back(self, found: tuple[NDArray, NDArray]) -> None:
         """Go back to what was `checked`."""
-        self.fates[:], self.pending[:] = found
+        self.states[:], self.pending[:] = found
 
 
 def _noise(scene: Scene) -> NDArray[np.float64]:
@@ -169,7 +171,7 @@ def _noise(scene: Scene) -> NDArray[np.float64]:
 
 def _odds(scene: Scene) -> NDArray:
     """A scene's rules, as kernels read them."""
-    odds = np.zeros(1, fates.ODDS)
+    odds = np.zeros(1, disturbance_kernels.ODDS)
     if scene.pushes:
         odds["rate"], odds["push"] = scene.pushes["rate"], scene.pushes["impulse"]
     if scene.own_system is None:
@@ -178,7 +180,7 @@ def _odds(scene: Scene) -> NDArray:
     if scene.command is not None:
         odds["commanded"], odds["command"] = True, np.broadcast_to(scene.command, 2)
     odds["uneven"], odds["terrain_lookahead"] = scene.terrain is not None, scene.terrain_lookahead
-    odds["interval"] = fates.INTERVAL if scene.constraints else math.inf
+    odds["interval"] = disturbance_kernels.INTERVAL if scene.constraints else math.inf
     odds["ends"] = [scene.constraints.get(check) == "end" for check in CHECKS]
     for name in ("action_noise", "command_weight", "friction", "knee_latch", "scuff_depth"):
         odds[name] = getattr(scene, name)

@@ -63,10 +63,10 @@ def as_text(env: Any = "level") -> str:
     scene, *_ = _parts(env)
     every = f"every {scene.tick:g} sqrt(l/g) and" if scene.control == "tick" else "only"
     own = scene.own_system
-    who = describe(scene.walker) if own is None else f"system {own.title!r}"
+    subject = describe(scene.walker) if own is None else f"system {own.title!r}"
     slope = " to ".join(f"{bound:g}" for bound in np.atleast_1d(scene.slope))
     lines = [
-        f"{who}, slope {slope} rad; an action is chosen {every} after a heelstrike.",
+        f"{subject}, slope {slope} rad; an action is chosen {every} after a heelstrike.",
         "Units: leg length l, mass m, time sqrt(l/g)."
         if scene.own_system is None
         else "Units: those of the system, in which gravity is 1; energies over its weight.",

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.envs.batch import Batch
-from gym_passive_walker.envs.fates import PASSED
+from gym_passive_walker.envs.disturbance_kernels import PASSED
 from gym_passive_walker.envs.interface import OUTCOMES
 from gym_passive_walker.walkers import name_of
 
@@ -42,13 +42,13 @@ def _ground(batch: Batch, lane: int, x: float, screen: Any) -> NDArray[np.float6
         return None
     from gym_passive_walker.render.ground import profile
 
-    fate, walker = batch.disturbances.fates[lane], batch.walkers[lane]
+    disturbance, walker = batch.disturbances.states[lane], batch.walkers[lane]
     stride, length = int(batch.ledger["strides"][lane]), walker.leg_length
-    before = fate["passed"][: min(stride, PASSED)][::-1]
-    known = length * np.vstack([before, [[fate["x"], fate["y"]]]])
+    before = disturbance["passed"][: min(stride, PASSED)][::-1]
+    known = length * np.vstack([before, [[disturbance["x"], disturbance["y"]]]])
     usual = 2.0 * length * abs(float(batch.records["start"][lane, 0, 0]))
     reach = x - screen.seen, x + screen.seen + length
-    return profile(walker, terrain, fate["key"], stride - len(before), known, reach, usual)
+    return profile(walker, terrain, disturbance["key"], stride - len(before), known, reach, usual)
 
 
 def _notes(batch: Batch, lane: int) -> tuple[Sequence[str], Sequence[str]]:

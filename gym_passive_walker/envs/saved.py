@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import Layout, record_for
-from gym_passive_walker.envs import fates, task
+from gym_passive_walker.envs import disturbance_kernels, task
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.walkers import PARAMETERS, Mechanism, Walker
@@ -327,7 +327,7 @@ class RowLimits:
         )  # fmt: skip
         self._ledger = Limits(
             "ledger", task.ledger_for(layout), skip=task.EVERY_STRIDE,
-            outcome=reason, ending=reason, broken=reason, truncated=(0, 1),
+            outcome=reason, ending=reason, violated=reason, truncated=(0, 1),
             steps=(0, limit), strides=(0, limit),
         )  # fmt: skip
 
@@ -363,14 +363,14 @@ class FateLimits:
     """What disturbances of a scene's walkers may be.
 
     Args:
-        odds: The scene's, one row of `fates.ODDS`.
+        odds: The scene's, one row of `disturbance_kernels.ODDS`.
     """
 
     def __init__(self, odds: NDArray) -> None:
         low, high = odds["command"]
-        self._fates = Limits(
-            "fates", fates.FATE, pushes=(0, _MANY), idle=(0, 1), command=(low, high),
-            due=(-np.inf, np.inf),
+        self._disturbances = Limits(
+            "disturbances", disturbance_kernels.DISTURBANCE, pushes=(0, _MANY), idle=(0, 1),
+            command=(low, high), due=(-np.inf, np.inf),
         )  # fmt: skip
 
     def check(
@@ -379,7 +379,7 @@ class FateLimits:
         """Refuse what is not within the limits.
 
         Args:
-            found: Shape (count,) of `fates.FATE`.
+            found: Shape (count,) of `disturbance_kernels.DISTURBANCE`.
             pending: Actions that come late, (count, steps, actions).
             times: Since the walkers' strides began, (count,).
             going: Whether each episode goes on, (count,).
@@ -387,8 +387,8 @@ class FateLimits:
         Raises:
             StateError: if something is wrong.
         """
-        self._fates.check(found, going)
+        self._disturbances.check(found, going)
         # Pushes that were due long ago would be caught up with, one by one.
         fits = (found["due"] >= times - _LATE) | ~going
-        require("fates['due']", fits, "no earlier than the walker's time")
+        require("disturbances['due']", fits, "no earlier than the walker's time")
         require("pending", np.abs(pending) <= 1.0, "shares from -1 to 1")

@@ -195,7 +195,7 @@ class PassiveWalkerVecEnv(VecEnv):
         row = self.batch.ledger[lane]
         ended = interface.OUTCOMES[row["ending"]] if terminated else "time_limit"
         info: dict[str, Any] = {name: row[name].item() for name in task.EVERY_STEP}
-        info |= {name: column[lane].item() for name, column in self.batch.told().items()}
+        info |= {name: column[lane].item() for name, column in self.batch.info_values().items()}
         info["outcome"] = ended
         info["TimeLimit.truncated"] = bool(row["truncated"]) and not terminated
         info["terminal_observation"] = observation

@@ -402,7 +402,7 @@ SCENES: dict[str, dict[str, Any]] = {
 """
 
 
-def by_hip_alone(scene: Scene, who: str) -> Scene:
+def by_hip_alone(scene: Scene, subject: str) -> Scene:
     """A scene that has the hip's torque for its only action, as some methods need it.
 
     Raises:
@@ -410,18 +410,18 @@ def by_hip_alone(scene: Scene, who: str) -> Scene:
     """
     if scene.actions != ("hip",):
         raise SceneError(
-            f"{who} by the hip alone, and this scene's actions are {scene.actions}: choose "
+            f"{subject} by the hip alone, and this scene's actions are {scene.actions}: choose "
             'make_scene(scene, actions=("hip",))'
         )
     return scene
 
 
-def plain(scene: Scene, who: str, *names: str) -> Scene:
+def plain(scene: Scene, subject: str, *names: str) -> Scene:
     """A scene with the environment's own rules, as some methods need them.
 
     Args:
         scene: The scene.
-        who: What needs it, and how, to begin a sentence.
+        subject: What needs it, and how, to begin a sentence.
         *names: Of RULES, those that matter to it.
 
     Raises:
@@ -429,7 +429,7 @@ def plain(scene: Scene, who: str, *names: str) -> Scene:
     """
     if found := [name for name in names if getattr(scene, name) is not None]:
         raise SceneError(
-            f"{who} the environment's own {' and '.join(found)}, and this scene has another: "
+            f"{subject} the environment's own {' and '.join(found)}, and this scene has another: "
             f"choose make_scene(scene, {', '.join(f'{name}=None' for name in found)})"
         )
     return scene
@@ -453,7 +453,7 @@ def with_parameters(scene: Scene, what: str) -> Scene:
     return scene
 
 
-def undisturbed(scene: Scene, who: str) -> Scene:
+def undisturbed(scene: Scene, subject: str) -> Scene:
     """A scene without disturbances and commands, as some methods need it.
 
     Raises:
@@ -463,7 +463,7 @@ def undisturbed(scene: Scene, who: str) -> Scene:
     if found := [name for name, calm in wanted.items() if getattr(scene, name) != calm]:
         calmed = ", ".join(f"{name}={wanted[name]!r}" for name in found)
         raise SceneError(
-            f"{who} without {' and '.join(found)}, which this scene has: choose "
+            f"{subject} without {' and '.join(found)}, which this scene has: choose "
             f"make_scene(scene, {calmed})"
         )
     return scene

@@ -56,7 +56,10 @@ def ledger_for(layout: Layout) -> np.dtype:
             ("strides", "i8"),
             ("outcome", "i8"),  # of a stride or an episode that has ended in this step
             ("ending", "i8"),  # outcome that ended the episode; 0 while it goes on
-            ("broken", "i8"),  # the same, by a rule besides the equations; see `fates`
+            (
+                "violated",
+                "i8",
+            ),  # the same, by a rule besides the equations; see `disturbance_kernels`
             ("truncated", "i8"),
             ("steps", "i8"),  # of the episode
             ("reward", "f8"),
@@ -158,7 +161,7 @@ def over(row):
 
 
 @jitted
-def see(record, row, phases, observations, first):
+def write_observation(record, row, phases, observations, first):
     """Write a walker's observation."""
     for i in range(SIZE - 2):  # a user's own system is seen by `custom.everything`
         observations[first + i] = clipped(record.state[i], BOUNDS[i])
@@ -171,11 +174,11 @@ def observe(records, ledger, phases, observations):
     """Write all walkers' observations, flat."""
     size = len(observations) // len(records)
     for i in range(len(records)):
-        see(records[i, 0], ledger[i], phases, observations, i * size)
+        write_observation(records[i, 0], ledger[i], phases, observations, i * size)
 
 
 @jitted
-def tell(ledger, asked, steps, counts, measures):
+def write_info(ledger, asked, steps, counts, measures):
     """Write the numbers that infos report of the walkers asked about; of the others, zeros.
 
     Args:
@@ -244,11 +247,11 @@ def begin(
         row.origin = radii[own] * record.state[0]
         call(phases[0].place, address(records[i]), address(bodies[own]), 0, 0, 0.0, 0.0)
         row.place = record.place
-        see(record, row, phases, observations, i * size)
+        write_observation(record, row, phases, observations, i * size)
 
 
 @jitted
-def command(records, ledger, rules, actions):
+def apply_action(records, ledger, rules, actions):
     """Set every walker's torques, push-off and time to stop; after its episode it rests.
 
     Returns:
@@ -343,7 +346,9 @@ def progress(record, row):
 
 
 @jitted
-def settle(records, bodies, ledger, rules, phases, observations, rewards, terminated, truncated):
+def finish_step(
+    records, bodies, ledger, rules, phases, observations, rewards, terminated, truncated
+):
     """Work out what every walker's step has come to.
 
     Returns:
@@ -354,7 +359,7 @@ def settle(records, bodies, ledger, rules, phases, observations, rewards, termin
         record, row = records[i, 0], ledger[i]
         if record.outcome == RESTING:
             rewards[i], terminated[i], truncated[i] = 0.0, False, False
-            see(record, row, phases, observations, i * size)
+            write_observation(record, row, phases, observations, i * size)
             continue
         body = bodies[i if len(bodies) > 1 else 0]
         call(phases[0].place, address(records[i]), address(body), 0, 0, 0.0, 0.0)
@@ -363,8 +368,8 @@ def settle(records, bodies, ledger, rules, phases, observations, rewards, termin
         row.outcome = record.outcome
         if record.outcome == 0 and record.time >= rules.max_stride_time:
             row.outcome = _STALLED
-        if row.broken != 0:
-            row.outcome = row.broken
+        if row.violated != 0:
+            row.outcome = row.violated
         struck = row.outcome == _HEELSTRIKE
         row.ending = 0 if struck else row.outcome
         progress(record, row)
@@ -382,7 +387,7 @@ def settle(records, bodies, ledger, rules, phases, observations, rewards, termin
         rewards[i] = row.reward
         terminated[i], truncated[i] = row.ending != 0, row.truncated != 0
         endings += terminated[i] or truncated[i]
-        see(record, row, phases, observations, i * size)
+        write_observation(record, row, phases, observations, i * size)
     return strides, endings
 
 
@@ -400,12 +405,12 @@ def step(
     records, bodies, ledger, rules, phases, options, tiles, courses,
     actions, observations, rewards, terminated, truncated,
 ):  # fmt: skip
-    """A step of every walker; returns `command`'s and `settle`'s answers."""
-    wrong = command(records, ledger, rules[0], actions)
+    """A step of every walker; returns `apply_action`'s and `finish_step`'s answers."""
+    wrong = apply_action(records, ledger, rules[0], actions)
     if wrong >= 0:
         return wrong, 0, 0
     carry_on(records, bodies, phases, options, tiles, courses)
-    strides, endings = settle(
+    strides, endings = finish_step(
         records, bodies, ledger, rules[0], phases, observations, rewards, terminated, truncated
     )
     return wrong, strides, endings

@@ -78,7 +78,7 @@ class Kernels(NamedTuple):
     begin: Kernel
     step: Kernel
     step_here: Kernel
-    tell: Kernel
+    write_info: Kernel
 
 
 @cache
@@ -213,13 +213,13 @@ def kernels_for(layout: Layout) -> Kernels:
         )  # fmt: skip
 
     @within(Kernel)
-    def tell(where, asked, steps, counts, measures):
-        """`task.tell` of the walkers there."""
+    def write_info(where, asked, steps, counts, measures):
+        """`task.write_info` of the walkers there."""
         here = view(where, (1,), PLACES)[0]
         ledger = view(here.ledger, (here.of_ledger,), ledger_of)
-        return task.tell(ledger, asked, steps, counts, measures)
+        return task.write_info(ledger, asked, steps, counts, measures)
 
-    return Kernels(begin, step, step_here, tell)
+    return Kernels(begin, step, step_here, write_info)
 
 
 class Door:

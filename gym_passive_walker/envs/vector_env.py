@@ -304,10 +304,10 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         counts = np.empty((2, self.num_envs), np.int64)
         measures = np.empty((most, len(task.EVERY_STRIDE)))
         asked = self._everyone if which is None else which
-        tell = self.batch.door.kernels.tell
+        tell = self.batch.door.kernels.write_info
         if not tell.compiled(self.batch.door.where, asked, steps, counts, measures):
             return {}
-        befell = {name: np.where(asked, told, 0) for name, told in self.batch.told().items()}
+        befell = {name: np.where(asked, told, 0) for name, told in self.batch.info_values().items()}
         mask = asked.copy()
         make = partial(told, mask, steps, counts, measures, befell)
         return Infos(make, distance=steps[0], _distance=mask)
@@ -429,7 +429,7 @@ def told(
     measures: NDArray[np.float64],
     befell: Mapping[str, NDArray],
 ) -> dict[str, Any]:
-    """The infos of a vector environment, from `task.tell` and the walkers' disturbances."""
+    """The infos of a vector environment, from `task.write_info` and the walkers' disturbances."""
     (strides, outcomes), infos = counts, {}
     columns = dict(zip(task.EVERY_STEP, (*steps, strides), strict=True))
     for name, column in (columns | dict(befell)).items():

@@ -331,7 +331,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             if struck:
                 info |= zip(task.EVERY_STRIDE, door.of_stride.tolist(), strict=True)
             if batch.disturbances or self.scene.reward_terms:
-                info |= {name: column.item() for name, column in batch.told().items()}
+                info |= {name: column.item() for name, column in batch.info_values().items()}
             if struck or ended:
                 info["outcome"] = interface.OUTCOMES[outcome]
                 self._ready = not ended

@@ -308,7 +308,7 @@ class _Tries:
             terrain: What they walk over instead of smooth ground.
             count: How many walk, where no states are given.
             seed: Seed of the disturbances.
-            **way: What is put in their way; see `Batch.put_in_the_way`.
+            **way: What is put in their way; see `Batch.schedule_events`.
         """
         count = count if states is None else len(states)
         idle = _IDLE if terrain is None else {**_IDLE, "terrain": terrain}
@@ -317,7 +317,7 @@ class _Tries:
         )
         options = {} if states is None else {"state": states}
         observations, _ = envs.reset(seed=seed, options=options)
-        envs.batch.put_in_the_way(**way)
+        envs.batch.schedule_events(**way)
         made, going = np.zeros(count, np.int64), np.ones(count, bool)
         periods, lengths = np.full((2, count, strides), np.nan)
         ends = np.full((count, strides, self.section.size), np.nan)
@@ -368,7 +368,9 @@ class _Tries:
 
     def period_response(self, period: float) -> NDArray[np.float64]:
         """By how much periods change after a small step in the ground, per leg length of it."""
-        found = self.walk(np.repeat(self.gait[None], 2, axis=0), _ANSWERS, ledges=[_SMALL, -_SMALL])
+        found = self.walk(
+            np.repeat(self.gait[None], 2, axis=0), _ANSWERS, height_changes=[_SMALL, -_SMALL]
+        )
         if found.made.min() < _ANSWERS:
             return np.full(_ANSWERS, np.inf)
         return (found.periods[0] - found.periods[1]) / (2.0 * _SMALL)
@@ -378,7 +380,7 @@ class _Tries:
 
         def survived(sizes: NDArray) -> NDArray[np.bool_]:
             starts = np.repeat(self.gait[None], sizes.size, axis=0)
-            made = self.walk(starts, AFTER, ledges=way * sizes.ravel()).made
+            made = self.walk(starts, AFTER, height_changes=way * sizes.ravel()).made
             return (made == AFTER).reshape(sizes.shape)
 
         return float(_largest(survived, np.ones(1), 0.5)[0])

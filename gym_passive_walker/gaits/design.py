@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.stats.qmc import Halton
 
 from gym_passive_walker.arguments import gait_kind, number, one_slope, shown, truth, whole
-from gym_passive_walker.gaits.design_nlp import CIRCLE, Candidates, Judged, Programme, slsqp
+from gym_passive_walker.gaits.design_nlp import CIRCLE, Candidates, DesignProblem, Judged, slsqp
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait, GaitKind, GaitNotFound, measure
 from gym_passive_walker.gaits.objectives import QUANTITIES, SPECTRAL_RADIUS, spectral_radius
@@ -132,9 +132,9 @@ def optimize_walker(
     candidates = Candidates(
         before, parameters, box, judged_by, multipliers=SPECTRAL_RADIUS in names
     )
-    programme = Programme(candidates, objective, -1.0 if maximize else 1.0, ranges)
-    found = programme.solve(iterations)
-    missed = programme.missed(found.x)
+    problem = DesignProblem(candidates, objective, -1.0 if maximize else 1.0, ranges)
+    found = problem.solve(iterations)
+    missed = problem.missed(found.x)
     last = candidates.at(found.x[: len(parameters)])
     if last is None or not missed < _MET:
         raise GaitNotFound(
@@ -147,9 +147,7 @@ def optimize_walker(
         objective=objective,
         before=before,
         after=measure(place.stride_map, place.u, place.slope, 1),
-        values={
-            name: (_value(programme.first, name), _value(last, name)) for name in sorted(names)
-        },
+        values={name: (_value(problem.first, name), _value(last, name)) for name in sorted(names)},
         tried=candidates.tried,
         converged=bool(found.success),
         message=str(found.message),

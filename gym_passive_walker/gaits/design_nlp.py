@@ -199,7 +199,7 @@ def slsqp(
     )  # fmt: skip
 
 
-class Programme:
+class DesignProblem:
     """Objective and constraints as SciPy takes them, of z: a candidate's shares x and a radius.
 
     The least spectral radius is that of the smallest circle with all multipliers inside, so that

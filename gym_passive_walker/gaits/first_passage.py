@@ -81,7 +81,7 @@ class FirstPassage(NamedTuple):
 
 
 def walks(
-    who: Walkers,
+    kind: Walkers,
     state: ArrayLike,
     slope: float,
     terrain: Terrain,
@@ -93,7 +93,7 @@ def walks(
     """Walk over ground at random, each walker over its own; all dimensionless.
 
     Args:
-        who: The walker.
+        kind: The walker.
         state: Where each begins, just after heelstrike, (6,).
         slope: Slope in rad.
         terrain: How footholds lie.
@@ -109,13 +109,13 @@ def walks(
     place = 0
     while len(keys):
         tilts, rises, turns = terrain.ground(keys, place).T
-        walked = flow(who, states, slope + tilts, controls=hip_torque, rises=rises, turns=turns)
+        walked = flow(kind, states, slope + tilts, controls=hip_torque, rises=rises, turns=turns)
         states, keys, place = walked.states[walked.struck], keys[walked.struck], place + 1
         yield len(keys)
 
 
 def first_passage(
-    who: Walkers,
+    kind: Walkers,
     state: ArrayLike,
     slope: float,
     terrain: Terrain,
@@ -128,7 +128,7 @@ def first_passage(
     """How long walkers last on rough ground, from a batch of them.
 
     Args:
-        who: As for `walks`.
+        kind: As for `walks`.
         state: As for `walks`.
         slope: As for `walks`.
         terrain: As for `walks`.
@@ -137,7 +137,7 @@ def first_passage(
         settling: Strides before any are counted: after these they have forgotten their start.
         **options: As for `walks`.
     """
-    crowd = walks(who, state, slope, terrain, walkers=walkers, **options)
+    crowd = walks(kind, state, slope, terrain, walkers=walkers, **options)
     return FirstPassage.of(survivors(crowd, walkers, settling + strides), settling)
 
 

@@ -157,10 +157,10 @@ def _advice(
             found.append(f"tuned by `tune` it {has} at this slope")
         if nearest is not None:
             name, share, alike = nearest
-            fate = "keep" if _tuned_walks(alike, slope, kind) else "lose"
+            effect = "keep" if _tuned_walks(alike, slope, kind) else "lose"
             found.append(
                 f"of the walkers between {name!r} in its size and this one, those up to "
-                f"{100 * share:.0f} % of the way have one, and `tune` would {fate} it there"
+                f"{100 * share:.0f} % of the way have one, and `tune` would {effect} it there"
             )
     sentence = "; ".join(found)
     return f"{sentence[0].upper()}{sentence[1:]}.", near, alike

@@ -302,7 +302,7 @@ class Flow:
     def _shaped(self, each: NDArray) -> NDArray:
         return each if self.instants is None else each.reshape(-1, self.instants, *each.shape[1:])
 
-    def told(self, names: Sequence[Entry] = ROWS) -> NDArray[np.float64]:
+    def rows(self, names: Sequence[Entry] = ROWS) -> NDArray[np.float64]:
         """Some entries, as for `rows_of`: values before tangents, which are 0 where a walker fell.
 
         Returns:

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import number, shown, truth, unknown, whole
 from gym_passive_walker.console import cut
-from gym_passive_walker.engine.chance import normal
+from gym_passive_walker.engine.counter_rng import normal
 from gym_passive_walker.engine.jit import Kernel
 from gym_passive_walker.loading import is_file, read_content
 from gym_passive_walker.walkers import Walker

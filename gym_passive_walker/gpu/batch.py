@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gym_passive_walker.arguments import whole
 from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import options
-from gym_passive_walker.envs import fates, one_walker, task
+from gym_passive_walker.envs import disturbance_kernels, one_walker, task
 from gym_passive_walker.envs.batch import rules_of, system_in
 from gym_passive_walker.envs.constraints import ROOM
 from gym_passive_walker.envs.custom import Custom, Rule
@@ -37,7 +37,7 @@ DRAWN = 4096
 
 @lru_cache
 def _kernels(
-    system: str, pushed: bool, watched: bool, fateful: bool, rules: tuple[Rule, ...]
+    system: str, pushed: bool, watched: bool, has_disturbances: bool, rules: tuple[Rule, ...]
 ) -> tuple[Any, Any]:
     """The kernels that reset walkers, and that step them."""
     bound = machinery(system, pushed=pushed, watched=watched, rules=rules).bound
@@ -47,12 +47,12 @@ def _kernels(
             episodes.plain_after: episodes.own_after,
             episodes.plain_sight: episodes.own_sight,
         })  # fmt: skip
-    if fateful:
+    if has_disturbances:
         bound = bound.instead({
-            fates.copied: one_walker.as_it_is,
-            fates.carry_through: one_walker.carry_through,
-            episodes.calm_begin: episodes.fateful_begin,
-            episodes.calm_step: episodes.fateful_step,
+            disturbance_kernels.copy_of: one_walker.as_it_is,
+            disturbance_kernels.integrate_past_events: one_walker.integrate_past_events,
+            episodes.calm_begin: episodes.disturbed_begin,
+            episodes.calm_step: episodes.disturbed_step,
         })  # fmt: skip
     kernels = episodes.reset_kernel, episodes.step_kernel
     return tuple(device.kernel(bound.rebound(kernel)) for kernel in kernels)  # type: ignore[return-value]
@@ -103,17 +103,17 @@ class DeviceBatch:
             task.SIZE + (self.scene.command is not None) + 2 * self.scene.terrain_lookahead
         )
         self.seen = self.custom.seen or self._shown
-        system, fateful = system_in(self.scene, self.scene.walker), disturbed(self.scene)
+        system, has_disturbances = system_in(self.scene, self.scene.walker), disturbed(self.scene)
         self._system, pushed, watched = (
             system,
             bool(self.scene.pushes),
             bool(self.scene.constraints),
         )
         rules = tuple(self.custom.rules.values())
-        self._reset, self._step = _kernels(system.name, pushed, watched, fateful, rules)
+        self._reset, self._step = _kernels(system.name, pushed, watched, has_disturbances, rules)
         here = machinery(system.name, pushed=pushed, watched=watched, rules=rules)
         drawn = self._drawn()
-        self.walkers = self._walkers(drawn, seed, own=fateful or len(drawn) > 1)
+        self.walkers = self._walkers(drawn, seed, own=has_disturbances or len(drawn) > 1)
         self._limit = step_limit
         self._world = self._as_told(here, drawn)
         self.play = self._play()
@@ -126,18 +126,20 @@ class DeviceBatch:
         return bodies(*(starts.varied(random) for _ in range(DRAWN)))[:, 0]
 
     def _walkers(self, drawn: NDArray, seed: int, *, own: bool) -> Walkers:
-        count, fateful = self.count, disturbed(self.scene)
-        width = drawn.shape[1] + (ROOM if fateful else 0)
+        count, has_disturbances = self.count, disturbed(self.scene)
+        width = drawn.shape[1] + (ROOM if has_disturbances else 0)
         late = self.scene.action_delay, len(self.scene.actions)
         return Walkers(
             records=device.room((count, 1), RECORD),
             bodies=device.room((count, 1, width), float) if own else device.put(drawn[:, None]),
             ledger=device.room(count, task.LEDGER),
-            told=device.put(np.zeros(count, task.LEDGER)),
+            reported=device.put(np.zeros(count, task.LEDGER)),
             keys=device.put(self._keys(seed)),
             episodes=device.put(np.zeros(count, np.int64)),
-            fates=device.room(count if fateful else 0, fates.FATE),
-            pending=device.room((count if fateful else 0, *late), float),
+            disturbances=device.room(
+                count if has_disturbances else 0, disturbance_kernels.DISTURBANCE
+            ),
+            pending=device.room((count if has_disturbances else 0, *late), float),
             notes=device.put(np.zeros(count if self.custom.rules else 0, NOTE)),
         )
 
@@ -164,13 +166,14 @@ class DeviceBatch:
         nodes, states = starts.nodes
         if len(nodes) == 1:  # as it is, wherever it begins
             nodes, states = np.array([nodes[0], np.inf]), np.repeat(states, 2, axis=0)
-        befall = Disturbances(scene, self._system.name, 0)
+        disturbances = Disturbances(scene, self._system.name, 0)
         arrays = World(
             here.phases, options(scene.tolerance, scuff=bool(scene.end_on_toe_stub)),
             rules_of(scene, self._system, self._limit),
-            np.zeros(1, RECORD), np.zeros(1, task.LEDGER), np.zeros(1, fates.FATE),
+            np.zeros(1, RECORD), np.zeros(1, task.LEDGER),
+            np.zeros(1, disturbance_kernels.DISTURBANCE),
             np.array([starts.low, starts.high]), nodes, states, np.array([scene.reset_noise_scale]),
-            drawn, befall.odds, here.natives, *befall.terrain,
+            drawn, disturbances.odds, here.natives, *disturbances.terrain,
             np.array([
                 self.custom.noted,
                 *(here.rules.get(name, 0) for name in ("reward", "terminated", "observation")),

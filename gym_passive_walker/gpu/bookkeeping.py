@@ -10,7 +10,7 @@ from __future__ import annotations
 from types import FunctionType
 from typing import Any
 
-from gym_passive_walker.engine import bound
+from gym_passive_walker.engine import device_linker
 from gym_passive_walker.gpu.primitives import jitted
 
 
@@ -19,7 +19,7 @@ def _compiled(function: FunctionType) -> Any:
     return jitted(function)
 
 
-class Bound(bound.Bound):
+class DeviceLinker(device_linker.DeviceLinker):
     """Functions bound to a device, each made once.
 
     Args:

@@ -61,7 +61,7 @@ class PassiveWalkerGpuEnv:
         )
         self.action_space = interface.action_space(self.crowd.scene.actions)
         self._play = self.crowd.play._make(map(_tensor, self.crowd.play))
-        self._told = _tensor(self.crowd.walkers.told.view(np.float64)).view(num_envs, -1)
+        self._told = _tensor(self.crowd.walkers.reported.view(np.float64)).view(num_envs, -1)
 
     @one_thread
     def reset(self, *, seed: int | None = None) -> tuple[Tensor, dict[str, Any]]:

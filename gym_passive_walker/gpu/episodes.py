@@ -1,8 +1,8 @@
 """Episodes on a device: a step of one walker, its end, and how the next one begins.
 
-What is not here is what environments run on a CPU, `task` and `fates`, each for a batch of
-one. What a walker meets is a function of its key and of how many episodes it has begun: so the same
-key walks the same walk in any company.
+The rest is what environments run on a CPU, `task` and `disturbance_kernels`, for batches of one.
+Disturbances of a walker are a function of its key and of how many episodes it has begun. The same
+key therefore gives the same walk in any batch.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gym_passive_walker.engine.chance import uniform, word
-from gym_passive_walker.envs import fates, task, transitions
+from gym_passive_walker.engine.counter_rng import uniform, word
+from gym_passive_walker.envs import disturbance_kernels, task, transitions
 from gym_passive_walker.envs.starts import DRAWS, between
 from gym_passive_walker.gpu.device import cuda, kind
 from gym_passive_walker.gpu.lane import RUN, TILE
 
-_START, _WHO = 200, 201  # streams of random numbers of a walker's key
+_START, _WHICH = 200, 201  # streams of random numbers of a walker's key
 
 
 class Walkers(NamedTuple):
@@ -31,7 +31,7 @@ class Walkers(NamedTuple):
         told: The ledger as the last step left it, before another episode began.
         keys: 64 bits for each.
         episodes: That each has begun.
-        fates: Of `fates.FATE`; of none without disturbances.
+        disturbances: Of `disturbance_kernels.DISTURBANCE`; of none without disturbances.
         pending: Actions that come late, (n, steps, actions); of none without delay.
         notes: Of `transitions.NOTE`; of none without users' own functions.
     """
@@ -39,10 +39,10 @@ class Walkers(NamedTuple):
     records: Any
     bodies: Any
     ledger: Any
-    told: Any
+    reported: Any
     keys: Any
     episodes: Any
-    fates: Any
+    disturbances: Any
     pending: Any
     notes: Any
 
@@ -56,13 +56,13 @@ class World(NamedTuple):
         rules: Of `task.RULES`.
         blank: A record as it begins, (1,).
         row: A row of the ledger as it begins, (1,).
-        fate: Disturbances as they begin, (1,).
+        disturbance: Disturbances as they begin, (1,).
         slopes: Least and greatest slope that episodes begin on.
         nodes: Slopes at which states to start from are known.
         states: These, (nodes, 6).
         reset_noise_scale: How far from them a start may be, (1,).
         drawn: Constants of the walkers that episodes draw from, (walkers, constants).
-        odds: Of `fates.ODDS`.
+        odds: Of `disturbance_kernels.ODDS`.
         natives: Of `constraints.NATIVE`.
         table: Of the terrain's footholds.
         spread: Standard deviations of random footholds.
@@ -75,7 +75,7 @@ class World(NamedTuple):
     rules: Any
     blank: Any
     row: Any
-    fate: Any
+    disturbance: Any
     slopes: Any
     nodes: Any
     states: Any
@@ -131,16 +131,22 @@ def calm_begin(walkers, world, i, desk, observations):
     """Begin without disturbances."""
 
 
-def fateful_begin(walkers, world, i, desk, observations):
+def disturbed_begin(walkers, world, i, desk, observations):
     """Draw a walker's disturbances, and show what its sensors measure."""
     own, odds = slice_of(i), world.odds
-    walkers.fates[i] = world.fate[0]
-    fates.begin(
-        walkers.fates[own], odds, desk.lanes, desk.keys, walkers.pending[own],
+    walkers.disturbances[i] = world.disturbance[0]
+    disturbance_kernels.begin(
+        walkers.disturbances[own], odds, desk.lanes, desk.keys, walkers.pending[own],
         walkers.records[own], walkers.ledger[own], world.table, world.spread,
     )  # fmt: skip
-    fates.perceive(
-        walkers.fates[i], walkers.ledger[i], odds[0], world.table, world.spread, observations, 0
+    disturbance_kernels.add_observation_noise(
+        walkers.disturbances[i],
+        walkers.ledger[i],
+        odds[0],
+        world.table,
+        world.spread,
+        observations,
+        0,
     )
 
 
@@ -162,14 +168,14 @@ def begin(walkers, world, i, desk, observations):
     for k in range(DRAWS):
         desk.draws[0, k] = uniform(key, k, _START)
     if len(walkers.bodies) == len(walkers.records):
-        who = int(uniform(key, 0, _WHO) * len(world.drawn))
+        which = int(uniform(key, 0, _WHICH) * len(world.drawn))
         for k in range(world.drawn.shape[1]):
-            walkers.bodies[i, 0, k] = world.drawn[who, k]
+            walkers.bodies[i, 0, k] = world.drawn[which, k]
     low, high = world.slopes[0], world.slopes[1]
     desk.slopes[0] = low if low == high else low + (high - low) * desk.draws[0, 0]
     between(world.nodes, world.states, desk.slopes, desk.gaits)
     own, bodies = slice_of(i), walkers.bodies[own_body(walkers, i)]
-    radii = bodies[0, 0, fates.RADIUS : fates.RADIUS + 1]
+    radii = bodies[0, 0, disturbance_kernels.RADIUS : disturbance_kernels.RADIUS + 1]
     task.begin(
         walkers.records[own], bodies, radii, walkers.ledger[own], world.blank, world.row,
         world.phases, desk.lanes, desk.slopes, desk.gaits, desk.draws, world.reset_noise_scale[0],
@@ -179,7 +185,7 @@ def begin(walkers, world, i, desk, observations):
 
 
 befall = calm_begin
-"""What begins besides; bound to `fateful_begin` where there are disturbances."""
+"""What begins besides; bound to `disturbed_begin` where there are disturbances."""
 
 
 def plain_before(walkers, world, i):
@@ -203,8 +209,8 @@ def own_before(walkers, world, i):
 def own_after(walkers, world, i, actions, rewards, terminated):
     """Evaluate a user's reward and termination."""
     own = slice_of(i)
-    if len(walkers.fates) > 0:
-        walkers.notes[i].push = walkers.fates[i].impulse
+    if len(walkers.disturbances) > 0:
+        walkers.notes[i].push = walkers.disturbances[i].impulse
     transitions.after(
         walkers.records[own], walkers.ledger[own], world.rules, world.phases, actions,
         walkers.notes[own], world.own[0], world.own[1], world.own[2], True, rewards, terminated,
@@ -219,8 +225,8 @@ def own_sight(walkers, world, play, i, observations, begins):
         lanes = cuda.local.array(1, np.int64)
         lanes[0] = 0
         transitions.begin(walkers.records[own], walkers.ledger[own], world.phases, lanes, notes)
-        if len(walkers.fates) > 0:
-            notes[0].command = walkers.fates[i].command
+        if len(walkers.disturbances) > 0:
+            notes[0].command = walkers.disturbances[i].command
     if world.own[3] != 0:
         transitions.look(notes, world.own[3], play.numbers[own])
         for k in range(len(observations)):
@@ -243,21 +249,21 @@ def calm_step(
     )  # fmt: skip
 
 
-def fateful_step(
+def disturbed_step(
     walkers, world, i, tiles, courses, actions, observations, rewards, terminated, truncated
 ):
     """A step of another."""
     own, body = slice_of(i), own_body(walkers, i)
-    fates.step(
+    disturbance_kernels.step(
         walkers.records[own], walkers.bodies[body], walkers.ledger[own], world.rules, world.phases,
-        world.options, tiles, courses, walkers.fates[own], walkers.pending[own],
+        world.options, tiles, courses, walkers.disturbances[own], walkers.pending[own],
         world.odds, world.natives, world.table, world.spread, actions, observations, rewards,
         terminated, truncated,
     )  # fmt: skip
 
 
 one_step = calm_step
-"""A walker's step; bound to `fateful_step` where there are disturbances."""
+"""A walker's step; bound to `disturbed_step` where there are disturbances."""
 
 
 def own_rows(walkers, play, i):
@@ -287,7 +293,7 @@ def play_on(walkers, world, play, i, tiles, courses, desk):
     )  # fmt: skip
     after(walkers, world, i, actions, rewards, terminated)
     sight(walkers, world, play, i, observations, False)
-    walkers.told[i] = walkers.ledger[i]
+    walkers.reported[i] = walkers.ledger[i]
     for k in range(len(observations)):
         play.last[i * len(observations) + k] = observations[k]
     if terminated[0] or truncated[0]:

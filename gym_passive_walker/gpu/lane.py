@@ -16,7 +16,7 @@ from gym_passive_walker.engine.one_walker import carry, entry
 from gym_passive_walker.envs.constraints import equipped, look_code, push_code
 from gym_passive_walker.envs.custom import Rule
 from gym_passive_walker.gpu import primitives
-from gym_passive_walker.gpu.bookkeeping import Bound
+from gym_passive_walker.gpu.bookkeeping import DeviceLinker
 from gym_passive_walker.gpu.device import kind
 from gym_passive_walker.gpu.source import Source
 from gym_passive_walker.physics.systems import SYSTEMS
@@ -71,7 +71,7 @@ class Machinery:
         call = _compiled(source, f"<the equations {system}>")
         own = {getattr(jit, name): primitives.BY_NAME[name] for name in ("address", "fma")}
         own[jit.call] = call
-        self.bound = Bound(own).instead({lanes.carry: carry, jit.entry: entry})
+        self.bound = DeviceLinker(own).instead({lanes.carry: carry, jit.entry: entry})
 
 
 def _compiled(source: Source, name: str) -> Any:

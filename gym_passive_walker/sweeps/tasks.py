@@ -168,8 +168,8 @@ def robustness(
     if controller is None and scene is None and changes.keys() == {"walker", "slope"}:
         found = robust.robustness(changes["walker"], slope=changes["slope"], **options)
     else:
-        who, where = acting(controller or "passive", scene, **changes)
-        found = robust.robustness(who, where, **options)
+        agent, where = acting(controller or "passive", scene, **changes)
+        found = robust.robustness(agent, where, **options)
     lasting = found.first_passage
     names = ("sensitivity", "step_up", "step_down", "recovered", "recovered_error", "recovery")
     return {
@@ -197,9 +197,9 @@ def evaluation(
     seed: int = 0,
 ) -> Row:
     """Evaluate a controller over some episodes; the first one has the seed."""
-    who, where = acting(controller, scene, **changes)
+    agent, where = acting(controller, scene, **changes)
     arena = gym.make_vec(ID, num_envs=episodes, scene=where)
-    return walks.evaluate(who, arena, seed=seed).summary()
+    return walks.evaluate(agent, arena, seed=seed).summary()
 
 
 ANALYSES: dict[str, Callable[..., Row]] = {

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numba
 
-from gym_passive_walker.progress import hush, show
+from gym_passive_walker.progress import disable_progress, show
 from gym_passive_walker.sweeps.node import compile_once
 from gym_passive_walker.sweeps.store import DONE, FAILED, TIMED_OUT
 from gym_passive_walker.sweeps.tasks import ANALYSES, flat, task
@@ -203,7 +203,7 @@ def _serve(pipe: Connection, analysis: str) -> None:
     """Do tasks in a worker process, until the pipe is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent handles Ctrl-C
     threading.Thread(target=_leave_with_parent, daemon=True).start()
-    hush()
+    disable_progress()
     numba.set_num_threads(1)
     if analysis in ANALYSES:
         compile_once()

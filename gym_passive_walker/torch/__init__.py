@@ -16,17 +16,17 @@ except ImportError as error:
     ) from error
 
 from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
-from gym_passive_walker.torch.rollouts import Rollout, Standing, rollout, standing
+from gym_passive_walker.torch.rollouts import Rollout, RolloutState, initial_state, rollout
 from gym_passive_walker.torch.walks import Stride, Tick, stride, tick
 
 __all__ = [
     "PassiveWalkerTorchEnv",
     "Rollout",
-    "Standing",
+    "RolloutState",
     "Stride",
     "Tick",
+    "initial_state",
     "rollout",
-    "standing",
     "stride",
     "tick",
 ]

@@ -87,7 +87,7 @@ _RUNNING, _STRUCK, _STALLED, _DIVERGED = map(
 
 
 @dataclass(frozen=True)
-class Manner:
+class FlowOptions:
     """Options of the operation.
 
     Attributes:
@@ -111,7 +111,7 @@ class Manner:
     whole: bool = False
 
 
-class Moved(NamedTuple):
+class FlowResult(NamedTuple):
     """Results for n walkers, dimensionless; only the values have a gradient.
 
     Attributes:
@@ -146,29 +146,29 @@ class Moved(NamedTuple):
         return self.values[:, : self.columns.size]
 
 
-def carry_on(inputs: Tensor, phases: Tensor, going: Tensor, manner: Manner) -> Moved:
+def carry_on(inputs: Tensor, phases: Tensor, going: Tensor, options: FlowOptions) -> FlowResult:
     """Integrate each walker to its end time, its heelstrike or its fall.
 
     Args:
         inputs: Inputs in the order of `columns_of` the walker, then parameters, (n, inputs).
         phases: Index of the phase in which each walker is, (n,).
         going: Whether each walker is integrated, (n,) booleans; the other states do not change.
-        manner: Options.
+        options: Options.
 
     Raises:
         ValueError: if the walker's feet do not permit an actuation.
         WalkerError: if the parameters describe no walker.
     """
-    moved = _CarryOn.apply(inputs, phases, going, manner)
-    return Moved(*moved, columns=columns_of(manner.walker))  # type: ignore[misc]
+    moved = _CarryOn.apply(inputs, phases, going, options)
+    return FlowResult(*moved, columns=columns_of(options.walker))  # type: ignore[misc]
 
 
 class _CarryOn(torch.autograd.Function):
     """Autograd function of `carry_on`."""
 
     @staticmethod
-    def forward(inputs: Tensor, phases: Tensor, going: Tensor, manner: Manner) -> Any:
-        told = _walked(inputs.numpy(force=True), phases.numpy(), going.numpy(), manner)
+    def forward(inputs: Tensor, phases: Tensor, going: Tensor, options: FlowOptions) -> Any:
+        told = _walked(inputs.numpy(force=True), phases.numpy(), going.numpy(), options)
         return tuple(map(torch.from_numpy, told))
 
     @staticmethod
@@ -189,13 +189,13 @@ class _CarryOn(torch.autograd.Function):
 
     @staticmethod
     def vmap(info: Any, in_dims: Any, *given: Any) -> Any:
-        *tensors, manner = given
+        *tensors, options = given
         batch, several = info.batch_size, []
         for tensor, dim in zip(tensors, in_dims[:-1], strict=True):
             rows = tensor.expand(batch, *tensor.shape) if dim is None else tensor.movedim(dim, 0)
             several.append(rows)
         count = several[0].shape[1]
-        moved = _CarryOn.apply(*(rows.flatten(0, 1) for rows in several), manner)
+        moved = _CarryOn.apply(*(rows.flatten(0, 1) for rows in several), options)
         return tuple(x.unflatten(0, (batch, count)) for x in moved), (0,) * len(moved)  # type: ignore[union-attr]
 
 
@@ -235,10 +235,10 @@ _SECOND = (
 
 
 def _walked(
-    inputs: NDArray, phases: NDArray, going: NDArray, manner: Manner
+    inputs: NDArray, phases: NDArray, going: NDArray, options: FlowOptions
 ) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
-    """Compute the fields of `Moved` as arrays."""
-    walker, count, columns = manner.walker, len(inputs), columns_of(manner.walker)
+    """Compute the fields of `FlowResult` as arrays."""
+    walker, count, columns = options.walker, len(inputs), columns_of(options.walker)
     size, names = columns.size, columns.inputs
     values = np.zeros((count, len(columns.results) + 1))
     values[:, :size] = inputs[:, :size]
@@ -250,7 +250,7 @@ def _walked(
     if len(lanes) == 0:
         return values, jacobians, after, outcomes, margins
     own = inputs[lanes]
-    _check(walker, manner.parameters, own[:, columns.width :])
+    _check(walker, options.parameters, own[:, columns.width :])
     held = {name: own[:, places[0]] for name, places in names.items()}
     states, begun = own[:, :size].copy(), own[:, names["start"]]
     if not isinstance(walker, Mechanism):
@@ -258,15 +258,15 @@ def _walked(
         begun = begun * MIRRORED
         if not walker.knees:
             states[:, 2], states[:, 5] = states[:, 1], states[:, 4]
-    parameters = dict(zip(manner.parameters, own[:, columns.width :].T, strict=True))
+    parameters = dict(zip(options.parameters, own[:, columns.width :].T, strict=True))
     walkers = Walkers(
-        walker=walker, parameters=parameters, tolerance=manner.tolerance,
-        end_on_toe_stub=manner.end_on_toe_stub,
-        using=tuple(name for name in manner.using if name not in ("push", "start")),
+        walker=walker, parameters=parameters, tolerance=options.tolerance,
+        end_on_toe_stub=options.end_on_toe_stub,
+        using=tuple(name for name in options.using if name not in ("push", "start")),
     )  # fmt: skip
-    pushed = "push" in manner.using
+    pushed = "push" in options.using
     if pushed:
-        states, by_push = _pushed(walkers, states, phases[lanes], held["push"], manner.parameters)
+        states, by_push = _pushed(walkers, states, phases[lanes], held["push"], options.parameters)
     records = new_records(
         states, held["slope"], end=held["end"], height_change=held["height_change"],
         slope_change=held["slope_change"], layout=layout_of(walkers.system()),
@@ -274,12 +274,12 @@ def _walked(
     for motor, name in enumerate(columns.controls):
         hold(records, motor, held[name])
     records["phase"][:, 0] = phases[lanes]
-    if "start" in manner.using:
+    if "start" in options.using:
         records["start"][:, 0, : begun.shape[1]] = begun
-    by = [name for name in manner.by if name != "push"]
-    walked = go_on(walkers, records, ("state", *by), on_section=manner.whole)
-    told = np.concatenate([walked.told(columns.results), walked.distance[:, None]], axis=1)
-    of_parameters = {name: [columns.width + i] for i, name in enumerate(manner.parameters)}
+    by = [name for name in options.by if name != "push"]
+    walked = go_on(walkers, records, ("state", *by), on_section=options.whole)
+    told = np.concatenate([walked.rows(columns.results), walked.distance[:, None]], axis=1)
+    of_parameters = {name: [columns.width + i] for i, name in enumerate(options.parameters)}
     moving = [*range(size), *(i for name in by for i in (names | of_parameters)[name])]
     values[lanes] = told[:, :, 0]
     own_jacobians = np.zeros((len(lanes), values.shape[1], inputs.shape[1]))
@@ -291,7 +291,7 @@ def _walked(
     jacobians[lanes] = own_jacobians
     after[lanes], outcomes[lanes] = walked["phase"][:, 0], walked.outcomes
     margins[lanes] = walked.margins
-    if manner.whole:
+    if options.whole:
         stalled = going & (outcomes == _RUNNING)
         outcomes[stalled], margins[stalled], jacobians[stalled] = _STALLED, np.nan, 0.0
     return values, jacobians, after, outcomes, margins

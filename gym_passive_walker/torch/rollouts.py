@@ -26,8 +26,8 @@ from gym_passive_walker.gaits.flow import states_in
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.physics.systems import UNEVEN, system_of
 from gym_passive_walker.torch.operation import (
-    Manner,
-    Moved,
+    FlowOptions,
+    FlowResult,
     as_tensor,
     carry_on,
     check_parameters,
@@ -37,7 +37,7 @@ from gym_passive_walker.torch.operation import (
 _RUNNING, _STRUCK, _STALLED = map(int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED))
 
 
-class Standing(NamedTuple):
+class RolloutState(NamedTuple):
     """State of n walkers within their episodes, dimensionless.
 
     Attributes:
@@ -74,7 +74,7 @@ class Standing(NamedTuple):
         """Whether each episode is still running, (n,)."""
         return self.outcome == _RUNNING
 
-    def detach(self) -> Standing:
+    def detach(self) -> RolloutState:
         """Return a copy that is detached from the graph: gradients stop here."""
         return self._replace(
             states=self.states.detach(),
@@ -116,16 +116,16 @@ class Rollout(NamedTuple):
     outcomes: Tensor
     going: Tensor
     margins: Tensor
-    end: Standing
+    end: RolloutState
 
 
-def standing(
+def initial_state(
     scene: Scene | str | Mapping[str, Any],
     count: int = 16,
     *,
     seed: int | None = None,
     parameters: Mapping[str, Any] | None = None,
-) -> Standing:
+) -> RolloutState:
     """Draw initial states of episodes, as a vector environment with this seed does.
 
     Args:
@@ -144,8 +144,8 @@ def standing(
     batch.start(np.arange(count), np.empty(count * batch.seen, np.float32))
     slopes, keys, commands = batch.ledger["slope"], np.zeros(count, np.uint64), np.zeros(count)
     if batch.disturbances:
-        fates = batch.disturbances.fates
-        slopes, keys, commands = fates["slope"], fates["key"], fates["command"]
+        disturbances = batch.disturbances.states
+        slopes, keys, commands = disturbances["slope"], disturbances["key"], disturbances["command"]
     own, coordinates = scene.own_system, system_of(scene.walker).coordinates
     bodies: list[Any] = [walker if own is None else walker.body for walker in batch.walkers]  # type: ignore[attr-defined]
     values = {
@@ -155,7 +155,7 @@ def standing(
     given = check_parameters(scene.walker, parameters)
     zeros = torch.zeros(count, dtype=torch.float64)
     states = torch.from_numpy(states_in(batch.records[:, 0], coordinates).copy())
-    here = Standing(
+    here = RolloutState(
         states=states,
         slopes=torch.from_numpy(slopes.copy()),
         phases=torch.zeros(count, dtype=torch.int64),
@@ -198,7 +198,7 @@ def rollout(
     *,
     count: int = 16,
     seed: int | None = None,
-    start: Standing | None = None,
+    start: RolloutState | None = None,
     pushes: Any = None,
 ) -> Rollout:
     """Simulate episodes under a policy, with the exact gradient of their returns.
@@ -210,7 +210,7 @@ def rollout(
         horizon: Number of control steps.
         count: Number of walkers.
         seed: Seed of the first walker; the others use seed + 1, seed + 2, ...
-        start: Initial state, from `standing` or the `end` of a rollout; replaces count and seed.
+        start: From `initial_state`, or the `end` of a rollout; replaces count and seed.
         pushes: Impulses on the hip along the slope as each control step begins, over m sqrt(g l),
             positive downhill; a number, (horizon, 1) or (horizon, n). None applies none.
 
@@ -220,7 +220,7 @@ def rollout(
         SceneError: if the scene has noise, delays, random pushes or feasibility constraints.
     """
     scene, horizon = _differentiable(make_scene(scene)), whole(horizon, "horizon")
-    here = standing(scene, count, seed=seed) if start is None else start
+    here = initial_state(scene, count, seed=seed) if start is None else start
     impulses = None
     if pushes is not None:
         size = len(here.slopes)
@@ -242,7 +242,7 @@ def rollout(
     return Rollout._make([told[0].sum(0), *told, here])
 
 
-def _ground(scene: Scene, here: Standing, ahead: int = 0) -> Tensor:
+def _ground(scene: Scene, here: RolloutState, ahead: int = 0) -> Tensor:
     """Return ground data of the footholds that lie `ahead` strides in front.
 
     Returns:
@@ -254,7 +254,7 @@ def _ground(scene: Scene, here: Standing, ahead: int = 0) -> Tensor:
     return torch.from_numpy(scene.terrain.ground(keys, here.strides.numpy() + ahead))
 
 
-def observed(scene: Scene, here: Standing) -> Tensor:
+def observed(scene: Scene, here: RolloutState) -> Tensor:
     """Return the observations of the environment in float64, (n, k)."""
     if scene.observation is not None:
         seen = scene.observation(here.last)
@@ -276,8 +276,8 @@ def observed(scene: Scene, here: Standing) -> Tensor:
 
 
 def _tick(
-    policy: Callable[[Tensor], Tensor], scene: Scene, here: Standing, pushes: Tensor | None
-) -> tuple[tuple[Tensor, ...], Standing]:
+    policy: Callable[[Tensor], Tensor], scene: Scene, here: RolloutState, pushes: Tensor | None
+) -> tuple[tuple[Tensor, ...], RolloutState]:
     """Simulate one control step.
 
     Returns:
@@ -311,12 +311,12 @@ def _tick(
     other += ("start",) if ruled or scene.command is not None else ()  # for the step length
     parameters, uneven = tuple(here.parameters), () if scene.terrain is None else UNEVEN
     using = (*(motor for motor in motors if motor != "hip_torque"), *uneven, *other)
-    manner = Manner(
+    options = FlowOptions(
         scene.walker, parameters, (*motors, *other, *parameters), using, scene.tolerance,
         bool(scene.end_on_toe_stub),
     )  # fmt: skip
     inputs = torch.cat([here.states, torch.stack(columns, 1)], 1)
-    moved = carry_on(inputs, here.phases, going, manner)
+    moved = carry_on(inputs, here.phases, going, options)
     struck = moved.outcomes == _STRUCK
     stalled = (moved.outcomes == _RUNNING) & (left <= spans)
     outcomes = torch.where(stalled & going, _STALLED, moved.outcomes)
@@ -366,9 +366,9 @@ def _tick(
 
 def _step(
     scene: Scene,
-    here: Standing,
-    ends: Standing,
-    moved: Moved,
+    here: RolloutState,
+    ends: RolloutState,
+    moved: FlowResult,
     held: dict[str, Tensor],
     push: Tensor,
 ) -> Transition:

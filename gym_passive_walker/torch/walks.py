@@ -16,8 +16,8 @@ from gym_passive_walker.gaits.actuation import Actuation, actuation_units
 from gym_passive_walker.gaits.flow import LONGEST_STRIDE
 from gym_passive_walker.physics.systems import UNEVEN, system_of
 from gym_passive_walker.torch.operation import (
-    Manner,
-    Moved,
+    FlowOptions,
+    FlowResult,
     as_tensor,
     carry_on,
     check_parameters,
@@ -277,7 +277,7 @@ def tick(
 class _Walk(NamedTuple):
     """Dimensionless results for n walkers, and their conversion to the walkers' own units."""
 
-    moved: Moved
+    moved: FlowResult
     units: Units
     time: Tensor  # the unit of time, (n, 1)
     torques: Tensor  # dimensionless, (n, controls)
@@ -373,7 +373,7 @@ def _walk(
     by += [name for name in using if isinstance(asked[name], Tensor) or given]
     if duration is not None and (isinstance(duration, Tensor) or given):
         by.append("end")
-    manner = Manner(
+    options = FlowOptions(
         walker=walker,
         parameters=tuple(given),
         by=(*by, *given),
@@ -382,7 +382,7 @@ def _walk(
         end_on_toe_stub=end_on_toe_stub,
         whole=whole,
     )
-    moved = carry_on(inputs, phases, torch.ones(count, dtype=torch.bool), manner)
+    moved = carry_on(inputs, phases, torch.ones(count, dtype=torch.bool), options)
     works = system_of(walker).works
     motors = [columns.inputs[name][0] for name in columns.controls[: len(works)]]
     return _Walk(moved, units, time, inputs[:, motors], works, bool(shape), own)

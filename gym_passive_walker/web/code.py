@@ -18,11 +18,11 @@ from numba import types
 from numpy.typing import NDArray
 
 from gym_passive_walker.engine import jit, lanes, one_walker
-from gym_passive_walker.engine.bound import Bound
 from gym_passive_walker.engine.compiled import OF_LANE, OF_LANES, phases_of, written
+from gym_passive_walker.engine.device_linker import DeviceLinker
 from gym_passive_walker.engine.expressions import Expression
 from gym_passive_walker.engine.native import Emitter, Function, Memory, Module
-from gym_passive_walker.envs import fates
+from gym_passive_walker.envs import disturbance_kernels
 from gym_passive_walker.envs import one_walker as one_episode
 from gym_passive_walker.envs.constraints import NATIVE, equipped, push_code
 from gym_passive_walker.physics import bodies, kneed, simplest, straight
@@ -97,11 +97,11 @@ def _with_own_functions(text: str) -> str:
 @lru_cache
 def bookkeeping() -> list[str]:
     """Return the texts of the bookkeeping and of the elementary functions."""
-    bound = Bound({}, _jitted).instead({
+    bound = DeviceLinker({}, _jitted).instead({
         lanes.carry: one_walker.carry,
         jit.entry: one_walker.entry,
-        fates.copied: one_episode.as_it_is,
-        fates.carry_through: one_episode.carry_through,
+        disturbance_kernels.copy_of: one_episode.as_it_is,
+        disturbance_kernels.integrate_past_events: one_episode.integrate_past_events,
     })  # fmt: skip
     text, name = _compiled(bound.rebound(kernels.run), types.int64, types.int64)
     call = (

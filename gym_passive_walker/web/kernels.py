@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from gym_passive_walker.engine.chance import uniform
 from gym_passive_walker.engine.compiled import PHASE
+from gym_passive_walker.engine.counter_rng import uniform
 from gym_passive_walker.engine.jit import view
 from gym_passive_walker.engine.layout import COURSE, PAIR, RECORD, tile_for
 from gym_passive_walker.engine.run import OPTIONS, carry_on
-from gym_passive_walker.envs import fates, task
+from gym_passive_walker.envs import disturbance_kernels, task
 from gym_passive_walker.envs.constraints import NATIVE, ROOM
 from gym_passive_walker.envs.starts import DRAWS
 from gym_passive_walker.physics.bodies import KneedBody
@@ -75,8 +75,8 @@ WALK = np.dtype([
     ("ledger", task.LEDGER), ("blank_row", task.LEDGER),
     ("rules", task.RULES),
     ("options", OPTIONS),
-    ("fate", fates.FATE),
-    ("odds", fates.ODDS),
+    ("disturbance", disturbance_kernels.DISTURBANCE),
+    ("odds", disturbance_kernels.ODDS),
     ("pending", "f8", (LATEST * MOST_ACTIONS,)),
     ("spread", "f8", (3,)),
     ("shape", SHAPE), ("points", "f8", (2 * len(POINTS),)),
@@ -86,23 +86,23 @@ WALK = np.dtype([
 """The block of memory of one walker."""
 
 _NUMBER, _SINGLE, _TRUTH, _WORD = np.dtype("f8"), np.dtype("f4"), np.dtype("?"), np.dtype("i8")
-_KEY, _LEDGER, _RULES, _FATE, _ODDS = (
+_KEY, _LEDGER, _RULES, _DISTURBANCE, _ODDS = (
     np.dtype("u8"),
     task.LEDGER,
     task.RULES,
-    fates.FATE,
-    fates.ODDS,
+    disturbance_kernels.DISTURBANCE,
+    disturbance_kernels.ODDS,
 )
 _AT = {name: int(place[1]) for name, place in WALK.fields.items()}  # type: ignore[union-attr]
 (
     _KEYS, _LANES, _SLOPES, _GAITS, _DRAWS, _ACTIONS, _REWARDS, _TERMINATED, _TRUNCATED,
     _OBSERVATIONS, _RECORD, _BLANK, _BODIES, _RADII, _ROW, _BLANK_ROW, _SCENE_RULES, _TOLD,
-    _WALKS_FATE, _SCENE_ODDS, _PENDING, _SPREAD, _TILE, _COURSE,
+    _WALKS_DISTURBANCE, _SCENE_ODDS, _PENDING, _SPREAD, _TILE, _COURSE,
 ) = (
     _AT[name] for name in (
         "key", "lanes", "slopes", "gaits", "draws", "actions", "rewards", "terminated", "truncated",
         "observations", "record", "blank", "bodies", "radii", "ledger", "blank_row", "rules",
-        "options", "fate", "odds", "pending", "spread", "tile", "course",
+        "options", "disturbance", "odds", "pending", "spread", "tile", "course",
     )
 )  # fmt: skip
 _HEAD = np.dtype([(name, WALK[name]) for name in WALK.names[: WALK.names.index("key")]])  # type: ignore[index]
@@ -135,7 +135,7 @@ def begin(base):
         view(base + _OBSERVATIONS, (head.seen,), _SINGLE),
     )
     phases, odds = view(head.phases, (head.count,), PHASE), view(base + _SCENE_ODDS, (1,), _ODDS)
-    fate = view(base + _WALKS_FATE, (1,), _FATE)
+    disturbance = view(base + _WALKS_DISTURBANCE, (1,), _DISTURBANCE)
     table = view(head.table, (head.footholds, 2), _NUMBER)
     spread = view(base + _SPREAD, (3,), _NUMBER)
     count = view(base + _SCENE_RULES, (1,), _RULES)[0].actions
@@ -149,24 +149,26 @@ def begin(base):
         view(base + _SLOPES, (1,), _NUMBER), view(base + _GAITS, (1, 6), _NUMBER),
         draws, view(base + _NOISE, (1,), _NUMBER)[0], observations,
     )  # fmt: skip
-    fates.begin(
-        fate, odds, lanes, keys,
+    disturbance_kernels.begin(
+        disturbance, odds, lanes, keys,
         view(base + _PENDING, (1, head.late, count), _NUMBER), records, ledger, table, spread,
     )  # fmt: skip
-    fates.perceive(fate[0], ledger[0], odds[0], table, spread, observations, 0)
+    disturbance_kernels.add_observation_noise(
+        disturbance[0], ledger[0], odds[0], table, spread, observations, 0
+    )
 
 
 def step(base):
-    """Take a control step by the actions in the block; see `fates.step`."""
+    """Take a control step by the actions in the block; see `disturbance_kernels.step`."""
     head = view(base, (1,), _HEAD)[0]
     rules = view(base + _SCENE_RULES, (1,), _RULES)
     count = rules[0].actions
-    fates.step(
+    disturbance_kernels.step(
         view(base + _RECORD, (1, 1), RECORD),
         view(base + _BODIES, (1, 1, head.constants + ROOM), _NUMBER),
         view(base + _ROW, (1,), _LEDGER), rules, view(head.phases, (head.count,), PHASE),
         view(base + _TOLD, (1,), OPTIONS), view(base + _TILE, (1,), TILE),
-        view(base + _COURSE, (1,), COURSE), view(base + _WALKS_FATE, (1,), _FATE),
+        view(base + _COURSE, (1,), COURSE), view(base + _WALKS_DISTURBANCE, (1,), _DISTURBANCE),
         view(base + _PENDING, (1, head.late, count), _NUMBER),
         view(base + _SCENE_ODDS, (1,), _ODDS), view(head.natives, (head.count,), NATIVE),
         view(head.table, (head.footholds, 2), _NUMBER), view(base + _SPREAD, (3,), _NUMBER),

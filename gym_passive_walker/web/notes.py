@@ -9,7 +9,7 @@ import numpy as np
 
 from gym_passive_walker import __version__
 from gym_passive_walker.engine.run import options
-from gym_passive_walker.envs import fates, task
+from gym_passive_walker.envs import disturbance_kernels, task
 from gym_passive_walker.envs.batch import rules_of
 from gym_passive_walker.envs.checks import CHECKS
 from gym_passive_walker.envs.scene import SCENES, make_scene
@@ -117,7 +117,7 @@ def of_all() -> dict[str, Any]:
         "checks": CHECKS,
         "latest": kernels.LATEST,
         "farthest": kernels.FARTHEST,
-        "passed": fates.PASSED,
+        "passed": disturbance_kernels.PASSED,
         "scenes": SCENES,
         "policies": {name: _policy(name) for name in shipped_policies()},
     }

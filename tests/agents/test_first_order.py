@@ -11,7 +11,7 @@ from agents.learner import build
 from agents.training import Run
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.evaluation.tape import Linear, Tape
+from gym_passive_walker.evaluation.linearization import Linear, StepRecorder
 from gym_passive_walker.evaluation.walks import WALKED_ON
 from gym_passive_walker.torch import rollout
 
@@ -92,9 +92,9 @@ def test_the_sweep_over_walkers_is_what_autograd_says_of_their_walk(scene):
     walked.returns.sum().backward()
     env = PassiveWalkerVectorEnv(count, scene, autoreset_mode="SameStep")
     env.reset(seed=4)
-    tape, seen = Tape(env), walked.observations.detach().requires_grad_()
+    recorder, seen = StepRecorder(env), walked.observations.detach().requires_grad_()
     for actions in policy(seen).detach().numpy():
-        tape.note(actions)
+        recorder.record(actions)
         env.step(actions)
     actions = policy(seen)[..., 0]
     (by_seen,) = torch.autograd.grad(actions.sum(), seen, retain_graph=True)
@@ -102,7 +102,7 @@ def test_the_sweep_over_walkers_is_what_autograd_says_of_their_walk(scene):
     ended = np.concatenate([going[:-1] & ~going[1:], going[-1:]])
     critic = np.zeros((steps, count, 6))
     gains, _ = backwards(
-        tape.linearize(), by_seen.numpy()[..., :6], critic, ended, gamma=1.0, gae_lambda=1.0
+        recorder.linearize(), by_seen.numpy()[..., :6], critic, ended, gamma=1.0, gae_lambda=1.0
     )
     first = np.cumsum(ended, axis=0) - ended == 0  # the environment begins another episode
     ours = torch.autograd.grad(

@@ -117,7 +117,7 @@ def test_shac_s_gradients_go_through_the_time_limit_to_the_critic_and_through_a_
     _, after, _, fell, late = walked(model.rollout_buffer.actions, model.seed)
     beyond = np.abs(actions) >= 1.0
     policy, critic = slopes(model.action, seen), slopes(model.value, after)
-    linear = model.env.tape.linearize()
+    linear = model.env.recorder.linearize()
     gains, costates = np.zeros(actions.shape), np.zeros((*actions.shape, 6))
     for i in range(WALKERS):
         later = None

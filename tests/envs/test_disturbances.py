@@ -57,7 +57,7 @@ def test_a_pushed_stride_is_one_carried_to_the_push_pushed_and_carried_on(walker
     for seed in range(30):
         env.reset(seed=seed)
         record = new_records(env.batch.records["state"][:, 0], env.slope)
-        due = float(env.batch.disturbances.fates["due"][0])
+        due = float(env.batch.disturbances.states["due"][0])
         *_, info = env.step(np.zeros(1))
         if info["pushes"] != 1 or info["outcome"] != "heelstrike":
             continue

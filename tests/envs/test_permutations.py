@@ -165,7 +165,7 @@ def test_a_reset_of_some_takes_each_one_s_own_seed_state_and_slope(kind):
     env.reset(options={"reset_mask": SOME, **asked})
     np.testing.assert_array_equal(env.states[~SOME], before[~SOME])
     np.testing.assert_allclose(env.states[SOME, 0], states[SOME, 0], rtol=1e-12)
-    tilted = env.batch.disturbances.fates["tilt"] if env.batch.disturbances else 0.0
+    tilted = env.batch.disturbances.states["tilt"] if env.batch.disturbances else 0.0
     np.testing.assert_allclose(env.slopes[SOME], (slopes + tilted)[SOME], rtol=1e-12)
 
 

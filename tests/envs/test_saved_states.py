@@ -88,7 +88,7 @@ TAMPERED = {
     "steps beyond the limit": (tampered("ledger", "steps", 4001), r"from 0 to 4000"),
     "an ending": (tampered("ledger", "ending", 14), r"ledger\['ending'\].*from 0 to 13"),
     "an ending that is not said": (tampered("ledger", "ending", 3), "differ in which ended"),
-    "what broke a rule": (tampered("ledger", "broken", -1), r"ledger\['broken'\]"),
+    "what broke a rule": (tampered("ledger", "violated", -1), r"ledger\['violated'\]"),
     "truncated": (tampered("ledger", "truncated", 2), r"ledger\['truncated'\].*from 0 to 1"),
     "a sum": (tampered("ledger", "total", np.nan), r"ledger\['total'\].*a finite number"),
     "ended": (put("ended", np.array([True, False, False, False])), "differ in which ended"),
@@ -120,15 +120,21 @@ def test_a_state_that_was_tampered_with_is_refused_and_nothing_is_changed(name, 
 
 
 FATES = {
-    "pushes": (tampered("fates", "pushes", -1), r"fates\['pushes'\]"),
-    "idle": (tampered("fates", "idle", 2), r"fates\['idle'\].*from 0 to 1"),
-    "a push that is long overdue": (tampered("fates", "due", -1e300), "no earlier than the walker"),
-    "a push at no time": (tampered("fates", "due", np.nan), r"fates\['due'\]"),
-    "a command": (tampered("fates", "command", 0.3), r"fates\['command'\].*from 0.1 to 0.2"),
-    "a place": (tampered("fates", "x", np.inf), r"fates\['x'\].*a finite number"),
+    "pushes": (tampered("disturbances", "pushes", -1), r"disturbances\['pushes'\]"),
+    "idle": (tampered("disturbances", "idle", 2), r"disturbances\['idle'\].*from 0 to 1"),
+    "a push that is long overdue": (
+        tampered("disturbances", "due", -1e300),
+        "no earlier than the walker",
+    ),
+    "a push at no time": (tampered("disturbances", "due", np.nan), r"disturbances\['due'\]"),
+    "a command": (
+        tampered("disturbances", "command", 0.3),
+        r"disturbances\['command'\].*from 0.1 to 0.2",
+    ),
+    "a place": (tampered("disturbances", "x", np.inf), r"disturbances\['x'\].*a finite number"),
     "late actions": (put("pending", np.full((4, 2, 1), 2.0)), "pending.*shares from -1 to 1"),
     "fewer late actions": (put("pending", np.zeros((4, 1, 1))), "'pending' has shape"),
-    "no fates": (without("fates"), "it lacks fates"),
+    "no disturbances": (without("disturbances"), "it lacks disturbances"),
 }
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gym_passive_walker.engine.chance import uniform
-from gym_passive_walker.envs.fates import _WHEN
+from gym_passive_walker.engine.counter_rng import uniform
+from gym_passive_walker.envs.disturbance_kernels import _WHEN
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.gaits.terrain import rough
 
@@ -49,23 +49,23 @@ def draws(count=MANY, seed=0, steps=STEPS, **changes):
     observations, _ = env.reset(seed=seed)
     found, batch = {}, env.batch
     states = batch.records["state"][:, 0]
-    fates = batch.disturbances.fates
-    slopes = fates["slope"].copy()
+    disturbances = batch.disturbances.states
+    slopes = disturbances["slope"].copy()
     found["start: slope"] = slopes
     found["start: angle"], found["start: rate"] = states[:, 0].copy(), states[:, 3].copy()
     found["start: swing"] = states[:, 4].copy()
     for name in FEATURES["domain_randomization"]:
         found[f"walker: {name}"] = np.array([getattr(walker, name) for walker in env.walkers])
     if arguments["command"] is not None:
-        found["command"] = fates["command"].copy()
+        found["command"] = disturbances["command"].copy()
     for ahead in range(3):
         place = 8 + (arguments["command"] is not None) + 2 * ahead
         found[f"terrain: rise {ahead}"] = observations[:, place]
         found[f"terrain: turn {ahead}"] = observations[:, place + 1]
-    due, impulse, pushed = fates["due"].copy(), np.full(count, np.nan), np.zeros(count, int)
+    due, impulse, pushed = disturbances["due"].copy(), np.full(count, np.nan), np.zeros(count, int)
     if arguments["pushes"]:
         for n in range(3):
-            each = np.array([uniform(key, n, _WHEN) for key in fates["key"]])
+            each = np.array([uniform(key, n, _WHEN) for key in disturbances["key"]])
             found[f"push {n}: when"] = -np.log(1.0 - each) / arguments["pushes"]["rate"]
         np.testing.assert_allclose(due, found["push 0: when"], rtol=1e-12)
     left = np.ones(count, bool)
@@ -83,9 +83,9 @@ def draws(count=MANY, seed=0, steps=STEPS, **changes):
             found[f"motor: push-off of step {step}"] = np.where(share > 0.0, share, np.nan)
         if arguments["pushes"]:
             first = (pushed == 0) & (infos["pushes"] == 1)
-            impulse[first] = fates["impulse"][first]
+            impulse[first] = disturbances["impulse"][first]
             waited = found["push 0: when"] + found["push 1: when"]
-            np.testing.assert_allclose(fates["due"][first & left], waited[first & left])
+            np.testing.assert_allclose(disturbances["due"][first & left], waited[first & left])
             pushed = infos["pushes"].copy()
     if arguments["pushes"]:
         found["push 0: how hard"] = impulse

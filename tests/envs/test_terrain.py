@@ -32,7 +32,7 @@ def test_a_walk_in_the_environment_is_the_walk_over_the_same_footholds():
     env = gym.make("PassiveWalker-v0", **STRIDES, reset_noise_scale=0.0, disable_env_checker=True)
     observations, _, infos = walk(env, 25)
     batch = env.unwrapped.batch
-    key = int(batch.disturbances.fates["key"][0])
+    key = int(batch.disturbances.states["key"][0])
     state, terrain = gpw.find_gait("C", 0.05).state, STRIDES["terrain"]
     trajectory = gpw.simulate("C", 0.05, state, len(infos), terrain=terrain, terrain_seed=key)
     made = sum(info.get("outcome") == "heelstrike" for info in infos)
@@ -53,7 +53,7 @@ def test_both_legs_meet_at_the_hip_where_a_foot_comes_down_on_a_slope_of_its_own
     env.reset(seed=0)
     batch, body = env.unwrapped.batch, body_of(gpw.WALKERS["lab"])
     radius, leg = body.foot_radius, body.leg
-    fate, record = batch.disturbances.fates[0], batch.records[0, 0]
+    disturbance, record = batch.disturbances.states[0], batch.records[0, 0]
 
     def hip(x, y, tilt, angle):
         along, up = -leg * np.sin(angle), radius + leg * np.cos(angle)
@@ -61,13 +61,18 @@ def test_both_legs_meet_at_the_hip_where_a_foot_comes_down_on_a_slope_of_its_own
         return x + along * cosine + up * sine, y + up * cosine - along * sine
 
     for _ in range(3):
-        began, (x, y, tilt) = record["state"][0], (float(fate[name]) for name in ("x", "y", "tilt"))
+        began, (x, y, tilt) = (
+            record["state"][0],
+            (float(disturbance[name]) for name in ("x", "y", "tilt")),
+        )
         env.step(np.zeros(1))
         assert record["outcome"] == gpw.Outcome.HEELSTRIKE
-        stood = record["state"][1] + tilt - float(fate["tilt"])  # on the patch that it leaves
+        stood = (
+            record["state"][1] + tilt - float(disturbance["tilt"])
+        )  # on the patch that it leaves
         rolled = radius * (began - stood)
         there = hip(x + rolled * np.cos(tilt), y - rolled * np.sin(tilt), tilt, stood)
-        here = hip(*(float(fate[name]) for name in ("x", "y", "tilt")), record["state"][0])
+        here = hip(*(float(disturbance[name]) for name in ("x", "y", "tilt")), record["state"][0])
         np.testing.assert_allclose(here, there, atol=1e-9)
 
 
@@ -86,7 +91,7 @@ def test_a_walker_meets_the_same_ground_alone_and_in_a_crowd(kwargs):
 def test_agents_see_the_footholds_ahead():
     env = gym.make("PassiveWalker-v0", **STRIDES, terrain_lookahead=3)
     observations, _, infos = walk(env, 8)
-    key = env.unwrapped.batch.disturbances.fates["key"][0]
+    key = env.unwrapped.batch.disturbances.states["key"][0]
     terrain = STRIDES["terrain"]
     for place in range(len(infos)):
         ahead = terrain.ground(key, np.arange(place, place + 3))[:, 1:]
@@ -188,7 +193,7 @@ def test_nonsense_is_told_what_is_allowed(arguments, said):
 def test_a_slope_that_is_set_stays_and_footholds_slope_about_it():
     env = gym.make("PassiveWalker-v0", **STRIDES, reset_noise_scale=0.0, disable_env_checker=True)
     seen, _ = env.reset(seed=3)
-    terrain, key = STRIDES["terrain"], int(env.unwrapped.batch.disturbances.fates["key"][0])
+    terrain, key = STRIDES["terrain"], int(env.unwrapped.batch.disturbances.states["key"][0])
     tilts = terrain.ground(key, np.arange(4))[:, 0]
     assert seen[7] == pytest.approx(0.05 + tilts[0], abs=1e-7)
     slopes = [env.unwrapped.set_slope(0.052)[7]]

@@ -178,11 +178,11 @@ def test_nonsense_is_refused_in_words(arguments, said):
 def test_what_is_put_in_the_way_needs_a_scene_that_has_it():
     envs = PassiveWalkerVectorEnv(2)
     envs.reset(seed=0)
-    envs.batch.put_in_the_way()
+    envs.batch.schedule_events()
     with pytest.raises(ValueError, match="terrain"):
-        envs.batch.put_in_the_way(ledges=0.01)
+        envs.batch.schedule_events(height_changes=0.01)
     with pytest.raises(ValueError, match="pushes"):
-        envs.batch.put_in_the_way(impulses=[0.0, 0.01])
+        envs.batch.schedule_events(impulses=[0.0, 0.01])
 
 
 @pytest.mark.parametrize("threshold", [3e-4, 0.0123, 0.31, 0.987])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.engine.chance import uniform, word
+from gym_passive_walker.engine.counter_rng import uniform, word
 from gym_passive_walker.envs import task
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.scene import SceneError, make_scene
@@ -77,7 +77,7 @@ class Drawn:
         return [uniform(self.now, k, 200) for k in range(size)]
 
     def integers(self, end, dtype):
-        """The key of its fate."""
+        """The key of its disturbance."""
         return self.now
 
 
@@ -149,7 +149,7 @@ def test_an_episode_on_a_device_is_the_vector_environments(name):
         assert same(there.play.truncated, truncated)
         assert same(there.play.last, last)
         assert same(there.play.observations, here.observations)
-        assert same(there.walkers.told, told)
+        assert same(there.walkers.reported, told)
         endings += np.sum(terminated | truncated)
     assert endings >= count
     assert there.walkers.episodes.sum() == count + endings

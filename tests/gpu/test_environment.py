@@ -40,7 +40,7 @@ def test_the_environments_tensors_tell_what_the_crowd_holds():
         ):
             np.testing.assert_array_equal(tensor.flatten().numpy(), array)
         for name in (*task.EVERY_STEP, *task.EVERY_STRIDE, "outcome"):
-            np.testing.assert_array_equal(infos[name].numpy(), crowd.walkers.told[name])
+            np.testing.assert_array_equal(infos[name].numpy(), crowd.walkers.reported[name])
         endings += int((terminated | truncated).sum())
     assert endings >= 4
 

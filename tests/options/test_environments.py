@@ -507,8 +507,8 @@ def test_every_option_of_torch_is_heard():
                 ),
             ),
         ),
-        "standing": Call(
-            doors.standing,
+        "initial_state": Call(
+            doors.initial_state,
             dict(scene="level", seed=0),
             dict(scene="steep", count=3, seed=1, parameters={"hip_mass": 0.5}),
         ),
@@ -521,7 +521,7 @@ def test_every_option_of_torch_is_heard():
                 horizon=4,
                 count=3,
                 seed=1,
-                start=doors.standing("level", 2, seed=5),
+                start=doors.initial_state("level", 2, seed=5),
                 pushes=0.01,
             ),
         ),

@@ -161,7 +161,7 @@ def test_an_environment_s_footholds_are_those_of_the_walk():
         tolerance=1e-10, disable_env_checker=True, **scene,
     ).unwrapped  # fmt: skip
     env.reset(seed=3)
-    key = int(env.batch.disturbances.fates["key"][0])
+    key = int(env.batch.disturbances.states["key"][0])
     state = gpw.find_gait("C", 0.05).state
     walk = gpw.simulate("C", 0.05, state, 12, terrain=scene["terrain"], terrain_seed=key, samples=2)
     assert len(walk.outcomes) > 9  # more than are remembered

@@ -8,7 +8,7 @@ from gym_passive_walker.control.feedback import powered_gait
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.physics.hybrid import Outcome
-from gym_passive_walker.torch import rollout, standing
+from gym_passive_walker.torch import initial_state, rollout
 from gym_passive_walker.units import units_of
 
 COUNT = 6
@@ -85,7 +85,7 @@ def test_rewards_observations_and_endings_are_the_environment_s(scene):
 def test_gradients_go_through_hundreds_of_ticks_and_strikes():
     policy = Steady()
     scene = make_scene("level", start=tuple(policy.start), reset_noise_scale=0.01, tolerance=1e-12)
-    start = standing(scene, COUNT, seed=1)
+    start = initial_state(scene, COUNT, seed=1)
 
     def returned(parameters):
         torch.nn.utils.vector_to_parameters(parameters, policy.parameters())
@@ -170,7 +170,7 @@ def test_a_reward_of_ones_own_ends_with_the_episode():
 def test_parameters_that_are_given_prevail_over_random_ones():
     scene = make_scene("level", domain_randomization={"foot_radius": 0.1, "thigh_mass": 0.1})
     radius = torch.tensor(scene.walker.foot_radius, dtype=torch.float64, requires_grad=True)
-    here = standing(scene, 3, seed=0, parameters={"foot_radius": radius})
+    here = initial_state(scene, 3, seed=0, parameters={"foot_radius": radius})
     assert (here.parameters["foot_radius"] == radius).all()
     assert here.parameters["foot_radius"].requires_grad
     assert len(set(here.parameters["thigh_mass"].tolist())) == 3
@@ -181,7 +181,7 @@ def test_what_walkers_are_made_of_has_a_gradient_through_a_walk():
     scene = make_scene("level", start=tuple(policy.start), reset_noise_scale=0.0, tolerance=1e-12)
 
     def returned(radius):
-        start = standing(scene, 1, seed=0, parameters={"foot_radius": radius})
+        start = initial_state(scene, 1, seed=0, parameters={"foot_radius": radius})
         return rollout(policy, scene, 100, start=start).returns.sum()
 
     radius = torch.tensor(scene.walker.foot_radius, dtype=torch.float64, requires_grad=True)
@@ -254,7 +254,7 @@ def test_a_push_of_a_rollout_is_the_environment_s(walker):
     idle = make_scene(scene, pushes={"rate": 0.0, "impulse": 0.0})
     env = PassiveWalkerVectorEnv(1, idle)
     env.reset(seed=0)
-    env.batch.put_in_the_way(impulses=[0.02], times=[4 * scene.tick])
+    env.batch.schedule_events(impulses=[0.02], times=[4 * scene.tick])
     for k in range(12):
         _, rewards, *_ = env.step(np.zeros((1, 1), np.float32))
         assert rewards[0] == pytest.approx(float(walked.rewards[k, 0]), abs=1e-9)

@@ -35,7 +35,7 @@ async function episodes(walkers, { walker, scene, body, starts }) {
     for (const action of actions) {
       const { observation, reward, terminated, truncated } = walk.step(action);
       rows.push([
-        text(block.record("record")), text(block.record("ledger")), text(block.record("fate")),
+        text(block.record("record")), text(block.record("ledger")), text(block.record("disturbance")),
         text(new Uint8Array(observation.buffer)), reward, terminated, truncated,
       ]);
       if (walk.over) break;

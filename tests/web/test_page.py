@@ -179,7 +179,7 @@ def test_keys_pause_and_push(page):
     before = there.run("player.walk.state")
     there.run(key.format("ArrowRight"))
     there.run("player.advance(0.1)")
-    assert there.run("player.walk.block.get('fate.pushes')") == 1
+    assert there.run("player.walk.block.get('disturbance.pushes')") == 1
     assert not np.allclose(there.run("player.walk.state"), before)
 
 

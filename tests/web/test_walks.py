@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.engine.chance import word
+from gym_passive_walker.engine.counter_rng import word
 from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.envs.batch import Batch
@@ -167,10 +167,10 @@ def _episodes(scene, keys, act, steps):
         for _ in range(steps):
             actions.append(np.atleast_1d(act(observation)).astype(float).tolist())
             batch.step(np.array(actions[-1]), observation, *results)
-            fate = batch.disturbances.fates if batch.disturbances else np.zeros(0)
+            disturbance = batch.disturbances.states if batch.disturbances else np.zeros(0)
             rows.append([
                 _text(batch.records.tobytes()), _text(batch.ledger.tobytes()),
-                _text(fate.tobytes()), _text(observation.tobytes()),
+                _text(disturbance.tobytes()), _text(observation.tobytes()),
                 *(float(results[0][0]), bool(results[1][0]), bool(results[2][0])),
             ])  # fmt: skip
             if results[1][0] or results[2][0]:

@@ -29,7 +29,7 @@ def plain(value: Any) -> FunctionType | None:
     return value if ours else None
 
 
-class Bound:
+class DeviceLinker:
     """Functions bound to another machine, each compiled once.
 
     Args:
@@ -41,7 +41,7 @@ class Bound:
         self._made, self._compiles = dict(given), compiles
         self._calls: dict[Any, set[Any]] = {}
 
-    def instead(self, of: dict[Any, Any]) -> Bound:
+    def instead(self, of: dict[Any, Any]) -> DeviceLinker:
         """Return a copy with other functions instead.
 
         Args:
@@ -52,7 +52,7 @@ class Bound:
             found = len(stale)
             stale |= {caller for caller, calls in self._calls.items() if calls & stale}
         kept = {key: made for key, made in self._made.items() if key not in stale}
-        bound = Bound(kept, self._compiles)
+        bound = DeviceLinker(kept, self._compiles)
         bound._calls = {key: calls for key, calls in self._calls.items() if key not in stale}
         for function, other in of.items():
             bound._made[function] = bound(other) if plain(other) else other

@@ -50,7 +50,7 @@ class Linear(NamedTuple):
     rewards_by_action: NDArray[np.float64]
 
 
-class Tape:
+class StepRecorder:
     """Record of the steps of an environment, for differentiation.
 
     Args:
@@ -75,7 +75,7 @@ class Tape:
         self._actions: list[NDArray] = []
         self._walkers: list = []
 
-    def note(self, actions: NDArray) -> None:
+    def record(self, actions: NDArray) -> None:
         """Take note of a step that is about to be made, with its actions, (n,) or (n, 1)."""
         self._records.append(self._batch.records.copy())
         self._actions.append(np.array(actions, dtype=float).reshape(-1))
@@ -91,8 +91,8 @@ class Tape:
         record["control"][:, 0] = torques
         record["moved"], record["turned"] = 0.0, 0.0
         record["end"] = np.minimum(record["time"] + rules["tick"], rules["max_stride_time"])
-        walked = go_on(self._who(), records, ("state", "hip_torque"))
-        told, distance = walked.told(), walked.distance
+        walked = go_on(self._crowd(), records, ("state", "hip_torque"))
+        told, distance = walked.rows(), walked.distance
         stalled = record["end"] >= rules["max_stride_time"]
         fell = (walked.outcomes > _STRUCK) | (stalled & (walked.outcomes != _STRUCK))
         told[fell, :, 1:] = 0.0
@@ -117,7 +117,7 @@ class Tape:
             rewards_by_action=rewards[:, _ACTION].reshape(shape),
         )
 
-    def _who(self) -> Walkers:
+    def _crowd(self) -> Walkers:
         """All walkers that were noted."""
         scene, parameters = self._scene, {}
         if len(set(map(id, self._walkers))) > 1:

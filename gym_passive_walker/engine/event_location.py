@@ -358,7 +358,7 @@ def strike(tiles, courses, phase, lane, options):
 
 
 @jitted
-def attend(tiles, courses, phase, lane, options):
+def process_events(tiles, courses, phase, lane, options):
     """Process one lane after its step: reject or shorten the step, locate an event, or accept it.
 
     Returns:

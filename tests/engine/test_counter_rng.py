@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from gym_passive_walker.engine.chance import normal, uniform, word
+from gym_passive_walker.engine.counter_rng import normal, uniform, word
 
 KEY, MANY = 0x1234_5678_9ABC_DEF0, 20_000
 

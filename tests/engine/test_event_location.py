@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, Outcome, find_gait
-from gym_passive_walker.engine import landing
+from gym_passive_walker.engine import event_location
 from gym_passive_walker.engine.layout import COURSE
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.physics.systems import bodies, system_of
@@ -17,32 +17,32 @@ from tests.physics.examples import LONG_GAITS
 
 @numba.njit
 def _path(courses, i, h):
-    return landing.path(courses[0], i, h)
+    return event_location.path(courses[0], i, h)
 
 
 @numba.njit
 def _value(p, x):
-    return landing.value(p, x)
+    return event_location.value(p, x)
 
 
 @numba.njit
 def _derivative(p):
-    return landing.derivative(p)
+    return event_location.derivative(p)
 
 
 @numba.njit
 def _root(p):
-    return landing.root(p)
+    return event_location.root(p)
 
 
 @numba.njit
 def _hiding(courses, i, h):
-    return landing.hiding(courses[0], i, h)
+    return event_location.hiding(courses[0], i, h)
 
 
 @numba.njit
 def _further(courses, i, ahead):
-    return landing.further(courses[0], i, ahead)
+    return event_location.further(courses[0], i, ahead)
 
 
 ENDS = ("before", "rate_before", "bend_before", "after", "rate_after", "bend_after")

@@ -5,7 +5,7 @@ import pytest
 
 from gym_passive_walker.envs.scene import SceneError, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.evaluation.tape import Tape
+from gym_passive_walker.evaluation.linearization import StepRecorder
 
 COUNT, STEPS, WIDTH = 6, 75, 1e-6
 STRIDES = {"control": "stride", "max_hip_torque": 0.005}
@@ -43,12 +43,12 @@ def test_what_a_walk_earns_changes_with_each_action_as_differences_say(changes):
     env.reset(seed=2)
     strides = changes.get("control") == "stride"
     actions = np.random.default_rng(3).uniform(-0.2, 0.6, (6 if strides else STEPS, COUNT, 1))
-    tape, states, fell = Tape(env), [], []
+    recorder, states, fell = StepRecorder(env), [], []
     for action in actions:
         states.append(env.get_state())
-        tape.note(action)
+        recorder.record(action)
         fell.append(env.step(action)[2])
-    exact = gains(tape.linearize())
+    exact = gains(recorder.linearize())
     compared = np.ones(COUNT, bool) if env.scene.energy_weight == 0.0 else ~np.any(fell, axis=0)
     assert compared.sum() >= COUNT // 2 and (env.scene.energy_weight > 0.0 or np.any(fell))
     for step in range(0, len(actions), 1 if strides else 7):
@@ -73,7 +73,7 @@ def test_what_a_walk_earns_changes_with_each_action_as_differences_say(changes):
 )
 def test_steps_that_are_not_the_walker_s_and_its_hip_s_alone_are_refused(changes, words):
     with pytest.raises(SceneError, match=words):
-        Tape(PassiveWalkerVectorEnv(2, "level", **changes))
+        StepRecorder(PassiveWalkerVectorEnv(2, "level", **changes))
 
 
 def test_what_was_noted_stays_when_the_array_it_came_in_changes():
@@ -81,11 +81,11 @@ def test_what_was_noted_stays_when_the_array_it_came_in_changes():
     for reused in (False, True):
         env, actions = world(), np.full((COUNT, 1), 0.3)
         env.reset(seed=2)
-        tape = Tape(env)
-        tape.note(actions)
+        recorder = StepRecorder(env)
+        recorder.record(actions)
         env.step(actions)
         if reused:
             actions[:] = -0.5
-        linear.append(tape.linearize())
+        linear.append(recorder.linearize())
     for name, values in linear[0]._asdict().items():
         np.testing.assert_array_equal(getattr(linear[1], name), values)

@@ -3,8 +3,8 @@
 Scenes that have some of these step by `step` of this module in place of `task.step`. It is the same
 step, but walkers stop where something is due, and go on from there as exactly as before.
 
-Disturbances of a walker are a function of its key (`engine.chance`). The key is drawn at each reset
-from the walker's own random numbers, so disturbances do not depend on other walkers.
+Disturbances of a walker are a function of its key (`engine.counter_rng`). The key is drawn at each
+reset from the walker's own random numbers, so disturbances do not depend on other walkers.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 
-from gym_passive_walker.engine.chance import normal, uniform
+from gym_passive_walker.engine.counter_rng import normal, uniform
 from gym_passive_walker.engine.jit import Kernel, address, call, jitted
 from gym_passive_walker.engine.run import carry_on
 from gym_passive_walker.envs import constraints, task
@@ -25,14 +25,14 @@ from gym_passive_walker.physics.hybrid import Outcome
 PASSED = 8
 """Footholds that are remembered; pictures show as many."""
 
-FATE = np.dtype(
+DISTURBANCE = np.dtype(
     [
         ("key", "u8"),  # of what is drawn
         ("command", "f8"),  # speed to keep
         ("due", "f8"),  # when the next push comes, since the stride began
         ("until", "f8"),  # when the step is over, since the stride began
         ("known", "f8"),  # of that push, where it is known beforehand
-        ("ledge", "f8"),  # height of one before the next foothold, besides the terrain
+        ("extra_height", "f8"),  # height of one before the next foothold, besides the terrain
         ("pushes", "i8"),  # that have come
         ("push_work", "f8"),  # of those in this step
         ("episode_push_work", "f8"),
@@ -83,143 +83,157 @@ _WHEN, _HOW_HARD, _SENSOR, _MOTOR, _COMMAND = range(5)
 
 
 @jitted
-def perceive(fate, row, odds, table, spread, observations, first):
+def add_observation_noise(disturbance, row, odds, table, spread, observations, first):
     """Add noise to what a walker's sensors measure; append its command and the footholds ahead."""
     if odds.noisy:
         for k in range(task.SIZE):
             if odds.noise[k] > 0.0:
-                error = odds.noise[k] * normal(fate.key, task.SIZE * row.steps + k, _SENSOR)
+                error = odds.noise[k] * normal(disturbance.key, task.SIZE * row.steps + k, _SENSOR)
                 told = task.clipped(observations[first + k] + error, task.BOUNDS[k])
                 observations[first + k] = max(told, task.LOWEST[k])
     if odds.commanded:
-        observations[first + task.SIZE] = fate.command
+        observations[first + task.SIZE] = disturbance.command
     first += task.SIZE + odds.commanded
     for ahead in range(odds.terrain_lookahead):
-        _, rise, turn = ground_at(table, spread, fate.key, row.strides + ahead)
+        _, rise, turn = ground_at(table, spread, disturbance.key, row.strides + ahead)
         observations[first + 2 * ahead] = task.clipped(rise, task.HIGHEST)
         observations[first + 2 * ahead + 1] = task.clipped(turn, task.STEEPEST)
 
 
 @Kernel
-def observe(fates, ledger, odds, table, spread, lanes, observations):
+def observe(disturbances, ledger, odds, table, spread, lanes, observations):
     """Make walkers' observations, which `task.observe` has written, those of their sensors."""
     size = len(observations) // len(ledger)
     for i in lanes:
-        perceive(fates[i], ledger[i], odds[0], table, spread, observations, i * size)
+        add_observation_noise(
+            disturbances[i], ledger[i], odds[0], table, spread, observations, i * size
+        )
 
 
 @Kernel
-def spoil(fates, ledger, noise, lanes, observations):
+def add_noise(disturbances, ledger, noise, lanes, observations):
     """Add noise to the first numbers of some walkers' observations."""
     size = len(observations) // len(ledger)
     for i in lanes:
         for k in range(len(noise)):
             if noise[k] > 0.0:
                 place = len(noise) * ledger[i].steps + k
-                observations[i * size + k] += noise[k] * normal(fates[i].key, place, _SENSOR)
+                observations[i * size + k] += noise[k] * normal(disturbances[i].key, place, _SENSOR)
 
 
 @jitted
-def lay(record, row, fate, table, spread):
+def lay_ground(record, row, disturbance, table, spread):
     """Lay the ground of the stride that begins."""
-    fate.tilt, rise, turn = ground_at(table, spread, fate.key, row.strides)
-    row.slope = fate.slope + fate.tilt
+    disturbance.tilt, rise, turn = ground_at(table, spread, disturbance.key, row.strides)
+    row.slope = disturbance.slope + disturbance.tilt
     record.ground[0], record.ground[1] = math.sin(row.slope), math.cos(row.slope)
     record.ground[2], record.ground[3] = rise, turn
 
 
 @jitted
-def step_over(record, row, fate, radius, table, spread):
+def step_over(record, row, disturbance, radius, table, spread):
     """Enter where the foot has come down that stands now, and lay its ground."""
-    here, rise, turn = ground_at(table, spread, fate.key, row.strides - 1)
-    rise, fate.ledge = rise + fate.ledge, 0.0
+    here, rise, turn = ground_at(table, spread, disturbance.key, row.strides - 1)
+    rise, disturbance.extra_height = rise + disturbance.extra_height, 0.0
     for k in range(PASSED - 1, 0, -1):
-        fate.passed[k, 0], fate.passed[k, 1] = fate.passed[k - 1, 0], fate.passed[k - 1, 1]
-    fate.passed[0, 0], fate.passed[0, 1] = fate.x, fate.y
+        disturbance.passed[k, 0], disturbance.passed[k, 1] = (
+            disturbance.passed[k - 1, 0],
+            disturbance.passed[k - 1, 1],
+        )
+    disturbance.passed[0, 0], disturbance.passed[0, 1] = disturbance.x, disturbance.y
     along = row.step_length
     # It touches the new ground above where it came down, as the two slope apart.
     off = rise + radius * (1.0 - math.cos(turn))
     sine, cosine = math.sin(here), math.cos(here)
-    fate.x += along * cosine + off * sine
-    fate.y += off * cosine - along * sine
-    lay(record, row, fate, table, spread)
+    disturbance.x += along * cosine + off * sine
+    disturbance.y += off * cosine - along * sine
+    lay_ground(record, row, disturbance, table, spread)
 
 
 @jitted
-def wait(fate, odds):
+def time_to_push(disturbance, odds):
     """When the next push comes, after the last one."""
-    return -math.log(1.0 - uniform(fate.key, fate.pushes, _WHEN)) / odds.rate
+    return -math.log(1.0 - uniform(disturbance.key, disturbance.pushes, _WHEN)) / odds.rate
 
 
 @Kernel
-def begin(fates, odds, lanes, keys, pending, records, ledger, table, spread):
+def begin(disturbances, odds, lanes, keys, pending, records, ledger, table, spread):
     """Draw some walkers' disturbances, each by its key; `pending` are actions that come late."""
     for j in range(len(lanes)):
         i = lanes[j]
-        fate = fates[i]
-        fate.key, fate.pushes, fate.episode_push_work = keys[j], 0, 0.0
+        disturbance = disturbances[i]
+        disturbance.key, disturbance.pushes, disturbance.episode_push_work = keys[j], 0, 0.0
         low, high = odds[0].command[0], odds[0].command[1]
-        fate.command = low + (high - low) * uniform(fate.key, 0, _COMMAND)
-        fate.due = wait(fate, odds[0]) if odds[0].rate > 0.0 else np.inf
-        fate.impulse, pending[i] = 0.0, 0.0
-        fate.slope, fate.tilt, fate.x, fate.y = ledger[i].slope, 0.0, 0.0, 0.0
-        fate.known, fate.ledge = 0.0, 0.0
+        disturbance.command = low + (high - low) * uniform(disturbance.key, 0, _COMMAND)
+        disturbance.due = time_to_push(disturbance, odds[0]) if odds[0].rate > 0.0 else np.inf
+        disturbance.impulse, pending[i] = 0.0, 0.0
+        disturbance.slope, disturbance.tilt, disturbance.x, disturbance.y = (
+            ledger[i].slope,
+            0.0,
+            0.0,
+            0.0,
+        )
+        disturbance.known, disturbance.extra_height = 0.0, 0.0
         if odds[0].uneven:
-            lay(records[i, 0], ledger[i], fate, table, spread)
+            lay_ground(records[i, 0], ledger[i], disturbance, table, spread)
 
 
 @jitted
-def copied(actions):
+def copy_of(actions):
     """What agents do, to be changed on its way to the motors."""
     return actions.copy()
 
 
 @jitted
-def sent(fates, ledger, odds, pending, actions):
+def disturb_actions(disturbances, ledger, odds, pending, actions):
     """Make of what agents do what reaches the motors."""
     late = pending.shape[1]
-    count = len(actions) // len(fates)
-    for i in range(len(fates)):
-        fate, step = fates[i], ledger[i].steps
+    count = len(actions) // len(disturbances)
+    for i in range(len(disturbances)):
+        disturbance, step = disturbances[i], ledger[i].steps
         for j in range(count):
             share = task.clipped(actions[i * count + j], 1.0)
             if late > 0:
                 share, pending[i, step % late, j] = pending[i, step % late, j], share
             if odds.action_noise > 0.0:
-                share += odds.action_noise * normal(fate.key, step * count + j, _MOTOR)
+                share += odds.action_noise * normal(disturbance.key, step * count + j, _MOTOR)
             actions[i * count + j] = share
 
 
 @jitted
-def meet(records, bodies, i, fate, odds, natives):
+def apply_due_events(records, bodies, i, disturbance, odds, natives):
     """What a walker meets as it stands, and when it is to stop next."""
     record = records[i, 0]
     native = natives[record.phase]
     if native.look != 0:
         call(native.look, address(records[i]), address(bodies[i]), 0, 0, 0.0, 0.0)
-    while fate.due <= record.time + _INSTANT:
+    while disturbance.due <= record.time + _INSTANT:
         low, high = odds.push[0], odds.push[1]
-        impulse = low + (high - low) * uniform(fate.key, fate.pushes, _HOW_HARD)
-        if fate.known != 0.0:
-            impulse, fate.known = fate.known, 0.0
+        impulse = low + (high - low) * uniform(disturbance.key, disturbance.pushes, _HOW_HARD)
+        if disturbance.known != 0.0:
+            impulse, disturbance.known = disturbance.known, 0.0
         call(native.push, address(records[i]), address(bodies[i]), 0, 0, -impulse, 0.0)
-        fate.impulse += impulse
-        fate.pushes += 1
-        fate.due = fate.due + wait(fate, odds) if odds.rate > 0.0 else np.inf
+        disturbance.impulse += impulse
+        disturbance.pushes += 1
+        disturbance.due = (
+            disturbance.due + time_to_push(disturbance, odds) if odds.rate > 0.0 else np.inf
+        )
         if native.look != 0:
             call(native.look, address(records[i]), address(bodies[i]), 0, 0, 0.0, 0.0)
-    end = min(fate.until, fate.due, record.time + odds.interval)
-    record.end = fate.until if fate.until - end < _INSTANT else end
+    end = min(disturbance.until, disturbance.due, record.time + odds.interval)
+    record.end = disturbance.until if disturbance.until - end < _INSTANT else end
 
 
 @jitted
-def carry_through(records, bodies, fates, phases, options, tiles, courses, odds, natives):
+def integrate_past_events(
+    records, bodies, disturbances, phases, options, tiles, courses, odds, natives
+):
     """Carry walkers to the end of their step, past all that they meet on the way."""
     going, count = np.empty(len(records), np.int64), 0
     for i in range(len(records)):
-        fates[i].until, fates[i].impulse = records[i, 0].end, 0.0
-        if not fates[i].idle:
-            meet(records, bodies, i, fates[i], odds, natives)
+        disturbances[i].until, disturbances[i].impulse = records[i, 0].end, 0.0
+        if not disturbances[i].idle:
+            apply_due_events(records, bodies, i, disturbances[i], odds, natives)
             going[count] = i
             count += 1
     carry_on(records, bodies, phases, options, tiles, courses)
@@ -228,8 +242,8 @@ def carry_through(records, bodies, fates, phases, options, tiles, courses, odds,
         for j in range(before):
             i = going[j]
             record = records[i, 0]
-            if record.outcome == 0 and record.time < fates[i].until:
-                meet(records, bodies, i, fates[i], odds, natives)
+            if record.outcome == 0 and record.time < disturbances[i].until:
+                apply_due_events(records, bodies, i, disturbances[i], odds, natives)
                 going[count] = i
                 count += 1
         if count == 0:
@@ -242,7 +256,7 @@ def carry_through(records, bodies, fates, phases, options, tiles, courses, odds,
 
 
 @jitted
-def broken(notes, odds):
+def violated_constraint(notes, odds):
     """The outcome by which a check ends the episode; 0 if none does."""
     for check in range(len(odds.ends)):
         if not odds.ends[check]:
@@ -261,7 +275,7 @@ def broken(notes, odds):
 
 
 @jitted
-def judge(records, bodies, i, row, fate, odds, phases, natives):
+def check_step(records, bodies, i, row, disturbance, odds, phases, natives):
     """See whether a walker's step could have happened, and whether its episode goes on."""
     record = records[i, 0]
     look = natives[record.phase].look
@@ -269,57 +283,61 @@ def judge(records, bodies, i, row, fate, odds, phases, natives):
         call(look, address(records[i]), address(bodies[i]), 0, 0, 0.0, 0.0)
     struck = record.outcome == _HEELSTRIKE
     if record.outcome == 0 or struck:
-        row.broken = broken(bodies[i, 0, -_ROOM:], odds)
+        row.violated = violated_constraint(bodies[i, 0, -_ROOM:], odds)
     if struck:
-        fate.due -= record.time
-        if row.broken != 0:  # it stands on its new foot all the same
+        disturbance.due -= record.time
+        if row.violated != 0:  # it stands on its new foot all the same
             call(phases[0].place, address(records[i]), address(bodies[i]), 0, 0, 0.0, 0.0)
             row.origin -= record.place - record.passed
 
 
 @jitted
-def obey(row, fate, odds):
+def command_penalty(row, disturbance, odds):
     """What a stride loses for missing its command, at most its length.
 
     The walker was to go the commanded speed times the stride's time.
     """
-    missed = abs(row.step_length - fate.command * row.step_period)
+    missed = abs(row.step_length - disturbance.command * row.step_period)
     return min(odds.command_weight * missed, row.step_length)
 
 
 @Kernel
 def step(
-    records, bodies, ledger, rules, phases, options, tiles, courses, fates, pending, odds, natives,
-    table, spread, actions, observations, rewards, terminated, truncated,
+    records, bodies, ledger, rules, phases, options, tiles, courses, disturbances, pending, odds,
+    natives, table, spread, actions, observations, rewards, terminated, truncated,
 ):  # fmt: skip
-    """A step of every walker by finite actions; returns what `settle` does."""
-    reached = copied(actions)
-    sent(fates, ledger, odds[0], pending, reached)
-    task.command(records, ledger, rules[0], reached)
+    """A step of every walker by finite actions; returns what `finish_step` does."""
+    reached = copy_of(actions)
+    disturb_actions(disturbances, ledger, odds[0], pending, reached)
+    task.apply_action(records, ledger, rules[0], reached)
     for i in range(len(records)):
-        fates[i].idle = task.over(ledger[i])
+        disturbances[i].idle = task.over(ledger[i])
         for k in range(len(_BLANK)):
             bodies[i, 0, len(bodies[i, 0]) - _ROOM + k] = _BLANK[k]
-    carry_through(records, bodies, fates, phases, options, tiles, courses, odds[0], natives)
+    integrate_past_events(
+        records, bodies, disturbances, phases, options, tiles, courses, odds[0], natives
+    )
     for i in range(len(records)):
-        if not fates[i].idle:
-            judge(records, bodies, i, ledger[i], fates[i], odds[0], phases, natives)
-    strides, endings = task.settle(
+        if not disturbances[i].idle:
+            check_step(records, bodies, i, ledger[i], disturbances[i], odds[0], phases, natives)
+    strides, endings = task.finish_step(
         records, bodies, ledger, rules[0], phases, observations, rewards, terminated, truncated
     )
     size = len(observations) // len(records)
     for i in range(len(records)):
-        row, fate = ledger[i], fates[i]
-        if not fate.idle:
-            fate.push_work = bodies[i, 0, len(bodies[i, 0]) - _ROOM + _WORK] / rules[0].weight
-            fate.episode_push_work += fate.push_work
+        row, disturbance = ledger[i], disturbances[i]
+        if not disturbance.idle:
+            disturbance.push_work = (
+                bodies[i, 0, len(bodies[i, 0]) - _ROOM + _WORK] / rules[0].weight
+            )
+            disturbance.episode_push_work += disturbance.push_work
             if odds[0].commanded and row.outcome == _HEELSTRIKE:
-                lost = obey(row, fate, odds[0])
+                lost = command_penalty(row, disturbance, odds[0])
                 row.reward -= lost
                 row.total -= lost
                 rewards[i] -= lost
             if odds[0].uneven and row.outcome == _HEELSTRIKE:
-                step_over(records[i, 0], row, fate, bodies[i, 0, RADIUS], table, spread)
-                task.see(records[i, 0], row, phases, observations, i * size)
-        perceive(fate, row, odds[0], table, spread, observations, i * size)
+                step_over(records[i, 0], row, disturbance, bodies[i, 0, RADIUS], table, spread)
+                task.write_observation(records[i, 0], row, phases, observations, i * size)
+        add_observation_noise(disturbance, row, odds[0], table, spread, observations, i * size)
     return strides, endings
