@@ -2,6 +2,7 @@
 
 import os
 import re
+import sys
 from importlib.metadata import version as _version
 from pathlib import Path
 
@@ -40,8 +41,8 @@ napoleon_use_ivar = True
 html_theme = "furo"
 html_title = "Gym Passive Walker"  # in words: the side bar is too narrow for the name in one piece
 html_theme_options = {"navigation_with_keys": True}
-html_static_path = ["_generated/static"]
-html_css_files = ["passive-walker/player.css"]
+html_static_path = ["_generated/static", "explore"]
+html_css_files = ["passive-walker/player.css", "explore.css"]
 
 _DRAWS = re.compile(r"\.plot\(|\bplt\.")
 
@@ -72,5 +73,9 @@ def setup(app: Sphinx) -> None:
 
 _generated = Path(__file__).parent / "_generated"
 _generated.mkdir(exist_ok=True)
-# Pages with a walker load its modules.
+# Pages with a walker load its modules, and figures to explore their data.
 web.build(_generated / "static" / "passive-walker")
+sys.path.append(str(Path(__file__).parent))
+import explore  # noqa: E402
+
+explore.write(_generated / "static")

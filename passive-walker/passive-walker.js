@@ -433,7 +433,7 @@ export async function readFile(name) {
   return new Uint8Array(await answer.arrayBuffer());
 }
 
-const FILES = new Map();
+const FILES = new WeakMap(); // by the function that reads them
 
 function once(read, name, use) {
   const kept = FILES.get(read) ?? FILES.set(read, new Map()).get(read);
@@ -1093,7 +1093,7 @@ function eigenvalues(matrix) {
 }
 
 const COLORS = {
-  background: "#ffffff", ground: "#4b5563", mark: "#9ca3af", even: "#1f5fa8", odd: "#b4561f",
+  background: "#ffffff", ground: "#4b5563", mark: "#6b7280", even: "#1f5fa8", odd: "#a8480f",
   body: "#374151", push: "#b91c1c",
 };
 

@@ -23,7 +23,7 @@ export interface Options extends Settings {
   compact?: boolean;
   paused?: boolean;
   read?: Read;
-  /** Called after each control step. */
+  /** Called after each control step and each change of the settings. */
   onstate?: (player: Player) => void;
 }
 
@@ -32,6 +32,8 @@ export class Player {
   settings: Required<Settings>;
   running: boolean;
   begin(): Promise<void>;
+  /** Changes settings; `again` begins again after a fall. */
+  set(changes: Settings, again?: boolean): Promise<void>;
   push(impulse: number): void;
   toggle(): void;
   next(): void;

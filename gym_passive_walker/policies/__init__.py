@@ -30,10 +30,12 @@ class TrainedPolicy(Network):
     Attributes:
         name: Name of the algorithm, in capitals.
         scene: Scene of the training.
+        folder: Folder of the policy's files.
         trained: Complete configuration of the training run; empty if the files do not include it.
     """
 
     def __init__(self, folder: Path) -> None:
+        self.folder = folder
         description = _description(folder / DESCRIPTION)
         try:
             acting = {name: description[name] for name in ("algo", "activation", "normalizer")}

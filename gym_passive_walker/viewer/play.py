@@ -2,24 +2,68 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from gym_passive_walker.arguments import one_slope
 from gym_passive_walker.files import prepare, replacing
+from gym_passive_walker.gaits.actuation import PASSIVE
+from gym_passive_walker.gaits.given import GaitLike, walk_of
 from gym_passive_walker.policies import TrainedPolicy, load_policy
 from gym_passive_walker.render.film import film_path
 from gym_passive_walker.render.screen import load_pygame, open_window
-from gym_passive_walker.viewer.walk import LiveWalk, Setup
-from gym_passive_walker.walkers import WalkerLike, as_walker
+from gym_passive_walker.units import units_of
+from gym_passive_walker.viewer.walk import LiveWalk, Setup, gentle_slope
+from gym_passive_walker.walkers import as_walker
+
+if TYPE_CHECKING:
+    from gym_passive_walker.web.widget import PlayerWidget
 
 _PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tga")  # formats that pygame writes
 _LONGEST_FRAME = 0.1  # seconds: after a longer pause of the machine time stands still
 
 
+def _in_notebook() -> bool:
+    """Return whether a kernel of Jupyter runs this process."""
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    return hasattr(shell, "kernel")
+
+
+def _asked(
+    walker: GaitLike | None,
+    slope: float | None,
+    policy: TrainedPolicy | str | Path | None,
+    start: ArrayLike | None,
+) -> tuple[Setup, ArrayLike | None]:
+    """Return the setup and the start that arguments of `play` mean; None is a periodic gait."""
+    if isinstance(policy, str | Path):
+        policy = load_policy(policy)
+    if walker is None:
+        walker = "lab" if policy is None else policy.scene.walker
+    walker, given, start, motors, _, strides = walk_of(walker, slope, start)
+    walker, slope = as_walker(walker), given
+    controller: Any = policy
+    if policy is None:
+        held = motors.hip_torque / units_of(walker).torque
+        controller = held if strides is None else strides.controller
+        smooth = strides is None or strides.terrain is None
+        shown = smooth and isinstance(controller, TrainedPolicy | float)
+        if not shown or motors[1:] != PASSIVE[1:]:
+            raise ValueError(
+                "play shows gaits on smooth ground that are passive, or under a constant hip "
+                "torque or a trained policy"
+            )
+    if slope is None:
+        slope = gentle_slope(walker) if policy is None else float(np.mean(policy.scene.slope))
+    return Setup(walker, one_slope(slope), controller), start
+
+
 def play(
-    walker: WalkerLike | None = None,
+    walker: GaitLike | None = None,
     slope: float | None = None,
     *,
     policy: TrainedPolicy | str | Path | None = None,
@@ -27,47 +71,54 @@ def play(
     seconds: float | None = None,
     film: str | Path | None = None,
     picture: str | Path | None = None,
-) -> None:
-    """Show a walker in an interactive window with pushes and changes of its parameters.
+) -> PlayerWidget | None:
+    """Show a walker with pushes and changes of its parameters, in a window or in a notebook.
 
-    The ground is smooth. A scene is no argument: pass its walker and slope, or a policy, which has
-    the walker, the mean slope and the actuators of its own scene, without terrain and disturbances.
+    A scene is no argument: pass its walker and slope, or a policy, which has the walker, the mean
+    slope and the actuators of its own scene, without terrain and disturbances. The window's ground
+    is smooth; the player of web pages offers rough ground too.
 
     The engine computes the motion as exactly as elsewhere; a change takes effect in the next frame.
-    The window requires the extra "render", and a display unless SDL_VIDEODRIVER=dummy.
+    The window requires the extra "render", and a display unless SDL_VIDEODRIVER=dummy. In a
+    notebook the player of web pages is shown instead, which requires the extra "notebook".
 
     Args:
-        walker: The walker (see `as_walker`); None is the policy's own, or the laboratory's.
-        slope: Slope in rad; None is the policy's own, or a gentle one.
+        walker: A gait, which also gives slope, controller and start, or a walker (see `as_walker`);
+            None is the policy's own, or the laboratory's.
+        slope: Slope in rad; None is the gait's or the policy's own, or a gentle one.
         policy: A trained policy that works the motors, or what `load_policy` takes.
         start: State on the Poincaré section to start from, in the walker's own units, (6,); None is
             a periodic gait.
-        seconds: Seconds after which the window closes; None leaves that to the user.
+        seconds: Seconds after which the window closes; None leaves that to the user. This argument
+            and the next two open the window also in a notebook.
         film: File to record all frames in, MP4 or GIF.
         picture: File to write the last frame to, PNG, JPEG, BMP or TGA.
 
+    Returns:
+        In a notebook, the widget, which a cell displays as its last expression; see
+        `web.widget.PlayerWidget`. Otherwise None, when the window is closed.
+
     Raises:
-        ValueError: if an argument is out of its range; subclasses say which (`WalkerError`,
-            `SceneError`, `PolicyError`).
-        ImportError: if pygame is not installed, or moviepy for a video.
+        ValueError: if an argument is out of its range, or the gait has another controller;
+            subclasses say which (`WalkerError`, `SceneError`, `PolicyError`).
+        ImportError: if pygame is not installed, moviepy for a video, or anywidget in a notebook.
         OSError: if the machine has no display, or the video or picture cannot be written.
     """
+    if seconds is None and film is None and picture is None and _in_notebook():
+        from gym_passive_walker.web.widget import PlayerWidget
+
+        setup, start = _asked(walker, slope, policy, start)
+        return PlayerWidget(*setup, start=start)
     pygame = load_pygame()
-    from gym_passive_walker.viewer.player import FPS, SIZE, Player, gentle_slope
+    from gym_passive_walker.viewer.player import FPS, SIZE, Player
     from gym_passive_walker.viewer.view import View
 
-    if isinstance(policy, str | Path):
-        policy = load_policy(policy)
-    if walker is None:
-        walker = "lab" if policy is None else policy.scene.walker
-    walker = as_walker(walker)
-    if slope is None:
-        slope = gentle_slope(walker) if policy is None else float(np.mean(policy.scene.slope))
+    setup, start = _asked(walker, slope, policy, start)
     film = None if film is None else film_path(film)
     if picture is not None and Path(picture).suffix.lower() not in _PICTURES:
         raise ValueError(f"a picture's name must end in one of {', '.join(_PICTURES)}: {picture}")
     picture = None if picture is None else prepare(picture)
-    walk = LiveWalk(Setup(walker, slope, 0.0 if policy is None else policy), start)
+    walk = LiveWalk(setup, start)
     window, player, view = open_window(pygame, SIZE), Player(walk), View()
     player.record(film)
     try:
@@ -95,3 +146,4 @@ def play(
     finally:
         player.close()
         pygame.display.quit()
+    return None

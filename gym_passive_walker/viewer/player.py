@@ -12,15 +12,14 @@ import numpy as np
 import pygame
 from numpy.typing import NDArray
 
-from gym_passive_walker.envs.starts import REFERENCE_SLOPES
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.policies import TrainedPolicy, load_policy, shipped_policies
 from gym_passive_walker.render.film import Film
 from gym_passive_walker.render.pose import level
 from gym_passive_walker.viewer.sliders import sliders_of
-from gym_passive_walker.viewer.walk import LiveWalk, Setup
-from gym_passive_walker.walkers import WALKERS, Walker
+from gym_passive_walker.viewer.walk import LiveWalk, Setup, gentle_slope
+from gym_passive_walker.walkers import WALKERS
 
 KEYS = (
     ("Space", "pause, continue"),
@@ -53,13 +52,6 @@ PUSH = 0.0005
 _SLOWEST, _FASTEST = 2.0**-6, 4.0
 _FINE = 1e-3  # of a slider's range: what a key moves
 _COARSE = 20  # times as much, with Shift
-
-
-def gentle_slope(walker: Walker, *wanted: float) -> float:
-    """A slope in rad with a stable gait, if one is found: one of those wanted, or a gentle one."""
-    slopes = (*wanted, *REFERENCE_SLOPES)
-    gaits = ((slope, Setup(walker, slope).gait()) for slope in slopes)
-    return next((slope for slope, gait in gaits if gait and gait.stable), REFERENCE_SLOPES[0])
 
 
 @cache

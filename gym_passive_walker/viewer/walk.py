@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.control.controlled import ControlledMap
 from gym_passive_walker.control.maps import stride_map
 from gym_passive_walker.envs.scene import SceneError
-from gym_passive_walker.envs.starts import checked_state, gait_near
+from gym_passive_walker.envs.starts import REFERENCE_SLOPES, checked_state, gait_near
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.flow import go_on, new_records
@@ -63,6 +63,13 @@ class Setup(NamedTuple):
             return find_gait(self.stride_map())
         except (GaitNotFound, SceneError):
             return None
+
+
+def gentle_slope(walker: Walker, *wanted: float) -> float:
+    """A slope in rad with a stable gait, if one is found: one of those wanted, or a gentle one."""
+    slopes = (*wanted, *REFERENCE_SLOPES)
+    gaits = ((slope, Setup(walker, slope).gait()) for slope in slopes)
+    return next((slope for slope, gait in gaits if gait and gait.stable), REFERENCE_SLOPES[0])
 
 
 class Sample(NamedTuple):

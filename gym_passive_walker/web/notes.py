@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -119,7 +120,7 @@ def of_all() -> dict[str, Any]:
         "farthest": kernels.FARTHEST,
         "passed": disturbance_kernels.PASSED,
         "scenes": SCENES,
-        "policies": {name: _policy(name) for name in shipped_policies()},
+        "policies": {name: of_policy(policy_folder(name)) for name in shipped_policies()},
     }
 
 
@@ -133,8 +134,8 @@ def _gaits(name: str) -> list[list[Any]]:
 _SLOPES = (0.0025, 0.004, 0.008, 0.015, 0.03, 0.045, 0.05, 0.07, 0.08, 0.11)
 
 
-def _policy(name: str) -> dict[str, Any]:
+def of_policy(folder: Path) -> dict[str, Any]:
     """Return the options of a trained policy's network, and its scene."""
-    told = json.loads((policy_folder(name) / DESCRIPTION).read_text(encoding="utf-8"))
+    told = json.loads((folder / DESCRIPTION).read_text(encoding="utf-8"))
     options = {key: told[key] for key in ("algo", "activation", "normalizer")}
     return options | {"scene": SCENES[told["scene"]] | told["env"]}

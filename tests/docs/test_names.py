@@ -26,6 +26,8 @@ def need(name):
         pytest.importorskip("torch")
     if first == "trainers":
         pytest.importorskip(rest[0])
+    if first == "web" and rest == ["widget", "PlayerWidget"]:
+        pytest.importorskip("anywidget")
     simulated = os.environ.get("NUMBA_ENABLE_CUDASIM") == "1"
     if first == "gpu" and not simulated and find_spec("numba_cuda") is None:
         pytest.skip("there is neither the extra gpu nor numba's simulator")

@@ -24,7 +24,7 @@ def render():
 
 
 def test_the_environments_reference_and_the_list_of_names_are_current():
-    for library in ("torch", "skrl", "torchrl", "rsl_rl"):
+    for library in ("torch", "skrl", "torchrl", "rsl_rl", "anywidget"):
         pytest.importorskip(library)
     command = [sys.executable, "docs/render.py", "--check"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)

@@ -45,7 +45,7 @@ INLINE = sorted(
 
 PARSE_NOTHING = (
     "benchmarks.gpu", "examples.once_a_stride", "examples.potential_shaping",
-    "tests.control.test_matrix", "tests.words",
+    "tests.control.test_matrix", "tests.web.measure", "tests.words",
 )  # fmt: skip
 """Modules that run without a parser, or only where there is a GPU."""
 

@@ -251,3 +251,12 @@ def test_what_makes_no_sense_is_refused():
         doubling_cascade("D", 0.01, 0.02, doublings=0)
     with pytest.raises(ValueError, match="has not ended"):
         crisis_slope("D", 0.01, 0.012, strides=200, walkers=4)
+
+
+def test_without_a_transient_the_first_stride_is_recorded():
+    start = 1.01 * find_gait("D", 0.009).state
+    diagram = bifurcation_diagram(
+        "D", [0.009], start=start, n_transient=0, n_recorded=3, longest_period=2
+    )
+    walk = stride("D", 0.009, start, tolerance=1e-10)
+    assert diagram.stance_angle[0, 0] == pytest.approx(walk.state[0], abs=1e-9)

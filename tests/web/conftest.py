@@ -3,13 +3,14 @@
 import json
 import shutil
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from gym_passive_walker.web.build import build
+from tests.web.browser import Browser
 
 
 @pytest.fixture(scope="session")
@@ -40,3 +41,15 @@ def run(node: str, package: Path) -> Callable[..., list[Any]]:
         return json.loads(done.stdout)
 
     return jobs
+
+
+@pytest.fixture(scope="session")
+def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    """A headless Chromium."""
+    names = ("chromium", "chromium-browser", "google-chrome", "chrome")
+    program = next(filter(None, map(shutil.which, names)), None)
+    if program is None:
+        pytest.skip("Chromium is not installed, in which the page is tried")
+    made = Browser(program, tmp_path_factory.mktemp("browser"))
+    yield made
+    made.close()

@@ -1,6 +1,7 @@
 """The package of a page: its size, what it refuses, its policies."""
 
 import json
+import re
 import subprocess
 
 import numpy as np
@@ -8,9 +9,9 @@ import pytest
 
 import gym_passive_walker as gpw
 from gym_passive_walker.envs.scene import make_scene
-from gym_passive_walker.web.build import KINDS
+from gym_passive_walker.web.build import KINDS, PACKAGE
 
-_COMPRESSED = """
+COMPRESSED = """
 import { readFileSync } from "node:fs";
 import { brotliCompressSync } from "node:zlib";
 const sizes = process.argv.slice(1).map((name) => brotliCompressSync(readFileSync(name)).length);
@@ -20,9 +21,33 @@ console.log(JSON.stringify(sizes));
 
 def test_a_compressed_module_has_at_most_60_kilobytes(node, package):
     names = [str(package / f"{kind}.wasm") for kind in KINDS]
-    command = [node, "--input-type=module", "-e", _COMPRESSED, *names]
+    command = [node, "--input-type=module", "-e", COMPRESSED, *names]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     assert max(json.loads(done.stdout)) <= 60_000
+
+
+def luminance(color):
+    """Relative luminance of a colour, as WCAG 2 defines it."""
+    parts = [int(color[i : i + 2], 16) / 255.0 for i in (1, 3, 5)]
+    linear = [x / 12.92 if x <= 0.04045 else ((x + 0.055) / 1.055) ** 2.4 for x in parts]
+    return float(np.dot(linear, [0.2126, 0.7152, 0.0722]))
+
+
+def themes():
+    """Colours of the player in each of its themes, by name."""
+    rules = re.findall(r"\.pw \{(.*?)\}", (PACKAGE / "player.css").read_text(), re.S)
+    found = [dict(re.findall(r"--pw-(\w+): (#\w{6})", rule)) for rule in rules]
+    return [colors for colors in found if colors]
+
+
+def test_colours_of_all_themes_have_the_contrast_of_wcag():
+    assert len(themes()) == 4
+    for colors in themes():
+        ground = luminance(colors.pop("background"))
+        for name, color in colors.items():
+            light, dark = sorted((luminance(color), ground), reverse=True)
+            least = {"text": 4.5, "mark": 4.5, "line": 1.0}.get(name, 3.0)
+            assert (light + 0.05) / (dark + 0.05) >= least, name
 
 
 @pytest.mark.parametrize(

@@ -2,10 +2,7 @@
 
 import json
 import shutil
-import threading
 import time
-from functools import partial
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +12,7 @@ import gym_passive_walker as gpw
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.physics.systems import bodies, system_of
 from gym_passive_walker.policies import shipped_policies
-from tests.web.browser import Browser
+from tests.web.browser import served
 from tests.web.test_walks import SIX, _job, _near, _unlike
 
 PAGE = """<!doctype html>
@@ -30,11 +27,11 @@ PAGE = """<!doctype html>
   globalThis.first = performance.now();
 </script></body></html>
 """
-_READY = """new Promise((done) => {
+READY = """new Promise((done) => {
   const wait = () => globalThis.first ? done(globalThis.first) : setTimeout(wait, 10);
   wait();
 })"""
-_FRAMES = """new Promise((done) => {
+FRAMES = """new Promise((done) => {
   const slider = player.sliders.slope.input, began = performance.now();
   let frames = 0;
   const tick = () => {
@@ -48,38 +45,46 @@ _FRAMES = """new Promise((done) => {
 })"""
 
 
-class _Silent(SimpleHTTPRequestHandler):
-    extensions_map = {  # noqa: RUF012
-        **SimpleHTTPRequestHandler.extensions_map,
-        ".mjs": "text/javascript",
-        ".js": "text/javascript",
-        ".wasm": "application/wasm",
-    }
-
-    def log_message(self, *_):
-        pass
+_WIDGET = """(async () => {
+  const values = VALUES, heard = {}, files = {};
+  const names = ["data.json", "kneed.wasm"];
+  for (const name of names) files[name] = new DataView(await (await fetch(name)).arrayBuffer());
+  const model = {
+    get: (name) => (name === "files" ? files : values[name]),
+    set: (name, value) => { values[name] = value; },
+    save_changes: () => {},
+    on: (event, act) => { heard[event] = act; },
+    off: (event) => { delete heard[event]; },
+  };
+  const pause = (ms) => new Promise((done) => setTimeout(done, ms));
+  const { default: { render } } = await import("./widget.js");
+  document.body.textContent = "";
+  const stop = await render({ model, el: document.body });
+  const found = { start: { ...values } };
+  while (!values.strides) await pause(20);
+  values.slope = 0.03;
+  heard["change:slope"]();
+  values.running = false;
+  heard["change:running"]();
+  found.paused = { ...values };
+  await pause(100);
+  heard["msg:custom"]({ push: 0.02 });
+  values.running = true;
+  heard["change:running"]();
+  await pause(300);
+  found.after = { ...values };
+  stop();
+  found.heard = Object.keys(heard).length;
+  return found;
+})()"""
 
 
 @pytest.fixture(scope="module")
 def address(package):
     (package / "index.html").write_text(PAGE)
     shutil.copy(Path(__file__).parent / "jobs.mjs", package)
-    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(_Silent, directory=str(package)))
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    yield f"http://127.0.0.1:{server.server_port}/"
-    server.shutdown()
-    server.server_close()
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory):
-    names = ("chromium", "chromium-browser", "google-chrome", "chrome")
-    program = next(filter(None, map(shutil.which, names)), None)
-    if program is None:
-        pytest.skip("Chromium is not installed, in which the page is tried")
-    made = Browser(program, tmp_path_factory.mktemp("browser"))
-    yield made
-    made.close()
+    with served(package) as address:
+        yield address
 
 
 @pytest.fixture
@@ -92,7 +97,7 @@ def page(browser, address):
         browser.open("about:blank")
         browser.open(f"{address}#{settings}")
         time.sleep(0.1)
-        browser.first = browser.run(_READY)
+        browser.first = browser.run(READY)
         return browser
 
     yield opened
@@ -104,7 +109,7 @@ def test_the_first_frame_comes_within_a_second(page):
 
 
 def test_the_picture_moves_while_a_slider_does(page):
-    assert page().run(_FRAMES) > 30
+    assert page().run(FRAMES) > 30
     assert page().run("player.walk.over") is False
 
 
@@ -198,3 +203,21 @@ def test_every_control_has_a_label(page):
     unnamed = page().run("""[...document.querySelectorAll("input, select, button, canvas")]
         .filter((each) => !each.labels?.length && !each.textContent && !each.ariaLabel).length""")
     assert unnamed == 0
+
+
+def test_the_widget_of_notebooks_walks_and_reports(page, package):
+    pytest.importorskip("anywidget")
+    from gym_passive_walker.web.widget import PlayerWidget
+
+    gait = gpw.find_gait("C", 0.02)
+    widget = PlayerWidget(gait.walker, gait.slope, start=gait.state)
+    names = ("given", "slope", "hip_torque", "speed", "running")
+    (package / "widget.js").write_text(widget._esm, encoding="utf-8")
+    values = {name: getattr(widget, name) for name in names}
+    found = page().run(_WIDGET.replace("VALUES", json.dumps(values)))
+    assert found["start"]["state"] == pytest.approx(gait.state)
+    assert gpw.Walker(**found["start"]["parameters"]) == gait.walker
+    paused, after = found["paused"], found["after"]
+    assert (paused["slope"], paused["running"], paused["outcome"]) == (0.03, False, "")
+    assert paused["strides"] >= 1 and after["state"] != paused["state"]
+    assert found["heard"] == 0

@@ -116,7 +116,7 @@ export class Player {
     );
     this.grounds = choice(
       Object.entries(GROUNDS).map(([name, { label }]) => [name, label]), settings.ground,
-      (value) => this.#set({ ground: value }, true),
+      (value) => this.set({ ground: value }, true),
     );
     this.sliders = {};
     const main = [
@@ -158,7 +158,7 @@ export class Player {
       this.more,
       element(
         "div", { class: "pw-plots" },
-        element("figure", {}, this.portrait, element("figcaption", {}, "Phase portrait, in rad and √(g/l)")),
+        element("figure", {}, this.portrait, element("figcaption", {}, "Phase portrait: angular velocity over angle of both legs; dots are now")),
         element(
           "figure", {}, this.circle,
           element("figcaption", {}, "Floquet multipliers by finite differences of strides"), this.multipliers,
@@ -207,35 +207,35 @@ export class Player {
   // What a user changes.
 
   #slide(name, value) {
-    if (name === "slope" || name === "torque" || name === "speed") this.#set({ [name]: value }, name === "torque");
-    else this.#set({ changes: { ...this.settings.changes, [name]: value } });
+    if (name === "slope" || name === "torque" || name === "speed") this.set({ [name]: value }, name === "torque");
+    else this.set({ changes: { ...this.settings.changes, [name]: value } });
   }
 
   #choose(walker) {
     const gaits = this.data.walkers[walker].gaits;
     const near = gaits.reduce((best, each) => (Math.abs(each[0] - 0.03) < Math.abs(best[0] - 0.03) ? each : best), gaits[0]);
-    this.#set({ walker, changes: {}, policy: "", slope: near ? near[0] : 0.03 }, true);
+    this.set({ walker, changes: {}, policy: "", slope: near ? near[0] : 0.03 }, true);
   }
 
   #control(value) {
     if (value.startsWith("policy ")) {
       const name = value.slice(7), { scene } = this.data.policies[name];
       const slope = middle(scene.slope), walker = scene.walker ?? "C";
-      this.#set({ policy: name, torque: 0, walker, changes: {}, slope, ground: scene.terrain ? "rough" : "smooth" }, true);
+      this.set({ policy: name, torque: 0, walker, changes: {}, slope, ground: scene.terrain ? "rough" : "smooth" }, true);
     } else {
-      this.#set({ policy: "", torque: value === "torque" ? this.settings.torque || 0.002 : 0 }, this.settings.policy !== "");
+      this.set({ policy: "", torque: value === "torque" ? this.settings.torque || 0.002 : 0 }, this.settings.policy !== "");
     }
   }
 
   /** Changes settings; a walker that cannot be leaves all as it is, and says why. */
-  async #set(changes, again = false) {
+  async set(changes, again = false) {
     const before = this.settings;
     this.settings = { ...before, ...changes };
     const key = ["walker", "changes", "policy", "ground", "slope"];
     try {
       checkWalker(this.#walkerGiven(), this.data);
       const others = ["walker", "policy", "ground"].some((name) => before[name] !== this.settings[name]);
-      if (others || (again && this.walk.over)) await this.begin();
+      if (others || this.settings.start || (again && this.walk.over)) await this.begin();
       else if (key.some((name) => !same(before[name], this.settings[name]))) this.#change();
       this.#tell("");
     } catch (error) {
@@ -244,6 +244,7 @@ export class Player {
     }
     this.#show();
     this.#remember();
+    this.listener?.(this);
   }
 
   #walkerGiven() {
@@ -293,6 +294,7 @@ export class Player {
   toggle() {
     this.running = !this.running;
     this.#show();
+    this.listener?.(this);
   }
 
   next() {
@@ -306,8 +308,8 @@ export class Player {
     const does = {
       " ": () => this.toggle(), n: () => this.next(), r: () => this.begin(),
       ArrowLeft: () => this.push(-PUSH_KEY), ArrowRight: () => this.push(PUSH_KEY),
-      "+": () => this.#set({ speed: Math.min(2, this.settings.speed * 2) }),
-      "-": () => this.#set({ speed: Math.max(0.0625, this.settings.speed / 2) }),
+      "+": () => this.set({ speed: Math.min(2, this.settings.speed * 2) }),
+      "-": () => this.set({ speed: Math.max(0.0625, this.settings.speed / 2) }),
     }[event.key];
     if (!does || event.ctrlKey || event.metaKey || event.altKey) return;
     event.preventDefault();
@@ -382,6 +384,7 @@ export class Player {
       } else {
         left -= rest;
         this.progress = 1;
+        this.#record(walk.frame());
         if (walk.over) return this.#ended();
         this.#step();
         this.progress = 0;
@@ -450,12 +453,17 @@ export class Player {
     this.colors = this.#colors();
     const push = this.drag ? (this.drag.to - this.drag.from) * PUSH_PIXEL : null;
     this.walk.render(this.canvas, { colors: this.colors, frame, push });
-    this.trail.push(frame);
-    if (this.trail.length > TRAIL) this.trail.shift();
-    this.#drawPortrait();
+    this.#record(frame);
+    this.#drawPortrait(frame);
   }
 
-  #drawPortrait() {
+  /** Adds a frame to the phase portrait; ends of control steps are in it at any frame rate. */
+  #record(frame) {
+    this.trail.push(frame);
+    if (this.trail.length > TRAIL) this.trail.shift();
+  }
+
+  #drawPortrait(now) {
     const { portrait: canvas, trail, colors } = this, context = canvas.getContext("2d");
     context.fillStyle = colors.background;
     context.fillRect(0, 0, canvas.width, canvas.height);
@@ -484,7 +492,18 @@ export class Player {
         before = strides;
       }
       context.stroke();
+      const at = now.strides % 2 === odd ? place(now.state[0], now.state[3]) : place(now.state[1], now.state[4]);
+      context.fillStyle = context.strokeStyle;
+      context.beginPath();
+      context.arc(...at, 5, 0, 2 * Math.PI);
+      context.fill();
     }
+    context.fillStyle = colors.mark;
+    context.font = "15px system-ui, sans-serif";
+    context.textAlign = "right";
+    context.fillText(`${angle} rad`, canvas.width - 6, canvas.height / 2 - 6);
+    context.textAlign = "left";
+    context.fillText(`${rate} √(g/l)`, canvas.width / 2 + 6, 18);
   }
 
   #drawMultipliers() {
@@ -577,7 +596,7 @@ export function settingsFrom(hash, data) {
  * @param options `walker`, `slope`, `torque`, `policy`, `ground`, `speed`, `changes` of the walker's
  *   parameters, `start` on the Poincaré section; `share` writes settings to the page's address;
  *   `compact` hides the plots; `paused`; `read` reads the package's files; `onstate` is called after
- *   each control step.
+ *   each control step and each change of the settings.
  */
 export async function play(root, options = {}) {
   const { read = readFile, share = false, compact = false, paused, onstate, ...settings } = options;

@@ -1,0 +1,130 @@
+"""The widget of notebooks, by its traits."""
+
+import json
+import shutil
+import subprocess
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.policies import policy_folder
+from gym_passive_walker.units import units_of
+
+pytest.importorskip("anywidget")
+
+from gym_passive_walker.web.widget import PlayerWidget
+
+
+@pytest.fixture
+def notebook(monkeypatch):
+    """Let the process be a kernel of Jupyter."""
+    shell = SimpleNamespace(kernel=object())
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
+
+
+def test_a_gait_is_shown_as_it_is(notebook):
+    gait = gpw.find_gait("C", 0.02)
+    widget = gpw.play(gait)
+    assert (widget.given["walker"], widget.given["changes"]) == ("C", {})
+    assert widget.given["start"] == pytest.approx(
+        units_of(gait.walker).to_dimensionless(gait.state)
+    )
+    assert (widget.slope, widget.hip_torque, widget.policy) == (0.02, 0.0, "")
+    assert widget.walker == gait.walker
+    assert (widget.state, widget.strides, widget.outcome) == ([], 0, "")
+
+
+def test_a_walker_is_its_preset_and_the_changes(notebook):
+    walker = gpw.as_walker({"preset": "B", "hip_mass": 0.25, "gravity": 1.62})
+    widget = gpw.play(walker, 0.03)
+    assert widget.given["walker"] == "B"
+    assert widget.given["changes"] == {"hip_mass": 0.25, "gravity": 1.62}
+    assert widget.walker == walker and "start" not in widget.given
+
+
+def test_a_gait_under_a_torque_keeps_it(notebook):
+    walker = gpw.WALKERS["C"]
+    torque = 0.001 * units_of(walker).torque
+    strides = gpw.stride_map(walker, 0.02, controller=gpw.Actuation(hip_torque=torque))
+    assert gpw.play(gpw.find_gait(strides)).hip_torque == pytest.approx(0.001, rel=1e-12)
+
+
+@pytest.mark.parametrize("form", ["name", "gait"])
+def test_a_policy_works_the_motors(notebook, form):
+    policy = gpw.load_policy("level-ppo")
+    given = {"policy": "level-ppo"} if form == "name" else {"walker": gpw.closed_loop_gait(policy)}
+    widget = gpw.play(**given)
+    assert (widget.given["policy"], widget.policy) == ("level-ppo", "level-ppo")
+    assert widget.slope == policy.scene.slope and widget.walker == policy.scene.walker
+
+
+def test_a_policy_from_a_folder_goes_with_the_widget(notebook, tmp_path):
+    shutil.copytree(policy_folder("steep-ppo"), tmp_path / "mine")
+    widget = gpw.play(policy=tmp_path / "mine")
+    policies = json.loads(widget.files["data.json"])["policies"]
+    assert policies["mine"] == policies["steep-ppo"]
+    assert (
+        widget.files["policies/mine.safetensors"]
+        == (widget.files["policies/steep-ppo.safetensors"])
+    )
+
+
+@pytest.mark.parametrize(
+    "controller", [gpw.Actuation(push_off=0.05), lambda seen: 0.01 * seen[:, :1]]
+)
+def test_a_gait_under_another_controller_is_refused(notebook, controller):
+    strides = gpw.stride_map("D", 0.009, controller=controller)
+    with pytest.raises(ValueError, match="constant hip torque or a trained policy"):
+        gpw.play(gpw.find_gait(strides))
+
+
+def test_where_a_film_is_asked_for_a_window_opens(notebook, tmp_path):
+    pytest.importorskip("pygame")
+    assert gpw.play(gpw.find_gait("C", 0.02), picture=tmp_path / "last.png", seconds=0.1) is None
+    assert (tmp_path / "last.png").exists()
+
+
+def test_without_the_extra_the_error_names_it(notebook, monkeypatch):
+    monkeypatch.setitem(sys.modules, "anywidget", None)
+    monkeypatch.delitem(sys.modules, "gym_passive_walker.web.widget")
+    with pytest.raises(ImportError, match=r"anywidget.*gym-passive-walker\[notebook\]"):
+        gpw.play("C", 0.02)
+
+
+@pytest.fixture(scope="module")
+def widget():
+    return PlayerWidget(gpw.WALKERS["C"], 0.02)
+
+
+def test_what_the_page_reports_is_read(widget):
+    widget.set_state({"state": [0.1, -0.1, -0.2, 1.0, 2.0, 3.0], "strides": 7, "outcome": ""})
+    assert np.shape(widget.state) == (6,) and widget.strides == 7
+
+
+@pytest.mark.parametrize(("trait", "value"), [("slope", 2.0), ("speed", 0.0), ("running", "no")])
+def test_a_setting_out_of_range_is_refused(widget, trait, value):
+    before = getattr(widget, trait)
+    with pytest.raises(Exception, match=trait):
+        setattr(widget, trait, value)
+    assert getattr(widget, trait) == before
+
+
+def test_a_push_is_sent_to_the_page(widget, monkeypatch):
+    sent = []
+    monkeypatch.setattr(widget, "send", sent.append)
+    widget.push(0.01)
+    widget.begin()
+    assert sent == [{"push": 0.01}, {"again": True}]
+    with pytest.raises(ValueError, match="impulse must be a number from -10 to 10"):
+        widget.push(np.nan)
+
+
+def test_the_widget_is_one_module(node, tmp_path):
+    module = tmp_path / "widget.mjs"
+    module.write_text(PlayerWidget._esm, encoding="utf-8")
+    code = f"import({json.dumps(module.as_uri())}).then((m) => console.log(Object.keys(m.default)))"
+    done = subprocess.run([node, "-e", code], capture_output=True, text=True, check=True)
+    assert "render" in done.stdout
