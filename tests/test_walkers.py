@@ -24,7 +24,7 @@ from gym_passive_walker import (
     tune,
     tuning_errors,
 )
-from gym_passive_walker.walkers import as_walker, combine
+from gym_passive_walker.walkers import as_walker, combine, name_of
 from tests.physics.bodies import Bodies
 from tests.physics.examples import random_walker
 
@@ -437,3 +437,9 @@ def test_a_name_stands_for_its_walker():
 def test_the_package_offers_its_public_names(name):
     assert name in gpw.__all__
     assert hasattr(gpw, name)
+
+
+def test_a_walker_is_called_by_the_title_in_its_file_or_else_by_the_file_s_name(tmp_path):
+    for words, title in (('"preset": "C", "title": "ours"', "ours"), ('"preset": "C"', "mine")):
+        (tmp_path / "mine.json").write_text(f"{{{words}}}")
+        assert name_of(as_walker(tmp_path / "mine.json")) == title

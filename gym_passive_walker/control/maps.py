@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from os import PathLike
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import check_tolerance, one_slope
+from gym_passive_walker.arguments import check_tolerance, number, one_slope, unknown
 from gym_passive_walker.control.baselines import BASELINES, Schedule, StrideFeedback
 from gym_passive_walker.control.controlled import ControlledMap
 from gym_passive_walker.control.controllers import ControllerLike, SceneLike, acting
@@ -27,14 +27,21 @@ from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.gaits.terrain import Terrain, TerrainLike, terrain_from
-from gym_passive_walker.walkers import WalkerLike, as_any, check_heights_only, check_parametric
+from gym_passive_walker.walkers import (
+    Mechanism,
+    WalkerLike,
+    as_any,
+    check_heights_only,
+    check_parametric,
+    state_size,
+)
 
 
 def stride_map(
     walker: WalkerLike | None = None,
     slope: float | None = None,
     *,
-    controller: ControllerLike | Actuation | OptimalGait | Callable | None = None,
+    controller: ControllerLike | Actuation | OptimalGait | Mapping | Callable | None = None,
     scene: SceneLike | None = None,
     terrain: TerrainLike | None = None,
     tolerance: float = 1e-12,
@@ -57,11 +64,11 @@ def stride_map(
         slope: Slope in rad; the scene's, or the middle of its range, when None. Without a scene it
             may be left to the analysis.
         controller: What works the motors: None for a passive walker; an `Actuation`, the same in
-            each stride; an `OptimalGait` (its torques are applied without feedback); a trained
-            policy, a baseline, or the name of either; any object with `predict(observation, state,
-            episode_start, deterministic)`; or a function from observations (n, 8) to actions
-            (n, actions). What it remembers starts again with each stride. A `System` is observed
-            by its state and the slope, (n, 2 m + 1).
+            each stride; a mapping of a `System`'s controls to what they hold; an `OptimalGait` (its
+            torques are applied without feedback); a trained policy, a baseline, or the name of
+            either; any object with `predict(observation, state, episode_start, deterministic)`; or
+            a function from observations (n, 8) to actions (n, actions). What it remembers starts
+            again with each stride. A `System` is observed by its state and the slope, (n, 2 m + 1).
         scene: Which motors a controller has, how strong they are and how long its actions are
             held, in a form that `make_scene` takes; the policy's own or "level" when None. Its
             disturbances are left out.
@@ -78,6 +85,8 @@ def stride_map(
         ValueError: if the controller cannot act, or an argument is out of its range.
     """
     tolerance, ground = check_tolerance(tolerance), _repeating(terrain)
+    if isinstance(controller, Mapping):
+        controller, scene = _held(walker, controller)
     if controller is None or isinstance(controller, Actuation):
         if scene is not None and walker is None:
             walker = make_scene(scene).walker
@@ -113,6 +122,34 @@ def stride_map(
         walker=there.walker, slope=float(np.mean(there.slope)), agent=acts, scene=there,
         tolerance=tolerance, terrain=ground,
     )  # fmt: skip
+
+
+def _held(walker: Any, controls: Mapping[str, Any]) -> tuple[Policy | None, Scene | None]:
+    """Controls of a `System` that hold the same in each stride: a policy, and its scene.
+
+    Both are None if no control holds anything.
+
+    Raises:
+        ValueError: if the walker is no `System`, or has no such control.
+    """
+    if not isinstance(walker, Mechanism):
+        raise ValueError(
+            "a mapping of controls is a controller of a System; give an Actuation for others"
+        )
+    if strange := unknown(controls, walker.controls, f"system {walker.title!r}"):
+        raise ValueError(strange)
+    held = {name: number(value, name) for name, value in controls.items() if value}
+    if not held:
+        return None, None
+    needed = max(map(abs, held.values())) / walker.total_mass
+    scene = make_scene(walker=walker, slope=0.0, control="stride", max_hip_torque=needed)
+    largest = [scene.largest(name) for name in scene.actions]
+    shares = [[held.get(name, 0.0) / x for name, x in zip(scene.actions, largest, strict=True)]]
+    if np.max(np.abs(shares)) > 1.0 + 1e-12:
+        raise ValueError(f"the limits of system {walker.title!r} are smaller than {dict(held)}")
+    point = np.zeros(state_size(walker))
+    rows = np.zeros((1, len(largest), len(point)))
+    return StrideFeedback("held controls", scene.walker, point, np.array(shares), rows), scene
 
 
 def _repeating(terrain: TerrainLike | None) -> Terrain | None:

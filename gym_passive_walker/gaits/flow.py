@@ -41,6 +41,7 @@ __all__ = [
     "flow",
     "go_on",
     "new_records",
+    "put_states",
     "rows_of",
     "states_in",
 ]

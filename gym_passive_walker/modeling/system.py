@@ -136,6 +136,11 @@ class System(Mechanism):
         links = [Link(*link) for link in self.links(self.body, given)]
         return [np.array([(0.0, 0.0), (link.x, link.y)], dtype=float) for link in links]
 
+    def centre_of_mass(self, state: Sequence[float]) -> NDArray[np.float64]:
+        """Position (x, y) of the centre of mass in a state (2 m,), from the stance foot, (2,)."""
+        mass, x, y = self._centre(self.body, self.State(*state))
+        return np.array([x / mass, y / mass], dtype=float)
+
     def with_both_feet_down(self, coordinates: NDArray[np.float64]) -> NDArray[np.float64]:
         """Coordinates (n, m) nearby at which the swing foot touches the ground.
 

@@ -20,7 +20,13 @@ _FADED = 0.45  # share of the background in the colour of a shank
 
 
 def draw_portrait(
-    brush: Brush, box: Any, states: ArrayLike, strides: Sequence[int], free: Sequence[bool]
+    brush: Brush,
+    box: Any,
+    states: ArrayLike,
+    strides: Sequence[int],
+    free: Sequence[bool],
+    *,
+    legs: bool = True,
 ) -> None:
     """Draw angular velocities over angles, each leg in its own colour; impacts leave gaps.
 
@@ -29,15 +35,17 @@ def draw_portrait(
     Args:
         brush: Draws in pixels.
         box: The panel, a rectangle of pygame.
-        states: Angles in rad, then dimensionless angular velocities, (n, 6).
+        states: Angles in rad, then dimensionless angular velocities, (n, 6) or (n, 2 m).
         strides: Heelstrikes before each state, (n,).
         free: Whether the swing shank moves independently, (n,).
+        legs: Whether the coordinates are stance leg, thigh and shank, and not a `System`'s.
     """
     draw, canvas = brush.pygame.draw, brush.canvas
     title = "phase portrait" + " (thin: free shank)" * any(free)
     brush.write(title, (box.left + 10, box.top + 9), "topleft", look.HIP)
     plot = brush.pygame.Rect(box.left + 44, box.top + 34, box.width - 60, box.height - 64)
-    links = np.reshape(states, (-1, 2, 3)).swapaxes(1, 2)  # angle and velocity of each, (n, 3, 2)
+    size = np.shape(states)[-1] // 2
+    links = np.reshape(states, (-1, 2, size)).swapaxes(1, 2)  # angle and velocity, (n, size, 2)
     angle, rate = map(_rounded_up, np.abs(links).max(axis=(0, 1)).tolist())
     _draw_axes(brush, plot)
     draw.rect(canvas, look.GROUND, plot, 1)
@@ -55,18 +63,24 @@ def draw_portrait(
     motions = list(zip(strides, free, strict=True))
     new = [i for i, (before, after) in enumerate(pairwise(motions), 1) if before != after]
     for first, last in pairwise([0, *new, len(motions)]):
-        for link, colour in _links(*motions[first]):
+        for link, colour in _links(size, legs, *motions[first]):
             if last - first > 1:
                 line = pixels[first:last, link]
                 draw.aalines(canvas, colour, False, line)
                 if link != 2:  # a shank's line is thin
                     draw.aalines(canvas, colour, False, line + 0.7)
-    for link, colour in _links(*motions[-1]):
+    for link, colour in _links(size, legs, *motions[-1]):
         draw.aacircle(canvas, colour, pixels[-1, link], 5, 2 * (link == 2))
 
 
-def _links(strides: int, free: bool) -> Iterator[tuple[int, look.Colour]]:
-    """The links that move independently, and their colours: legs keep theirs at heelstrike."""
+def _links(size: int, legs: bool, strides: int, free: bool) -> Iterator[tuple[int, look.Colour]]:
+    """The coordinates that move independently, and their colours.
+
+    Legs keep theirs at heelstrike; coordinates of a `System` have theirs by number.
+    """
+    if not legs:
+        yield from ((i, look.LEGS[i % 2] if i < 2 else look.HIP) for i in range(size))
+        return
     stance, swing = look.LEGS[strides % 2], look.LEGS[1 - strides % 2]
     if free:
         yield 2, look.shaded(swing, look.SKY, _FADED)

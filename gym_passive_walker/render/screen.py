@@ -163,7 +163,9 @@ class Screen:
             raise ValueError(f"a frame shows one state of shape {size}, not {np.shape(state)}")
         ground = _LEVEL if profile is None else np.asarray(profile, dtype=float)
         if isinstance(self.walker, Mechanism):
-            self._draw_lines(self.walker.drawn(np.asarray(state).tolist()), slope, contact_x)
+            given = np.asarray(state).tolist()
+            self._look_below(contact_x + self.walker.centre_of_mass(given)[0], slope)
+            self._draw_lines(self.walker.drawn(given), contact_x)
             return self._finished(notes, warning)
         brush, posture = self._brush, pose(self.walker, state, contact_x, contact_y, tilt)
         self._look_at(posture, slope, ground)
@@ -184,12 +186,9 @@ class Screen:
         self._scuff(posture.swing, ground)
         return self._finished(notes, warning)
 
-    def _draw_lines(self, lines: list[NDArray], slope: float, contact_x: float) -> None:
+    def _draw_lines(self, lines: list[NDArray], contact_x: float) -> None:
         """Draw a system by its lines of points, from its stance foot, on smooth ground."""
         brush = self._brush
-        wide, high = self._canvas.get_size()
-        origin = 0.5 * wide, (1.0 - _GROUND_SHARE) * high
-        brush.look_at(np.array([contact_x, 0.0]), slope, origin)
         self._canvas.fill(look.SKY)
         for number, line in enumerate(lines):
             places = brush.at(line + np.array([contact_x, 0.0]))
@@ -197,6 +196,12 @@ class Screen:
             for place in places:
                 brush.disc(place, 0.034, look.HIP)
         self._ground(_LEVEL)
+
+    def _look_below(self, x: float, slope: float) -> None:
+        """Point the camera at the ground below the centre of mass of a system."""
+        wide, high = self._canvas.get_size()
+        origin = 0.5 * wide, (1.0 - _GROUND_SHARE) * high
+        self._brush.look_at(np.array([x, 0.0]), slope, origin)
 
     def _finished(
         self, notes: tuple[Sequence[str], Sequence[str]], warning: str
@@ -217,7 +222,15 @@ class Screen:
         return pixels / self._brush.scale * self.walker.leg_length
 
     def hip_on_frame(self, state: ArrayLike, slope: float) -> tuple[float, float]:
-        """Position of the hip in a frame, in pixels right and down from the upper left corner."""
+        """Position of the hip in a frame, in pixels right and down from the upper left corner.
+
+        Of a `System` it is the centre of mass.
+        """
+        if isinstance(self.walker, Mechanism):
+            centre = self.walker.centre_of_mass(state)
+            self._look_below(centre[0], slope)
+            x, y = self._brush.at(centre) / _OVERSAMPLING
+            return float(x), float(y)
         posture = pose(self.walker, state)
         self._look_at(posture, slope, _LEVEL)
         x, y = self._brush.at(posture.hip) / _OVERSAMPLING

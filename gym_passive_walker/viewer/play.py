@@ -18,7 +18,7 @@ from gym_passive_walker.render.film import film_path
 from gym_passive_walker.render.screen import load_pygame, open_window
 from gym_passive_walker.units import units_of
 from gym_passive_walker.viewer.walk import LiveWalk, Setup, gentle_slope
-from gym_passive_walker.walkers import as_walker
+from gym_passive_walker.walkers import as_any, check_parametric
 
 if TYPE_CHECKING:
     from gym_passive_walker.web.widget import PlayerWidget
@@ -45,7 +45,7 @@ def _asked(
     if walker is None:
         walker = "lab" if policy is None else policy.scene.walker
     walker, given, start, motors, _, strides = walk_of(walker, slope, start)
-    walker, slope = as_walker(walker), given
+    walker, slope = as_any(walker), given
     controller: Any = policy
     if policy is None:
         held = motors.hip_torque / units_of(walker).torque
@@ -83,12 +83,12 @@ def play(
     notebook the player of web pages is shown instead, which requires the extra "notebook".
 
     Args:
-        walker: A gait, which also gives slope, controller and start, or a walker (see `as_walker`);
-            None is the policy's own, or the laboratory's.
+        walker: A gait, which also gives slope, controller and start; a walker (see `as_walker`); or
+            a `System`, in a window. None is the policy's own, or the laboratory's.
         slope: Slope in rad; None is the gait's or the policy's own, or a gentle one.
         policy: A trained policy that works the motors, or what `load_policy` takes.
-        start: State on the Poincaré section to start from, in the walker's own units, (6,); None is
-            a periodic gait.
+        start: State on the Poincaré section to start from, in the walker's own units, (6,), or
+            (2 m,) of a `System`; None is a periodic gait.
         seconds: Seconds after which the window closes; None leaves that to the user. This argument
             and the next two open the window also in a notebook.
         film: File to record all frames in, MP4 or GIF.
@@ -108,6 +108,7 @@ def play(
         from gym_passive_walker.web.widget import PlayerWidget
 
         setup, start = _asked(walker, slope, policy, start)
+        check_parametric(setup.walker, "the player of notebooks")
         return PlayerWidget(*setup, start=start)
     pygame = load_pygame()
     from gym_passive_walker.viewer.player import FPS, SIZE, Player

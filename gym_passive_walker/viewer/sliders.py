@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from pygame import Rect
 
 from gym_passive_walker.units import units_of
 from gym_passive_walker.viewer.walk import LiveWalk, Setup
-from gym_passive_walker.walkers import PARAMETERS, Walker
+from gym_passive_walker.walkers import PARAMETERS, Mechanism, Walker
 
 PANEL = Rect(800, 0, 480, 560)
 """Where the sliders are."""
@@ -27,7 +27,7 @@ class Slider(NamedTuple):
     """A number of a walk's setup that can be changed.
 
     Attributes:
-        name: A field of `Setup`, or a parameter of its walker.
+        name: A field of `Setup`, or a parameter of its walker or of a `System`'s body.
         label: The name on the screen, with the unit if it is not the walker's own.
         low: The least value.
         high: The largest value.
@@ -51,15 +51,17 @@ class Slider(NamedTuple):
         """The value now; under a policy, the torque is that of the policy."""
         if self.name == "controller":
             return walk.torque
-        return getattr(walk.setup if self.name == "slope" else walk.setup.walker, self.name)
+        return getattr(walk.setup if self.name == "slope" else _body(walk.setup), self.name)
 
     def write(self, walk: LiveWalk, value: float) -> None:
         """Set the nearest value of the range; a torque replaces a policy."""
         setup, value = walk.setup, min(max(value, self.low), self.high)
-        if self.name in PARAMETERS:
-            walk.change(setup._replace(walker=replace(setup.walker, **{self.name: value})))
-        else:
+        if self.name in Setup._fields:
             walk.change(setup._replace(**{self.name: value}))
+        elif isinstance(setup.walker, Mechanism):  # without its checks, which take too long here
+            walk.change(setup._replace(walker=setup.walker.with_body({self.name: value})))
+        else:
+            walk.change(setup._replace(walker=replace(setup.walker, **{self.name: value})))
 
     def knob(self, walk: LiveWalk) -> tuple[int, int]:
         """Where the knob is now."""
@@ -77,18 +79,26 @@ class Slider(NamedTuple):
 
 def sliders_of(setup: Setup) -> list[Slider]:
     """Sliders of the slope, the torque, gravity and each parameter, with ranges for the walker."""
-    table = [
-        ("slope", "slope (rad)", -0.05, 0.15, setup.slope),
-        ("controller", "hip torque / (m g l)", -0.05, 0.05, 0.0),
-    ]
-    for name in sorted(PARAMETERS, key="gravity".__ne__):
-        home = getattr(setup.walker, name)
-        table.append((name, name.replace("_", " "), *_range(setup.walker, name, home), home))
+    walker, table = setup.walker, [("slope", "slope (rad)", -0.05, 0.15, setup.slope)]
+    own = isinstance(walker, Mechanism)
+    motor = "".join(walker.controls[:1]) if own else "hip"
+    if motor:
+        table.append(("controller", f"{motor} torque / (m g l)", -0.05, 0.05, 0.0))
+    names = walker.body._fields if own else sorted(PARAMETERS, key="gravity".__ne__)
+    for name in names:
+        home = float(getattr(_body(setup), name))
+        low, high = sorted((0.25 * home, 2.0 * home or 1.0)) if own else _range(walker, name, home)
+        table.append((name, name.replace("_", " "), low, high, home))
     height = min(_TALLEST, _HEIGHT // len(table))
     return [
         Slider(*about, Rect(PANEL.left, _TOP + index * height, PANEL.width, height))
         for index, about in enumerate(table)
     ]
+
+
+def _body(setup: Setup) -> Any:
+    """What has the parameters of a setup's walker."""
+    return setup.walker.body if isinstance(setup.walker, Mechanism) else setup.walker
 
 
 def _range(walker: Walker, name: str, value: float) -> tuple[float, float]:

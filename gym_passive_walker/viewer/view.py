@@ -16,7 +16,7 @@ from gym_passive_walker.render.screen import Screen
 from gym_passive_walker.viewer.player import KEYS, SCENE, SIZE, Player
 from gym_passive_walker.viewer.sliders import KNOB, PANEL
 from gym_passive_walker.viewer.walk import LiveWalk
-from gym_passive_walker.walkers import WALKERS
+from gym_passive_walker.walkers import WALKERS, Mechanism
 
 PORTRAIT = Rect(0, 450, 420, 270)
 GAIT = Rect(420, 450, 380, 270)
@@ -39,7 +39,8 @@ class View:
         brush.canvas.fill(look.SKY)
         self._draw_scene(player)
         strides, free, states = zip(*walk.trail, strict=True)
-        draw_portrait(brush, PORTRAIT, states, strides, free)
+        legs = not isinstance(walk.setup.walker, Mechanism)
+        draw_portrait(brush, PORTRAIT, states, strides, free, legs=legs)
         _draw_gait(brush, walk, *player.gait)
         _draw_sliders(brush, player)
         for index, (key, does) in enumerate(KEYS):
@@ -76,8 +77,10 @@ class View:
 
 def _draw_sliders(brush: Brush, player: Player) -> None:
     """Draw the sliders, marking the one that keys move, and the message below them."""
-    names = {preset: name for name, preset in WALKERS.items()}
-    title = f"walker {names.get(player.walk.setup.walker, 'changed')}"
+    names, walker = {preset: name for name, preset in WALKERS.items()}, player.walk.setup.walker
+    title = f"walker {names.get(walker, 'changed')}"
+    if isinstance(walker, Mechanism):
+        title = f"system {walker.title}"
     if player.walk.map.controlled:
         title += f", controller {player.walk.map.controller_name}"
     brush.write(title, (PANEL.left + 12, 8), "topleft", look.HIP, size=22)

@@ -15,18 +15,18 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.control.controlled import ControlledMap
 from gym_passive_walker.control.maps import stride_map
+from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.envs.scene import SceneError
 from gym_passive_walker.envs.starts import REFERENCE_SLOPES, checked_state, gait_near
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.fixed_point import find_gait
-from gym_passive_walker.gaits.flow import go_on, new_records
+from gym_passive_walker.gaits.flow import go_on, new_records, put_states, states_in
 from gym_passive_walker.gaits.gait import Gait, GaitNotFound
 from gym_passive_walker.gaits.stride_map import StrideMap
-from gym_passive_walker.physics import legs
-from gym_passive_walker.physics.hybrid import Outcome, State
+from gym_passive_walker.physics.hybrid import Outcome, Stage
 from gym_passive_walker.policies import TrainedPolicy
 from gym_passive_walker.units import units_of
-from gym_passive_walker.walkers import Walker
+from gym_passive_walker.walkers import Mechanism, Walker
 
 _SAMPLE = 0.015  # sqrt(l/g) between two samples of the trail: its curve has no visible corners
 _TRAIL = 800  # samples: about four strides
@@ -39,7 +39,8 @@ class Setup(NamedTuple):
     Attributes:
         walker: The walker.
         slope: Slope in rad, positive downhill.
-        controller: A trained policy, or a constant hip torque in units of m g l.
+        controller: A trained policy, or a constant torque in units of m g l: of the hip, or of the
+            first control of a `System`.
     """
 
     walker: Walker
@@ -53,7 +54,9 @@ class Setup(NamedTuple):
             ValueError: if the slope is out of range, or the controller does not fit the walker.
         """
         acts: Any = self.controller
-        if isinstance(acts, float):
+        if isinstance(acts, float) and isinstance(self.walker, Mechanism):
+            acts = {name: acts * self.walker.total_mass for name in self.walker.controls[:1]}
+        elif isinstance(acts, float):
             acts = Actuation(hip_torque=acts * units_of(self.walker).torque)
         return stride_map(self.walker, self.slope, controller=acts)
 
@@ -72,8 +75,16 @@ def gentle_slope(walker: Walker, *wanted: float) -> float:
     return next((slope for slope, gait in gaits if gait and gait.stable), REFERENCE_SLOPES[0])
 
 
+def _kind(walker: Walker) -> Any:
+    """What a walk cannot change without beginning again."""
+    return walker.hybrid.name if isinstance(walker, Mechanism) else walker.knees
+
+
 class Sample(NamedTuple):
-    """A point of a walk: heelstrikes before it, is the shank free, dimensionless state (6,)."""
+    """A point of a walk: heelstrikes before it, is the shank free, dimensionless state (6,).
+
+    The state of a `System` is (2 m,).
+    """
 
     strides: int
     free: bool
@@ -119,7 +130,9 @@ class LiveWalk:
         else:
             state = checked_state(np.asarray(start, dtype=float).tolist(), walker)
         self.setup, self.map = setup, strides
-        self._records = new_records(np.array([state]), setup.slope)
+        self._records = new_records(
+            np.array([state]), setup.slope, layout=layout_of(strides.system)
+        )
         self.outcome, self.strides, self.last = Outcome.RUNNING, 0, None
         self.trail: deque[Sample] = deque(maxlen=_TRAIL)
         self._origin = walker.foot_radius * state[0]
@@ -128,8 +141,21 @@ class LiveWalk:
 
     @property
     def state(self) -> NDArray[np.float64]:
-        """[stance, thigh, shank] angles in rad, then their angular velocities, own units, (6,)."""
-        return self.map.units.to_own(self._record["state"])
+        """[stance, thigh, shank] angles in rad, then their angular velocities, own units, (6,).
+
+        Of a `System` its coordinates, then their rates, (2 m,).
+        """
+        return self.map.units.to_own(self._dimensionless)
+
+    @property
+    def _dimensionless(self) -> NDArray[np.float64]:
+        return states_in(self._record, self.map.system.coordinates)
+
+    @property
+    def _weight(self) -> float:
+        """The unit of dimensionless torques and energies: 1, or the weight of a `System`."""
+        walker = self.setup.walker
+        return walker.total_mass if isinstance(walker, Mechanism) else 1.0
 
     @property
     def contact(self) -> float:
@@ -138,9 +164,11 @@ class LiveWalk:
 
     @property
     def torque(self) -> float:
-        """Hip torque now, in units of m g l."""
+        """Torque of the hip, or of the first control of a `System`, in units of m g l."""
         controller = self.setup.controller
-        return controller if isinstance(controller, float) else float(self._record["control"][0])
+        if isinstance(controller, float):
+            return controller
+        return float(self._record["control"][0]) / self._weight
 
     def advance(self, duration: float) -> None:
         """Continue for a time in the walker's own units, or until the walker falls."""
@@ -158,7 +186,8 @@ class LiveWalk:
             record["moved"] = record["turned"] = 0.0
             self._records = go_on(self.map.walkers, self._records, on_section=self._on_section).here
             self._on_section, record = False, self._record
-            self._work += float(np.abs(record["control"] * works) @ record["turned"])
+            held = record["control"][: len(works)] * works
+            self._work += float(np.abs(held) @ record["turned"][: len(works)])
             left -= float(record["time"]) - before
             if record["outcome"] == Outcome.HEELSTRIKE:
                 self._end_stride()
@@ -167,31 +196,37 @@ class LiveWalk:
         self._sample()
 
     def push(self, downhill: float, up: float) -> None:
-        """Apply an impulse to the hip; its components are in units of m sqrt(g l)."""
-        record, system = self._record, self.map.system
-        push = system.phases[record["phase"]].push
+        """Apply an impulse to the hip; its components are in units of m sqrt(g l).
+
+        It acts at the centre of mass of a `System`.
+        """
+        system, state = self.map.system, self._dimensionless.copy()
+        push = system.phases[self._record["phase"]].push
         if push is not None:
             body = system.Body(*self.map.walkers.constants[0, 0])
-            jumps = push(body, State(*record["state"]), -downhill, up)
-            record["state"][3:] += np.array(jumps)[[0, 1, -1]]
+            jumps = list(push(body, system.State(*state), -downhill, up))
+            jumps += jumps[-1:] * (system.coordinates - len(jumps))  # one body: thigh and shank
+            state[system.coordinates :] += jumps
+            put_states(self._record, state)
             self._undisturbed = False
 
     def change(self, setup: Setup) -> None:
         """Continue with another setup from the same angles, angular velocities and contact point.
 
-        A walker with knees cannot continue as one without knees, or the reverse: it begins again.
+        A walker with knees cannot continue as one without knees, or the reverse, nor a `System` as
+        another one: it begins again.
 
         Raises:
             ValueError: as the class does; the walk is then as it was.
         """
-        if setup.walker.knees != self.setup.walker.knees:
+        if _kind(setup.walker) != _kind(self.setup.walker):
             self.begin(setup)
             return
         strides, before = setup.stride_map(), self.setup
         record, state, contact = self._record, self.state, self.contact
         slower = self.map.units.time / strides.units.time
         self.setup, self.map = setup, strides
-        record["state"] = strides.units.to_dimensionless(state)
+        put_states(record, strides.units.to_dimensionless(state))
         record["ground"][:2] = math.sin(setup.slope), math.cos(setup.slope)
         for name in ("time", "step", "knee_time"):
             record[name] *= slower
@@ -203,7 +238,7 @@ class LiveWalk:
         self._undisturbed = False
 
     @property
-    def _record(self) -> np.void:
+    def _record(self) -> Any:
         return self._records[0, 0]
 
     def _begin_stride(self) -> None:
@@ -214,16 +249,16 @@ class LiveWalk:
         self._wait_for_decision()
 
     def _end_stride(self) -> None:
-        """Measure the stride, and stand on the other leg: the hip is midway between the feet."""
+        """Measure the stride, and stand on the other leg: the hip stays where it is."""
         record, system = self._record, self.map.system
         body = system.Body(*self.map.walkers.constants[0, 0])
-        progress = float(legs.progress(body, record["state"][0]))
-        self._origin -= 2.0 * self.setup.walker.leg_length * progress
+        ahead = float(system.place(body, system.State(*self._dimensionless)))
+        self._origin += self.setup.walker.leg_length * (float(record["passed"]) - ahead)
         self.strides, self.last = self.strides + 1, None
         if self._undisturbed:
             length, period = float(record["step_length"]), float(record["time"])
             energy = self._work + float(record["push_work"]) + float(record["gravity_work"])
-            self.last = LastStride(length, period, energy / length)
+            self.last = LastStride(length, period, energy / (self._weight * length))
         self._begin_stride()
 
     def _wait_for_decision(self) -> None:
@@ -244,6 +279,6 @@ class LiveWalk:
 
     def _sample(self) -> None:
         record = self._record
-        free = self.map.system.phases[record["phase"]].links == 3
-        self.trail.append(Sample(self.strides, free, record["state"].copy()))
+        free = self.map.system.phases[record["phase"]].stage == Stage.FREE
+        self.trail.append(Sample(self.strides, free, self._dimensionless.copy()))
         self._sampling = float(record["time"]) + _SAMPLE

@@ -37,6 +37,7 @@ class Mechanism:
     exchanged: Any
     with_body: Any
     vary: Any
+    centre_of_mass: Any
 
 
 def state_size(walker: Any) -> int:

@@ -57,6 +57,14 @@ def test_without_an_algorithm_it_is_the_fast_one():
     assert (of_seven.algo, of_seven.seed) == ("sac", 7)
 
 
+def test_a_run_that_is_continued_keeps_what_is_not_asked_for():
+    kept = configure("ppo", "lab", seed=5, steps=3000, n_envs=3, every=1000)
+    nothing = train.asked_for(train.train_parser().parse_args([]), kept)
+    assert nothing == kept
+    more = train.asked_for(train.train_parser().parse_args(["--steps", "9000"]), kept)
+    assert (more.steps, more.seed, more.n_envs, more.every) == (9000, 5, 3, 1000)
+
+
 def test_an_evaluation_tells_each_agents_own_episodes(trained):
     with (trained / "evaluation.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))

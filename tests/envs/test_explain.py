@@ -147,3 +147,9 @@ def test_learners_of_stable_baselines3_go_over_to_a_changed_scene():
     assert env.scene.energy_weight == 2.0 == env.get_attr("scene")[0].energy_weight
     *_, dones, _ = env.step(np.zeros((3, 1)))
     assert not dones.any()
+
+
+def test_footholds_ahead_are_numbered_from_the_next_one():
+    names = [row["observation"] for row in as_rows(make_scene("rough"))["observation"]]
+    ahead = [name for name in names if "foothold" in name]
+    assert [int(re.search(r"foothold (\d+) ahead", name)[1]) for name in ahead] == [1, 2]

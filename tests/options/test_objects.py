@@ -140,6 +140,9 @@ OPTIONS = {
     ),
     "System.vary": Call(COMPASS.vary, {}, {}, of=gpw.System.vary),
     "System.with_body": Call(COMPASS.with_body, {"values": {"hip": 0.6}}, {"values": {"hip": 0.7}}),
+    "System.centre_of_mass": Call(
+        COMPASS.centre_of_mass, {"state": COMPASS.start}, {"state": (0.3, -0.1, 0.0, 0.0)}
+    ),
     "System.drawn": Call(COMPASS.drawn, {"state": COMPASS.start}, {"state": (0.3, -0.1, 0.0, 0.0)}),
     "System.with_both_feet_down": Call(
         COMPASS.with_both_feet_down,

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import gym_passive_walker as gpw
 from gym_passive_walker import Outcome, stride
 from gym_passive_walker.gaits.dense_stride import states_at
 from gym_passive_walker.gaits.trajectory import simulate
@@ -121,3 +122,23 @@ def test_rates_on_the_verge_of_a_strike_lie_on_the_line_that_leads_there():
     beyond = 3.0 * near[0] - 3.0 * near[1] + near[2]  # extrapolates through three samples
     np.testing.assert_allclose(verge, beyond, atol=1e-9)
     assert verge[5] > verge[4]  # the shank is still swinging forward
+
+
+def test_a_controller_that_looks_ahead_sees_the_next_footholds():
+    heights = np.array([0.0, 0.001, 0.0005, 0.0013, 0.0015, 0.0011, 0.0012, 0.0015])
+    seen = []
+
+    def look(observations):
+        seen.append(observations[0, -4:].copy())
+        return np.zeros((len(observations), 1))
+
+    scene = {
+        "walker": "lab", "slope": 0.036, "control": "stride", "terrain": gpw.rough(0.001),
+        "terrain_lookahead": 2,
+    }  # fmt: skip
+    strides = gpw.stride_map(controller=look, scene=scene)
+    start = gpw.find_gait("lab", 0.036).state
+    gpw.simulate(strides, 0.036, start, strides=4, terrain=gpw.footholds(heights=heights))
+    rises = np.diff(heights)
+    expected = [[rises[k], 0.0, rises[k + 1], 0.0] for k in range(4)]
+    np.testing.assert_allclose(seen[:4], expected, atol=1e-7)

@@ -409,7 +409,8 @@ def test_the_viewer_is_refused_in_a_sentence_without_pygame(monkeypatch):
 @pytest.mark.parametrize("kept", [{"film": "walk.avi"}, {"picture": "seen.webp"}])
 def test_a_file_that_cannot_be_written_is_refused_before_a_window_opens(kept, tmp_path):
     [(option, name)] = kept.items()
-    with pytest.raises(ValueError, match=f"{option}'s name must end in"):
+    what = {"film": "video"}.get(option, option)
+    with pytest.raises(ValueError, match=f"{what}'s name must end in"):
         play("lab", SLOPE, **{option: tmp_path / name})
     (tmp_path / "folder.mp4").mkdir()
     (tmp_path / "folder.png").mkdir()
