@@ -290,8 +290,6 @@ def _read(note: Memory, row: Memory | None, shape: Shape) -> Transition:
     if row is not None:
         struck = abs(row["outcome"] - _STRUCK) < 0.5
         parts |= {name: row[name] for name in OF_LEDGER if name not in TRUTHS}
-        for name in ("step_length", "step_period"):
-            parts[name] = choose(struck, row[name], 0.0)
         parts["heelstrike"] = choose(struck, 1.0, 0.0)
         parts["fell"] = choose(row["ending"] > 0.5, 1.0, 0.0)
     return shape.transition(parts)

@@ -195,12 +195,7 @@ class System(Mechanism):
     def hybrid(self) -> hybrid.System:  # type: ignore[override]
         """The hybrid system that the engine compiles."""
         if "hybrid" not in self._made:
-            stated = self._stated()
-            text = str(compiled.written(stated))
-            digest = hashlib.sha256(text.encode()).hexdigest()[:16]
-            stated = stated._replace(name=f"own-{digest}")
-            SYSTEMS[stated.name] = stated
-            self._made["hybrid"] = stated
+            self._made["hybrid"] = _registered(self._stated())
         return self._made["hybrid"]
 
     @property
@@ -208,8 +203,7 @@ class System(Mechanism):
         """The same on footholds of different heights."""
         if "uneven" not in self._made:
             absent = tuple(name for name in self.hybrid.absent if name != "height_change")
-            stated = self.hybrid._replace(name=f"{self.hybrid.name}-uneven", absent=absent)
-            SYSTEMS[stated.name] = self._made["uneven"] = stated
+            self._made["uneven"] = _registered(self.hybrid._replace(absent=absent))
         return self._made["uneven"]
 
     def with_body(self, values: Mapping[str, float]) -> System:
@@ -351,6 +345,14 @@ class System(Mechanism):
         for force, rate in zip(forces, state[self.coordinates :], strict=True):
             power = power - force * rate
         return power
+
+
+def _registered(stated: hybrid.System) -> hybrid.System:
+    """Name a system by its compiled text, and make it known by this name."""
+    digest = hashlib.sha256(str(compiled.written(stated)).encode()).hexdigest()[:16]
+    stated = stated._replace(name=f"own-{digest}")
+    SYSTEMS[stated.name] = stated
+    return stated
 
 
 def _on_ground(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any, Ground], Any]:

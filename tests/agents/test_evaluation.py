@@ -80,6 +80,10 @@ def test_an_evaluation_is_summed_up_in_words():
     assert "3 of 3 walks reach the time limit. The median walk has 100 strides" in with_it
     assert "0.100 √(g l)" in cost and "25.0% above" in cost and f"{least:.4f}" in cost
     assert "1 of 3 walks reach the time limit (fell forward: 2)" in without
+    some = dict(paid)
+    some |= {"endings": [WALKED_ON] * 2 + ["fell forward"], "length": way, "duration": 10.0 * way}
+    some["motor_work"] = np.array([1.25, 1.35, 9.0]) * least * way
+    assert "30.0% above" in in_words(config, made_up(**some), walks)[1]  # without the fall
     cheap = made_up(
         **lasting, **(paid | {"motor_work": least * way}), length=way, duration=10 * way
     )

@@ -156,6 +156,10 @@ def test_it_is_told_in_a_table_and_drawn(lab, tmp_path):
     assert len(panels) == 4
     bars = [bar.get_height() for bar in panels[1].patches]
     np.testing.assert_allclose(bars, lab.period_response[: len(bars)])
+    forward, backward = panels[2].lines
+    for line, sizes in ((forward, lab.forward), (backward, lab.backward)):
+        np.testing.assert_allclose(line.get_xdata(), 100.0 * lab.phases)  # % of the period
+        np.testing.assert_allclose(line.get_ydata(), sizes)
 
 
 @pytest.mark.parametrize(

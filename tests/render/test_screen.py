@@ -151,6 +151,10 @@ def test_ghosts_stand_where_the_walker_was_and_vanish_when_it_begins_anew(no_dis
     legs = np.flatnonzero((mask(alone, look.LEGS[0]) | mask(alone, look.LEGS[1])).any(axis=0))
     assert columns[0] == pytest.approx(legs[0] - 0.5 * 0.62 * 450, abs=35)
     np.testing.assert_array_equal(again, alone)
+    ahead = screen.draw(GAIT, 0.0, 0.5 * length, 2)
+    begun = screen.draw(GAIT, 0.0, 0.9 * length, 0)  # another episode that begins further on
+    np.testing.assert_array_equal(begun, Screen("lab").draw(GAIT, 0.0, 0.9 * length, 0))
+    assert np.any(ahead != begun)
 
 
 def test_rough_ground_is_drawn_where_its_profile_is(no_display):
