@@ -18,6 +18,7 @@ from gym_passive_walker.walkers import is_walker
 
 _MEASURES = ("step_length", "period", "roughness", "sensitivity", "step_up", "step_down")
 _MEASURES += ("initial_error", "recovered", "recovered_error", "recovery")
+_COUNTS = ("falls", "strides", "states")  # of a first passage, sampled or by a mesh
 
 
 def gauntlet(command: ArgumentParser) -> Callable[[Namespace], Report]:
@@ -48,6 +49,7 @@ def robustness(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
     passive-walker robustness lab --slope 0.036
     passive-walker robustness level-ppo --roughness 0.004 --out level.png
+    passive-walker robustness lab --slope 0.036 --roughness 0.001 --first-passage mesh
     """
     known = ", ".join([*shipped_policies(), *BASELINES])
     add = command.add_argument
@@ -60,6 +62,8 @@ def robustness(command: ArgumentParser) -> Callable[[Namespace], Report]:
     add("--slope", type=float, metavar="RAD", help="slope in rad, positive downhill (the scene's)")
     add("--roughness", type=float, default=0.002, metavar="L",
         help="standard deviation of footholds' heights, in leg lengths (%(default)s)")  # fmt: skip
+    add("--first-passage", choices=("sampled", "mesh"), default="sampled",
+        help="sample strides to a fall, or compute them by a mesh of states (%(default)s)")  # fmt: skip
     add(
         "--strides",
         type=int,
@@ -88,14 +92,15 @@ def robustness(command: ArgumentParser) -> Callable[[Namespace], Report]:
             raise ValueError("a passive walker needs --slope or --scene, as in --slope 0.036")
         found = tried(
             arguments.controller, arguments.scene, slope=arguments.slope,
-            roughness=arguments.roughness,
+            roughness=arguments.roughness, first_passage=arguments.first_passage,
             walkers=arguments.walkers, strides=arguments.strides, seed=arguments.seed,
         )  # fmt: skip
         lasting = found.first_passage
         data = {name: getattr(found, name) for name in _MEASURES} | {
             "controller": found.controller, "slope": found.slope, "first_passage": lasting.mean,
             "first_passage_error": lasting.error, "first_passage_interval": lasting.interval,
-            "falls": lasting.falls, "strides": lasting.strides, **found.columns(),
+            **{name: count for name, count in lasting._asdict().items() if name in _COUNTS},
+            **found.columns(),
         }  # fmt: skip
         columns = found.columns()
         rows = [dict(zip(columns, row, strict=True)) for row in zip(*columns.values(), strict=True)]

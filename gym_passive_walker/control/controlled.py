@@ -96,6 +96,15 @@ class ControlledMap(StrideMap):
         return callable(getattr(self.agent, "plan_by" if planned else "linearize", None))
 
     @property
+    def remembers(self) -> bool:
+        """Whether the controller returns a memory, which it would take along to the next stride."""
+        if hasattr(self.agent, "plan") or self.exact:
+            return False
+        slopes = np.array([self.chosen(None)])
+        states = self.state(self.beginning(slopes))
+        return self.act(self._begun(states, slopes), slopes, None, 0)[1] is not None
+
+    @property
     def _single(self) -> bool:
         """Whether the controller observes in single precision."""
         return not (
@@ -413,7 +422,9 @@ class ControlledMap(StrideMap):
             actions, along = plan[:, now], None if by is None else by[:, now]
         else:
             seen = self._observed(records, slopes, ahead)
-            if self.exact:
+            if not width and hasattr(agent, "mean_actions"):
+                actions = agent.mean_actions(seen)  # those of `linearize`, in a tenth of its time
+            elif self.exact:
                 actions, by_seen = agent.linearize(seen)
                 inside = np.abs(self._states(records)) < self._bounds
                 by_state = by_seen[:, :, : self.size] * inside[:, None]

@@ -233,6 +233,37 @@ def acting_as(strides: StrideMap, slope: float) -> tuple[Policy, Scene]:
     return StrideFeedback(strides.controller_name, strides.walker, point, shares, rows), scene
 
 
+def map_in(scene: Scene, policy: Policy | None) -> StrideMap:
+    """The stride map of a scene's walker on smooth ground, without disturbances.
+
+    Args:
+        scene: The scene, of one slope.
+        policy: What works the motors; None for a passive walker.
+
+    Raises:
+        ValueError: if a stride depends on more than the state in which it begins: the policy
+            remembers, actions are delayed, or commands vary.
+    """
+    slope = float(np.mean(scene.slope))
+    if policy is None:
+        return StrideMap.of(
+            scene.walker, slope=slope, tolerance=scene.tolerance,
+            end_on_toe_stub=bool(scene.end_on_toe_stub) and scene.walker.knees,
+        )  # fmt: skip
+    depends = "a stride must depend on the state in which it begins, and "
+    if scene.action_delay:
+        raise ValueError(f"{depends}action_delay={scene.action_delay} carries actions over")
+    if np.ptp(np.ravel(scene.command or 0.0)):
+        raise ValueError(f"{depends}commands vary in this scene: choose one, as command=0.15")
+    there = calm(scene, slope)
+    strides = ControlledMap(
+        walker=there.walker, slope=slope, agent=policy, scene=there, tolerance=scene.tolerance
+    )
+    if strides.remembers:
+        raise ValueError(f"{depends}{strides.controller_name} remembers earlier ones")
+    return strides
+
+
 def calm(scene: Scene, slope: float | None = None) -> Scene:
     """A scene on smooth ground without disturbances, of one slope and one command.
 

@@ -8,21 +8,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gym_passive_walker.arguments import KEPT, number, seed_number, whole
+from gym_passive_walker.arguments import KEPT, number, seed_number, shown, whole
 from gym_passive_walker.control.baselines import Passive
 from gym_passive_walker.control.controllers import ControllerLike, SceneLike, acting
-from gym_passive_walker.control.maps import acting_as
+from gym_passive_walker.control.maps import acting_as, map_in
 from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.evaluation.steps import steps
 from gym_passive_walker.gaits.first_passage import SETTLING as FORGETTING
 from gym_passive_walker.gaits.first_passage import FirstPassage, survivors, walks
+from gym_passive_walker.gaits.first_passage_mesh import MeshPassage, mesh_passage
 from gym_passive_walker.gaits.flow import Walkers
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.gaits.section import Section
@@ -80,8 +81,9 @@ class Robustness(Table):
         step_length: Of the gait.
         period: Of the gait.
         roughness: Standard deviation of the heights of footholds, on rough ground.
-        first_passage: Strides to a fall there.
-        survivors: Share of walkers that are left there after each stride, (strides,).
+        first_passage: Strides to a fall there, sampled or computed by a mesh of states.
+        survivors: Share of walkers that are left there after each stride, (strides,). By a mesh:
+            the exponential decay with its mean.
         sensitivity: Gait sensitivity norm: root of the sum of squares of by how much the periods
             of the strides after a small step in the ground change, for each leg length of it.
         period_response: These changes, stride by stride, (strides,).
@@ -104,7 +106,7 @@ class Robustness(Table):
     step_length: float
     period: float
     roughness: float
-    first_passage: FirstPassage
+    first_passage: FirstPassage | MeshPassage
     survivors: NDArray[np.float64]
     sensitivity: float
     period_response: NDArray[np.float64]
@@ -148,6 +150,7 @@ def robustness(
     *,
     slope: float | None = None,
     roughness: float = 0.002,
+    first_passage: Literal["sampled", "mesh"] = "sampled",
     walkers: int | None = None,
     strides: int = 200,
     initial_error: float = 0.5,
@@ -171,6 +174,10 @@ def robustness(
         slope: Slope in rad instead of the scene's; the middle of a range when None.
         roughness: Standard deviation of the heights of footholds on rough ground, in leg lengths.
             A scene's own random terrain is used.
+        first_passage: "sampled": walkers walk over rough ground until they fall. "mesh": the mean
+            is computed from transitions between states (see `mesh_passage`), and reaches means that
+            cannot be sampled. It needs footholds of random heights, and a controller without
+            memory that observes at most two footholds.
         walkers: How many walk over rough ground; 4096 passive ones or 512 others when None.
         strides: How many strides each of them makes there.
         initial_error: By which share of the gait's angle and rates starts are off, at most.
@@ -182,7 +189,7 @@ def robustness(
 
     Raises:
         ValueError: if an argument is out of its range, or the walker does not come to walk the
-            same stride again and again.
+            same stride again and again; or if this controller or ground permits no mesh.
     """
     strides_of = controller.stride_map if isinstance(controller, Gait) else controller
     if isinstance(strides_of, StrideMap):
@@ -206,6 +213,8 @@ def robustness(
     roughness = number(roughness, "roughness", least=0.0, most=1e3)
     strides, starts = whole(strides, "strides", 1, KEPT), whole(starts, "starts", 2, KEPT)
     seed = seed_number(seed)
+    if first_passage not in ("sampled", "mesh"):
+        raise ValueError(f'first_passage must be "sampled" or "mesh", not {shown(first_passage)}')
     if not 0.0 < number(initial_error, "initial_error") < 0.9:
         raise ValueError(f"initial_error must be a share between 0 and 0.9, not {initial_error!r}")
     crowd = (4096 if passive else 512) if walkers is None else whole(walkers, "walkers", 1, KEPT)
@@ -215,7 +224,13 @@ def robustness(
         done()
         ground = tried.terrain if tried.terrain and tried.terrain.random else rough(roughness)
         state = tries.gait
-        if passive:
+        if first_passage == "mesh":
+            found = mesh_passage(map_in(tried, None if passive else policy), state, ground)
+            lasting = (
+                found,
+                np.power(1.0 - 1.0 / found.mean, np.arange(1, strides + 1), dtype=float),
+            )
+        elif passive:
             lasting = _lasting(tried, state, ground, crowd, strides, seed)
         else:
             lasting = tries.lasting(ground, crowd, strides, seed)

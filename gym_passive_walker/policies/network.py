@@ -160,24 +160,38 @@ class Network:
         Returns:
             Actions (n, actions), and their derivatives (n, actions, size).
         """
-        x = np.asarray(observation, dtype=float)
+        return self._mean_of(observation, derivatives=True)
+
+    def mean_actions(self, observation: NDArray) -> NDArray[np.float64]:
+        """Return the mean actions (n, actions) for observations (n, size), in float64."""
+        return self._mean_of(observation, derivatives=False)[0]
+
+    def _mean_of(self, observation: NDArray, *, derivatives: bool) -> tuple[NDArray, Any]:
+        """Return the mean actions, and their derivatives or None."""
+        x, change = np.asarray(observation, dtype=float), None
         slope = np.ones_like(x)
         if self._moments is not None:
             mean, spread, clip = self._moments
             x = (x - mean) / spread
             slope = (np.abs(x) < clip) / spread
             x = np.clip(x, -clip, clip)
-        change = slope[:, None, :] * np.eye(self._size)
+        if derivatives:
+            change = slope[:, None, :] * np.eye(self._size)
         for weight, bias in self._hidden:
             x = x @ weight.T.astype(float) + bias
-            change = _SLOPES[self._activation](x)[:, :, None] * (weight.astype(float) @ change)
+            if change is not None:
+                rates = _SLOPES[self._activation](x)[:, :, None]
+                change = rates * (weight.astype(float) @ change)
             x = ACTIVATIONS[self._activation](x)
         weight, bias = self._mean
-        action, change = x @ weight.T.astype(float) + bias, weight.astype(float) @ change
+        action = x @ weight.T.astype(float) + bias
+        if change is not None:
+            change = weight.astype(float) @ change
         if self._squashed:
             action = np.tanh(action)
-            return action, (1.0 - action**2)[:, :, None] * change
-        return np.clip(action, -1.0, 1.0), (np.abs(action) < 1.0)[:, :, None] * change
+            return action, None if change is None else (1.0 - action**2)[:, :, None] * change
+        inside = (np.abs(action) < 1.0)[:, :, None]
+        return np.clip(action, -1.0, 1.0), None if change is None else inside * change
 
     def _noise(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the logarithm of the noise's standard deviation."""

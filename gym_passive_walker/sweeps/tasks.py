@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from functools import partial
 from inspect import Parameter, signature
-from typing import Any
+from typing import Any, Literal
 
 import gymnasium as gym
 import numpy as np
@@ -156,6 +156,7 @@ def robustness(
     controller: str | None = None,
     scene: str | None = None,
     roughness: float = 0.002,
+    first_passage: Literal["sampled", "mesh"] = "sampled",
     walkers: int | None = None,
     strides: int = 200,
     initial_error: float = 0.5,
@@ -164,6 +165,7 @@ def robustness(
 ) -> Row:
     """Measure the robustness of a passive walker or of a controller."""
     options: Row = {"roughness": roughness, "walkers": walkers, "strides": strides}
+    options["first_passage"] = first_passage
     options |= {"initial_error": initial_error, "starts": starts, "seed": seed}
     if controller is None and scene is None and changes.keys() == {"walker", "slope"}:
         found = robust.robustness(changes["walker"], slope=changes["slope"], **options)

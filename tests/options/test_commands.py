@@ -118,6 +118,8 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
             ),
             "slope": "D --slope 0.01 --walkers 4 --strides 9 --roughness 2e-4",
             "roughness": "D --slope 0.009 --walkers 4 --strides 9 --roughness 1e-3",
+            "first_passage": "D --slope 0.009 --walkers 4 --strides 9 --roughness 2e-4 "
+            "--first-passage mesh",
             "strides": "D --slope 0.009 --walkers 4 --strides 19 --roughness 2e-4",
             "walkers": "D --slope 0.009 --walkers 9 --strides 9 --roughness 2e-4",
             "seed": "D --slope 0.009 --walkers 4 --strides 9 --roughness 2e-4 --seed 1",

@@ -515,6 +515,7 @@ SWEPT = {
                 "push-off", dict(controller="passive", changes={**LEVEL, "reset_noise_scale": 0.0})
             ),
             roughness=4e-4,
+            first_passage="mesh",
             walkers=To(9, dict(roughness=4e-4)),
             strides=To(40, dict(roughness=2e-4, walkers=40)),
             initial_error=0.2,

@@ -1,0 +1,158 @@
+"""Mean first-passage times by a mesh of states: of chains that are known, and of walkers."""
+
+from __future__ import annotations
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import gym_passive_walker as gpw
+from gym_passive_walker.control.baselines import LinearFeedback
+from gym_passive_walker.envs.scene import make_scene
+from gym_passive_walker.gaits import first_passage_mesh as module
+from gym_passive_walker.gaits.first_passage import first_passage
+from gym_passive_walker.gaits.first_passage_mesh import MeshPassage, mesh_passage
+from gym_passive_walker.gaits.flow import Walkers
+from gym_passive_walker.units import units_of
+
+SLOPE = 0.036
+
+
+class Autoregression(module._Chain):
+    """x' = a x + n with normal n, which ends where |x'| exceeds a limit."""
+
+    def __init__(self, memory: float, limit: float) -> None:
+        self.memory, self.limit, self.gait, self.strides = memory, limit, np.zeros(1), 0
+        self.std = 1.0 / math.sqrt(1.0 - memory**2)
+
+    def step(self, states, heights):
+        """As of the chain of a walker."""
+        ends = self.memory * states + heights[:, None]
+        return ends, np.abs(ends[:, 0]) < self.limit
+
+    def place(self, states):
+        """In standard deviations."""
+        return states / self.std
+
+    def known(self) -> float:
+        """The mean first-passage time, by quadrature of the transition density."""
+        points, weights = np.polynomial.legendre.leggauss(400)
+        x, weights = self.limit * points, self.limit * weights
+        density = np.exp(-0.5 * (x[None] - self.memory * x[:, None]) ** 2) / math.sqrt(2 * math.pi)
+        return 1.0 / (1.0 - np.abs(np.linalg.eigvals(density * weights)).max())
+
+
+@pytest.mark.parametrize(("memory", "limit"), [(0.3, 2.0), (0.5, 3.0), (0.8, 5.0), (0.5, 6.0)])
+def test_the_mean_of_a_known_chain_is_that_of_its_eigenvalue(memory, limit):
+    chain = Autoregression(memory, limit)
+    found, states = module._mean(chain, 60, 0.5 * (limit / chain.std) ** 2 + 6.0)
+    assert found == pytest.approx(chain.known(), rel=0.01)
+    assert states >= 60
+
+
+def test_known_chains_last_from_tens_of_strides_to_more_than_a_million():
+    assert Autoregression(0.0, 2.0).known() == pytest.approx(1.0 / math.erfc(math.sqrt(2.0)))
+    assert Autoregression(0.5, 6.0).known() > 1e6
+
+
+def lab_map(slope: float = SLOPE):
+    return gpw.stride_map("lab", slope), gpw.find_gait("lab", slope).state
+
+
+def test_a_mesh_agrees_with_walkers_that_fall():
+    strides, state = lab_map()
+    ground = gpw.rough(height_std=0.002)
+    sampled = first_passage(
+        Walkers(walker=strides.walker, tolerance=1e-8),
+        units_of(strides.walker).to_dimensionless(state), SLOPE, ground, walkers=4000, strides=100,
+    )  # fmt: skip
+    found = mesh_passage(strides, state, ground, states=400)
+    assert abs(found.mean - sampled.mean) < 0.1 * sampled.mean
+    assert 400 <= found.states < 1600 and found.strides > 400
+    assert 0.0 < found.error < 0.25 * found.mean
+    smoother = mesh_passage(strides, state, gpw.rough(height_std=0.0008), states=200)
+    assert smoother.mean > 1e5
+
+
+def test_ground_on_which_no_state_is_near_a_fall_lasts_for_ever():
+    strides, state = lab_map()
+    found = mesh_passage(strides, state, gpw.rough(height_std=1e-5), states=100)
+    assert math.isinf(found.mean) and found.interval == (math.inf, math.inf)
+    assert "near a fall" in str(found)
+
+
+def test_the_error_is_the_difference_from_a_mesh_of_half_as_many_states(monkeypatch):
+    means = {25: 40.0, 50: 44.0, 100: 50.0}
+    monkeypatch.setattr(module, "_mean", lambda chain, count, reach: (means[count], count))
+    monkeypatch.setattr(module, "_Chain", lambda *_: SimpleNamespace(strides=7))
+    strides, state = lab_map()
+    found = mesh_passage(strides, state, gpw.rough(0.002), states=100)
+    assert found == MeshPassage(50.0, 6.0, 100, 7)
+    assert found.interval == (44.0, 56.0)
+
+
+@pytest.mark.parametrize(
+    "ground", [gpw.rough(slope_std=0.01), gpw.rough(), gpw.stairs(0.01), gpw.rough(0.01, 0.01)]
+)
+def test_ground_must_have_random_heights_alone(ground):
+    with pytest.raises(ValueError, match="random heights alone"):
+        mesh_passage(*lab_map(), ground)
+
+
+def test_a_mesh_has_ground_of_its_own():
+    strides = gpw.stride_map("lab", SLOPE, terrain=gpw.waves(0.001, 4))
+    with pytest.raises(ValueError, match="map of smooth ground"):
+        mesh_passage(strides, lab_map()[1], gpw.rough(0.002))
+
+
+def test_an_unstable_gait_is_refused():
+    gait = gpw.find_gait("E", 0.009)
+    with pytest.raises(ValueError, match="stable gait"):
+        mesh_passage(gpw.stride_map("E", 0.009), gait.state, gpw.rough(1e-4))
+
+
+def test_a_controller_that_observes_many_footholds_is_refused():
+    feedback = LinearFeedback("steep")
+    feedback.scene = make_scene("steep", terrain=gpw.rough(1e-3), terrain_lookahead=3)
+    strides = gpw.stride_map(controller=feedback)
+    with pytest.raises(ValueError, match="at most 2 footholds"):
+        mesh_passage(strides, feedback.gait.state, gpw.rough(1e-3))
+
+
+class Remembers:
+    """Does nothing, and remembers it."""
+
+    def predict(self, observation, state=None, episode_start=None, deterministic=True):
+        """Idle actions and a memory."""
+        return 0.0 * observation[:, :1], (np.ones(1),)
+
+
+@pytest.mark.parametrize(
+    ("controller", "scene", "match"),
+    [
+        (Remembers(), "lab", "Remembers remembers"),
+        ("lab-ppo", {"walker": "lab", "slope": SLOPE, "action_delay": 1}, "action_delay=1"),
+        ("commanded-ppo", None, "commands vary"),
+    ],
+)
+def test_a_stride_must_depend_on_its_beginning_alone(controller, scene, match):
+    with pytest.raises(ValueError, match=match):
+        gpw.robustness(controller, scene, first_passage="mesh", starts=2)
+
+
+def test_robustness_takes_the_mean_of_a_mesh():
+    found = gpw.robustness("lab", slope=SLOPE, first_passage="mesh", strides=30, starts=8)
+    assert isinstance(found.first_passage, MeshPassage)
+    share = 1.0 - 1.0 / found.first_passage.mean
+    np.testing.assert_allclose(found.survivors, share ** np.arange(1, 31))
+    assert "mesh" in str(found)
+    with pytest.raises(ValueError, match='"sampled" or "mesh"'):
+        gpw.robustness("lab", slope=SLOPE, first_passage="meshed")  # type: ignore[arg-type]
+
+
+def test_actions_without_derivatives_are_those_with():
+    policy = gpw.load_policy("rough-ppo")
+    seen = np.random.default_rng(0).normal(size=(20, policy._size))
+    np.testing.assert_array_equal(policy.mean_actions(seen), policy.linearize(seen)[0])
