@@ -76,6 +76,8 @@ _CONCERNING = {
     "gaits/doubling": "bifurcation",
     "gaits/family": "families driven",
     "gaits/first_passage": "first_passage",
+    "gaits/first_passage_mesh": "first_passage_mesh",
+    "gaits/foothold_chain": "first_passage_mesh",
     "gaits/flow": "stride_map control/ticks physics/strides physics/trajectory jacobian",
     "gaits/gait": "gaits",
     "gaits/measures": "measures",

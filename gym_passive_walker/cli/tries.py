@@ -63,7 +63,7 @@ def robustness(command: ArgumentParser) -> Callable[[Namespace], Report]:
     add("--roughness", type=float, default=0.002, metavar="L",
         help="standard deviation of footholds' heights, in leg lengths (%(default)s)")  # fmt: skip
     add("--first-passage", choices=("sampled", "mesh"), default="sampled",
-        help="sample strides to a fall, or compute them by a mesh of states (%(default)s)")  # fmt: skip
+        help="how the mean strides to a fall are found (%(default)s)")  # fmt: skip
     add(
         "--strides",
         type=int,

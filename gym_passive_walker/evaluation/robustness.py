@@ -175,9 +175,9 @@ def robustness(
         roughness: Standard deviation of the heights of footholds on rough ground, in leg lengths.
             A scene's own random terrain is used.
         first_passage: "sampled": walkers walk over rough ground until they fall. "mesh": the mean
-            is computed from transitions between states (see `mesh_passage`), and reaches means that
-            cannot be sampled. It needs footholds of random heights, and a controller without
-            memory that observes at most two footholds.
+            is computed from transitions between states, and reaches means that cannot be sampled.
+            It needs footholds of random heights alone, and a controller without memory that
+            observes at most two of them.
         walkers: How many walk over rough ground; 4096 passive ones or 512 others when None.
         strides: How many strides each of them makes there.
         initial_error: By which share of the gait's angle and rates starts are off, at most.

@@ -1,10 +1,8 @@
 """Mean first-passage time on random ground, computed by a mesh of states instead of sampled.
 
-Each foothold's height is drawn by itself, so a height change depends on the height before it. The
-state of the Markov chain is therefore the walker's state just after heelstrike together with the
-height of its foothold, and with the heights ahead that a controller observes. Falls are absorbing.
-The chain survives a stride with the probability lambda, its leading eigenvalue, and the mean
-first-passage time is 1 / (1 - lambda) (Byl and Tedrake 2009; Saglam and Byl 2014).
+Falls are absorbing states of the Markov chain of strides (see `foothold_chain`). Once the chain has
+forgotten its start, it survives a stride with the probability lambda, its leading eigenvalue. The
+mean first-passage time is 1 / (1 - lambda) (Byl and Tedrake 2009; Saglam and Byl 2014).
 
 States of the mesh are states that are reached from the gait, found breadth-first over a set of
 heights. Coordinates are balanced coordinates of the linearized chain: distances count by how
@@ -29,7 +27,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import lu_factor, lu_solve, solve_discrete_lyapunov
+from scipy.linalg import lu_factor, lu_solve
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigs
 from scipy.spatial import KDTree
@@ -37,24 +35,21 @@ from scipy.spatial.distance import cdist
 from scipy.special import ndtr
 
 from gym_passive_walker.arguments import number, whole
+from gym_passive_walker.gaits.foothold_chain import Chain
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.gaits.terrain import Terrain
-from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.progress import progress
 
 MOST_AHEAD = 2
 """Largest `terrain_lookahead` of a controller: each foothold ahead is one more coordinate."""
 
-_TOLERANCE = 1e-8  # of the strides; interpolation errs by far more
-_SHIFT = 1e-4  # of a coordinate, for the linearized chain
-_NEGLIGIBLE = 3e-3  # of the largest Hankel singular value: directions below it are left out
 _STEP = 0.5  # standard deviations between the heights over which a mesh grows
 _HIGHEST = 8.0  # standard deviations of a height; 1e-15 of heights lie beyond
 _CELLS, _POINTS, _HALVINGS = 16, 3, 9  # of the quadrature over the next height
 _RARE = 7.0  # how much rarer than a fall, as a natural logarithm, the rarest states of the mesh are
 _EASIER = 0.5  # by how much likelier a way to a known state must be, as a logarithm
 _BEGIN = 18.0  # logarithm of how rare states of the first mesh are: six standard deviations
-_CHUNK = 8192  # strides or interpolations at once
+_CHUNK = 8192  # interpolations at once
 
 
 class MeshPassage(NamedTuple):
@@ -120,7 +115,7 @@ def mesh_passage(
         )
     states = whole(states, "states", 100, 4000)
     slope = strides.chosen(slope)
-    chain = _Chain(
+    chain = Chain(
         strides, np.asarray(state, float), number(terrain.height_std, "height_std"), slope
     )
     with progress("meshes of states", 3) as done:
@@ -136,105 +131,14 @@ def mesh_passage(
     return MeshPassage(fine, abs(fine - coarse), count, chain.strides)
 
 
-class _Chain:
-    """The Markov chain of a walker on footholds of random heights.
-
-    Its state holds the walker's state in units of `height_std`, and heights in standard deviations:
-    of the present foothold, and of those ahead that are observed, except the last. That is drawn.
-
-    Args:
-        strides: The stride map.
-        state: Of the gait, in the walker's own units.
-        height_std: Standard deviation of heights, in leg lengths.
-        slope: Slope in rad.
-
-    Attributes:
-        gait: State of the chain on the gait, (k,).
-        memory: Spectral radius of the linearized chain.
-        axes: Balanced coordinates of the chain's state, (d, k).
-        strides: How many strides have been computed.
-    """
-
-    def __init__(self, strides: StrideMap, state: NDArray, height_std: float, slope: float) -> None:
-        self._map, self._slope = strides.with_tolerance(_TOLERANCE), slope
-        self._std, self.strides = height_std, 0
-        self._gait = strides.dimensionless(state)[0]
-        # A walker's trailing leg is free as well: its angle depends on the last height change.
-        self._free = strides.coordinates if strides.own else [0, 1, *strides.coordinates[1:]]
-        self._ahead = max(strides.terrain_lookahead, 1)
-        self.gait = np.concatenate([self._gait[self._free] / height_std, np.zeros(self._ahead)])
-        self._scale()
-
-    def step(self, states: NDArray, heights: NDArray) -> tuple[NDArray, NDArray[np.bool_]]:
-        """The next states (n, k) from states (n, k) and drawn heights (n,), and which walk on."""
-        size, unit, ahead = len(self._free), self._map.units, self._map.terrain_lookahead
-        feet = np.column_stack([states[:, size:], heights])
-        changes = np.diff(feet, axis=1) * self._std
-        own = np.repeat(self._gait[None], len(states), axis=0)
-        own[:, self._free] = states[:, :size] * self._std
-        if not self._map.own:
-            own[:, 2] = own[:, 1]  # the trailing leg is straight
-            if not self._map.walker.knees:
-                own[:, 5] = own[:, 4]
-        seen = np.zeros((len(states), 2 * ahead))
-        seen[:, ::2] = changes[:, :ahead]
-        ends, struck = np.empty((len(states), size)), np.empty(len(states), bool)
-        for first in range(0, len(states), _CHUNK):
-            some = slice(first, first + _CHUNK)
-            walked = self._map.stride(
-                unit.to_own(own[some]), self._slope, ahead=seen[some],
-                height_change=changes[some, 0] * unit.length, slope_change=0.0,
-            )  # fmt: skip
-            struck[some] = walked.outcome == Outcome.HEELSTRIKE
-            ends[some] = unit.to_dimensionless(walked.state)[:, self._free] / self._std
-        self.strides += len(states)
-        return np.concatenate([ends, feet[:, 1:]], axis=1), struck
-
-    def place(self, states: NDArray) -> NDArray[np.float64]:
-        """Balanced coordinates (n, d) of states (n, k)."""
-        return (states - self.gait) @ self.axes.T
-
-    def _scale(self) -> None:
-        """Find balanced coordinates, from differences of strides about the gait.
-
-        Raises:
-            ValueError: if the gait is not stable, or strides beside it fail.
-        """
-        size, count = len(self._free), len(self.gait)
-        shift = np.zeros((count + 1, count + 1))
-        np.fill_diagonal(shift, _SHIFT / self._std)
-        starts = self.gait + np.concatenate([shift, -shift])[:, :count]
-        ends, struck = self.step(starts, np.concatenate([shift, -shift])[:, count])
-        if not struck.all():
-            raise ValueError("a mesh of states needs a gait; strides beside this state fail")
-        by = (ends[: count + 1] - ends[count + 1 :]) / (2.0 * _SHIFT / self._std)
-        transition, drawn = by[:count].T, by[count:].T
-        self.memory = float(np.abs(np.linalg.eigvals(transition)).max())
-        if not self.memory < 1.0:
-            raise ValueError(
-                "a mesh of states needs a stable gait; the largest multiplier here is "
-                f"{self.memory:.3g}"
-            )
-        excited = solve_discrete_lyapunov(transition, drawn @ drawn.T)
-        output = np.diag([1.0] * size + [0.0] * self._ahead)
-        acts = solve_discrete_lyapunov(transition.T, output)
-        variances, axes = np.linalg.eigh(excited)
-        root = axes * np.sqrt(np.maximum(variances, 1e-9 * variances[-1]))
-        squares, turn = np.linalg.eigh(root.T @ acts @ root)
-        share = np.sqrt(np.maximum(squares, 0.0) / squares[-1])  # Hankel singular values
-        kept = share > _NEGLIGIBLE
-        self.axes = (share[:, None] * (turn.T @ np.linalg.inv(root)))[kept]
-
-
-def _mean(chain: _Chain, count: int, reach: float) -> tuple[float, int]:
+def _mean(chain: Chain, count: int, reach: float) -> tuple[float, int]:
     """The mean first-passage time by a mesh of at least `count` states, and how many it has."""
-    spacing = 2.0
     while True:
-        nodes = _grown(chain, spacing, reach, 4 * count)
-        if len(nodes) >= count or spacing < 1e-3:
+        nodes = _grown(chain, chain.spacing, reach, 4 * count)
+        if len(nodes) >= count or chain.spacing < 1e-3:
             break
-        spacing *= 0.9
-    found = _eigenvalue(chain, nodes, spacing)
+        chain.spacing *= 0.9
+    found = _eigenvalue(chain, nodes, chain.spacing)
     if not found >= 1.0:
         raise ValueError(
             f"the mesh of {len(nodes)} states has no leading eigenvalue between 0 and 1: give more "
@@ -243,7 +147,7 @@ def _mean(chain: _Chain, count: int, reach: float) -> tuple[float, int]:
     return found, len(nodes)
 
 
-def _grown(chain: _Chain, spacing: float, reach: float, most: int) -> NDArray[np.float64]:
+def _grown(chain: Chain, spacing: float, reach: float, most: int) -> NDArray[np.float64]:
     """States that are reached from the gait, no two nearer than `spacing`, (n, k).
 
     Args:
@@ -304,7 +208,7 @@ class _Strides(NamedTuple):
     falls: NDArray[np.float64]
 
 
-def _strides(chain: _Chain, nodes: NDArray) -> _Strides:
+def _strides(chain: Chain, nodes: NDArray) -> _Strides:
     """Integrate over the next height, cell by cell, between the heights at which walkers fall."""
     edges, count = np.linspace(-_HIGHEST, _HIGHEST, _CELLS + 1), len(nodes)
     _, struck = chain.step(np.repeat(nodes, len(edges), axis=0), np.tile(edges, count))
@@ -387,7 +291,7 @@ def _chance(distances: NDArray) -> NDArray[np.float64]:
     return np.exp(-0.5 * np.maximum(distances, 0.0) ** 2)
 
 
-def _eigenvalue(chain: _Chain, nodes: NDArray, spacing: float) -> float:
+def _eigenvalue(chain: Chain, nodes: NDArray, spacing: float) -> float:
     """The mean first-passage time by a mesh.
 
     The eigenfunction is 1 - u f. Here u is the probability of a fall within some strides and f is

@@ -20,7 +20,7 @@ from gym_passive_walker.units import units_of
 SLOPE = 0.036
 
 
-class Autoregression(module._Chain):
+class Autoregression(module.Chain):
     """x' = a x + n with normal n, which ends where |x'| exceeds a limit."""
 
     def __init__(self, memory: float, limit: float) -> None:
@@ -86,7 +86,7 @@ def test_ground_on_which_no_state_is_near_a_fall_lasts_for_ever():
 def test_the_error_is_the_difference_from_a_mesh_of_half_as_many_states(monkeypatch):
     means = {25: 40.0, 50: 44.0, 100: 50.0}
     monkeypatch.setattr(module, "_mean", lambda chain, count, reach: (means[count], count))
-    monkeypatch.setattr(module, "_Chain", lambda *_: SimpleNamespace(strides=7))
+    monkeypatch.setattr(module, "Chain", lambda *_: SimpleNamespace(strides=7))
     strides, state = lab_map()
     found = mesh_passage(strides, state, gpw.rough(0.002), states=100)
     assert found == MeshPassage(50.0, 6.0, 100, 7)

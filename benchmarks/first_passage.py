@@ -1,0 +1,98 @@
+"""Mean first-passage times by a mesh of states, beside those of walkers that fall.
+
+    python -m benchmarks.first_passage
+
+Prints a row for each controller and roughness and writes the table into docs/robustness.md, in some
+minutes.
+"""
+
+from __future__ import annotations
+
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+import gym_passive_walker as gpw
+from benchmarks.report import command, machine, table
+from benchmarks.tables import DOCS, keep
+from gym_passive_walker import console
+from gym_passive_walker.gaits.first_passage import FirstPassage
+from gym_passive_walker.gaits.first_passage_mesh import mesh_passage
+from gym_passive_walker.gaits.stride_map import StrideMap
+
+
+class Case(NamedTuple):
+    """A controller, and the ground that it is tried on.
+
+    Attributes:
+        strides: Arguments of `gpw.stride_map`.
+        heights: Standard deviations of heights, in leg lengths.
+        walkers: How many walk over each ground but the smoothest, to sample it.
+        count: How many strides they may make.
+    """
+
+    strides: dict
+    heights: tuple[float, ...]
+    walkers: int
+    count: int
+
+
+CASES = {
+    "passive, lab, 0.036 rad": Case(
+        dict(walker="lab", slope=0.036), (0.002, 0.00125, 0.0007), 8000, 250
+    ),
+    "held torque, lab, 0.02 rad": Case(
+        dict(walker="lab", slope=0.02, controller=gpw.Actuation(hip_torque=0.001)),
+        (0.00015, 0.0001, 0.00007), 4000, 300,
+    ),
+    "lqr on steep": Case(dict(controller="lqr", scene="steep"), (0.003, 0.002, 0.0015), 2000, 100),
+    "push-off-ppo": Case(dict(controller="push-off-ppo"), (0.0003, 0.0002, 0.00015), 1000, 100),
+    "rough-ppo": Case(dict(controller="rough-ppo"), (0.004, 0.003), 500, 100),
+}  # fmt: skip
+
+
+def sampled(strides: StrideMap, state: NDArray, ground: gpw.Terrain, case: Case) -> FirstPassage:
+    """How long walkers of a map last on random ground, each over its own."""
+    keys = np.random.default_rng(0).integers(2**64, size=case.walkers, dtype=np.uint64)
+    states, left = np.repeat(state[None], case.walkers, axis=0), [case.walkers]
+    ahead = range(strides.terrain_lookahead)
+    for place in range(case.count):
+        rises = ground.ground(keys, place)[:, 1] * strides.units.length
+        seen = [ground.ground(keys, place + further)[:, 1:] for further in ahead]
+        seen = np.concatenate([np.empty((len(keys), 0)), *seen], axis=1)
+        walked = strides.stride(states, height_change=rises, slope_change=0.0, ahead=seen)
+        struck = walked.outcome == gpw.Outcome.HEELSTRIKE
+        states, keys = walked.state[struck], keys[struck]
+        left.append(len(keys))
+        if not len(keys):
+            break
+    return FirstPassage.of(np.array(left))
+
+
+def main() -> None:
+    """Compute and sample them all."""
+    command(__doc__)
+    rows = []
+    for name, case in CASES.items():
+        strides = gpw.stride_map(**case.strides).with_tolerance(1e-8)
+        state = np.asarray(gpw.find_gait(strides).state)
+        for height in case.heights:
+            ground, began = gpw.rough(height), perf_counter()
+            found = mesh_passage(strides, state, ground)
+            took, beside = perf_counter() - began, "not sampled"
+            if height != min(case.heights) or len(case.heights) < 3:
+                falls = sampled(strides, state, ground, case)
+                low, high = falls.interval
+                beside = f"{falls.mean:.4g} ({low:.4g} to {high:.4g})"
+            mean = f"{found.mean:.4g} ± {found.error:.2g}"
+            rows.append((name, f"{height:g}", mean, beside, f"{found.states}", f"{took:.0f} s"))
+            print(*rows[-1], sep=" | ", flush=True)
+    titles = ["controller", "heights, σ in l", "mesh, strides", "sampled, 95 % interval"]
+    text = table([*titles, "states", "run time of the mesh"], rows)
+    keep("first passage", f"{text}\n\n{machine()}.", DOCS / "robustness.md")
+
+
+if __name__ == "__main__":
+    raise SystemExit(console.run(main))
