@@ -49,7 +49,7 @@ CASES = {
     ),
     "lqr on steep": Case(dict(controller="lqr", scene="steep"), (0.003, 0.002, 0.0015), 2000, 100),
     "push-off-ppo": Case(dict(controller="push-off-ppo"), (0.0003, 0.0002, 0.00015), 1000, 100),
-    "rough-ppo": Case(dict(controller="rough-ppo"), (0.004, 0.003), 500, 100),
+    "rough-ppo": Case(dict(controller="rough-ppo"), (0.004,), 500, 100),
 }  # fmt: skip
 
 

@@ -48,7 +48,7 @@ _HIGHEST = 8.0  # standard deviations of a height; 1e-15 of heights lie beyond
 _CELLS, _POINTS, _HALVINGS = 16, 3, 9  # of the quadrature over the next height
 _RARE = 7.0  # how much rarer than a fall, as a natural logarithm, the rarest states of the mesh are
 _EASIER = 0.5  # by how much likelier a way to a known state must be, as a logarithm
-_BEGIN = 18.0  # logarithm of how rare states of the first mesh are: six standard deviations
+_REACHES = 18.0, 25.0, 32.0  # how rare states of the first mesh are: 6 to 8 standard deviations
 _CHUNK = 8192  # interpolations at once
 
 
@@ -119,32 +119,37 @@ def mesh_passage(
         strides, np.asarray(state, float), number(terrain.height_std, "height_std"), slope
     )
     with progress("meshes of states", 3) as done:
-        guess, count = _mean(chain, states // 4, _BEGIN)
+        for reach in _REACHES:  # until falls are among the states of the mesh
+            guess, count = _mean(chain, states // 4, reach)
+            if 1.0 <= guess < math.exp(reach):
+                break
         done()
         if math.isinf(guess):
             return MeshPassage(guess, guess, count, chain.strides)
-        reach = math.log(guess) + _RARE
+        reach = math.log(guess) + _RARE if guess >= 1.0 else _REACHES[-1]
         coarse, _ = _mean(chain, states // 2, reach)
         done()
         fine, count = _mean(chain, states, reach)
         done()
+    if not (fine >= 1.0 and coarse >= 1.0):
+        raise ValueError(
+            f"the mesh of {count} states has no leading eigenvalue between 0 and 1: give more "
+            "states, or sample the first passage"
+        )
     return MeshPassage(fine, abs(fine - coarse), count, chain.strides)
 
 
 def _mean(chain: Chain, count: int, reach: float) -> tuple[float, int]:
-    """The mean first-passage time by a mesh of at least `count` states, and how many it has."""
+    """The mean first-passage time by a mesh of at least `count` states, and how many it has.
+
+    The mean is infinite if no state is near a fall, and NaN if no eigenvalue is found.
+    """
     while True:
         nodes = _grown(chain, chain.spacing, reach, 4 * count)
         if len(nodes) >= count or chain.spacing < 1e-3:
             break
         chain.spacing *= 0.9
-    found = _eigenvalue(chain, nodes, chain.spacing)
-    if not found >= 1.0:
-        raise ValueError(
-            f"the mesh of {len(nodes)} states has no leading eigenvalue between 0 and 1: give more "
-            "states, or sample the first passage"
-        )
-    return found, len(nodes)
+    return _eigenvalue(chain, nodes, chain.spacing), len(nodes)
 
 
 def _grown(chain: Chain, spacing: float, reach: float, most: int) -> NDArray[np.float64]:
