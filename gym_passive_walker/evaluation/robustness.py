@@ -226,10 +226,7 @@ def robustness(
         state = tries.gait
         if first_passage == "mesh":
             found = mesh_passage(map_in(tried, None if passive else policy), state, ground)
-            lasting = (
-                found,
-                np.power(1.0 - 1.0 / found.mean, np.arange(1, strides + 1), dtype=float),
-            )
+            lasting = found, found.survivors(strides)
         elif passive:
             lasting = _lasting(tried, state, ground, crowd, strides, seed)
         else:

@@ -74,6 +74,10 @@ class MeshPassage(NamedTuple):
             return self.mean, self.mean
         return max(self.mean - self.error, 1.0), self.mean + self.error
 
+    def survivors(self, strides: int) -> NDArray[np.float64]:
+        """Share of walkers that are left after each stride, (strides,): it decays exponentially."""
+        return np.power(1.0 - 1.0 / self.mean, np.arange(1, strides + 1), dtype=float)
+
     def __str__(self) -> str:
         if math.isinf(self.mean):
             return f"none of {self.states} states of the mesh is near a fall"

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from examples.torso import TORSO
 from gym_passive_walker.control.baselines import LinearFeedback
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.gaits import first_passage_mesh as module
@@ -74,6 +76,15 @@ def test_a_mesh_agrees_with_walkers_that_fall():
     assert 0.0 < found.error < 0.25 * found.mean
     smoother = mesh_passage(strides, state, gpw.rough(height_std=0.0008), states=200)
     assert smoother.mean > 1e5
+
+
+def test_a_mesh_takes_a_system_of_ones_own():
+    strides = gpw.stride_map(TORSO, 0.03)
+    assert strides.own
+    found = mesh_passage(strides, gpw.find_gait(strides).state, gpw.rough(0.001), states=200)
+    asked: Any = dict(slope=0.03, roughness=0.001, strides=60, starts=2)
+    low, high = gpw.robustness(TORSO, walkers=1000, **asked).first_passage.interval
+    assert 0.9 * low < found.mean < 1.1 * high
 
 
 def test_ground_on_which_no_state_is_near_a_fall_lasts_for_ever():
