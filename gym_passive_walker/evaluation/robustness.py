@@ -424,7 +424,10 @@ class _Tries:
         if not isinstance(walker, Mechanism):
             return self.gait * draw(low, high, (count, 3))[:, [0, 0, 0, 1, 2, 2]]
         states, angles = self.gait * draw(low, high, (count, self.section.size)), walker.coordinates
-        states[:, :angles] = walker.with_both_feet_down(states[:, :angles])
+        if angles == 1:  # both feet of a wheel are down at one angle only
+            states[:, 0] = self.gait[0]
+        else:
+            states[:, :angles] = walker.with_both_feet_down(states[:, :angles])
         return states[np.isfinite(states).all(axis=1)]
 
     def recovery(self, seed: int, off: float = 0.01) -> float:

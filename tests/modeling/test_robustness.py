@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
+from examples.rimless_wheel import RIMLESS_WHEEL
 from examples.torso import TORSO
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.evaluation.robustness import _Tries
@@ -34,6 +35,15 @@ def test_a_system_without_controls_and_with_a_torso_has_a_robustness():
     assert found.step_length == pytest.approx(gait.strides.step_length[0], rel=1e-6)
     assert 0.0 < found.step_down < 0.1 and found.forward.min() > 0.0
     assert 0.0 < found.recovered < 1.0
+
+
+def test_a_wheel_without_spokes_to_move_has_a_robustness():
+    found = gpw.robustness(
+        RIMLESS_WHEEL, slope=0.2, roughness=0.02, walkers=100, strides=20, starts=32
+    )
+    gait = gpw.find_gait(RIMLESS_WHEEL, 0.2)
+    assert found.step_length == pytest.approx(gait.strides.step_length[0], rel=1e-6)
+    assert 0.0 < found.recovered <= 1.0 and found.step_up > 0.0
 
 
 def test_starts_off_the_gait_have_both_feet_down():
