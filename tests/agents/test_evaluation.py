@@ -47,6 +47,7 @@ def test_speed_and_cost_are_over_whole_strides():
 def test_a_summary_has_medians_and_shares():
     summary = made_up().summary()
     assert summary["reward"] == 2.0 and summary["distance"] == 10.0
+    assert made_up(reward=np.array([0.0, 1.0, 5.0])).summary()["reward"] == 2.0  # the mean
     assert summary["hundred_strides"] == pytest.approx(2 / 3)
     assert summary["walked_on"] == pytest.approx(1 / 3)
 

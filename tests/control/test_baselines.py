@@ -262,3 +262,11 @@ def test_the_threshold_of_the_task_lies_between_the_passive_walk_and_the_optimum
     )
     assert passive + 0.9 * (optimal - passive) == pytest.approx(threshold, abs=0.05)
     assert gymnasium.spec(name).reward_threshold == threshold
+
+
+def test_a_constant_torque_is_that_of_the_hip_alone():
+    scene = make_scene({"actions": ("push_off", "hip"), "max_push_off": 0.1})
+    (action,), _ = ConstantTorque(0.01, scene).predict(np.zeros((1, 8)))
+    np.testing.assert_allclose(action, [0.0, 0.01 / scene.largest("hip")], rtol=1e-6)
+    with pytest.raises(ValueError, match="a hip torque is none of"):
+        ConstantTorque(0.01, {"actions": ("push_off",), "max_push_off": 0.1})

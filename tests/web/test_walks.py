@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import gym_passive_walker as gpw
-from gym_passive_walker.engine.counter_rng import word
+from gym_passive_walker.engine.counter_rng import uniform, word
 from gym_passive_walker.engine.layout import RECORD
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.envs.batch import Batch
@@ -17,6 +17,7 @@ from gym_passive_walker.envs.starts import Starts, gait_near
 from gym_passive_walker.physics.systems import bodies, system_of
 from gym_passive_walker.render.pose import pose
 from gym_passive_walker.units import units_of
+from gym_passive_walker.web.kernels import START
 from gym_passive_walker.web.notes import TOLERANCES
 
 SIX = ("lab", "C", "A", "B", "D", "lab-straight")
@@ -256,6 +257,20 @@ def test_control_steps_with_pushes_noise_delay_and_a_command_are_the_cpus(run):
     )
     (found,) = run(job | {"walker": "C", "scene": changes})
     assert _same(expected, found) >= 200
+
+
+def test_the_start_of_a_seed_has_three_numbers_of_its_own(run):
+    starts = [{"key": str(key), "state": None, "actions": []} for key in (5, 6)]
+    job = {"what": "episodes", "walker": "C", "starts": starts}
+    scenes = ({"slope": 0.02, "reset_noise_scale": scale} for scale in (0.0, 0.1))
+    calm, noisy = (
+        np.array([np.frombuffer(b64decode(rows[0]), np.float32)[:6] for rows in found])
+        for found in run(*({**job, "scene": scene} for scene in scenes))
+    )
+    factors = (noisy / calm - 1.0) / 0.1
+    for key, row in zip((5, 6), factors, strict=True):
+        draws = [2.0 * uniform(np.uint64(key), k, START) - 1.0 for k in (1, 2, 3)]
+        np.testing.assert_allclose(row, np.array(draws)[[0, 0, 0, 1, 2, 2]], atol=1e-5)
 
 
 def test_joints_are_those_of_pictures(run):
