@@ -22,6 +22,8 @@ BESIDE = ("agents", "examples", "validation")
 """Folders outside the package that faults may be in too."""
 FAULTS = Path(__file__).parent / "faults"
 BLIND = FAULTS / "blind"
+UNSEEN = FAULTS / "unseen"
+"""Faults that nobody has tried yet: move them to BLIND once they have been."""
 
 NOT_MOTION = {
     "fingerprint", "cache_directory", "_bases", "_private", "found", "keep", "_warn", "_name",

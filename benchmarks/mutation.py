@@ -2,6 +2,7 @@
 
     python -m benchmarks.mutation                      Try all deliberate faults.
     python -m benchmarks.mutation --blind              Try faults written without knowing the tests.
+    python -m benchmarks.mutation --unseen             Try others, for which no test was written.
     python -m benchmarks.mutation --changes 100        Change single signs of physics and engine.
 
 Each mutant is a copy of the package with one fault. In the packages from `gaits` up, it is a
@@ -31,7 +32,18 @@ import pytest
 
 from benchmarks.concerned import CHANGED, tests_of
 from benchmarks.equivalent_mutants import EQUIVALENT
-from benchmarks.mutants import BESIDE, BLIND, FAULTS, PACKAGE, ROOT, Mutant, faults, path_of, sample
+from benchmarks.mutants import (
+    BESIDE,
+    BLIND,
+    FAULTS,
+    PACKAGE,
+    ROOT,
+    UNSEEN,
+    Mutant,
+    faults,
+    path_of,
+    sample,
+)
 from benchmarks.report import machine, table
 from benchmarks.tables import DOCS, keep
 
@@ -229,6 +241,7 @@ def main() -> None:
     add("--changes", type=int, default=0, help="try this number of single changes instead")
     add("--seed", type=int, default=1, help="seed of their order")
     add("--blind", action="store_true", help="faults by someone who had not read the tests")
+    add("--unseen", action="store_true", help="those of them that were not tried before")
     add("--rooms", nargs="+", metavar="ROOM", help="only these packages")
     add("--again", action="store_true", help="repeat faults that were not noticed")
     add("--tried", action="store_true", help="only report results so far")
@@ -236,7 +249,8 @@ def main() -> None:
     add("--write", action="store_true", help=f"put the tables into {PAGE.name}")
     options = parser.parse_args()
     pool = sample(list(CHANGED), options.seed)
-    thought_up, gone = faults(BLIND if options.blind else FAULTS)
+    folder = UNSEEN if options.unseen else BLIND if options.blind else FAULTS
+    thought_up, gone = faults(folder)
     chosen = pool[: options.changes] or thought_up
     if options.rooms:
         chosen = [mutant for mutant in chosen if mutant.room in options.rooms]
@@ -252,7 +266,7 @@ def main() -> None:
         share += f"\nThe code that this fault was written for has changed: {name}."
     text = "\n\n".join([share, found, f"{machine('scipy')}."])
     if options.write:
-        faulty = "blind faults" if options.blind else "faults"
+        faulty = "faults" if folder == FAULTS else f"{folder.name} faults"
         keep("mutation" if options.changes else faulty, text, PAGE)
     else:
         print(f"\n{text}")
