@@ -3,7 +3,9 @@
 import json
 import re
 import subprocess
+from pathlib import Path
 
+import llvmlite
 import numpy as np
 import pytest
 
@@ -111,3 +113,18 @@ def test_a_policys_actions_are_pythons_up_to_single_precision(run, name):
     observations = np.random.default_rng(0).normal(0.0, 0.3, (100, count))
     (found,) = run({"what": "policy", "name": name, "observations": observations.tolist()})
     assert np.array(found) == pytest.approx(policy.predict(observations)[0], abs=2e-5)
+
+
+def test_the_published_folder_is_what_build_writes(package):
+    published = Path(__file__).parents[2] / "passive-walker"
+    names = {str(path.relative_to(package)) for path in package.rglob("*") if path.is_file()}
+    pinned = (published.parent / "constraints.txt").read_text(encoding="utf-8")
+    if f"llvmlite=={llvmlite.__version__}\n" not in pinned:
+        names = {name for name in names if not name.endswith(".wasm")}  # another LLVM, other code
+    stale = [
+        name for name in sorted(names)
+        if not (published / name).is_file()
+        or (published / name).read_bytes() != (package / name).read_bytes()
+    ]  # fmt: skip
+    assert len(names) > 10
+    assert not stale, f'run gym_passive_walker.web.build("passive-walker"): {stale} are stale'
