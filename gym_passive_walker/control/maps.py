@@ -198,7 +198,7 @@ def closed_loop_gait(
         GaitNotFound: if the walker falls at once, or no gait is found.
         ValueError: if the policy cannot act, or an argument is out of its range.
     """
-    if policy is None or isinstance(policy, Actuation):
+    if policy is None or isinstance(policy, Actuation | Mapping):
         raise ValueError(
             "closed_loop_gait needs a policy, which observes its walker; find_gait(stride_map("
             "walker, slope, controller=...)) finds the gaits of motors that do the same in each "

@@ -239,6 +239,12 @@ OPTIONS = {
         ),
         of=gpw.TrainedPolicy.predict,
     ),
+    "TrainedPolicy.mean_actions": Call(
+        lambda observation: gpw.load_policy("level-ppo").mean_actions(observation),
+        dict(observation=np.zeros((1, 8))),
+        dict(observation=np.full((1, 8), 0.1)),
+        of=gpw.TrainedPolicy.mean_actions,
+    ),
     "TrainedPolicy.linearize": Call(
         lambda observation: gpw.load_policy("level-ppo").linearize(observation),
         dict(observation=np.zeros((1, 8))),
