@@ -10,6 +10,7 @@ import gym_passive_walker as gpw
 from gym_passive_walker.envs.checks import CHECKS
 from gym_passive_walker.envs.constraints import READINGS
 from gym_passive_walker.envs.registration import ID
+from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.units import units_of
 
 SLOPES = {"lab": 0.036, "C": 0.03, "A": 0.03, "D": 0.009}
@@ -206,3 +207,10 @@ def test_clearance_is_told_over_the_lower_of_two_footholds():
     smooth, down, up = told
     np.testing.assert_allclose(down, smooth + 0.01, atol=1e-12)
     np.testing.assert_allclose(up, smooth, atol=1e-12)
+
+
+def test_a_constraint_that_is_ignored_is_as_one_that_is_not_named():
+    scene = make_scene(constraints={"contact": "ignore", "friction": "report"})
+    assert scene == make_scene(constraints={"friction": "report"})
+    assert make_scene(constraints={"contact": "ignore"}) == make_scene()
+    assert make_scene("level", constraints={"knee lock": "ignore"}) == make_scene("level")

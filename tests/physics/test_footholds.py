@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import cmath
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gym_passive_walker import WALKERS, Outcome, rough, simulate, stride
+from gym_passive_walker import WALKERS, Outcome, find_gait, rough, simulate, stride
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import Ground, State
-from gym_passive_walker.physics.systems import SYSTEMS, UNEVEN, body_of, kind_of, system_of
+from gym_passive_walker.physics.systems import (
+    SYSTEMS,
+    UNEVEN,
+    bodies_by,
+    body_of,
+    kind_of,
+    system_of,
+)
 from gym_passive_walker.units import units_of
 from tests.physics import bodies
 from tests.physics.bodies import SHANK, STANCE_SHANK, STANCE_THIGH, THIGH
@@ -272,3 +280,31 @@ def test_a_stubbed_toe_is_one_below_both_footholds(name):
 @pytest.mark.parametrize("rise", [-0.02, 0.0, 0.03])
 def test_of_two_footholds_the_lower_one_is_meant(rise):
     assert legs.lower(Ground(0.0, 1.0, rise, 0.0)) == min(rise, 0.0)
+
+
+@pytest.mark.parametrize("name", ["D", "E", "F"])
+def test_a_point_foot_is_pushed_off_alike_whatever_the_next_foothold_s_slope(name):
+    walker = replace(WALKERS[name], foot_radius=0.0)
+    gait = find_gait(WALKERS[name], 0.01 if name == "D" else 0.02)
+    units = units_of(walker)
+    level, steep = (
+        stride(
+            walker, 0.02, gait.state, push_off=0.02 * units.impulse, slope_change=turn,
+            tolerance=1e-12,
+        )
+        for turn in (0.0, 0.05)
+    )  # fmt: skip
+    assert level.outcome == steep.outcome == Outcome.HEELSTRIKE and level.push_off_work > 0.0
+    np.testing.assert_allclose(steep.state[:3], level.state[:3] + 0.05, atol=1e-10)
+    np.testing.assert_allclose(steep.state[3:], level.state[3:], rtol=1e-9)
+    assert steep.heelstrike_loss == pytest.approx(level.heelstrike_loss, rel=1e-9)
+
+
+@pytest.mark.parametrize("parameter", ["thigh_length", "thigh_com", "shank_mass"])
+def test_constants_change_with_a_parameter_as_each_walker_s_own_do(parameter):
+    lab = WALKERS["lab"]
+    values = getattr(lab, parameter) * np.array([0.9, 1.0, 1.1])
+    found = bodies_by(lab, {parameter: values}, parameter)
+    for change, value in zip(found, values, strict=True):
+        (own,) = np.atleast_2d(bodies_by(replace(lab, **{parameter: value}), {}, parameter))
+        np.testing.assert_allclose(change, own, rtol=1e-12, atol=1e-14)
