@@ -160,3 +160,16 @@ def test_every_environment_of_a_learner_is_told_the_price():
     env = learners(3)
     env.env_method("set_energy_cost", "positive", indices=0)
     assert env.get_attr("energy_cost") == ["positive"] * 3  # one motor's price is that of all
+
+
+def test_footholds_tilt_by_as_much_on_a_slope_that_is_set():
+    tilted = {"rough": {"height_std": 0.0, "slope_std": 0.02}}
+    envs, _ = strides_on(terrain=tilted)
+    envs.set_slopes(BUMPY)
+    envs.step(ZEROS)
+    tilts = envs.batch.disturbances.states["tilt"].copy()
+    assert np.all(tilts != 0.0)
+    seen = envs.set_slopes(BUMPY[::-1].copy())
+    np.testing.assert_allclose(seen[:, 7], BUMPY[::-1] + tilts, rtol=1e-6)
+    ground = envs.batch.records["ground"][:, 0]
+    np.testing.assert_allclose(np.arctan2(*ground[:, :2].T), BUMPY[::-1] + tilts, atol=1e-12)

@@ -23,6 +23,10 @@ class Nothing(NamedTuple):
 WRONG = {
     "links": {
         "a negative mass": (lambda b, s: [gpw.Link(-1.0, *links(b, s)[0][1:])], "negative mass"),
+        "a negative inertia": (
+            lambda b, s: [*links(b, s), gpw.Link(0.01, 0.0, 1.0, -0.001, s.stance)],
+            "negative mass or inertia",
+        ),
         "a position that is missing": (lambda b, s: [(1.0, s.stance)], "missing"),
         "an error": (lambda b, s: 1 / 0, "ZeroDivisionError"),
         "not a number": (lambda b, s: [gpw.Link(1.0, math.nan, s.stance)], "finite"),
