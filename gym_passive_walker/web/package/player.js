@@ -163,7 +163,7 @@ export class Player {
           "figure", {}, this.circle,
           element("figcaption", {}, "Floquet multipliers by finite differences of strides"), this.multipliers,
         ),
-        element("div", {}, element("h3", { class: "pw-title" }, "Last stride"), this.measures),
+        element("div", {}, element("p", { class: "pw-title" }, "Last stride"), this.measures),
       ),
     );
     if (this.compact) this.root.classList.add("pw-compact");
