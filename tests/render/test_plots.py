@@ -240,3 +240,12 @@ def test_each_end_of_a_family_is_marked_for_its_own_reason(family):
         assert markers == {plots._ENDS[end.reason.split(";")[0]]}, end.reason
     assert family.ends[0].reason != family.ends[1].reason
     plt.close(figure)
+
+
+def test_multipliers_outside_the_unit_circle_are_marked_unstable():
+    _, ax = plt.subplots()
+    plots.multipliers(ax, np.array([0.5, 0.6 + 0.9j, 0.6 - 0.9j, -1.2]))
+    drawn = {line.get_label(): line.get_xydata().tolist() for line in ax.lines}
+    assert drawn["stable"] == [[0.5, 0.0]]
+    assert drawn["unstable"] == [[0.6, 0.9], [0.6, -0.9], [-1.2, 0.0]]
+    plt.close()

@@ -428,3 +428,10 @@ def test_the_gait_of_a_policy_is_sought_on_the_slope_that_is_set():
     assert found is not None and found.stable
     np.testing.assert_allclose(found.multipliers, expected.multipliers, atol=1e-9)
     assert not np.array_equal(found.multipliers, other.multipliers)
+
+
+def test_a_slider_stays_in_its_range(session):
+    slope = session.player.sliders[0]
+    for value, end in ((9.0, slope.high), (-9.0, slope.low)):
+        slope.write(session.walk, value)
+        assert slope.read(session.walk) == end
