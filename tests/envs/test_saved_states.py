@@ -165,6 +165,15 @@ def test_a_state_of_another_scene_is_refused_by_the_name_of_what_differs(
     refused(make(**ours), make(**theirs).get_state(), said, assert_same)
 
 
+def test_a_state_that_lacks_an_argument_of_the_scene_is_of_another_scene(assert_same):
+    env = crowd(tick=0.2)
+    state = env.get_state()
+    told = json.loads(str(state["scene"]))
+    del told["tick"]
+    state["scene"] = np.array(json.dumps(told))
+    refused(env, state, r"of another scene \(of another tick\)", assert_same)
+
+
 def test_a_state_of_more_or_of_fewer_walkers_is_refused(assert_same):
     few = PassiveWalkerVectorEnv(3)
     few.reset(seed=0)
