@@ -30,7 +30,7 @@ class Autoregression(module.Chain):
         self.std = 1.0 / math.sqrt(1.0 - memory**2)
 
     def step(self, states, heights):
-        """As of the chain of a walker."""
+        """Return the next states, and which of them have not ended."""
         ends = self.memory * states + heights[:, None]
         return ends, np.abs(ends[:, 0]) < self.limit
 
