@@ -86,6 +86,8 @@ def stride_map(
     """
     tolerance, ground = check_tolerance(tolerance), _repeating(terrain)
     if isinstance(controller, Mapping):
+        if scene is not None or slope is None:
+            raise ValueError("a controller that is a mapping of controls needs a slope, no scene")
         controller, scene = _held(walker, controller)
     if controller is None or isinstance(controller, Actuation):
         if scene is not None and walker is None:

@@ -110,6 +110,9 @@ def test_held_controls_are_a_controller_of_a_system():
         gpw.stride_map(DRIVEN, SLOPE, controller={"knee": half})
     with pytest.raises(ValueError, match="hip must be one number"):
         gpw.stride_map(DRIVEN, SLOPE, controller={"hip": "much"})
+    for others in ({}, {"slope": SLOPE, "scene": "level"}):
+        with pytest.raises(ValueError, match="needs a slope, no scene"):
+            gpw.stride_map(DRIVEN, controller={"hip": 0.01}, **others)
     with pytest.raises(ValueError, match="a controller of a System"):
         gpw.stride_map("lab", SLOPE, controller={"hip": 0.01})
 
