@@ -17,7 +17,7 @@ from gym_passive_walker import (
     stride_map,
     tune,
 )
-from gym_passive_walker.gaits.dense_stride import Impulse, foot_clearance, states_at
+from gym_passive_walker.gaits.dense_stride import Extreme, Impulse, foot_clearance, states_at
 from gym_passive_walker.gaits.forces import forces
 from gym_passive_walker.gaits.passage import NoStride
 from gym_passive_walker.units import units_of
@@ -249,6 +249,49 @@ def test_several_strides_give_the_worst_of_each(side):
     for name in ("kneestrike_impulse", "heelstrike_impulse"):
         frictions = [getattr(check, name).friction.value for check in checks]
         assert getattr(every, name).friction.value == pytest.approx(max(frictions), rel=1e-9)
+
+
+ITEMS = {
+    "clearance": "scuffing",
+    "stance_knee_torque": "knee lock",
+    "stance_knee_at_kneestrike": "knee lock",
+    "stance_knee_at_heelstrike": "knee lock",
+    "stance_knee_at_push_off": "knee lock",
+    "least_normal_force": "contact",
+    "knee_flexion": "hyperextension",
+    "release_velocity": "release",
+}
+"""The item that fails where a quantity is negative."""
+
+
+@pytest.fixture(scope="module")
+def feasible():
+    """A check in which every item holds."""
+    check = checked("lab", SLOPE)
+    return replace(check, stance_knee_at_kneestrike=Extreme(0.001, 0.4))
+
+
+@pytest.mark.parametrize(("quantity", "item"), ITEMS.items())
+def test_a_negative_quantity_fails_its_own_item_and_no_other(quantity, item, feasible):
+    assert feasible.holds and all(feasible.passed.values())
+    assert replace(feasible, **{quantity: Extreme(0.0, 0.1)}).holds
+    check = replace(feasible, **{quantity: Extreme(-1e-9, 0.1)})
+    assert [name for name, holds in check.passed.items() if not holds] == [item]
+    assert not check.holds and check.facts()[item] == "fails"
+
+
+@pytest.mark.parametrize(
+    "impulse", ["kneestrike_impulse", "heelstrike_impulse", "push_off_impulse"]
+)
+def test_an_impulse_fails_by_the_friction_that_it_needs_or_by_a_pull(impulse, feasible):
+    slips = replace(feasible, **{impulse: Impulse(1.0, 0.81, 0.1)})
+    assert [name for name, holds in slips.passed.items() if not holds] == ["friction"]
+    assert replace(feasible, **{impulse: Impulse(1.0, -0.79, 0.1)}).holds
+    pulls = replace(feasible, **{impulse: Impulse(-1.0, 0.0, 0.1)})
+    assert not pulls.passed["friction"]
+    assert pulls.passed["contact"] == (impulse == "push_off_impulse")  # along the leg, upwards
+    slides = replace(feasible, stance_friction=Extreme(0.81, 0.1))
+    assert [name for name, holds in slides.passed.items() if not holds] == ["friction"]
 
 
 def test_a_walk_far_from_any_gait_can_be_checked_as_well():

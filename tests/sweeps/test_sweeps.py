@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections import Counter, deque
 from dataclasses import replace
 
 import numpy as np
@@ -17,6 +18,7 @@ from gym_passive_walker.cli import main
 from gym_passive_walker.sweeps import run
 from gym_passive_walker.sweeps.store import DONE, FAILED, TIMED_OUT
 from gym_passive_walker.sweeps.version import version
+from gym_passive_walker.sweeps.workers import Workers
 from tests.sweeps.same import same
 
 parquet = pytest.importorskip("pyarrow.parquet")
@@ -60,6 +62,32 @@ def test_a_task_that_always_takes_its_process_with_it_is_a_row(odd):
     columns = found.columns()
     assert [*columns["status"]] == [FAILED if x == 5 else DONE for x in range(8)]
     assert "exit code -9" in columns["error"][5] and found.failures == 1
+
+
+def test_a_task_is_tried_twice_before_it_is_given_up(odd):
+    over, given = {"x": [4, 5, 6]}, {"times": 9, "folder": str(odd)}
+    found = gpw.sweep("odd_tasks:dies", odd / "out", trust=True, over=over, given=given, workers=1)
+    assert (odd / "lives").read_text() == "x" * 2 and found.failures == 1
+
+
+@pytest.mark.parametrize(("over", "at"), [("times", 0), ("time_out", 5)])
+def test_tasks_that_were_sent_to_a_lost_worker_are_done_in_their_order(over, at, odd):
+    """Tasks are sent several at a time once they are quick; only the one being done is lost."""
+    crew = Workers("odd_tasks:square", 1, None)
+    try:
+        (worker,) = crew._crew
+        waiting = deque([(9, {"x": 9})])
+        worker.tasks.extend((number, {"x": number}) for number in range(at, at + 3))
+        if over == "times":
+            worker.process.kill()
+            assert crew._lost(worker, waiting, Counter()) is None
+            assert [number for number, _ in waiting] == [0, 1, 2, 9]
+        else:
+            crew._replace(worker, waiting)
+            assert [number for number, _ in waiting] == [6, 7, 9]
+        assert crew._crew[0] is not worker and not crew._crew[0].tasks
+    finally:
+        crew.close()
 
 
 def test_a_task_that_hangs_or_fails_is_a_row_and_stops_no_other(odd):
