@@ -46,6 +46,11 @@ def inlined(function: Callable[..., Any]) -> Any:
     return numba.njit(forceinline=True, **_WITHIN)(function)
 
 
+def merged(function: Callable[..., Any]) -> Any:
+    """Compile a function as a part of its callers: a further level of calls takes seconds."""
+    return numba.njit(inline="always", **_WITHIN)(function)
+
+
 def named(function: Callable[..., Any], variant: str) -> Callable[..., Any]:
     """A function of a factory, named apart from the factory's others.
 

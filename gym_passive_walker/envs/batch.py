@@ -16,7 +16,7 @@ from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import layout_of, record_for
 from gym_passive_walker.engine.run import in_parts, options, states_in, workspace
-from gym_passive_walker.envs import disturbance_kernels, saved, task, ticks
+from gym_passive_walker.envs import saved, task, ticks
 from gym_passive_walker.envs.constraints import ROOM
 from gym_passive_walker.envs.custom import RULES, Custom
 from gym_passive_walker.envs.disturbances import Contact, Disturbances, disturbed
@@ -152,8 +152,8 @@ class Batch:
             shared.setdefault((walker, slope), Starts(scene, walker, slope))
             for walker, slope in zip(self.walkers, slope_of, strict=True)
         ]
-        own = self.custom is not None and (self.custom.seen or not self.custom.native)
-        self._apart = own or disturbed(scene)  # a step is more than one call of compiled code
+        # Whether a step is more than one call of compiled code.
+        self._apart = self.custom is not None and bool(self.custom.seen or not self.custom.native)
         self._alike_starts = len(shared) == 1
         self._alike = walkers is None and not scene.domain_randomization
         self.disturbances: Disturbances | None = None
@@ -213,14 +213,12 @@ class Batch:
     def _door(self) -> ticks.Door:
         """Where compiled code finds the walkers."""
         phases, told, tiles, courses = self.machinery
-        door = ticks.Door(
-            self.scene, self.count, records=self.records, bodies=self.bodies, radii=self._radii,
-            ledger=self.ledger, rules=self.rules, phases=phases, options=told, tiles=tiles,
-            courses=courses,
+        return ticks.Door(
+            self.scene, self.count, self.custom, records=self.records, bodies=self.bodies,
+            radii=self._radii, ledger=self.ledger, rules=self.rules, phases=phases, options=told,
+            tiles=tiles, courses=courses,
+            **(self.disturbances.arrays() if self.disturbances else {}),
         )  # fmt: skip
-        if self.custom and not self.disturbances:
-            door.judge_by(self.custom)
-        return door
 
     @property
     def _constants(self) -> NDArray[np.float64]:
@@ -486,76 +484,50 @@ class Batch:
         Raises:
             ValueError: if an action is no finite number; nothing has changed then.
         """
-        custom, plain = self.custom, self._plain
-        if not (custom and self._apart):
-            return self._step(actions, observations, rewards, terminated, truncated, again=again)
-        plain = observations if plain is None else plain
-        if self.disturbances:
-            custom.before(self)
+        door, at_once = self.door, again and self.starts_alike
+        seen = observations if self._plain is None else self._plain
         results = rewards, terminated, truncated
-        strides, endings = self._step(actions, plain, *results, again=False)
-        if self.disturbances:
-            endings += custom.after(self, rewards, terminated)
-        if not custom.native:
-            endings += custom.judge(self, rewards, terminated)
+        door.actions[...] = actions
+        if self.count < _CROWD:
+            if at_once:
+                self._prepare()
+            wrong, strides, endings = door.kernels.step.compiled(
+                door.where, 0, self.count, *door.desk, at_once, seen, *results
+            )
+            if wrong >= 0:
+                self.refuse(wrong)
+        else:
+            at_once = False
+            strides, endings = self._step_in_parts(seen, *results)
+        if self.custom and not self.custom.native:
+            endings += self.custom.judge(self, rewards, terminated)
         self._see(observations)
-        if again:
+        if again and not at_once:
             self._begin_again(observations)
         return strides, endings
 
-    def _step(
+    def _step_in_parts(
         self,
-        actions: NDArray[np.floating],
         observations: NDArray[np.float32],
         rewards: NDArray[np.float64],
         terminated: NDArray[np.bool_],
         truncated: NDArray[np.bool_],
-        *,
-        again: bool,
     ) -> tuple[int, int]:
-        """A step by the environment's own rules; see `step`."""
-        door, at_once = self.door, again and self.starts_alike
-        door.actions[...] = actions
-        if self.count < _CROWD and not self.disturbances:
-            if at_once:
-                self._prepare()
-            wrong, strides, endings = door.kernels.step.compiled(
-                door.where, 0, self.count, *door.desk, at_once,
-                observations, rewards, terminated, truncated,
-            )  # fmt: skip
-            if wrong >= 0:
-                self.refuse(wrong)
-            if again and not at_once:
-                self._begin_again(observations)
-            return strides, endings
-        each = door.actions.reshape(self.count, -1)
-        finite = np.isfinite(each).all(axis=1)
-        for wrong in np.flatnonzero(~finite & ~self.over):  # before anyone steps
-            refuse(each[wrong], self.scene.actions, int(wrong))
-        ended = []
+        """A step of many walkers by several threads; see `step`."""
+        door, ended, size = self.door, [], len(observations) // self.count
+        finite = np.isfinite(door.actions.reshape(self.count, -1)).all(axis=1)
+        for wrong in np.flatnonzero(~finite & ~self.over):  # before any walker steps
+            self.refuse(int(wrong))
 
         def job(a: int, b: int) -> None:
             whole = (a, b) == (0, self.count)
-            desk = self.machinery[2:] if whole else workspace(layout=self.layout)
-            size = len(observations) // self.count
+            scratch = self.machinery[2:] if whole else workspace(layout=self.layout)
+            at = [part.ctypes.data for part in scratch]
+            results = rewards[a:b], terminated[a:b], truncated[a:b]
             seen = observations[a * size : b * size]
-            results = seen, rewards[a:b], terminated[a:b], truncated[a:b]
-            if self.disturbances:
-                own = self.bodies[a:b] if len(self.bodies) > 1 else self.bodies
-                walkers = self.records[a:b], own, self.ledger[a:b], self.rules
-                further = *self.disturbances.part(a, b), each[a:b].reshape(-1)
-                ended.append(
-                    disturbance_kernels.step(
-                        *walkers, *self.machinery[:2], *desk, *further, *results
-                    )
-                )
-            else:
-                at = [part.ctypes.data for part in desk]
-                ended.append(door.kernels.step(door.where, a, b, *at, False, *results)[1:])
+            ended.append(door.kernels.step(door.where, a, b, *at, False, seen, *results)[1:])
 
         in_parts(job, self.count, self.threads)
-        if again:
-            self._begin_again(observations)
         return sum(strides for strides, _ in ended), sum(endings for _, endings in ended)
 
     def step_alone(

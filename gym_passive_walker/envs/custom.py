@@ -348,20 +348,6 @@ class Custom:
         if batch.disturbances:
             self.notes["command"][lanes] = batch.disturbances.states["command"][lanes]
 
-    def before(self, batch: Any) -> None:
-        """Record states before a step."""
-        transitions.before(batch.records, self.notes, self.noted)
-
-    def after(self, batch: Any, rewards: NDArray[np.float64], terminated: NDArray[np.bool_]) -> int:
-        """Record a step and evaluate compiled functions; returns how many episodes end."""
-        if batch.disturbances:
-            self.notes["push"] = batch.disturbances.states["impulse"]
-        return transitions.after(
-            batch.records, batch.ledger, batch.rules, batch.machinery[0], batch.door.actions,
-            self.notes, self.noted, self.address("reward"), self.address("terminated"),
-            self.native, rewards, terminated,
-        )  # fmt: skip
-
     def judge(self, batch: Any, rewards: NDArray[np.float64], terminated: NDArray[np.bool_]) -> int:
         """Evaluate functions that are not compiled; returns the number of episodes that end."""
         for name in self._slow:

@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from gym_passive_walker.engine.counter_rng import normal, uniform
-from gym_passive_walker.engine.jit import Kernel, address, call, jitted
+from gym_passive_walker.engine.jit import Kernel, address, call, jitted, merged
 from gym_passive_walker.engine.run import carry_on
 from gym_passive_walker.envs import constraints, task
 from gym_passive_walker.envs.checks import CHECKS
@@ -301,7 +301,7 @@ def command_penalty(row, disturbance, odds):
     return min(odds.command_weight * missed, row.step_length)
 
 
-@Kernel
+@merged
 def step(
     records, bodies, ledger, rules, phases, options, tiles, courses, disturbances, pending, odds,
     natives, table, spread, actions, observations, rewards, terminated, truncated,

@@ -67,10 +67,13 @@ class Disturbances:
         pushed, watched = bool(self.scene.pushes), bool(self.scene.constraints)
         return constraints.natives(self._system, pushed=pushed, watched=watched)
 
-    def part(self, first: int, last: int) -> tuple[NDArray, ...]:
-        """What `disturbance_kernels.step` takes of the walkers from one to before another."""
-        disturbances, pending = self.states[first:last], self.pending[first:last]
-        return disturbances, pending, self.odds, self.natives[1], *self.terrain
+    def arrays(self) -> dict[str, NDArray]:
+        """What `disturbance_kernels.step` reads, by the names of `ticks.STAYS`."""
+        table, spread = self.terrain
+        return {
+            "disturbances": self.states, "pending": self.pending, "odds": self.odds,
+            "natives": self.natives[1], "table": table, "spread": spread,
+        }  # fmt: skip
 
     def begin(
         self,

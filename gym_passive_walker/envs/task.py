@@ -14,7 +14,7 @@ from functools import cache
 
 import numpy as np
 
-from gym_passive_walker.engine.jit import Kernel, address, call, jitted
+from gym_passive_walker.engine.jit import Kernel, address, call, jitted, merged
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import NARROW, Layout
 from gym_passive_walker.engine.run import carry_on
@@ -251,17 +251,19 @@ def begin(
 
 
 @jitted
-def apply_action(records, ledger, rules, actions):
-    """Set every walker's torques, push-off and time to stop; after its episode it rests.
-
-    Returns:
-        The first walker with an action that is not finite, before any change; else -1.
-    """
-    count = rules.actions
-    for i in range(len(records)):
+def first_invalid(ledger, count, actions):
+    """The first walker with an action that is not finite while its episode lasts; else -1."""
+    for i in range(len(ledger)):
         for j in range(count):
             if not math.isfinite(actions[i * count + j]) and not over(ledger[i]):
                 return i
+    return -1
+
+
+@jitted
+def apply_action(records, ledger, rules, actions):
+    """Set every walker's torques, push-off and time to stop; after its episode it rests."""
+    count = rules.actions
     for i in range(len(records)):
         record = records[i, 0]
         if over(ledger[i]):
@@ -277,7 +279,6 @@ def apply_action(records, ledger, rules, actions):
                 record.moved[channel] = 0.0
                 record.turned[channel] = 0.0
         record.end = min(record.time + rules.tick, rules.max_stride_time)
-    return -1
 
 
 @jitted
@@ -400,17 +401,14 @@ def forget_stride(row):
     row.collision_cost, row.friction_cost, row.kneestrike_time = 0.0, 0.0, 0.0
 
 
-@jitted
+@merged
 def step(
     records, bodies, ledger, rules, phases, options, tiles, courses,
     actions, observations, rewards, terminated, truncated,
 ):  # fmt: skip
-    """A step of every walker; returns `apply_action`'s and `finish_step`'s answers."""
-    wrong = apply_action(records, ledger, rules[0], actions)
-    if wrong >= 0:
-        return wrong, 0, 0
+    """A step of every walker by finite actions; returns what `finish_step` does."""
+    apply_action(records, ledger, rules[0], actions)
     carry_on(records, bodies, phases, options, tiles, courses)
-    strides, endings = finish_step(
+    return finish_step(
         records, bodies, ledger, rules[0], phases, observations, rewards, terminated, truncated
     )
-    return wrong, strides, endings

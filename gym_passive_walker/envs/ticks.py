@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.engine.compiled import PHASE
-from gym_passive_walker.engine.jit import Kernel, inlined, jitted, named, uniform, view
+from gym_passive_walker.engine.jit import Kernel, inlined, jitted, merged, named, uniform, view
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import (
     NARROW,
@@ -27,8 +27,10 @@ from gym_passive_walker.engine.layout import (
     tile_for,
 )
 from gym_passive_walker.engine.run import OPTIONS
-from gym_passive_walker.envs import task, transitions
+from gym_passive_walker.envs import disturbance_kernels, task, transitions
+from gym_passive_walker.envs.constraints import NATIVE
 from gym_passive_walker.envs.custom import Custom
+from gym_passive_walker.envs.disturbance_kernels import DISTURBANCE, ODDS
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.starts import DRAWS, Starts, between
 from gym_passive_walker.envs.transitions import note_for
@@ -36,17 +38,19 @@ from gym_passive_walker.envs.transitions import note_for
 STAYS = (
     "records", "bodies", "radii", "ledger", "rules", "phases", "options", "tiles", "courses",
     "actions", "rewards", "terminated", "truncated", "generators", "nodes", "states", "notes",
+    "disturbances", "pending", "odds", "natives", "table", "spread",
 )  # fmt: skip
-"""Arrays of a batch that stay where they are."""
+"""Arrays of a batch that stay where they are; those that a scene does not need are empty."""
 
 PLACES = np.dtype(
     [(name, "i8") for name in STAYS]
     + [(f"of_{name}", "i8") for name in STAYS]  # how many entries each has
     + [("constants", "i8"), ("low", "f8"), ("high", "f8"), ("reset_noise_scale", "f8")]
-    + [("noted", "i8"), ("paid", "i8"), ("ends", "i8"), ("native", "i8")]
+    + [("noted", "i8"), ("paid", "i8"), ("ends", "i8"), ("native", "i8"), ("delay", "i8")]
 )
 """Where they are, and what starts go by besides: constants of a body, and the range of slopes; and
-what rules of the user's own need and where their native functions lie: see `transitions.after`."""
+what rules of the user's own need and where their native functions lie: see `transitions.after`.
+"delay" is the number of control steps by which actions come late."""
 
 _NUMBER, _WORD, _TRUTH = np.dtype("f8"), np.dtype("i8"), np.dtype("?")
 _ALL = 1 << 62
@@ -82,8 +86,14 @@ class Kernels(NamedTuple):
 
 
 @cache
-def kernels_for(layout: Layout) -> Kernels:
-    """The compiled calls of batches of which the records have a layout."""
+def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
+    """The compiled calls of a batch; they contain no code that its scene does not need.
+
+    Args:
+        layout: The layout of its records.
+        disturbed: Whether it has any disturbance of `disturbance_kernels`.
+        custom: Whether it has functions of the user's own.
+    """
     record, ledger_of, rules_of = (
         record_for(layout),
         task.ledger_for(layout),
@@ -93,7 +103,8 @@ def kernels_for(layout: Layout) -> Kernels:
     size = 2 * layout.links
 
     def within(compiler: Callable[..., Any]) -> Callable[..., Any]:
-        return lambda function: compiler(named(function, "wide" * (layout != NARROW)))
+        kind = "wide" * (layout != NARROW) + "disturbed" * disturbed + "custom" * custom
+        return lambda function: compiler(named(function, kind))
 
     @within(inlined)
     def found(where, first, last):
@@ -142,9 +153,14 @@ def kernels_for(layout: Layout) -> Kernels:
             lanes, slopes, gaits, draws, here.reset_noise_scale, observations,
         )  # fmt: skip
 
-    @within(jitted)
+    @within(merged)
     def tick(where, first, last, tiles, courses, observations, rewards, terminated, truncated):
-        """A step of some walkers by the actions that lie there; see `task.step`."""
+        """A step of some walkers by the actions that lie there.
+
+        Returns:
+            The first walker with an action that is not finite, or -1; then nothing has changed
+            otherwise; strides and episodes that have ended.
+        """
         places, records, bodies, ledger, phases = found(where, first, last)
         here = places[0]
         rules = view(here.rules, (1,), rules_of)
@@ -152,14 +168,32 @@ def kernels_for(layout: Layout) -> Kernels:
         actions = view(here.actions, (here.of_actions,), _NUMBER)
         each = rules[0].actions
         own = actions[first * each : last * each]
-        notes = view(here.notes, (here.of_notes,), note)[first:last]
-        if here.of_notes > 0:
+        disturbances = view(here.disturbances, (here.of_disturbances,), DISTURBANCE)[first:last]
+        wrong = task.first_invalid(ledger, each, own)
+        if wrong >= 0:
+            return wrong, 0, 0
+        if custom:
+            notes = view(here.notes, (here.of_notes,), note)[first:last]
             transitions.before(records, notes, here.noted)
-        wrong, strides, endings = task.step(
-            records, bodies, ledger, rules, phases, options, view(tiles, (1,), tile),
-            view(courses, (1,), course), own, observations, rewards, terminated, truncated,
-        )  # fmt: skip
-        if here.of_notes > 0 and wrong < 0:
+        work, guards = view(tiles, (1,), tile), view(courses, (1,), course)
+        if disturbed:
+            shape = here.of_pending, here.delay, each
+            strides, endings = disturbance_kernels.step(
+                records, bodies, ledger, rules, phases, options, work, guards, disturbances,
+                view(here.pending, shape, _NUMBER)[first:last], view(here.odds, (1,), ODDS),
+                view(here.natives, (here.of_natives,), NATIVE),
+                view(here.table, (here.of_table, 2), _NUMBER),
+                view(here.spread, (here.of_spread,), _NUMBER), own, observations, rewards,
+                terminated, truncated,
+            )  # fmt: skip
+        else:
+            strides, endings = task.step(
+                records, bodies, ledger, rules, phases, options, work, guards, own, observations,
+                rewards, terminated, truncated,
+            )  # fmt: skip
+        if custom:
+            for i in range(len(disturbances)):
+                notes[i].push = disturbances[i].impulse
             endings += transitions.after(
                 records, ledger, rules, phases, own, notes, here.noted, here.paid, here.ends,
                 here.native != 0, rewards, terminated,
@@ -185,7 +219,7 @@ def kernels_for(layout: Layout) -> Kernels:
             truncated: Filled.
 
         Returns:
-            As `task.step`.
+            As `tick`.
         """
         answer = tick(
             where, first, last, tiles, courses, observations, rewards, terminated, truncated
@@ -228,6 +262,7 @@ class Door:
     Args:
         scene: What is simulated.
         count: How many walkers.
+        custom: Functions of the user's own, by which steps are judged.
         **arrays: Of STAYS; they stay where they are from now on.
 
     Attributes:
@@ -242,7 +277,9 @@ class Door:
         counts: Its strides, and its outcome.
     """
 
-    def __init__(self, scene: Scene, count: int, **arrays: NDArray) -> None:
+    def __init__(
+        self, scene: Scene, count: int, custom: Custom | None = None, **arrays: NDArray
+    ) -> None:
         self.actions = np.zeros(count * len(scene.actions))
         self.results = np.zeros(count), np.zeros(count, bool), np.zeros(count, bool)
         self._randoms: list[np.random.Generator] | None = None
@@ -250,12 +287,19 @@ class Door:
         self._places = np.zeros(1, PLACES)
         self._places["reset_noise_scale"] = scene.reset_noise_scale
         self._places["constants"] = arrays["bodies"].shape[-1]
+        self._places["delay"] = scene.action_delay
         self.where: int = self._places.ctypes.data
-        self.kernels = kernels_for(layout_in(arrays["records"].dtype))
+        layout = layout_in(arrays["records"].dtype)
+        self.kernels = kernels_for(layout, "disturbances" in arrays, custom is not None)
         self.step_here = self.kernels.step_here.compiled
         self.desk = arrays["tiles"].ctypes.data, arrays["courses"].ctypes.data
         results = dict(zip(("rewards", "terminated", "truncated"), self.results, strict=True))
         self._put(actions=self.actions, **results, **arrays)
+        if custom is not None:
+            self._put(notes=custom.notes)
+            self._places["noted"], self._places["native"] = custom.noted, custom.native
+            self._places["paid"] = custom.address("reward")
+            self._places["ends"] = custom.address("terminated")
         ledger, steps = arrays["ledger"], len(task.EVERY_STEP) - 1
         words = steps + len(task.EVERY_STRIDE)
         numbers = ledger.view(np.float64)[:words]
@@ -274,13 +318,6 @@ class Door:
             self._randoms = randoms
             found = [_capsule(random.bit_generator.capsule, b"BitGenerator") for random in randoms]
             self._put(generators=np.array(found, np.int64))
-
-    def judge_by(self, custom: Custom) -> None:
-        """Judge steps by rules of the user's own from now on."""
-        self._put(notes=custom.notes)
-        self._places["noted"], self._places["native"] = custom.noted, custom.native
-        self._places["paid"] = custom.address("reward")
-        self._places["ends"] = custom.address("terminated")
 
     def begin_at(self, starts: Starts) -> None:
         """Begin all episodes there, from now on."""
