@@ -212,11 +212,11 @@ class Batch:
 
     def _door(self) -> ticks.Door:
         """Where compiled code finds the walkers."""
-        phases, told, tiles, courses = self.machinery
+        phases, told, tiles, histories = self.machinery
         door = ticks.Door(
             self.scene, self.count, records=self.records, bodies=self.bodies, radii=self._radii,
             ledger=self.ledger, rules=self.rules, phases=phases, options=told, tiles=tiles,
-            courses=courses,
+            histories=histories,
         )  # fmt: skip
         if self.custom and not self.disturbances:
             door.judge_by(self.custom)

@@ -15,7 +15,7 @@ import numpy as np
 
 from gym_passive_walker.engine.counter_rng import normal, uniform
 from gym_passive_walker.engine.jit import Kernel, address, call, jitted
-from gym_passive_walker.engine.run import carry_on
+from gym_passive_walker.engine.run import integrate
 from gym_passive_walker.envs import constraints, task
 from gym_passive_walker.envs.checks import CHECKS
 from gym_passive_walker.gaits.terrain import ground_at
@@ -226,7 +226,7 @@ def apply_due_events(records, bodies, i, disturbance, odds, natives):
 
 @jitted
 def integrate_past_events(
-    records, bodies, disturbances, phases, options, tiles, courses, odds, natives
+    records, bodies, disturbances, phases, options, tiles, histories, odds, natives
 ):
     """Carry walkers to the end of their step, past all that they meet on the way."""
     going, count = np.empty(len(records), np.int64), 0
@@ -236,7 +236,7 @@ def integrate_past_events(
             apply_due_events(records, bodies, i, disturbances[i], odds, natives)
             going[count] = i
             count += 1
-    carry_on(records, bodies, phases, options, tiles, courses)
+    integrate(records, bodies, phases, options, tiles, histories)
     while True:
         before, count = count, 0
         for j in range(before):
@@ -249,7 +249,7 @@ def integrate_past_events(
         if count == 0:
             return
         some, theirs = records[going[:count]], bodies[going[:count]]
-        carry_on(some, theirs, phases, options, tiles, courses)
+        integrate(some, theirs, phases, options, tiles, histories)
         for j in range(count):
             records[going[j], 0] = some[j, 0]
             bodies[going[j]] = theirs[j]
@@ -303,7 +303,7 @@ def command_penalty(row, disturbance, odds):
 
 @Kernel
 def step(
-    records, bodies, ledger, rules, phases, options, tiles, courses, disturbances, pending, odds,
+    records, bodies, ledger, rules, phases, options, tiles, histories, disturbances, pending, odds,
     natives, table, spread, actions, observations, rewards, terminated, truncated,
 ):  # fmt: skip
     """A step of every walker by finite actions; returns what `finish_step` does."""
@@ -315,7 +315,7 @@ def step(
         for k in range(len(_BLANK)):
             bodies[i, 0, len(bodies[i, 0]) - _ROOM + k] = _BLANK[k]
     integrate_past_events(
-        records, bodies, disturbances, phases, options, tiles, courses, odds[0], natives
+        records, bodies, disturbances, phases, options, tiles, histories, odds[0], natives
     )
     for i in range(len(records)):
         if not disturbances[i].idle:

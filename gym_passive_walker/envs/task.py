@@ -17,7 +17,7 @@ import numpy as np
 from gym_passive_walker.engine.jit import Kernel, address, call, jitted
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import NARROW, Layout
-from gym_passive_walker.engine.run import carry_on
+from gym_passive_walker.engine.run import integrate
 from gym_passive_walker.physics.hybrid import Outcome
 
 EVERY_STEP = ("distance", "energy", "episode_distance", "episode_energy", "strides")
@@ -402,14 +402,14 @@ def forget_stride(row):
 
 @jitted
 def step(
-    records, bodies, ledger, rules, phases, options, tiles, courses,
+    records, bodies, ledger, rules, phases, options, tiles, histories,
     actions, observations, rewards, terminated, truncated,
 ):  # fmt: skip
     """A step of every walker; returns `apply_action`'s and `finish_step`'s answers."""
     wrong = apply_action(records, ledger, rules[0], actions)
     if wrong >= 0:
         return wrong, 0, 0
-    carry_on(records, bodies, phases, options, tiles, courses)
+    integrate(records, bodies, phases, options, tiles, histories)
     strides, endings = finish_step(
         records, bodies, ledger, rules[0], phases, observations, rewards, terminated, truncated
     )

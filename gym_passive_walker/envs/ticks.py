@@ -21,7 +21,7 @@ from gym_passive_walker.engine.layout import (
     NARROW,
     PAIR,
     Layout,
-    course_for,
+    history_for,
     layout_in,
     record_for,
     tile_for,
@@ -34,7 +34,7 @@ from gym_passive_walker.envs.starts import DRAWS, Starts, between
 from gym_passive_walker.envs.transitions import note_for
 
 STAYS = (
-    "records", "bodies", "radii", "ledger", "rules", "phases", "options", "tiles", "courses",
+    "records", "bodies", "radii", "ledger", "rules", "phases", "options", "tiles", "histories",
     "actions", "rewards", "terminated", "truncated", "generators", "nodes", "states", "notes",
 )  # fmt: skip
 """Arrays of a batch that stay where they are."""
@@ -89,7 +89,7 @@ def kernels_for(layout: Layout) -> Kernels:
         task.ledger_for(layout),
         task.rules_for(layout),
     )
-    note, course, tile = note_for(layout), course_for(layout), tile_for(PAIR, layout=layout)
+    note, history, tile = note_for(layout), history_for(layout), tile_for(PAIR, layout=layout)
     size = 2 * layout.links
 
     def within(compiler: Callable[..., Any]) -> Callable[..., Any]:
@@ -143,7 +143,7 @@ def kernels_for(layout: Layout) -> Kernels:
         )  # fmt: skip
 
     @within(jitted)
-    def tick(where, first, last, tiles, courses, observations, rewards, terminated, truncated):
+    def tick(where, first, last, tiles, histories, observations, rewards, terminated, truncated):
         """A step of some walkers by the actions that lie there; see `task.step`."""
         places, records, bodies, ledger, phases = found(where, first, last)
         here = places[0]
@@ -157,7 +157,7 @@ def kernels_for(layout: Layout) -> Kernels:
             transitions.before(records, notes, here.noted)
         wrong, strides, endings = task.step(
             records, bodies, ledger, rules, phases, options, view(tiles, (1,), tile),
-            view(courses, (1,), course), own, observations, rewards, terminated, truncated,
+            view(histories, (1,), history), own, observations, rewards, terminated, truncated,
         )  # fmt: skip
         if here.of_notes > 0 and wrong < 0:
             endings += transitions.after(
@@ -168,7 +168,7 @@ def kernels_for(layout: Layout) -> Kernels:
 
     @within(Kernel)
     def step(
-        where, first, last, tiles, courses, again, observations, rewards, terminated, truncated
+        where, first, last, tiles, histories, again, observations, rewards, terminated, truncated
     ):  # fmt: skip
         """A step of the walkers from `first` to before `last`; `again` starts those that rest.
 
@@ -176,8 +176,8 @@ def kernels_for(layout: Layout) -> Kernels:
             where: Address of a `Door`.
             first: The first of them.
             last: The one after the last of them.
-            tiles: Where a tile lies to work at.
-            courses: Where a course lies to work at.
+            tiles: Address of the tile to work with.
+            histories: Address of the guard history to work with.
             again: Whether they are all there are, and those that rest begin another episode.
             observations: Filled, flat, as all that follow.
             rewards: Filled.
@@ -188,7 +188,7 @@ def kernels_for(layout: Layout) -> Kernels:
             As `task.step`.
         """
         answer = tick(
-            where, first, last, tiles, courses, observations, rewards, terminated, truncated
+            where, first, last, tiles, histories, observations, rewards, terminated, truncated
         )  # fmt: skip
         if again and answer[0] < 0:
             _, records, _, _, _ = found(where, first, last)
@@ -206,7 +206,7 @@ def kernels_for(layout: Layout) -> Kernels:
         """A step of a single walker, with reward and endings in the batch's own arrays."""
         here = view(where, (1,), PLACES)[0]
         return tick(
-            where, 0, 1, here.tiles, here.courses, observation,
+            where, 0, 1, here.tiles, here.histories, observation,
             view(here.rewards, (1,), _NUMBER),
             view(here.terminated, (1,), _TRUTH),
             view(here.truncated, (1,), _TRUTH),
@@ -234,7 +234,7 @@ class Door:
         where: The address that kernels take.
         kernels: The kernels, for records of these walkers' layout.
         step_here: Of these, compiled, that which single environments call.
-        desk: Those of the tile and the course where one thread works.
+        desk: Those of the tile and the history where one thread works.
         actions: Of all walkers, flat, to be filled before a step.
         results: Rewards and both kinds of endings, (count,), as `step_here` leaves them.
         of_step: Numbers of EVERY_STEP but the strides, in the first walker's ledger.
@@ -253,7 +253,7 @@ class Door:
         self.where: int = self._places.ctypes.data
         self.kernels = kernels_for(layout_in(arrays["records"].dtype))
         self.step_here = self.kernels.step_here.compiled
-        self.desk = arrays["tiles"].ctypes.data, arrays["courses"].ctypes.data
+        self.desk = arrays["tiles"].ctypes.data, arrays["histories"].ctypes.data
         results = dict(zip(("rewards", "terminated", "truncated"), self.results, strict=True))
         self._put(actions=self.actions, **results, **arrays)
         ledger, steps = arrays["ledger"], len(task.EVERY_STEP) - 1

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.engine import jit, lanes
 from gym_passive_walker.engine.compiled import phases_of, written
-from gym_passive_walker.engine.layout import COURSE, PAIR, tile_for
-from gym_passive_walker.engine.one_walker import carry, entry
+from gym_passive_walker.engine.layout import HISTORY, PAIR, tile_for
+from gym_passive_walker.engine.one_walker import entry, integrate_phase
 from gym_passive_walker.envs.constraints import equipped, look_code, push_code
 from gym_passive_walker.envs.custom import Rule
 from gym_passive_walker.gpu import primitives
@@ -21,7 +21,7 @@ from gym_passive_walker.gpu.device import kind
 from gym_passive_walker.gpu.source import Source
 from gym_passive_walker.physics.systems import SYSTEMS
 
-TILE, RUN = kind(tile_for(PAIR, width=1)), kind(COURSE)
+TILE, RUN = kind(tile_for(PAIR, width=1)), kind(HISTORY)
 """A tile for one walker, and how guards run over its step."""
 
 
@@ -71,7 +71,9 @@ class Machinery:
         call = _compiled(source, f"<the equations {system}>")
         own = {getattr(jit, name): primitives.BY_NAME[name] for name in ("address", "fma")}
         own[jit.call] = call
-        self.bound = DeviceLinker(own).instead({lanes.carry: carry, jit.entry: entry})
+        self.bound = DeviceLinker(own).instead(
+            {lanes.integrate_phase: integrate_phase, jit.entry: entry}
+        )
 
 
 def _compiled(source: Source, name: str) -> Any:

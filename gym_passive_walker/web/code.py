@@ -98,7 +98,7 @@ def _with_own_functions(text: str) -> str:
 def bookkeeping() -> list[str]:
     """Return the texts of the bookkeeping and of the elementary functions."""
     bound = DeviceLinker({}, _jitted).instead({
-        lanes.carry: one_walker.carry,
+        lanes.integrate_phase: one_walker.integrate_phase,
         jit.entry: one_walker.entry,
         disturbance_kernels.copy_of: one_episode.as_it_is,
         disturbance_kernels.integrate_past_events: one_episode.integrate_past_events,

@@ -11,8 +11,8 @@ import numpy as np
 from gym_passive_walker.engine.compiled import PHASE
 from gym_passive_walker.engine.counter_rng import uniform
 from gym_passive_walker.engine.jit import view
-from gym_passive_walker.engine.layout import COURSE, PAIR, RECORD, tile_for
-from gym_passive_walker.engine.run import OPTIONS, carry_on
+from gym_passive_walker.engine.layout import HISTORY, PAIR, RECORD, tile_for
+from gym_passive_walker.engine.run import OPTIONS, integrate
 from gym_passive_walker.envs import disturbance_kernels, task
 from gym_passive_walker.envs.constraints import NATIVE, ROOM
 from gym_passive_walker.envs.starts import DRAWS
@@ -81,7 +81,7 @@ WALK = np.dtype([
     ("spread", "f8", (3,)),
     ("shape", SHAPE), ("points", "f8", (2 * len(POINTS),)),
     ("tile", TILE),
-    ("course", COURSE),
+    ("history", HISTORY),
 ])  # fmt: skip
 """The block of memory of one walker."""
 
@@ -97,12 +97,12 @@ _AT = {name: int(place[1]) for name, place in WALK.fields.items()}  # type: igno
 (
     _KEYS, _LANES, _SLOPES, _GAITS, _DRAWS, _ACTIONS, _REWARDS, _TERMINATED, _TRUNCATED,
     _OBSERVATIONS, _RECORD, _BLANK, _BODIES, _RADII, _ROW, _BLANK_ROW, _SCENE_RULES, _TOLD,
-    _WALKS_DISTURBANCE, _SCENE_ODDS, _PENDING, _SPREAD, _TILE, _COURSE,
+    _WALKS_DISTURBANCE, _SCENE_ODDS, _PENDING, _SPREAD, _TILE, _HISTORY,
 ) = (
     _AT[name] for name in (
         "key", "lanes", "slopes", "gaits", "draws", "actions", "rewards", "terminated", "truncated",
         "observations", "record", "blank", "bodies", "radii", "ledger", "blank_row", "rules",
-        "options", "disturbance", "odds", "pending", "spread", "tile", "course",
+        "options", "disturbance", "odds", "pending", "spread", "tile", "history",
     )
 )  # fmt: skip
 _HEAD = np.dtype([(name, WALK[name]) for name in WALK.names[: WALK.names.index("key")]])  # type: ignore[index]
@@ -113,15 +113,15 @@ ADVANCE, BEGIN, STEP = range(3)
 
 
 def advance(base):
-    """Integrate the record to heelstrike, a fall, or its time limit; see `run.carry_on`."""
+    """Integrate the record to heelstrike, a fall, or its time limit; see `run.integrate`."""
     head = view(base, (1,), _HEAD)[0]
-    carry_on(
+    integrate(
         view(base + _RECORD, (1, 1), RECORD),
         view(base + _BODIES, (1, 1, head.constants), _NUMBER),
         view(head.phases, (head.count,), PHASE),
         view(base + _TOLD, (1,), OPTIONS),
         view(base + _TILE, (1,), TILE),
-        view(base + _COURSE, (1,), COURSE),
+        view(base + _HISTORY, (1,), HISTORY),
     )
 
 
@@ -168,7 +168,7 @@ def step(base):
         view(base + _BODIES, (1, 1, head.constants + ROOM), _NUMBER),
         view(base + _ROW, (1,), _LEDGER), rules, view(head.phases, (head.count,), PHASE),
         view(base + _TOLD, (1,), OPTIONS), view(base + _TILE, (1,), TILE),
-        view(base + _COURSE, (1,), COURSE), view(base + _WALKS_DISTURBANCE, (1,), _DISTURBANCE),
+        view(base + _HISTORY, (1,), HISTORY), view(base + _WALKS_DISTURBANCE, (1,), _DISTURBANCE),
         view(base + _PENDING, (1, head.late, count), _NUMBER),
         view(base + _SCENE_ODDS, (1,), _ODDS), view(head.natives, (head.count,), NATIVE),
         view(head.table, (head.footholds, 2), _NUMBER), view(base + _SPREAD, (3,), _NUMBER),
