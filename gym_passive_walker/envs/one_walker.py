@@ -7,16 +7,16 @@ from gym_passive_walker.envs import disturbance_kernels
 
 
 def integrate_past_events(
-    records, bodies, disturbances_, phases, options, tiles, histories, odds, natives
+    records, bodies, disturbances_, phases, options, tiles, histories, settings, hooks
 ):
     """Integrate the one walker to the end of its step, as `disturbance_kernels` does for many."""
     record, disturbance = records[0, 0], disturbances_[0]
     disturbance.until, disturbance.impulse = record.end, 0.0
     if not disturbance.idle:
-        disturbance_kernels.apply_due_events(records, bodies, 0, disturbance, odds, natives)
+        disturbance_kernels.apply_due_events(records, bodies, 0, disturbance, settings, hooks)
     integrate(records, bodies, phases, options, tiles, histories)
     while not disturbance.idle and record.outcome == 0 and record.time < disturbance.until:
-        disturbance_kernels.apply_due_events(records, bodies, 0, disturbance, odds, natives)
+        disturbance_kernels.apply_due_events(records, bodies, 0, disturbance, settings, hooks)
         integrate(records, bodies, phases, options, tiles, histories)
 
 

@@ -206,14 +206,14 @@ def write_info(ledger, asked, steps, counts, measures):
         counts[0, i], counts[1, i] = row.strides, row.outcome
         if row.outcome == 0:
             continue
-        told = measures[endings]
+        measured = measures[endings]
         endings += 1
-        told[0], told[1], told[2] = row.step_length, row.step_period, row.speed
-        told[3], told[4] = row.cost_of_transport, row.gravity_cost
-        told[5], told[6] = row.hip_cost, row.net_hip_cost
-        told[7], told[8] = row.ankle_cost, row.net_ankle_cost
-        told[9], told[10] = row.push_off_cost, row.collision_cost
-        told[11], told[12] = row.friction_cost, row.kneestrike_time
+        measured[0], measured[1], measured[2] = row.step_length, row.step_period, row.speed
+        measured[3], measured[4] = row.cost_of_transport, row.gravity_cost
+        measured[5], measured[6] = row.hip_cost, row.net_hip_cost
+        measured[7], measured[8] = row.ankle_cost, row.net_ankle_cost
+        measured[9], measured[10] = row.push_off_cost, row.collision_cost
+        measured[11], measured[12] = row.friction_cost, row.kneestrike_time
     return present
 
 

@@ -1,7 +1,7 @@
-"""A batch's ticks and starts as one call each, by where the batch's arrays lie.
+"""Compiled control steps and starts of a batch, called with the addresses of its arrays.
 
-Numba takes a third of a microsecond to recognise an array of structures, and a tick needs eight:
-longer than the engine takes for one walker. What stays in its place is noted once.
+Numba takes 0.3 µs to unbox an array of structures, and a control step needs eight: longer than the
+engine takes for one walker. The addresses of arrays are therefore stored once.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ STAYS = (
     "records", "bodies", "radii", "ledger", "rules", "phases", "options", "tiles", "histories",
     "actions", "rewards", "terminated", "truncated", "generators", "nodes", "states", "notes",
 )  # fmt: skip
-"""Arrays of a batch that stay where they are."""
+"""Arrays of a batch that are allocated once."""
 
 PLACES = np.dtype(
     [(name, "i8") for name in STAYS]
-    + [(f"of_{name}", "i8") for name in STAYS]  # how many entries each has
+    + [(f"of_{name}", "i8") for name in STAYS]  # number of entries of each
     + [("constants", "i8"), ("low", "f8"), ("high", "f8"), ("reset_noise_scale", "f8")]
     + [("noted", "i8"), ("paid", "i8"), ("ends", "i8"), ("native", "i8")]
 )
-"""Where they are, and what starts go by besides: constants of a body, and the range of slopes; and
-what rules of the user's own need and where their native functions lie: see `transitions.after`."""
+"""Addresses of these arrays, the range of slopes at a start, and addresses of the user's compiled
+functions (see `transitions.after`)."""
 
-_NUMBER, _WORD, _TRUTH = np.dtype("f8"), np.dtype("i8"), np.dtype("?")
+_NUMBER, _WORD, _BOOLEAN = np.dtype("f8"), np.dtype("i8"), np.dtype("?")
 _ALL = 1 << 62
 
 _capsule = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)(
@@ -58,7 +58,7 @@ _capsule = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)
 
 @jitted
 def fill(where, lanes, draws):
-    """See `draw`."""
+    """Implement `draw` for compiled callers."""
     here = view(where, (1,), PLACES)[0]
     generators = view(here.generators, (here.of_generators,), _WORD)
     for j in range(len(lanes)):
@@ -68,7 +68,7 @@ def fill(where, lanes, draws):
 
 @Kernel
 def draw(where, lanes, draws):
-    """Draw the numbers that some walkers' starts take, (lanes, DRAWS)."""
+    """Draw the random numbers of some walkers' starts, (lanes, DRAWS)."""
     fill(where, lanes, draws)
 
 
@@ -97,7 +97,7 @@ def kernels_for(layout: Layout) -> Kernels:
 
     @within(inlined)
     def found(where, first, last):
-        """What a `Door` has noted, and its walkers from one to before another."""
+        """Return the addresses at `where`, and arrays of walkers from `first` to before `last`."""
         places = view(where, (1,), PLACES)
         here = places[0]
         records = view(here.records, (here.of_records, 1), record)[first:last]
@@ -113,13 +113,13 @@ def kernels_for(layout: Layout) -> Kernels:
         """Begin episodes of some walkers, as `task.begin` does.
 
         Args:
-            where: Address of a `Door`.
-            lanes: Which walkers.
-            alike: Whether they start as the `Door` has noted, by the numbers that each one draws;
-                the next three are ignored then.
-            slopes: As for `task.begin`, as all that follow.
-            gaits: Theirs.
-            draws: Theirs.
+            where: Address from `EntryPoint.address`.
+            lanes: Indices of the walkers.
+            alike: Whether slopes and gaits are those of the `EntryPoint`, with new random draws;
+                `slopes`, `gaits` and `draws` are then ignored.
+            slopes: As for `task.begin`.
+            gaits: As for `task.begin`.
+            draws: As for `task.begin`.
             observations: Filled, flat.
         """
         places, records, bodies, ledger, phases = found(where, 0, _ALL)
@@ -144,7 +144,7 @@ def kernels_for(layout: Layout) -> Kernels:
 
     @within(jitted)
     def tick(where, first, last, tiles, histories, observations, rewards, terminated, truncated):
-        """A step of some walkers by the actions that lie there; see `task.step`."""
+        """Step some walkers by the actions at `where`; see `task.step`."""
         places, records, bodies, ledger, phases = found(where, first, last)
         here = places[0]
         rules = view(here.rules, (1,), rules_of)
@@ -170,16 +170,16 @@ def kernels_for(layout: Layout) -> Kernels:
     def step(
         where, first, last, tiles, histories, again, observations, rewards, terminated, truncated
     ):  # fmt: skip
-        """A step of the walkers from `first` to before `last`; `again` starts those that rest.
+        """Step the walkers from `first` to before `last`; `again` starts those that rest.
 
         Args:
-            where: Address of a `Door`.
-            first: The first of them.
-            last: The one after the last of them.
+            where: Address from `EntryPoint.address`.
+            first: Index of the first walker.
+            last: Index after the last walker.
             tiles: Address of the tile to work with.
             histories: Address of the guard history to work with.
-            again: Whether they are all there are, and those that rest begin another episode.
-            observations: Filled, flat, as all that follow.
+            again: Whether walkers that rest begin another episode; requires all walkers.
+            observations: Filled, flat.
             rewards: Filled.
             terminated: Filled.
             truncated: Filled.
@@ -203,18 +203,18 @@ def kernels_for(layout: Layout) -> Kernels:
 
     @within(Kernel)
     def step_here(where, observation):
-        """A step of a single walker, with reward and endings in the batch's own arrays."""
+        """Step a single walker; reward and terminations go to the arrays of the batch."""
         here = view(where, (1,), PLACES)[0]
         return tick(
             where, 0, 1, here.tiles, here.histories, observation,
             view(here.rewards, (1,), _NUMBER),
-            view(here.terminated, (1,), _TRUTH),
-            view(here.truncated, (1,), _TRUTH),
+            view(here.terminated, (1,), _BOOLEAN),
+            view(here.truncated, (1,), _BOOLEAN),
         )  # fmt: skip
 
     @within(Kernel)
     def write_info(where, asked, steps, counts, measures):
-        """`task.write_info` of the walkers there."""
+        """Call `task.write_info` for the walkers at `where`."""
         here = view(where, (1,), PLACES)[0]
         ledger = view(here.ledger, (here.of_ledger,), ledger_of)
         return task.write_info(ledger, asked, steps, counts, measures)
@@ -222,24 +222,24 @@ def kernels_for(layout: Layout) -> Kernels:
     return Kernels(begin, step, step_here, write_info)
 
 
-class Door:
-    """Where compiled code finds the arrays of a batch.
+class EntryPoint:
+    """Entry point of compiled code into a batch: the addresses of its arrays.
 
     Args:
-        scene: What is simulated.
-        count: How many walkers.
-        **arrays: Of STAYS; they stay where they are from now on.
+        scene: The scene.
+        count: Number of walkers.
+        **arrays: Arrays named in STAYS; they must not be replaced afterwards.
 
     Attributes:
-        where: The address that kernels take.
-        kernels: The kernels, for records of these walkers' layout.
-        step_here: Of these, compiled, that which single environments call.
-        desk: Those of the tile and the history where one thread works.
-        actions: Of all walkers, flat, to be filled before a step.
-        results: Rewards and both kinds of endings, (count,), as `step_here` leaves them.
-        of_step: Numbers of EVERY_STEP but the strides, in the first walker's ledger.
-        of_stride: Numbers of EVERY_STRIDE in it.
-        counts: Its strides, and its outcome.
+        address: Address that the kernels take.
+        kernels: Kernels for the layout of the records.
+        step_here: The compiled kernel that single environments call.
+        workspace: Addresses of the tile and the guard history of one thread.
+        actions: Actions of all walkers, flat; filled before a step.
+        results: Rewards, terminations and truncations, each (count,), from `step_here`.
+        step_values: Values of EVERY_STEP except the strides, of the first walker.
+        stride_values: Values of EVERY_STRIDE, of the first walker.
+        counts: Number of strides and outcome, of the first walker.
     """
 
     def __init__(self, scene: Scene, count: int, **arrays: NDArray) -> None:
@@ -250,16 +250,16 @@ class Door:
         self._places = np.zeros(1, PLACES)
         self._places["reset_noise_scale"] = scene.reset_noise_scale
         self._places["constants"] = arrays["bodies"].shape[-1]
-        self.where: int = self._places.ctypes.data
+        self.address: int = self._places.ctypes.data
         self.kernels = kernels_for(layout_in(arrays["records"].dtype))
         self.step_here = self.kernels.step_here.compiled
-        self.desk = arrays["tiles"].ctypes.data, arrays["histories"].ctypes.data
+        self.workspace = arrays["tiles"].ctypes.data, arrays["histories"].ctypes.data
         results = dict(zip(("rewards", "terminated", "truncated"), self.results, strict=True))
         self._put(actions=self.actions, **results, **arrays)
         ledger, steps = arrays["ledger"], len(task.EVERY_STEP) - 1
         words = steps + len(task.EVERY_STRIDE)
         numbers = ledger.view(np.float64)[:words]
-        self.of_step, self.of_stride = numbers[:steps], numbers[steps:]
+        self.step_values, self.stride_values = numbers[:steps], numbers[steps:]
         self.counts = ledger.view(np.int64)[words : words + 2]
 
     def _put(self, **arrays: NDArray) -> None:
@@ -269,21 +269,21 @@ class Door:
             self._places[name], self._places[f"of_{name}"] = array.ctypes.data, len(array)
 
     def draw_from(self, randoms: list[np.random.Generator]) -> None:
-        """Draw from these generators from now on."""
+        """Set the random generators."""
         if randoms is not self._randoms:
             self._randoms = randoms
             found = [_capsule(random.bit_generator.capsule, b"BitGenerator") for random in randoms]
             self._put(generators=np.array(found, np.int64))
 
-    def judge_by(self, custom: Custom) -> None:
-        """Judge steps by rules of the user's own from now on."""
+    def use_rules(self, custom: Custom) -> None:
+        """Use the user's own reward and termination."""
         self._put(notes=custom.notes)
         self._places["noted"], self._places["native"] = custom.noted, custom.native
         self._places["paid"] = custom.address("reward")
         self._places["ends"] = custom.address("terminated")
 
     def begin_at(self, starts: Starts) -> None:
-        """Begin all episodes there, from now on."""
+        """Set the slopes and gaits from which episodes start."""
         if "nodes" not in self._kept:
             nodes, states = starts.nodes
             self._put(nodes=nodes, states=states)

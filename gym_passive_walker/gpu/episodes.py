@@ -62,8 +62,8 @@ class World(NamedTuple):
         states: These, (nodes, 6).
         reset_noise_scale: How far from them a start may be, (1,).
         drawn: Constants of the walkers that episodes draw from, (walkers, constants).
-        odds: Of `disturbance_kernels.ODDS`.
-        natives: Of `constraints.NATIVE`.
+        settings: Of `disturbance_kernels.SETTINGS`.
+        hooks: Of `constraints.HOOK`.
         table: Of the terrain's footholds.
         spread: Standard deviations of random footholds.
         own: Fields that users' functions read, and the numbers by which their reward, termination
@@ -81,8 +81,8 @@ class World(NamedTuple):
     states: Any
     reset_noise_scale: Any
     drawn: Any
-    odds: Any
-    natives: Any
+    settings: Any
+    hooks: Any
     table: Any
     spread: Any
     own: Any
@@ -133,16 +133,16 @@ def calm_begin(walkers, world, i, scratch, observations):
 
 def disturbed_begin(walkers, world, i, scratch, observations):
     """Draw a walker's disturbances, and show what its sensors measure."""
-    own, odds = slice_of(i), world.odds
+    own, settings = slice_of(i), world.settings
     walkers.disturbances[i] = world.disturbance[0]
     disturbance_kernels.begin(
-        walkers.disturbances[own], odds, scratch.lanes, scratch.keys, walkers.pending[own],
+        walkers.disturbances[own], settings, scratch.lanes, scratch.keys, walkers.pending[own],
         walkers.records[own], walkers.ledger[own], world.table, world.spread,
     )  # fmt: skip
     disturbance_kernels.add_observation_noise(
         walkers.disturbances[i],
         walkers.ledger[i],
-        odds[0],
+        settings[0],
         world.table,
         world.spread,
         observations,
@@ -258,7 +258,7 @@ def disturbed_step(
     disturbance_kernels.step(
         walkers.records[own], walkers.bodies[body], walkers.ledger[own], world.rules, world.phases,
         world.options, tiles, histories, walkers.disturbances[own], walkers.pending[own],
-        world.odds, world.natives, world.table, world.spread, actions, observations, rewards,
+        world.settings, world.hooks, world.table, world.spread, actions, observations, rewards,
         terminated, truncated,
     )  # fmt: skip
 

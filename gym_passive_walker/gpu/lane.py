@@ -36,13 +36,13 @@ class Machinery:
 
     Attributes:
         phases: What the engine knows of the system's phases, with numbers for addresses.
-        natives: Addresses of what else is done to walkers.
+        hooks: Addresses of what else is done to walkers.
         bound: Makes a device's function of one of the engine's.
         rules: The numbers by which users' functions are called, by their names.
     """
 
     phases: NDArray
-    natives: NDArray
+    hooks: NDArray
 
     def __init__(
         self,
@@ -67,7 +67,7 @@ class Machinery:
             source = Source(source, f"{rule.name}_", fuses=False)
             rule.write(source)
             self.rules[rule.name] = source.get_function_address("rule")
-        self.phases, self.natives = equipped(of, phases, pushes, looks)
+        self.phases, self.hooks = equipped(of, phases, pushes, looks)
         call = _compiled(source, f"<the equations {system}>")
         own = {getattr(jit, name): primitives.BY_NAME[name] for name in ("address", "fma")}
         own[jit.call] = call
