@@ -7,7 +7,7 @@ EQUIVALENT: dict[str, str] = {
     "engine/step.module: STRETCH = 1.1 -> STRETCH = 1.1110000000000002": (
         "the last steps before a strike or a time's end are shared out another way"
     ),
-    "engine/step.judge: factor >= MUCH -> factor < MUCH": (
+    "engine/step.classify: factor >= MUCH -> factor < MUCH": (
         "proposes another length for the first step after a tick, which is tried like any other"
     ),
     "engine/run.module: _WORTH_A_THREAD = 1024 -> _WORTH_A_THREAD = 1025": (

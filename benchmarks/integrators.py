@@ -25,8 +25,8 @@ from benchmarks.rivals import heyoka_swings
 from benchmarks.tables import PRECISION, keep
 from gym_passive_walker import console
 from gym_passive_walker.engine.compiled import loaded, object_code, phases_of, written
-from gym_passive_walker.engine.layout import COURSE, PAIR, aligned, tile_for
-from gym_passive_walker.engine.run import carry_on, new_records, options
+from gym_passive_walker.engine.layout import HISTORY, PAIR, aligned, tile_for
+from gym_passive_walker.engine.run import integrate, new_records, options
 from gym_passive_walker.engine.runge_kutta import Pair
 from gym_passive_walker.physics.hybrid import System
 from gym_passive_walker.physics.legs import STANCE_FALLS
@@ -74,7 +74,7 @@ def compiled(p: Problem, pair: Pair) -> Callable[[NDArray, float], NDArray]:
     """A function that integrates initial states (n, 6) to `HORIZON`, at a tolerance."""
     system, body = swinging(p.system), np.array(p.body)[None, None]
     phases = phases_of(system, loaded(object_code(written(system, pair=pair))))
-    desk = aligned(tile_for(pair), 1), np.zeros(1, COURSE)
+    working = aligned(tile_for(pair), 1), np.zeros(1, HISTORY)
 
     def ends(starts: NDArray, tolerance: float) -> NDArray:
         records = new_records(starts, p.slope, end=HORIZON)
@@ -82,7 +82,7 @@ def compiled(p: Problem, pair: Pair) -> Callable[[NDArray, float], NDArray]:
         told = options(tolerance, from_section=True).copy()
         if pair is not PAIR:
             told["fineness"] = 1.0 / tolerance
-        carry_on(records, body, phases, told, *desk)
+        integrate(records, body, phases, told, *working)
         return records["state"][:, 0]
 
     return ends

@@ -51,13 +51,15 @@ PAGE = DOCS / "mutation.md"
 PATIENCE = 300.0  # seconds after which a mutant that still runs counts as detected
 LIBRARIES = ("numba", "scipy.optimize", "scipy.linalg", "gymnasium", "torch", "stable_baselines3")
 """Libraries that tests import and mutants do not change."""
-_DISTURBED, _TICKS = ("disturbance_kernels.*", "*-pushed-*", "*-watched-*"), ("ticks.*",)
+_TICKS = ("ticks.*",)
+_DISTURBED = ("disturbance_kernels.*", "*-pushed-*", "*-watched-*", *_TICKS)
 WITHIN = {
     **dict.fromkeys(
         ("envs/checks", "envs/constraints", "gaits/forces", "gaits/terrain"), _DISTURBED
     ),
+    "envs/disturbance_kernels": _TICKS,
     "envs/starts": _TICKS,
-    "envs/task": _DISTURBED + _TICKS,
+    "envs/task": _DISTURBED,
     "envs/transitions": _TICKS,
 }
 """Patterns of compiled code, besides a file's own, that depends on the file."""
@@ -75,9 +77,9 @@ class Copy:
     def __init__(self, tree: Path) -> None:
         self.tree, self.cache, self.filled = tree, tree / "cache", tree / "filled"
         left = shutil.ignore_patterns("__pycache__", "_build", "jupyter_execute")
-        for name in (PACKAGE, *BESIDE, "tests", "benchmarks", "docs"):
+        for name in (PACKAGE, *BESIDE, "tests", "benchmarks", "docs", "passive-walker"):
             shutil.copytree(ROOT / name, tree / name, ignore=left)
-        for name in ("pyproject.toml", "train.py", "README.md"):
+        for name in ("pyproject.toml", "constraints.txt", "train.py", "README.md"):
             shutil.copy(ROOT / name, tree)
         # The cache's path depends on all sources. In a copy the path is fixed, and `notice` removes
         # the code that a change makes stale.

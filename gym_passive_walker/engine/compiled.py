@@ -19,7 +19,7 @@ from gym_passive_walker.engine.layout import (
     MOST_GUARDS,
     PAIR,
     WIDTH,
-    course_for,
+    history_for,
     layout_of,
     record_for,
     tile_for,
@@ -34,7 +34,7 @@ from gym_passive_walker.physics.numbers import sine_cosine
 from gym_passive_walker.physics.systems import SYSTEMS
 from gym_passive_walker.progress import compiling
 
-OF_LANE = ("load_constants", "load", "move", "unload", "look", "accept", "onto")
+OF_LANE = ("load_constants", "load", "move", "unload", "look", "accept", "predict_strike")
 OF_LANES = ("first", "sweep")
 
 PHASE = np.dtype(
@@ -49,7 +49,7 @@ PHASE = np.dtype(
         ("outcomes", "i8", (MOST_GUARDS,)),
         ("watch", "i8", (MOST_GUARDS,)),
         ("between", "i8", (MOST_GUARDS,)),  # number of checks within a step
-        # Rows of a `COURSE` with the conditions under which each guard counts: first row, number.
+        # Rows of a `HISTORY` with the conditions under which each guard counts: first row, number.
         ("first_where", "i8", (MOST_GUARDS,)),
         ("wheres", "i8", (MOST_GUARDS,)),
     ]
@@ -72,7 +72,7 @@ _STATES = (
     "body",
 )
 _TIMES = ("time", "end")
-_COURSES = ("before", "rate_before", "bend_before", "after", "rate_after", "bend_after")
+_HISTORY = ("before", "rate_before", "bend_before", "after", "rate_after", "bend_after")
 _RECORDS = ("state", "start", "ground", "control", "time", "knee_time", "knee_loss", "heel_loss")
 _RECORDS += ("step_length", "gravity_work", "spring_work", "friction_loss", "moved", "turned")
 _RECORDS += ("push_off", "push_work", "passed", "body")
@@ -111,7 +111,7 @@ def compiled(system: str, *, derived: bool = False) -> NDArray:
 
     Args:
         system: Name of the system.
-        derived: Whether to integrate derivatives too, in planes behind the values.
+        derived: Whether to integrate derivatives too, as tangents behind the values.
 
     Returns:
         The phases, shape (phases,) of PHASE.
@@ -161,7 +161,7 @@ def written(
         width: Number of lanes of a tile.
     """
     layout = layout_of(system)
-    record, course, tile = record_for(layout), course_for(layout), tile_for(pair, width, layout)
+    record, history, tile = record_for(layout), history_for(layout), tile_for(pair, width, layout)
     module, body = module or Module(), body_layout(system)
 
     def function(name: str, *layouts: np.dtype, active: tuple[str, ...]) -> Function:
@@ -173,12 +173,12 @@ def written(
         made.end()
 
     for i, phase in enumerate(system.phases):
-        told = system, phase, constants_used(system, phase), pair
-        one_lane, step = OneLane(*told), Step(*told)
-        others = (body, record, tile, record, course, course, course)
+        about = system, phase, constants_used(system, phase), pair
+        one_lane, step = OneLane(*about), Step(*about)
+        others = (body, record, tile, record, history, history, history)
         for name, other in zip(OF_LANE, others, strict=True):
             # The predicted time of an impact only decides where steps end: no derivative needed.
-            active = () if name == "onto" else (*_STATES, *_TIMES, *_RECORDS, *_COURSES)
+            active = () if name == "predict_strike" else (*_STATES, *_TIMES, *_RECORDS, *_HISTORY)
             once(f"{name}{i}", getattr(one_lane, name), tile, other, active=active)
         first = function(f"first{i}", tile, active=_STATES)
         first.over_lanes(step.first)

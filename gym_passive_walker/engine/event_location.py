@@ -5,9 +5,9 @@ through the step's last accelerations, if that is as accurate as the step. Other
 repeated from its start, with Newton's method on its *length*. A quintic through both ends of the
 step gives the initial guess.
 
-Events are the guards of a phase, numbered from 1 on. `course` holds the values and derivatives of
-guards at both ends of the step, as `one_lane.OneLane.look` writes them. Planes of derivatives are
-integrated with the values: derivatives of a step's length shift the end along the motion.
+Events are the guards of a phase, numbered from 1 on. `history` is the guard history: values
+and derivatives of guards at both ends of the step, as `one_lane.OneLane.look` writes them. Tangents
+are integrated with the values: derivatives of a step's length shift the end along the motion.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ _SCUFF = int(Watch.SCUFF)
 
 
 @inlined
-def go_on(tile, lane):
+def set_next_step(tile, lane):
     """Set the next step to the proposed length, or to the remaining time."""
     rest = tile.end[lane] - tile.time[lane]
     following = tile.next[lane]
@@ -89,14 +89,14 @@ def root(p):
 
 
 @inlined
-def path(course, i, h):
+def quintic(history, i, h):
     """Return the quintic that matches guard i's values and two derivatives at both ends of a step.
 
     Its variable is the fraction of the step, of length h.
     """
-    g0, v0, a0 = course.before[i], course.rate_before[i] * h, course.bend_before[i] * h * h
-    v1, a1 = course.rate_after[i] * h, course.bend_after[i] * h * h
-    rise = course.after[i] - g0 - v0 - 0.5 * a0
+    g0, v0, a0 = history.before[i], history.rate_before[i] * h, history.bend_before[i] * h * h
+    v1, a1 = history.rate_after[i] * h, history.bend_after[i] * h * h
+    rise = history.after[i] - g0 - v0 - 0.5 * a0
     turn = v1 - v0 - a0
     bend = a1 - a0
     return (
@@ -110,21 +110,21 @@ def path(course, i, h):
 
 
 @inlined
-def further(course, i, ahead):
+def extrapolated(history, i, ahead):
     """Extrapolate a guard by the time `ahead` beyond the step's end, to second order."""
-    return course.after[i] + ahead * (course.rate_after[i] + 0.5 * ahead * course.bend_after[i])
+    return history.after[i] + ahead * (history.rate_after[i] + 0.5 * ahead * history.bend_after[i])
 
 
 @jitted
-def counts(phase, course, i, h, x):
+def may_count(phase, history, i, h, x):
     """Return whether a guard's crossing may count at a fraction x of the step.
 
     Where a condition of the guard is near zero, the crossing may count; the state at the event
     decides. At the start of the step the conditions are known.
     """
     for k in range(phase.first_where[i], phase.first_where[i] + phase.wheres[i]):
-        before, after = course.before[k], course.after[k]
-        p = path(course, k, h)
+        before, after = history.before[k], history.after[k]
+        p = quintic(history, k, h)
         sway = abs(p[1]) + abs(p[2]) + abs(after - before)
         there = before if x < _BRINK else max(value(p, x) + _DOUBT * sway, after)
         if not there > 0.0:
@@ -133,56 +133,56 @@ def counts(phase, course, i, h, x):
 
 
 @jitted
-def fell(phase, course, i, h, scuff, ahead):
+def crossing(phase, history, i, h, scuff, ahead):
     """Return the fraction of the step at which a guard falls through zero and may count; or -1.
 
     A crossing up to the time `ahead` beyond the end is included, with the fraction 1.
     """
     if phase.watch[i] == _SCUFF and not scuff:
         return -1.0
-    if not (course.before[i] > 0.0 and further(course, i, ahead) <= 0.0):
+    if not (history.before[i] > 0.0 and extrapolated(history, i, ahead) <= 0.0):
         return -1.0
-    x = root(path(course, i, h)) if course.after[i] <= 0.0 else 1.0
-    return x if counts(phase, course, i, h, x) else -1.0
+    x = root(quintic(history, i, h)) if history.after[i] <= 0.0 else 1.0
+    return x if may_count(phase, history, i, h, x) else -1.0
 
 
 @jitted
-def turning(tile, phase, course, lane, k):
+def turning(tile, phase, history, lane, k):
     """Return the fraction of the step at which a control's coordinate reverses; or -1."""
     i = phase.guards + k
-    if course.rate_before[i] * course.rate_after[i] >= 0.0 or tile.control[k, lane] == 0.0:
+    if history.rate_before[i] * history.rate_after[i] >= 0.0 or tile.control[k, lane] == 0.0:
         return -1.0
-    return root(derivative(path(course, i, tile.h[lane])))
+    return root(derivative(quintic(history, i, tile.h[lane])))
 
 
 @jitted
-def between_turns(course, i, h):
+def between_turns(history, i, h):
     """Return the fraction of the step between two reversals of a coordinate; or -1 if not two.
 
     Split there, each part has one reversal. A coordinate that speeds up at the start or slows down
     at the end is skipped: its acceleration would need three sign changes in one step.
     """
-    before, after = course.rate_before[i], course.rate_after[i]
-    if before * course.bend_before[i] >= 0.0 or after * course.bend_after[i] <= 0.0:
+    before, after = history.rate_before[i], history.rate_after[i]
+    if before * history.bend_before[i] >= 0.0 or after * history.bend_after[i] <= 0.0:
         return -1.0
     if before * after < 0.0:
         return -1.0
-    rate = derivative(path(course, i, h))
+    rate = derivative(quintic(history, i, h))
     between = root(derivative(rate))
     turns = before * value(rate, between) < 0.0
     return between if turns and _BRINK < between < 1.0 - _BRINK else -1.0
 
 
 @jitted
-def hiding(course, i, h):
-    """Find an extremum of a guard so near zero that the guard may cross zero twice.
+def hidden_crossings(history, i, h):
+    """Find an extremum of a guard near zero, where the guard may cross zero twice.
 
     Returns:
         The fraction of the step; -1 if there is none, or the step starts or ends there already.
     """
-    if course.rate_before[i] * course.rate_after[i] >= 0.0:
+    if history.rate_before[i] * history.rate_after[i] >= 0.0:
         return -1.0
-    p = path(course, i, h)
+    p = quintic(history, i, h)
     fraction = root(derivative(p))
     extreme = value(p, fraction)
     span = max(abs(p[0] - extreme), abs(value(p, 1.0) - extreme))
@@ -191,12 +191,12 @@ def hiding(course, i, h):
 
 
 @jitted
-def again(course, i, h, between):
+def first_crossing(history, i, h, between):
     """Return the fraction of the step after a guard's first of several crossings; or -1.
 
     The guard is evaluated at `between` places within the step and at the end.
     """
-    p = path(course, i, h)
+    p = quintic(history, i, h)
     positive, passed, first = p[0] > 0.0, 0, -1.0
     for k in range(1, between + 2):
         x = k / (between + 1)
@@ -208,18 +208,18 @@ def again(course, i, h, between):
 
 
 @inlined
-def far(course, i, h):
+def out_of_reach(history, i, h):
     """Return whether a guard stays so far above zero that its quintic cannot reach zero."""
     sway = (
-        h * (abs(course.rate_before[i]) + abs(course.rate_after[i]))
-        + h * h * (abs(course.bend_before[i]) + abs(course.bend_after[i]))
-        + abs(course.after[i] - course.before[i])
+        h * (abs(history.rate_before[i]) + abs(history.rate_after[i]))
+        + h * h * (abs(history.bend_before[i]) + abs(history.bend_after[i]))
+        + abs(history.after[i] - history.before[i])
     )
-    return min(course.before[i], course.after[i]) > 2.0 * sway
+    return min(history.before[i], history.after[i]) > 2.0 * sway
 
 
 @jitted
-def earliest(phase, course, h, scuff, but):
+def earliest(phase, history, h, scuff, but):
     """Find the first event within a step, except the event `but` (0 for none).
 
     Returns:
@@ -228,31 +228,31 @@ def earliest(phase, course, h, scuff, but):
     """
     first, event = 2.0, 0
     for i in range(phase.guards):
-        if i + 1 == but or far(course, i, h):
+        if i + 1 == but or out_of_reach(history, i, h):
             continue
         fraction, found = -1.0, -1
         if phase.between[i] > 0:
-            fraction = again(course, i, h, phase.between[i])
+            fraction = first_crossing(history, i, h, phase.between[i])
         if fraction < 0.0:
-            fraction, found = fell(phase, course, i, h, scuff, 0.0), i + 1
+            fraction, found = crossing(phase, history, i, h, scuff, 0.0), i + 1
         if fraction < 0.0 and phase.watch[i] != _SCUFF:
-            fraction, found = hiding(course, i, h), -1
+            fraction, found = hidden_crossings(history, i, h), -1
         if 0.0 <= fraction < first:
             first, event = fraction, found
     return first, event
 
 
 @jitted
-def accept(tiles, courses, phase, lane, event, late):
+def accept(tiles, histories, phase, lane, event, late):
     """Take a step's end as the new start: moved by a time onto an event, or for 0.0 as it is."""
-    for k in range(len(courses[0].turning)):
-        courses[0].turning[k] = turning(tiles[0], phase, courses[0], lane, k)
-    here, course, planes = address(tiles), address(courses), len(tiles) - 1
-    call(phase.accept, here, course, lane, planes, event, late)
+    for k in range(len(histories[0].turning)):
+        histories[0].turning[k] = turning(tiles[0], phase, histories[0], lane, k)
+    here, history, tangents = address(tiles), address(histories), len(tiles) - 1
+    call(phase.accept, here, history, lane, tangents, event, late)
 
 
 @inlined
-def aim(tile, lane, event, fraction, high):
+def retry_at_event(tile, lane, event, fraction, high):
     """Repeat the step from its start, with the length of the first estimate of an event."""
     tile.event[lane] = event
     tile.low[lane], tile.high[lane] = 0.0, high
@@ -260,66 +260,66 @@ def aim(tile, lane, event, fraction, high):
 
 
 @jitted
-def rival(phase, course, event, h, scuff, ahead):
+def other_event(phase, history, event, h, scuff, ahead):
     """Return another event up to the time `ahead` beyond the step's end; 0 if there is none."""
     for i in range(phase.guards):
-        if i + 1 != event and fell(phase, course, i, h, scuff, ahead) >= 0.0:
+        if i + 1 != event and crossing(phase, history, i, h, scuff, ahead) >= 0.0:
             return i + 1
     return 0
 
 
 @inlined
-def look(tiles, courses, phase, lane):
-    """Evaluate the phase's guards at both ends of a lane's step, into the course."""
-    call(phase.look, address(tiles), address(courses), lane, len(tiles) - 1, 0.0, 0.0)
+def evaluate_guards(tiles, histories, phase, lane):
+    """Evaluate the phase's guards at both ends of a lane's step, into the guard history."""
+    call(phase.look, address(tiles), address(histories), lane, len(tiles) - 1, 0.0, 0.0)
 
 
 @inlined
-def expect(tiles, courses, phase, lane, options):
-    """Predict the time of the impact after a step's end, into the course."""
-    call(phase.onto, address(tiles), address(courses), lane, 0, options.tolerance, 0.0)
+def predict_impact(tiles, histories, phase, lane, options):
+    """Predict the time of the impact after a step's end, into the guard history."""
+    call(phase.predict_strike, address(tiles), address(histories), lane, 0, options.tolerance, 0.0)
 
 
 @inlined
-def correction_to(course, event, strike, h, options):
+def correction_to(history, event, strike, h, options):
     """Return the time from the step's end to an event.
 
     Also returns the guard's rate at the end, and whether the end may be moved by that time.
     """
-    g, speed = course.after[event - 1], course.rate_after[event - 1]
+    g, speed = history.after[event - 1], history.rate_after[event - 1]
     late, close = -g / speed if speed != 0.0 else 0.0, False
-    if event == strike and abs(course.late) <= NEAR * h:
-        late, close = course.late, course.doubt <= options.doubt
+    if event == strike and abs(history.late) <= NEAR * h:
+        late, close = history.late, history.doubt <= options.doubt
     return late, speed, close or abs(late) <= options.landing * max(h, 1e-3)
 
 
 @inlined
-def landed(tile, course, lane, event):
+def accepted_event(tile, history, lane, event):
     """Return the event that a step has ended on; 0, with a next step, if it does not count."""
-    if course.counted > 0.0:
+    if history.counted > 0.0:
         return event
-    go_on(tile, lane)
+    set_next_step(tile, lane)
     return 0
 
 
 @jitted
-def land(tiles, courses, phase, lane, options):
+def approach_event(tiles, histories, phase, lane, options):
     """Take one Newton step on the length of the step that ends on the lane's event.
 
     Returns:
         The event, if the step ends on it; 0 to try again.
     """
-    tile, course, scuff = tiles[0], courses[0], options.scuff
+    tile, history, scuff = tiles[0], histories[0], options.scuff
     event = int(tile.event[lane])
     h, low, high = tile.h[lane], tile.low[lane], tile.high[lane]
-    g = course.after[event - 1]
+    g = history.after[event - 1]
     if g > 0.0:
         low = h
     else:
         high = h
     if event == phase.strike:
-        expect(tiles, courses, phase, lane, options)
-    correction, speed, close = correction_to(course, event, phase.strike, h, options)
+        predict_impact(tiles, histories, phase, lane, options)
+    correction, speed, close = correction_to(history, event, phase.strike, h, options)
     narrow = high - low <= 4e-16 * high
     # Where the guard rises or touches zero, Newton's method finds the wrong root or none.
     inside = speed < 0.0 and (low <= h + correction <= high or close)
@@ -328,52 +328,54 @@ def land(tiles, courses, phase, lane, options):
     if close or narrow:
         if narrow and not close:
             correction = 0.0  # the slope here may be too small to divide by
-        other = rival(phase, course, event, h, scuff, correction)
+        other = other_event(phase, history, event, h, scuff, correction)
     in_doubt = other != 0 and abs(g) > _TOGETHER and not narrow
     if not (close or narrow) or in_doubt:
         tile.low[lane], tile.high[lane] = low, high
         tile.h[lane] = h + correction if inside else 0.5 * (low + high)
         return 0
-    if other != 0 and further(course, other - 1, 0.0) < -_TOGETHER:
-        aim(tile, lane, other, root(path(course, other - 1, h)), h)
+    if other != 0 and extrapolated(history, other - 1, 0.0) < -_TOGETHER:
+        retry_at_event(tile, lane, other, root(quintic(history, other - 1, h)), h)
         return 0
-    accept(tiles, courses, phase, lane, float(event if close else -event), correction)
-    return landed(tile, course, lane, event)
+    accept(tiles, histories, phase, lane, float(event if close else -event), correction)
+    return accepted_event(tile, history, lane, event)
 
 
 @jitted
-def strike(tiles, courses, phase, lane, options):
+def move_to_impact(tiles, histories, phase, lane, options):
     """Move the end of a step onto the impact if it is near enough; return whether it was moved."""
-    tile, course = tiles[0], courses[0]
-    expect(tiles, courses, phase, lane, options)
-    late, speed, close = correction_to(course, phase.strike, phase.strike, tile.h[lane], options)
-    if not (close and speed < 0.0 and course.comes > 0.0 and course.before[phase.strike - 1] > 0.0):
+    tile, history = tiles[0], histories[0]
+    predict_impact(tiles, histories, phase, lane, options)
+    late, speed, close = correction_to(history, phase.strike, phase.strike, tile.h[lane], options)
+    if not (
+        close and speed < 0.0 and history.comes > 0.0 and history.before[phase.strike - 1] > 0.0
+    ):
         return False
     if tile.time[lane] + tile.h[lane] + late > tile.end[lane]:
         return False
-    if rival(phase, course, phase.strike, tile.h[lane], options.scuff, late):
+    if other_event(phase, history, phase.strike, tile.h[lane], options.scuff, late):
         return False
-    accept(tiles, courses, phase, lane, float(phase.strike), late)
+    accept(tiles, histories, phase, lane, float(phase.strike), late)
     return True
 
 
 @jitted
-def process_events(tiles, courses, phase, lane, options):
+def process_events(tiles, histories, phase, lane, options):
     """Process one lane after its step: reject or shorten the step, locate an event, or accept it.
 
     Returns:
         The event that ends the phase; TIME_UP, LOST or GIVEN_UP; 0 to go on.
     """
-    tile, course, scuff = tiles[0], courses[0], options.scuff
+    tile, history, scuff = tiles[0], histories[0], options.scuff
     h, error = tile.h[lane], tile.error[lane]
     if not h * 0.0 == 0.0:
         return LOST
     if tile.steps[lane] > MOST_STEPS:
         return GIVEN_UP
-    look(tiles, courses, phase, lane)
+    evaluate_guards(tiles, histories, phase, lane)
     aimed = tile.event[lane] != 0.0
     if aimed and error <= 1.0:
-        return land(tiles, courses, phase, lane, options)
+        return approach_event(tiles, histories, phase, lane, options)
 
     if not error <= 1.0:
         tile.event[lane] = 0.0  # the event of a rejected step is not reliable
@@ -382,45 +384,45 @@ def process_events(tiles, courses, phase, lane, options):
         tile.h[lane] = h * shorter
         # A step less than twice too long still shows where an event shortens the next one.
         if shorter > 0.5 * SAFETY and not aimed:
-            first, event = earliest(phase, course, h, scuff, 0)
+            first, event = earliest(phase, history, h, scuff, 0)
             if event > 0 and first < 0.8 * shorter:
-                aim(tile, lane, event, first, h)
+                retry_at_event(tile, lane, event, first, h)
         if h < 1e-13:
             return GIVEN_UP if error * 0.0 == 0.0 else LOST
         return 0
 
     for k in range(
-        len(courses[0].turning)
+        len(histories[0].turning)
     ):  # end a step where a control turns back, so that its work is exact
-        turned = turning(tile, phase, course, lane, k)
+        turned = turning(tile, phase, history, lane, k)
         if not 0.02 < turned < 0.98 and tile.control[k, lane] != 0.0:
-            turned = between_turns(course, phase.guards + k, h)
+            turned = between_turns(history, phase.guards + k, h)
         if turned > 0.0:
             tile.next[lane] = h
             tile.h[lane] = turned * h
             return 0
     i = max(phase.strike - 1, 0)
-    near = abs(course.after[i]) <= 2.0 * NEAR * h * abs(course.rate_after[i])
+    near = abs(history.after[i]) <= 2.0 * NEAR * h * abs(history.rate_after[i])
     near = near and phase.strike > 0
-    if near and earliest(phase, course, h, scuff, phase.strike)[1] == 0:
-        if strike(tiles, courses, phase, lane, options):
-            return landed(tile, course, lane, phase.strike)
-    first, event = earliest(phase, course, h, scuff, 0)
+    if near and earliest(phase, history, h, scuff, phase.strike)[1] == 0:
+        if move_to_impact(tiles, histories, phase, lane, options):
+            return accepted_event(tile, history, lane, phase.strike)
+    first, event = earliest(phase, history, h, scuff, 0)
     if event < 0:  # end the step between two possible roots
         tile.next[lane] = h
         tile.h[lane] = first * h
         return 0
     if event > 0:
         tile.next[lane] = h
-        aim(tile, lane, event, first, h)
+        retry_at_event(tile, lane, event, first, h)
         return 0
     following = min(h * tile.growth[lane], LONGEST_STEP)
     if following > tile.next[lane] or tile.growth[lane] < MUCH:
         tile.next[lane] = following
-    accept(tiles, courses, phase, lane, 0.0, 0.0)
+    accept(tiles, histories, phase, lane, 0.0, 0.0)
     if tile.time[lane] >= tile.end[lane] * (1.0 - 1e-15):
         return TIME_UP
-    go_on(tile, lane)
+    set_next_step(tile, lane)
     if 0.0 < tile.ahead[lane] < STRETCH * tile.h[lane]:
         tile.h[lane] = min(tile.ahead[lane], tile.end[lane] - tile.time[lane])
     return 0

@@ -76,8 +76,8 @@ class _Kept(NullCache):
         self._made_by = sys.implementation.cache_tag, numba.__version__, source.read_bytes()
 
     def _name(self, signature: Any, codegen: Any) -> str:
-        told = repr((self._made_by, signature, codegen.magic_tuple()))
-        return f"{self._function}-{hashlib.sha256(told.encode()).hexdigest()[:16]}.nb"
+        key = repr((self._made_by, signature, codegen.magic_tuple()))
+        return f"{self._function}-{hashlib.sha256(key.encode()).hexdigest()[:16]}.nb"
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Load the compiled function for arguments of these types, if it is cached."""
@@ -123,7 +123,7 @@ def _(kernel: Kernel, _: Any) -> types.Dispatcher:
 
 
 @intrinsic
-def _call(typing_context, function, first, second, lane, planes, x, y):  # type: ignore[no-untyped-def]
+def _call(typing_context, function, first, second, lane, tangents, x, y):  # type: ignore[no-untyped-def]
     """Call native code by its address; see `native.Function` for its arguments."""
 
     def code(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
@@ -195,7 +195,7 @@ def _uniform(typing_context, generator):  # type: ignore[no-untyped-def]
 
 
 # In compiled code: address(array), view(address, shape, dtype), fma(a, b, c),
-# uniform(generator), call(function, first, second, lane, planes, x, y).
+# uniform(generator), call(function, first, second, lane, tangents, x, y).
 call: Any = _call
 fma: Any = _fma
 address: Any = _address

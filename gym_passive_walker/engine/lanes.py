@@ -26,7 +26,7 @@ not change."""
 
 
 @inlined
-def came(tiles, courses, phase, lane, options):
+def finish_sweep(tiles, histories, phase, lane, options):
     """Return the result of a lane's step, as `event_location.process_events` does.
 
     Returns:
@@ -34,15 +34,15 @@ def came(tiles, courses, phase, lane, options):
     """
     verdict = tiles[0].verdict[lane]
     if verdict == ALERT:
-        return process_events(tiles, courses, phase, lane, options)
+        return process_events(tiles, histories, phase, lane, options)
     return TIME_UP if verdict == UP else 0
 
 
 @inlined
 def leave(record, body, tiles, phase, lane, event, options):
     """Write a walker from its lane to its record, and apply the impact that ended its phase."""
-    planes, up = len(tiles) - 1, 1.0 if event == TIME_UP else 0.0
-    call(phase.unload, address(tiles), address(record), lane, planes, up, 0.0)
+    tangents, up = len(tiles) - 1, 1.0 if event == TIME_UP else 0.0
+    call(phase.unload, address(tiles), address(record), lane, tangents, up, 0.0)
     if event == TIME_UP:
         return
     if event > 0:
@@ -52,11 +52,11 @@ def leave(record, body, tiles, phase, lane, event, options):
     record[0].outcome = outcome
     if outcome < _FALLS:
         scuff = float(options.scuff)
-        call(phase.resets[outcome], address(record), address(body), 0, planes, 0.0, scuff)
+        call(phase.resets[outcome], address(record), address(body), 0, tangents, 0.0, scuff)
 
 
 @jitted
-def carry(records, bodies, phase, number, tiles, courses, options):
+def integrate_phase(records, bodies, phase, number, tiles, histories, options):
     """Integrate every record that waits in a phase to its event or its time limit, in place.
 
     Records with an outcome other than RUNNING are not changed. An event sets the outcome; at the
@@ -64,26 +64,26 @@ def carry(records, bodies, phase, number, tiles, courses, options):
     another phase.
 
     Args:
-        records: Records, (n, planes) of RECORD.
-        bodies: Constants of the walkers, (1 or n, planes, constants).
+        records: Records, (n, 1 + tangents) of RECORD.
+        bodies: Constants of the walkers, (1 or n, 1 + tangents, constants).
         phase: A `compiled.PHASE`.
         number: Index of the phase in its system.
-        tiles: Working memory, (planes,) of TILE.
-        courses: Working memory, (planes,) of COURSE.
+        tiles: Working memory, (1 + tangents,) of TILE.
+        histories: Working memory, (1 + tangents,) of HISTORY.
         options: An `OPTIONS`.
     """
     owner, queue, waiting = np.empty(WIDTH, np.int64), np.empty(len(records), np.int64), 0
     for i in range(len(records)):  # without a branch, which would be mispredicted
         queue[waiting] = i
         waiting += (records[i, 0].phase == number) & (records[i, 0].outcome == WAITING)
-    origin, planes, alike = address(tiles), len(tiles) - 1, len(bodies) == 1
+    origin, tangents, alike = address(tiles), len(tiles) - 1, len(bodies) == 1
     called, used, going, equipped, fresh = 0, 0, 0, 0, False
     scuff = float(options.scuff)
     while True:
         for lane in range(used):
             if tiles[0].verdict[lane] == PLAIN or owner[lane] < 0:
                 continue
-            event = came(tiles, courses, phase, lane, options)
+            event = finish_sweep(tiles, histories, phase, lane, options)
             if event != 0:
                 i = owner[lane]
                 body = bodies[0 if alike else i]
@@ -97,10 +97,10 @@ def carry(records, bodies, phase, number, tiles, courses, options):
                 i = queue[called]
                 if not alike or lane >= equipped:
                     body = address(bodies[0 if alike else i])
-                    call(phase.load_constants, origin, body, lane, planes, 0.0, 0.0)
+                    call(phase.load_constants, origin, body, lane, tangents, 0.0, 0.0)
                     equipped = max(equipped, lane + 1)
                 whole = address(records[i])
-                call(phase.load, origin, whole, lane, planes, options.first_step, 0.0)
+                call(phase.load, origin, whole, lane, tangents, options.first_step, 0.0)
                 owner[lane], fresh = i, True
                 used = max(used, lane + 1)
                 called += 1
@@ -118,11 +118,11 @@ def carry(records, bodies, phase, number, tiles, courses, options):
             while owner[lane] >= 0:
                 lane += 1
             source = origin + 8 * used
-            call(phase.move, origin + 8 * lane, source, 0, planes, 0.0, 0.0)
+            call(phase.move, origin + 8 * lane, source, 0, tangents, 0.0, 0.0)
             owner[lane] = owner[used]
         for group in range(groups):  # idle lanes compute too; their results are ignored
             here = origin + _LINE * group
             if fresh:
-                call(phase.first, here, phase.table, 0, planes, 0.0, 0.0)
-            call(phase.sweep, here, phase.table, 0, planes, options.fineness, scuff)
+                call(phase.first, here, phase.table, 0, tangents, 0.0, 0.0)
+            call(phase.sweep, here, phase.table, 0, tangents, options.fineness, scuff)
         fresh = False

@@ -38,9 +38,9 @@ class Layout(NamedTuple):
     """The room that records and tiles have for a system.
 
     Attributes:
-        links: Coordinates of a state; a state is the coordinates, then their rates.
-        controls: Controls.
-        rows: Rows of a course: guards, what controls move, and what guards count by.
+        links: Number of coordinates; a state has the coordinates, then their rates.
+        controls: Number of controls.
+        rows: Rows of a guard history: guards, coordinates of controls, and conditions of guards.
     """
 
     links: int
@@ -49,14 +49,14 @@ class Layout(NamedTuple):
 
 
 NARROW = Layout(len(State._fields) // 2, len(Control._fields), MOST_GUARDS)
-"""For walkers of two legs, and for systems that need no more room."""
+"""Layout of walkers with two legs, and of systems that need no more room."""
 
 WIDE = Layout(8, 8, MOST_GUARDS + 8)
-"""For all others."""
+"""Layout of all other systems."""
 
 
 def layout_of(system: System) -> Layout:
-    """The smaller layout that has room for a system."""
+    """Return the smallest layout with room for a system."""
     needed = len(system.State._fields) // 2, len(system.Control._fields)  # type: ignore[attr-defined]
     return NARROW if needed[0] <= NARROW.links and needed[1] <= NARROW.controls else WIDE
 
@@ -147,34 +147,34 @@ TILE = tile_for(PAIR)
 
 
 @cache
-def course_for(layout: Layout) -> np.dtype:
-    """The layout of a course: how guards run over a step."""
+def history_for(layout: Layout) -> np.dtype:
+    """Return the layout of a guard history: guards and their rates at both ends of a step."""
     rows = (layout.rows,)
     return np.dtype([
-        # Of each guard, of what each control moves, of what guards count by: at a step's ends.
+        # Guards, coordinates of controls and conditions of guards, at both ends of a step.
         ("before", "f8", rows),
         ("rate_before", "f8", rows),
         ("bend_before", "f8", rows),
         ("after", "f8", rows),
         ("rate_after", "f8", rows),
         ("bend_after", "f8", rows),
-        # Where in the step what each control moves turns back: a fraction, or -1.
+        # Fraction of the step at which the coordinate of a control reverses; or -1.
         ("turning", "f8", (layout.controls,)),
-        # Of the strike, along the motion beyond the step's end: when it comes, whether it counts
-        # there, and the error of what is beyond the end so far, over the tolerance.
+        # Predicted strike: time after the end of the step, whether it counts, and the error of the
+        # prediction over the tolerance.
         ("late", "f8"),
         ("comes", "f8"),
         ("doubt", "f8"),
-        ("counted", "f8"),  # whether the event counts in the state that the step has ended in
+        ("counted", "f8"),  # whether the event counts in the state at the end of the step
     ])  # fmt: skip
 
 
-COURSE = course_for(NARROW)
+HISTORY = history_for(NARROW)
 
 
-def aligned(layout: np.dtype, planes: int) -> NDArray:
-    """Return zeros of a layout, (planes,), aligned to cache lines of 64 bytes."""
-    size = layout.itemsize * planes
+def aligned(layout: np.dtype, count: int) -> NDArray:
+    """Return zeros of a layout, (count,), aligned to cache lines of 64 bytes."""
+    size = layout.itemsize * count
     buffer = np.zeros(size + 64, np.uint8)
     start = -buffer.ctypes.data % 64
     return buffer[start : start + size].view(layout)

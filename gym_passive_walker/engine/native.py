@@ -18,7 +18,7 @@ from gym_passive_walker.engine.expressions import Expression, Tangents, operands
 GROUP = 8
 """Lanes of a vector: one of 512 bits, or two of 256."""
 
-_PARAMETERS = "i64 %first, i64 %second, i64 %lane, i64 %planes, double %x, double %y"
+_PARAMETERS = "i64 %first, i64 %second, i64 %lane, i64 %tangents, double %x, double %y"
 _NUMBERS = ("%x", "%y")
 _COMPARED = {"<": "olt", "<=": "ole", ">": "ogt", ">=": "oge"}
 _ARITHMETIC = {"mul": "fmul", "div": "fdiv", "add": "fadd", "sub": "fsub"}
@@ -110,15 +110,16 @@ Code = Callable[..., None]
 class Function:
     """A native function under construction: a sequence of straight-line codes.
 
-    Its arguments are two addresses, a lane, the number of planes behind the values, and two
+    Its arguments are two addresses, a lane, the number of tangents behind the values, and two
     numbers.
 
     Args:
         module: Module of the function.
         name: Name of the function.
         layouts: Layouts of the memory at its addresses.
-        active: Names of the fields that have derivatives, in planes of the same layout behind the
-            values. Values are computed once, derivatives in a loop over the planes.
+        active: Names of the fields that have derivatives. Each tangent has the layout of the
+            values, and lies behind them. Values are computed once, derivatives in a loop over
+            the tangents.
     """
 
     def __init__(
@@ -178,7 +179,7 @@ class Function:
                 changes[base, name, index, 1] = x.number(0.0) if change is None else change
         emit = self._emitter(uses(values.values()), vector=vector, lane=lane)
         results = {place: emit(x) for place, x in values.items()}
-        loop = self._over_planes(emit, changes) if changes else []
+        loop = self._over_tangents(emit, changes) if changes else []
         for place, result in results.items():
             emit.store(place, result)
         self.lines += loop
@@ -187,7 +188,7 @@ class Function:
         """Return an emitter for the instructions of one code."""
         return Emitter(self, uses, vector=vector, lane=lane)
 
-    def _over_planes(self, emit: Emitter, changes: dict[tuple, Expression]) -> list[str]:
+    def _over_tangents(self, emit: Emitter, changes: dict[tuple, Expression]) -> list[str]:
         """Return the loop that writes derivatives; invariant expressions are computed before it."""
         block, self.block = self.block, self.block + 1
         number = self.block
@@ -200,7 +201,7 @@ class Function:
             )
         ]
         lines, self.lines = self.lines, []
-        emit.enter_planes(lines, number, uses(changes.values()))
+        emit.enter_tangents(lines, number, uses(changes.values()))
         results = {place: emit(x) for place, x in changes.items()}
         for place, result in results.items():
             emit.store(place, result)
@@ -212,7 +213,7 @@ class Function:
             *addresses,
             *body,
             f"%n{number} = add i64 %k{number}, 1",
-            f"%m{number} = icmp sle i64 %n{number}, %planes",
+            f"%m{number} = icmp sle i64 %n{number}, %tangents",
             f"br i1 %m{number}, label %loop{number}, label %b{number}",
             f"b{number}:",
         ]
@@ -244,35 +245,35 @@ class Emitter:
             for kind in ("double", "i1", "i64")
         )
         self.done: dict[Expression, str] = {}
-        self.before_planes: list[str] | None = None
-        self.plane = 0
+        self.before_tangents: list[str] | None = None
+        self.tangent = 0
         self.varying: dict[Expression, bool] = {}
 
-    def enter_planes(self, before: list[str], plane: int, uses: Counter[Expression]) -> None:
-        """Begin a loop over planes; further instructions belong to the loop.
+    def enter_tangents(self, before: list[str], tangent: int, uses: Counter[Expression]) -> None:
+        """Begin a loop over tangents; further instructions belong to the loop.
 
         Args:
             before: Instructions before the loop; invariant expressions are appended here.
-            plane: Number in the names of the loop's addresses.
+            tangent: Number in the names of the loop's addresses.
             uses: Number of uses of each expression in the loop.
         """
-        self.before_planes, self.plane, self.uses = before, plane, uses
+        self.before_tangents, self.tangent, self.uses = before, tangent, uses
 
     def __call__(self, x: Expression) -> str:
         """Return the name of an expression's value; emit its instructions if necessary."""
         if x.op == "constant":
             return self._constant(x.args[0])
         if x not in self.done:
-            if self.before_planes is None or self._varies(x):
+            if self.before_tangents is None or self._varies(x):
                 self.done[x] = self._of(x)
             else:
-                inside, self.owner.lines = self.owner.lines, self.before_planes
+                inside, self.owner.lines = self.owner.lines, self.before_tangents
                 self.done[x] = self._of(x)
                 self.owner.lines = inside
         return self.done[x]
 
     def _varies(self, x: Expression) -> bool:
-        """Return whether an expression depends on the plane."""
+        """Return whether an expression depends on the direction of the derivative."""
         if x not in self.varying:
             varies = x.args[3] > 0 if x.op == "read" else any(map(self._varies, operands(x)))
             self.varying[x] = varies
@@ -399,12 +400,12 @@ class Emitter:
 
     def _address(self, place: tuple) -> tuple[str, bool]:
         """Return the address of an entry, and whether the entry is an integer."""
-        base, name, index, plane = place
+        base, name, index, tangent = place
         layouts = self.owner.layouts
         field, offset = layouts[base].fields[name][:2]  # type: ignore[index]
         of_tile = self.vector or (self.lane and layouts[base] == layouts[0])
         offset += 8 * (field.shape[-1] if of_tile else 1) * index
-        origin = f"%p{base}_{self.plane}" if plane else f"%p{base}"
+        origin = f"%p{base}_{self.tangent}" if tangent else f"%p{base}"
         address = self.owner.new(f"getelementptr i8, ptr {origin}, i64 {offset}")
         if of_tile and self.lane:
             address = self.owner.new(f"getelementptr i8, ptr {address}, i64 %shift")

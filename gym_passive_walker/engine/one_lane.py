@@ -95,7 +95,7 @@ class OneLane(Equations):
         record["time"] = choose(up, tile["end"], tile["time"])
         record["step"], record["steps"] = tile["next"], record["steps"] + tile["steps"]
 
-    def accept(self, tile: Memory, course: Memory) -> None:
+    def accept(self, tile: Memory, history: Memory) -> None:
         """Accept a step: its end becomes the next start.
 
         The first argument is the event that ends the step, from 1 on, or 0. The end moves onto the
@@ -123,15 +123,15 @@ class OneLane(Equations):
         for i, guard in reversed(list(enumerate(self.phase.guards))):
             counts = self._counts(guard, tile, end)
             counted = choose(number < i + 1.5, counts, counted)
-        course["counted"] = counted
+        history["counted"] = counted
         for link in self.links:
             tile["angle", link], tile["rate", link] = end[link], end[n + link]
             tile["stage", 0, link] = bends[link]
         for k in self.controls:
             i = len(self.phase.guards) + k
             before, after = self._moved(k, start), self._moved(k, end)
-            fraction = course["turning", k]
-            middle = choose(fraction < 0.0, before, quintic(course, i, tile["h"], fraction))
+            fraction = history["turning", k]
+            middle = choose(fraction < 0.0, before, quintic(history, i, tile["h"], fraction))
             tile["moved", k] = tile["moved", k] + (after - before)
             tile["turned", k] = tile["turned", k] + (abs(middle - before) + abs(after - middle))
         if self.dissipates:
@@ -161,7 +161,7 @@ class OneLane(Equations):
             bends.append(polynomial(powers, x))
         return self.as_state(angles, rates), bends
 
-    def onto(self, tile: Memory, course: Memory) -> None:
+    def predict_strike(self, tile: Memory, history: Memory) -> None:
         """Predict the time of the phase's impact, from a step's end, and the error of `beyond`.
 
         The first argument is the tolerance.
@@ -189,11 +189,11 @@ class OneLane(Equations):
             [end[n + k] + late * bends[k] for k in self.links],
         )
         falls = (rate < 0.0) & (square > 0.25 * (rate * rate))  # crosses, not only touches
-        course["late"] = late
-        course["comes"] = choose(falls, self._counts(guard, tile, there), 0.0)
-        course["doubt"] = error / (tile.argument(0) * scale + 1e-290)
+        history["late"] = late
+        history["comes"] = choose(falls, self._counts(guard, tile, there), 0.0)
+        history["doubt"] = error / (tile.argument(0) * scale + 1e-290)
 
-    def look(self, tile: Memory, course: Memory) -> None:
+    def look(self, tile: Memory, history: Memory) -> None:
         """Evaluate guards, their conditions and the controls' coordinates at a step's two ends."""
         guards = len(self.phase.guards)
         functions: dict[int, Callable[[State], Expression]] = {
@@ -209,8 +209,8 @@ class OneLane(Equations):
             bends = self.bends(tile, stage)
             for i, function in functions.items():
                 value, rate, bend = self.along(function, state, bends)
-                course[when, i], course[f"rate_{when}", i] = value, rate
-                course[f"bend_{when}", i] = bend
+                history[when, i], history[f"rate_{when}", i] = value, rate
+                history[f"bend_{when}", i] = bend
 
     def _counts(self, guard: Guard, tile: Memory, state: State) -> Expression:
         """Return whether a guard's crossing counts in a state: 1 or 0."""
@@ -221,16 +221,20 @@ class OneLane(Equations):
 
 
 def first_where(system: System, phase: Phase, number: int) -> int:
-    """The row of a `COURSE` in which stands what a guard counts by, the first of it."""
+    """The row of a `HISTORY` in which stands what a guard counts by, the first of it."""
     sooner = sum(len(guard.where) for guard in phase.guards[:number])
     return len(phase.guards) + len(system.Control._fields) + sooner  # type: ignore[attr-defined]
 
 
-def quintic(course: Memory, i: int, h: Expression, x: Expression) -> Expression:
-    """Evaluate the quintic of row i of a course at the fraction x of a step of length h."""
-    g0, v0, a0 = course["before", i], course["rate_before", i] * h, course["bend_before", i] * h * h
-    v1, a1 = course["rate_after", i] * h, course["bend_after", i] * h * h
-    rise, turn, bend = course["after", i] - g0 - v0 - 0.5 * a0, v1 - v0 - a0, a1 - a0
+def quintic(history: Memory, i: int, h: Expression, x: Expression) -> Expression:
+    """Evaluate the quintic of row i of a history at the fraction x of a step of length h."""
+    g0, v0, a0 = (
+        history["before", i],
+        history["rate_before", i] * h,
+        history["bend_before", i] * h * h,
+    )
+    v1, a1 = history["rate_after", i] * h, history["bend_after", i] * h * h
+    rise, turn, bend = history["after", i] - g0 - v0 - 0.5 * a0, v1 - v0 - a0, a1 - a0
     cubic = 10.0 * rise - 4.0 * turn + 0.5 * bend
     high = -15.0 * rise + 7.0 * turn - bend + x * (6.0 * rise - 3.0 * turn + 0.5 * bend)
     return g0 + x * (v0 + x * (0.5 * a0 + x * (cubic + x * high)))

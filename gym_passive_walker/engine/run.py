@@ -1,6 +1,6 @@
 """Integration of batches of records through strides and control steps.
 
-`advance` is the entry point for analyses. Environments compose `carry_on` with their own kernels.
+`advance` is the entry point for analyses. Environments compose `integrate` with their own kernels.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.engine.compiled import compiled
 from gym_passive_walker.engine.jit import Kernel, address, call
-from gym_passive_walker.engine.lanes import RESTING, carry
+from gym_passive_walker.engine.lanes import RESTING, integrate_phase
 from gym_passive_walker.engine.layout import (
     NARROW,
     PAIR,
     WIDE,
     Layout,
     aligned,
-    course_for,
+    history_for,
     layout_in,
     record_for,
     tile_for,
@@ -50,24 +50,24 @@ OPTIONS = np.dtype(
 LONGEST_STRIDE = 100.0
 """Time in sqrt(l/g) after which a stride without heelstrike is STALLED; a usual stride takes 3."""
 
-_DESKS = threading.local()
+_WORKSPACES = threading.local()
 _CHUNK = 1024  # records integrated together, so that they stay in the cache
 _WORTH_A_THREAD = 1024  # records below which a second thread costs more than it saves
 
 
 @Kernel
-def carry_on(records, bodies, phases, options, tiles, courses):
+def integrate(records, bodies, phases, options, tiles, histories):
     """Integrate records that are not RESTING to heelstrike, a fall, or their time limit, in place.
 
     Args:
-        records: Records, (n, planes) of RECORD.
-        bodies: Constants of the walkers, (1 or n, planes, constants).
-        phases: Phases from `compiled.compiled`, with derivatives if there is more than one plane.
+        records: Records, (n, 1 + tangents) of RECORD.
+        bodies: Constants of the walkers, (1 or n, 1 + tangents, constants).
+        phases: Phases from `compiled.compiled`, with derivatives if there are tangents.
         options: Options from `options`, (1,).
-        tiles: Working memory from `workspace`, (planes,) of TILE.
-        courses: Working memory from `workspace`, (planes,) of COURSE.
+        tiles: Working memory from `workspace`, (1 + tangents,) of TILE.
+        histories: Working memory from `workspace`, (1 + tangents,) of HISTORY.
     """
-    told, planes = options[0], len(tiles) - 1
+    chosen, tangents = options[0], len(tiles) - 1
     for first in range(0, len(records), _CHUNK):
         chunk = records[first : first + _CHUNK]
         own = bodies[first : first + _CHUNK] if len(bodies) > 1 else bodies
@@ -76,12 +76,12 @@ def carry_on(records, bodies, phases, options, tiles, courses):
                 continue
             record, body = address(chunk[i]), address(own[i if len(own) > 1 else 0])
             # A walker that begins beyond a bound of its phase has fallen.
-            if told.from_section:
-                call(phases[0].begin, record, body, 0, planes, 0.0, 0.0)
+            if chosen.from_section:
+                call(phases[0].begin, record, body, 0, tangents, 0.0, 0.0)
             else:
-                call(phases[chunk[i, 0].phase].open, record, body, 0, planes, 0.0, 0.0)
+                call(phases[chunk[i, 0].phase].open, record, body, 0, tangents, 0.0, 0.0)
         for number in range(len(phases)):
-            carry(chunk, own, phases[number], number, tiles, courses, told)
+            integrate_phase(chunk, own, phases[number], number, tiles, histories, chosen)
 
 
 class Seeds(NamedTuple):
@@ -112,10 +112,10 @@ def new_records(
     slope_change: ArrayLike = 0.0,
     end: ArrayLike = LONGEST_STRIDE,
     seeds: Seeds | None = None,
-    planes: int = 0,
+    tangents: int = 0,
     layout: Layout = NARROW,
 ) -> NDArray:
-    """Return records of walkers on the Poincaré section, (n, planes + 1) of RECORD.
+    """Return records of walkers on the Poincaré section, (n, 1 + tangents) of RECORD.
 
     All quantities are dimensionless.
 
@@ -128,10 +128,10 @@ def new_records(
         slope_change: By how much it slopes more steeply, one for all or (n,).
         end: When to stop, one for all or (n,).
         seeds: Directions of derivatives.
-        planes: How many there are.
+        tangents: Number of directions of derivatives.
         layout: The room of the walkers' system, from `layout_of`.
     """
-    records = np.zeros((len(states), planes + 1), record_for(layout))
+    records = np.zeros((len(states), tangents + 1), record_for(layout))
     values = records[:, 0]
     put_states(values, states)
     values["ground"][:, 0], values["ground"][:, 1] = np.sin(slopes), np.cos(slopes)
@@ -175,28 +175,28 @@ def states_in(records: NDArray, coordinates: int) -> NDArray[np.float64]:
     return np.concatenate(parts, axis=-1)
 
 
-def workspace(planes: int = 0, layout: Layout = NARROW) -> tuple[NDArray, NDArray]:
-    """A tile and a course, to be used by one thread at a time."""
-    tile = aligned(tile_for(PAIR, layout=layout), planes + 1)
-    return tile, np.zeros(planes + 1, course_for(layout))
+def workspace(tangents: int = 0, layout: Layout = NARROW) -> tuple[NDArray, NDArray]:
+    """Return a tile and a guard history, each (1 + tangents,), for one thread at a time."""
+    tile = aligned(tile_for(PAIR, layout=layout), tangents + 1)
+    return tile, np.zeros(tangents + 1, history_for(layout))
 
 
-def _desk(planes: int, layout: Layout) -> tuple[NDArray, NDArray]:
-    """The workspace of this thread."""
-    name = f"planes{planes}" + "wide" * (layout == WIDE)
-    if not hasattr(_DESKS, name):
-        setattr(_DESKS, name, workspace(planes, layout))
-    return getattr(_DESKS, name)
+def _thread_workspace(tangents: int, layout: Layout) -> tuple[NDArray, NDArray]:
+    """Return the workspace of this thread."""
+    name = f"tangents{tangents}" + "wide" * (layout == WIDE)
+    if not hasattr(_WORKSPACES, name):
+        setattr(_WORKSPACES, name, workspace(tangents, layout))
+    return getattr(_WORKSPACES, name)
 
 
 @lru_cache
 def options(
-    tolerance: float, *, scuff: bool = False, from_section: bool = False, planes: int = 0
+    tolerance: float, *, scuff: bool = False, from_section: bool = False, tangents: int = 0
 ) -> NDArray:
     """Return the engine's options for a tolerance, (1,) of OPTIONS."""
     # A step's end moves onto an event along the polynomial through its last stages. Derivatives
     # need a smaller move; 1e-13 would be below rounding where a foot descends slowly.
-    landing, doubt = (1e-11, -1.0) if planes else (0.1 * math.sqrt(tolerance), 0.02)
+    landing, doubt = (1e-11, -1.0) if tangents else (0.1 * math.sqrt(tolerance), 0.02)
     first_step = tolerance ** (1.0 / PAIR.order)
     fineness = first_step ** -(PAIR.error_order + 1)
     return np.array(
@@ -255,8 +255,8 @@ def advance(
 
     Args:
         system: The system of equations.
-        bodies: Constants of the walkers, (1 or n, planes, constants).
-        records: Records, (n, planes) of RECORD: values, then any number of planes of derivatives.
+        bodies: Constants of the walkers, (1 or n, 1 + tangents, constants).
+        records: Records, (n, 1 + tangents) of RECORD: values, then derivatives.
         tolerance: Error relative to the largest angle or angular velocity.
         scuff: Whether a kneed walker's locked swing leg below the ground ends the stride.
         from_section: Whether records begin on the Poincaré section; else in their phase.
@@ -270,12 +270,12 @@ def advance(
         values, bodies = bodies, np.zeros((len(bodies), changes + 1, bodies.shape[2]))
         bodies[:, :1] = values
     phases = compiled(system.name, derived=changes > 0)
-    told = options(tolerance, scuff=scuff, from_section=from_section, planes=changes)
+    chosen = options(tolerance, scuff=scuff, from_section=from_section, tangents=changes)
     layout = layout_in(records.dtype)
 
     def job(first: int, last: int) -> None:
         own = bodies[first:last] if len(bodies) > 1 else bodies
-        carry_on(records[first:last], own, phases, told, *_desk(changes, layout))
+        integrate(records[first:last], own, phases, chosen, *_thread_workspace(changes, layout))
 
     in_parts(job, len(records), threads)
     return records

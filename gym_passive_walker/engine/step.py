@@ -1,8 +1,9 @@
 """Integration steps of one phase as native code over all lanes, with error and step-size control.
 
-Each sweep takes one Runge-Kutta step in every lane. `judge` then handles the ordinary case for all
-lanes at once: it accepts or rejects the step and sets the next step length. Lanes with a possible
-event are processed one by one in `landing`, with the guards that `one_lane.OneLane.look` evaluates.
+Each sweep takes one Runge-Kutta step in every lane. `classify` then handles the ordinary case for
+all lanes at once: it accepts or rejects the step and sets the next step length. Lanes with a
+possible event are processed one by one in `event_location`, with the guards that
+`one_lane.OneLane.look` evaluates.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from gym_passive_walker.physics.hybrid import Guard, State, Watch
 from gym_passive_walker.physics.numbers import sine_cosine
 
 PLAIN, ALERT, UP = 0.0, 1.0, 2.0
-"""Verdicts of `judge` on a lane's step: ordinary; a possible event; time limit reached."""
+"""Verdicts of `classify` on a lane's step: ordinary; a possible event; time limit reached."""
 
 NEAR = 0.05
 """Share of a step before or beyond its end within which the end may be moved onto an impact."""
@@ -80,7 +81,7 @@ class Step(Equations):
         rest: list[Callable[[Memory], None]] = [self.estimate, partial(self.stage, last)]
         if any(self.pair.error[last:]):  # the estimate needs the accelerations at the end
             rest.reverse()
-        return [*stages, self.end, *rest, self.judge]
+        return [*stages, self.end, *rest, self.classify]
 
     def stage(self, index: int, tile: Memory) -> None:
         """Evaluate the accelerations in one stage of the step, or at its end for the last index."""
@@ -173,7 +174,7 @@ class Step(Equations):
         errors += [rate - rate for rate in rates]
         tile["error"] = tile.argument(0) * sum_of(errors)
 
-    def judge(self, tile: Memory) -> None:
+    def classify(self, tile: Memory) -> None:
         """Accept or reject ordinary steps; mark possible events and reached time limits."""
         h, error, event = tile["h"], tile["error"], tile["event"]
         factor = growth(error, self.pair.error_order + 1)

@@ -1,4 +1,4 @@
-"""Any number of walkers in a scene: what the single and the vector environments have in common."""
+"""A batch of walkers in a scene, on which the single and the vector environments are built."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ from gym_passive_walker.physics.systems import UNEVEN, bodies, kind_of, system_o
 from gym_passive_walker.walkers import Walker, state_size
 
 OPTIONS = ("state", "slope")
-"""What `reset` may be asked for."""
+"""Options of `reset`."""
 
 _UNASKED = np.empty(0), np.empty((0, 6)), np.empty((0, DRAWS))
-_CROWD = 2048  # walkers from which on threads may share the work
+_SHARED_FROM = 2048  # smallest batch that several threads share
 
 
 def rules_of(scene: Scene, system: System, step_limit: float) -> NDArray:
-    """A scene's rules, as the kernel reads them."""
+    """Return the rules of a scene as kernels read them, (1,) of `task.RULES`."""
     rules = np.zeros(1, task.rules_for(layout_of(system)))
     own = scene.own_system
     rules["tick"] = scene.tick if scene.control == "tick" else math.inf
@@ -56,58 +56,58 @@ def rules_of(scene: Scene, system: System, step_limit: float) -> NDArray:
 
 
 def system_in(scene: Scene, *walkers: Walker) -> System:
-    """Which equations walkers of one kind obey in a scene."""
+    """Return the system of equations of walkers of one kind in a scene."""
     using = {*scene.domain_randomization, *scene.actions, *(UNEVEN if scene.terrain else ())}
     return system_of(*walkers, using=using)
 
 
 def _radii(walkers: Sequence[Walker]) -> NDArray[np.float64]:
-    """Foot radii in leg lengths."""
+    """Return the foot radii in leg lengths, (n,)."""
     return np.array([walker.foot_radius / walker.leg_length for walker in walkers])
 
 
 class Saved(NamedTuple):
-    """A state that `Batch.checked` has found whole.
+    """A state that `Batch.checked` has accepted.
 
     Attributes:
-        records: As in `Batch`.
-        ledger: As in `Batch`.
-        walkers: As in `Batch`.
-        randoms: States of its generators; empty if there were none.
-        befell: As returned by `Disturbances.checked`; None in a scene without disturbances.
-        transitions: Of `Custom`; None without rules of one's own.
+        records: See `Batch`.
+        ledger: See `Batch`.
+        walkers: See `Batch`.
+        randoms: States of the random generators; empty before the first reset.
+        disturbances: Result of `Disturbances.checked`; None in a scene without disturbances.
+        transitions: `Custom.notes`; None without functions of the user's own.
     """
 
     records: NDArray
     ledger: NDArray
     walkers: list[Walker]
     randoms: list[dict[str, Any]]
-    befell: tuple[NDArray, NDArray] | None
+    disturbances: tuple[NDArray, NDArray] | None
     transitions: NDArray | None
 
 
 class Batch:
-    """Walkers side by side: their records and ledger, starts and steps.
+    """A batch of walkers: records, ledger, starts and control steps.
 
     One thread at a time may use a batch: environments hold its `token` around every call.
 
     Args:
-        scene: What is simulated.
-        count: How many walkers.
-        walkers: A walker for each, of one kind, instead of the scene's.
-        slopes: A slope for each, instead of the scene's.
+        scene: The scene.
+        count: Number of walkers.
+        walkers: Walkers of one kind, (count,), instead of the scene's.
+        slopes: Slopes in rad, (count,), instead of the scene's.
         step_limit: Steps after which an episode is truncated.
-        threads: How many threads large batches use; numba's number when None.
+        threads: Number of threads of large batches; numba's number when None.
 
     Attributes:
-        walkers: The walker in each place.
-        records: Shape (count, 1) of `engine.layout.RECORD`.
-        ledger: Shape (count,) of `task.LEDGER`.
-        randoms: Each walker's own source of random numbers.
-        seen: Numbers in an observation.
-        custom: The user's own rules; None where there are none.
-        disturbances: Their disturbances; None without any.
-        token: Held by the thread that uses the batch; see `one_thread`.
+        walkers: The walker of each environment, (count,).
+        records: States of the integration, (count, 1) of `engine.layout.RECORD`.
+        ledger: Accounts of stride and episode, (count,) of `task.LEDGER`.
+        randoms: Random generator of each environment, (count,).
+        observation_size: Numbers in an observation.
+        custom: The user's own functions; None without them.
+        disturbances: Disturbances; None in a scene without them.
+        token: Token that the calling thread holds; see `one_thread`.
 
     Raises:
         SceneError: if the walkers are of different kinds, or a count does not fit.
@@ -132,13 +132,16 @@ class Batch:
                 )
         self.scene, self.count, self.token = scene, count, Token()
         self._given = {"walkers": walkers, "slopes": slopes, "step_limit": step_limit}
-        self.seen = task.SIZE + (scene.command is not None) + 2 * scene.terrain_lookahead
-        judged = scene.own_system is not None or any(getattr(scene, name) for name in RULES)
-        self.custom = Custom(scene, count) if judged else None
-        self._plain: NDArray[np.float32] | None = None  # what is seen where that is not asked for
-        if self.custom and self.custom.seen:
-            self._plain = np.empty(count * self.seen, np.float32)
-            self.seen = self.custom.seen
+        self.observation_size = (
+            task.SIZE + (scene.command is not None) + 2 * scene.terrain_lookahead
+        )
+        has_rules = scene.own_system is not None or any(getattr(scene, name) for name in RULES)
+        self.custom = Custom(scene, count) if has_rules else None
+        # The environment's own observation, if the user's is another one.
+        self._plain: NDArray[np.float32] | None = None
+        if self.custom and self.custom.observation_size:
+            self._plain = np.empty(count * self.observation_size, np.float32)
+            self.observation_size = self.custom.observation_size
         self.threads = None if threads is None else whole(threads, "threads")
         self.walkers = [scene.walker] * count if walkers is None else list(walkers)
         if len({kind_of(walker) for walker in self.walkers}) > 1:
@@ -152,8 +155,8 @@ class Batch:
             shared.setdefault((walker, slope), Starts(scene, walker, slope))
             for walker, slope in zip(self.walkers, slope_of, strict=True)
         ]
-        # Whether a step is more than one call of compiled code.
-        self._apart = self.custom is not None and bool(self.custom.seen or not self.custom.native)
+        own = self.custom is not None and (self.custom.observation_size or not self.custom.native)
+        self._apart = bool(own)  # a step is more than one call of compiled code
         self._alike_starts = len(shared) == 1
         self._alike = walkers is None and not scene.domain_randomization
         self.disturbances: Disturbances | None = None
@@ -170,64 +173,64 @@ class Batch:
         self.rules = rules_of(scene, self.system, step_limit)
         self.randoms: list[np.random.Generator] = []
         self.machinery = self._machinery()
-        self.door = self._door()
+        self.entry_point = self._entry_point()
 
     def changed(self, scene: Scene) -> Batch:
-        """As many walkers in another scene, before their episodes; see `become`.
+        """Return a batch of as many walkers in another scene, before their episodes; see `become`.
 
         Raises:
             SceneError: if its agents would observe or do other things.
         """
         fresh = Batch(scene, self.count, threads=self.threads, **self._given)
-        if (fresh.seen, scene.actions) != (self.seen, self.scene.actions):
+        if (fresh.observation_size, scene.actions) != (self.observation_size, self.scene.actions):
             raise SceneError(
-                f"an environment keeps its {self.seen} numbers of observation and its actions "
-                f"{self.scene.actions}, and the new scene has {fresh.seen} and {scene.actions}: "
-                "they cannot change; make another environment"
+                f"an environment keeps its {self.observation_size} numbers of observation and its "
+                f"actions {self.scene.actions}, and the new scene has {fresh.observation_size} and "
+                f"{scene.actions}: they cannot change; make another environment"
             )
         fresh.ledger["truncated"] = 1
         return fresh
 
     def become(self, fresh: Batch) -> None:
-        """Be what `changed` returned, with the random numbers of this batch."""
+        """Become the batch that `changed` returned, with the random generators of this batch."""
         self.__dict__ = fresh.__dict__ | {"randoms": self.randoms, "token": self.token}
 
     @property
-    def own_seen(self) -> int | None:
-        """Numbers in an observation of the user's own; None where there is none."""
-        return self.custom.seen if self.custom else None
+    def own_observation_size(self) -> int | None:
+        """Size of the user's own observation; None without one."""
+        return self.custom.observation_size if self.custom else None
 
     @property
     def starts_alike(self) -> bool:
-        """Whether compiled code alone may begin episodes: all walkers start alike, as they are."""
+        """Whether compiled code can begin episodes: all walkers have the same initial states."""
         alike = self._alike_starts and not self.scene.domain_randomization
         return alike and not self.disturbances and not self.custom
 
     def _machinery(self) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """Compiled phases, options of the engine, and the work space of one thread."""
-        here, name = self.disturbances, self.system.name  # makes a user's system known by its name
-        phases = here.natives[0] if here else compiled(name)
-        told = options(self.scene.tolerance, scuff=bool(self.scene.end_on_toe_stub))
-        return phases, told, *workspace(layout=self.layout)
+        """Return compiled phases, options of the engine, and the workspace of one thread."""
+        here, name = self.disturbances, self.system.name  # registers a user's system by its name
+        phases = here.hooks[0] if here else compiled(name)
+        chosen = options(self.scene.tolerance, scuff=bool(self.scene.end_on_toe_stub))
+        return phases, chosen, *workspace(layout=self.layout)
 
-    def _door(self) -> ticks.Door:
+    def _entry_point(self) -> ticks.EntryPoint:
         """Where compiled code finds the walkers."""
-        phases, told, tiles, courses = self.machinery
-        return ticks.Door(
+        phases, chosen, tiles, histories = self.machinery
+        return ticks.EntryPoint(
             self.scene, self.count, self.custom, records=self.records, bodies=self.bodies,
-            radii=self._radii, ledger=self.ledger, rules=self.rules, phases=phases, options=told,
-            tiles=tiles, courses=courses,
+            radii=self._radii, ledger=self.ledger, rules=self.rules, phases=phases, options=chosen,
+            tiles=tiles, histories=histories,
             **(self.disturbances.arrays() if self.disturbances else {}),
         )  # fmt: skip
 
     @property
     def _constants(self) -> NDArray[np.float64]:
-        """Walkers' constants, without what there may be behind them."""
+        """Constants of the walkers, without the readings of checks behind them."""
         return self.bodies[..., : len(self.system.Body._fields)]  # type: ignore[attr-defined]
 
     @property
     def system(self) -> System:
-        """Which equations the walkers obey."""
+        """The system of equations of the walkers."""
         return system_in(self.scene, *set(self.walkers))
 
     def start(
@@ -239,19 +242,22 @@ class Batch:
         """Begin a new episode for some of the walkers.
 
         Args:
-            lanes: Which.
-            observations: Theirs are filled, in the flat array of all: shape (count * seen,).
-            options: "state" (one for each walker of the batch, or one for all) and "slope"
-                (one for each, or one for all), in the walker's own units, instead of those drawn.
+            lanes: Indices of the walkers.
+            observations: Flat array (count * observation_size,); entries of these walkers are
+                filled.
+            options: "state" and "slope" instead of random ones, in the walker's units: one for all
+                walkers, or one for each walker of the batch.
 
         Raises:
-            ValueError: if an option is unknown or out of its range; nothing has changed then
-                but the random numbers taken.
+            ValueError: if an option is unknown or out of its range; only random numbers are drawn
+                then.
         """
         where = np.array(lanes, np.int64)
         if self.starts_alike and not options:
             self._prepare()
-            self.door.kernels.begin(self.door.where, where, True, *_UNASKED, observations)
+            self.entry_point.kernels.begin(
+                self.entry_point.address, where, True, *_UNASKED, observations
+            )
             return
         states, asked = self._asked(options) if options else (None, None)
         draws = self.drawn(where)
@@ -268,24 +274,26 @@ class Batch:
             self.walkers[i], self._constants[i : i + 1] = walker, bodies(walker)
             self._radii[i : i + 1] = _radii([walker])
         plain = observations if self._plain is None else self._plain
-        self.door.kernels.begin(self.door.where, where, False, slopes, gaits, draws, plain)
+        self.entry_point.kernels.begin(
+            self.entry_point.address, where, False, slopes, gaits, draws, plain
+        )
         if self.disturbances:
             self.disturbances.begin(where, self.randoms, self.records, self.ledger)
             self.disturbances.observe(self.ledger, where, plain)
         if self.custom:
             self.custom.begin(self, where)
-            self._see(observations, where)
+            self._write_observations(observations, where)
 
     def _prepare(self) -> None:
-        """Make known what calm walkers start by."""
-        self.door.draw_from(self.randoms)
-        self.door.begin_at(self._starts[0])
+        """Set the generators and starts of walkers without disturbances."""
+        self.entry_point.draw_from(self.randoms)
+        self.entry_point.begin_at(self._starts[0])
 
     def drawn(self, where: NDArray[np.int64]) -> NDArray[np.float64]:
-        """The numbers that some walkers' starts take from their random ones, (lanes, DRAWS)."""
+        """Return the random numbers of some walkers' starts, (lanes, DRAWS)."""
         draws = np.empty((len(where), DRAWS))
-        self.door.draw_from(self.randoms)
-        ticks.draw(self.door.where, where, draws)
+        self.entry_point.draw_from(self.randoms)
+        ticks.draw(self.entry_point.address, where, draws)
         return draws
 
     def _nominal(
@@ -296,7 +304,7 @@ class Batch:
         *,
         wanted: bool,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Slopes, drawn or asked for, and if wanted the gaits there: a row for all, or for each."""
+        """Return slopes and, if wanted, gaits there: one row for all walkers, or one for each."""
         size = 2 * self.layout.links
         none = np.zeros((1, size))
         if asked is not None:
@@ -320,7 +328,7 @@ class Batch:
     def _asked(
         self, options: Mapping[str, Any]
     ) -> tuple[NDArray[np.float64] | None, NDArray[np.float64] | None]:
-        """The states and slopes that options ask for, one for each walker."""
+        """Return the states and slopes in options, one for each walker; None if not given."""
         found: list[NDArray[np.float64] | None] = []
         numbers = state_size(self.walkers[0])
         for name, check, size in (
@@ -343,12 +351,12 @@ class Batch:
         return found[0], found[1]
 
     def set_slopes(self, slopes: ArrayLike, lanes: NDArray[np.bool_]) -> None:
-        """Put the strides that some walkers begin on slopes of their own.
+        """Set the slopes of the strides that some walkers begin.
 
         Args:
-            slopes: In rad, one for each walker of the batch, or one for all; footholds of a terrain
-                slope that much more or less than it.
-            lanes: Which walkers, (count,).
+            slopes: Slopes in rad, one for each walker of the batch, or one for all. Slopes of a
+                terrain's footholds are added.
+            lanes: Whether to set the slope of each walker, (count,).
 
         Raises:
             ValueError: if a slope is none, or a walker has begun its stride already.
@@ -364,7 +372,7 @@ class Batch:
                 f"midst of one, or at the end of an episode, are walkers {under_way.tolist()}"
             )
         if self.disturbances:
-            checked = self.disturbances.lean(checked, lanes)
+            checked = self.disturbances.set_slopes(checked, lanes)
         ground = np.stack([np.sin(checked), np.cos(checked)], axis=-1)
         self.ledger["slope"][lanes] = checked[lanes]
         self.records["ground"][lanes, 0, :2] = ground[lanes]
@@ -381,11 +389,12 @@ class Batch:
         """Add a step in the ground or a push to the stride that walkers have just begun.
 
         Args:
-            height_changes: By how much the next foothold is higher than the terrain has it, in leg
-                lengths; one for all, or (count,).
+            height_changes: Added to the height of the next foothold, in leg lengths; one for all,
+                or (count,).
             impulses: Pushes of the hip, in units of m sqrt(g l), positive downhill; one for
                 all, or (count,).
-            times: When these come, since the stride began; one for all, or (count,).
+            times: Times of the pushes since the stride began, in sqrt(l/g); one for all, or
+                (count,).
 
         Raises:
             ValueError: if the scene has no terrain, or no pushes.
@@ -406,11 +415,11 @@ class Batch:
 
     @property
     def energy_cost(self) -> str:
-        """What motors are charged for: "absolute", "positive" or "net" hip work."""
+        """Work that the energy term counts: "absolute", "positive" or "net"."""
         return task.ENERGIES[int(self.rules["charged"][0])]
 
     def set_energy_cost(self, energy: str | None) -> None:
-        """Charge all motors for another kind of work from now on; None is the scene's own.
+        """Set the work that the energy term counts; None restores the scene's own.
 
         Raises:
             ValueError: if there is no such kind.
@@ -422,7 +431,7 @@ class Batch:
         self.rules["charged"] = task.ENERGIES.index(energy)
 
     def reward_terms(self) -> dict[str, NDArray[np.float64]]:
-        """Terms (count,) of the last rewards by name; a reward is their sum."""
+        """Return the terms of the last rewards by name, each (count,); a reward is their sum."""
         if self.custom and "reward" in self.custom.rules:
             return self.custom.terms()
         ledger, scene = self.ledger, self.scene
@@ -432,27 +441,27 @@ class Batch:
         return {name: np.array(term) for name, term in terms.items()}
 
     def observe(self, observations: NDArray[np.float32]) -> None:
-        """Write all walkers' observations, flat: shape (count * seen,)."""
-        if self.custom and self.custom.seen:
-            self._see(observations)
+        """Write the observations of all walkers, flat: (count * observation_size,)."""
+        if self.custom and self.custom.observation_size:
+            self._write_observations(observations)
             return
         task.observe(self.records, self.ledger, self.machinery[0], observations)
         if self.disturbances:
             self.disturbances.observe(self.ledger, np.arange(self.count), observations)
 
-    def _see(
+    def _write_observations(
         self, observations: NDArray[np.float32], lanes: NDArray[np.int64] | None = None
     ) -> None:
-        """Write walkers' observations by a function, with noise on those of a `System`."""
-        if self.custom is None or not self.custom.seen:
+        """Write the user's own observations; noise is added to those of a `System`."""
+        if self.custom is None or not self.custom.observation_size:
             return
         self.custom.observe(observations, slice(None) if lanes is None else lanes)
         if self.disturbances and self.scene.own_system and self.scene.observation is None:
             lanes = np.arange(self.count) if lanes is None else lanes
-            self.disturbances.spoil(self.ledger, lanes, observations)
+            self.disturbances.add_noise(self.ledger, lanes, observations)
 
     def info_values(self) -> dict[str, NDArray]:
-        """Entries (count,) of `info` at every step besides those of `task.EVERY_STEP`."""
+        """Return entries of `info` at every step besides `task.EVERY_STEP`, each (count,)."""
         found = self.disturbances.info_values(self.bodies) if self.disturbances else {}
         if self.scene.reward_terms:
             found |= {f"reward_{name}": term for name, term in self.reward_terms().items()}
@@ -468,31 +477,31 @@ class Batch:
         *,
         again: bool = False,
     ) -> tuple[int, int]:
-        """A step of every walker with an episode that goes on; others get a reward of 0.
+        """Step every walker that has an episode; the reward of the others is 0.
 
         Args:
-            actions: Flat: shape (count * actions of the scene,).
-            observations: Filled, flat: shape (count * seen,).
-            rewards: Filled; shape (count,).
-            terminated: Filled; shape (count,).
-            truncated: Filled; shape (count,).
-            again: Whether these others begin their next episode.
+            actions: Actions, flat: (count * actions of the scene,).
+            observations: Filled, flat: (count * observation_size,).
+            rewards: Filled, (count,).
+            terminated: Filled, (count,).
+            truncated: Filled, (count,).
+            again: Whether walkers without an episode begin the next one.
 
         Returns:
-            How many strides, and how many episodes have ended.
+            Number of strides that end, and number of episodes that end.
 
         Raises:
-            ValueError: if an action is no finite number; nothing has changed then.
+            ValueError: if an action is not finite; the batch is unchanged then.
         """
-        door, at_once = self.door, again and self.starts_alike
+        entry_point, at_once = self.entry_point, again and self.starts_alike
         seen = observations if self._plain is None else self._plain
         results = rewards, terminated, truncated
-        door.actions[...] = actions
-        if self.count < _CROWD:
+        entry_point.actions[...] = actions
+        if self.count < _SHARED_FROM:
             if at_once:
                 self._prepare()
-            wrong, strides, endings = door.kernels.step.compiled(
-                door.where, 0, self.count, *door.desk, at_once, seen, *results
+            wrong, strides, endings = entry_point.kernels.step.compiled(
+                entry_point.address, 0, self.count, *entry_point.workspace, at_once, seen, *results
             )
             if wrong >= 0:
                 self.refuse(wrong)
@@ -500,8 +509,8 @@ class Batch:
             at_once = False
             strides, endings = self._step_in_parts(seen, *results)
         if self.custom and not self.custom.native:
-            endings += self.custom.judge(self, rewards, terminated)
-        self._see(observations)
+            endings += self.custom.evaluate(self, rewards, terminated)
+        self._write_observations(observations)
         if again and not at_once:
             self._begin_again(observations)
         return strides, endings
@@ -513,9 +522,9 @@ class Batch:
         terminated: NDArray[np.bool_],
         truncated: NDArray[np.bool_],
     ) -> tuple[int, int]:
-        """A step of many walkers by several threads; see `step`."""
-        door, ended, size = self.door, [], len(observations) // self.count
-        finite = np.isfinite(door.actions.reshape(self.count, -1)).all(axis=1)
+        """Step many walkers by several threads; see `step`."""
+        entry_point, ended, size = self.entry_point, [], len(observations) // self.count
+        finite = np.isfinite(entry_point.actions.reshape(self.count, -1)).all(axis=1)
         for wrong in np.flatnonzero(~finite & ~self.over):  # before any walker steps
             self.refuse(int(wrong))
 
@@ -525,7 +534,8 @@ class Batch:
             at = [part.ctypes.data for part in scratch]
             results = rewards[a:b], terminated[a:b], truncated[a:b]
             seen = observations[a * size : b * size]
-            ended.append(door.kernels.step(door.where, a, b, *at, False, seen, *results)[1:])
+            given = entry_point.address, a, b, *at, False, seen, *results
+            ended.append(entry_point.kernels.step(*given)[1:])
 
         in_parts(job, self.count, self.threads)
         return sum(strides for strides, _ in ended), sum(endings for _, endings in ended)
@@ -533,35 +543,39 @@ class Batch:
     def step_alone(
         self, action: NDArray[np.floating], observation: NDArray[np.float32]
     ) -> tuple[int, int]:
-        """A step of a batch of one; the other arrays that `step` fills are the `Door`'s."""
+        """Step a batch of one; the other results go to the arrays of the `EntryPoint`."""
         if self._apart:
-            return self.step(action, observation, *self.door.results)
-        self.door.actions[...] = action
-        wrong, strides, endings = self.door.step_here(self.door.where, observation)
+            return self.step(action, observation, *self.entry_point.results)
+        self.entry_point.actions[...] = action
+        wrong, strides, endings = self.entry_point.step_here(self.entry_point.address, observation)
         if wrong >= 0:
             self.refuse(wrong)
         return strides, endings
 
     def refuse(self, wrong: int) -> NoReturn:
-        """Say what is wrong with a walker's action, of the actions in the `Door`."""
+        """Raise an error for the action of a walker in the `EntryPoint`."""
         lane = wrong if self.count > 1 else None
-        refuse(self.door.actions.reshape(self.count, -1)[wrong], self.scene.actions, lane)
+        refuse(self.entry_point.actions.reshape(self.count, -1)[wrong], self.scene.actions, lane)
 
     def _begin_again(self, observations: NDArray[np.float32]) -> None:
-        """Begin the next episode of every walker that has rested in this step."""
+        """Begin the next episode of every walker without an episode in this step."""
         self.start(np.flatnonzero(self.records["outcome"][:, 0] == RESTING), observations)
 
     def __getstate__(self) -> dict[str, Any]:
-        return {**self.__dict__, "machinery": None, "door": None}  # compiled code stays at home
+        return {
+            **self.__dict__,
+            "machinery": None,
+            "entry_point": None,
+        }  # compiled code is not pickled
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
         self.machinery = self._machinery()
-        self.door = self._door()
+        self.entry_point = self._entry_point()
 
     @property
     def over(self) -> NDArray[np.bool_]:
-        """Which walkers' episodes have ended."""
+        """Whether the episode of each walker has ended, (count,)."""
         return saved.over(self.ledger)
 
     @property
@@ -573,7 +587,7 @@ class Batch:
         return states
 
     def contact(self, lane: int) -> Contact:
-        """Where a walker's stance foot touches the ground."""
+        """Return the contact point of a walker's stance foot."""
         radius = self._radii[lane if len(self._radii) > 1 else 0]
         length, record = self.walkers[lane].leg_length, self.records[lane, 0]
         if self.disturbances and self.scene.terrain is not None:
@@ -583,17 +597,17 @@ class Batch:
         return Contact(float(self.ledger["origin"][lane] - rolled) * length)
 
     def get_state(self) -> dict[str, Any]:
-        """All that decides what comes next; a copy."""
-        befell = self.disturbances.get_state() if self.disturbances else {}
+        """Return a copy of everything that determines later steps."""
+        disturbances = self.disturbances.get_state() if self.disturbances else {}
         if self.custom:
-            befell["transitions"] = self.custom.notes.copy()
+            disturbances["transitions"] = self.custom.notes.copy()
         return {
             "scene": self._described,
             "records": self.records.copy(),
             "ledger": self.ledger.copy(),
             "walkers": [saved.kept(walker) for walker in self.walkers],
             "random": [deepcopy(r.bit_generator.state) for r in self.randoms],
-            **befell,
+            **disturbances,
         }
 
     @cached_property
@@ -606,17 +620,17 @@ class Batch:
         return saved.described(self.scene)
 
     def checked(self, state: Any, *further: str, begun: bool = True) -> Saved:
-        """What a state holds, as copies, if it can be put back; nothing has changed here.
+        """Return copies of the entries of a state, after checks; the batch is unchanged.
 
         Args:
             state: From `get_state`.
-            *further: Entries that an environment has added.
+            *further: Names of entries that an environment adds.
             begun: Whether all walkers had begun an episode.
 
         Raises:
-            StateError: if it is damaged, or of another batch.
+            StateError: if the state is damaged, or of another batch.
         """
-        if isinstance(state, Mapping) and "scene" in state:  # says most about what is wrong
+        if isinstance(state, Mapping) and "scene" in state:  # the most informative error
             saved.check_scene(state["scene"], self._described)
         names = ["scene", "records", "ledger", "walkers", "random", *further]
         if self.disturbances:
@@ -627,9 +641,9 @@ class Batch:
         records = saved.like(given["records"], "records", self.records)
         ledger = saved.like(given["ledger"], "ledger", self.ledger)
         going = self._limits.check(records, ledger, begun=begun)
-        befell = None
+        disturbances = None
         if self.disturbances:
-            befell = self.disturbances.checked(given, records["time"][:, 0], going)
+            disturbances = self.disturbances.checked(given, records["time"][:, 0], going)
         walkers = saved.check_walkers(
             given["walkers"],
             self.walkers,
@@ -641,25 +655,25 @@ class Batch:
         transitions = None
         if self.custom:
             transitions = saved.like(given["transitions"], "transitions", self.custom.notes)
-        return Saved(records, ledger, walkers, randoms, befell, transitions)
+        return Saved(records, ledger, walkers, randoms, disturbances, transitions)
 
     def put_back(self, state: Saved) -> None:
-        """Go back to a state that was `checked`."""
+        """Restore a state from `checked`."""
         self.records[:], self.ledger[:] = state.records, state.ledger
         if not self._alike:
             self.walkers = state.walkers
             self._constants[:], self._radii[:] = bodies(*self.walkers), _radii(self.walkers)
-        if self.disturbances and state.befell:
-            self.disturbances.put_back(state.befell)
+        if self.disturbances and state.disturbances:
+            self.disturbances.put_back(state.disturbances)
         if self.custom and state.transitions is not None:
             self.custom.notes[:] = state.transitions
         for random, saved_state in zip(self.randoms, state.randoms, strict=False):
             random.bit_generator.state = saved_state
 
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Go back to a state that `get_state` gave.
+        """Restore a state from `get_state`.
 
         Raises:
-            StateError: if it is damaged, or of another batch; nothing has changed then.
+            StateError: if it is damaged, or of another batch; the batch is unchanged then.
         """
         self.put_back(self.checked(state))

@@ -41,27 +41,27 @@ _BEFORE = 5  # rates, and the landing foot's velocity: from before a strike to a
 ROOM = len(NOTES) + _BEFORE
 """Numbers behind a walker's constants."""
 
-NATIVE = np.dtype([("push", "i8"), ("look", "i8")])
-"""Addresses of a phase's native functions; 0 where they are not in use."""
+HOOK = np.dtype([("push", "i8"), ("look", "i8")])
+"""Addresses of native functions that a phase calls for pushes and checks; 0 if not used."""
 
 
 def page(system: System) -> np.dtype:
-    """A walker's constants, and the notes behind them."""
+    """Return the layout of a walker's constants, followed by the readings of the checks."""
     layout = compiled.body_layout(system).descr
     return np.dtype([*layout, ("notes", "f8", (len(NOTES),)), ("before", "f8", (_BEFORE,))])
 
 
 @lru_cache
-def natives(name: str, *, pushed: bool, watched: bool) -> tuple[NDArray, NDArray]:
-    """A system's phases with resets that look, and what else is done to walkers.
+def hooks(name: str, *, pushed: bool, watched: bool) -> tuple[NDArray, NDArray]:
+    """Return the phases of a system with resets that check constraints, and its hooks.
 
     Args:
-        name: The system's.
+        name: Name of the system.
         pushed: Whether walkers are pushed.
-        watched: Whether they are checked.
+        watched: Whether constraints are checked.
 
     Returns:
-        Shape (phases,) of `compiled.PHASE`, and of NATIVE.
+        Arrays (phases,) of `compiled.PHASE` and of HOOK.
     """
     system, pushes, looks = SYSTEMS[name], None, None
     if pushed:
@@ -72,15 +72,15 @@ def natives(name: str, *, pushed: bool, watched: bool) -> tuple[NDArray, NDArray
 
 
 def equipped(system: System, phases: NDArray, pushes: Any, looks: Any) -> tuple[NDArray, NDArray]:
-    """Phases with resets that look, and what else is done to walkers, from native code.
+    """Return phases with resets that check constraints, and hooks, from native code.
 
     Args:
         system: The system.
-        phases: As compiled; they stay as they are.
-        pushes: Code from `push_code`; None where walkers are not pushed.
-        looks: Code from `look_code`; None where nothing is checked.
+        phases: Compiled phases, (phases,) of `compiled.PHASE`; not changed.
+        pushes: Code from `push_code`; None without pushes.
+        looks: Code from `look_code`; None without constraints.
     """
-    phases, found = phases.copy(), np.zeros(len(phases), NATIVE)
+    phases, found = phases.copy(), np.zeros(len(phases), HOOK)
     for i, (native, phase) in enumerate(zip(found, system.phases, strict=True)):
         if pushes is not None:
             native["push"] = pushes.get_function_address(f"push{i}")
@@ -93,7 +93,7 @@ def equipped(system: System, phases: NDArray, pushes: Any, looks: Any) -> tuple[
 
 
 def push_code(system: System, module: Module) -> Module:
-    """Functions that push the hip of a record, by the impulse (back, up), into a module."""
+    """Add functions to a module that apply an impulse (backwards, upwards) to the hip."""
     for i, phase in enumerate(system.phases):
         if phase.push is not None:
             function = module.function(f"push{i}", (record_for(layout_of(system)), page(system)))
@@ -103,7 +103,7 @@ def push_code(system: System, module: Module) -> Module:
 
 
 def look_code(system: System, module: Module) -> Module:
-    """Functions that look at a record, and resets that look before and after, into a module."""
+    """Add functions to a module that check a record, and resets that check before and after."""
     layouts = RECORD, page(system)
     for i, phase in enumerate(system.phases):
         function = module.function(f"look{i}", layouts)

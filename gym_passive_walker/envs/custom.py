@@ -22,10 +22,10 @@ from gym_passive_walker.engine.native import Memory, Module, uses
 from gym_passive_walker.envs import task, transitions
 from gym_passive_walker.envs.checks import SceneError
 from gym_passive_walker.envs.transitions import (
+    BOOLEANS,
     OF_LEDGER,
     PARTS,
     SEVERAL,
-    TRUTHS,
     Transition,
     note_for,
 )
@@ -144,7 +144,7 @@ class Shape(NamedTuple):
             given[name] = self.State(*each[:count], *each[room : room + count])
         for name in ("action", "last_action"):
             given[name] = tuple(given[name][: self.actions])
-        for name in TRUTHS:
+        for name in BOOLEANS:
             if not isinstance(given[name], bool | np.bool_):
                 given[name] = given[name] > 0.5
         return Transition(**given)
@@ -289,7 +289,7 @@ def _read(note: Memory, row: Memory | None, shape: Shape) -> Transition:
     }
     if row is not None:
         struck = abs(row["outcome"] - _STRUCK) < 0.5
-        parts |= {name: row[name] for name in OF_LEDGER if name not in TRUTHS}
+        parts |= {name: row[name] for name in OF_LEDGER if name not in BOOLEANS}
         parts["heelstrike"] = choose(struck, 1.0, 0.0)
         parts["fell"] = choose(row["ending"] > 0.5, 1.0, 0.0)
     return shape.transition(parts)
@@ -315,7 +315,7 @@ class Custom:
         rules: Functions by name: "reward", "observation", "terminated".
         noted: Groups of `transitions.PARTS` to record, as bits.
         native: Whether reward and termination are compiled.
-        seen: Size of the observation; None with the environment's own.
+        observation_size: Size of the observation; None with the environment's own.
     """
 
     def __init__(self, scene: Any, count: int) -> None:
@@ -329,10 +329,12 @@ class Custom:
         for name, function in given.items():
             if function is not None:
                 self.rules[name] = Rule(name, rule_of(function), self._shape)
-        self._judged = [name for name in ("reward", "terminated") if name in self.rules]
-        self._slow = [name for name in self._judged if not self.rules[name].native]
+        self._given = [name for name in ("reward", "terminated") if name in self.rules]
+        self._slow = [name for name in self._given if not self.rules[name].native]
         self.native = not self._slow
-        self.seen = self.rules["observation"].size if "observation" in self.rules else None
+        self.observation_size = (
+            self.rules["observation"].size if "observation" in self.rules else None
+        )
         self.noted = 0
         for rule in self.rules.values():
             weighted = isinstance(rule.function, Weighted)  # `terms` reads the ledger's fields
@@ -348,11 +350,13 @@ class Custom:
         if batch.disturbances:
             self.notes["command"][lanes] = batch.disturbances.states["command"][lanes]
 
-    def judge(self, batch: Any, rewards: NDArray[np.float64], terminated: NDArray[np.bool_]) -> int:
+    def evaluate(
+        self, batch: Any, rewards: NDArray[np.float64], terminated: NDArray[np.bool_]
+    ) -> int:
         """Evaluate functions that are not compiled; returns the number of episodes that end."""
         for name in self._slow:
             self.notes["paid" if name == "reward" else "ends"] = self.rules[name](self.notes)[:, 0]
-        pays, stops = (name in self._judged for name in ("reward", "terminated"))
+        pays, stops = (name in self._given for name in ("reward", "terminated"))
         return transitions.enter(
             batch.records, batch.ledger, self.notes, pays, stops, rewards, terminated
         )

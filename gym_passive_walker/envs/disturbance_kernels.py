@@ -1,7 +1,7 @@
 """Disturbances of walkers: pushes, noise and delay; commands and constraints.
 
-Scenes that have some of these step by `step` of this module in place of `task.step`. It is the same
-step, but walkers stop where something is due, and go on from there as exactly as before.
+Scenes with any of these use `step` of this module instead of `task.step`. Integration stops at each
+push and each check, and continues from there with the same error.
 
 Disturbances of a walker are a function of its key (`engine.counter_rng`). The key is drawn at each
 reset from the walker's own random numbers, so disturbances do not depend on other walkers.
@@ -15,7 +15,7 @@ import numpy as np
 
 from gym_passive_walker.engine.counter_rng import normal, uniform
 from gym_passive_walker.engine.jit import Kernel, address, call, jitted, merged
-from gym_passive_walker.engine.run import carry_on
+from gym_passive_walker.engine.run import integrate
 from gym_passive_walker.envs import constraints, task
 from gym_passive_walker.envs.checks import CHECKS
 from gym_passive_walker.gaits.terrain import ground_at
@@ -23,55 +23,55 @@ from gym_passive_walker.physics.bodies import StraightBody
 from gym_passive_walker.physics.hybrid import Outcome
 
 PASSED = 8
-"""Footholds that are remembered; pictures show as many."""
+"""Number of past footholds that are kept; pictures show them."""
 
 DISTURBANCE = np.dtype(
     [
-        ("key", "u8"),  # of what is drawn
-        ("command", "f8"),  # speed to keep
-        ("due", "f8"),  # when the next push comes, since the stride began
-        ("until", "f8"),  # when the step is over, since the stride began
-        ("known", "f8"),  # of that push, where it is known beforehand
-        ("extra_height", "f8"),  # height of one before the next foothold, besides the terrain
-        ("pushes", "i8"),  # that have come
-        ("push_work", "f8"),  # of those in this step
+        ("key", "u8"),  # of the counter-based random numbers
+        ("command", "f8"),  # commanded speed
+        ("due", "f8"),  # time of the next push, since the stride began
+        ("until", "f8"),  # end of the control step, since the stride began
+        ("known", "f8"),  # impulse of the next push, if it was scheduled; else 0
+        ("extra_height", "f8"),  # added to the height change of the next foothold
+        ("pushes", "i8"),  # number of pushes in the episode
+        ("push_work", "f8"),  # work of the pushes in this step
         ("episode_push_work", "f8"),
-        ("idle", "i8"),  # whether the episode had ended before the step
-        ("slope", "f8"),  # that is walked; footholds slope more or less
-        ("tilt", "f8"),  # by how much this one slopes more
-        ("x", "f8"),  # where the stride began to touch it, along the slope that is walked
-        ("y", "f8"),  # over it
-        ("passed", "f8", (PASSED, 2)),  # x and y of the strides before, the last one first
-        ("impulse", "f8"),  # of the pushes in this step
+        ("idle", "i8"),  # whether the episode ended before the step
+        ("slope", "f8"),  # mean slope, in rad
+        ("tilt", "f8"),  # slope of the foothold minus the mean slope
+        ("x", "f8"),  # first contact point of the stride, along the mean slope
+        ("y", "f8"),  # its height above the mean slope
+        ("passed", "f8", (PASSED, 2)),  # x and y of previous strides, latest first
+        ("impulse", "f8"),  # sum of the pushes in this step
     ]
 )
-"""What is kept of a walker besides its ledger."""
+"""Disturbance state of a walker."""
 
-ODDS = np.dtype(
+SETTINGS = np.dtype(
     [
-        ("rate", "f8"),  # of pushes; 0 if there are none
-        ("push", "f8", (2,)),  # least and greatest impulse
-        ("noisy", "i8"),  # whether a sensor has errors
+        ("rate", "f8"),  # mean number of pushes per time; 0 without pushes
+        ("push", "f8", (2,)),  # smallest and largest impulse
+        ("noisy", "i8"),  # whether observations have noise
         ("noise", "f8", (task.SIZE,)),
         ("action_noise", "f8"),
         ("commanded", "i8"),
         ("command", "f8", (2,)),
         ("command_weight", "f8"),
         ("uneven", "i8"),  # whether there is terrain
-        ("terrain_lookahead", "i8"),  # footholds ahead that agents see
-        ("interval", "f8"),  # from one look at a walker to the next; infinite without looks
+        ("terrain_lookahead", "i8"),  # number of footholds ahead that are observed
+        ("interval", "f8"),  # time between checks of a walker; infinite without checks
         ("friction", "f8"),
         ("knee_latch", "f8"),
         ("scuff_depth", "f8"),
         ("ends", "i8", (len(CHECKS),)),  # whether a check ends the episode
     ]
 )
-"""A scene's rules besides `task.RULES`."""
+"""Settings of a scene besides `task.RULES`."""
 
 INTERVAL = 0.1
-"""Time from one look at ground and knees to the next, at most; a stride takes some three."""
+"""Largest time between checks of contact and knees, in sqrt(l/g); a stride takes about 3."""
 
-_INSTANT = 1e-9  # times closer than this are one
+_INSTANT = 1e-9  # times closer than this are equal
 _DEPTH = 1e-9  # rounding of a foot's height
 _FIRST_REASON = len(Outcome)
 _HEELSTRIKE, _WORK, _ROOM = int(Outcome.HEELSTRIKE), len(constraints.NOTES) - 1, constraints.ROOM
@@ -83,36 +83,37 @@ _WHEN, _HOW_HARD, _SENSOR, _MOTOR, _COMMAND = range(5)
 
 
 @jitted
-def add_observation_noise(disturbance, row, odds, table, spread, observations, first):
-    """Add noise to what a walker's sensors measure; append its command and the footholds ahead."""
-    if odds.noisy:
+def add_observation_noise(disturbance, row, settings, table, spread, observations, first):
+    """Add noise to a walker's observation; append its command and the footholds ahead."""
+    if settings.noisy:
         for k in range(task.SIZE):
-            if odds.noise[k] > 0.0:
-                error = odds.noise[k] * normal(disturbance.key, task.SIZE * row.steps + k, _SENSOR)
-                told = task.clipped(observations[first + k] + error, task.BOUNDS[k])
-                observations[first + k] = max(told, task.LOWEST[k])
-    if odds.commanded:
+            if settings.noise[k] > 0.0:
+                draw = normal(disturbance.key, task.SIZE * row.steps + k, _SENSOR)
+                error = settings.noise[k] * draw
+                noisy = task.clipped(observations[first + k] + error, task.BOUNDS[k])
+                observations[first + k] = max(noisy, task.LOWEST[k])
+    if settings.commanded:
         observations[first + task.SIZE] = disturbance.command
-    first += task.SIZE + odds.commanded
-    for ahead in range(odds.terrain_lookahead):
+    first += task.SIZE + settings.commanded
+    for ahead in range(settings.terrain_lookahead):
         _, rise, turn = ground_at(table, spread, disturbance.key, row.strides + ahead)
         observations[first + 2 * ahead] = task.clipped(rise, task.HIGHEST)
         observations[first + 2 * ahead + 1] = task.clipped(turn, task.STEEPEST)
 
 
 @Kernel
-def observe(disturbances, ledger, odds, table, spread, lanes, observations):
-    """Make walkers' observations, which `task.observe` has written, those of their sensors."""
+def observe(disturbances, ledger, settings, table, spread, lanes, observations):
+    """Apply `add_observation_noise` to observations of some walkers from `task.observe`."""
     size = len(observations) // len(ledger)
     for i in lanes:
         add_observation_noise(
-            disturbances[i], ledger[i], odds[0], table, spread, observations, i * size
+            disturbances[i], ledger[i], settings[0], table, spread, observations, i * size
         )
 
 
 @Kernel
 def add_noise(disturbances, ledger, noise, lanes, observations):
-    """Add noise to the first numbers of some walkers' observations."""
+    """Add noise to the first numbers in observations of some walkers of a `System`."""
     size = len(observations) // len(ledger)
     for i in lanes:
         for k in range(len(noise)):
@@ -123,7 +124,7 @@ def add_noise(disturbances, ledger, noise, lanes, observations):
 
 @jitted
 def lay_ground(record, row, disturbance, table, spread):
-    """Lay the ground of the stride that begins."""
+    """Set the ground of the stride that begins."""
     disturbance.tilt, rise, turn = ground_at(table, spread, disturbance.key, row.strides)
     row.slope = disturbance.slope + disturbance.tilt
     record.ground[0], record.ground[1] = math.sin(row.slope), math.cos(row.slope)
@@ -132,7 +133,7 @@ def lay_ground(record, row, disturbance, table, spread):
 
 @jitted
 def step_over(record, row, disturbance, radius, table, spread):
-    """Enter where the foot has come down that stands now, and lay its ground."""
+    """Set the contact point of the new stance foot, and the ground of its stride."""
     here, rise, turn = ground_at(table, spread, disturbance.key, row.strides - 1)
     rise, disturbance.extra_height = rise + disturbance.extra_height, 0.0
     for k in range(PASSED - 1, 0, -1):
@@ -142,7 +143,7 @@ def step_over(record, row, disturbance, radius, table, spread):
         )
     disturbance.passed[0, 0], disturbance.passed[0, 1] = disturbance.x, disturbance.y
     along = row.step_length
-    # It touches the new ground above where it came down, as the two slope apart.
+    # The slope differs from that at impact: the contact point lies higher than the foothold.
     off = rise + radius * (1.0 - math.cos(turn))
     sine, cosine = math.sin(here), math.cos(here)
     disturbance.x += along * cosine + off * sine
@@ -151,21 +152,23 @@ def step_over(record, row, disturbance, radius, table, spread):
 
 
 @jitted
-def time_to_push(disturbance, odds):
-    """When the next push comes, after the last one."""
-    return -math.log(1.0 - uniform(disturbance.key, disturbance.pushes, _WHEN)) / odds.rate
+def time_to_push(disturbance, settings):
+    """Return the time from the last push to the next one."""
+    return -math.log(1.0 - uniform(disturbance.key, disturbance.pushes, _WHEN)) / settings.rate
 
 
 @Kernel
-def begin(disturbances, odds, lanes, keys, pending, records, ledger, table, spread):
-    """Draw some walkers' disturbances, each by its key; `pending` are actions that come late."""
+def begin(disturbances, settings, lanes, keys, pending, records, ledger, table, spread):
+    """Draw the disturbances of some walkers by their keys, and clear delayed actions `pending`."""
     for j in range(len(lanes)):
         i = lanes[j]
         disturbance = disturbances[i]
         disturbance.key, disturbance.pushes, disturbance.episode_push_work = keys[j], 0, 0.0
-        low, high = odds[0].command[0], odds[0].command[1]
+        low, high = settings[0].command[0], settings[0].command[1]
         disturbance.command = low + (high - low) * uniform(disturbance.key, 0, _COMMAND)
-        disturbance.due = time_to_push(disturbance, odds[0]) if odds[0].rate > 0.0 else np.inf
+        disturbance.due = (
+            time_to_push(disturbance, settings[0]) if settings[0].rate > 0.0 else np.inf
+        )
         disturbance.impulse, pending[i] = 0.0, 0.0
         disturbance.slope, disturbance.tilt, disturbance.x, disturbance.y = (
             ledger[i].slope,
@@ -174,19 +177,19 @@ def begin(disturbances, odds, lanes, keys, pending, records, ledger, table, spre
             0.0,
         )
         disturbance.known, disturbance.extra_height = 0.0, 0.0
-        if odds[0].uneven:
+        if settings[0].uneven:
             lay_ground(records[i, 0], ledger[i], disturbance, table, spread)
 
 
 @jitted
 def copy_of(actions):
-    """What agents do, to be changed on its way to the motors."""
+    """Return a copy of the actions, which delay and noise change."""
     return actions.copy()
 
 
 @jitted
-def disturb_actions(disturbances, ledger, odds, pending, actions):
-    """Make of what agents do what reaches the motors."""
+def disturb_actions(disturbances, ledger, settings, pending, actions):
+    """Apply delay and noise to actions, in place."""
     late = pending.shape[1]
     count = len(actions) // len(disturbances)
     for i in range(len(disturbances)):
@@ -195,20 +198,20 @@ def disturb_actions(disturbances, ledger, odds, pending, actions):
             share = task.clipped(actions[i * count + j], 1.0)
             if late > 0:
                 share, pending[i, step % late, j] = pending[i, step % late, j], share
-            if odds.action_noise > 0.0:
-                share += odds.action_noise * normal(disturbance.key, step * count + j, _MOTOR)
+            if settings.action_noise > 0.0:
+                share += settings.action_noise * normal(disturbance.key, step * count + j, _MOTOR)
             actions[i * count + j] = share
 
 
 @jitted
-def apply_due_events(records, bodies, i, disturbance, odds, natives):
-    """What a walker meets as it stands, and when it is to stop next."""
+def apply_due_events(records, bodies, i, disturbance, settings, hooks):
+    """Check a walker, apply the pushes that are due, and set the end of the integration."""
     record = records[i, 0]
-    native = natives[record.phase]
+    native = hooks[record.phase]
     if native.look != 0:
         call(native.look, address(records[i]), address(bodies[i]), 0, 0, 0.0, 0.0)
     while disturbance.due <= record.time + _INSTANT:
-        low, high = odds.push[0], odds.push[1]
+        low, high = settings.push[0], settings.push[1]
         impulse = low + (high - low) * uniform(disturbance.key, disturbance.pushes, _HOW_HARD)
         if disturbance.known != 0.0:
             impulse, disturbance.known = disturbance.known, 0.0
@@ -216,110 +219,110 @@ def apply_due_events(records, bodies, i, disturbance, odds, natives):
         disturbance.impulse += impulse
         disturbance.pushes += 1
         disturbance.due = (
-            disturbance.due + time_to_push(disturbance, odds) if odds.rate > 0.0 else np.inf
+            disturbance.due + time_to_push(disturbance, settings) if settings.rate > 0.0 else np.inf
         )
         if native.look != 0:
             call(native.look, address(records[i]), address(bodies[i]), 0, 0, 0.0, 0.0)
-    end = min(disturbance.until, disturbance.due, record.time + odds.interval)
+    end = min(disturbance.until, disturbance.due, record.time + settings.interval)
     record.end = disturbance.until if disturbance.until - end < _INSTANT else end
 
 
 @jitted
 def integrate_past_events(
-    records, bodies, disturbances, phases, options, tiles, courses, odds, natives
+    records, bodies, disturbances, phases, options, tiles, histories, settings, hooks
 ):
-    """Carry walkers to the end of their step, past all that they meet on the way."""
+    """Integrate walkers to the end of their step, with all pushes and checks on the way."""
     going, count = np.empty(len(records), np.int64), 0
     for i in range(len(records)):
         disturbances[i].until, disturbances[i].impulse = records[i, 0].end, 0.0
         if not disturbances[i].idle:
-            apply_due_events(records, bodies, i, disturbances[i], odds, natives)
+            apply_due_events(records, bodies, i, disturbances[i], settings, hooks)
             going[count] = i
             count += 1
-    carry_on(records, bodies, phases, options, tiles, courses)
+    integrate(records, bodies, phases, options, tiles, histories)
     while True:
         before, count = count, 0
         for j in range(before):
             i = going[j]
             record = records[i, 0]
             if record.outcome == 0 and record.time < disturbances[i].until:
-                apply_due_events(records, bodies, i, disturbances[i], odds, natives)
+                apply_due_events(records, bodies, i, disturbances[i], settings, hooks)
                 going[count] = i
                 count += 1
         if count == 0:
             return
         some, theirs = records[going[:count]], bodies[going[:count]]
-        carry_on(some, theirs, phases, options, tiles, courses)
+        integrate(some, theirs, phases, options, tiles, histories)
         for j in range(count):
             records[going[j], 0] = some[j, 0]
             bodies[going[j]] = theirs[j]
 
 
 @jitted
-def violated_constraint(notes, odds):
-    """The outcome by which a check ends the episode; 0 if none does."""
-    for check in range(len(odds.ends)):
-        if not odds.ends[check]:
+def violated_constraint(notes, settings):
+    """Return the outcome of the first violated constraint that ends the episode, or 0."""
+    for check in range(len(settings.ends)):
+        if not settings.ends[check]:
             continue
         if check == _CONTACT:
             holds = notes[0] >= 0.0 and notes[1] >= 0.0
         elif check == _FRICTION:
-            holds = notes[2] <= odds.friction
+            holds = notes[2] <= settings.friction
         elif check == _KNEE:
-            holds = notes[3] >= -odds.knee_latch and notes[4] >= -odds.knee_latch
+            holds = notes[3] >= -settings.knee_latch and notes[4] >= -settings.knee_latch
         else:
-            holds = notes[5] >= -odds.scuff_depth - _DEPTH
+            holds = notes[5] >= -settings.scuff_depth - _DEPTH
         if not holds:
             return _FIRST_REASON + check
     return 0
 
 
 @jitted
-def check_step(records, bodies, i, row, disturbance, odds, phases, natives):
-    """See whether a walker's step could have happened, and whether its episode goes on."""
+def check_step(records, bodies, i, row, disturbance, settings, phases, hooks):
+    """Check the constraints of a walker after its step; a violated one ends its episode."""
     record = records[i, 0]
-    look = natives[record.phase].look
+    look = hooks[record.phase].look
     if look != 0 and record.outcome == 0:
         call(look, address(records[i]), address(bodies[i]), 0, 0, 0.0, 0.0)
     struck = record.outcome == _HEELSTRIKE
     if record.outcome == 0 or struck:
-        row.violated = violated_constraint(bodies[i, 0, -_ROOM:], odds)
+        row.violated = violated_constraint(bodies[i, 0, -_ROOM:], settings)
     if struck:
         disturbance.due -= record.time
-        if row.violated != 0:  # it stands on its new foot all the same
+        if row.violated != 0:  # the record is that after the exchange of legs
             call(phases[0].place, address(records[i]), address(bodies[i]), 0, 0, 0.0, 0.0)
             row.origin -= record.place - record.passed
 
 
 @jitted
-def command_penalty(row, disturbance, odds):
-    """What a stride loses for missing its command, at most its length.
+def command_penalty(row, disturbance, settings):
+    """Return the penalty of a stride for its deviation from the commanded speed.
 
-    The walker was to go the commanded speed times the stride's time.
+    It is at most the length of the stride.
     """
     missed = abs(row.step_length - disturbance.command * row.step_period)
-    return min(odds.command_weight * missed, row.step_length)
+    return min(settings.command_weight * missed, row.step_length)
 
 
 @merged
 def step(
-    records, bodies, ledger, rules, phases, options, tiles, courses, disturbances, pending, odds,
-    natives, table, spread, actions, observations, rewards, terminated, truncated,
+    records, bodies, ledger, rules, phases, options, tiles, histories, disturbances, pending,
+    settings, hooks, table, spread, actions, observations, rewards, terminated, truncated,
 ):  # fmt: skip
-    """A step of every walker by finite actions; returns what `finish_step` does."""
+    """Step every walker by finite actions; returns the result of `task.finish_step`."""
     reached = copy_of(actions)
-    disturb_actions(disturbances, ledger, odds[0], pending, reached)
+    disturb_actions(disturbances, ledger, settings[0], pending, reached)
     task.apply_action(records, ledger, rules[0], reached)
     for i in range(len(records)):
         disturbances[i].idle = task.over(ledger[i])
         for k in range(len(_BLANK)):
             bodies[i, 0, len(bodies[i, 0]) - _ROOM + k] = _BLANK[k]
     integrate_past_events(
-        records, bodies, disturbances, phases, options, tiles, courses, odds[0], natives
+        records, bodies, disturbances, phases, options, tiles, histories, settings[0], hooks
     )
     for i in range(len(records)):
         if not disturbances[i].idle:
-            check_step(records, bodies, i, ledger[i], disturbances[i], odds[0], phases, natives)
+            check_step(records, bodies, i, ledger[i], disturbances[i], settings[0], phases, hooks)
     strides, endings = task.finish_step(
         records, bodies, ledger, rules[0], phases, observations, rewards, terminated, truncated
     )
@@ -331,13 +334,13 @@ def step(
                 bodies[i, 0, len(bodies[i, 0]) - _ROOM + _WORK] / rules[0].weight
             )
             disturbance.episode_push_work += disturbance.push_work
-            if odds[0].commanded and row.outcome == _HEELSTRIKE:
-                lost = command_penalty(row, disturbance, odds[0])
+            if settings[0].commanded and row.outcome == _HEELSTRIKE:
+                lost = command_penalty(row, disturbance, settings[0])
                 row.reward -= lost
                 row.total -= lost
                 rewards[i] -= lost
-            if odds[0].uneven and row.outcome == _HEELSTRIKE:
+            if settings[0].uneven and row.outcome == _HEELSTRIKE:
                 step_over(records[i, 0], row, disturbance, bodies[i, 0, RADIUS], table, spread)
                 task.write_observation(records[i, 0], row, phases, observations, i * size)
-        add_observation_noise(disturbance, row, odds[0], table, spread, observations, i * size)
+        add_observation_noise(disturbance, row, settings[0], table, spread, observations, i * size)
     return strides, endings

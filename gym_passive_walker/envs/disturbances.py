@@ -1,4 +1,4 @@
-"""Disturbances of the walkers of a batch, and what `info` has of them."""
+"""Disturbances of the walkers of a batch, and their entries in `info`."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from gym_passive_walker.walkers import state_size
 
 
 class Contact(NamedTuple):
-    """Where a foot touches the ground.
+    """Contact point of a foot.
 
     Attributes:
-        x: Along the slope that is walked, in the walker's own units of length.
-        y: Over it, in the same units.
-        tilt: By how much the ground there slopes more steeply, in rad; angles are from its normal.
+        x: Coordinate along the mean slope, in the walker's units of length.
+        y: Height above the mean slope, in the walker's units of length.
+        tilt: Slope of the foothold minus the mean slope, in rad; angles are from its normal.
     """
 
     x: float
@@ -43,36 +43,39 @@ class Disturbances:
 
     Args:
         scene: A scene for which `disturbed` holds.
-        system: Which equations they obey, by name.
-        count: How many walkers.
+        system: Name of the system of equations.
+        count: Number of walkers.
 
     Attributes:
-        disturbances: Shape (count,) of `disturbance_kernels.DISTURBANCE`.
-        odds: Shape (1,) of `disturbance_kernels.ODDS`.
-        pending: Actions that come late, (count, steps, actions).
+        states: Disturbance states, (count,) of `disturbance_kernels.DISTURBANCE`.
+        settings: Settings of the scene, (1,) of `disturbance_kernels.SETTINGS`.
+        pending: Delayed actions, (count, action_delay, actions).
         noise: Standard deviation of the noise on each number of a `System`'s observation.
     """
 
     def __init__(self, scene: Scene, system: str, count: int) -> None:
         self.scene, self._system = scene, system
-        self.states, self.odds = np.zeros(count, disturbance_kernels.DISTURBANCE), _odds(scene)
+        self.states, self.settings = (
+            np.zeros(count, disturbance_kernels.DISTURBANCE),
+            _settings(scene),
+        )
         self.pending = np.zeros((count, scene.action_delay, len(scene.actions)))
         self.terrain = (scene.terrain or Terrain()).arrays()
-        self._limits = saved.FateLimits(self.odds[0])
+        self._limits = saved.DisturbanceLimits(self.settings[0])
         self.noise = _noise(scene)
 
     @property
-    def natives(self) -> tuple[NDArray, NDArray]:
-        """The system's phases, and what else is done to walkers; see `constraints.natives`."""
+    def hooks(self) -> tuple[NDArray, NDArray]:
+        """Phases of the system and addresses of its hooks; see `constraints.hooks`."""
         pushed, watched = bool(self.scene.pushes), bool(self.scene.constraints)
-        return constraints.natives(self._system, pushed=pushed, watched=watched)
+        return constraints.hooks(self._system, pushed=pushed, watched=watched)
 
     def arrays(self) -> dict[str, NDArray]:
-        """What `disturbance_kernels.step` reads, by the names of `ticks.STAYS`."""
+        """Return what `disturbance_kernels.step` reads, by the names of `ticks.STAYS`."""
         table, spread = self.terrain
         return {
-            "disturbances": self.states, "pending": self.pending, "odds": self.odds,
-            "natives": self.natives[1], "table": table, "spread": spread,
+            "disturbances": self.states, "pending": self.pending, "settings": self.settings,
+            "hooks": self.hooks[1], "table": table, "spread": spread,
         }  # fmt: skip
 
     def begin(
@@ -82,50 +85,52 @@ class Disturbances:
         records: NDArray,
         ledger: NDArray,
     ) -> None:
-        """Draw some walkers' disturbances, by a key from each one's random numbers."""
+        """Draw the disturbances of some walkers, by a key from each walker's random generator."""
         keys = np.empty(len(lanes), np.uint64)
         for j, i in enumerate(lanes.tolist()):
             keys[j] = randoms[i].integers(2**64, dtype=np.uint64)
         disturbance_kernels.begin(
-            self.states, self.odds, lanes, keys, self.pending, records, ledger, *self.terrain
+            self.states, self.settings, lanes, keys, self.pending, records, ledger, *self.terrain
         )
 
     def observe(self, ledger: NDArray, lanes: NDArray, observations: NDArray[np.float32]) -> None:
-        """Make some walkers' observations those of their sensors."""
+        """Add sensor noise, command and terrain lookahead to observations of some walkers."""
         disturbance_kernels.observe(
-            self.states, ledger, self.odds, *self.terrain, lanes, observations
+            self.states, ledger, self.settings, *self.terrain, lanes, observations
         )
 
-    def spoil(self, ledger: NDArray, lanes: NDArray, observations: NDArray[np.float32]) -> None:
-        """Add noise to some walkers' observations of a `System`."""
+    def add_noise(self, ledger: NDArray, lanes: NDArray, observations: NDArray[np.float32]) -> None:
+        """Add sensor noise to observations of some walkers of a `System`."""
         if np.any(self.noise):
             disturbance_kernels.add_noise(self.states, ledger, self.noise, lanes, observations)
 
-    def lean(self, slopes: NDArray[np.float64], lanes: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """Have some walkers walk on other slopes; those of the footholds that they stand on."""
+    def set_slopes(
+        self, slopes: NDArray[np.float64], lanes: NDArray[np.bool_]
+    ) -> NDArray[np.float64]:
+        """Set the mean slopes of some walkers; returns the slopes of their footholds, in rad."""
         self.states["slope"][lanes] = slopes[lanes]
         return slopes + self.states["tilt"]
 
     def contact(self, lane: int, rolled: float, length: float) -> Contact:
-        """Where a walker touches a foothold.
+        """Return the contact point of a walker on its foothold.
 
         Args:
-            lane: Which walker.
-            rolled: How far its foot has rolled in this stride, in leg lengths.
-            length: Of its leg, in its own units.
+            lane: Index of the walker.
+            rolled: Distance that its foot has rolled in this stride, in leg lengths.
+            length: Leg length, in the walker's units.
         """
         x, y, tilt = (float(self.states[name][lane]) for name in ("x", "y", "tilt"))
         x, y = x + rolled * math.cos(tilt), y - rolled * math.sin(tilt)
         return Contact(x * length, y * length, tilt)
 
     def pushed(self, lane: int) -> float:
-        """What pushed a walker in this step, as a share of the largest push, from -1 to 1."""
+        """Return the impulse on a walker in this step, over the largest impulse: from -1 to 1."""
         impulse = float(self.states["impulse"][lane])
-        largest = max(abs(impulse), float(np.abs(self.odds["push"]).max()))
+        largest = max(abs(impulse), float(np.abs(self.settings["push"]).max()))
         return impulse / largest if impulse else 0.0
 
     def info_values(self, bodies: NDArray) -> dict[str, NDArray]:
-        """Further entries of `info` at every step: a number for each walker."""
+        """Return entries of `info` at every step by name: arrays (count,)."""
         found = {}
         if self.scene.command is not None:
             found["command"] = self.states["command"]
@@ -138,21 +143,21 @@ class Disturbances:
         return found
 
     def get_state(self) -> dict[str, NDArray]:
-        """All that decides what comes next; a copy."""
+        """Return copies of the disturbance states and the delayed actions."""
         return {"disturbances": self.states.copy(), "pending": self.pending.copy()}
 
     def checked(
         self, state: Mapping[str, Any], times: NDArray[np.float64], going: NDArray[np.bool_]
     ) -> tuple[NDArray, NDArray]:
-        """Disturbances and late actions of a state, as copies, if they can be put back.
+        """Return copies of the disturbances and delayed actions in a state, after checks.
 
         Args:
-            state: What `get_state` gave, and perhaps more.
-            times: Since the walkers' strides began, (count,).
+            state: From `get_state`; further entries are ignored.
+            times: Times since the strides began, (count,).
             going: Whether each episode goes on, (count,).
 
         Raises:
-            StateError: if they are damaged, or of another scene.
+            StateError: if the state is damaged, or of another scene.
         """
         found = saved.like(state["disturbances"], "disturbances", self.states)
         pending = saved.like(state["pending"], "pending", self.pending)
@@ -160,31 +165,34 @@ class Disturbances:
         return found, pending
 
     def put_back(self, found: tuple[NDArray, NDArray]) -> None:
-        """Go back to what was `checked`."""
+        """Restore what `checked` returned."""
         self.states[:], self.pending[:] = found
 
 
 def _noise(scene: Scene) -> NDArray[np.float64]:
-    """Standard deviation of the noise on each number of an observation but the command."""
+    """Return the standard deviation of the noise on each observed number but the command."""
     noise, size = scene.observation_noise, state_size(scene.walker)
     rest = (task.SIZE if scene.own_system is None else size + 1) - size
     given = noise if isinstance(noise, tuple) else [noise] * size + [0.0] * rest
     return np.array(given, dtype=float)
 
 
-def _odds(scene: Scene) -> NDArray:
-    """A scene's rules, as kernels read them."""
-    odds = np.zeros(1, disturbance_kernels.ODDS)
+def _settings(scene: Scene) -> NDArray:
+    """Return the settings of a scene's disturbances, (1,) of SETTINGS."""
+    settings = np.zeros(1, disturbance_kernels.SETTINGS)
     if scene.pushes:
-        odds["rate"], odds["push"] = scene.pushes["rate"], scene.pushes["impulse"]
+        settings["rate"], settings["push"] = scene.pushes["rate"], scene.pushes["impulse"]
     if scene.own_system is None:
-        odds["noise"] = _noise(scene)
-        odds["noisy"] = np.any(odds["noise"])
+        settings["noise"] = _noise(scene)
+        settings["noisy"] = np.any(settings["noise"])
     if scene.command is not None:
-        odds["commanded"], odds["command"] = True, np.broadcast_to(scene.command, 2)
-    odds["uneven"], odds["terrain_lookahead"] = scene.terrain is not None, scene.terrain_lookahead
-    odds["interval"] = disturbance_kernels.INTERVAL if scene.constraints else math.inf
-    odds["ends"] = [scene.constraints.get(check) == "end" for check in CHECKS]
+        settings["commanded"], settings["command"] = True, np.broadcast_to(scene.command, 2)
+    settings["uneven"], settings["terrain_lookahead"] = (
+        scene.terrain is not None,
+        scene.terrain_lookahead,
+    )
+    settings["interval"] = disturbance_kernels.INTERVAL if scene.constraints else math.inf
+    settings["ends"] = [scene.constraints.get(check) == "end" for check in CHECKS]
     for name in ("action_noise", "command_weight", "friction", "knee_latch", "scuff_depth"):
-        odds[name] = getattr(scene, name)
-    return odds
+        settings[name] = getattr(scene, name)
+    return settings

@@ -88,9 +88,9 @@ def as_rows(env: Any = "level") -> dict[str, Rows]:
     seen: Rows = [{"number": i, **row} for i, row in enumerate(_observed(scene))]
     paid = _rewarded(scene)
     if batch is not None:
-        now = np.empty(batch.count * batch.seen, np.float32)
+        now = np.empty(batch.count * batch.observation_size, np.float32)
         batch.observe(now)
-        for row, value in zip(seen, now[: batch.seen].tolist(), strict=True):
+        for row, value in zip(seen, now[: batch.observation_size].tolist(), strict=True):
             row["now"] = value
         last = {name: float(term[0]) for name, term in batch.reward_terms().items()}
         for row in paid:
@@ -133,7 +133,7 @@ def _parts(env: Any) -> tuple[Scene, Batch | None, float | None]:
 
 def _observed(scene: Scene) -> Rows:
     """What an agent observes: name, unit and bounds of each number."""
-    own = Custom(scene, 0).seen if scene.observation or scene.own_system else None
+    own = Custom(scene, 0).observation_size if scene.observation or scene.own_system else None
     space = interface.observation_space(scene, own)
     names = list(_SEEN)
     if scene.own_system is not None:

@@ -99,9 +99,9 @@ def refuse(action: Any, actions: Sequence[str], lane: int | None = None) -> NoRe
         ValueError: always.
     """
     where = "" if lane is None else f" of environment {lane}"
-    told = "one finite number" if len(actions) == 1 else f"finite numbers of {', '.join(actions)}"
-    told = told if actions else "without numbers"
+    wanted = "one finite number" if len(actions) == 1 else f"finite numbers of {', '.join(actions)}"
+    wanted = wanted if actions else "without numbers"
     shown = action[0] if isinstance(action, np.ndarray) and action.shape == (1,) else action
     raise ValueError(
-        f"the action{where} must be {told} (beyond -1 and 1 it is clipped), not {shown}"
+        f"the action{where} must be {wanted} (beyond -1 and 1 it is clipped), not {shown}"
     )

@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from gym_passive_walker.engine.run import carry_on
+from gym_passive_walker.engine.run import integrate
 from gym_passive_walker.envs import disturbance_kernels
 
 
 def integrate_past_events(
-    records, bodies, disturbances_, phases, options, tiles, courses, odds, natives
+    records, bodies, disturbances_, phases, options, tiles, histories, settings, hooks
 ):
     """Integrate the one walker to the end of its step, as `disturbance_kernels` does for many."""
     record, disturbance = records[0, 0], disturbances_[0]
     disturbance.until, disturbance.impulse = record.end, 0.0
     if not disturbance.idle:
-        disturbance_kernels.apply_due_events(records, bodies, 0, disturbance, odds, natives)
-    carry_on(records, bodies, phases, options, tiles, courses)
+        disturbance_kernels.apply_due_events(records, bodies, 0, disturbance, settings, hooks)
+    integrate(records, bodies, phases, options, tiles, histories)
     while not disturbance.idle and record.outcome == 0 and record.time < disturbance.until:
-        disturbance_kernels.apply_due_events(records, bodies, 0, disturbance, odds, natives)
-        carry_on(records, bodies, phases, options, tiles, courses)
+        disturbance_kernels.apply_due_events(records, bodies, 0, disturbance, settings, hooks)
+        integrate(records, bodies, phases, options, tiles, histories)
 
 
 def as_it_is(actions):

@@ -343,7 +343,7 @@ class RowLimits:
             Whether each episode goes on, (count,).
 
         Raises:
-            StateError: if something is wrong.
+            StateError: if a number is out of its limits.
         """
         here, going = records[:, 0], ~over(ledger) & begun
         self._records.check(here, going)
@@ -359,15 +359,15 @@ class RowLimits:
         return going
 
 
-class FateLimits:
-    """What disturbances of a scene's walkers may be.
+class DisturbanceLimits:
+    """Limits of the disturbance states of a scene.
 
     Args:
-        odds: The scene's, one row of `disturbance_kernels.ODDS`.
+        settings: Settings of the scene, a row of `disturbance_kernels.SETTINGS`.
     """
 
-    def __init__(self, odds: NDArray) -> None:
-        low, high = odds["command"]
+    def __init__(self, settings: NDArray) -> None:
+        low, high = settings["command"]
         self._disturbances = Limits(
             "disturbances", disturbance_kernels.DISTURBANCE, pushes=(0, _MANY), idle=(0, 1),
             command=(low, high), due=(-np.inf, np.inf),
@@ -376,19 +376,19 @@ class FateLimits:
     def check(
         self, found: NDArray, pending: NDArray, times: NDArray, going: NDArray[np.bool_]
     ) -> None:
-        """Refuse what is not within the limits.
+        """Check disturbance states.
 
         Args:
-            found: Shape (count,) of `disturbance_kernels.DISTURBANCE`.
-            pending: Actions that come late, (count, steps, actions).
-            times: Since the walkers' strides began, (count,).
+            found: Disturbance states, (count,) of `disturbance_kernels.DISTURBANCE`.
+            pending: Delayed actions, (count, action_delay, actions).
+            times: Times since the strides began, (count,).
             going: Whether each episode goes on, (count,).
 
         Raises:
-            StateError: if something is wrong.
+            StateError: if a number is out of its limits.
         """
         self._disturbances.check(found, going)
-        # Pushes that were due long ago would be caught up with, one by one.
+        # Every push that is due would be applied, one by one: an old time would take forever.
         fits = (found["due"] >= times - _LATE) | ~going
         require("disturbances['due']", fits, "no earlier than the walker's time")
         require("pending", np.abs(pending) <= 1.0, "shares from -1 to 1")

@@ -170,7 +170,7 @@ class PassiveWalkerVecEnv(VecEnv):
         self,
     ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_], list[dict[str, Any]]]:
         """A step of every environment, and the next episode's start where one has ended."""
-        observations = np.empty((self.num_envs, self.batch.seen), np.float32)
+        observations = np.empty((self.num_envs, self.batch.observation_size), np.float32)
         rewards = np.empty(self.num_envs)
         dones, truncated = np.empty((2, self.num_envs), bool)
         flat = observations.reshape(-1)

@@ -45,10 +45,10 @@ def known_gaits() -> dict[tuple[Walker, float], State | None]:
     By walker and slope; None where there is none. Written by ``python -m
     gym_passive_walker.envs.starts``.
     """
-    told = json.loads(_KNOWN.read_text(encoding="utf-8"))
+    known = json.loads(_KNOWN.read_text(encoding="utf-8"))
     return {
         (WALKERS[name], float(slope)): None if state is None else tuple(state)
-        for name, gaits in told.items()
+        for name, gaits in known.items()
         for slope, state in gaits.items()
     }
 
@@ -244,20 +244,20 @@ def checked_state(state: Sequence[float], walker: Walker) -> State:
 
 def write_known_gaits() -> None:
     """Search for the gaits that the named scenes start with, and keep them in the package."""
-    told: dict[str, dict[str, State | None]] = {}
+    known: dict[str, dict[str, State | None]] = {}
     for name in SCENES:
         scene = make_scene(name)
         walker = next(key for key, value in WALKERS.items() if value == scene.walker)
         starts = Starts(scene)
         for slope in sorted({*starts.node_slopes, REFERENCE_SLOPES[0]}):
-            told.setdefault(walker, {})[repr(slope)] = searched_gait(scene.walker, slope)
+            known.setdefault(walker, {})[repr(slope)] = searched_gait(scene.walker, slope)
     lines = [
         f"  {json.dumps(walker)}: {{\n"
         + ",\n".join(
             f"    {json.dumps(s)}: {json.dumps(gaits[s])}" for s in sorted(gaits, key=float)
         )
         + "\n  }"
-        for walker, gaits in told.items()
+        for walker, gaits in known.items()
     ]
     _KNOWN.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
 

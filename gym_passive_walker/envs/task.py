@@ -17,7 +17,7 @@ import numpy as np
 from gym_passive_walker.engine.jit import Kernel, address, call, jitted, merged
 from gym_passive_walker.engine.lanes import RESTING
 from gym_passive_walker.engine.layout import NARROW, Layout
-from gym_passive_walker.engine.run import carry_on
+from gym_passive_walker.engine.run import integrate
 from gym_passive_walker.physics.hybrid import Outcome
 
 EVERY_STEP = ("distance", "energy", "episode_distance", "episode_energy", "strides")
@@ -206,14 +206,14 @@ def write_info(ledger, asked, steps, counts, measures):
         counts[0, i], counts[1, i] = row.strides, row.outcome
         if row.outcome == 0:
             continue
-        told = measures[endings]
+        measured = measures[endings]
         endings += 1
-        told[0], told[1], told[2] = row.step_length, row.step_period, row.speed
-        told[3], told[4] = row.cost_of_transport, row.gravity_cost
-        told[5], told[6] = row.hip_cost, row.net_hip_cost
-        told[7], told[8] = row.ankle_cost, row.net_ankle_cost
-        told[9], told[10] = row.push_off_cost, row.collision_cost
-        told[11], told[12] = row.friction_cost, row.kneestrike_time
+        measured[0], measured[1], measured[2] = row.step_length, row.step_period, row.speed
+        measured[3], measured[4] = row.cost_of_transport, row.gravity_cost
+        measured[5], measured[6] = row.hip_cost, row.net_hip_cost
+        measured[7], measured[8] = row.ankle_cost, row.net_ankle_cost
+        measured[9], measured[10] = row.push_off_cost, row.collision_cost
+        measured[11], measured[12] = row.friction_cost, row.kneestrike_time
     return present
 
 
@@ -252,7 +252,7 @@ def begin(
 
 @jitted
 def first_invalid(ledger, count, actions):
-    """The first walker with an action that is not finite while its episode lasts; else -1."""
+    """Return the first walker with an episode and an action that is not finite, or -1."""
     for i in range(len(ledger)):
         for j in range(count):
             if not math.isfinite(actions[i * count + j]) and not over(ledger[i]):
@@ -403,12 +403,12 @@ def forget_stride(row):
 
 @merged
 def step(
-    records, bodies, ledger, rules, phases, options, tiles, courses,
+    records, bodies, ledger, rules, phases, options, tiles, histories,
     actions, observations, rewards, terminated, truncated,
 ):  # fmt: skip
-    """A step of every walker by finite actions; returns what `finish_step` does."""
+    """Step every walker by finite actions; returns the result of `finish_step`."""
     apply_action(records, ledger, rules[0], actions)
-    carry_on(records, bodies, phases, options, tiles, courses)
+    integrate(records, bodies, phases, options, tiles, histories)
     return finish_step(
         records, bodies, ledger, rules[0], phases, observations, rewards, terminated, truncated
     )

@@ -1,7 +1,7 @@
-"""A batch's ticks and starts as one call each, by where the batch's arrays lie.
+"""Compiled control steps and starts of a batch, called with the addresses of its arrays.
 
-Numba takes a third of a microsecond to recognise an array of structures, and a tick needs eight:
-longer than the engine takes for one walker. What stays in its place is noted once.
+Numba takes 0.3 µs to unbox an array of structures, and a control step needs eight: longer than the
+engine takes for one walker. The addresses of arrays are therefore stored once.
 """
 
 from __future__ import annotations
@@ -21,38 +21,37 @@ from gym_passive_walker.engine.layout import (
     NARROW,
     PAIR,
     Layout,
-    course_for,
+    history_for,
     layout_in,
     record_for,
     tile_for,
 )
 from gym_passive_walker.engine.run import OPTIONS
 from gym_passive_walker.envs import disturbance_kernels, task, transitions
-from gym_passive_walker.envs.constraints import NATIVE
+from gym_passive_walker.envs.constraints import HOOK
 from gym_passive_walker.envs.custom import Custom
-from gym_passive_walker.envs.disturbance_kernels import DISTURBANCE, ODDS
+from gym_passive_walker.envs.disturbance_kernels import DISTURBANCE, SETTINGS
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.starts import DRAWS, Starts, between
 from gym_passive_walker.envs.transitions import note_for
 
 STAYS = (
-    "records", "bodies", "radii", "ledger", "rules", "phases", "options", "tiles", "courses",
+    "records", "bodies", "radii", "ledger", "rules", "phases", "options", "tiles", "histories",
     "actions", "rewards", "terminated", "truncated", "generators", "nodes", "states", "notes",
-    "disturbances", "pending", "odds", "natives", "table", "spread",
+    "disturbances", "pending", "settings", "hooks", "table", "spread",
 )  # fmt: skip
-"""Arrays of a batch that stay where they are; those that a scene does not need are empty."""
+"""Arrays of a batch that are allocated once; those that its scene does not need are empty."""
 
 PLACES = np.dtype(
     [(name, "i8") for name in STAYS]
-    + [(f"of_{name}", "i8") for name in STAYS]  # how many entries each has
+    + [(f"of_{name}", "i8") for name in STAYS]  # number of entries of each
     + [("constants", "i8"), ("low", "f8"), ("high", "f8"), ("reset_noise_scale", "f8")]
     + [("noted", "i8"), ("paid", "i8"), ("ends", "i8"), ("native", "i8"), ("delay", "i8")]
 )
-"""Where they are, and what starts go by besides: constants of a body, and the range of slopes; and
-what rules of the user's own need and where their native functions lie: see `transitions.after`.
-"delay" is the number of control steps by which actions come late."""
+"""Addresses of these arrays, the range of slopes at a start, addresses of the user's compiled
+functions (see `transitions.after`), and the number of control steps of `action_delay`."""
 
-_NUMBER, _WORD, _TRUTH = np.dtype("f8"), np.dtype("i8"), np.dtype("?")
+_NUMBER, _WORD, _BOOLEAN = np.dtype("f8"), np.dtype("i8"), np.dtype("?")
 _ALL = 1 << 62
 
 _capsule = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)(
@@ -62,7 +61,7 @@ _capsule = ctypes.PYFUNCTYPE(ctypes.c_void_p, ctypes.py_object, ctypes.c_char_p)
 
 @jitted
 def fill(where, lanes, draws):
-    """See `draw`."""
+    """Implement `draw` for compiled callers."""
     here = view(where, (1,), PLACES)[0]
     generators = view(here.generators, (here.of_generators,), _WORD)
     for j in range(len(lanes)):
@@ -72,7 +71,7 @@ def fill(where, lanes, draws):
 
 @Kernel
 def draw(where, lanes, draws):
-    """Draw the numbers that some walkers' starts take, (lanes, DRAWS)."""
+    """Draw the random numbers of some walkers' starts, (lanes, DRAWS)."""
     fill(where, lanes, draws)
 
 
@@ -99,7 +98,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         task.ledger_for(layout),
         task.rules_for(layout),
     )
-    note, course, tile = note_for(layout), course_for(layout), tile_for(PAIR, layout=layout)
+    note, history, tile = note_for(layout), history_for(layout), tile_for(PAIR, layout=layout)
     size = 2 * layout.links
 
     def within(compiler: Callable[..., Any]) -> Callable[..., Any]:
@@ -108,7 +107,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
 
     @within(inlined)
     def found(where, first, last):
-        """What a `Door` has noted, and its walkers from one to before another."""
+        """Return the addresses at `where`, and arrays of walkers from `first` to before `last`."""
         places = view(where, (1,), PLACES)
         here = places[0]
         records = view(here.records, (here.of_records, 1), record)[first:last]
@@ -124,13 +123,13 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         """Begin episodes of some walkers, as `task.begin` does.
 
         Args:
-            where: Address of a `Door`.
-            lanes: Which walkers.
-            alike: Whether they start as the `Door` has noted, by the numbers that each one draws;
-                the next three are ignored then.
-            slopes: As for `task.begin`, as all that follow.
-            gaits: Theirs.
-            draws: Theirs.
+            where: Address from `EntryPoint.address`.
+            lanes: Indices of the walkers.
+            alike: Whether slopes and gaits are those of the `EntryPoint`, with new random draws;
+                `slopes`, `gaits` and `draws` are then ignored.
+            slopes: As for `task.begin`.
+            gaits: As for `task.begin`.
+            draws: As for `task.begin`.
             observations: Filled, flat.
         """
         places, records, bodies, ledger, phases = found(where, 0, _ALL)
@@ -154,12 +153,12 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         )  # fmt: skip
 
     @within(merged)
-    def tick(where, first, last, tiles, courses, observations, rewards, terminated, truncated):
-        """A step of some walkers by the actions that lie there.
+    def tick(where, first, last, tiles, histories, observations, rewards, terminated, truncated):
+        """Step some walkers by the actions at `where`.
 
         Returns:
-            The first walker with an action that is not finite, or -1; then nothing has changed
-            otherwise; strides and episodes that have ended.
+            Index of the first walker with an action that is not finite, or -1; in that case nothing
+            changes. Number of strides that end, and number of episodes that end.
         """
         places, records, bodies, ledger, phases = found(where, first, last)
         here = places[0]
@@ -175,13 +174,13 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
         if custom:
             notes = view(here.notes, (here.of_notes,), note)[first:last]
             transitions.before(records, notes, here.noted)
-        work, guards = view(tiles, (1,), tile), view(courses, (1,), course)
+        work, guards = view(tiles, (1,), tile), view(histories, (1,), history)
         if disturbed:
             shape = here.of_pending, here.delay, each
             strides, endings = disturbance_kernels.step(
                 records, bodies, ledger, rules, phases, options, work, guards, disturbances,
-                view(here.pending, shape, _NUMBER)[first:last], view(here.odds, (1,), ODDS),
-                view(here.natives, (here.of_natives,), NATIVE),
+                view(here.pending, shape, _NUMBER)[first:last], view(here.settings, (1,), SETTINGS),
+                view(here.hooks, (here.of_hooks,), HOOK),
                 view(here.table, (here.of_table, 2), _NUMBER),
                 view(here.spread, (here.of_spread,), _NUMBER), own, observations, rewards,
                 terminated, truncated,
@@ -202,18 +201,18 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
 
     @within(Kernel)
     def step(
-        where, first, last, tiles, courses, again, observations, rewards, terminated, truncated
+        where, first, last, tiles, histories, again, observations, rewards, terminated, truncated
     ):  # fmt: skip
-        """A step of the walkers from `first` to before `last`; `again` starts those that rest.
+        """Step the walkers from `first` to before `last`; `again` starts those that rest.
 
         Args:
-            where: Address of a `Door`.
-            first: The first of them.
-            last: The one after the last of them.
-            tiles: Where a tile lies to work at.
-            courses: Where a course lies to work at.
-            again: Whether they are all there are, and those that rest begin another episode.
-            observations: Filled, flat, as all that follow.
+            where: Address from `EntryPoint.address`.
+            first: Index of the first walker.
+            last: Index after the last walker.
+            tiles: Address of the tile to work with.
+            histories: Address of the guard history to work with.
+            again: Whether walkers that rest begin another episode; requires all walkers.
+            observations: Filled, flat.
             rewards: Filled.
             terminated: Filled.
             truncated: Filled.
@@ -222,7 +221,7 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
             As `tick`.
         """
         answer = tick(
-            where, first, last, tiles, courses, observations, rewards, terminated, truncated
+            where, first, last, tiles, histories, observations, rewards, terminated, truncated
         )  # fmt: skip
         if again and answer[0] < 0:
             _, records, _, _, _ = found(where, first, last)
@@ -237,18 +236,18 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
 
     @within(Kernel)
     def step_here(where, observation):
-        """A step of a single walker, with reward and endings in the batch's own arrays."""
+        """Step a single walker; reward and terminations go to the arrays of the batch."""
         here = view(where, (1,), PLACES)[0]
         return tick(
-            where, 0, 1, here.tiles, here.courses, observation,
+            where, 0, 1, here.tiles, here.histories, observation,
             view(here.rewards, (1,), _NUMBER),
-            view(here.terminated, (1,), _TRUTH),
-            view(here.truncated, (1,), _TRUTH),
+            view(here.terminated, (1,), _BOOLEAN),
+            view(here.truncated, (1,), _BOOLEAN),
         )  # fmt: skip
 
     @within(Kernel)
     def write_info(where, asked, steps, counts, measures):
-        """`task.write_info` of the walkers there."""
+        """Call `task.write_info` for the walkers at `where`."""
         here = view(where, (1,), PLACES)[0]
         ledger = view(here.ledger, (here.of_ledger,), ledger_of)
         return task.write_info(ledger, asked, steps, counts, measures)
@@ -256,25 +255,25 @@ def kernels_for(layout: Layout, disturbed: bool, custom: bool) -> Kernels:
     return Kernels(begin, step, step_here, write_info)
 
 
-class Door:
-    """Where compiled code finds the arrays of a batch.
+class EntryPoint:
+    """Entry point of compiled code into a batch: the addresses of its arrays.
 
     Args:
-        scene: What is simulated.
-        count: How many walkers.
-        custom: Functions of the user's own, by which steps are judged.
-        **arrays: Of STAYS; they stay where they are from now on.
+        scene: The scene.
+        count: Number of walkers.
+        custom: The user's own reward and termination; None without them.
+        **arrays: Arrays named in STAYS; they must not be replaced afterwards.
 
     Attributes:
-        where: The address that kernels take.
-        kernels: The kernels, for records of these walkers' layout.
-        step_here: Of these, compiled, that which single environments call.
-        desk: Those of the tile and the course where one thread works.
-        actions: Of all walkers, flat, to be filled before a step.
-        results: Rewards and both kinds of endings, (count,), as `step_here` leaves them.
-        of_step: Numbers of EVERY_STEP but the strides, in the first walker's ledger.
-        of_stride: Numbers of EVERY_STRIDE in it.
-        counts: Its strides, and its outcome.
+        address: Address that the kernels take.
+        kernels: Kernels for the layout of the records.
+        step_here: The compiled kernel that single environments call.
+        workspace: Addresses of the tile and the guard history of one thread.
+        actions: Actions of all walkers, flat; filled before a step.
+        results: Rewards, terminations and truncations, each (count,), from `step_here`.
+        step_values: Values of EVERY_STEP except the strides, of the first walker.
+        stride_values: Values of EVERY_STRIDE, of the first walker.
+        counts: Number of strides and outcome, of the first walker.
     """
 
     def __init__(
@@ -288,11 +287,11 @@ class Door:
         self._places["reset_noise_scale"] = scene.reset_noise_scale
         self._places["constants"] = arrays["bodies"].shape[-1]
         self._places["delay"] = scene.action_delay
-        self.where: int = self._places.ctypes.data
+        self.address: int = self._places.ctypes.data
         layout = layout_in(arrays["records"].dtype)
         self.kernels = kernels_for(layout, "disturbances" in arrays, custom is not None)
         self.step_here = self.kernels.step_here.compiled
-        self.desk = arrays["tiles"].ctypes.data, arrays["courses"].ctypes.data
+        self.workspace = arrays["tiles"].ctypes.data, arrays["histories"].ctypes.data
         results = dict(zip(("rewards", "terminated", "truncated"), self.results, strict=True))
         self._put(actions=self.actions, **results, **arrays)
         if custom is not None:
@@ -303,7 +302,7 @@ class Door:
         ledger, steps = arrays["ledger"], len(task.EVERY_STEP) - 1
         words = steps + len(task.EVERY_STRIDE)
         numbers = ledger.view(np.float64)[:words]
-        self.of_step, self.of_stride = numbers[:steps], numbers[steps:]
+        self.step_values, self.stride_values = numbers[:steps], numbers[steps:]
         self.counts = ledger.view(np.int64)[words : words + 2]
 
     def _put(self, **arrays: NDArray) -> None:
@@ -313,14 +312,14 @@ class Door:
             self._places[name], self._places[f"of_{name}"] = array.ctypes.data, len(array)
 
     def draw_from(self, randoms: list[np.random.Generator]) -> None:
-        """Draw from these generators from now on."""
+        """Set the random generators."""
         if randoms is not self._randoms:
             self._randoms = randoms
             found = [_capsule(random.bit_generator.capsule, b"BitGenerator") for random in randoms]
             self._put(generators=np.array(found, np.int64))
 
     def begin_at(self, starts: Starts) -> None:
-        """Begin all episodes there, from now on."""
+        """Set the slopes and gaits from which episodes start."""
         if "nodes" not in self._kept:
             nodes, states = starts.nodes
             self._put(nodes=nodes, states=states)

@@ -90,7 +90,7 @@ class Transition(NamedTuple):
     reward: Any
 
 
-TRUTHS = ("knee_locked", "heelstrike", "fell")
+BOOLEANS = ("knee_locked", "heelstrike", "fell")
 """Boolean fields; recorded as 1 or 0."""
 
 SEVERAL = ("before", "state", "action", "last_action")

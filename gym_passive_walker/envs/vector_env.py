@@ -91,7 +91,9 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             step_limit=interface.step_limit(max_episode_steps),
             threads=threads,
         )
-        self.single_observation_space = interface.observation_space(self.scene, self.batch.own_seen)
+        self.single_observation_space = interface.observation_space(
+            self.scene, self.batch.own_observation_size
+        )
         self.single_action_space = interface.action_space(self.scene.actions)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -135,7 +137,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
                 raise ResetNeeded("the scene has changed: reset all environments")
             self.renew()
         seed_randoms(self.batch, seed, lanes.tolist())
-        observations = np.empty((self.num_envs, self.batch.seen), np.float32)
+        observations = np.empty((self.num_envs, self.batch.observation_size), np.float32)
         self.batch.observe(observations.reshape(-1))
         self.batch.start(lanes, observations.reshape(-1), options)
         self._begun = True
@@ -174,7 +176,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             raise ValueError(f"actions must have shape {self._shape}, not {actions.shape}")
         if self._any_ended and (not self._begun or self.autoreset_mode == AutoresetMode.DISABLED):
             raise ResetNeeded("some environments have ended, or never begun: reset them first")
-        observations = np.empty((self.num_envs, self.batch.seen), np.float32)
+        observations = np.empty((self.num_envs, self.batch.observation_size), np.float32)
         rewards = np.empty(self.num_envs)
         terminated, truncated = np.empty((2, self.num_envs), bool)
         flat, again = observations.reshape(-1), self._any_ended
@@ -267,7 +269,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
             raise ResetNeeded("no episode has begun: call reset first")
         which = self._everyone if mask is None else self._checked_mask(mask, "mask")
         self.batch.set_slopes(slopes, which)
-        observations = np.empty((self.num_envs, self.batch.seen), np.float32)
+        observations = np.empty((self.num_envs, self.batch.observation_size), np.float32)
         self.batch.observe(observations.reshape(-1))
         return observations
 
@@ -294,26 +296,26 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         self.batch.set_energy_cost(energy)
 
     def _infos(self, which: NDArray[np.bool_] | None, most: int) -> dict[str, Any]:
-        """What single environments would put into `info`, with masks of those that did.
+        """Return the infos of single environments as arrays, with masks.
 
         Args:
-            which: Which walkers make this step; None for all.
-            most: How many at most have ended a stride or an episode.
+            which: Whether each walker makes this step, (num_envs,); None for all.
+            most: Largest number of walkers that have ended a stride or an episode.
         """
         steps = np.empty((len(task.EVERY_STEP) - 1, self.num_envs))
         counts = np.empty((2, self.num_envs), np.int64)
         measures = np.empty((most, len(task.EVERY_STRIDE)))
         asked = self._everyone if which is None else which
-        tell = self.batch.door.kernels.write_info
-        if not tell.compiled(self.batch.door.where, asked, steps, counts, measures):
+        write = self.batch.entry_point.kernels.write_info
+        if not write.compiled(self.batch.entry_point.address, asked, steps, counts, measures):
             return {}
-        befell = {name: np.where(asked, told, 0) for name, told in self.batch.info_values().items()}
+        extra = {name: np.where(asked, x, 0) for name, x in self.batch.info_values().items()}
         mask = asked.copy()
-        make = partial(told, mask, steps, counts, measures, befell)
+        make = partial(infos_of, mask, steps, counts, measures, extra)
         return Infos(make, distance=steps[0], _distance=mask)
 
     def _checked_mask(self, mask: Any, name: str) -> NDArray[np.bool_]:
-        """A boolean array that says of each environment whether it is meant."""
+        """Check and return a boolean array (num_envs,)."""
         if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_:
             raise TypeError(f"{name} must be a boolean array, not {mask!r}")
         if mask.shape != (self.num_envs,):
@@ -335,7 +337,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
         return tuple(frame(self.batch, i, self._screens[i]) for i in range(self.num_envs))
 
     def close_extras(self, **_: Any) -> None:
-        """Close what draws."""
+        """Close the windows."""
         for screen in self._screens.values():
             screen.close()
         self._screens = {}
@@ -358,20 +360,20 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
 
     @property
     def np_random(self) -> tuple[np.random.Generator, ...]:  # type: ignore[override]
-        """Each environment's source of random numbers."""
+        """The random generator of each environment."""
         return tuple(self.batch.randoms)
 
     @one_thread
     def get_state(self) -> dict[str, Any]:
-        """All that decides what comes next, random numbers of later resets included; a copy."""
+        """Return a copy of everything that determines later steps and resets."""
         return {**self.batch.get_state(), "ended": self._ended.copy(), "begun": self._begun}
 
     @one_thread
     def set_state(self, state: Mapping[str, Any]) -> None:
-        """Go back to a state that `get_state` gave, of this or an equal vector environment.
+        """Restore a state from `get_state`, of this or an equal vector environment.
 
         Raises:
-            StateError: if it is damaged, or of another one; nothing has changed then.
+            StateError: if it is damaged, or of another environment; nothing has changed then.
             RuntimeError: if another thread is using this environment.
         """
         begun = bool(saved.flags(state, "begun"))
@@ -392,7 +394,7 @@ class PassiveWalkerVectorEnv(VectorEnv[NDArray, NDArray, NDArray]):
 def seed_randoms(
     batch: Batch, seed: int | Sequence[int | None] | None, lanes: Sequence[int]
 ) -> None:
-    """Seed some walkers' random numbers as as many single environments would be.
+    """Seed the random generators of some walkers, each like a single environment.
 
     Raises:
         ValueError: if there is not one seed for each walker of the batch.
@@ -422,17 +424,17 @@ def seed_randoms(
         batch.randoms = randoms
 
 
-def told(
+def infos_of(
     mask: NDArray[np.bool_],
     steps: NDArray[np.float64],
     counts: NDArray[np.int64],
     measures: NDArray[np.float64],
-    befell: Mapping[str, NDArray],
+    extra: Mapping[str, NDArray],
 ) -> dict[str, Any]:
     """The infos of a vector environment, from `task.write_info` and the walkers' disturbances."""
     (strides, outcomes), infos = counts, {}
     columns = dict(zip(task.EVERY_STEP, (*steps, strides), strict=True))
-    for name, column in (columns | dict(befell)).items():
+    for name, column in (columns | dict(extra)).items():
         infos[name], infos["_" + name] = column, mask
     ended = outcomes != 0
     if ended.any():

@@ -257,7 +257,9 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             need("pygame", "render")
         self.render_mode = render_mode
         self.batch = Batch(self.scene)
-        self.observation_space = interface.observation_space(self.scene, self.batch.own_seen)
+        self.observation_space = interface.observation_space(
+            self.scene, self.batch.own_observation_size
+        )
         self.action_space = interface.action_space(self.scene.actions)
         self.token = self.batch.token
         self.metadata = {**self.metadata, "render_fps": self.scene.frames_per_second}
@@ -284,7 +286,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         super().reset(seed=None if seed is None else seed_number(seed))
         if self.np_random not in self.batch.randoms:
             self.batch.randoms = [self.np_random]
-        observation = np.empty(self.batch.seen, np.float32)
+        observation = np.empty(self.batch.observation_size, np.float32)
         self.batch.start((0,), observation, interface.reset_options(options, OPTIONS))
         self._ready = True
         if self.render_mode == "human":
@@ -316,11 +318,11 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
             if not self._ready:
                 raise ResetNeeded("no episode is under way: call reset first")
             batch = self.batch
-            observation = np.empty(batch.seen, _SINGLE)
+            observation = np.empty(batch.observation_size, _SINGLE)
             struck, ended = batch.step_alone(act, observation)
-            door = batch.door
-            strides, outcome = door.counts.tolist()
-            distance, energy, whole_distance, whole_energy = door.of_step.tolist()
+            entry_point = batch.entry_point
+            strides, outcome = entry_point.counts.tolist()
+            distance, energy, whole_distance, whole_energy = entry_point.step_values.tolist()
             info: dict[str, Any] = {  # task.EVERY_STEP
                 "distance": distance,
                 "energy": energy,
@@ -329,7 +331,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
                 "strides": strides,
             }
             if struck:
-                info |= zip(task.EVERY_STRIDE, door.of_stride.tolist(), strict=True)
+                info |= zip(task.EVERY_STRIDE, entry_point.stride_values.tolist(), strict=True)
             if batch.disturbances or self.scene.reward_terms:
                 info |= {name: column.item() for name, column in batch.info_values().items()}
             if struck or ended:
@@ -337,7 +339,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
                 self._ready = not ended
             if self.render_mode == "human":
                 self._draw()
-            return observation, door.results[0].item(), ended > 0, False, info
+            return observation, entry_point.results[0].item(), ended > 0, False, info
         finally:
             if mine:
                 token.append(None)
@@ -402,7 +404,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
         if not self._ready:
             raise ResetNeeded("no episode is under way: call reset first")
         self.batch.set_slopes(slope, np.ones(1, bool))
-        observation = np.empty(self.batch.seen, np.float32)
+        observation = np.empty(self.batch.observation_size, np.float32)
         self.batch.observe(observation)
         return observation
 

@@ -470,7 +470,7 @@ def flow(
 
     def began(planes: int = 0) -> NDArray:
         records = new_records(
-            states, slopes, controls, push_off=push_offs, end=until, planes=planes,
+            states, slopes, controls, push_off=push_offs, end=until, tangents=planes,
             height_change=0.0 if rises is None else rises,
             slope_change=0.0 if turns is None else turns, layout=layout_of(system),
         )  # fmt: skip

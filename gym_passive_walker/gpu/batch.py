@@ -102,7 +102,7 @@ class DeviceBatch:
         self._shown = (
             task.SIZE + (self.scene.command is not None) + 2 * self.scene.terrain_lookahead
         )
-        self.seen = self.custom.seen or self._shown
+        self.observation_size = self.custom.observation_size or self._shown
         system, has_disturbances = system_in(self.scene, self.scene.walker), disturbed(self.scene)
         self._system, pushed, watched = (
             system,
@@ -173,7 +173,7 @@ class DeviceBatch:
             np.zeros(1, RECORD), np.zeros(1, task.LEDGER),
             np.zeros(1, disturbance_kernels.DISTURBANCE),
             np.array([starts.low, starts.high]), nodes, states, np.array([scene.reset_noise_scale]),
-            drawn, disturbances.odds, here.natives, *disturbances.terrain,
+            drawn, disturbances.settings, here.hooks, *disturbances.terrain,
             np.array([
                 self.custom.noted,
                 *(here.rules.get(name, 0) for name in ("reward", "terminated", "observation")),
@@ -185,13 +185,15 @@ class DeviceBatch:
         count = self.count
         return Play(
             actions=device.put(np.zeros(count * len(self.scene.actions))),
-            observations=device.room(count * self.seen, np.float32),
+            observations=device.room(count * self.observation_size, np.float32),
             rewards=device.room(count, float),
             terminated=device.room(count, bool),
             truncated=device.room(count, bool),
-            last=device.put(np.zeros(count * self.seen, np.float32)),
-            plain=device.room(count * self._shown if self.custom.seen else 0, np.float32),
-            numbers=device.room((count, self.custom.seen or 0), float),
+            last=device.put(np.zeros(count * self.observation_size, np.float32)),
+            plain=device.room(
+                count * self._shown if self.custom.observation_size else 0, np.float32
+            ),
+            numbers=device.room((count, self.custom.observation_size or 0), float),
         )
 
     def reset(self, *, stream: Any = 0) -> None:

@@ -57,7 +57,7 @@ class PassiveWalkerGpuEnv:
         self.device = torch.device("cpu" if SIMULATED else "cuda")
         self.num_envs = num_envs
         self.observation_space = interface.observation_space(
-            self.crowd.scene, self.crowd.custom.seen
+            self.crowd.scene, self.crowd.custom.observation_size
         )
         self.action_space = interface.action_space(self.crowd.scene.actions)
         self._play = self.crowd.play._make(map(_tensor, self.crowd.play))

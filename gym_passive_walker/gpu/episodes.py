@@ -62,8 +62,8 @@ class World(NamedTuple):
         states: These, (nodes, 6).
         reset_noise_scale: How far from them a start may be, (1,).
         drawn: Constants of the walkers that episodes draw from, (walkers, constants).
-        odds: Of `disturbance_kernels.ODDS`.
-        natives: Of `constraints.NATIVE`.
+        settings: Of `disturbance_kernels.SETTINGS`.
+        hooks: Of `constraints.HOOK`.
         table: Of the terrain's footholds.
         spread: Standard deviations of random footholds.
         own: Fields that users' functions read, and the numbers by which their reward, termination
@@ -81,8 +81,8 @@ class World(NamedTuple):
     states: Any
     reset_noise_scale: Any
     drawn: Any
-    odds: Any
-    natives: Any
+    settings: Any
+    hooks: Any
     table: Any
     spread: Any
     own: Any
@@ -112,7 +112,7 @@ class Play(NamedTuple):
     numbers: Any
 
 
-DESK = kind(
+SCRATCH = kind(
     np.dtype(
         [
             ("lanes", "i8", (1,)),
@@ -124,25 +124,25 @@ DESK = kind(
         ]
     )
 )
-"""Where a thread works: arrays as a batch of one has them."""
+"""Working memory of a thread: arrays of a batch of one walker."""
 
 
-def calm_begin(walkers, world, i, desk, observations):
+def calm_begin(walkers, world, i, scratch, observations):
     """Begin without disturbances."""
 
 
-def disturbed_begin(walkers, world, i, desk, observations):
+def disturbed_begin(walkers, world, i, scratch, observations):
     """Draw a walker's disturbances, and show what its sensors measure."""
-    own, odds = slice_of(i), world.odds
+    own, settings = slice_of(i), world.settings
     walkers.disturbances[i] = world.disturbance[0]
     disturbance_kernels.begin(
-        walkers.disturbances[own], odds, desk.lanes, desk.keys, walkers.pending[own],
+        walkers.disturbances[own], settings, scratch.lanes, scratch.keys, walkers.pending[own],
         walkers.records[own], walkers.ledger[own], world.table, world.spread,
     )  # fmt: skip
     disturbance_kernels.add_observation_noise(
         walkers.disturbances[i],
         walkers.ledger[i],
-        odds[0],
+        settings[0],
         world.table,
         world.spread,
         observations,
@@ -160,28 +160,29 @@ def own_body(walkers, i):
     return slice_of(i if len(walkers.bodies) == len(walkers.records) else 0)
 
 
-def begin(walkers, world, i, desk, observations):
+def begin(walkers, world, i, scratch, observations):
     """Begin a walker's next episode."""
     key = word(walkers.keys[i], np.uint64(walkers.episodes[i]))
     walkers.episodes[i] += 1
-    desk.lanes[0], desk.keys[0] = 0, key
+    scratch.lanes[0], scratch.keys[0] = 0, key
     for k in range(DRAWS):
-        desk.draws[0, k] = uniform(key, k, _START)
+        scratch.draws[0, k] = uniform(key, k, _START)
     if len(walkers.bodies) == len(walkers.records):
         which = int(uniform(key, 0, _WHICH) * len(world.drawn))
         for k in range(world.drawn.shape[1]):
             walkers.bodies[i, 0, k] = world.drawn[which, k]
     low, high = world.slopes[0], world.slopes[1]
-    desk.slopes[0] = low if low == high else low + (high - low) * desk.draws[0, 0]
-    between(world.nodes, world.states, desk.slopes, desk.gaits)
+    scratch.slopes[0] = low if low == high else low + (high - low) * scratch.draws[0, 0]
+    between(world.nodes, world.states, scratch.slopes, scratch.gaits)
     own, bodies = slice_of(i), walkers.bodies[own_body(walkers, i)]
     radii = bodies[0, 0, disturbance_kernels.RADIUS : disturbance_kernels.RADIUS + 1]
     task.begin(
         walkers.records[own], bodies, radii, walkers.ledger[own], world.blank, world.row,
-        world.phases, desk.lanes, desk.slopes, desk.gaits, desk.draws, world.reset_noise_scale[0],
+        world.phases, scratch.lanes, scratch.slopes, scratch.gaits, scratch.draws,
+        world.reset_noise_scale[0],
         observations,
     )  # fmt: skip
-    befall(walkers, world, i, desk, observations)
+    befall(walkers, world, i, scratch, observations)
 
 
 befall = calm_begin
@@ -238,26 +239,26 @@ before, after, sight = plain_before, plain_after, plain_sight
 
 
 def calm_step(
-    walkers, world, i, tiles, courses, actions, observations, rewards, terminated, truncated
+    walkers, world, i, tiles, histories, actions, observations, rewards, terminated, truncated
 ):
     """A step of a walker without disturbances."""
     own, body = slice_of(i), own_body(walkers, i)
     task.step(
         walkers.records[own], walkers.bodies[body], walkers.ledger[own], world.rules, world.phases,
-        world.options, tiles, courses, actions, observations, rewards, terminated,
+        world.options, tiles, histories, actions, observations, rewards, terminated,
         truncated,
     )  # fmt: skip
 
 
 def disturbed_step(
-    walkers, world, i, tiles, courses, actions, observations, rewards, terminated, truncated
+    walkers, world, i, tiles, histories, actions, observations, rewards, terminated, truncated
 ):
     """A step of another."""
     own, body = slice_of(i), own_body(walkers, i)
     disturbance_kernels.step(
         walkers.records[own], walkers.bodies[body], walkers.ledger[own], world.rules, world.phases,
-        world.options, tiles, courses, walkers.disturbances[own], walkers.pending[own],
-        world.odds, world.natives, world.table, world.spread, actions, observations, rewards,
+        world.options, tiles, histories, walkers.disturbances[own], walkers.pending[own],
+        world.settings, world.hooks, world.table, world.spread, actions, observations, rewards,
         terminated, truncated,
     )  # fmt: skip
 
@@ -276,11 +277,11 @@ def own_rows(walkers, play, i):
     return observations, play.plain[i * shown : (i + 1) * shown]
 
 
-def play_on(walkers, world, play, i, tiles, courses, desk):
+def play_on(walkers, world, play, i, tiles, histories, scratch):
     """A step of a walker, and the beginning of its next episode if this one has ended."""
     own, (observations, plain) = slice_of(i), own_rows(walkers, play, i)
     rewards, terminated, truncated = play.rewards[own], play.terminated[own], play.truncated[own]
-    actions, finite = desk.actions[: len(play.actions) // len(walkers.records)], True
+    actions, finite = scratch.actions[: len(play.actions) // len(walkers.records)], True
     for j in range(len(actions)):
         actions[j] = play.actions[i * len(actions) + j]
         finite = finite and math.isfinite(actions[j])
@@ -289,7 +290,7 @@ def play_on(walkers, world, play, i, tiles, courses, desk):
         return
     before(walkers, world, i)
     one_step(
-        walkers, world, i, tiles, courses, actions, plain, rewards, terminated, truncated
+        walkers, world, i, tiles, histories, actions, plain, rewards, terminated, truncated
     )  # fmt: skip
     after(walkers, world, i, actions, rewards, terminated)
     sight(walkers, world, play, i, observations, False)
@@ -297,7 +298,7 @@ def play_on(walkers, world, play, i, tiles, courses, desk):
     for k in range(len(observations)):
         play.last[i * len(observations) + k] = observations[k]
     if terminated[0] or truncated[0]:
-        begin(walkers, world, i, desk, plain)
+        begin(walkers, world, i, scratch, plain)
         sight(walkers, world, play, i, observations, True)
 
 
@@ -305,9 +306,9 @@ def reset_kernel(walkers, world, play):
     """Begin an episode of every walker."""
     i = cuda.grid(1)
     if i < len(walkers.records):
-        desks = cuda.local.array(1, DESK)
+        scratch = cuda.local.array(1, SCRATCH)
         observations, plain = own_rows(walkers, play, i)
-        begin(walkers, world, i, desks[0], plain)
+        begin(walkers, world, i, scratch[0], plain)
         sight(walkers, world, play, i, observations, True)
 
 
@@ -315,6 +316,6 @@ def step_kernel(walkers, world, play):
     """A step of every walker."""
     i = cuda.grid(1)
     if i < len(walkers.records):
-        tiles, courses = cuda.local.array(1, TILE), cuda.local.array(1, RUN)
-        desks = cuda.local.array(1, DESK)
-        play_on(walkers, world, play, i, tiles, courses, desks[0])
+        tiles, histories = cuda.local.array(1, TILE), cuda.local.array(1, RUN)
+        scratch = cuda.local.array(1, SCRATCH)
+        play_on(walkers, world, play, i, tiles, histories, scratch[0])

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.engine import jit, lanes
 from gym_passive_walker.engine.compiled import phases_of, written
-from gym_passive_walker.engine.layout import COURSE, PAIR, tile_for
-from gym_passive_walker.engine.one_walker import carry, entry
+from gym_passive_walker.engine.layout import HISTORY, PAIR, tile_for
+from gym_passive_walker.engine.one_walker import entry, integrate_phase
 from gym_passive_walker.envs.constraints import equipped, look_code, push_code
 from gym_passive_walker.envs.custom import Rule
 from gym_passive_walker.gpu import primitives
@@ -21,7 +21,7 @@ from gym_passive_walker.gpu.device import kind
 from gym_passive_walker.gpu.source import Source
 from gym_passive_walker.physics.systems import SYSTEMS
 
-TILE, RUN = kind(tile_for(PAIR, width=1)), kind(COURSE)
+TILE, RUN = kind(tile_for(PAIR, width=1)), kind(HISTORY)
 """A tile for one walker, and how guards run over its step."""
 
 
@@ -36,13 +36,13 @@ class Machinery:
 
     Attributes:
         phases: What the engine knows of the system's phases, with numbers for addresses.
-        natives: Addresses of what else is done to walkers.
+        hooks: Addresses of what else is done to walkers.
         bound: Makes a device's function of one of the engine's.
         rules: The numbers by which users' functions are called, by their names.
     """
 
     phases: NDArray
-    natives: NDArray
+    hooks: NDArray
 
     def __init__(
         self,
@@ -67,11 +67,13 @@ class Machinery:
             source = Source(source, f"{rule.name}_", fuses=False)
             rule.write(source)
             self.rules[rule.name] = source.get_function_address("rule")
-        self.phases, self.natives = equipped(of, phases, pushes, looks)
+        self.phases, self.hooks = equipped(of, phases, pushes, looks)
         call = _compiled(source, f"<the equations {system}>")
         own = {getattr(jit, name): primitives.BY_NAME[name] for name in ("address", "fma")}
         own[jit.call] = call
-        self.bound = DeviceLinker(own).instead({lanes.carry: carry, jit.entry: entry})
+        self.bound = DeviceLinker(own).instead(
+            {lanes.integrate_phase: integrate_phase, jit.entry: entry}
+        )
 
 
 def _compiled(source: Source, name: str) -> Any:

@@ -65,7 +65,7 @@ class Source(Module):
             f"    if function == {i}:\n        return {name}(first, second, x, y)\n"
             for i, name in enumerate(self.names, 1)
         )
-        head = "def call(function, first, second, lane, planes, x, y):\n    apart()\n"
+        head = "def call(function, first, second, lane, tangents, x, y):\n    apart()\n"
         return self.text() + head + cases
 
 

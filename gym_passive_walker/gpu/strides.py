@@ -16,9 +16,9 @@ def _stride_kernel(records, bodies, phases, options):
     """Integrate the walker of this thread."""
     i = cuda.grid(1)
     if i < len(records):
-        tiles, courses = cuda.local.array(1, TILE), cuda.local.array(1, RUN)
+        tiles, histories = cuda.local.array(1, TILE), cuda.local.array(1, RUN)
         own = i if len(bodies) == len(records) else 0
-        run.carry_on(records[i : i + 1], bodies[own : own + 1], phases, options, tiles, courses)
+        run.integrate(records[i : i + 1], bodies[own : own + 1], phases, options, tiles, histories)
 
 
 @lru_cache

@@ -12,7 +12,7 @@ import numpy as np
 
 from gym_passive_walker.engine.cache import cache_directory
 from gym_passive_walker.engine.compiled import compiled
-from gym_passive_walker.envs.constraints import natives
+from gym_passive_walker.envs.constraints import hooks
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.physics.systems import SYSTEMS
@@ -54,7 +54,7 @@ def pieces() -> Iterator[Callable[[], object]]:
     for name in SYSTEMS:
         yield partial(compiled, name)
         yield partial(compiled, name, derived=True)
-        yield partial(natives, name, pushed=True, watched=True)
+        yield partial(hooks, name, pushed=True, watched=True)
     yield lambda: find_gait("C", 0.03)
     yield lambda: _act(gym.make_vec(ID, num_envs=2))
     yield lambda: _act(gym.make(ID))

@@ -141,7 +141,7 @@ def initial_state(
     scene, count = _differentiable(make_scene(scene)), whole(count, "count")
     batch = Batch(scene, count)
     seed_randoms(batch, seed, range(count))
-    batch.start(np.arange(count), np.empty(count * batch.seen, np.float32))
+    batch.start(np.arange(count), np.empty(count * batch.observation_size, np.float32))
     slopes, keys, commands = batch.ledger["slope"], np.zeros(count, np.uint64), np.zeros(count)
     if batch.disturbances:
         disturbances = batch.disturbances.states

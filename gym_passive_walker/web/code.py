@@ -24,7 +24,7 @@ from gym_passive_walker.engine.expressions import Expression
 from gym_passive_walker.engine.native import Emitter, Function, Memory, Module
 from gym_passive_walker.envs import disturbance_kernels
 from gym_passive_walker.envs import one_walker as one_episode
-from gym_passive_walker.envs.constraints import NATIVE, equipped, push_code
+from gym_passive_walker.envs.constraints import HOOK, equipped, push_code
 from gym_passive_walker.physics import bodies, kneed, simplest, straight
 from gym_passive_walker.physics.hybrid import System
 from gym_passive_walker.physics.systems import SYSTEMS
@@ -36,7 +36,7 @@ KINDS = {kind.name: kind for kind in (kneed.SYSTEM, straight.SYSTEM, simplest.SY
 VARIANTS = ("", "-fitted", "-uneven")
 """Endings of the names of a kind's systems: bare, with springs and all actuators, on any ground."""
 
-EXPORTED = ("run", "phases", "natives", "body", "joints")
+EXPORTED = ("run", "phases", "hooks", "body", "joints")
 
 TRIPLE = "wasm32-unknown-unknown"
 _FEATURES = "+bulk-memory,+nontrapping-fptoint,+sign-ext,+mutable-globals"
@@ -98,7 +98,7 @@ def _with_own_functions(text: str) -> str:
 def bookkeeping() -> list[str]:
     """Return the texts of the bookkeeping and of the elementary functions."""
     bound = DeviceLinker({}, _jitted).instead({
-        lanes.carry: one_walker.carry,
+        lanes.integrate_phase: one_walker.integrate_phase,
         jit.entry: one_walker.entry,
         disturbance_kernels.copy_of: one_episode.as_it_is,
         disturbance_kernels.integrate_past_events: one_episode.integrate_past_events,
@@ -166,17 +166,17 @@ def equations(kind: str) -> list[str]:
         own, pushed = f"v{number}_", f"p{number}_"
         phases = phases_of(system, _Addresses(own, names))
         phases["move"] = 0  # one walker needs no other lane
-        phases, natives = equipped(system, phases, _Addresses(pushed, names), None)
+        phases, hooks = equipped(system, phases, _Addresses(pushed, names), None)
         texts.append(_prefixed(written(system, module=Module(group=1), width=1), own))
         texts.append(_prefixed(push_code(system, Module(group=1)), pushed))
         tables.append(_constant(f"phases{number}", phases, _ADDRESSES, names))
-        tables.append(_constant(f"natives{number}", natives, tuple(NATIVE.names or ()), names))
+        tables.append(_constant(f"hooks{number}", hooks, tuple(HOOK.names or ()), names))
         tables += [
             f"declare void @{name}(i64, i64, i64, i64, double, double)"
             for name in dict.fromkeys(names)
             if not name.endswith(tuple(f"_move{i}" for i in range(9)))
         ]
-    for name in ("phases", "natives"):
+    for name in ("phases", "hooks"):
         rows = ", ".join(f"ptr @{name}{number}" for number in range(len(VARIANTS)))
         tables.append(
             f"@all_{name} = internal constant [{len(VARIANTS)} x ptr] [{rows}]\n"

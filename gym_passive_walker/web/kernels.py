@@ -11,10 +11,10 @@ import numpy as np
 from gym_passive_walker.engine.compiled import PHASE
 from gym_passive_walker.engine.counter_rng import uniform
 from gym_passive_walker.engine.jit import view
-from gym_passive_walker.engine.layout import COURSE, PAIR, RECORD, tile_for
-from gym_passive_walker.engine.run import OPTIONS, carry_on
+from gym_passive_walker.engine.layout import HISTORY, PAIR, RECORD, tile_for
+from gym_passive_walker.engine.run import OPTIONS, integrate
 from gym_passive_walker.envs import disturbance_kernels, task
-from gym_passive_walker.envs.constraints import NATIVE, ROOM
+from gym_passive_walker.envs.constraints import HOOK, ROOM
 from gym_passive_walker.envs.starts import DRAWS
 from gym_passive_walker.physics.bodies import KneedBody
 from gym_passive_walker.walkers.walker import PARAMETERS
@@ -52,7 +52,7 @@ POINTS = (
 
 WALK = np.dtype([
     # Addresses of the phases and of their native functions, and how many phases there are.
-    ("phases", "i8"), ("natives", "i8"), ("count", "i8"),
+    ("phases", "i8"), ("hooks", "i8"), ("count", "i8"),
     ("constants", "i8"),  # of the body, without the notes behind them
     ("seen", "i8"),  # numbers in an observation
     ("late", "i8"),  # steps by which actions come late
@@ -76,33 +76,33 @@ WALK = np.dtype([
     ("rules", task.RULES),
     ("options", OPTIONS),
     ("disturbance", disturbance_kernels.DISTURBANCE),
-    ("odds", disturbance_kernels.ODDS),
+    ("settings", disturbance_kernels.SETTINGS),
     ("pending", "f8", (LATEST * MOST_ACTIONS,)),
     ("spread", "f8", (3,)),
     ("shape", SHAPE), ("points", "f8", (2 * len(POINTS),)),
     ("tile", TILE),
-    ("course", COURSE),
+    ("history", HISTORY),
 ])  # fmt: skip
 """The block of memory of one walker."""
 
-_NUMBER, _SINGLE, _TRUTH, _WORD = np.dtype("f8"), np.dtype("f4"), np.dtype("?"), np.dtype("i8")
-_KEY, _LEDGER, _RULES, _DISTURBANCE, _ODDS = (
+_NUMBER, _SINGLE, _BOOLEAN, _WORD = np.dtype("f8"), np.dtype("f4"), np.dtype("?"), np.dtype("i8")
+_KEY, _LEDGER, _RULES, _DISTURBANCE, _SETTINGS = (
     np.dtype("u8"),
     task.LEDGER,
     task.RULES,
     disturbance_kernels.DISTURBANCE,
-    disturbance_kernels.ODDS,
+    disturbance_kernels.SETTINGS,
 )
 _AT = {name: int(place[1]) for name, place in WALK.fields.items()}  # type: ignore[union-attr]
 (
     _KEYS, _LANES, _SLOPES, _GAITS, _DRAWS, _ACTIONS, _REWARDS, _TERMINATED, _TRUNCATED,
     _OBSERVATIONS, _RECORD, _BLANK, _BODIES, _RADII, _ROW, _BLANK_ROW, _SCENE_RULES, _TOLD,
-    _WALKS_DISTURBANCE, _SCENE_ODDS, _PENDING, _SPREAD, _TILE, _COURSE,
+    _WALKS_DISTURBANCE, _SCENE_SETTINGS, _PENDING, _SPREAD, _TILE, _HISTORY,
 ) = (
     _AT[name] for name in (
         "key", "lanes", "slopes", "gaits", "draws", "actions", "rewards", "terminated", "truncated",
         "observations", "record", "blank", "bodies", "radii", "ledger", "blank_row", "rules",
-        "options", "disturbance", "odds", "pending", "spread", "tile", "course",
+        "options", "disturbance", "settings", "pending", "spread", "tile", "history",
     )
 )  # fmt: skip
 _HEAD = np.dtype([(name, WALK[name]) for name in WALK.names[: WALK.names.index("key")]])  # type: ignore[index]
@@ -113,15 +113,15 @@ ADVANCE, BEGIN, STEP = range(3)
 
 
 def advance(base):
-    """Integrate the record to heelstrike, a fall, or its time limit; see `run.carry_on`."""
+    """Integrate the record to heelstrike, a fall, or its time limit; see `run.integrate`."""
     head = view(base, (1,), _HEAD)[0]
-    carry_on(
+    integrate(
         view(base + _RECORD, (1, 1), RECORD),
         view(base + _BODIES, (1, 1, head.constants), _NUMBER),
         view(head.phases, (head.count,), PHASE),
         view(base + _TOLD, (1,), OPTIONS),
         view(base + _TILE, (1,), TILE),
-        view(base + _COURSE, (1,), COURSE),
+        view(base + _HISTORY, (1,), HISTORY),
     )
 
 
@@ -134,7 +134,10 @@ def begin(base):
         view(base + _LANES, (1,), _WORD),
         view(base + _OBSERVATIONS, (head.seen,), _SINGLE),
     )
-    phases, odds = view(head.phases, (head.count,), PHASE), view(base + _SCENE_ODDS, (1,), _ODDS)
+    phases, settings = (
+        view(head.phases, (head.count,), PHASE),
+        view(base + _SCENE_SETTINGS, (1,), _SETTINGS),
+    )
     disturbance = view(base + _WALKS_DISTURBANCE, (1,), _DISTURBANCE)
     table = view(head.table, (head.footholds, 2), _NUMBER)
     spread = view(base + _SPREAD, (3,), _NUMBER)
@@ -150,11 +153,11 @@ def begin(base):
         draws, view(base + _NOISE, (1,), _NUMBER)[0], observations,
     )  # fmt: skip
     disturbance_kernels.begin(
-        disturbance, odds, lanes, keys,
+        disturbance, settings, lanes, keys,
         view(base + _PENDING, (1, head.late, count), _NUMBER), records, ledger, table, spread,
     )  # fmt: skip
     disturbance_kernels.add_observation_noise(
-        disturbance[0], ledger[0], odds[0], table, spread, observations, 0
+        disturbance[0], ledger[0], settings[0], table, spread, observations, 0
     )
 
 
@@ -168,14 +171,14 @@ def step(base):
         view(base + _BODIES, (1, 1, head.constants + ROOM), _NUMBER),
         view(base + _ROW, (1,), _LEDGER), rules, view(head.phases, (head.count,), PHASE),
         view(base + _TOLD, (1,), OPTIONS), view(base + _TILE, (1,), TILE),
-        view(base + _COURSE, (1,), COURSE), view(base + _WALKS_DISTURBANCE, (1,), _DISTURBANCE),
+        view(base + _HISTORY, (1,), HISTORY), view(base + _WALKS_DISTURBANCE, (1,), _DISTURBANCE),
         view(base + _PENDING, (1, head.late, count), _NUMBER),
-        view(base + _SCENE_ODDS, (1,), _ODDS), view(head.natives, (head.count,), NATIVE),
+        view(base + _SCENE_SETTINGS, (1,), _SETTINGS), view(head.hooks, (head.count,), HOOK),
         view(head.table, (head.footholds, 2), _NUMBER), view(base + _SPREAD, (3,), _NUMBER),
         view(base + _ACTIONS, (count,), _NUMBER),
         view(base + _OBSERVATIONS, (head.seen,), _SINGLE),
-        view(base + _REWARDS, (1,), _NUMBER), view(base + _TERMINATED, (1,), _TRUTH),
-        view(base + _TRUNCATED, (1,), _TRUTH),
+        view(base + _REWARDS, (1,), _NUMBER), view(base + _TERMINATED, (1,), _BOOLEAN),
+        view(base + _TRUNCATED, (1,), _BOOLEAN),
     )  # fmt: skip
 
 

@@ -54,7 +54,7 @@ def of_module(kind: System, variants: tuple[str, ...], end: int) -> bytes:
         variants: Endings of the names of its systems.
         end: First address after the module's data.
     """
-    left = {"tile", "course"}
+    left = {"tile", "history"}
     return json.dumps(
         {
             "version": __version__,

@@ -32,11 +32,11 @@ if platform.machine() in ("x86_64", "AMD64"):
 
 
 def call(
-    address: int, first: np.ndarray, second: Any = 0, lane=0, x=0.0, y=0.0, *, planes=0
+    address: int, first: np.ndarray, second: Any = 0, lane=0, x=0.0, y=0.0, *, tangents=0
 ) -> None:
     """Call native code with one array, and another or the address of a table."""
     there = second.ctypes.data if isinstance(second, np.ndarray) else int(second)
-    _SIGNATURE(int(address))(first.ctypes.data, there, lane, planes, x, y)
+    _SIGNATURE(int(address))(first.ctypes.data, there, lane, tangents, x, y)
 
 
 class Native:

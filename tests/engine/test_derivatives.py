@@ -64,7 +64,7 @@ def end(name: str, values, directions=(), body=None, body_changes=None) -> np.nd
         controls=directions[None, :, 5:],
     )
     records = new_records(
-        states(values)[None], values[4], values[5], seeds=seeds, planes=len(directions)
+        states(values)[None], values[4], values[5], seeds=seeds, tangents=len(directions)
     )
     rows = [body_of(walker) if body is None else body]
     if body_changes is not None:
@@ -191,7 +191,7 @@ def test_a_walk_that_is_stopped_follows_the_moment_when_it_is():
 
     def stopped(when):
         seeds = Seeds(ends=np.array([[1.0, 0.0]]))
-        records = new_records(state, gait.slope, 0.01, end=when, seeds=seeds, planes=2)
+        records = new_records(state, gait.slope, 0.01, end=when, seeds=seeds, tangents=2)
         advance(system_of(walker), own, records, tolerance=1e-14)
         assert records["outcome"][0, 0] == Outcome.RUNNING
         return results(records[0])[:, :11]
@@ -211,7 +211,7 @@ def test_a_walk_in_ticks_has_the_derivatives_of_a_walk_at_once():
         slopes=np.array([[0.5, 1.0]]),
         controls=np.array([[[0.1], [0.2]]]),
     )
-    whole = new_records(state, gait.slope, 0.01, seeds=seeds, planes=2)
+    whole = new_records(state, gait.slope, 0.01, seeds=seeds, tangents=2)
     ticks = whole.copy()
     advance(system, own, whole, tolerance=1e-14)
     count = 0

@@ -8,7 +8,7 @@ import pytest
 
 from gym_passive_walker import WALKERS, Outcome, find_gait
 from gym_passive_walker.engine import event_location
-from gym_passive_walker.engine.layout import COURSE
+from gym_passive_walker.engine.layout import HISTORY
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.physics.systems import bodies, system_of
 from gym_passive_walker.units import units_of
@@ -16,8 +16,8 @@ from tests.physics.examples import LONG_GAITS
 
 
 @numba.njit
-def _path(courses, i, h):
-    return event_location.path(courses[0], i, h)
+def _quintic(histories, i, h):
+    return event_location.quintic(histories[0], i, h)
 
 
 @numba.njit
@@ -36,36 +36,36 @@ def _root(p):
 
 
 @numba.njit
-def _hiding(courses, i, h):
-    return event_location.hiding(courses[0], i, h)
+def _hidden_crossings(histories, i, h):
+    return event_location.hidden_crossings(histories[0], i, h)
 
 
 @numba.njit
-def _further(courses, i, ahead):
-    return event_location.further(courses[0], i, ahead)
+def _extrapolated(histories, i, ahead):
+    return event_location.extrapolated(histories[0], i, ahead)
 
 
 ENDS = ("before", "rate_before", "bend_before", "after", "rate_after", "bend_after")
 
 
-def course(ends, i: int = 0) -> np.ndarray:
+def history(ends, i: int = 0) -> np.ndarray:
     """A guard's value, rate and bend at both ends of a step."""
-    courses = np.zeros(1, COURSE)
+    histories = np.zeros(1, HISTORY)
     for name, value in zip(ENDS, ends, strict=True):
-        courses[name][0, i] = value
-    return courses
+        histories[name][0, i] = value
+    return histories
 
 
 def quintic(ends):
     """The polynomial over a step of length 1."""
-    return _path(course(ends), 0, 1.0)
+    return _quintic(history(ends), 0, 1.0)
 
 
 @pytest.mark.parametrize("h", [1.0, 0.25])
 def test_a_quintic_has_the_values_slopes_and_curvatures_it_is_made_from(h):
     rng = np.random.default_rng(1)
     for ends in rng.normal(size=(100, 6)):
-        p = _path(course(ends, 3), 3, h)
+        p = _quintic(history(ends, 3), 3, h)
         slope = _derivative(p)
         curvature = _derivative(slope)
         for x, (value, first, second) in ((0.0, ends[:3]), (1.0, ends[3:])):
@@ -95,25 +95,25 @@ def test_a_root_where_the_polynomial_is_flat_is_found():
 def along(function, h: float):
     """A step of length h over which a guard is a polynomial of the time since its start."""
     p = np.polynomial.Polynomial(function)
-    return course([q(t) for t in (0.0, h) for q in (p, p.deriv(), p.deriv(2))])
+    return history([q(t) for t in (0.0, h) for q in (p, p.deriv(), p.deriv(2))])
 
 
 def test_a_guard_that_dips_to_zero_and_back_hides_two_falls():
     """(t - 0.3)² - d: below zero around 0.3 where d is positive."""
     for dip in (1e-3, 1e-12, -1e-12):
-        turn = _hiding(along([0.09 - dip, -0.6, 1.0], 1.0), 0, 1.0)
+        turn = _hidden_crossings(along([0.09 - dip, -0.6, 1.0], 1.0), 0, 1.0)
         assert turn == pytest.approx(0.3, abs=1e-6)
-    assert _hiding(along([0.09 + 1.0, -0.6, 1.0], 1.0), 0, 1.0) == -1.0  # far from zero
-    assert _hiding(along([0.1, 0.2, 1.0], 1.0), 0, 1.0) == -1.0  # no turn
+    assert _hidden_crossings(along([0.09 + 1.0, -0.6, 1.0], 1.0), 0, 1.0) == -1.0  # far from zero
+    assert _hidden_crossings(along([0.1, 0.2, 1.0], 1.0), 0, 1.0) == -1.0  # no turn
 
 
 def test_a_turn_at_a_steps_end_hides_nothing():
-    assert _hiding(along([1e-16, -1e-8, 1.0], 1.0), 0, 1.0) == -1.0
+    assert _hidden_crossings(along([1e-16, -1e-8, 1.0], 1.0), 0, 1.0) == -1.0
 
 
 def test_a_guard_is_followed_a_little_beyond_the_step():
-    courses = along([0.2, -1.0, 0.5], 0.4)
-    assert _further(courses, 0, 0.01) == pytest.approx(0.2 - 0.41 + 0.5 * 0.41**2, abs=1e-15)
+    histories = along([0.2, -1.0, 0.5], 0.4)
+    assert _extrapolated(histories, 0, 0.01) == pytest.approx(0.2 - 0.41 + 0.5 * 0.41**2, abs=1e-15)
 
 
 @pytest.mark.parametrize("name", ["lab", "C", "A", "E"])

@@ -9,7 +9,7 @@ import pytest
 
 from gym_passive_walker import Outcome
 from gym_passive_walker.engine.compiled import compiled
-from gym_passive_walker.engine.run import advance, carry_on, new_records, options, workspace
+from gym_passive_walker.engine.run import advance, integrate, new_records, options, workspace
 from gym_passive_walker.physics.hybrid import SMOOTH, State, Watch
 from gym_passive_walker.physics.systems import SYSTEMS, UNEVEN, bodies, body_of, system_of
 from tests.physics.test_statements import EXAMPLES, PHASES
@@ -100,7 +100,7 @@ def test_a_walker_lands_where_its_guard_is_zero(system, index, tolerance):
     records = new_records(states, rng.uniform(-0.1, 0.1, count))
     records["phase"] = index
     phases = phases_whose_strikes_do_nothing(system)
-    carry_on(records, bodies(walker), phases, options(tolerance), *workspace())
+    integrate(records, bodies(walker), phases, options(tolerance), *workspace())
     values, fell = records[:, 0], set()
     assert system_of(walker, using=UNEVEN if "uneven" in system.name else ()) is system
     for record in values[values["outcome"] >= 100]:

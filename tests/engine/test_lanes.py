@@ -13,13 +13,13 @@ import pytest
 
 from gym_passive_walker import WALKERS, Outcome, stride
 from gym_passive_walker.engine.compiled import compiled
-from gym_passive_walker.engine.layout import COURSE, TILE, WIDTH, aligned
+from gym_passive_walker.engine.layout import HISTORY, TILE, WIDTH, aligned
 from gym_passive_walker.engine.native import GROUP
 from gym_passive_walker.engine.run import (
     Seeds,
     advance,
-    carry_on,
     in_parts,
+    integrate,
     new_records,
     options,
     workspace,
@@ -103,14 +103,14 @@ def with_derivatives(name: str, count: int):
     """Records of a crowd whose derivatives are carried along."""
     walker, rng = WALKERS[name], np.random.default_rng(3)
     slopes, states, torques = crowd(name, count)
-    scaled, planes = statements.dimensionless(walker, states), 4
+    scaled, tangents = statements.dimensionless(walker, states), 4
     seeds = Seeds(
-        states=rng.normal(size=(count, planes, 6)),
-        slopes=rng.normal(size=(count, planes)),
-        controls=rng.normal(size=(count, planes, 1)),
+        states=rng.normal(size=(count, tangents, 6)),
+        slopes=rng.normal(size=(count, tangents)),
+        controls=rng.normal(size=(count, tangents, 1)),
     )
     controls = torques / units_of(walker).torque
-    return new_records(scaled, slopes, controls, seeds=seeds, planes=planes)
+    return new_records(scaled, slopes, controls, seeds=seeds, tangents=tangents)
 
 
 @pytest.mark.parametrize("name", ["lab", "A", "D"])
@@ -191,15 +191,15 @@ def test_what_goes_wrong_in_a_thread_is_heard_of():
 
 
 def test_each_vector_of_a_tile_lies_in_one_line_of_the_cache():
-    for planes in range(1, 10):
-        tiles = aligned(TILE, planes)
-        assert tiles.shape == (planes,)
+    for count in range(1, 10):
+        tiles = aligned(TILE, count)
+        assert tiles.shape == (count,)
         assert not tiles.view(np.uint8).any()
         for name in TILE.names:
             assert tiles[name].ctypes.data % 64 == 0
     assert TILE.itemsize % 64 == 0
     assert WIDTH % GROUP == 0
-    assert COURSE["before"].shape == COURSE["after"].shape
+    assert HISTORY["before"].shape == HISTORY["after"].shape
 
 
 @pytest.mark.parametrize("name", ["lab", "A", "D"])
@@ -209,15 +209,15 @@ def test_it_does_not_matter_what_a_lane_held_before(name):
     walker, rng, found = WALKERS[name], np.random.default_rng(1), []
     for garbage in (0.0, 1.0, 30.0):
         records = new_records(units_of(walker).to_dimensionless(states), slopes)
-        desk = workspace()
-        for place in desk:
+        working = workspace()
+        for place in working:
             numbers = place.view(float)
             numbers[:] = garbage * rng.normal(size=numbers.shape)
         phases, told = (
             compiled(system_of(walker).name),
             options(1e-6, from_section=True, scuff=True),
         )
-        carry_on(records, bodies(walker), phases, told, *desk)
+        integrate(records, bodies(walker), phases, told, *working)
         found.append(records.tobytes())
     assert found[0] == found[1] == found[2]
 

@@ -10,7 +10,7 @@ import pytest
 from gym_passive_walker import Outcome
 from gym_passive_walker.engine.compiled import compiled, constants_used
 from gym_passive_walker.engine.expressions import choose, inverse_root, read, square_root
-from gym_passive_walker.engine.layout import COURSE, PAIR, RECORD, TILE, WIDTH, aligned
+from gym_passive_walker.engine.layout import HISTORY, PAIR, RECORD, TILE, WIDTH, aligned
 from gym_passive_walker.engine.native import GROUP, Memory
 from gym_passive_walker.engine.one_lane import first_where
 from gym_passive_walker.engine.step import ALERT, LONGEST_STEP, PLAIN, UP
@@ -174,7 +174,7 @@ def test_whole_numbers_stay_whole_and_arguments_arrive():
     assert record["count"] == 42
 
 
-def test_planes_behind_the_values_hold_their_derivatives():
+def test_tangents_behind_the_values_hold_their_derivatives():
     layout = np.dtype([("given", "f8", (2,)), ("found", "f8", (2,)), ("still", "f8")])
 
     def code(memory: Memory) -> None:
@@ -187,12 +187,12 @@ def test_planes_behind_the_values_hold_their_derivatives():
     records = np.zeros(3, layout)
     records["found"][:, 1] = records["still"] = 9.0
     records["given"] = [[0.4, 0.7], [1.0, 0.0], [0.5, -2.0]]
-    native(records, planes=2)
+    native(records, tangents=2)
     x, y = 0.4, 0.7
     expected = [x * np.sin(y), np.sin(y), 0.5 * np.sin(y) - 2.0 * x * np.cos(y)]
     np.testing.assert_allclose(records["found"][:, 0], expected, rtol=1e-15)
     assert records["found"][:, 1].tolist() == [7.0, 0.0, 0.0]
-    assert records["still"].tolist() == [0.4, 9.0, 9.0]  # not active: its planes are left alone
+    assert records["still"].tolist() == [0.4, 9.0, 9.0]  # not active: its tangents are left alone
 
 
 # Whole systems.
@@ -210,7 +210,7 @@ every_phase = pytest.mark.parametrize(("system", "index"), PHASES)
 class Filled:
     """A tile full of random walkers, one in each lane, and what the statements take."""
 
-    def __init__(self, system: System, index: int, seed: int, planes: int = 0) -> None:
+    def __init__(self, system: System, index: int, seed: int, tangents: int = 0) -> None:
         rng, phase = np.random.default_rng(seed), system.phases[index]
         self.system, self.phase, self.links = system, phase, phase.links
         self.bodies = [body_of(some_walker(rng, system)) for _ in range(WIDTH)]
@@ -219,7 +219,7 @@ class Filled:
         self.controls = [self.held(rng.normal(size=len(Control._fields))) for _ in range(WIDTH)]
         slopes = rng.uniform(-0.5, 0.5, WIDTH)
         self.grounds = [some_ground(rng, system, slope) for slope in slopes]
-        self.tile = tile = aligned(TILE, planes + 1)
+        self.tile = tile = aligned(TILE, tangents + 1)
         names = constants_used(system, phase)
         for lane in range(WIDTH):
             tile["angle"][0, :, lane] = self.states[lane][:3]
@@ -230,7 +230,7 @@ class Filled:
             tile["body"][0, : len(names), lane] = own
         tile["fresh"][0] = 1.0
         tile["end"][0] = 100.0
-        self.planes, self.code = planes, compiled(system.name, derived=planes > 0)[index]
+        self.tangents, self.code = tangents, compiled(system.name, derived=tangents > 0)[index]
 
     def held(self, controls) -> Control:
         """Those of some controls that there are; the others are zero."""
@@ -240,8 +240,8 @@ class Filled:
         """Call one of the phase's functions for all lanes."""
         for group in range(WIDTH // GROUP):
             here = self.tile.view(np.uint8)[8 * GROUP * group :]
-            table, planes = self.code["table"], self.planes
-            call(self.code[function], here, table, 0, fineness, 1.0, planes=planes)
+            table, tangents = self.code["table"], self.tangents
+            call(self.code[function], here, table, 0, fineness, 1.0, tangents=tangents)
 
     def accelerations(self, lane: int, state: State) -> np.ndarray:
         """What is stated."""
@@ -281,15 +281,15 @@ def test_lanes_in_use_keep_their_first_stage(system, index):
 
 @every_phase
 def test_derivatives_of_accelerations_are_those_of_a_complex_step(system, index):
-    planes, rng = 3, np.random.default_rng(5)
-    filled = Filled(system, index, 2, planes)
+    tangents, rng = 3, np.random.default_rng(5)
+    filled = Filled(system, index, 2, tangents)
     tile, names = filled.tile, constants_used(system, filled.phase)
     for field in ("angle", "rate", "control", "ground", "body"):
         tile[field][1:] = rng.normal(size=tile[field][1:].shape)
     filled.run("first")
     for lane in range(WIDTH):
-        for plane in range(1, planes + 1):
-            change, tiny = tile[plane], 1e-100j
+        for tangent in range(1, tangents + 1):
+            change, tiny = tile[tangent], 1e-100j
 
             def moved(value, row, lane=lane, tiny=tiny):
                 return type(value)(
@@ -312,7 +312,7 @@ def test_derivatives_of_accelerations_are_those_of_a_complex_step(system, index)
                 moved(filled.grounds[lane], change["ground"]),
             )
             expected = np.imag(stated) / 1e-100
-            found = tile["stage"][plane, 0, : last + 1, lane]
+            found = tile["stage"][tangent, 0, : last + 1, lane]
             np.testing.assert_allclose(
                 found, expected, rtol=0.0, atol=1e-11 * (1.0 + np.abs(expected).max())
             )
@@ -423,7 +423,7 @@ def rate_at(function, state: State, bends, time: float) -> float:
 @every_phase
 def test_a_look_tells_how_guards_and_controls_run_over_a_step(system, index):
     filled = Filled(system, index, 7)
-    tile, course = filled.tile, np.zeros(1, COURSE)
+    tile, history = filled.tile, np.zeros(1, HISTORY)
     tile["h"][0] = 0.03
     filled.run("first")
     filled.run("sweep")
@@ -433,7 +433,7 @@ def test_a_look_tells_how_guards_and_controls_run_over_a_step(system, index):
         tile["stage"][0, 0, : filled.links, lane] = filled.accelerations(lane, state)
     for lane, state in enumerate(filled.states):
         body = filled.bodies[lane]
-        call(filled.code["look"], tile, course, lane)
+        call(filled.code["look"], tile, history, lane)
         end = filled.state(tile["new_angle"][0, :, lane], tile["new_rate"][0, :, lane])
         guards, ground = filled.phase.guards, filled.grounds[lane]
         functions = {
@@ -454,11 +454,11 @@ def test_a_look_tells_how_guards_and_controls_run_over_a_step(system, index):
             bends = filled.accelerations(lane, at)
             bends = [bends[min(i, filled.links - 1)] for i in range(3)]
             for i, function in functions.items():
-                assert course[when][0, i] == pytest.approx(function(at), rel=1e-13, abs=1e-14)
+                assert history[when][0, i] == pytest.approx(function(at), rel=1e-13, abs=1e-14)
                 flow = State(*at[3:], *bends)
                 step = State(*(x + 1e-100j * v for x, v in zip(at, flow, strict=True)))
                 rate = np.imag(function(step)) / 1e-100
-                assert course[f"rate_{when}"][0, i] == pytest.approx(rate, rel=1e-13, abs=1e-14)
+                assert history[f"rate_{when}"][0, i] == pytest.approx(rate, rel=1e-13, abs=1e-14)
                 bend = sum(
                     weight
                     / 1e-4
@@ -468,7 +468,7 @@ def test_a_look_tells_how_guards_and_controls_run_over_a_step(system, index):
                     )
                     for k, weight in STENCIL.items()
                 )
-                found = course[f"bend_{when}"][0, i]
+                found = history[f"bend_{when}"][0, i]
                 assert found == pytest.approx(bend, rel=1e-10, abs=1e-10)
 
 
@@ -482,8 +482,8 @@ STRIKES = [
 
 def strike(code, outcome, record, body, scuff=0.0) -> None:
     """Have a strike happen to a record."""
-    body, planes = np.ascontiguousarray(body, dtype=float), len(record) - 1
-    call(code["resets"][outcome], record, body, 0, 0.0, scuff, planes=planes)
+    body, tangents = np.ascontiguousarray(body, dtype=float), len(record) - 1
+    call(code["resets"][outcome], record, body, 0, 0.0, scuff, tangents=tangents)
 
 
 @pytest.mark.parametrize(("system", "index", "outcome"), STRIKES)
@@ -523,14 +523,14 @@ def test_a_strike_does_to_a_record_what_is_stated(system, index, outcome):
 @pytest.mark.parametrize(("system", "index", "outcome"), STRIKES)
 def test_derivatives_pass_through_a_strike(system, index, outcome):
     """All that a strike writes, against complex numbers through the plain statement."""
-    planes, rng, tiny = 3, np.random.default_rng(9), 1e-100j
+    tangents, rng, tiny = 3, np.random.default_rng(9), 1e-100j
     code = compiled(system.name, derived=True)[index]
     reset = system.phases[index].resets[outcome]
     for _ in range(10):
         constants = body_of(some_walker(rng, system))
-        bodies = np.zeros((planes + 1, len(constants)))
+        bodies = np.zeros((tangents + 1, len(constants)))
         bodies[0], bodies[1:] = constants, rng.normal(size=bodies[1:].shape)
-        records = np.zeros(planes + 1, RECORD)
+        records = np.zeros(tangents + 1, RECORD)
         angle = rng.uniform(0.1, 0.7)
         records["state"][0] = -angle, angle, angle, *rng.normal(size=3)
         records["ground"][0] = some_ground(rng, system, 0.1)
@@ -539,10 +539,10 @@ def test_derivatives_pass_through_a_strike(system, index, outcome):
             records[field][1:] = rng.normal(size=records[field][1:].shape)
         before = records.copy()
         strike(code, outcome, records, bodies)
-        for plane in range(1, planes + 1):
-            body = system.Body(*(bodies[0] + tiny * bodies[plane]))
+        for tangent in range(1, tangents + 1):
+            body = system.Body(*(bodies[0] + tiny * bodies[tangent]))
             given = {
-                field: before[field][0] + tiny * before[field][plane]
+                field: before[field][0] + tiny * before[field][tangent]
                 for field in ("state", "ground", "start")
             }
             ground = Ground(*given["ground"])
@@ -550,10 +550,10 @@ def test_derivatives_pass_through_a_strike(system, index, outcome):
                 ground = ground._replace(height_change=0.0, slope_change=0.0)
             after, loss, _ = reset.strike(body, State(*given["state"]), 0.0, ground)
             expected = [*after, loss]
-            found = [*records["state"][plane]]
+            found = [*records["state"][tangent]]
             if outcome == Outcome.KNEESTRIKE:
-                found.append(records["knee_loss"][plane])
-                assert records["knee_time"][plane] == before["time"][plane]
+                found.append(records["knee_loss"][tangent])
+                assert records["knee_time"][tangent] == before["time"][tangent]
             else:
                 end = legs.standing(body, State(*given["state"]), ground)
                 begun = State(*given["start"], 0, 0, 0)
@@ -563,8 +563,8 @@ def test_derivatives_pass_through_a_strike(system, index, outcome):
                 )
                 expected += [length, -gain]
                 expected += after[:3]
-                found += [records[x][plane] for x in ("heel_loss", "step_length", "gravity_work")]
-                found += [*records["start"][plane]]
+                found += [records[x][tangent] for x in ("heel_loss", "step_length", "gravity_work")]
+                found += [*records["start"][tangent]]
             expected = np.imag(expected) / 1e-100
             scale = 1.0 + np.abs(expected).max()
             np.testing.assert_allclose(found, expected, rtol=0.0, atol=1e-11 * scale)

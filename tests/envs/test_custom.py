@@ -13,7 +13,7 @@ from gym_passive_walker.envs.custom import TERMS, Rule, Shape, of_notes
 from gym_passive_walker.envs.registration import ID
 from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 from gym_passive_walker.envs.scene import make_scene
-from gym_passive_walker.envs.transitions import NOTE, SEVERAL, TRUTHS, Transition
+from gym_passive_walker.envs.transitions import BOOLEANS, NOTE, SEVERAL, Transition
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 
 COUNT, STEPS = 5, 40
@@ -394,6 +394,6 @@ def test_functions_are_the_same_of_numbers_arrays_tensors_and_in_native_code(fun
 
 
 def test_every_field_of_a_transition_is_described_and_kept():
-    assert set(TRUTHS) | set(SEVERAL) <= set(Transition._fields) <= set(NOTE.names)
+    assert set(BOOLEANS) | set(SEVERAL) <= set(Transition._fields) <= set(NOTE.names)
     for name in Transition._fields:
         assert f"        {name}: " in Transition.__doc__

@@ -105,7 +105,7 @@ def test_who_has_fallen_rests_until_the_next_episode_begins():
     while not ended.any():
         _, _, ended, *_ = envs.step(np.ones((4, 1)))
     batch, before = envs.batch, envs.batch.states[ended]
-    results = np.empty(4 * batch.seen, np.float32), np.ones(4), *np.ones((2, 4), bool)
+    results = np.empty(4 * batch.observation_size, np.float32), np.ones(4), *np.ones((2, 4), bool)
     batch.step(np.ones(4), *results)
     np.testing.assert_array_equal(batch.states[ended], before)
     assert not results[1][ended].any() and not results[2][ended].any()

@@ -68,7 +68,7 @@ def on_processor(name: str) -> float:
     numba.cuda.extending.intrinsic = numba.extending.intrinsic
     sys.modules.setdefault("numba_cuda", ModuleType("numba_cuda"))  # which a device would need
     from gym_passive_walker.engine import run
-    from gym_passive_walker.engine.layout import COURSE, PAIR, tile_for
+    from gym_passive_walker.engine.layout import HISTORY, PAIR, tile_for
     from gym_passive_walker.gpu import bookkeeping, lane, primitives
     from gym_passive_walker.physics.systems import SYSTEMS
 
@@ -79,11 +79,11 @@ def on_processor(name: str) -> float:
     from tests.gpu.thrown import thrown
 
     here, (own, records) = lane.machinery(name), thrown(name, 200)
-    carry_on, told = here.bound(run.carry_on), run.options(1e-8, from_section=True)
-    usual, desk = records.copy(), (np.zeros(1, tile_for(PAIR, 1)), np.zeros(1, COURSE))
+    integrate, told = here.bound(run.integrate), run.options(1e-8, from_section=True)
+    usual, working = records.copy(), (np.zeros(1, tile_for(PAIR, 1)), np.zeros(1, HISTORY))
     run.advance(SYSTEMS[name], own, usual, tolerance=1e-8)
     for i in range(len(records)):
-        carry_on(records[i : i + 1], own, here.phases, told, *desk)
+        integrate(records[i : i + 1], own, here.phases, told, *working)
     return 0.0 if usual.tobytes() == records.tobytes() else np.inf
 
 

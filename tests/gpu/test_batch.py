@@ -97,7 +97,7 @@ class Reference:
     def __init__(self, scene, count, seed, limit):
         self.batch = Drawing(make_scene(scene), count, step_limit=limit)
         self.batch.randoms = [Drawn(seed + i) for i in range(count)]  # type: ignore[assignment]
-        self.observations = np.zeros((count, self.batch.seen), np.float32)
+        self.observations = np.zeros((count, self.batch.observation_size), np.float32)
         self.batch.start(np.arange(count), self.observations.reshape(-1))
 
     def step(self, actions):

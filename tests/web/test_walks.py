@@ -155,7 +155,7 @@ def _episodes(scene, keys, act, steps):
     """What each step of some episodes leaves on the CPU; and a job of the same in Node."""
     batch, expected, starts = Batch(scene), [], []
     observation, results = (
-        np.empty(batch.seen, np.float32),
+        np.empty(batch.observation_size, np.float32),
         (np.empty(1), np.empty(1, bool), np.empty(1, bool)),
     )
     state = Starts(scene).state(scene.slope)
