@@ -1,35 +1,26 @@
-"""A walker of one's own: a hybrid system stated by the positions of its masses."""
+"""A walker of one's own: a hybrid system stated by the positions of its masses, or by equations."""
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.engine import compiled
-from gym_passive_walker.engine.layout import MOST_CONSTANTS, MOST_GUARDS, WIDE
+from gym_passive_walker.modeling.checks import StatementError, check
 from gym_passive_walker.modeling.mechanics import Derived, Link, Motion, is_zero, rates_by, solve
 from gym_passive_walker.physics import hybrid
-from gym_passive_walker.physics.hybrid import Ground, Guard, Outcome, Watch
+from gym_passive_walker.physics.hybrid import SMOOTH, Ground, Guard, Outcome, Watch
 from gym_passive_walker.physics.systems import SYSTEMS
 from gym_passive_walker.walkers import Mechanism
 
 _BETWEEN = 7  # looks at a guard within a step; a foot may dip and rise between its ends
-_TRIALS, _CLOSE = 3, 1e-9  # random states of a check, and the largest relative error
-_ITERATIONS = 30  # of Newton's method
-_FALLS = tuple(
-    outcome.name.lower()
-    for outcome in Outcome
-    if Outcome.FELL_FORWARD <= outcome <= Outcome.SWING_OVERROTATION
-)
-
-
-class StatementError(ValueError):
-    """A statement of a system is wrong; the message names the function."""
+_ITERATIONS, _CLOSE = 30, 1e-9  # of Newton's method, and its largest error
 
 
 class Free(NamedTuple):
@@ -40,15 +31,25 @@ def _uncontrolled(state: Any) -> Free:
     return Free()
 
 
+def _missing(body: Any, state: Any) -> Any:
+    raise TypeError("it is missing")
+
+
+def _falls(guard: Guard, body: Any, state: Any) -> Any:
+    """A guard's function on smooth ground."""
+    return guard.falls(body, state, SMOOTH)
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class System(Mechanism):
-    """A walker of one's own, by where its masses are and what its landing foot does.
+    """A walker of one's own: by the positions of its masses and its landing foot, or by equations.
 
-    Equations of motion, the plastic impact at heelstrike, energies and all derivatives follow from
-    these functions. Choose units of length and mass as you like; gravity is 1, so that the unit of
-    time is sqrt(l/g). All functions are plain arithmetic with `gym_passive_walker.math`; they take
-    the `body` and the state, both named tuples. Positions are those of a frame at the stance foot:
-    x along the ground in the walking direction (downhill), y up from the ground.
+    From `links`, `landing`, `relabel` and `falls` follow equations of motion, the plastic impact at
+    heelstrike, energies and all derivatives. `System.of` takes given equations instead. Choose
+    units of length and mass as you like; gravity is 1, so that the unit of time is sqrt(l/g). All
+    functions are plain arithmetic with `gym_passive_walker.math`. They take the `body` and the
+    state, both named tuples. Positions are those of a frame at the stance foot: x along the ground
+    in the walking direction (downhill), y up from the ground.
 
     Attributes:
         name: What it is called.
@@ -76,7 +77,10 @@ class System(Mechanism):
         limits: By the name of a control, its largest size: what the action 1 of an environment
             does. Of other controls it is the scene's `max_hip_torque` times the system's weight.
         pose: Function of body and state: what pictures show, lines of points (x, y). None draws a
-            line from the foot to each mass.
+            line from the foot to each mass, or to the centre of mass.
+        equations: The hybrid system, if it is given instead of `links`; see `of`.
+        mass: Its total mass, if `equations` are given.
+        centre: Function of body and state: x and y of its centre of mass, if they are.
 
     Raises:
         StatementError: if a function does not fit the others. The message names it.
@@ -85,10 +89,10 @@ class System(Mechanism):
     name: str
     body: Any
     State: type
-    links: Callable[[Any, Any], Sequence[Link]]
-    landing: Callable[[Any, Any], tuple[Any, Any]]
-    relabel: Callable[[Any, Any], Sequence[Any]]
-    falls: Mapping[str, Callable[[Any, Any], Any]]
+    links: Callable[[Any, Any], Sequence[Link]] = _missing
+    landing: Callable[[Any, Any], tuple[Any, Any]] = _missing
+    relabel: Callable[[Any, Any], Sequence[Any]] = _missing
+    falls: Mapping[str, Callable[[Any, Any], Any]] = field(default_factory=dict)
     counts: Sequence[Callable[[Any, Any], Any]] = ()
     potential: Callable[[Any, Any], Any] | None = None
     dissipation: Callable[[Any, Any], Any] | None = None
@@ -98,10 +102,51 @@ class System(Mechanism):
     start: Sequence[float] | None = None
     limits: Mapping[str, float] = field(default_factory=dict)
     pose: Callable[[Any, Any], Sequence[Sequence[tuple[Any, Any]]]] | None = None
+    equations: hybrid.System | None = None
+    mass: float = 1.0
+    centre: Callable[[Any, Any], tuple[Any, Any]] = _missing
     _made: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
-        _check(self)
+        check(self)
+
+    @classmethod
+    def of(
+        cls,
+        equations: hybrid.System,
+        body: Any,
+        *,
+        centre: Callable[[Any, Any], tuple[Any, Any]],
+        mass: float = 1.0,
+        **rest: Any,
+    ) -> System:
+        """A system with given equations: accelerations, guards, resets and energies.
+
+        The package states its own walkers in this way: `physics.straight.SYSTEM` is an example.
+
+        Args:
+            equations: The hybrid system. Its phases have accelerations, guards and resets; the last
+                phase ends with a heelstrike.
+            body: Its parameters, of the type `equations.Body`.
+            centre: Function of body and state: x and y of the centre of mass from the stance foot.
+            mass: Its total mass.
+            **rest: `name`, `start`, `limits`, `pose`, as in the class.
+
+        Raises:
+            StatementError: if the functions contradict each other: a mass matrix that is not
+                positive, a power balance that does not close, a guard that never falls, a reset
+                that gains energy or moves the walker. The message names the function.
+        """
+        falls = {
+            guard.outcome.name.lower(): partial(_falls, guard)
+            for guard in equations.phases[0].guards
+            if guard.watch == Watch.BOUND
+        }
+        given = {
+            "name": equations.name, "State": equations.State, "Control": equations.Control,
+            "travel": equations.travel, "falls": falls,
+        }  # fmt: skip
+        return cls(body=body, equations=equations, centre=centre, mass=mass, **(given | rest))
 
     def vary(self, **parameters: float) -> System:
         """This system with other values of some fields of its body."""
@@ -112,7 +157,7 @@ class System(Mechanism):
                 f"{', '.join(self.body._fields)}"
             )
         made = self.with_body(parameters)
-        _check(made)
+        check(made)
         return made
 
     def __getstate__(self) -> dict[str, Any]:
@@ -133,6 +178,8 @@ class System(Mechanism):
         given = self.State(*state)
         if self.pose is not None:
             return [np.array(line, dtype=float) for line in self.pose(self.body, given)]
+        if self.equations is not None:
+            return [np.array([(0.0, 0.0), self.centre(self.body, given)], dtype=float)]
         links = [Link(*link) for link in self.links(self.body, given)]
         return [np.array([(0.0, 0.0), (link.x, link.y)], dtype=float) for link in links]
 
@@ -150,7 +197,7 @@ class System(Mechanism):
         rates = np.zeros_like(coordinates)
 
         def foot(body: Any, state: Any) -> tuple:
-            height = self.landing(body, state)[1]
+            height = self._clearance(body, state)
             return height, *rates_by(height, state[1 : self.coordinates])
 
         found = np.array(coordinates, dtype=float)
@@ -166,20 +213,23 @@ class System(Mechanism):
 
     def struck(self, states: NDArray[np.float64]) -> NDArray[np.float64]:
         """States (n, 2 m) after a heelstrike in each of these."""
-        strike = Derived(lambda body, state: self._strike(body, state, 0.0, Ground(0.0, 1.0)).after)
-        after = strike(self.body, self.State(*states.T))
+        strike = self.hybrid.phases[-1].resets[Outcome.HEELSTRIKE].strike
+        after = Derived(lambda body, state: tuple(strike(body, state, 0.0, SMOOTH).after))(
+            self.body, self.State(*states.T)
+        )
         return np.stack([np.broadcast_to(part, len(states)) for part in after], axis=-1)
 
     def exchanged(self, coordinates: NDArray[np.float64]) -> NDArray[np.float64]:
         """Coordinates (n, m) after the legs have exchanged their roles."""
-        state = self.State(*coordinates.T, *np.zeros_like(coordinates).T)
-        found = self.relabel(self.body, state)
-        return np.stack([np.broadcast_to(part, len(coordinates)) for part in found], axis=-1)
+        return self.struck(np.hstack([coordinates, np.zeros_like(coordinates)]))[
+            :, : self.coordinates
+        ]
 
     def standing(self, state: Sequence[float]) -> bool:
         """Whether no rule of `falls` says that a state (2 m,) has fallen."""
         given = self.State(*state)
-        return all(float(upright(self.body, given)) > 0.0 for upright in self.falls.values())
+        bounds = (g for g in self.hybrid.phases[0].guards if g.watch == Watch.BOUND)
+        return all(float(guard.falls(self.body, given, SMOOTH)) > 0.0 for guard in bounds)
 
     @property
     def coordinates(self) -> int:
@@ -195,7 +245,7 @@ class System(Mechanism):
     def hybrid(self) -> hybrid.System:  # type: ignore[override]
         """The hybrid system that the engine compiles."""
         if "hybrid" not in self._made:
-            self._made["hybrid"] = _registered(self._stated())
+            self._made["hybrid"] = _registered(self.equations or self._stated())
         return self._made["hybrid"]
 
     @property
@@ -211,6 +261,12 @@ class System(Mechanism):
         made = object.__new__(System)  # with the same equations, which are compiled once
         made.__dict__.update(self.__dict__ | {"body": self.body._replace(**values)})
         return made
+
+    def _clearance(self, body: Any, state: Any) -> Any:
+        """Height of the swing foot."""
+        if self.equations is not None:
+            return self.equations.foot_clearance(body, state)
+        return self.landing(body, state)[1]
 
     def _stated(self) -> hybrid.System:
         strike = Guard(
@@ -310,6 +366,9 @@ class System(Mechanism):
 
     def _centre(self, body: Any, state: Any) -> tuple[Any, Any, Any]:
         """The whole mass, and its first moments along x and y."""
+        if self.equations is not None:
+            x, y = self.centre(body, state)
+            return self.mass, self.mass * x, self.mass * y
         mass: Any = 0.0
         x: Any = 0.0
         y: Any = 0.0
@@ -358,161 +417,3 @@ def _registered(stated: hybrid.System) -> hybrid.System:
 def _on_ground(function: Callable[[Any, Any], Any]) -> Callable[[Any, Any, Ground], Any]:
     """A function of body and state as one of body, state and ground."""
     return lambda body, state, ground: function(body, state)
-
-
-class _Checks:
-    """Trials of a system's functions at random states, before anything is compiled."""
-
-    def __init__(self, system: System) -> None:
-        self.system, rng = system, np.random.default_rng(0)
-        fields = getattr(system.State, "_fields", ())
-        if not fields or len(fields) % 2 or len(fields) // 2 > WIDE.links:
-            raise self.error(
-                "State", "must be a named tuple of 1 to 8 coordinates and, behind them, their rates"
-            )
-        if not hasattr(system.body, "_fields"):
-            raise self.error("body", "must be an instance of a named tuple of parameters")
-        self.body, count = system.body, len(fields) // 2
-        self.numbers("body", self.body)
-        if system.start is not None and np.shape(system.start) != (2 * count,):
-            raise self.error("start", f"must have {2 * count} numbers, not {system.start!r}")
-        centre = np.zeros(2 * count) if system.start is None else np.array(system.start)
-        states = centre + rng.uniform(-0.3, 0.3, (_TRIALS, 2 * count))
-        self.states = [system.State(*state) for state in states.tolist()]
-        self.count = count
-
-    def error(self, function: str, said: str) -> StatementError:
-        """The error of a function of the system."""
-        return StatementError(f"{function} of system {self.system.name!r} {said}")
-
-    def tried(self, name: str, function: Callable[..., Any], *arguments: Any) -> Any:
-        """The result of a function of the system; an error that it raises names it."""
-        try:
-            return function(*arguments)
-        except StatementError:
-            raise
-        except Exception as error:
-            raise self.error(name, f"fails: {type(error).__name__}: {error}") from error
-
-    def numbers(self, name: str, values: Any, count: int | None = None) -> NDArray[np.float64]:
-        """The result of a function as finite numbers, as many as there have to be."""
-        try:
-            found = np.array([float(x) for x in values])
-        except (TypeError, ValueError) as error:
-            raise self.error(name, f"must give numbers, not {values!r}") from error
-        if count is not None and len(found) != count:
-            raise self.error(name, f"must give {count} numbers, not {len(found)}")
-        if not np.all(np.isfinite(found)):
-            raise self.error(name, f"must give finite numbers, not {found.tolist()}")
-        return found
-
-
-def _check(system: System) -> None:
-    """Refuse functions that do not fit each other.
-
-    Raises:
-        StatementError: with the function's name.
-    """
-    checks = _Checks(system)
-    if not system.falls:
-        raise checks.error("falls", f"must say when it has fallen: {', '.join(_FALLS)}")
-    for name in system.falls:
-        if name not in _FALLS:
-            raise checks.error("falls", f"has no outcome {name!r}: choose from {', '.join(_FALLS)}")
-    for name, limit in system.limits.items():
-        if name not in system.controls:
-            known = ", ".join(system.controls) or "none"
-            raise checks.error("limits", f"has no control {name!r}: choose from {known}")
-        if checks.numbers("limits", [limit])[0] <= 0.0:
-            raise checks.error("limits", f"must be positive, not {limit!r} of {name!r}")
-    controls = len(system.controls)
-    rows = 1 + len(system.falls) + len(system.counts) + controls
-    if rows > MOST_GUARDS or controls > WIDE.controls or len(system.body) > MOST_CONSTANTS:
-        raise checks.error(
-            "statement", f"is too large: at most {WIDE.controls} controls, {MOST_CONSTANTS} "
-            f"parameters, and {MOST_GUARDS} controls, falls and counts together"
-        )  # fmt: skip
-    for state in checks.states:
-        _check_links(checks, state)
-        _check_functions(checks, state)
-        _check_equations(checks, state)
-        _check_heelstrike(checks, state)
-
-
-def _check_links(checks: _Checks, state: Any) -> None:
-    links = checks.tried("links", checks.system.links, checks.body, state)
-    for link in links:
-        each = checks.tried("links", lambda link: Link(*link), link)
-        mass, *_, inertia, _ = checks.numbers("links", each, 5)
-        if mass < 0.0 or inertia < 0.0:
-            raise checks.error("links", f"must have no negative mass or inertia, as {each} has")
-
-
-def _check_functions(checks: _Checks, state: Any) -> None:
-    system, body = checks.system, checks.body
-    for name, function, size in (
-        ("landing", system.landing, 2),
-        ("relabel", system.relabel, checks.count),
-        ("forces", system.forces, checks.count),
-    ):
-        if function is not None:
-            checks.numbers(name, checks.tried(name, function, body, state), size)
-    for name, function in (
-        *(("falls", each) for each in system.falls.values()),
-        *(("counts", each) for each in system.counts),
-        ("potential", system.potential),
-        ("dissipation", system.dissipation),
-    ):
-        if function is not None:
-            checks.numbers(name, [checks.tried(name, function, body, state)])
-    moved = checks.tried("travel", system.travel, state)
-    checks.numbers("travel", moved, len(system.controls))
-    for line in checks.tried("pose", system.drawn, state):
-        if line.ndim != 2 or line.shape[1] != 2 or not np.all(np.isfinite(line)):
-            raise checks.error("pose", "must give lines of finite points (x, y)")
-
-
-def _check_equations(checks: _Checks, state: Any) -> None:
-    system, body, count = checks.system, checks.body, checks.count
-    matrix = np.zeros((count, count))
-    derived = checks.tried("links", Derived(system._mass_matrix), body, state)
-    matrix[np.triu_indices(count)] = derived
-    matrix = matrix + np.triu(matrix, 1).T
-    if np.linalg.eigvalsh(matrix)[0] <= 1e-12 * np.abs(matrix).max():
-        raise checks.error(
-            "links", "leave a coordinate without inertia: the mass matrix is not positive at "
-            f"{state}"
-        )  # fmt: skip
-    if system.dissipation is not None and system.dissipation(body, state) < 0.0:
-        raise checks.error("dissipation", f"must not be negative, as at {state}")
-
-
-def _check_heelstrike(checks: _Checks, state: Any) -> None:
-    system, body = checks.system, checks.body
-
-    def slopes(body: Any, state: Any) -> tuple:
-        return tuple(rates_by(system.landing(body, state)[1], state[: checks.count]))
-
-    if not np.any(checks.tried("landing", Derived(slopes), body, state)):
-        raise checks.error("landing", "never falls: its y does not depend on the coordinates")
-
-    def struck(body: Any, state: Any) -> tuple:
-        after, lost, _ = system._strike(body, state, 0.0, Ground(0.0, 1.0))
-        return system._kinetic_energy(body, state), system._kinetic_energy(body, after), lost
-
-    before, after, lost = checks.tried("relabel", Derived(struck), body, state)
-    if abs(before - after - lost) > _CLOSE * before:
-        raise checks.error(
-            "relabel", "does not name the same motion: just after a heelstrike the kinetic energy "
-            f"is {after:.6g} in the new coordinates and {before - lost:.6g} in the old ones"
-        )  # fmt: skip
-    new = system.State(*system.relabel(body, state), *state[checks.count :])
-    height = (
-        system._centre(body, state)[2]
-        - system._centre(body, state)[0] * (system.landing(body, state)[1])
-    )
-    if abs(system._centre(body, new)[2] - height) > _CLOSE * (1.0 + abs(height)):
-        raise checks.error(
-            "relabel", "does not name the same posture: the centre of mass is at another height "
-            "over the new foot"
-        )  # fmt: skip

@@ -14,13 +14,15 @@ from gym_passive_walker.physics.hybrid import Number
 
 
 class SimplestBody(NamedTuple):
-    """A mass on legs without any.
+    """What every walker has, and all that one on legs without mass has.
+
+    Torques are in units of m g l; of the simplest walker they are per unit of foot mass, in g l.
 
     Attributes:
         foot_radius: Of the foot.
         leg: Foot centre to hip.
-        hip_stiffness: Of the spring between the legs, per unit of foot mass / (g l).
-        hip_friction: Of the hip, per unit of foot mass / (g l sqrt(l/g)).
+        hip_stiffness: Of the spring between the legs, torque per angle.
+        hip_friction: Of the hip, torque per angular velocity, over sqrt(l/g).
     """
 
     foot_radius: Number
@@ -29,13 +31,11 @@ class SimplestBody(NamedTuple):
     hip_friction: Number
 
 
-class StraightBody(NamedTuple):
-    """A walker with straight legs; first moments are mass times position.
+class _Legs(NamedTuple):
+    """What legs with mass add; first moments are mass times position.
 
     Attributes:
-        foot_radius: Of the foot.
-        foot_diameter: Twice that.
-        leg: Foot centre to hip.
+        foot_diameter: Twice the foot's radius.
         stance_along: First moment of the stance leg from the foot centre, the rest at its hip.
         stance_across: Its part across the leg.
         stance_inertia: Its second moment, plus that of the foot's rolling.
@@ -47,13 +47,9 @@ class StraightBody(NamedTuple):
         leg_com_along: Its centre of mass from the foot centre.
         leg_com_across: Its position across the leg.
         leg_spin: Moment of inertia about that centre of mass.
-        hip_stiffness: Of the spring between the legs, / (m g l).
-        hip_friction: Of the hip, torque per rate, / (m g l sqrt(l/g)).
     """
 
-    foot_radius: Number
     foot_diameter: Number
-    leg: Number
     stance_along: Number
     stance_across: Number
     stance_inertia: Number
@@ -65,12 +61,10 @@ class StraightBody(NamedTuple):
     leg_com_along: Number
     leg_com_across: Number
     leg_spin: Number
-    hip_stiffness: Number
-    hip_friction: Number
 
 
-class KneedBody(NamedTuple):
-    """A walker with knees: what `StraightBody` has, and the free knee.
+class _Knee(NamedTuple):
+    """What a free knee adds.
 
     Attributes:
         thigh_along: First moment of the thigh with the shank's mass at the knee, from the hip.
@@ -87,22 +81,6 @@ class KneedBody(NamedTuple):
         knee_stiffness: Of the spring that straightens the knee, / (m g l).
     """
 
-    foot_radius: Number
-    foot_diameter: Number
-    leg: Number
-    stance_along: Number
-    stance_across: Number
-    stance_inertia: Number
-    swing_along: Number
-    swing_across: Number
-    swing_inertia: Number
-    swing_mobility: Number
-    leg_mass: Number
-    leg_com_along: Number
-    leg_com_across: Number
-    leg_spin: Number
-    hip_stiffness: Number
-    hip_friction: Number
     thigh_along: Number
     thigh_across: Number
     thigh_inertia: Number
@@ -115,6 +93,18 @@ class KneedBody(NamedTuple):
     knee_along: Number
     knee_across: Number
     knee_stiffness: Number
+
+
+def _joined(name: str, *parts: Any) -> Any:
+    """A named tuple with the fields of several."""
+    return NamedTuple(name, [(each, Number) for part in parts for each in part._fields])
+
+
+StraightBody = _joined("StraightBody", SimplestBody, _Legs)
+"""A walker with straight legs: what every walker has, and masses of its legs."""
+
+KneedBody = _joined("KneedBody", StraightBody, _Knee)
+"""A walker with knees: what `StraightBody` has, and the free knee."""
 
 
 def body_from(p: Any, Body: type) -> Any:
@@ -144,7 +134,7 @@ def body_from(p: Any, Body: type) -> Any:
         "hip_friction": p.hip_friction / (torque * (length / p.gravity) ** 0.5),
     }
     if Body is SimplestBody:
-        return SimplestBody(**values)
+        return Body(**values)
 
     # Positions along and across the leg: of the thigh's centre of mass and the knee from the hip,
     # of the shank's centre of mass from the knee.
@@ -204,20 +194,19 @@ def body_from(p: Any, Body: type) -> Any:
         "leg_com_across": com[1] / length,
         "leg_spin": leg_spin / ml2,
     }
-    if Body is StraightBody:
-        return StraightBody(**values)
-    return KneedBody(
-        **values,
-        thigh_along=thigh_moment[0] / ml,
-        thigh_across=thigh_moment[1] / ml,
-        thigh_inertia=thigh_inertia / ml2,
-        shank_along=shank_moment[0] / ml,
-        shank_across=shank_moment[1] / ml,
-        shank_inertia=shank_inertia / ml2,
-        shank_mobility=ml2 / shank_inertia,
-        knee_cosine=knee_cosine / ml2,
-        knee_sine=knee_sine / ml2,
-        knee_along=knee[0] / length,
-        knee_across=knee[1] / length,
-        knee_stiffness=p.knee_stiffness / torque,
-    )
+    if Body is KneedBody:
+        values |= {
+            "thigh_along": thigh_moment[0] / ml,
+            "thigh_across": thigh_moment[1] / ml,
+            "thigh_inertia": thigh_inertia / ml2,
+            "shank_along": shank_moment[0] / ml,
+            "shank_across": shank_moment[1] / ml,
+            "shank_inertia": shank_inertia / ml2,
+            "shank_mobility": ml2 / shank_inertia,
+            "knee_cosine": knee_cosine / ml2,
+            "knee_sine": knee_sine / ml2,
+            "knee_along": knee[0] / length,
+            "knee_across": knee[1] / length,
+            "knee_stiffness": p.knee_stiffness / torque,
+        }
+    return Body(**values)

@@ -1,0 +1,329 @@
+"""Checks of a system's functions at random states, before anything is compiled."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gym_passive_walker.engine.layout import MOST_CONSTANTS, MOST_GUARDS, WIDE
+from gym_passive_walker.modeling.mechanics import Derived, Link, rates_by
+from gym_passive_walker.physics import hybrid
+from gym_passive_walker.physics.hybrid import SMOOTH, Ground, Outcome, Phase, Watch
+
+if TYPE_CHECKING:
+    from gym_passive_walker.modeling.system import System
+
+_TRIALS, _CLOSE = 3, 1e-9  # random states of a check, and the largest relative error
+_ITERATIONS = 50  # of Newton's method
+_SLOPING = Ground(0.1, 0.995)  # any slope on which powers are compared
+_FALLS = tuple(
+    outcome.name.lower()
+    for outcome in Outcome
+    if Outcome.FELL_FORWARD <= outcome <= Outcome.SWING_OVERROTATION
+)
+
+
+class StatementError(ValueError):
+    """A statement of a system is wrong; the message names the function."""
+
+
+class Checks:
+    """Trials of a system's functions at random states, before anything is compiled."""
+
+    def __init__(self, system: System) -> None:
+        self.system, rng = system, np.random.default_rng(0)
+        fields = getattr(system.State, "_fields", ())
+        if not fields or len(fields) % 2 or len(fields) // 2 > WIDE.links:
+            raise self.error(
+                "State", "must be a named tuple of 1 to 8 coordinates and, behind them, their rates"
+            )
+        if not hasattr(system.body, "_fields"):
+            raise self.error("body", "must be an instance of a named tuple of parameters")
+        self.body, count = system.body, len(fields) // 2
+        self.numbers("body", self.body)
+        if system.start is not None and np.shape(system.start) != (2 * count,):
+            raise self.error("start", f"must have {2 * count} numbers, not {system.start!r}")
+        centre = np.zeros(2 * count) if system.start is None else np.array(system.start)
+        states = centre + rng.uniform(-0.3, 0.3, (_TRIALS, 2 * count))
+        self.states = [system.State(*state) for state in states.tolist()]
+        self.count = count
+
+    def error(self, function: str, said: str) -> StatementError:
+        """The error of a function of the system."""
+        return StatementError(f"{function} of system {self.system.name!r} {said}")
+
+    def tried(self, name: str, function: Callable[..., Any], *arguments: Any) -> Any:
+        """The result of a function of the system; an error that it raises names it."""
+        try:
+            return function(*arguments)
+        except StatementError:
+            raise
+        except Exception as error:
+            raise self.error(name, f"fails: {type(error).__name__}: {error}") from error
+
+    def numbers(self, name: str, values: Any, count: int | None = None) -> NDArray[np.float64]:
+        """The result of a function as finite numbers, as many as there have to be."""
+        try:
+            found = np.array([float(x) for x in values])
+        except (TypeError, ValueError) as error:
+            raise self.error(name, f"must give numbers, not {values!r}") from error
+        if count is not None and len(found) != count:
+            raise self.error(name, f"must give {count} numbers, not {len(found)}")
+        if not np.all(np.isfinite(found)):
+            raise self.error(name, f"must give finite numbers, not {found.tolist()}")
+        return found
+
+
+def check(system: System) -> None:
+    """Refuse functions that do not fit each other.
+
+    Raises:
+        StatementError: with the function's name.
+    """
+    checks = Checks(system)
+    if not system.falls:
+        raise checks.error("falls", f"must say when it has fallen: {', '.join(_FALLS)}")
+    for name in system.falls:
+        if name not in _FALLS:
+            raise checks.error("falls", f"has no outcome {name!r}: choose from {', '.join(_FALLS)}")
+    for name, limit in system.limits.items():
+        if name not in system.controls:
+            known = ", ".join(system.controls) or "none"
+            raise checks.error("limits", f"has no control {name!r}: choose from {known}")
+        if checks.numbers("limits", [limit])[0] <= 0.0:
+            raise checks.error("limits", f"must be positive, not {limit!r} of {name!r}")
+    if system.equations is not None:
+        _check_statement(checks, system.equations)
+        return
+    controls = len(system.controls)
+    rows = 1 + len(system.falls) + len(system.counts) + controls
+    if rows > MOST_GUARDS or controls > WIDE.controls or len(system.body) > MOST_CONSTANTS:
+        raise checks.error(
+            "statement", f"is too large: at most {WIDE.controls} controls, {MOST_CONSTANTS} "
+            f"parameters, and {MOST_GUARDS} controls, falls and counts together"
+        )  # fmt: skip
+    for state in checks.states:
+        _check_links(checks, state)
+        _check_functions(checks, state)
+        _check_equations(checks, state)
+        _check_heelstrike(checks, state)
+
+
+def _check_links(checks: Checks, state: Any) -> None:
+    links = checks.tried("links", checks.system.links, checks.body, state)
+    for link in links:
+        each = checks.tried("links", lambda link: Link(*link), link)
+        mass, *_, inertia, _ = checks.numbers("links", each, 5)
+        if mass < 0.0 or inertia < 0.0:
+            raise checks.error("links", f"must have no negative mass or inertia, as {each} has")
+
+
+def _check_functions(checks: Checks, state: Any) -> None:
+    system, body = checks.system, checks.body
+    for name, function, size in (
+        ("landing", system.landing, 2),
+        ("relabel", system.relabel, checks.count),
+        ("forces", system.forces, checks.count),
+    ):
+        if function is not None:
+            checks.numbers(name, checks.tried(name, function, body, state), size)
+    for name, function in (
+        *(("falls", each) for each in system.falls.values()),
+        *(("counts", each) for each in system.counts),
+        ("potential", system.potential),
+        ("dissipation", system.dissipation),
+    ):
+        if function is not None:
+            checks.numbers(name, [checks.tried(name, function, body, state)])
+    moved = checks.tried("travel", system.travel, state)
+    checks.numbers("travel", moved, len(system.controls))
+    _check_pose(checks, state)
+
+
+def _check_pose(checks: Checks, state: Any) -> None:
+    for line in checks.tried("pose", checks.system.drawn, state):
+        if line.ndim != 2 or line.shape[1] != 2 or not np.all(np.isfinite(line)):
+            raise checks.error("pose", "must give lines of finite points (x, y)")
+
+
+def _check_equations(checks: Checks, state: Any) -> None:
+    system, body, count = checks.system, checks.body, checks.count
+    matrix = np.zeros((count, count))
+    derived = checks.tried("links", Derived(system._mass_matrix), body, state)
+    matrix[np.triu_indices(count)] = derived
+    matrix = matrix + np.triu(matrix, 1).T
+    if np.linalg.eigvalsh(matrix)[0] <= 1e-12 * np.abs(matrix).max():
+        raise checks.error(
+            "links", "leave a coordinate without inertia: the mass matrix is not positive at "
+            f"{state}"
+        )  # fmt: skip
+    if system.dissipation is not None and system.dissipation(body, state) < 0.0:
+        raise checks.error("dissipation", f"must not be negative, as at {state}")
+
+
+def _check_heelstrike(checks: Checks, state: Any) -> None:
+    system, body = checks.system, checks.body
+
+    def slopes(body: Any, state: Any) -> tuple:
+        return tuple(rates_by(system.landing(body, state)[1], state[: checks.count]))
+
+    if not np.any(checks.tried("landing", Derived(slopes), body, state)):
+        raise checks.error("landing", "never falls: its y does not depend on the coordinates")
+
+    def struck(body: Any, state: Any) -> tuple:
+        after, lost, _ = system._strike(body, state, 0.0, Ground(0.0, 1.0))
+        return system._kinetic_energy(body, state), system._kinetic_energy(body, after), lost
+
+    before, after, lost = checks.tried("relabel", Derived(struck), body, state)
+    if abs(before - after - lost) > _CLOSE * before:
+        raise checks.error(
+            "relabel", "does not name the same motion: just after a heelstrike the kinetic energy "
+            f"is {after:.6g} in the new coordinates and {before - lost:.6g} in the old ones"
+        )  # fmt: skip
+    new = system.State(*system.relabel(body, state), *state[checks.count :])
+    height = (
+        system._centre(body, state)[2]
+        - system._centre(body, state)[0] * (system.landing(body, state)[1])
+    )
+    if abs(system._centre(body, new)[2] - height) > _CLOSE * (1.0 + abs(height)):
+        raise checks.error(
+            "relabel", "does not name the same posture: the centre of mass is at another height "
+            "over the new foot"
+        )  # fmt: skip
+
+
+def _check_statement(checks: Checks, equations: hybrid.System) -> None:
+    """Refuse given equations that contradict each other."""
+    system, body = checks.system, checks.body
+    if not isinstance(body, equations.Body):
+        raise checks.error("body", f"must be of the type {equations.Body.__name__}, not {body!r}")
+    if Outcome.HEELSTRIKE not in equations.phases[-1].resets:
+        raise checks.error("phases", "must end with a heelstrike: the last one has no reset for it")
+    for state in checks.states:
+        checks.numbers("centre", checks.tried("centre", system.centre, body, state), 2)
+        _check_pose(checks, state)
+        for phase in equations.phases:
+            tied = equations.State(*_tied(phase, state))
+            _check_phase(checks, equations, phase, tied)
+            _check_resets(checks, equations, phase, tied)
+
+
+def _tied(phase: Phase, state: Any) -> list[Any]:
+    """A state in which coordinates that do not move by themselves go with the last that does."""
+    half = len(state) // 2
+    return [part[min(i, phase.links - 1)] for part in (state[:half], state[half:])
+            for i in range(half)]  # fmt: skip
+
+
+def _check_phase(checks: Checks, equations: hybrid.System, phase: Phase, state: Any) -> None:
+    """Compare a phase's accelerations with the power of gravity, springs, friction and controls."""
+    body, count, name = checks.body, checks.count, f"accelerations of phase {phase.stage.name}"
+    control = equations.Control(
+        *(0.0 if each in equations.absent else 0.1 + 0.1 * i
+          for i, each in enumerate(equations.Control._fields))  # type: ignore[attr-defined]
+    )  # fmt: skip
+    start = equations.State(*np.zeros(2 * count))
+    found = checks.tried(name, Derived(phase.accelerations), body, state, control, _SLOPING)
+    checks.numbers(name, found, phase.links)
+
+    def powers(body: Any, state: Any) -> tuple:
+        turns = phase.accelerations(body, state, control, _SLOPING)
+        moves = [*state[count:], *(turns[min(i, phase.links - 1)] for i in range(count))]
+
+        def rate(value: Any) -> Any:
+            return sum(d * v for d, v in zip(rates_by(value, state), moves, strict=True))
+
+        gained = [rate(equations.kinetic_energy(body, state))]
+        gained.append(rate(equations.potential_gain(body, start, state, _SLOPING)))
+        if equations.spring_gain is not None:
+            gained.append(rate(equations.spring_gain(body, start, state)))
+        if equations.friction_power is not None:
+            gained.append(equations.friction_power(body, state))
+        for torque, works, moved in zip(
+            control, equations.works, equations.travel(state), strict=True
+        ):
+            gained.append(0.0 if torque == 0.0 else -torque * works * rate(moved))
+        return tuple(gained)
+
+    each = checks.numbers(name, checks.tried(name, Derived(powers), body, state))
+    if abs(each.sum()) > _CLOSE * np.abs(each).sum():
+        raise checks.error(
+            name, f"do not balance power: kinetic energy changes by {each[0]:.6g}, where gravity, "
+            f"springs, friction and controls supply {-each[1:].sum():.6g}"
+        )  # fmt: skip
+    if equations.mass_matrix is not None and phase.links == max(p.links for p in equations.phases):
+        _check_mass_matrix(checks, equations, phase.links, state)
+
+
+def _check_mass_matrix(checks: Checks, equations: hybrid.System, count: int, state: Any) -> None:
+    """Compare the mass matrix of the links that move by themselves with the kinetic energy."""
+    assert equations.mass_matrix is not None
+    matrix = np.zeros((count, count))
+    found = checks.tried("mass_matrix", Derived(equations.mass_matrix), checks.body, state)
+    above = np.triu_indices(count)
+    matrix[above] = checks.numbers("mass_matrix", found, len(above[0]))
+    matrix = matrix + np.triu(matrix, 1).T
+    if np.linalg.eigvalsh(matrix)[0] <= 1e-12 * np.abs(matrix).max():
+        raise checks.error("mass_matrix", f"must be positive, as it is not at {state}")
+    rates = np.array(state[checks.count :][:count])
+    kinetic = Derived(equations.kinetic_energy)(checks.body, state)
+    if abs(0.5 * rates @ matrix @ rates - kinetic) > _CLOSE * kinetic:
+        raise checks.error("mass_matrix", "does not give the kinetic energy")
+
+
+def _check_resets(checks: Checks, equations: hybrid.System, phase: Phase, state: Any) -> None:
+    """Refuse strikes that never come, gain energy, or move the walker."""
+    body, system = checks.body, checks.system
+    for guard in phase.guards:
+        name, falls = f"guard {guard.outcome.name} of phase {phase.stage.name}", guard.falls
+
+        def value(body: Any, state: Any, falls: Any = falls) -> tuple:
+            height = falls(body, state, SMOOTH)
+            return height, *rates_by(height, state[: checks.count])
+
+        found = checks.numbers(name, checks.tried(name, Derived(value), body, state))
+        if not np.any(found[1:]):
+            raise checks.error(name, "never falls: it does not depend on the coordinates")
+        if guard.watch != Watch.STRIKE or guard.outcome not in phase.resets:
+            continue
+        struck = _on_guard(checks, phase, value, state)
+        reset = phase.resets[guard.outcome]
+        if struck is None:
+            continue
+        name = f"reset {guard.outcome.name} of phase {phase.stage.name}"
+        strike = Derived(lambda body, state, s=reset.strike: s(body, state, 0.0, SMOOTH)[:2])
+        after, lost = checks.tried(name, strike, body, struck)
+        after = equations.State(*checks.numbers(name, after, 2 * checks.count))
+        energies = [float(Derived(equations.kinetic_energy)(body, s)) for s in (struck, after)]
+        if energies[1] > energies[0] * (1.0 + _CLOSE):
+            raise checks.error(
+                name, f"gains energy: {energies[0]:.6g} before, {energies[1]:.6g} after"
+            )
+        if abs(energies[0] - energies[1] - lost) > _CLOSE * energies[0]:
+            raise checks.error(
+                name, f"states an energy loss of {float(lost):.6g}, and takes "
+                f"{energies[0] - energies[1]:.6g}"
+            )  # fmt: skip
+        if reset.into is None:
+            moved = system.centre(body, after)[1] - system.centre(body, struck)[1]
+        else:
+            moved = np.abs(np.subtract(after, struck)[: checks.count]).max()
+        if abs(moved) > 1e-6:
+            raise checks.error(name, f"moves the walker by {abs(moved):.3g}: its posture must stay")
+
+
+def _on_guard(checks: Checks, phase: Phase, value: Any, state: Any) -> Any:
+    """A state nearby in which a guard is zero, by Newton's method; None where it finds none."""
+    count, links, here = checks.count, phase.links, np.array(state, dtype=float)
+    for _ in range(_ITERATIONS):
+        height, *slopes = np.array(Derived(value)(checks.body, type(state)(*here)), dtype=float)
+        if abs(height) < 1e-13:
+            return type(state)(*here.tolist())
+        ways = np.array(slopes[:links])
+        ways[-1] += sum(slopes[links:])
+        step = -height * ways / (ways @ ways)
+        here[:count] += [step[min(i, links - 1)] for i in range(count)]
+    return None
