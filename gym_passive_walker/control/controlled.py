@@ -24,7 +24,7 @@ from gym_passive_walker.envs import task
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.starts import Starts
 from gym_passive_walker.gaits.actuation import Actuation, for_each
-from gym_passive_walker.gaits.flow import Flow, Walkers, go_on, new_records, states_in
+from gym_passive_walker.gaits.flow import Walkers, go_on, new_records, states_in
 from gym_passive_walker.gaits.passage import imbalance, product
 from gym_passive_walker.gaits.stride import Stride, account
 from gym_passive_walker.gaits.stride_map import Samples, StrideMap
@@ -565,19 +565,3 @@ class ControlledMap(StrideMap):
         np.maximum.at(last, steps.walkers, steps.numbers)
         number = np.searchsorted(self.hold * np.arange(1, count + 1), times)
         return place[walkers, np.minimum(number, last[walkers])]
-
-    def _until(self, state: NDArray, slope: float, time: float) -> Flow:
-        """One walker's stride up to a time, from a state (1, 6)."""
-        one, (tilt, height_change, slope_change) = np.zeros(1, int), self.ground[0]
-        steps = self._steps(
-            state,
-            np.array([slope + tilt]),
-            one,
-            rises=height_change,
-            turns=slope_change,
-            ahead=self.ahead(0),
-        )
-        at = self._step_at(steps, one, np.array([time]))
-        before, uneven = steps.before[at], self.terrain is not None
-        before["end"] = time
-        return go_on(self.walkers, before, on_section=bool(steps.numbers[at] == 0), uneven=uneven)

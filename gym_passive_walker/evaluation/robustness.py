@@ -225,12 +225,11 @@ def robustness(
         ground = tried.terrain if tried.terrain and tried.terrain.random else rough(roughness)
         state = tries.gait
         if first_passage == "mesh":
-            found = mesh_passage(map_in(tried, None if passive else policy), state, ground)
-            lasting = found, found.survivors(strides)
-        elif passive:
-            lasting = _lasting(tried, state, ground, crowd, strides, seed)
+            lasting = mesh_passage(map_in(tried, None if passive else policy), state, ground)
+            survived = lasting.survivors(strides)
         else:
-            lasting = tries.lasting(ground, crowd, strides, seed)
+            left = tries.left(ground, crowd, FORGETTING + strides, seed, in_scene=not passive)
+            lasting, survived = FirstPassage.of(left), left[1:] / crowd
         done()
         period_response = tries.period_response(gait.period)
         done()
@@ -248,8 +247,8 @@ def robustness(
         step_length=gait.step_length,
         period=gait.period,
         roughness=ground.height_std,
-        first_passage=lasting[0],
-        survivors=lasting[1],
+        first_passage=lasting,
+        survivors=survived,
         sensitivity=float(np.sqrt(np.sum(period_response**2))),
         period_response=period_response,
         step_up=up,
@@ -368,15 +367,26 @@ class _Tries:
         self.gait = last
         return _Gait(float(found.lengths[0, -1]), float(found.periods[0, -1]))
 
-    def lasting(
-        self, terrain: Terrain, count: int, strides: int, seed: int
-    ) -> tuple[FirstPassage, NDArray[np.float64]]:
-        """How long walkers last on rough ground, and what share is left after each stride."""
-        whole_way = FORGETTING + strides
+    def left(
+        self, terrain: Terrain, count: int, strides: int, seed: int, *, in_scene: bool
+    ) -> NDArray[np.int64]:
+        """How many walkers are left on rough ground, before any stride and after each.
+
+        The engine alone, without the scene, follows passive walkers faster.
+        """
+        scene = self.scene
+        if not in_scene:
+            kind = Walkers(
+                walker=scene.walker, tolerance=scene.tolerance,
+                end_on_toe_stub=scene.end_on_toe_stub,
+            )  # fmt: skip
+            state = units_of(scene.walker).to_dimensionless(self.gait)
+            slope = float(np.mean(scene.slope))
+            crowd = walks(kind, state, slope, terrain, walkers=count, seed=seed)
+            return survivors(crowd, count, strides)
         starts = np.repeat(self.gait[None], count, axis=0)
-        made = self.walk(starts, whole_way, terrain=terrain, seed=seed).made
-        left = np.array([count, *(np.count_nonzero(made > k) for k in range(whole_way))])
-        return FirstPassage.of(left), left[1:] / count
+        made = self.walk(starts, strides, terrain=terrain, seed=seed).made
+        return np.array([count, *(np.count_nonzero(made > k) for k in range(strides))])
 
     def period_response(self, period: float) -> NDArray[np.float64]:
         """By how much periods change after a small step in the ground, per leg length of it."""
@@ -463,17 +473,3 @@ def _largest(survived: Any, ones: NDArray, most: float) -> NDArray[np.float64]:
         above = np.where(last < _TRIES, sizes[rows, np.minimum(last, _TRIES - 1)], high)
         low, high = below, above
     return low
-
-
-def _lasting(
-    scene: Scene, state: NDArray, terrain: Terrain, count: int, strides: int, seed: int
-) -> tuple[FirstPassage, NDArray[np.float64]]:
-    """How long passive walkers last on rough ground, and what share is left after each stride."""
-    walker, whole_way = scene.walker, FORGETTING + strides
-    crowd = walks(
-        Walkers(walker=walker, tolerance=scene.tolerance, end_on_toe_stub=scene.end_on_toe_stub),
-        units_of(walker).to_dimensionless(state), float(np.mean(scene.slope)), terrain,
-        walkers=count, seed=seed,
-    )  # fmt: skip
-    left = survivors(crowd, count, whole_way)
-    return FirstPassage.of(left), left[1:] / count

@@ -166,16 +166,12 @@ def beginnings(
     return points
 
 
-def _after(stride_map: StrideMap, points: NDArray, slopes: NDArray, strides: int) -> NDArray:
-    """Points after some strides, which may be none."""
-    return stride_map.apply(points, slopes, strides=strides).ends if strides else points
-
-
 def _settle(
     stride_map: StrideMap, points: NDArray, slopes: NDArray, n_transient: int, n_recorded: int
 ) -> tuple[NDArray, NDArray]:
     """Stance angles of the strides kept, (n, keep), and the points at their end."""
-    points = _after(stride_map, points, slopes, n_transient)
+    if n_transient:
+        points = stride_map.apply(points, slopes, strides=n_transient).ends
     angles = np.empty((len(slopes), n_recorded))
     with progress("strides kept", n_recorded) as taken:
         for i in range(n_recorded):
@@ -356,7 +352,8 @@ def lyapunov_exponents(
     m = stride_map.dimension
     count = whole(count, "count", 1, m)
     points = beginnings(stride_map, values, kind, start)
-    points = _after(stride_map, points, values, n_transient)
+    if n_transient:
+        points = stride_map.apply(points, values, strides=n_transient).ends
     exponents = np.full((len(values), count), np.nan)
     walking = np.flatnonzero(np.isfinite(points[:, 0]))
     points = points[walking]

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -87,7 +87,6 @@ def walks(
     terrain: Terrain,
     *,
     walkers: int,
-    hip_torque: float = 0.0,
     seed: int = 0,
 ) -> Iterator[int]:
     """Walk over ground at random, each walker over its own; all dimensionless.
@@ -98,7 +97,6 @@ def walks(
         slope: Slope in rad.
         terrain: How footholds lie.
         walkers: How many begin.
-        hip_torque: Torque held all along.
         seed: Of the walkers' keys.
 
     Yields:
@@ -109,36 +107,9 @@ def walks(
     place = 0
     while len(keys):
         tilts, rises, turns = terrain.ground(keys, place).T
-        walked = flow(kind, states, slope + tilts, controls=hip_torque, rises=rises, turns=turns)
+        walked = flow(kind, states, slope + tilts, rises=rises, turns=turns)
         states, keys, place = walked.states[walked.struck], keys[walked.struck], place + 1
         yield len(keys)
-
-
-def first_passage(
-    kind: Walkers,
-    state: ArrayLike,
-    slope: float,
-    terrain: Terrain,
-    *,
-    walkers: int = 4096,
-    strides: int = 1000,
-    settling: int = SETTLING,
-    **options: Any,
-) -> FirstPassage:
-    """How long walkers last on rough ground, from a batch of them.
-
-    Args:
-        kind: As for `walks`.
-        state: As for `walks`.
-        slope: As for `walks`.
-        terrain: As for `walks`.
-        walkers: How many begin.
-        strides: How many they may make.
-        settling: Strides before any are counted: after these they have forgotten their start.
-        **options: As for `walks`.
-    """
-    crowd = walks(kind, state, slope, terrain, walkers=walkers, **options)
-    return FirstPassage.of(survivors(crowd, walkers, settling + strides), settling)
 
 
 def survivors(crowd: Iterator[int], walkers: int, strides: int) -> NDArray[np.int64]:

@@ -29,7 +29,7 @@ from gym_passive_walker.gaits.passage import Change, Passage, imbalance, product
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride import Stride, stride
 from gym_passive_walker.gaits.terrain import Terrain
-from gym_passive_walker.physics.hybrid import Outcome, System
+from gym_passive_walker.physics.hybrid import Ground, Outcome, System
 from gym_passive_walker.progress import progress
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import PARAMETERS, Walker, WalkerLike, as_any
@@ -547,23 +547,12 @@ class StrideMap(Section):
             times: Times since the start, (n, k), in any order. A time after the end of a stride
                 gives its final state.
         """
+        slopes = for_each(slopes, len(points))
         if self.terrain is None:
             return self.look(self.state(points), slopes, times)
         tilt, height_change, slope_change = self.ground[0]
-        here = for_each(slopes, len(points)) + tilt
         return self.look(
-            self.state(points), here, times, height_change, slope_change, self.ahead(0)
-        )
-
-    def _until(self, state: NDArray, slope: float, time: float) -> Flow:
-        """Integrate one walker from a state (1, 6) up to a time."""
-        held, (tilt, height_change, slope_change) = (
-            self._actuations(np.zeros(1, int))[:, :2],
-            self.ground[0],
-        )
-        foothold = {} if self.terrain is None else {"rises": height_change, "turns": slope_change}
-        return flow(
-            self.walkers, state, slope + tilt, controls=held, until=np.array([time]), **foothold
+            self.state(points), slopes + tilt, times, height_change, slope_change, self.ahead(0)
         )
 
     def before_strike(self, point: NDArray, slope: float, strike: float) -> NDArray[np.float64]:
@@ -576,14 +565,17 @@ class StrideMap(Section):
             slope: Slope in rad.
             strike: Time of the kneestrike or the heelstrike since the start.
         """
-        return self.verge(self.state(point[None]), slope, strike)
-
-    def verge(self, state: NDArray, slope: float, strike: float) -> NDArray[np.float64]:
-        """Return the state (6,) just before an impact, from a state (1, 6); see `before_strike`."""
-        time = strike * (1.0 - _VERGE)
-        verge, left = self._until(state, slope, time), strike - time
-        angles, rates = np.split(verge.states[0], 2)
-        change = verge.accelerations[0] * left
+        system, time = self.system, strike * (1.0 - _VERGE)
+        seen, left = self.sample(point[None], slope, np.array([[time]])), strike - time
+        state, stage, control = (part[0, 0] for part in seen)
+        phase = next(phase for phase in system.phases if phase.stage == stage)
+        here = slope + self.ground[0, 0]
+        links = phase.accelerations(
+            system.Body(*self.walkers.constants[0, 0]), system.State(*state),
+            system.Control(*control[: len(system.works)]), Ground(np.sin(here), np.cos(here)),
+        )  # fmt: skip
+        angles, rates = np.split(state, 2)
+        change = left * np.array([links[min(i, phase.links - 1)] for i in range(len(angles))])
         return np.concatenate([angles + (rates + 0.5 * change) * left, rates + change])
 
 
