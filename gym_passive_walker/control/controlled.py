@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import shown
-from gym_passive_walker.control.ticks import Choice, Steps, follow, hold, inputs_of, report_of
+from gym_passive_walker.control.ticks import Choice, Steps, follow, hold, inputs_of
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.envs import task
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.starts import Starts
 from gym_passive_walker.gaits.actuation import Actuation, for_each
-from gym_passive_walker.gaits.flow import Walkers, go_on, new_records, states_in
+from gym_passive_walker.gaits.flow import Walkers, go_on, new_records, report_of, states_in
 from gym_passive_walker.gaits.passage import imbalance, product
 from gym_passive_walker.gaits.stride import Stride, account
 from gym_passive_walker.gaits.stride_map import Samples, StrideMap
@@ -246,7 +246,7 @@ class ControlledMap(StrideMap):
             turns=slope_change,
             ahead=self.ahead(place),
         )  # fmt: skip
-        report = report_of(self.walkers)
+        report = report_of(self.system)
         at, of, rows, struck = report.at, steps.walkers, steps.rows, steps.outcomes == _STRUCK
         there, ended = of[struck], rows[struck]
         told, outcomes = np.full((n, m + 6, 1 + width), np.nan), np.full(n, int(Outcome.DIVERGED))

@@ -32,16 +32,17 @@ from gym_passive_walker.walkers import Mechanism, Walker
 
 __all__ = [
     "LONGEST_STRIDE",
+    "MEASURES",
     "MIRRORED",
-    "MOTORS",
-    "ROWS",
     "Flow",
+    "Report",
     "Walkers",
     "advance",
     "flow",
     "go_on",
     "new_records",
     "put_states",
+    "report_of",
     "rows_of",
     "states_in",
 ]
@@ -56,46 +57,70 @@ _ALL = slice(None)
 _OF_ONE_STRIDE = ("time", "step", "knee_time", "knee_loss", "friction_loss", "moved", "turned")
 _VERGE = 1e-9  # of the way to a strike, before it
 
-ROWS = (
-    *State._fields, "time", "moved", "turned", "knee_time", "knee_loss", "heel_loss",
-    "step_length", "gravity_work", "spring_work", "friction_loss",
+MEASURES = (
+    "time", "knee_time", "knee_loss", "heel_loss", "friction_loss", "step_length", "gravity_work",
+    "spring_work", "push_work",
 )  # fmt: skip
-"""What is reported of a walker, in order: the state, after a heelstrike that of the next stride;
-the time since the stride began; how far the hip has opened, net and either way: the work of a unit
-torque; when the knee locked, what both strikes cost; the step length and the work of gravity and
-of springs in a stride that has ended, 0 where there are none; and what friction has taken."""
+"""What is reported of a walker besides its state and its controls.
 
-MOTORS = ("ankle_moved", "ankle_turned", "push_work")
-"""What other actuators have done: how far the ankle has turned, net and either way; the work of the
-push-off."""
+Since the stride began: the time, when the knee locked, what it cost, and what friction has taken.
+Of a stride that has ended, 0 before: what the heelstrike cost, the step length, and the work of
+gravity, of springs and of the push-off."""
 
 
 Entry = str | tuple[str, int]
-"""A number of a record: one of ROWS or MOTORS, another field, or a field and an index in it."""
+"""A number of a record: a field, or a field and an index in it."""
 
-_ENTRIES: dict[Entry, tuple[str, int]] = {
-    **{name: ("state", i) for i, name in enumerate(State._fields)},
-    **{f"ankle_{name}": (name, 1) for name in ("moved", "turned")},
-}
+
+class Report(NamedTuple):
+    """The numbers that are reported of a walker, its state first.
+
+    Attributes:
+        entries: Each as an entry of a record, for `rows_of`.
+        size: Numbers of a state; after a heelstrike it is that of the next stride.
+        at: Place of each entry.
+        moved: Places of what each control has moved, net: the work of a unit.
+        turned: Places of the same, either way.
+    """
+
+    entries: tuple[Entry, ...]
+    size: int
+    at: dict[Entry, int]
+    moved: list[int]
+    turned: list[int]
+
+
+def report_of(system: System) -> Report:
+    """Return what is reported of the walkers of a system."""
+    return _report(system.coordinates, len(system.works), layout_of(system).links)
 
 
 @lru_cache
-def _offsets(names: tuple[Entry, ...], layout: Layout) -> list[int]:
+def _report(coordinates: int, controls: int, room: int) -> Report:
+    states = [("state", i + part) for part in (0, room) for i in range(coordinates)]
+    angles = [[(name, j) for j in range(controls)] for name in ("moved", "turned")]
+    entries: list[Entry] = [*states, *MEASURES, *angles[0], *angles[1]]
+    at = {entry: place for place, entry in enumerate(entries)}
+    moved, turned = ([at[entry] for entry in each] for each in angles)
+    return Report(tuple(entries), len(states), at, moved, turned)
+
+
+@lru_cache
+def _offsets(entries: tuple[Entry, ...], layout: Layout) -> list[int]:
     """Places of entries among the numbers of a record."""
     fields: Any = record_for(layout).fields
-    entries = [_ENTRIES.get(name, name) for name in names]
     pairs = [entry if isinstance(entry, tuple) else (entry, 0) for entry in entries]
     return [fields[name][1] // 8 + index for name, index in pairs]
 
 
-def rows_of(records: NDArray, names: Sequence[Entry] = ROWS) -> NDArray[np.float64]:
+def rows_of(records: NDArray, entries: tuple[Entry, ...]) -> NDArray[np.float64]:
     """Return entries of records (n, 1 + k): values, then tangents, which are 0 after a fall.
 
     Returns:
-        Shape (n, names, 1 + k).
+        Shape (n, entries, 1 + k).
     """
     numbers = records.view(float).reshape(*records.shape, -1)
-    rows = numbers.swapaxes(1, 2)[:, _offsets(tuple(names), layout_in(records.dtype))]
+    rows = numbers.swapaxes(1, 2)[:, _offsets(entries, layout_in(records.dtype))]
     rows[records["outcome"][:, 0] > _STRUCK, :, 1:] = 0.0
     return rows
 
@@ -303,13 +328,10 @@ class Flow:
     def _shaped(self, each: NDArray) -> NDArray:
         return each if self.instants is None else each.reshape(-1, self.instants, *each.shape[1:])
 
-    def rows(self, names: Sequence[Entry] = ROWS) -> NDArray[np.float64]:
-        """Some entries, as for `rows_of`: values before tangents, which are 0 where a walker fell.
-
-        Returns:
-            Shape (n, names, 1 + k).
-        """
-        return rows_of(self.records, names)
+    @property
+    def rows(self) -> NDArray[np.float64]:
+        """The numbers of `report_of`, as from `rows_of`, (n, entries, 1 + k)."""
+        return rows_of(self.records, report_of(self.system).entries)
 
     @cached_property
     def distance(self) -> NDArray[np.float64]:

@@ -322,7 +322,7 @@ def _tick(
     outcomes = torch.where(stalled & going, _STALLED, moved.outcomes)
     walks = outcomes <= _STRUCK
     # A fall subtracts the distance that was rewarded earlier in the unfinished stride.
-    distances = torch.where(walks, moved.result("distance"), 0.0 - here.progress)
+    distances = torch.where(walks, moved.distance, 0.0 - here.progress)
     energies = torch.zeros_like(distances)
     charged, works = task.ENERGIES.index(scene.energy), _works(scene)
     for j, (name, work) in enumerate(zip(scene.channels, works, strict=False)):

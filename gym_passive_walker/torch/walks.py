@@ -259,7 +259,7 @@ def tick(
         state=walk.state,
         phase=moved.phases,
         duration=moved.result("time") * units.time,
-        distance=moved.result("distance") * units.length,
+        distance=moved.distance * units.length,
         hip_work=walk.work(walk.hip, "net"),
         hip_work_absolute=walk.work(walk.hip, "absolute"),
         collision_loss=knee_loss + heel_loss,
@@ -287,7 +287,7 @@ class _Walk(NamedTuple):
 
     @property
     def state(self) -> Tensor:
-        states, half = self.moved.states, self.moved.columns.size // 2
+        states, half = self.moved.states, self.moved.columns.report.size // 2
         return torch.cat([states[:, :half], states[:, half:] / self.time], 1)
 
     @property
@@ -336,7 +336,7 @@ def _walk(
     units = units_of(varied(walker, given) if given and not own else walker)
     states, phases = as_tensor(state, "state"), torch.as_tensor(phase, dtype=torch.int64)
     columns, wanted = columns_of(walker), _controls(walker, actuation, met, controls)
-    starts, size = columns.inputs["start"], columns.size
+    starts, size = columns.inputs["start"], columns.report.size
     names = (*columns.controls, *UNEVEN, "push", *("start",) * len(starts))
     given_held = (*wanted, *met, *(0.0,) * len(starts))
     motors = (1.0,) * len(wanted) if own else actuation_units(units)
