@@ -26,11 +26,9 @@ from gym_passive_walker.gaits.flow import (
     rows_of,
 )
 from gym_passive_walker.gaits.passage import NoStride
+from gym_passive_walker.gaits.stride_map import LONGEST
 from gym_passive_walker.physics.hybrid import Outcome, State
 from gym_passive_walker.walkers import Mechanism, Walker
-
-LONGEST = 20.0
-"""Time after which a stride is given up."""
 
 INPUTS = ("hip_torque", "ankle_torque", "push_off")
 """Names of what actuators hold, for each of a scene's channels; see `inputs_of`."""
