@@ -218,10 +218,8 @@ def bifurcation_diagram(
     """
     stride_map = map_of(walker, tolerance=check_tolerance(tolerance))
     values = several_slopes(slopes, downhill=stride_map.passive)
-    n_transient, n_recorded = (
-        whole(n_transient, "n_transient", 0),
-        whole(n_recorded, "n_recorded", 1, KEPT),
-    )
+    n_transient = whole(n_transient, "n_transient", 0)
+    n_recorded = whole(n_recorded, "n_recorded", 1, KEPT)
     sweep = truth(sweep, "sweep")
     longest_period = whole(longest_period, "longest_period")
     if not longest_period < n_recorded:

@@ -26,7 +26,7 @@ from gym_passive_walker.engine.run import (
 )
 from gym_passive_walker.gaits.actuation import USES
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.physics.hybrid import Ground, Outcome, State, System
+from gym_passive_walker.physics.hybrid import Ground, Outcome, Phase, State, System
 from gym_passive_walker.physics.systems import UNEVEN, bodies, bodies_by, system_of, varied_bodies
 from gym_passive_walker.walkers import Mechanism, Walker
 
@@ -37,6 +37,7 @@ __all__ = [
     "Flow",
     "Report",
     "Walkers",
+    "accelerations",
     "advance",
     "flow",
     "go_on",
@@ -349,23 +350,6 @@ class Flow:
         travelled[self.outcomes > _STRUCK, 1:] = 0.0
         return travelled
 
-    @property
-    def accelerations(self) -> NDArray[np.float64]:
-        """Of each coordinate where walkers are, (n, 3)."""
-        found = np.empty((len(self.records), self.system.coordinates))
-        record, constants = self.records[:, 0], self.bodies[:, 0]
-        for number, phase in enumerate(self.system.phases):
-            lanes = record["phase"] == number
-            own = constants if len(constants) == 1 else constants[lanes]
-            body, here = self.system.Body(*own.T), record[lanes]
-            state = self.system.State(*states_in(here, self.system.coordinates).T)
-            controls = len(self.system.Control._fields)  # type: ignore[attr-defined]
-            control = self.system.Control(*here["control"].T[:controls])
-            links = phase.accelerations(body, state, control, Ground(*here["ground"].T))
-            each = [links[min(i, phase.links - 1)] for i in range(found.shape[1])]
-            found[lanes] = np.stack(each, axis=-1)
-        return found
-
     @cached_property
     def margins(self) -> NDArray[np.float64]:
         """How far the strikes that happened are from grazing, (n,).
@@ -396,10 +380,12 @@ class Flow:
         verge = self.again(lanes, times - _VERGE * (times - began))
         record = verge.records[:, 0]
         states = states_in(record, self.system.coordinates)
-        moving = np.concatenate([np.split(states, 2, axis=1)[1], verge.accelerations], axis=1)
+        phase, ground = self.system.phases[record["phase"][0]], Ground(*record["ground"].T)
+        bodies, held = verge.bodies[:, 0], record["control"]
+        turns = accelerations(self.system, phase, bodies, states, held, ground)
+        moving = np.concatenate([np.split(states, 2, axis=1)[1], turns], axis=1)
         ahead = self.system.State(*(states + 1j * _INFINITESIMAL * moving).T)
-        body, ground = self.system.Body(*verge.bodies[:, 0].T), Ground(*record["ground"].T)
-        phase = self.system.phases[record["phase"][0]]
+        body = self.system.Body(*bodies.T)
         guard = next(guard for guard in phase.guards if guard.outcome == outcome)
         return np.imag(guard.falls(body, ahead, ground)) / _INFINITESIMAL
 
@@ -596,6 +582,29 @@ def _followed(
         from_section=on_section, threads=threads,
     )  # fmt: skip
     return Flow(walkers, system, tangents, bodies, records, began, on_section, instants)
+
+
+def accelerations(
+    system: System,
+    phase: Phase,
+    bodies: NDArray,
+    states: NDArray,
+    controls: NDArray,
+    ground: Ground,
+) -> NDArray[np.float64]:
+    """Of each coordinate, of walkers in a phase, (n, m).
+
+    Args:
+        system: Which equations they obey.
+        phase: The phase.
+        bodies: Their constants, (1 or n, constants).
+        states: Where they are, (n, 2 m).
+        controls: What is held, (n, controls) or more.
+        ground: What they stand on.
+    """
+    held = system.Control(*controls.T[: len(system.Control._fields)])  # type: ignore[attr-defined]
+    links = phase.accelerations(system.Body(*bodies.T), system.State(*states.T), held, ground)
+    return np.stack([links[min(i, phase.links - 1)] for i in range(system.coordinates)], axis=-1)
 
 
 def _places(system: System, bodies: NDArray, states: NDArray) -> NDArray:

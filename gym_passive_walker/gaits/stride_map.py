@@ -24,7 +24,7 @@ from gym_passive_walker.gaits.actuation import (
     to_dimensionless,
     to_own,
 )
-from gym_passive_walker.gaits.flow import Flow, Walkers, flow, states_in
+from gym_passive_walker.gaits.flow import Flow, Walkers, accelerations, flow, states_in
 from gym_passive_walker.gaits.passage import Change, Passage, imbalance, product
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride import Stride, stride
@@ -404,10 +404,8 @@ class StrideMap(Section):
         if charted:
             first_column = 1 + list(by).index("point")
             end = first_column + count
-            chart, told = (
-                told[end : end + len(charted)],
-                np.delete(told, np.s_[end : end + len(charted)], axis=0),
-            )
+            extra = slice(end, end + len(charted))
+            chart, told = told[extra], np.delete(told, extra, axis=0)
             names = [x for name in by for x in ([name] * count if name == "point" else [name])]
             for name, change in zip(charted, chart, strict=True):
                 told[1 + names.index(name)] += change
@@ -565,17 +563,14 @@ class StrideMap(Section):
             slope: Slope in rad.
             strike: Time of the kneestrike or the heelstrike since the start.
         """
-        system, time = self.system, strike * (1.0 - _VERGE)
+        time, here = strike * (1.0 - _VERGE), slope + self.ground[0, 0]
         seen, left = self.sample(point[None], slope, np.array([[time]])), strike - time
-        state, stage, control = (part[0, 0] for part in seen)
-        phase = next(phase for phase in system.phases if phase.stage == stage)
-        here = slope + self.ground[0, 0]
-        links = phase.accelerations(
-            system.Body(*self.walkers.constants[0, 0]), system.State(*state),
-            system.Control(*control[: len(system.works)]), Ground(np.sin(here), np.cos(here)),
-        )  # fmt: skip
-        angles, rates = np.split(state, 2)
-        change = left * np.array([links[min(i, phase.links - 1)] for i in range(len(angles))])
+        states, stages, controls = (part[:, 0] for part in seen)
+        phase = next(phase for phase in self.system.phases if phase.stage == stages[0])
+        ground = Ground(np.sin(here), np.cos(here))
+        bodies = self.walkers.constants[:, 0]
+        change = left * accelerations(self.system, phase, bodies, states, controls, ground)[0]
+        angles, rates = np.split(states[0], 2)
         return np.concatenate([angles + (rates + 0.5 * change) * left, rates + change])
 
 
