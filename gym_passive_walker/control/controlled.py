@@ -69,6 +69,8 @@ class ControlledMap(StrideMap):
     scene: Scene
     tolerance: float = 1e-12
 
+    controlled = True
+
     @property
     def controller(self) -> Any:
         """The controller."""
@@ -78,11 +80,6 @@ class ControlledMap(StrideMap):
     def controller_name(self) -> str:
         """What the controller is called."""
         return str(getattr(self.agent, "name", type(self.agent).__name__))
-
-    @property
-    def controlled(self) -> bool:
-        """It is."""
-        return True
 
     @property
     def passive(self) -> bool:
@@ -348,22 +345,21 @@ class ControlledMap(StrideMap):
             turns: By how much these slope more steeply.
             ahead: What is observed of the footholds ahead, as `look` returns it; smooth when None.
         """
-        seeds = seeds or self._no_seeds(len(states))
         memory: Any = None
+        moving = {} if seeds is None else seeds.moving
 
         def choose(chosen: NDArray, records: NDArray, number: int) -> Choice:
             nonlocal memory
-            own = _Seeds(seeds.points[chosen], seeds.moving)
+            own = None if seeds is None else _Seeds(seeds.points[chosen], moving)
             seen = ahead[chosen] if np.ndim(ahead) == 2 else ahead  # type: ignore[index]
             choice, memory = self._choice(records, slopes[chosen], memory, number, own, seen)
             return choice
 
-        moving = seeds.moving
         return follow(
             self.walkers, self._begun(states, slopes, rises, turns), choose,
             motors=self._inputs, tick=self.hold,
             max_stride_time=self.scene.max_stride_time, lanes=lanes, chosen=chosen,
-            change=change if seeds.points.shape[2] else None, moving=tuple(moving),
+            change=change if seeds and seeds.points.shape[2] else None, moving=tuple(moving),
             columns=tuple(moving.values()), uneven=bool(np.any(rises) or np.any(turns)),
         )  # fmt: skip
 
@@ -376,10 +372,6 @@ class ControlledMap(StrideMap):
             layout=layout_of(self.walkers.system()),
         )  # fmt: skip
 
-    def _no_seeds(self, count: int) -> _Seeds:
-        """No tangents."""
-        return _Seeds(np.zeros((count, self.dimension, 0)), {})
-
     def act(
         self, records: NDArray, slopes: NDArray, memory: Any, step: int
     ) -> tuple[NDArray[np.float64], Any]:
@@ -391,8 +383,7 @@ class ControlledMap(StrideMap):
             memory: What the last call returned.
             step: How many control steps the stride has had.
         """
-        nothing = self._no_seeds(len(records))
-        choice, memory = self._choice(records, slopes, memory, step, nothing, None)
+        choice, memory = self._choice(records, slopes, memory, step)
         return choice.held, memory
 
     def command(self, records: NDArray, held: NDArray) -> None:
@@ -401,11 +392,13 @@ class ControlledMap(StrideMap):
             hold(records, motor, given)
 
     def _choice(
-        self, records: NDArray, slopes: NDArray, memory: Any, step: int, seeds: _Seeds,
-        ahead: NDArray | None,
+        self, records: NDArray, slopes: NDArray, memory: Any, step: int,
+        seeds: _Seeds | None = None, ahead: NDArray | None = None,
     ) -> tuple[Choice, Any]:  # fmt: skip
         """What motors are given; and what is remembered."""
-        agent, n, width = self.agent, len(records), seeds.points.shape[2]
+        agent, n = self.agent, len(records)
+        seeds = seeds or _Seeds(np.zeros((n, self.dimension, 0)), {})
+        width = seeds.points.shape[2]
         by_slope, by_state, along = np.zeros(width), None, None
         if "slope" in seeds.moving:
             by_slope[seeds.moving["slope"]] = 1.0
@@ -486,21 +479,17 @@ class ControlledMap(StrideMap):
             sound = (points[:, 0] > 0.0) & (points[:, 0] < 0.5 * math.pi)
             return sound & (points[:, 3] <= points[:, 2]) if self.walker.knees else sound
 
-    def stride(
+    def _taken(
         self,
         state: ArrayLike,
-        slope: ArrayLike | None = None,
-        *,
-        height_change: ArrayLike | None = None,
-        slope_change: ArrayLike | None = None,
-        ahead: NDArray | None = None,
+        slope: ArrayLike,
+        height_change: ArrayLike,
+        slope_change: ArrayLike,
+        ahead: NDArray,
     ) -> Stride:
-        """One stride with its ledger, in the walker's own units; see `StrideMap.stride`."""
+        """The stride of `stride`, of which the ground is known."""
         shape, starts = np.shape(state)[:-1], self.dimensionless(state)
-        own, height_change, slope_change, ahead = self._footing(
-            slope, height_change, slope_change, ahead
-        )
-        slopes = for_each(own, len(starts))
+        slopes = for_each(slope, len(starts))
         units, system, n = self.units, self.walkers.system(), len(starts)
         steps = self._steps(
             starts, slopes, np.arange(n), rises=np.divide(height_change, units.length),

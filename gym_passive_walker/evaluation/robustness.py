@@ -220,7 +220,7 @@ def robustness(
     crowd = (4096 if passive else 512) if walkers is None else whole(walkers, "walkers", 1, KEPT)
     tries = _Tries(policy, tried)
     with progress("measures of robustness", 6) as done:
-        gait = tries.settled(seed)
+        step_length, period = tries.settled(seed)
         done()
         ground = tried.terrain if tried.terrain and tried.terrain.random else rough(roughness)
         state = tries.gait
@@ -231,11 +231,11 @@ def robustness(
             left = tries.left(ground, crowd, FORGETTING + strides, seed, in_scene=not passive)
             lasting, survived = FirstPassage.of(left), left[1:] / crowd
         done()
-        period_response = tries.period_response(gait.period)
+        period_response = tries.period_response()
         done()
         down, up = (tries.largest_step(way) for way in (-1.0, 1.0))
         done()
-        forward, backward = (tries.largest_pushes(way, gait.period) for way in (1.0, -1.0))
+        forward, backward = (tries.largest_pushes(way, period) for way in (1.0, -1.0))
         done()
         share, error = tries.recovered(initial_error, starts, seed)
         recovery = tries.recovery(seed)
@@ -244,8 +244,8 @@ def robustness(
         controller=name,
         walker=tried.walker,
         slope=float(np.mean(tried.slope)),
-        step_length=gait.step_length,
-        period=gait.period,
+        step_length=step_length,
+        period=period,
         roughness=ground.height_std,
         first_passage=lasting,
         survivors=survived,
@@ -279,13 +279,6 @@ def _scene_of(controller: WalkerLike, scene: Any, slope: float | None) -> Scene:
 def _alone(scene: Scene) -> dict[str, Any]:
     """Arguments of a scene without disturbances but those that are tried."""
     return {**_CALM, "slope": float(np.mean(scene.slope))}
-
-
-class _Gait(NamedTuple):
-    """The stride that a walker makes again and again."""
-
-    step_length: float
-    period: float
 
 
 class _Tries:
@@ -345,8 +338,11 @@ class _Tries:
                 break
         return _Walks(made, periods, ends, lengths)
 
-    def settled(self, seed: int) -> _Gait:
+    def settled(self, seed: int) -> tuple[float, float]:
         """Walk until each stride is as the last; from there everything is tried.
+
+        Returns:
+            Its length and its period.
 
         Raises:
             ValueError: if the walker does not come to that.
@@ -365,7 +361,7 @@ class _Tries:
                 "again: it limps, wanders, or needs longer to settle"
             )
         self.gait = last
-        return _Gait(float(found.lengths[0, -1]), float(found.periods[0, -1]))
+        return float(found.lengths[0, -1]), float(found.periods[0, -1])
 
     def left(
         self, terrain: Terrain, count: int, strides: int, seed: int, *, in_scene: bool
@@ -388,7 +384,7 @@ class _Tries:
         made = self.walk(starts, strides, terrain=terrain, seed=seed).made
         return np.array([count, *(np.count_nonzero(made > k) for k in range(strides))])
 
-    def period_response(self, period: float) -> NDArray[np.float64]:
+    def period_response(self) -> NDArray[np.float64]:
         """By how much periods change after a small step in the ground, per leg length of it."""
         found = self.walk(
             np.repeat(self.gait[None], 2, axis=0), _ANSWERS, height_changes=[_SMALL, -_SMALL]

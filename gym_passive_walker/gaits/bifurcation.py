@@ -157,7 +157,7 @@ def beginnings(
             )
         return stride_map.points_at(np.broadcast_to(states, (len(slopes), size)))
     if stride_map.controlled:
-        return stride_map.beginning(slopes)
+        return stride_map.beginning(slopes)  # type: ignore[attr-defined]
     low, high = float(slopes.min()), float(slopes.max())
     low, high = low - 1e-9 * abs(low), high + 1e-9 * abs(high)
     family = gait_family(stride_map, low, high, kind)

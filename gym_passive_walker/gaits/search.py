@@ -315,7 +315,7 @@ def begin(
     if stride_map.own:
         u = _beside_start(stride_map)
     elif stride_map.controlled:
-        u = stride_map.chart(stride_map.likely(slope))
+        u = stride_map.chart(stride_map.likely(slope))  # type: ignore[attr-defined]
     else:
         u = starts(stride_map, slope)
     if period == 1:

@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -84,6 +84,9 @@ class StrideMap(Section):
     slope: float | None = None
     terrain: Terrain | None = None
 
+    controlled: ClassVar[bool] = False
+    """Whether a controller observes the walker and sets its torques."""
+
     @classmethod
     def of(
         cls,
@@ -135,11 +138,6 @@ class StrideMap(Section):
     def controller_name(self) -> str:
         """Name of the controller; empty if there is none."""
         return "" if self.passive else str(self.controller)
-
-    @property
-    def controlled(self) -> bool:
-        """Whether a controller observes the walker and sets its torques."""
-        return False
 
     @property
     def exact(self) -> bool:
@@ -242,14 +240,6 @@ class StrideMap(Section):
     def system(self) -> System:
         """The hybrid system: the walker's equations."""
         return self.walkers.system()
-
-    def beginning(self, slopes: ArrayLike) -> NDArray[np.float64]:
-        """Return initial points (n, m) of walks under a controller at some slopes in rad."""
-        raise NotImplementedError
-
-    def likely(self, slope: float) -> NDArray[np.float64]:
-        """Return initial guesses (n, m) for a gait under a controller at a slope in rad."""
-        raise NotImplementedError
 
     def chosen(self, slope: float | None) -> float:
         """Return one slope in rad; the map's own when None."""
@@ -457,29 +447,6 @@ class StrideMap(Section):
             strides.append(self.stride(here, slope + tilt, **foothold, ahead=seen))
         return strides
 
-    def _footing(
-        self,
-        slope: ArrayLike | None,
-        height_change: ArrayLike | None,
-        slope_change: ArrayLike | None,
-        ahead: NDArray | None,
-    ) -> tuple[Any, ArrayLike, ArrayLike, NDArray]:
-        """Return slope, height change (walker's units), slope change and lookahead of a stride."""
-        slopes: Any = self.slope if slope is None else slope
-        if slopes is None:
-            raise ValueError(_NO_SLOPE)
-        turned = 0.0
-        if height_change is None and slope_change is None and self.terrain is not None:
-            tilt, up, turned = self.ground[0].tolist()
-            slopes, height_change = np.add(slopes, tilt), up * self.walker.leg_length
-        seen = self.ahead(0) if ahead is None else ahead
-        return (
-            slopes,
-            0.0 if height_change is None else height_change,
-            turned if slope_change is None else slope_change,
-            seen,
-        )
-
     def stride(
         self,
         state: ArrayLike,
@@ -500,9 +467,27 @@ class StrideMap(Section):
             slope_change: Slope of the next foothold beyond this one's, in rad.
             ahead: Changes to the footholds ahead that a controller observes, as for `look`.
         """
-        slope, height_change, slope_change, _ = self._footing(
-            slope, height_change, slope_change, ahead
-        )
+        slopes: Any = self.slope if slope is None else slope
+        if slopes is None:
+            raise ValueError(_NO_SLOPE)
+        if height_change is None and slope_change is None and self.terrain is not None:
+            tilt, up, slope_change = self.ground[0].tolist()
+            slopes, height_change = np.add(slopes, tilt), up * self.walker.leg_length
+        return self._taken(
+            state, slopes, 0.0 if height_change is None else height_change,
+            0.0 if slope_change is None else slope_change,
+            self.ahead(0) if ahead is None else ahead,
+        )  # fmt: skip
+
+    def _taken(
+        self,
+        state: ArrayLike,
+        slope: ArrayLike,
+        height_change: ArrayLike,
+        slope_change: ArrayLike,
+        ahead: NDArray,
+    ) -> Stride:
+        """Take the stride of `stride`, of which the ground is known."""
         return stride(
             self.walker, slope, state,
             tolerance=self.tolerance, max_stride_time=self.max_stride_time,
