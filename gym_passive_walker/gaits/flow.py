@@ -231,7 +231,7 @@ class Walkers:
 
     @cached_property
     def _changes(self) -> dict[str, NDArray[np.float64]]:
-        """How constants change with parameters, as far as anyone has asked."""
+        """How constants change with parameters, as far as they have been asked for."""
         return {}
 
     def bodies(

@@ -17,6 +17,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from gym_passive_walker.arguments import unknown
 from gym_passive_walker.control.ticks import hold, inputs_of
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.gaits.actuation import Actuation, check_actuation
@@ -364,9 +365,7 @@ def check_parameters(walker: Walker, parameters: Mapping[str, Any] | None) -> di
         WalkerError: if the walker has no such parameter.
     """
     given = dict(parameters or {})
-    known = walker.body._fields if isinstance(walker, Mechanism) else PARAMETERS
-    if unknown := sorted(set(given) - set(known)):
-        raise WalkerError(
-            f"this walker has no parameter {', '.join(unknown)}: choose from {', '.join(known)}"
-        )
+    known = walker.body._fields if isinstance(walker, Mechanism) else tuple(PARAMETERS)
+    if strange := unknown(given, known, "this walker"):
+        raise WalkerError(strange)
     return {name: as_tensor(value, name) for name, value in given.items()}

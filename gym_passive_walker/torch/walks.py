@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from gym_passive_walker.arguments import check_tolerance
+from gym_passive_walker.arguments import check_tolerance, unknown
 from gym_passive_walker.envs.task import ENERGIES, motor_charge
 from gym_passive_walker.gaits.actuation import Actuation, actuation_units
 from gym_passive_walker.gaits.flow import LONGEST_STRIDE
@@ -399,9 +399,6 @@ def _controls(
             f"the system {walker.title!r} takes no {' or '.join(used)}: give controls, and "
             "footholds that differ in height"
         )
-    if strange := sorted(set(asked) - set(walker.controls)):
-        raise ValueError(
-            f"the system {walker.title!r} has no control {', '.join(strange)}: choose from "
-            f"{', '.join(walker.controls) or 'none'}"
-        )
+    if strange := unknown(asked, walker.controls, f"system {walker.title!r}"):
+        raise ValueError(strange)
     return tuple(asked.get(name, 0.0) for name in walker.controls)
