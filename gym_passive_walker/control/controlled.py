@@ -99,7 +99,7 @@ class ControlledMap(StrideMap):
             return False
         slopes = np.array([self.chosen(None)])
         states = self.state(self.beginning(slopes))
-        return self.act(self._begun(states, slopes), slopes, None, 0)[1] is not None
+        return self.act(self._begun(states, slopes), slopes, None, 0) is not None
 
     @property
     def _single(self) -> bool:
@@ -372,24 +372,21 @@ class ControlledMap(StrideMap):
             layout=layout_of(self.walkers.system()),
         )  # fmt: skip
 
-    def act(
-        self, records: NDArray, slopes: NDArray, memory: Any, step: int
-    ) -> tuple[NDArray[np.float64], Any]:
-        """What the controller gives motors for a control step, (n, actions); and its memory.
+    def act(self, records: NDArray, slopes: NDArray, memory: Any, step: int) -> Any:
+        """Have the controller choose what motors hold for a control step, in place.
 
         Args:
             records: Where walkers are, (n, 1).
             slopes: Slope in rad, (n,).
             memory: What the last call returned.
             step: How many control steps the stride has had.
+
+        Returns:
+            What the controller remembers.
         """
         choice, memory = self._choice(records, slopes, memory, step)
-        return choice.held, memory
-
-    def command(self, records: NDArray, held: NDArray) -> None:
-        """Have walkers hold what `act` gave their motors."""
-        for motor, given in zip(self._motors, held.T, strict=True):
-            hold(records, motor, given)
+        hold(records, self._motors, choice.held)
+        return memory
 
     def _choice(
         self, records: NDArray, slopes: NDArray, memory: Any, step: int,

@@ -148,8 +148,7 @@ def follow(
     while len(on):
         number = len(taken)
         choice = choose(chosen, told, number)
-        for place, held in zip(places, choice.held.T, strict=True):
-            hold(told, place, held)
+        hold(told, places, choice.held)
         last = (number + 1) * tick >= max_stride_time
         told["end"] = max_stride_time if last else (number + 1) * tick
         told["moved"], told["turned"] = 0.0, 0.0
@@ -274,12 +273,13 @@ def _beside(parts: Sequence[Steps]) -> Steps:
     return every._make(part[order] for part in every)
 
 
-def hold(records: NDArray, motor: int, given: ArrayLike) -> None:
-    """Have one of the inputs of walkers (n, 1), by its number, hold what it is given."""
-    if motor < records["control"].shape[2]:
-        records["control"][:, 0, motor] = given
-    else:
-        records["push_off"][:, 0] = given
+def hold(records: NDArray, motors: Sequence[int], given: NDArray) -> None:
+    """Have some inputs of walkers (n, 1), by their numbers, hold what is given, (n, motors)."""
+    for motor, held in zip(motors, given.T, strict=True):
+        if motor < records["control"].shape[2]:
+            records["control"][:, 0, motor] = held
+        else:
+            records["push_off"][:, 0] = held
 
 
 class TickedStride(NamedTuple):

@@ -263,8 +263,8 @@ def _walked(
         states, held["slope"], end=held["end"], height_change=held["height_change"],
         slope_change=held["slope_change"], layout=layout_of(walkers.system()),
     )  # fmt: skip
-    for motor, name in enumerate(columns.controls):
-        hold(records, motor, held[name])
+    motors = [names[name][0] for name in columns.controls]
+    hold(records, range(len(motors)), own[:, motors])
     records["phase"][:, 0] = phases[lanes]
     if "start" in options.using:
         records["start"][:, 0, : begun.shape[1]] = begun
