@@ -22,7 +22,7 @@ from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.evaluation.steps import steps
 from gym_passive_walker.gaits.first_passage import SETTLING as FORGETTING
-from gym_passive_walker.gaits.first_passage import FirstPassage, survivors, walks
+from gym_passive_walker.gaits.first_passage import FirstPassage, survivors
 from gym_passive_walker.gaits.first_passage_mesh import MeshPassage, mesh_passage
 from gym_passive_walker.gaits.flow import Walkers
 from gym_passive_walker.gaits.gait import Gait
@@ -378,8 +378,7 @@ class _Tries:
             )  # fmt: skip
             state = units_of(scene.walker).to_dimensionless(self.gait)
             slope = float(np.mean(scene.slope))
-            crowd = walks(kind, state, slope, terrain, walkers=count, seed=seed)
-            return survivors(crowd, count, strides)
+            return survivors(kind, state, slope, terrain, walkers=count, strides=strides, seed=seed)
         starts = np.repeat(self.gait[None], count, axis=0)
         made = self.walk(starts, strides, terrain=terrain, seed=seed).made
         return np.array([count, *(np.count_nonzero(made > k) for k in range(strides))])
