@@ -416,7 +416,8 @@ class ControlledMap(StrideMap):
                 actions = agent.mean_actions(seen)  # those of `linearize`, in a tenth of its time
             elif self.exact:
                 actions, by_seen = agent.linearize(seen)
-                inside = np.abs(self._states(records)) < self._bounds
+                clipped_at = np.inf if self.own else _BOUNDS[:_STATE]
+                inside = np.abs(self._states(records)) < clipped_at
                 by_state = by_seen[:, :, : self.size] * inside[:, None]
                 slope = self.size if self.own else _SLOPE
                 along = by_seen[:, :, slope, None] * by_slope
@@ -462,11 +463,6 @@ class ControlledMap(StrideMap):
     def _states(self, records: NDArray) -> NDArray[np.float64]:
         """States of walkers, (n, 6)."""
         return states_in(records[:, 0], self.size // 2)
-
-    @property
-    def _bounds(self) -> NDArray[np.float64]:
-        """To what a state is clipped in an observation, (6,)."""
-        return np.full(self.size, np.inf) if self.own else _BOUNDS[:_STATE]
 
     def _sound(self, points: NDArray) -> NDArray[np.bool_]:
         """Whether strides may begin at points: no knee bent backwards, no leg on the ground."""

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.flow import (
     Report,
     Walkers,
@@ -29,9 +30,6 @@ from gym_passive_walker.gaits.passage import NoStride
 from gym_passive_walker.gaits.stride_map import LONGEST
 from gym_passive_walker.physics.hybrid import Outcome, State
 from gym_passive_walker.walkers import Mechanism, Walker
-
-INPUTS = ("hip_torque", "ankle_torque", "push_off")
-"""Names of what actuators hold, for each of a scene's channels; see `inputs_of`."""
 
 _TOGETHER = 2048, 128  # walkers that are followed at once, without tangents and with them
 _STATE = len(State._fields)
@@ -397,7 +395,7 @@ def ticked_strides(
     motors, count = given.shape[1:]
     size, pushes = motors * count, push_offs is not None
     width = m + size + pushes + len(by)
-    using = (*INPUTS[:motors], *INPUTS[2:] * pushes)
+    using = (*Actuation._fields[:motors], *Actuation._fields[2:] * pushes)
 
     def choose(chosen: NDArray, records: NDArray, number: int) -> Choice:
         now = min(number, count - 1)
@@ -458,7 +456,7 @@ def before_kneestrike(
     (now,) = np.flatnonzero(steps.locked)
     records = steps.before[[now]]
     records["end"] = (1.0 - _VERGE) * walked.kneestrike
-    by = ("state", *INPUTS[:motors], "end")
+    by = ("state", *Actuation._fields[:motors], "end")
     verge = go_on(walkers, records, by, on_section=steps.numbers[now] == 0)
     value, by_state, by_held, by_end = np.split(
         verge.rows[0, :_STATE], np.cumsum([1, _STATE, motors]), axis=1
