@@ -267,18 +267,18 @@ class _Walk(NamedTuple):
         """What is reported: a `Stride` or a `Tick`."""
         moved, units, own = self.moved, self.units, self.own
         told = {
-            name: moved.result(entry) * getattr(units, unit)
-            for name, (entry, unit) in _IN_UNITS.items()
-        }
-        told |= {
             "state": self.state,
             "phase": moved.phases,
-            "distance": moved.distance * units.length,
-            "collision_loss": told["kneestrike_loss"] + told["heelstrike_loss"],
             "outcome": moved.outcomes,
             "walks": moved.walks,
             "margin": moved.margins,
         }
+        for name, (entry, unit) in _IN_UNITS.items():
+            if name in kind._fields:
+                told[name] = moved.result(entry) * getattr(units, unit)
+        if kind is Tick:
+            knee, heel = (moved.result(name) * units.energy for name in ("knee_loss", "heel_loss"))
+            told |= {"distance": moved.distance * units.length, "collision_loss": knee + heel}
         # All controls of a `System` count as the hip's.
         for name, controls in (
             ("hip", range(len(self.works) if own else 1)),
