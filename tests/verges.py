@@ -7,5 +7,5 @@ from gym_passive_walker.gaits.stride_map import StrideMap
 def just_before(walker, slope, state, strike, **motors):
     """The state (6,) just before a strike at a time since the stride's start."""
     strides = StrideMap.of(walker, controller=Actuation(**motors))
-    start, time = strides.dimensionless(state), float(strike) / strides.units.time
-    return strides.units.to_own(strides.verge(start, slope, time)[None])[0]
+    point, time = strides.points_at(state)[0], float(strike) / strides.units.time
+    return strides.units.to_own(strides.before_strike(point, slope, time)[None])[0]

@@ -83,14 +83,20 @@ class StrideFeedback:
         actions: Of the gait in each control step, as shares of the largest, (N, actions), or (N,)
             where there is one; the last are held until heelstrike.
         rows: How actions answer to deviations from the gait: -rows @ deviation; (N, actions, m),
-            or (N, m).
+            or (N, m). They do not when None.
     """
 
     def __init__(
-        self, name: str, walker: Walker, point: NDArray, actions: NDArray, rows: NDArray
+        self,
+        name: str,
+        walker: Walker,
+        point: NDArray,
+        actions: NDArray,
+        rows: NDArray | None = None,
     ) -> None:
         self.name, self.point = name, point
         self.actions = actions.reshape(len(actions), -1)
+        rows = np.zeros((self.actions.size, len(point))) if rows is None else rows
         self.rows = rows.reshape(*self.actions.shape, -1)
         self._seen = Section(walker=walker).coordinates
 
@@ -150,9 +156,7 @@ class Schedule(StrideFeedback):
         }
         actions = np.array([given[name] for name in self.scene.actions], dtype=float).T
         largest = np.array([self.scene.largest(name) for name in self.scene.actions])
-        point = np.array(gait.point)
-        rows = np.zeros((*actions.shape, len(point)))
-        super().__init__("schedule", self.scene.walker, point, actions / largest, rows)
+        super().__init__("schedule", self.scene.walker, np.array(gait.point), actions / largest)
 
 
 class LinearFeedback(StrideFeedback):

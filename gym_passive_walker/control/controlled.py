@@ -18,13 +18,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import shown
-from gym_passive_walker.control.ticks import Choice, Steps, follow, hold, inputs_of, report_of
+from gym_passive_walker.control.ticks import Choice, Steps, follow, hold, inputs_of
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.envs import task
 from gym_passive_walker.envs.scene import Scene
 from gym_passive_walker.envs.starts import Starts
 from gym_passive_walker.gaits.actuation import Actuation, for_each
-from gym_passive_walker.gaits.flow import Flow, Walkers, go_on, new_records, states_in
+from gym_passive_walker.gaits.flow import Walkers, go_on, new_records, report_of, states_in
 from gym_passive_walker.gaits.passage import imbalance, product
 from gym_passive_walker.gaits.stride import Stride, account
 from gym_passive_walker.gaits.stride_map import Samples, StrideMap
@@ -69,6 +69,8 @@ class ControlledMap(StrideMap):
     scene: Scene
     tolerance: float = 1e-12
 
+    controlled = True
+
     @property
     def controller(self) -> Any:
         """The controller."""
@@ -78,11 +80,6 @@ class ControlledMap(StrideMap):
     def controller_name(self) -> str:
         """What the controller is called."""
         return str(getattr(self.agent, "name", type(self.agent).__name__))
-
-    @property
-    def controlled(self) -> bool:
-        """It is."""
-        return True
 
     @property
     def passive(self) -> bool:
@@ -102,7 +99,7 @@ class ControlledMap(StrideMap):
             return False
         slopes = np.array([self.chosen(None)])
         states = self.state(self.beginning(slopes))
-        return self.act(self._begun(states, slopes), slopes, None, 0)[1] is not None
+        return self.act(self._begun(states, slopes), slopes, None, 0) is not None
 
     @property
     def _single(self) -> bool:
@@ -246,7 +243,7 @@ class ControlledMap(StrideMap):
             turns=slope_change,
             ahead=self.ahead(place),
         )  # fmt: skip
-        report = report_of(self.walkers)
+        report = report_of(self.system)
         at, of, rows, struck = report.at, steps.walkers, steps.rows, steps.outcomes == _STRUCK
         there, ended = of[struck], rows[struck]
         told, outcomes = np.full((n, m + 6, 1 + width), np.nan), np.full(n, int(Outcome.DIVERGED))
@@ -348,22 +345,21 @@ class ControlledMap(StrideMap):
             turns: By how much these slope more steeply.
             ahead: What is observed of the footholds ahead, as `look` returns it; smooth when None.
         """
-        seeds = seeds or self._no_seeds(len(states))
         memory: Any = None
+        moving = {} if seeds is None else seeds.moving
 
         def choose(chosen: NDArray, records: NDArray, number: int) -> Choice:
             nonlocal memory
-            own = _Seeds(seeds.points[chosen], seeds.moving)
+            own = None if seeds is None else _Seeds(seeds.points[chosen], moving)
             seen = ahead[chosen] if np.ndim(ahead) == 2 else ahead  # type: ignore[index]
             choice, memory = self._choice(records, slopes[chosen], memory, number, own, seen)
             return choice
 
-        moving = seeds.moving
         return follow(
             self.walkers, self._begun(states, slopes, rises, turns), choose,
             motors=self._inputs, tick=self.hold,
             max_stride_time=self.scene.max_stride_time, lanes=lanes, chosen=chosen,
-            change=change if seeds.points.shape[2] else None, moving=tuple(moving),
+            change=change if seeds and seeds.points.shape[2] else None, moving=tuple(moving),
             columns=tuple(moving.values()), uneven=bool(np.any(rises) or np.any(turns)),
         )  # fmt: skip
 
@@ -376,36 +372,30 @@ class ControlledMap(StrideMap):
             layout=layout_of(self.walkers.system()),
         )  # fmt: skip
 
-    def _no_seeds(self, count: int) -> _Seeds:
-        """No tangents."""
-        return _Seeds(np.zeros((count, self.dimension, 0)), {})
-
-    def act(
-        self, records: NDArray, slopes: NDArray, memory: Any, step: int
-    ) -> tuple[NDArray[np.float64], Any]:
-        """What the controller gives motors for a control step, (n, actions); and its memory.
+    def act(self, records: NDArray, slopes: NDArray, memory: Any, step: int) -> Any:
+        """Have the controller choose what motors hold for a control step, in place.
 
         Args:
             records: Where walkers are, (n, 1).
             slopes: Slope in rad, (n,).
             memory: What the last call returned.
             step: How many control steps the stride has had.
-        """
-        nothing = self._no_seeds(len(records))
-        choice, memory = self._choice(records, slopes, memory, step, nothing, None)
-        return choice.held, memory
 
-    def command(self, records: NDArray, held: NDArray) -> None:
-        """Have walkers hold what `act` gave their motors."""
-        for motor, given in zip(self._motors, held.T, strict=True):
-            hold(records, motor, given)
+        Returns:
+            What the controller remembers.
+        """
+        choice, memory = self._choice(records, slopes, memory, step)
+        hold(records, self._motors, choice.held)
+        return memory
 
     def _choice(
-        self, records: NDArray, slopes: NDArray, memory: Any, step: int, seeds: _Seeds,
-        ahead: NDArray | None,
+        self, records: NDArray, slopes: NDArray, memory: Any, step: int,
+        seeds: _Seeds | None = None, ahead: NDArray | None = None,
     ) -> tuple[Choice, Any]:  # fmt: skip
         """What motors are given; and what is remembered."""
-        agent, n, width = self.agent, len(records), seeds.points.shape[2]
+        agent, n = self.agent, len(records)
+        seeds = seeds or _Seeds(np.zeros((n, self.dimension, 0)), {})
+        width = seeds.points.shape[2]
         by_slope, by_state, along = np.zeros(width), None, None
         if "slope" in seeds.moving:
             by_slope[seeds.moving["slope"]] = 1.0
@@ -426,7 +416,8 @@ class ControlledMap(StrideMap):
                 actions = agent.mean_actions(seen)  # those of `linearize`, in a tenth of its time
             elif self.exact:
                 actions, by_seen = agent.linearize(seen)
-                inside = np.abs(self._states(records)) < self._bounds
+                clipped_at = np.inf if self.own else _BOUNDS[:_STATE]
+                inside = np.abs(self._states(records)) < clipped_at
                 by_state = by_seen[:, :, : self.size] * inside[:, None]
                 slope = self.size if self.own else _SLOPE
                 along = by_seen[:, :, slope, None] * by_slope
@@ -473,11 +464,6 @@ class ControlledMap(StrideMap):
         """States of walkers, (n, 6)."""
         return states_in(records[:, 0], self.size // 2)
 
-    @property
-    def _bounds(self) -> NDArray[np.float64]:
-        """To what a state is clipped in an observation, (6,)."""
-        return np.full(self.size, np.inf) if self.own else _BOUNDS[:_STATE]
-
     def _sound(self, points: NDArray) -> NDArray[np.bool_]:
         """Whether strides may begin at points: no knee bent backwards, no leg on the ground."""
         if self.own:
@@ -486,21 +472,17 @@ class ControlledMap(StrideMap):
             sound = (points[:, 0] > 0.0) & (points[:, 0] < 0.5 * math.pi)
             return sound & (points[:, 3] <= points[:, 2]) if self.walker.knees else sound
 
-    def stride(
+    def _taken(
         self,
         state: ArrayLike,
-        slope: ArrayLike | None = None,
-        *,
-        height_change: ArrayLike | None = None,
-        slope_change: ArrayLike | None = None,
-        ahead: NDArray | None = None,
+        slope: ArrayLike,
+        height_change: ArrayLike,
+        slope_change: ArrayLike,
+        ahead: NDArray,
     ) -> Stride:
-        """One stride with its ledger, in the walker's own units; see `StrideMap.stride`."""
+        """The stride of `stride`, of which the ground is known."""
         shape, starts = np.shape(state)[:-1], self.dimensionless(state)
-        own, height_change, slope_change, ahead = self._footing(
-            slope, height_change, slope_change, ahead
-        )
-        slopes = for_each(own, len(starts))
+        slopes = for_each(slope, len(starts))
         units, system, n = self.units, self.walkers.system(), len(starts)
         steps = self._steps(
             starts, slopes, np.arange(n), rises=np.divide(height_change, units.length),
@@ -565,19 +547,3 @@ class ControlledMap(StrideMap):
         np.maximum.at(last, steps.walkers, steps.numbers)
         number = np.searchsorted(self.hold * np.arange(1, count + 1), times)
         return place[walkers, np.minimum(number, last[walkers])]
-
-    def _until(self, state: NDArray, slope: float, time: float) -> Flow:
-        """One walker's stride up to a time, from a state (1, 6)."""
-        one, (tilt, height_change, slope_change) = np.zeros(1, int), self.ground[0]
-        steps = self._steps(
-            state,
-            np.array([slope + tilt]),
-            one,
-            rises=height_change,
-            turns=slope_change,
-            ahead=self.ahead(0),
-        )
-        at = self._step_at(steps, one, np.array([time]))
-        before, uneven = steps.before[at], self.terrain is not None
-        before["end"] = time
-        return go_on(self.walkers, before, on_section=bool(steps.numbers[at] == 0), uneven=uneven)

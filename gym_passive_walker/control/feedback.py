@@ -16,7 +16,7 @@ from scipy.linalg import solve_discrete_are
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.fixed_point import find_gait
 from gym_passive_walker.gaits.gait import GaitNotFound
-from gym_passive_walker.gaits.newton import fixed_point
+from gym_passive_walker.gaits.newton import newton
 from gym_passive_walker.gaits.search import seek
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.units import units_of
@@ -106,11 +106,11 @@ def _converged(walker: Walker, slope: float, state: NDArray, torque: float) -> N
     """
     strides = StrideMap.of(walker, controller=Actuation(hip_torque=torque))
 
-    def linearized(points: NDArray) -> tuple[NDArray, NDArray]:
+    def equations(points: NDArray) -> tuple[NDArray, NDArray]:
         passage, change = strides.linearize(points, slope)
-        return passage.ends, change.ends
+        return passage.ends - points, change.ends - np.eye(points.shape[1])
 
-    found = fixed_point(linearized, strides.points_at(state), accuracy=_ACCURACY)
+    found = newton(equations, strides.points_at(state), accuracy=_ACCURACY)
     if not found.sizes[0] < _SETTLED:
         raise GaitNotFound("Newton's method did not settle")
     return strides.states_at(found.points)[0]

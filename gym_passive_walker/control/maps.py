@@ -150,8 +150,7 @@ def _held(walker: Any, controls: Mapping[str, Any]) -> tuple[Policy | None, Scen
     if np.max(np.abs(shares)) > 1.0 + 1e-12:
         raise ValueError(f"the limits of system {walker.title!r} are smaller than {dict(held)}")
     point = np.zeros(state_size(walker))
-    rows = np.zeros((1, len(largest), len(point)))
-    return StrideFeedback("held controls", scene.walker, point, np.array(shares), rows), scene
+    return StrideFeedback("held controls", scene.walker, point, np.array(shares)), scene
 
 
 def _repeating(terrain: TerrainLike | None) -> Terrain | None:
@@ -231,8 +230,7 @@ def acting_as(strides: StrideMap, slope: float) -> tuple[Policy, Scene]:
     )  # fmt: skip
     shares = np.array([[np.sign(held[name]) for name in used]])
     point = np.zeros(strides.dimension)
-    rows = np.zeros((1, len(used), len(point)))
-    return StrideFeedback(strides.controller_name, strides.walker, point, shares, rows), scene
+    return StrideFeedback(strides.controller_name, strides.walker, point, shares), scene
 
 
 def map_in(scene: Scene, policy: Policy | None) -> StrideMap:

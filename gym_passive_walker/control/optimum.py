@@ -17,7 +17,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import minimize
 
 from gym_passive_walker.control.ticks import TickedStride, before_kneestrike, ticked_stride
 from gym_passive_walker.envs.scene import (
@@ -25,6 +24,7 @@ from gym_passive_walker.envs.scene import (
     Scene,
     with_parameters,
 )
+from gym_passive_walker.gaits.design_nlp import slsqp
 from gym_passive_walker.gaits.flow import Walkers
 from gym_passive_walker.gaits.gait import GaitNotFound, multipliers_of
 from gym_passive_walker.gaits.passage import NoStride
@@ -360,35 +360,17 @@ class Problem:
             missed = np.abs(gap).sum() + np.maximum(-room, 0.0).sum()
             seen.take(unknown, cost + 10.0 * float(missed))
 
-        constraints: list[dict[str, Any]] = [
-            {
-                "type": "eq",
-                "fun": lambda unknown: at(unknown)[2],
-                "jac": lambda unknown: at(unknown)[3][:, free],
-            }
-        ]
-        if self.clears:
-            constraints.append(
-                {
-                    "type": "ineq",
-                    "fun": lambda unknown: at(unknown)[4],
-                    "jac": lambda unknown: at(unknown)[5][:, free],
-                }
-            )
         look(start[free])
         with warnings.catch_warnings(), suppress(_StandsStill):
             # Before SciPy 1.15 a step out of the box by rounding is said to be clipped to it.
             warnings.filterwarnings("ignore", "Values in x were outside bounds", RuntimeWarning)
-            found = minimize(
-                lambda unknown: scale * at(unknown)[0],
-                start[free],
-                jac=lambda unknown: scale * at(unknown)[1][free],
-                method="SLSQP",
-                bounds=[*self.box[free]],
-                constraints=constraints,
-                options={"maxiter": iterations, "ftol": 1e-11},
-                callback=look,
-            )
+            found = slsqp(
+                lambda unknown: (scale * at(unknown)[0], scale * at(unknown)[1][free]),
+                start[free], [*self.box[free]],
+                equal=lambda unknown: (at(unknown)[2], at(unknown)[3][:, free]),
+                beyond=lambda unknown: (at(unknown)[4], at(unknown)[5][:, free]),
+                iterations=iterations, accuracy=1e-11, callback=look,
+            )  # fmt: skip
             seen.said = found.message
             look(found.x)
         z[free] = seen.best

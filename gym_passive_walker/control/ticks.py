@@ -9,74 +9,32 @@ here is dimensionless.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import lru_cache, partial
+from functools import partial
 from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.engine.layout import layout_of
+from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.flow import (
-    Entry,
+    Report,
     Walkers,
     controls_of,
     go_on,
     new_records,
+    report_of,
     rows_of,
 )
 from gym_passive_walker.gaits.passage import NoStride
+from gym_passive_walker.gaits.stride_map import LONGEST
 from gym_passive_walker.physics.hybrid import Outcome, State
 from gym_passive_walker.walkers import Mechanism, Walker
 
-LONGEST = 20.0
-"""Time after which a stride is given up."""
-
-INPUTS = ("hip_torque", "ankle_torque", "push_off")
-"""Names of what actuators hold, for each of a scene's channels; see `inputs_of`."""
-
-_MEASURES = (
-    "time", "step_length", "knee_time", "push_work", "knee_loss", "heel_loss", "friction_loss",
-)  # fmt: skip
 _TOGETHER = 2048, 128  # walkers that are followed at once, without tangents and with them
 _STATE = len(State._fields)
 _RUNNING, _STRUCK = int(Outcome.RUNNING), int(Outcome.HEELSTRIKE)
 _VERGE = 1e-8  # of the time until a kneestrike: it has not yet come
-
-
-class Report(NamedTuple):
-    """Rows that are reported of a control step, the state first.
-
-    Attributes:
-        names: The rows as entries of a record; see `flow.rows_of`.
-        size: Numbers of a state.
-        at: Row of each measure, by its name.
-        moved: Rows of what each control has moved, net.
-        turned: Rows of the same, either way.
-    """
-
-    names: tuple[Entry, ...]
-    size: int
-    at: dict[str, int]
-    moved: list[int]
-    turned: list[int]
-
-
-def report_of(walkers: Walkers) -> Report:
-    """Return the rows that are reported of walkers' control steps."""
-    system = walkers.system()
-    return _report(system.coordinates, len(system.works), layout_of(system).links)
-
-
-@lru_cache
-def _report(coordinates: int, controls: int, room: int) -> Report:
-    places = [i + part for part in (0, room) for i in range(coordinates)]
-    size, first = len(places), len(places) + len(_MEASURES)
-    names: list[Entry] = [*(("state", i) for i in places), *_MEASURES]
-    names += [(name, j) for name in ("moved", "turned") for j in range(controls)]
-    at = {name: size + i for i, name in enumerate(_MEASURES)}
-    rows = list(range(first, first + 2 * controls))
-    return Report(tuple(names), size, at, rows[:controls], rows[controls:])
 
 
 def inputs_of(walker: Walker) -> tuple[str, ...]:
@@ -177,19 +135,18 @@ def follow(
     if len(chosen) > (most := _TOGETHER[width > 0]):
         parts = [chosen[i : i + most] for i in range(0, len(chosen), most)]
         return _beside([again(chosen=part, in_turn=in_turn) for part in parts])
-    by, report = ("state", *motors, *moving, "start") if width else (), report_of(crowd)
+    by, report = ("state", *motors, *moving, "start") if width else (), report_of(crowd.system())
     told, inputs = records[chosen], inputs_of(crowd.walker)
     places = [inputs.index(motor) for motor in motors]
     if not len(chosen):
-        shapes = ((report.size, width), (len(motors), 1 + width), (len(report.names), 1 + width))
+        shapes = ((report.size, width), (len(motors), 1 + width), (len(report.entries), 1 + width))
         empty = (np.empty((0, *shape)) for shape in shapes)
         return Steps._make([chosen, chosen, records[:0], records[:0], *empty])
     on, taken, choices = np.arange(len(chosen)), [], []
     while len(on):
         number = len(taken)
         choice = choose(chosen, told, number)
-        for place, held in zip(places, choice.held.T, strict=True):
-            hold(told, place, held)
+        hold(told, places, choice.held)
         last = (number + 1) * tick >= max_stride_time
         told["end"] = max_stride_time if last else (number + 1) * tick
         told["moved"], told["turned"] = 0.0, 0.0
@@ -210,7 +167,7 @@ def follow(
     held = np.concatenate([choice.held for choice in choices])[:, :, None]
     plain, astray = after[:, :1], walkers[:0]
     if change is None:
-        rows, states = rows_of(after, report.names), np.zeros((len(walkers), report.size, 0))
+        rows, states = rows_of(after, report.entries), np.zeros((len(walkers), report.size, 0))
         return Steps(chosen[walkers], numbers, before, plain, states, held, rows)
     if not in_turn:
         after, alike = _side_by_side(
@@ -253,7 +210,7 @@ def _chained(
     columns, size = list(columns), report.size
     width, motors = change.shape[2], choices[0].held.shape[1]
     values, by_state, by_held, by_rest, by_start = np.split(
-        rows_of(after, report.names), np.cumsum([1, size, motors, len(columns)]), axis=2
+        rows_of(after, report.entries), np.cumsum([1, size, motors, len(columns)]), axis=2
     )
     starts = change[walkers, : by_start.shape[2]]
     states, along = (np.zeros((len(walkers), each, width)) for each in (size, motors))
@@ -314,12 +271,13 @@ def _beside(parts: Sequence[Steps]) -> Steps:
     return every._make(part[order] for part in every)
 
 
-def hold(records: NDArray, motor: int, given: ArrayLike) -> None:
-    """Have one of the inputs of walkers (n, 1), by its number, hold what it is given."""
-    if motor < records["control"].shape[2]:
-        records["control"][:, 0, motor] = given
-    else:
-        records["push_off"][:, 0] = given
+def hold(records: NDArray, motors: Sequence[int], given: NDArray) -> None:
+    """Have some inputs of walkers (n, 1), by their numbers, hold what is given, (n, motors)."""
+    for motor, held in zip(motors, given.T, strict=True):
+        if motor < records["control"].shape[2]:
+            records["control"][:, 0, motor] = held
+        else:
+            records["push_off"][:, 0] = held
 
 
 class TickedStride(NamedTuple):
@@ -437,7 +395,7 @@ def ticked_strides(
     motors, count = given.shape[1:]
     size, pushes = motors * count, push_offs is not None
     width = m + size + pushes + len(by)
-    using = (*INPUTS[:motors], *INPUTS[2:] * pushes)
+    using = (*Actuation._fields[:motors], *Actuation._fields[2:] * pushes)
 
     def choose(chosen: NDArray, records: NDArray, number: int) -> Choice:
         now = min(number, count - 1)
@@ -456,7 +414,7 @@ def ticked_strides(
     )  # fmt: skip
     told, outcomes = np.zeros((n, m + 4 + 2 * size, 1 + width)), np.full(n, int(Outcome.STALLED))
     angles = told[:, m + 2 : -2].reshape(n, 2, motors, count, -1)  # a view: swing and turn
-    report = report_of(walkers)
+    report = report_of(walkers.system())
     turned = steps.rows[:, np.array([report.moved, report.turned])[:, :motors]]
     held_in = np.minimum(steps.numbers, count - 1)
     np.add.at(angles, (steps.walkers, slice(None), slice(None), held_in), turned)  # type: ignore[arg-type]
@@ -498,10 +456,10 @@ def before_kneestrike(
     (now,) = np.flatnonzero(steps.locked)
     records = steps.before[[now]]
     records["end"] = (1.0 - _VERGE) * walked.kneestrike
-    by = ("state", *INPUTS[:motors], "end")
+    by = ("state", *Actuation._fields[:motors], "end")
     verge = go_on(walkers, records, by, on_section=steps.numbers[now] == 0)
     value, by_state, by_held, by_end = np.split(
-        verge.rows(State._fields)[0], np.cumsum([1, _STATE, motors]), axis=1
+        verge.rows[0, :_STATE], np.cumsum([1, _STATE, motors]), axis=1
     )
     change = by_state @ steps.change[now] + by_held @ steps.held[now, :motors, 1:]
     return value[:, 0], change + (1.0 - _VERGE) * by_end @ walked.by[-1:]

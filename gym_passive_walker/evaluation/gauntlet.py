@@ -18,7 +18,7 @@ from gym_passive_walker.envs.scene import (
     with_parameters,
 )
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
-from gym_passive_walker.evaluation.walks import WALKED_ON, Walks, evaluate
+from gym_passive_walker.evaluation.walks import Walks, evaluate
 from gym_passive_walker.progress import progress
 from gym_passive_walker.shown import Table
 from gym_passive_walker.walkers import name_of
@@ -75,12 +75,12 @@ class Gauntlet(Table):
     @property
     def survival(self) -> NDArray[np.float64]:
         """Share of the walks of each test that reach the time limit, (tests,)."""
-        return np.array([_survivors(walks) / len(walks) for walks in self.walks.values()])
+        return np.array([walks.reached_limit.mean() for walks in self._each])
 
     @property
     def interval(self) -> NDArray[np.float64]:
         """95 % intervals of `survival` (Wilson), (tests, 2)."""
-        return np.array([_interval(_survivors(w), len(w)) for w in self.walks.values()])
+        return np.array([_interval(walks.reached_limit) for walks in self._each])
 
     @property
     def score(self) -> float:
@@ -90,9 +90,7 @@ class Gauntlet(Table):
     @property
     def score_interval(self) -> tuple[float, float]:
         """95 % interval of the score (Wilson, over the walks of all tests)."""
-        counts = [len(walks) for walks in self.walks.values()]
-        low, high = _interval(sum(map(_survivors, self.walks.values())), sum(counts))
-        return low, high
+        return _interval(np.concatenate([walks.reached_limit for walks in self._each]))
 
     def facts(self) -> dict[str, str]:
         """Controller, walker and score."""
@@ -191,12 +189,7 @@ def _title(controller: Any) -> str:
     )
 
 
-def _survivors(walks: Walks) -> int:
-    """Walks that reach the time limit."""
-    return walks.endings.count(WALKED_ON)
-
-
-def _interval(hits: int, count: int) -> tuple[float, float]:
-    """95 % interval of a share (Wilson)."""
-    found = binomtest(hits, count).proportion_ci(method="wilson")
+def _interval(hits: NDArray) -> tuple[float, float]:
+    """95 % interval of the share that is true (Wilson)."""
+    found = binomtest(np.count_nonzero(hits), len(hits)).proportion_ci(method="wilson")
     return float(found.low), float(found.high)

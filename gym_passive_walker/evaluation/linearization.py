@@ -20,13 +20,12 @@ from gym_passive_walker.envs.scene import (
     undisturbed,
     with_parameters,
 )
-from gym_passive_walker.gaits.flow import ROWS, Walkers, go_on
+from gym_passive_walker.gaits.flow import Walkers, go_on, report_of
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.physics.systems import system_of
 from gym_passive_walker.walkers import PARAMETERS
 
 _STATE, _ACTION = slice(0, 6), 6  # columns of derivatives
-_MOVED, _TURNED = ROWS.index("moved"), ROWS.index("turned")
 _STRUCK = int(Outcome.HEELSTRIKE)
 
 
@@ -92,7 +91,7 @@ class StepRecorder:
         record["moved"], record["turned"] = 0.0, 0.0
         record["end"] = np.minimum(record["time"] + rules["tick"], rules["max_stride_time"])
         walked = go_on(self._crowd(), records, ("state", "hip_torque"))
-        told, distance = walked.rows(), walked.distance
+        told, distance, report = walked.rows, walked.distance, report_of(walked.system)
         stalled = record["end"] >= rules["max_stride_time"]
         fell = (walked.outcomes > _STRUCK) | (stalled & (walked.outcomes != _STRUCK))
         told[fell, :, 1:] = 0.0
@@ -101,12 +100,11 @@ class StepRecorder:
         energy = np.zeros_like(distance)
         if system_of(scene.walker).works.hip:
             charged = int(rules["charged"])
-            energy += task.motor_charge(
-                charged, torques[:, None], told[:, _MOVED, 1:], told[:, _TURNED, 1:]
-            )
+            moved, turned = told[:, report.moved[0]], told[:, report.turned[0]]
+            energy += task.motor_charge(charged, torques[:, None], moved[:, 1:], turned[:, 1:])
             sign = np.where(torques < 0.0, -1.0, 1.0)
-            moved, turned = told[:, _MOVED, 0], told[:, _TURNED, 0]
-            energy[:, _ACTION] += ~fell * sign * task.motor_charge(charged, sign, moved, turned)
+            charge = task.motor_charge(charged, sign, moved[:, 0], turned[:, 0])
+            energy[:, _ACTION] += ~fell * sign * charge
         rewards = task.reward(distance, energy, scene.energy_weight)
         states = told[:, _STATE, 1:]
         rewards[:, _ACTION] *= scene.max_hip_torque

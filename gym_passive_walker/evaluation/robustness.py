@@ -22,7 +22,7 @@ from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.evaluation.steps import steps
 from gym_passive_walker.gaits.first_passage import SETTLING as FORGETTING
-from gym_passive_walker.gaits.first_passage import FirstPassage, survivors, walks
+from gym_passive_walker.gaits.first_passage import FirstPassage, survivors
 from gym_passive_walker.gaits.first_passage_mesh import MeshPassage, mesh_passage
 from gym_passive_walker.gaits.flow import Walkers
 from gym_passive_walker.gaits.gait import Gait
@@ -220,23 +220,22 @@ def robustness(
     crowd = (4096 if passive else 512) if walkers is None else whole(walkers, "walkers", 1, KEPT)
     tries = _Tries(policy, tried)
     with progress("measures of robustness", 6) as done:
-        gait = tries.settled(seed)
+        step_length, period = tries.settled(seed)
         done()
         ground = tried.terrain if tried.terrain and tried.terrain.random else rough(roughness)
         state = tries.gait
         if first_passage == "mesh":
-            found = mesh_passage(map_in(tried, None if passive else policy), state, ground)
-            lasting = found, found.survivors(strides)
-        elif passive:
-            lasting = _lasting(tried, state, ground, crowd, strides, seed)
+            lasting = mesh_passage(map_in(tried, None if passive else policy), state, ground)
+            survived = lasting.survivors(strides)
         else:
-            lasting = tries.lasting(ground, crowd, strides, seed)
+            left = tries.left(ground, crowd, FORGETTING + strides, seed, in_scene=not passive)
+            lasting, survived = FirstPassage.of(left), left[1:] / crowd
         done()
-        period_response = tries.period_response(gait.period)
+        period_response = tries.period_response()
         done()
         down, up = (tries.largest_step(way) for way in (-1.0, 1.0))
         done()
-        forward, backward = (tries.largest_pushes(way, gait.period) for way in (1.0, -1.0))
+        forward, backward = (tries.largest_pushes(way, period) for way in (1.0, -1.0))
         done()
         share, error = tries.recovered(initial_error, starts, seed)
         recovery = tries.recovery(seed)
@@ -245,11 +244,11 @@ def robustness(
         controller=name,
         walker=tried.walker,
         slope=float(np.mean(tried.slope)),
-        step_length=gait.step_length,
-        period=gait.period,
+        step_length=step_length,
+        period=period,
         roughness=ground.height_std,
-        first_passage=lasting[0],
-        survivors=lasting[1],
+        first_passage=lasting,
+        survivors=survived,
         sensitivity=float(np.sqrt(np.sum(period_response**2))),
         period_response=period_response,
         step_up=up,
@@ -280,13 +279,6 @@ def _scene_of(controller: WalkerLike, scene: Any, slope: float | None) -> Scene:
 def _alone(scene: Scene) -> dict[str, Any]:
     """Arguments of a scene without disturbances but those that are tried."""
     return {**_CALM, "slope": float(np.mean(scene.slope))}
-
-
-class _Gait(NamedTuple):
-    """The stride that a walker makes again and again."""
-
-    step_length: float
-    period: float
 
 
 class _Tries:
@@ -346,8 +338,11 @@ class _Tries:
                 break
         return _Walks(made, periods, ends, lengths)
 
-    def settled(self, seed: int) -> _Gait:
+    def settled(self, seed: int) -> tuple[float, float]:
         """Walk until each stride is as the last; from there everything is tried.
+
+        Returns:
+            Its length and its period.
 
         Raises:
             ValueError: if the walker does not come to that.
@@ -366,19 +361,29 @@ class _Tries:
                 "again: it limps, wanders, or needs longer to settle"
             )
         self.gait = last
-        return _Gait(float(found.lengths[0, -1]), float(found.periods[0, -1]))
+        return float(found.lengths[0, -1]), float(found.periods[0, -1])
 
-    def lasting(
-        self, terrain: Terrain, count: int, strides: int, seed: int
-    ) -> tuple[FirstPassage, NDArray[np.float64]]:
-        """How long walkers last on rough ground, and what share is left after each stride."""
-        whole_way = FORGETTING + strides
+    def left(
+        self, terrain: Terrain, count: int, strides: int, seed: int, *, in_scene: bool
+    ) -> NDArray[np.int64]:
+        """How many walkers are left on rough ground, before any stride and after each.
+
+        The engine alone, without the scene, follows passive walkers faster.
+        """
+        scene = self.scene
+        if not in_scene:
+            kind = Walkers(
+                walker=scene.walker, tolerance=scene.tolerance,
+                end_on_toe_stub=scene.end_on_toe_stub,
+            )  # fmt: skip
+            state = units_of(scene.walker).to_dimensionless(self.gait)
+            slope = float(np.mean(scene.slope))
+            return survivors(kind, state, slope, terrain, walkers=count, strides=strides, seed=seed)
         starts = np.repeat(self.gait[None], count, axis=0)
-        made = self.walk(starts, whole_way, terrain=terrain, seed=seed).made
-        left = np.array([count, *(np.count_nonzero(made > k) for k in range(whole_way))])
-        return FirstPassage.of(left), left[1:] / count
+        made = self.walk(starts, strides, terrain=terrain, seed=seed).made
+        return np.array([count, *(np.count_nonzero(made > k) for k in range(strides))])
 
-    def period_response(self, period: float) -> NDArray[np.float64]:
+    def period_response(self) -> NDArray[np.float64]:
         """By how much periods change after a small step in the ground, per leg length of it."""
         found = self.walk(
             np.repeat(self.gait[None], 2, axis=0), _ANSWERS, height_changes=[_SMALL, -_SMALL]
@@ -463,17 +468,3 @@ def _largest(survived: Any, ones: NDArray, most: float) -> NDArray[np.float64]:
         above = np.where(last < _TRIES, sizes[rows, np.minimum(last, _TRIES - 1)], high)
         low, high = below, above
     return low
-
-
-def _lasting(
-    scene: Scene, state: NDArray, terrain: Terrain, count: int, strides: int, seed: int
-) -> tuple[FirstPassage, NDArray[np.float64]]:
-    """How long passive walkers last on rough ground, and what share is left after each stride."""
-    walker, whole_way = scene.walker, FORGETTING + strides
-    crowd = walks(
-        Walkers(walker=walker, tolerance=scene.tolerance, end_on_toe_stub=scene.end_on_toe_stub),
-        units_of(walker).to_dimensionless(state), float(np.mean(scene.slope)), terrain,
-        walkers=count, seed=seed,
-    )  # fmt: skip
-    left = survivors(crowd, count, whole_way)
-    return FirstPassage.of(left), left[1:] / count

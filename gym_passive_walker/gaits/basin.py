@@ -164,10 +164,8 @@ def walk_until_settled(
         strides completed, (n,); and the last points, (n, m).
     """
     count, here = len(points), points.copy()
-    settled, outcome = (
-        np.full(count, UNSETTLED, np.int8),
-        np.full(count, Outcome.HEELSTRIKE, np.int8),
-    )
+    settled = np.full(count, UNSETTLED, np.int8)
+    outcome = np.full(count, Outcome.HEELSTRIKE, np.int8)
     strides, walking = np.zeros(count, np.int32), np.arange(count)
     with progress("strides until all have settled", most) as taken:
         for _ in range(most):

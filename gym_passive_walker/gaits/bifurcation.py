@@ -157,7 +157,7 @@ def beginnings(
             )
         return stride_map.points_at(np.broadcast_to(states, (len(slopes), size)))
     if stride_map.controlled:
-        return stride_map.beginning(slopes)
+        return stride_map.beginning(slopes)  # type: ignore[attr-defined]
     low, high = float(slopes.min()), float(slopes.max())
     low, high = low - 1e-9 * abs(low), high + 1e-9 * abs(high)
     family = gait_family(stride_map, low, high, kind)
@@ -166,16 +166,12 @@ def beginnings(
     return points
 
 
-def _after(stride_map: StrideMap, points: NDArray, slopes: NDArray, strides: int) -> NDArray:
-    """Points after some strides, which may be none."""
-    return stride_map.apply(points, slopes, strides=strides).ends if strides else points
-
-
 def _settle(
     stride_map: StrideMap, points: NDArray, slopes: NDArray, n_transient: int, n_recorded: int
 ) -> tuple[NDArray, NDArray]:
     """Stance angles of the strides kept, (n, keep), and the points at their end."""
-    points = _after(stride_map, points, slopes, n_transient)
+    if n_transient:
+        points = stride_map.apply(points, slopes, strides=n_transient).ends
     angles = np.empty((len(slopes), n_recorded))
     with progress("strides kept", n_recorded) as taken:
         for i in range(n_recorded):
@@ -222,10 +218,8 @@ def bifurcation_diagram(
     """
     stride_map = map_of(walker, tolerance=check_tolerance(tolerance))
     values = several_slopes(slopes, downhill=stride_map.passive)
-    n_transient, n_recorded = (
-        whole(n_transient, "n_transient", 0),
-        whole(n_recorded, "n_recorded", 1, KEPT),
-    )
+    n_transient = whole(n_transient, "n_transient", 0)
+    n_recorded = whole(n_recorded, "n_recorded", 1, KEPT)
     sweep = truth(sweep, "sweep")
     longest_period = whole(longest_period, "longest_period")
     if not longest_period < n_recorded:
@@ -356,7 +350,8 @@ def lyapunov_exponents(
     m = stride_map.dimension
     count = whole(count, "count", 1, m)
     points = beginnings(stride_map, values, kind, start)
-    points = _after(stride_map, points, values, n_transient)
+    if n_transient:
+        points = stride_map.apply(points, values, strides=n_transient).ends
     exponents = np.full((len(values), count), np.nan)
     walking = np.flatnonzero(np.isfinite(points[:, 0]))
     points = points[walking]

@@ -175,6 +175,7 @@ def slsqp(
     equal: Valued,
     beyond: Valued,
     iterations: int,
+    accuracy: float = 1e-10,
     callback: Callable[..., None] | None = None,
 ) -> Any:
     """What SciPy's SLSQP (D. Kraft, 1988) finds.
@@ -186,6 +187,7 @@ def slsqp(
         equal: What has to vanish; nothing if it has no values at the start.
         beyond: What must not be negative; nothing if it has no values at the start.
         iterations: At most.
+        accuracy: Change of the cost that is none.
         callback: Called after each.
     """
     constraints = [
@@ -195,7 +197,7 @@ def slsqp(
     ]
     return minimize(
         cost, start, jac=True, method="SLSQP", bounds=bounds, constraints=constraints,
-        options={"maxiter": iterations, "ftol": 1e-10}, callback=callback,
+        options={"maxiter": iterations, "ftol": accuracy}, callback=callback,
     )  # fmt: skip
 
 

@@ -9,8 +9,7 @@ return map with falls absorbing (Byl and Tedrake 2009, Metastable walking machin
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -80,73 +79,41 @@ class FirstPassage(NamedTuple):
         return f"{self.mean:.4g} strides ({low:.4g} to {high:.4g})"
 
 
-def walks(
+def survivors(
     kind: Walkers,
     state: ArrayLike,
     slope: float,
     terrain: Terrain,
     *,
     walkers: int,
-    hip_torque: float = 0.0,
+    strides: int,
     seed: int = 0,
-) -> Iterator[int]:
-    """Walk over ground at random, each walker over its own; all dimensionless.
+) -> NDArray[np.int64]:
+    """Walk over ground at random, each walker over its own, and count those that are left.
 
     Args:
         kind: The walker.
-        state: Where each begins, just after heelstrike, (6,).
+        state: Where each begins, just after heelstrike, dimensionless, (6,).
         slope: Slope in rad.
         terrain: How footholds lie.
         walkers: How many begin.
-        hip_torque: Torque held all along.
+        strides: How many they may make.
         seed: Of the walkers' keys.
 
-    Yields:
-        How many are left after each stride.
+    Returns:
+        How many are left, before any stride and after each of them, (1 + strides,).
     """
     keys = np.random.default_rng(seed).integers(2**64, size=walkers, dtype=np.uint64)
     states = np.repeat(np.asarray(state, dtype=float)[None], walkers, axis=0)
-    place = 0
-    while len(keys):
-        tilts, rises, turns = terrain.ground(keys, place).T
-        walked = flow(kind, states, slope + tilts, controls=hip_torque, rises=rises, turns=turns)
-        states, keys, place = walked.states[walked.struck], keys[walked.struck], place + 1
-        yield len(keys)
-
-
-def first_passage(
-    kind: Walkers,
-    state: ArrayLike,
-    slope: float,
-    terrain: Terrain,
-    *,
-    walkers: int = 4096,
-    strides: int = 1000,
-    settling: int = SETTLING,
-    **options: Any,
-) -> FirstPassage:
-    """How long walkers last on rough ground, from a batch of them.
-
-    Args:
-        kind: As for `walks`.
-        state: As for `walks`.
-        slope: As for `walks`.
-        terrain: As for `walks`.
-        walkers: How many begin.
-        strides: How many they may make.
-        settling: Strides before any are counted: after these they have forgotten their start.
-        **options: As for `walks`.
-    """
-    crowd = walks(kind, state, slope, terrain, walkers=walkers, **options)
-    return FirstPassage.of(survivors(crowd, walkers, settling + strides), settling)
-
-
-def survivors(crowd: Iterator[int], walkers: int, strides: int) -> NDArray[np.int64]:
-    """How many of a batch from `walks` are left: before any stride, and after each of them."""
     left = np.zeros(1 + strides, np.int64)
     left[0] = walkers
     with progress("strides on rough ground", strides) as taken:
-        for stride, still in zip(range(strides), crowd, strict=False):
-            left[1 + stride] = still
+        for place in range(strides):
+            if not len(keys):
+                break
+            tilts, rises, turns = terrain.ground(keys, place).T
+            walked = flow(kind, states, slope + tilts, rises=rises, turns=turns)
+            states, keys = walked.states[walked.struck], keys[walked.struck]
+            left[1 + place] = len(keys)
             taken()
     return left

@@ -89,16 +89,14 @@ def mesh_passage(
     state: ArrayLike,
     terrain: Terrain,
     *,
-    slope: float | None = None,
     states: int = 1000,
 ) -> MeshPassage:
     """Compute the mean first-passage time on footholds of random heights.
 
     Args:
-        strides: The stride map on smooth ground.
+        strides: The stride map on smooth ground, of one slope.
         state: State of a stable gait just after heelstrike, (6,), in the walker's own units.
         terrain: Footholds with normally distributed heights, from `rough(height_std)`.
-        slope: Slope in rad; the map's own when None.
         states: How many states the mesh has, at least; from 100 to 4000.
 
     Raises:
@@ -118,10 +116,8 @@ def mesh_passage(
             f"ahead, not {strides.terrain_lookahead}: sample the first passage"
         )
     states = whole(states, "states", 100, 4000)
-    slope = strides.chosen(slope)
-    chain = Chain(
-        strides, np.asarray(state, float), number(terrain.height_std, "height_std"), slope
-    )
+    height_std, slope = number(terrain.height_std, "height_std"), strides.chosen(None)
+    chain = Chain(strides, np.asarray(state, float), height_std, slope)
     with progress("meshes of states", 3) as done:
         for reach in _REACHES:  # until falls are among the states of the mesh
             guess, count = _mean(chain, states // 4, reach)

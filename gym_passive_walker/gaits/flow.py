@@ -26,22 +26,24 @@ from gym_passive_walker.engine.run import (
 )
 from gym_passive_walker.gaits.actuation import USES
 from gym_passive_walker.gaits.section import Section
-from gym_passive_walker.physics.hybrid import Ground, Outcome, State, System
+from gym_passive_walker.physics.hybrid import Ground, Outcome, Phase, State, System
 from gym_passive_walker.physics.systems import UNEVEN, bodies, bodies_by, system_of, varied_bodies
 from gym_passive_walker.walkers import Mechanism, Walker
 
 __all__ = [
     "LONGEST_STRIDE",
+    "MEASURES",
     "MIRRORED",
-    "MOTORS",
-    "ROWS",
     "Flow",
+    "Report",
     "Walkers",
+    "accelerations",
     "advance",
     "flow",
     "go_on",
     "new_records",
     "put_states",
+    "report_of",
     "rows_of",
     "states_in",
 ]
@@ -56,46 +58,70 @@ _ALL = slice(None)
 _OF_ONE_STRIDE = ("time", "step", "knee_time", "knee_loss", "friction_loss", "moved", "turned")
 _VERGE = 1e-9  # of the way to a strike, before it
 
-ROWS = (
-    *State._fields, "time", "moved", "turned", "knee_time", "knee_loss", "heel_loss",
-    "step_length", "gravity_work", "spring_work", "friction_loss",
+MEASURES = (
+    "time", "knee_time", "knee_loss", "heel_loss", "friction_loss", "step_length", "gravity_work",
+    "spring_work", "push_work",
 )  # fmt: skip
-"""What is reported of a walker, in order: the state, after a heelstrike that of the next stride;
-the time since the stride began; how far the hip has opened, net and either way: the work of a unit
-torque; when the knee locked, what both strikes cost; the step length and the work of gravity and
-of springs in a stride that has ended, 0 where there are none; and what friction has taken."""
+"""What is reported of a walker besides its state and its controls.
 
-MOTORS = ("ankle_moved", "ankle_turned", "push_work")
-"""What other actuators have done: how far the ankle has turned, net and either way; the work of the
-push-off."""
+Since the stride began: the time, when the knee locked, what it cost, and what friction has taken.
+Of a stride that has ended, 0 before: what the heelstrike cost, the step length, and the work of
+gravity, of springs and of the push-off."""
 
 
 Entry = str | tuple[str, int]
-"""A number of a record: one of ROWS or MOTORS, another field, or a field and an index in it."""
+"""A number of a record: a field, or a field and an index in it."""
 
-_ENTRIES: dict[Entry, tuple[str, int]] = {
-    **{name: ("state", i) for i, name in enumerate(State._fields)},
-    **{f"ankle_{name}": (name, 1) for name in ("moved", "turned")},
-}
+
+class Report(NamedTuple):
+    """The numbers that are reported of a walker, its state first.
+
+    Attributes:
+        entries: Each as an entry of a record, for `rows_of`.
+        size: Numbers of a state; after a heelstrike it is that of the next stride.
+        at: Place of each entry.
+        moved: Places of what each control has moved, net: the work of a unit.
+        turned: Places of the same, either way.
+    """
+
+    entries: tuple[Entry, ...]
+    size: int
+    at: dict[Entry, int]
+    moved: list[int]
+    turned: list[int]
+
+
+def report_of(system: System) -> Report:
+    """Return what is reported of the walkers of a system."""
+    return _report(system.coordinates, len(system.works), layout_of(system).links)
 
 
 @lru_cache
-def _offsets(names: tuple[Entry, ...], layout: Layout) -> list[int]:
+def _report(coordinates: int, controls: int, room: int) -> Report:
+    states = [("state", i + part) for part in (0, room) for i in range(coordinates)]
+    angles = [[(name, j) for j in range(controls)] for name in ("moved", "turned")]
+    entries: list[Entry] = [*states, *MEASURES, *angles[0], *angles[1]]
+    at = {entry: place for place, entry in enumerate(entries)}
+    moved, turned = ([at[entry] for entry in each] for each in angles)
+    return Report(tuple(entries), len(states), at, moved, turned)
+
+
+@lru_cache
+def _offsets(entries: tuple[Entry, ...], layout: Layout) -> list[int]:
     """Places of entries among the numbers of a record."""
     fields: Any = record_for(layout).fields
-    entries = [_ENTRIES.get(name, name) for name in names]
     pairs = [entry if isinstance(entry, tuple) else (entry, 0) for entry in entries]
     return [fields[name][1] // 8 + index for name, index in pairs]
 
 
-def rows_of(records: NDArray, names: Sequence[Entry] = ROWS) -> NDArray[np.float64]:
+def rows_of(records: NDArray, entries: tuple[Entry, ...]) -> NDArray[np.float64]:
     """Return entries of records (n, 1 + k): values, then tangents, which are 0 after a fall.
 
     Returns:
-        Shape (n, names, 1 + k).
+        Shape (n, entries, 1 + k).
     """
     numbers = records.view(float).reshape(*records.shape, -1)
-    rows = numbers.swapaxes(1, 2)[:, _offsets(tuple(names), layout_in(records.dtype))]
+    rows = numbers.swapaxes(1, 2)[:, _offsets(entries, layout_in(records.dtype))]
     rows[records["outcome"][:, 0] > _STRUCK, :, 1:] = 0.0
     return rows
 
@@ -205,7 +231,7 @@ class Walkers:
 
     @cached_property
     def _changes(self) -> dict[str, NDArray[np.float64]]:
-        """How constants change with parameters, as far as anyone has asked."""
+        """How constants change with parameters, as far as they have been asked for."""
         return {}
 
     def bodies(
@@ -303,13 +329,10 @@ class Flow:
     def _shaped(self, each: NDArray) -> NDArray:
         return each if self.instants is None else each.reshape(-1, self.instants, *each.shape[1:])
 
-    def rows(self, names: Sequence[Entry] = ROWS) -> NDArray[np.float64]:
-        """Some entries, as for `rows_of`: values before tangents, which are 0 where a walker fell.
-
-        Returns:
-            Shape (n, names, 1 + k).
-        """
-        return rows_of(self.records, names)
+    @property
+    def rows(self) -> NDArray[np.float64]:
+        """The numbers of `report_of`, as from `rows_of`, (n, entries, 1 + k)."""
+        return rows_of(self.records, report_of(self.system).entries)
 
     @cached_property
     def distance(self) -> NDArray[np.float64]:
@@ -326,23 +349,6 @@ class Flow:
         travelled = np.where(self.struck[:, None], self.records["passed"], places) - before
         travelled[self.outcomes > _STRUCK, 1:] = 0.0
         return travelled
-
-    @property
-    def accelerations(self) -> NDArray[np.float64]:
-        """Of each coordinate where walkers are, (n, 3)."""
-        found = np.empty((len(self.records), self.system.coordinates))
-        record, constants = self.records[:, 0], self.bodies[:, 0]
-        for number, phase in enumerate(self.system.phases):
-            lanes = record["phase"] == number
-            own = constants if len(constants) == 1 else constants[lanes]
-            body, here = self.system.Body(*own.T), record[lanes]
-            state = self.system.State(*states_in(here, self.system.coordinates).T)
-            controls = len(self.system.Control._fields)  # type: ignore[attr-defined]
-            control = self.system.Control(*here["control"].T[:controls])
-            links = phase.accelerations(body, state, control, Ground(*here["ground"].T))
-            each = [links[min(i, phase.links - 1)] for i in range(found.shape[1])]
-            found[lanes] = np.stack(each, axis=-1)
-        return found
 
     @cached_property
     def margins(self) -> NDArray[np.float64]:
@@ -374,10 +380,12 @@ class Flow:
         verge = self.again(lanes, times - _VERGE * (times - began))
         record = verge.records[:, 0]
         states = states_in(record, self.system.coordinates)
-        moving = np.concatenate([np.split(states, 2, axis=1)[1], verge.accelerations], axis=1)
+        phase, ground = self.system.phases[record["phase"][0]], Ground(*record["ground"].T)
+        bodies, held = verge.bodies[:, 0], record["control"]
+        turns = accelerations(self.system, phase, bodies, states, held, ground)
+        moving = np.concatenate([np.split(states, 2, axis=1)[1], turns], axis=1)
         ahead = self.system.State(*(states + 1j * _INFINITESIMAL * moving).T)
-        body, ground = self.system.Body(*verge.bodies[:, 0].T), Ground(*record["ground"].T)
-        phase = self.system.phases[record["phase"][0]]
+        body = self.system.Body(*bodies.T)
         guard = next(guard for guard in phase.guards if guard.outcome == outcome)
         return np.imag(guard.falls(body, ahead, ground)) / _INFINITESIMAL
 
@@ -574,6 +582,29 @@ def _followed(
         from_section=on_section, threads=threads,
     )  # fmt: skip
     return Flow(walkers, system, tangents, bodies, records, began, on_section, instants)
+
+
+def accelerations(
+    system: System,
+    phase: Phase,
+    bodies: NDArray,
+    states: NDArray,
+    controls: NDArray,
+    ground: Ground,
+) -> NDArray[np.float64]:
+    """Of each coordinate, of walkers in a phase, (n, m).
+
+    Args:
+        system: Which equations they obey.
+        phase: The phase.
+        bodies: Their constants, (1 or n, constants).
+        states: Where they are, (n, 2 m).
+        controls: What is held, (n, controls) or more.
+        ground: What they stand on.
+    """
+    held = system.Control(*controls.T[: len(system.Control._fields)])  # type: ignore[attr-defined]
+    links = phase.accelerations(system.Body(*bodies.T), system.State(*states.T), held, ground)
+    return np.stack([links[min(i, phase.links - 1)] for i in range(system.coordinates)], axis=-1)
 
 
 def _places(system: System, bodies: NDArray, states: NDArray) -> NDArray:

@@ -194,8 +194,6 @@ def pushed_off(body, state, push_off, ground):
 class Reactions(NamedTuple):
     """Accelerations, and what carries the walker, in its own units; each of shape (n,) or so.
 
-    For impulses, read: change of rate, impulse, angular impulse.
-
     Attributes:
         accelerations: Angular, of stance leg, thigh and shank, (n, 3).
         normal: Force of the ground away from it.
@@ -211,21 +209,6 @@ class Reactions(NamedTuple):
     tangential: NDArray[np.float64]
     stance_knee: NDArray[np.float64]
     swing_knee: NDArray[np.float64]
-
-
-def _in_own_units(walker: Walker, turns: NDArray, carried: tuple, time: float) -> Reactions:
-    """Reactions from dimensionless ones; `time` is 1, or the time unit of impulses."""
-    units, (tangential, normal, *knees) = units_of(walker), carried
-    torques = np.stack(np.broadcast_arrays(*knees)) * units.energy * time
-    if not walker.knees:
-        torques = np.full_like(torques, np.nan)
-    return Reactions(
-        accelerations=turns.T * units.rate**2 * time,
-        normal=normal * units.force * time,
-        tangential=-tangential * units.force * time,
-        stance_knee=torques[0],
-        swing_knee=torques[1],
-    )
 
 
 def forces(
@@ -258,24 +241,14 @@ def forces(
         here = stages == phase.stage
         for link in range(3):  # the shank of a straight leg goes with the thigh
             turns[link, here] = found[min(link, phase.links - 1)][here]
-    carried = borne(body, state, turns, control, ground)
-    return _in_own_units(walker, turns, carried, 1.0)
-
-
-def impulses(
-    walker: Walker, angles: ArrayLike, jumps: ArrayLike, foot_jump: ArrayLike = (0.0, 0.0)
-) -> Reactions:
-    """Impulses of collisions.
-
-    Args:
-        walker: The walker.
-        angles: Of stance leg, thigh and shank, with the roles that they have afterwards, (n, 3).
-        jumps: Change of their rates, (n, 3).
-        foot_jump: Change of the velocity of the point of the stance foot that touches the ground,
-            downhill and upwards, (2,) or (n, 2).
-    """
-    units = units_of(walker)
-    turns = np.array(jumps, dtype=float).T * units.time
-    foot = np.broadcast_to(foot_jump, (turns.shape[1], 2)).T / units.speed
-    carried = struck(body_of(walker), np.array(angles).T, turns, (-foot[0], foot[1]))
-    return _in_own_units(walker, turns, carried, units.time)
+    tangential, normal, *knees = borne(body, state, turns, control, ground)
+    torques = np.stack(np.broadcast_arrays(*knees)) * units.energy
+    if not walker.knees:
+        torques = np.full_like(torques, np.nan)
+    return Reactions(
+        accelerations=turns.T * units.rate**2,
+        normal=normal * units.force,
+        tangential=-tangential * units.force,
+        stance_knee=torques[0],
+        swing_knee=torques[1],
+    )

@@ -2,41 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol, TypeAlias, runtime_checkable
+from typing import TYPE_CHECKING, Any, TypeAlias, Union
 
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gym_passive_walker.gaits.actuation import PASSIVE, Actuation
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.walkers import Walker, WalkerLike, as_any
 
+if TYPE_CHECKING:  # which imports this module
+    from gym_passive_walker.gaits.gait import Gait
 
-@runtime_checkable
-class Periodic(Protocol):
-    """Protocol of a `Gait`, as far as analyses need it; it avoids an import of `Gait` here."""
-
-    @property
-    def stride_map(self) -> Any:
-        """The `StrideMap` of the gait."""
-        ...
-
-    @property
-    def slope(self) -> float:
-        """Slope in rad."""
-        ...
-
-    @property
-    def period(self) -> int:
-        """Strides until the motion repeats."""
-        ...
-
-    @property
-    def state(self) -> NDArray:
-        """State just after heelstrike, shape (6,)."""
-        ...
-
-
-GaitLike: TypeAlias = Periodic | Section | WalkerLike
+GaitLike: TypeAlias = Union["Gait", Section, WalkerLike]
 """Type of the first argument of analyses of a walk: a gait, a stride map, or a walker."""
 
 
@@ -66,14 +43,13 @@ def walk_of(
     """
     own, period = PASSIVE, 1
     strides: Any = None
-    # An isinstance check of a protocol is slow, so walkers and names skip it.
-    if not isinstance(walker, Walker | str):
-        if isinstance(walker, Periodic):
-            slope = walker.slope if slope is None else slope
-            state = walker.state if state is None else state
-            strides, period = walker.stride_map, walker.period
-        elif isinstance(walker, Section):
-            strides = walker
+    if isinstance(walker, Section):
+        strides = walker
+    elif hasattr(walker, "stride_map"):  # a gait
+        gait: Any = walker
+        slope = gait.slope if slope is None else slope
+        state = gait.state if state is None else state
+        strides, period = gait.stride_map, gait.period
     if strides is not None:
         slope = strides.slope if slope is None else slope
         walker = strides.walker

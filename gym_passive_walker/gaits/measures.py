@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from gym_passive_walker.arguments import check_state, instance, one_slope
-from gym_passive_walker.gaits.forces import impulses
+from gym_passive_walker.gaits.forces import struck
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import State
@@ -105,8 +105,9 @@ def collision_matrix(walker: WalkerLike, stance_angle: float) -> NDArray[np.floa
     if not walker.knees:
         jumps[1, 2] = 1.0
     angles = np.tile([stance_angle, -stance_angle, -stance_angle], (links, 1))
-    given = impulses(walker, angles, jumps)
-    momentum = np.stack([given.tangential, given.normal])
+    units = units_of(walker)
+    back, up, *_ = struck(body_of(walker), angles.T, jumps.T * units.time, (0.0, 0.0))
+    momentum = np.stack([-back, up]) * units.force * units.time
     matrix = walker.total_mass * np.eye(2) - momentum @ np.linalg.solve(mass, momentum.T)
     return 0.5 * (matrix + matrix.T)
 

@@ -106,30 +106,6 @@ def newton(
     return Solution(points, values, sizes, derivatives, carried)
 
 
-def fixed_point(
-    linearized: Callable[[NDArray], tuple[NDArray, NDArray]],
-    guesses: NDArray,
-    *,
-    accuracy: float,
-    damped: bool = True,
-) -> Solution:
-    """Fixed points of a map near guesses.
-
-    Args:
-        linearized: Takes points (n, k) to where the map leads, (n, k), and its derivatives
-            (n, k, k).
-        guesses: (n, k).
-        accuracy: Largest distance between a point and where the map leads.
-        damped: As for `newton`.
-    """
-
-    def equations(points: NDArray) -> tuple[NDArray, NDArray]:
-        ends, derivatives = linearized(points)
-        return ends - points, derivatives - np.eye(points.shape[1])
-
-    return newton(equations, guesses, accuracy=accuracy, damped=damped)
-
-
 def _evaluated(
     equations: Callable[[NDArray], tuple[NDArray, ...]], points: NDArray
 ) -> tuple[NDArray, NDArray, NDArray]:

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.arguments import check_state
 from gym_passive_walker.gaits.gait import Gait, GaitKind, gait_equations, measure
 from gym_passive_walker.gaits.newton import newton
-from gym_passive_walker.gaits.section import Section, logarithms
+from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride_map import MapLike, StrideMap, map_of
 from gym_passive_walker.physics import legs
 from gym_passive_walker.physics.hybrid import SMOOTH, Outcome
@@ -147,7 +147,7 @@ def _grid(walker: Walker, push_off: float) -> tuple[NDArray, NDArray, NDArray | 
     points, *energies = heelstrike(stride_map, angle, stance_rate, swing_rate, push_off)
     shape, lengths = (len(stance), len(angles)), legs.step_length(body_of(walker), angle, angle)
     lost, pushed = ((energy / lengths).reshape(shape) for energy in energies)
-    u, loss = logarithms(points).reshape(*shape, -1), np.log(np.maximum(lost, _LEAST))
+    u, loss = stride_map.chart(points).reshape(*shape, -1), np.log(np.maximum(lost, _LEAST))
     return u, loss, pushed if push_off else 0.0
 
 
@@ -315,7 +315,7 @@ def begin(
     if stride_map.own:
         u = _beside_start(stride_map)
     elif stride_map.controlled:
-        u = stride_map.chart(stride_map.likely(slope))
+        u = stride_map.chart(stride_map.likely(slope))  # type: ignore[attr-defined]
     else:
         u = starts(stride_map, slope)
     if period == 1:

@@ -100,44 +100,30 @@ class Section:
 
     def chart(self, points: NDArray) -> NDArray[np.float64]:
         """Return the coordinates (n, m) of points (n, m) in which gaits are searched for."""
-        return np.array(points) if self.own else logarithms(points)
+        if self.own:
+            return np.array(points)
+        return np.concatenate([np.log(points[:, :1]), points[:, 1:] / points[:, :1]], axis=1)
 
     def from_chart(self, u: NDArray) -> NDArray[np.float64]:
         """Return the points (n, m) at coordinates `u` (n, m) of the chart."""
-        return np.array(u) if self.own else from_logarithms(u)
+        if self.own:
+            return np.array(u)
+        angle = np.exp(u[:, :1])
+        return np.concatenate([angle, u[:, 1:] * angle], axis=1)
 
     def by_chart(self, points: NDArray) -> NDArray[np.float64]:
         """Return the derivative of points (n, m) by their coordinates, (n, m, m)."""
         if self.own:
             return np.tile(np.eye(self.dimension), (len(points), 1, 1))
-        return by_logarithms(points)
+        derivative = points[:, :1, None] * np.eye(self.dimension)
+        derivative[:, :, 0] = points
+        return derivative
 
     def in_chart(self, points: NDArray, changes: NDArray) -> NDArray[np.float64]:
         """Convert changes (n, m, k) of points (n, m) to changes of their coordinates."""
-        return np.array(changes) if self.own else in_logarithms(points, changes)
-
-
-def from_logarithms(u: NDArray) -> NDArray[np.float64]:
-    """Return points (n, m) at logarithmic coordinates (n, m)."""
-    angle = np.exp(u[:, :1])
-    return np.concatenate([angle, u[:, 1:] * angle], axis=1)
-
-
-def logarithms(points: NDArray) -> NDArray[np.float64]:
-    """Return logarithmic coordinates (n, m) of points (n, m)."""
-    return np.concatenate([np.log(points[:, :1]), points[:, 1:] / points[:, :1]], axis=1)
-
-
-def by_logarithms(points: NDArray) -> NDArray[np.float64]:
-    """Return the derivative of points by their logarithmic coordinates, (n, m, m)."""
-    derivative = points[:, :1, None] * np.eye(points.shape[1])
-    derivative[:, :, 0] = points
-    return derivative
-
-
-def in_logarithms(points: NDArray, changes: NDArray) -> NDArray[np.float64]:
-    """Convert changes (n, m, k) of points (n, m) to changes of logarithmic coordinates."""
-    angle = points[:, 0, None, None]
-    relative = changes / angle
-    relative[:, 1:] -= (points[:, 1:, None] / angle) * relative[:, :1]
-    return relative
+        if self.own:
+            return np.array(changes)
+        angle = points[:, 0, None, None]
+        relative = changes / angle
+        relative[:, 1:] -= (points[:, 1:, None] / angle) * relative[:, :1]
+        return relative

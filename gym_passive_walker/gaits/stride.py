@@ -235,10 +235,8 @@ def stride(
     size = state_size(walker)
     states, slopes = check_state(state, size=size), check_slope(slope)  # type: ignore[arg-type]
     actuation = PASSIVE if own else check_actuation(walker, actuation)
-    max_stride_time, end_on_toe_stub = (
-        number(max_stride_time, "max_stride_time", above=0.0),
-        truth(end_on_toe_stub, "end_on_toe_stub"),
-    )
+    max_stride_time = number(max_stride_time, "max_stride_time", above=0.0)
+    end_on_toe_stub = truth(end_on_toe_stub, "end_on_toe_stub")
     threads = None if threads is None else whole(threads, "threads")
     if not callable(backend):
         raise ValueError(f"backend must be a function, such as gpu.advance, not {shown(backend)}")

@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -24,12 +24,12 @@ from gym_passive_walker.gaits.actuation import (
     to_dimensionless,
     to_own,
 )
-from gym_passive_walker.gaits.flow import Flow, Walkers, flow, states_in
+from gym_passive_walker.gaits.flow import Flow, Walkers, accelerations, flow, states_in
 from gym_passive_walker.gaits.passage import Change, Passage, imbalance, product
 from gym_passive_walker.gaits.section import Section
 from gym_passive_walker.gaits.stride import Stride, stride
 from gym_passive_walker.gaits.terrain import Terrain
-from gym_passive_walker.physics.hybrid import Outcome, System
+from gym_passive_walker.physics.hybrid import Ground, Outcome, System
 from gym_passive_walker.progress import progress
 from gym_passive_walker.units import units_of
 from gym_passive_walker.walkers import PARAMETERS, Walker, WalkerLike, as_any
@@ -84,6 +84,9 @@ class StrideMap(Section):
     slope: float | None = None
     terrain: Terrain | None = None
 
+    controlled: ClassVar[bool] = False
+    """Whether a controller observes the walker and sets its torques."""
+
     @classmethod
     def of(
         cls,
@@ -135,11 +138,6 @@ class StrideMap(Section):
     def controller_name(self) -> str:
         """Name of the controller; empty if there is none."""
         return "" if self.passive else str(self.controller)
-
-    @property
-    def controlled(self) -> bool:
-        """Whether a controller observes the walker and sets its torques."""
-        return False
 
     @property
     def exact(self) -> bool:
@@ -242,14 +240,6 @@ class StrideMap(Section):
     def system(self) -> System:
         """The hybrid system: the walker's equations."""
         return self.walkers.system()
-
-    def beginning(self, slopes: ArrayLike) -> NDArray[np.float64]:
-        """Return initial points (n, m) of walks under a controller at some slopes in rad."""
-        raise NotImplementedError
-
-    def likely(self, slope: float) -> NDArray[np.float64]:
-        """Return initial guesses (n, m) for a gait under a controller at a slope in rad."""
-        raise NotImplementedError
 
     def chosen(self, slope: float | None) -> float:
         """Return one slope in rad; the map's own when None."""
@@ -404,10 +394,8 @@ class StrideMap(Section):
         if charted:
             first_column = 1 + list(by).index("point")
             end = first_column + count
-            chart, told = (
-                told[end : end + len(charted)],
-                np.delete(told, np.s_[end : end + len(charted)], axis=0),
-            )
+            extra = slice(end, end + len(charted))
+            chart, told = told[extra], np.delete(told, extra, axis=0)
             names = [x for name in by for x in ([name] * count if name == "point" else [name])]
             for name, change in zip(charted, chart, strict=True):
                 told[1 + names.index(name)] += change
@@ -459,29 +447,6 @@ class StrideMap(Section):
             strides.append(self.stride(here, slope + tilt, **foothold, ahead=seen))
         return strides
 
-    def _footing(
-        self,
-        slope: ArrayLike | None,
-        height_change: ArrayLike | None,
-        slope_change: ArrayLike | None,
-        ahead: NDArray | None,
-    ) -> tuple[Any, ArrayLike, ArrayLike, NDArray]:
-        """Return slope, height change (walker's units), slope change and lookahead of a stride."""
-        slopes: Any = self.slope if slope is None else slope
-        if slopes is None:
-            raise ValueError(_NO_SLOPE)
-        turned = 0.0
-        if height_change is None and slope_change is None and self.terrain is not None:
-            tilt, up, turned = self.ground[0].tolist()
-            slopes, height_change = np.add(slopes, tilt), up * self.walker.leg_length
-        seen = self.ahead(0) if ahead is None else ahead
-        return (
-            slopes,
-            0.0 if height_change is None else height_change,
-            turned if slope_change is None else slope_change,
-            seen,
-        )
-
     def stride(
         self,
         state: ArrayLike,
@@ -502,9 +467,27 @@ class StrideMap(Section):
             slope_change: Slope of the next foothold beyond this one's, in rad.
             ahead: Changes to the footholds ahead that a controller observes, as for `look`.
         """
-        slope, height_change, slope_change, _ = self._footing(
-            slope, height_change, slope_change, ahead
-        )
+        slopes: Any = self.slope if slope is None else slope
+        if slopes is None:
+            raise ValueError(_NO_SLOPE)
+        if height_change is None and slope_change is None and self.terrain is not None:
+            tilt, up, slope_change = self.ground[0].tolist()
+            slopes, height_change = np.add(slopes, tilt), up * self.walker.leg_length
+        return self._taken(
+            state, slopes, 0.0 if height_change is None else height_change,
+            0.0 if slope_change is None else slope_change,
+            self.ahead(0) if ahead is None else ahead,
+        )  # fmt: skip
+
+    def _taken(
+        self,
+        state: ArrayLike,
+        slope: ArrayLike,
+        height_change: ArrayLike,
+        slope_change: ArrayLike,
+        ahead: NDArray,
+    ) -> Stride:
+        """Take the stride of `stride`, of which the ground is known."""
         return stride(
             self.walker, slope, state,
             tolerance=self.tolerance, max_stride_time=self.max_stride_time,
@@ -547,23 +530,12 @@ class StrideMap(Section):
             times: Times since the start, (n, k), in any order. A time after the end of a stride
                 gives its final state.
         """
+        slopes = for_each(slopes, len(points))
         if self.terrain is None:
             return self.look(self.state(points), slopes, times)
         tilt, height_change, slope_change = self.ground[0]
-        here = for_each(slopes, len(points)) + tilt
         return self.look(
-            self.state(points), here, times, height_change, slope_change, self.ahead(0)
-        )
-
-    def _until(self, state: NDArray, slope: float, time: float) -> Flow:
-        """Integrate one walker from a state (1, 6) up to a time."""
-        held, (tilt, height_change, slope_change) = (
-            self._actuations(np.zeros(1, int))[:, :2],
-            self.ground[0],
-        )
-        foothold = {} if self.terrain is None else {"rises": height_change, "turns": slope_change}
-        return flow(
-            self.walkers, state, slope + tilt, controls=held, until=np.array([time]), **foothold
+            self.state(points), slopes + tilt, times, height_change, slope_change, self.ahead(0)
         )
 
     def before_strike(self, point: NDArray, slope: float, strike: float) -> NDArray[np.float64]:
@@ -576,14 +548,14 @@ class StrideMap(Section):
             slope: Slope in rad.
             strike: Time of the kneestrike or the heelstrike since the start.
         """
-        return self.verge(self.state(point[None]), slope, strike)
-
-    def verge(self, state: NDArray, slope: float, strike: float) -> NDArray[np.float64]:
-        """Return the state (6,) just before an impact, from a state (1, 6); see `before_strike`."""
-        time = strike * (1.0 - _VERGE)
-        verge, left = self._until(state, slope, time), strike - time
-        angles, rates = np.split(verge.states[0], 2)
-        change = verge.accelerations[0] * left
+        time, here = strike * (1.0 - _VERGE), slope + self.ground[0, 0]
+        seen, left = self.sample(point[None], slope, np.array([[time]])), strike - time
+        states, stages, controls = (part[:, 0] for part in seen)
+        phase = next(phase for phase in self.system.phases if phase.stage == stages[0])
+        ground = Ground(np.sin(here), np.cos(here))
+        bodies = self.walkers.constants[:, 0]
+        change = left * accelerations(self.system, phase, bodies, states, controls, ground)[0]
+        angles, rates = np.split(states[0], 2)
         return np.concatenate([angles + (rates + 0.5 * change) * left, rates + change])
 
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from gym_passive_walker.arguments import check_state
 from gym_passive_walker.extras import need
 from gym_passive_walker.gaits.dense_stride import states_at
-from gym_passive_walker.gaits.given import GaitLike, Periodic
+from gym_passive_walker.gaits.given import GaitLike
 from gym_passive_walker.gaits.stride import stride
 from gym_passive_walker.gaits.stride_map import MapLike
 from gym_passive_walker.gaits.terrain import Terrain
@@ -92,7 +92,7 @@ def strobe(
     torques: list[float | None] = [None] * strides
     if hip_torque is not None:
         torques = np.broadcast_to(np.asarray(hip_torque, dtype=float), (strides,)).tolist()
-    strides_of = walker.stride_map if isinstance(walker, Periodic) else walker
+    strides_of: Any = getattr(walker, "stride_map", walker)
     return strobe_of(
         walk.walker,
         walk.states[once],

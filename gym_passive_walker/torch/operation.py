@@ -17,10 +17,18 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from gym_passive_walker.arguments import unknown
 from gym_passive_walker.control.ticks import hold, inputs_of
 from gym_passive_walker.engine.layout import layout_of
 from gym_passive_walker.gaits.actuation import Actuation, check_actuation
-from gym_passive_walker.gaits.flow import MIRRORED, Entry, Walkers, go_on, new_records
+from gym_passive_walker.gaits.flow import (
+    MIRRORED,
+    Report,
+    Walkers,
+    go_on,
+    new_records,
+    report_of,
+)
 from gym_passive_walker.physics.hybrid import Outcome
 from gym_passive_walker.physics.systems import UNEVEN, system_of
 from gym_passive_walker.walkers import PARAMETERS, Mechanism, Walker, WalkerError
@@ -30,28 +38,22 @@ class Columns(NamedTuple):
     """Columns of the operation's input and result for a kind of walker.
 
     Attributes:
-        size: Numbers of a state.
+        report: The results; behind them comes the distance.
         controls: Names of inputs that actuators hold; see `control.ticks.inputs_of`.
         inputs: Places of each input besides the state, by name: the slope, the controls, the next
             foothold, and the initial impulse on the hip. Then the coordinates at the beginning of
             the stride (the stance angle if legs mirror each other), and the time limit. Those of
             the differentiated parameters follow.
-        results: Entries of a record that are reported after the state; see `gaits.flow.rows_of`.
     """
 
-    size: int
+    report: Report
     controls: tuple[str, ...]
     inputs: dict[str, list[int]]
-    results: tuple[Entry, ...]
 
     @property
     def width(self) -> int:
         """Number of inputs without parameters."""
         return self.inputs["end"][0] + 1
-
-    def row(self, entry: Entry) -> int:
-        """Column of a result; the last one is "distance"."""
-        return len(self.results) if entry == "distance" else self.results.index(entry)
 
 
 @lru_cache
@@ -59,27 +61,12 @@ def columns_of(walker: Walker) -> Columns:
     """Return the columns of the operation for a walker."""
     system, controls = system_of(walker), inputs_of(walker)
     size, own = 2 * system.coordinates, isinstance(walker, Mechanism)
-    room = layout_of(system).links
     starts = system.coordinates if own else 1
     names = ("slope", *controls, *UNEVEN, "push", *("start",) * starts, "end")
-    places = [i + half for half in (0, room) for i in range(system.coordinates)]
-    return Columns(
-        size=size,
-        controls=controls,
-        inputs={
-            name: [size + i for i, each in enumerate(names) if each == name] for name in names
-        },
-        results=(
-            *(("state", i) for i in places), *_MEASURES,
-            *((name, j) for name in ("moved", "turned") for j in range(len(system.works))),
-        ),
-    )  # fmt: skip
+    inputs = {name: [size + i for i, each in enumerate(names) if each == name] for name in names}
+    return Columns(report_of(system), controls, inputs)
 
 
-_MEASURES = (
-    "time", "knee_time", "knee_loss", "heel_loss", "step_length", "gravity_work", "spring_work",
-    "friction_loss", "push_work",
-)  # fmt: skip
 _INFINITESIMAL = 1e-100  # complex step: its square underflows to zero
 _RUNNING, _STRUCK, _STALLED, _DIVERGED = map(
     int, (Outcome.RUNNING, Outcome.HEELSTRIKE, Outcome.STALLED, Outcome.DIVERGED)
@@ -133,7 +120,12 @@ class FlowResult(NamedTuple):
 
     def result(self, *entry: Any) -> Tensor:
         """Return one of the results, (n,): "time", or "moved", 0."""
-        return self.values[:, self.columns.row(entry[0] if len(entry) == 1 else entry)]
+        return self.values[:, self.columns.report.at[entry[0] if len(entry) == 1 else entry]]
+
+    @property
+    def distance(self) -> Tensor:
+        """How far hips have come, (n,)."""
+        return self.values[:, -1]
 
     @property
     def walks(self) -> Tensor:
@@ -143,7 +135,7 @@ class FlowResult(NamedTuple):
     @property
     def states(self) -> Tensor:
         """Final states, (n, 6), or (n, 2 m) of a `System`."""
-        return self.values[:, : self.columns.size]
+        return self.values[:, : self.columns.report.size]
 
 
 def carry_on(inputs: Tensor, phases: Tensor, going: Tensor, options: FlowOptions) -> FlowResult:
@@ -239,8 +231,8 @@ def _walked(
 ) -> tuple[NDArray, NDArray, NDArray, NDArray, NDArray]:
     """Compute the fields of `FlowResult` as arrays."""
     walker, count, columns = options.walker, len(inputs), columns_of(options.walker)
-    size, names = columns.size, columns.inputs
-    values = np.zeros((count, len(columns.results) + 1))
+    size, names = columns.report.size, columns.inputs
+    values = np.zeros((count, len(columns.report.entries) + 1))
     values[:, :size] = inputs[:, :size]
     jacobians = np.zeros((*values.shape, inputs.shape[1]))
     after, margins = phases.copy(), np.full(count, np.inf)
@@ -271,14 +263,14 @@ def _walked(
         states, held["slope"], end=held["end"], height_change=held["height_change"],
         slope_change=held["slope_change"], layout=layout_of(walkers.system()),
     )  # fmt: skip
-    for motor, name in enumerate(columns.controls):
-        hold(records, motor, held[name])
+    motors = [names[name][0] for name in columns.controls]
+    hold(records, range(len(motors)), own[:, motors])
     records["phase"][:, 0] = phases[lanes]
     if "start" in options.using:
         records["start"][:, 0, : begun.shape[1]] = begun
     by = [name for name in options.by if name != "push"]
     walked = go_on(walkers, records, ("state", *by), on_section=options.whole)
-    told = np.concatenate([walked.rows(columns.results), walked.distance[:, None]], axis=1)
+    told = np.concatenate([walked.rows, walked.distance[:, None]], axis=1)
     of_parameters = {name: [columns.width + i] for i, name in enumerate(options.parameters)}
     moving = [*range(size), *(i for name in by for i in (names | of_parameters)[name])]
     values[lanes] = told[:, :, 0]
@@ -373,9 +365,7 @@ def check_parameters(walker: Walker, parameters: Mapping[str, Any] | None) -> di
         WalkerError: if the walker has no such parameter.
     """
     given = dict(parameters or {})
-    known = walker.body._fields if isinstance(walker, Mechanism) else PARAMETERS
-    if unknown := sorted(set(given) - set(known)):
-        raise WalkerError(
-            f"this walker has no parameter {', '.join(unknown)}: choose from {', '.join(known)}"
-        )
+    known = walker.body._fields if isinstance(walker, Mechanism) else tuple(PARAMETERS)
+    if strange := unknown(given, known, "this walker"):
+        raise WalkerError(strange)
     return {name: as_tensor(value, name) for name, value in given.items()}

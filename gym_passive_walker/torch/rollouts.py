@@ -284,10 +284,8 @@ def _tick(
         Per-step fields of `Rollout` from `rewards` to `margins`, in order; and the final state.
     """
     seen, going = observed(scene, here), here.going
-    actions, wanted = (
-        as_tensor(policy(seen), "the policy's action"),
-        (len(seen), len(scene.actions)),
-    )
+    actions = as_tensor(policy(seen), "the policy's action")
+    wanted = len(seen), len(scene.actions)
     if actions.shape != wanted and (actions.shape != wanted[:1] or wanted[1] > 1):
         raise ValueError(
             f"a policy gives one action for each of {wanted[0]} walkers and each of its motors "
@@ -322,7 +320,7 @@ def _tick(
     outcomes = torch.where(stalled & going, _STALLED, moved.outcomes)
     walks = outcomes <= _STRUCK
     # A fall subtracts the distance that was rewarded earlier in the unfinished stride.
-    distances = torch.where(walks, moved.result("distance"), 0.0 - here.progress)
+    distances = torch.where(walks, moved.distance, 0.0 - here.progress)
     energies = torch.zeros_like(distances)
     charged, works = task.ENERGIES.index(scene.energy), _works(scene)
     for j, (name, work) in enumerate(zip(scene.channels, works, strict=False)):

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from gym_passive_walker.arguments import check_tolerance
+from gym_passive_walker.arguments import check_tolerance, unknown
 from gym_passive_walker.envs.task import ENERGIES, motor_charge
 from gym_passive_walker.gaits.actuation import Actuation, actuation_units
 from gym_passive_walker.gaits.flow import LONGEST_STRIDE
@@ -166,30 +166,7 @@ def stride(
         controls, parameters,
         end=max_stride_time, tolerance=tolerance, end_on_toe_stub=end_on_toe_stub, whole=True,
     )  # fmt: skip
-    knee_loss, heel_loss, gravity, springs, friction, pushed = walk.energies(
-        "knee_loss", "heel_loss", "gravity_work", "spring_work", "friction_loss", "push_work"
-    )
-    moved, units = walk.moved, walk.units
-    told = Stride(
-        state=walk.state,
-        duration=moved.result("time") * units.time,
-        kneestrike_time=moved.result("knee_time") * units.time,
-        step_length=moved.result("step_length") * units.length,
-        hip_work=walk.work(walk.hip, "net"),
-        hip_work_absolute=walk.work(walk.hip, "absolute"),
-        kneestrike_loss=knee_loss,
-        heelstrike_loss=heel_loss,
-        gravity_work=gravity,
-        spring_work=springs,
-        friction_loss=friction,
-        ankle_work=walk.work(walk.ankle, "net"),
-        ankle_work_absolute=walk.work(walk.ankle, "absolute"),
-        push_off_work=pushed,
-        outcome=moved.outcomes,
-        walks=moved.walks,
-        margin=moved.margins,
-    )
-    return told if walk.several else Stride(*(x[0] for x in told))
+    return walk.told(Stride)
 
 
 def tick(
@@ -251,27 +228,23 @@ def tick(
         controls, parameters,
         duration=duration, phase=phase, tolerance=tolerance, end_on_toe_stub=end_on_toe_stub,
     )  # fmt: skip
-    moved, units = walk.moved, walk.units
-    knee_loss, heel_loss, friction, pushed = walk.energies(
-        "knee_loss", "heel_loss", "friction_loss", "push_work"
-    )
-    told = Tick(
-        state=walk.state,
-        phase=moved.phases,
-        duration=moved.result("time") * units.time,
-        distance=moved.result("distance") * units.length,
-        hip_work=walk.work(walk.hip, "net"),
-        hip_work_absolute=walk.work(walk.hip, "absolute"),
-        collision_loss=knee_loss + heel_loss,
-        friction_loss=friction,
-        ankle_work=walk.work(walk.ankle, "net"),
-        ankle_work_absolute=walk.work(walk.ankle, "absolute"),
-        push_off_work=pushed,
-        outcome=moved.outcomes,
-        walks=moved.walks,
-        margin=moved.margins,
-    )
-    return told if walk.several else Tick(*(x[0] for x in told))
+    return walk.told(Tick)
+
+
+_Told = TypeVar("_Told", Stride, Tick)
+
+_IN_UNITS = {
+    "duration": ("time", "time"),
+    "kneestrike_time": ("knee_time", "time"),
+    "step_length": ("step_length", "length"),
+    "kneestrike_loss": ("knee_loss", "energy"),
+    "heelstrike_loss": ("heel_loss", "energy"),
+    "gravity_work": ("gravity_work", "energy"),
+    "spring_work": ("spring_work", "energy"),
+    "friction_loss": ("friction_loss", "energy"),
+    "push_off_work": ("push_work", "energy"),
+}
+"""Of each name that is reported the result and its unit."""
 
 
 class _Walk(NamedTuple):
@@ -287,21 +260,34 @@ class _Walk(NamedTuple):
 
     @property
     def state(self) -> Tensor:
-        states, half = self.moved.states, self.moved.columns.size // 2
+        states, half = self.moved.states, self.moved.columns.report.size // 2
         return torch.cat([states[:, :half], states[:, half:] / self.time], 1)
 
-    @property
-    def hip(self) -> range:
-        """Places of the controls that count as the hip's: all of a `System`."""
-        return range(len(self.works) if self.own else 1)
-
-    @property
-    def ankle(self) -> range:
-        """Places of those that count as the ankle's."""
-        return range(0 if self.own else 1, 0 if self.own else 2)
-
-    def energies(self, *names: str) -> list[Tensor]:
-        return [self.moved.result(name) * self.units.energy for name in names]
+    def told(self, kind: type[_Told]) -> _Told:
+        """What is reported: a `Stride` or a `Tick`."""
+        moved, units, own = self.moved, self.units, self.own
+        told = {
+            "state": self.state,
+            "phase": moved.phases,
+            "outcome": moved.outcomes,
+            "walks": moved.walks,
+            "margin": moved.margins,
+        }
+        for name, (entry, unit) in _IN_UNITS.items():
+            if name in kind._fields:
+                told[name] = moved.result(entry) * getattr(units, unit)
+        if kind is Tick:
+            knee, heel = (moved.result(name) * units.energy for name in ("knee_loss", "heel_loss"))
+            told |= {"distance": moved.distance * units.length, "collision_loss": knee + heel}
+        # All controls of a `System` count as the hip's.
+        for name, controls in (
+            ("hip", range(len(self.works) if own else 1)),
+            ("ankle", range(0 if own else 1, 0 if own else 2)),
+        ):
+            told[f"{name}_work"] = self.work(controls, "net")
+            told[f"{name}_work_absolute"] = self.work(controls, "absolute")
+        each = (told[name] for name in kind._fields)
+        return kind._make(each if self.several else (x[0] for x in each))
 
     def work(self, controls: range, kind: str) -> Tensor:
         """Work of some controls, (n,); without gradient where a walker fell."""
@@ -336,7 +322,7 @@ def _walk(
     units = units_of(varied(walker, given) if given and not own else walker)
     states, phases = as_tensor(state, "state"), torch.as_tensor(phase, dtype=torch.int64)
     columns, wanted = columns_of(walker), _controls(walker, actuation, met, controls)
-    starts, size = columns.inputs["start"], columns.size
+    starts, size = columns.inputs["start"], columns.report.size
     names = (*columns.controls, *UNEVEN, "push", *("start",) * len(starts))
     given_held = (*wanted, *met, *(0.0,) * len(starts))
     motors = (1.0,) * len(wanted) if own else actuation_units(units)
@@ -413,9 +399,6 @@ def _controls(
             f"the system {walker.title!r} takes no {' or '.join(used)}: give controls, and "
             "footholds that differ in height"
         )
-    if strange := sorted(set(asked) - set(walker.controls)):
-        raise ValueError(
-            f"the system {walker.title!r} has no control {', '.join(strange)}: choose from "
-            f"{', '.join(walker.controls) or 'none'}"
-        )
+    if strange := unknown(asked, walker.controls, f"system {walker.title!r}"):
+        raise ValueError(strange)
     return tuple(asked.get(name, 0.0) for name in walker.controls)

@@ -270,8 +270,7 @@ class LiveWalk:
         strides = self.map
         if isinstance(strides, ControlledMap):
             slopes = np.array([self.setup.slope])
-            held, self._memory = strides.act(self._records, slopes, self._memory, self._steps)
-            strides.command(self._records, held)
+            self._memory = strides.act(self._records, slopes, self._memory, self._steps)
         else:
             self._record["control"][0] = strides.actuation.hip_torque
         self._steps += 1

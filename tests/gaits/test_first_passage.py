@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from gym_passive_walker import WALKERS, find_gait, rough
-from gym_passive_walker.gaits import first_passage as module
-from gym_passive_walker.gaits.first_passage import FirstPassage, first_passage, walks
+from gym_passive_walker.gaits.first_passage import SETTLING, FirstPassage, survivors
 from gym_passive_walker.gaits.flow import Walkers
 from gym_passive_walker.physics import legs, simplest
 from gym_passive_walker.physics.hybrid import Outcome, Phase, Reset, Stage, Strike, System
@@ -103,16 +102,18 @@ START = legs.straight(HALF, 3.0 * HALF, steady_rate(), steady_rate())
 def test_a_wheel_on_smooth_ground_keeps_its_rate():
     apex = math.sqrt(steady_rate() ** 2 - 2.0 * (1.0 - math.cos(HALF - SLOPE)))
     assert apex * math.sqrt(9.8) == pytest.approx(1.209733838, rel=1e-9)
-    crowd = walks(replace(WHO, tolerance=1e-12), START, SLOPE, rough(), walkers=2)
-    assert [next(crowd) for _ in range(50)] == [2] * 50
+    exact = replace(WHO, tolerance=1e-12)
+    left = survivors(exact, START, SLOPE, rough(), walkers=2, strides=50)
+    assert left.tolist() == [2] * 51
 
 
 @pytest.mark.parametrize("degrees", LASTS)
 def test_wheels_that_walk_fall_as_often_as_the_eigenvalue_says(degrees):
-    found = first_passage(
-        WHO, START, SLOPE, rough(slope_std=math.radians(degrees)),
-        walkers=2000, strides=int(400 * LASTS[degrees] / 2000) + 20, seed=1,
-    )  # fmt: skip
+    ground = rough(slope_std=math.radians(degrees))
+    strides = SETTLING + int(400 * LASTS[degrees] / 2000) + 20
+    found = FirstPassage.of(
+        survivors(WHO, START, SLOPE, ground, walkers=2000, strides=strides, seed=1)
+    )
     assert found.falls > 150
     assert abs(found.mean - LASTS[degrees]) < 3.0 * found.error
 
@@ -143,18 +144,16 @@ def test_of_walkers_that_fall_before_any_stride_counts_nothing_is_known_but_that
 def test_a_kneed_walker_lasts_the_longer_the_smoother_the_ground():
     walker, gait = WALKERS["C"], find_gait("C", 0.05)
     state = units_of(walker).to_dimensionless(gait.state)
+    kind = Walkers(walker=walker, tolerance=1e-8)
     lasts = [
-        first_passage(
-            Walkers(walker=walker, tolerance=1e-8), state, 0.05, rough(height_std),
-            walkers=400, strides=60,
+        FirstPassage.of(
+            survivors(kind, state, 0.05, rough(std), walkers=400, strides=SETTLING + 60)
         ).mean
-        for height_std in (0.004, 0.002)
-    ]  # fmt: skip
+        for std in (0.004, 0.002)
+    ]
     assert lasts[0] < lasts[1]
 
 
-def test_falls_are_counted_among_all_who_begin_a_stride_once_they_have_settled(monkeypatch):
-    monkeypatch.setattr(module, "walks", lambda *told, **options: iter([90, 60, 30, 0]))
-    asked = WHO, np.zeros(6), 0.0, rough(0.1)
-    found = first_passage(*asked, walkers=100, strides=9, settling=1)
+def test_falls_are_counted_among_all_who_begin_a_stride_once_they_have_settled():
+    found = FirstPassage.of(np.array([100, 90, 60, 30, 0, 0]), settling=1)
     assert found == FirstPassage(falls=30 + 30 + 30, strides=90 + 60 + 30)

@@ -14,7 +14,7 @@ from examples.torso import TORSO
 from gym_passive_walker.control.baselines import LinearFeedback
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.gaits import first_passage_mesh as module
-from gym_passive_walker.gaits.first_passage import first_passage
+from gym_passive_walker.gaits.first_passage import SETTLING, FirstPassage, survivors
 from gym_passive_walker.gaits.first_passage_mesh import MeshPassage, mesh_passage
 from gym_passive_walker.gaits.flow import Walkers
 from gym_passive_walker.units import units_of
@@ -66,10 +66,12 @@ def lab_map(slope: float = SLOPE):
 def test_a_mesh_agrees_with_walkers_that_fall():
     strides, state = lab_map()
     ground = gpw.rough(height_std=0.002)
-    sampled = first_passage(
+    left = survivors(
         Walkers(walker=strides.walker, tolerance=1e-8),
-        units_of(strides.walker).to_dimensionless(state), SLOPE, ground, walkers=4000, strides=100,
+        units_of(strides.walker).to_dimensionless(state), SLOPE, ground, walkers=4000,
+        strides=SETTLING + 100,
     )  # fmt: skip
+    sampled = FirstPassage.of(left)
     found = mesh_passage(strides, state, ground, states=400)
     assert abs(found.mean - sampled.mean) < 0.1 * sampled.mean
     assert 400 <= found.states < 1600 and found.strides > 400

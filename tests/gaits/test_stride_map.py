@@ -9,14 +9,8 @@ import pytest
 from gym_passive_walker import WALKERS, Outcome, find_gait, stride, stride_jacobian
 from gym_passive_walker.gaits.actuation import Actuation
 from gym_passive_walker.gaits.dense_stride import states_at
-from gym_passive_walker.gaits.newton import fixed_point, newton
+from gym_passive_walker.gaits.newton import newton
 from gym_passive_walker.gaits.passage import Change
-from gym_passive_walker.gaits.section import (
-    by_logarithms,
-    from_logarithms,
-    in_logarithms,
-    logarithms,
-)
 from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.units import growth, units_of
 from gym_passive_walker.walkers import PARAMETERS
@@ -226,19 +220,20 @@ def test_the_verge_of_a_strike_is_the_same_in_any_units():
 
 def test_logarithmic_coordinates_come_back_and_have_exact_derivatives():
     points = np.abs(np.random.default_rng(3).standard_normal((5, 4)))
-    np.testing.assert_allclose(from_logarithms(logarithms(points)), points, rtol=1e-14)
-    both = in_logarithms(points, by_logarithms(points))
+    section = StrideMap.of("lab")
+    np.testing.assert_allclose(section.from_chart(section.chart(points)), points, rtol=1e-14)
+    both = section.in_chart(points, section.by_chart(points))
     np.testing.assert_allclose(both, np.broadcast_to(np.eye(4), (5, 4, 4)), atol=1e-14)
 
 
 def test_a_gait_is_a_fixed_point_of_the_stride_map():
     walker_map, slope, points = beside_each("lab", 2)
 
-    def linearized(points):
+    def equations(points):
         passage, change = walker_map.linearize(points, slope)
-        return passage.ends, change.ends
+        return passage.ends - points, change.ends - np.eye(points.shape[1])
 
-    found = fixed_point(linearized, points, accuracy=1e-12)
+    found = newton(equations, points, accuracy=1e-12)
     gait = walker_map.points_at(find_gait("lab", slope).state)
     np.testing.assert_allclose(found.points, np.repeat(gait, 2, axis=0), rtol=1e-10)
 

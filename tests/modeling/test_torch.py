@@ -134,11 +134,11 @@ def test_what_a_system_does_not_have_is_refused():
         gt.stride(DRIVEN, SLOPE, state, hip_torque=0.1)
     with pytest.raises(ValueError, match="takes no slope_change"):
         gt.stride(DRIVEN, SLOPE, state, slope_change=0.1)
-    with pytest.raises(ValueError, match="has no control knee: choose from hip"):
+    with pytest.raises(ValueError, match=r"has no knee.*; it has hip"):
         gt.stride(DRIVEN, SLOPE, state, controls={"knee": 0.1})
     with pytest.raises(ValueError, match="controls are those of a System"):
         gt.stride("lab", SLOPE, np.zeros(6), controls={"hip": 0.1})
-    with pytest.raises(ValueError, match=r"no parameter hip_mass: choose from"):
+    with pytest.raises(ValueError, match=r"this walker has no hip_mass.*; it has "):
         gt.stride(DRIVEN, SLOPE, state, parameters={"hip_mass": 1.0})
     with pytest.raises(ValueError, match=r"state must have shape \(4,\)"):
         gt.stride(DRIVEN, SLOPE, np.zeros(6))
