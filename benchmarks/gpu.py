@@ -106,8 +106,8 @@ def carried() -> None:
 
 def _strides(p: Any, tolerance: float, count: int, exact: Any) -> tuple[float, float]:
     """Error of the problem's strides on the GPU, and strides per second."""
-    fresh = device.put(engine.crowd(p, count))
-    body, records = device.put(np.array(p.body)[None, None]), device.put(engine.crowd(p, count))
+    fresh = device.put(engine.new_batch(p, count))
+    body, records = device.put(np.array(p.body)[None, None]), device.put(engine.new_batch(p, count))
     begin = _finished(lambda: _copied(records, fresh))
 
     def job() -> None:

@@ -20,7 +20,7 @@ _TOLERANCES = (1e-4, 1e-8, 1e-12)
 _ROUNDING = 1e-14  # of energies over m g l; a walker almost at rest has much smaller energies
 
 
-def crowd(rng: np.random.Generator, kind: int) -> Flock:
+def random_flock(rng: np.random.Generator, kind: int) -> Flock:
     """Walkers of random shapes with knees (0) or straight legs (1), or simplest walkers (2)."""
     if kind == 2:
         return flock(WALKERS["D"])
@@ -31,7 +31,7 @@ def crowd(rng: np.random.Generator, kind: int) -> Flock:
 @case(
     TOPIC,
     "Walkers of random shapes, thrown any way, pushed by any torque: each stride has an outcome, "
-    "finite numbers, and a ledger that closes as well as it is integrated",
+    "finite numbers, and an energy balance that closes as well as it is integrated",
     quick=60_000, long=10_000_000, bound=1000.0, unit="tolerance × energy of its angles and rates",
 )  # fmt: skip
 def any_walker(count: int, rng: np.random.Generator) -> Finding:
@@ -40,7 +40,7 @@ def any_walker(count: int, rng: np.random.Generator) -> Finding:
     portion = _SHAPES * _THROWS
     for turn in range(max(3, count // portion)):
         kind = turn % 3
-        mine = crowd(rng, kind)
+        mine = random_flock(rng, kind)
         states, slope, torque = random_throws(rng, portion, kind != 0)
         tolerance = float(rng.choice(_TOLERANCES))
         walks = mine.follow(
@@ -50,7 +50,7 @@ def any_walker(count: int, rng: np.random.Generator) -> Finding:
         tried += portion
         failed += int((~known).sum())
         if mine.works:
-            missing, moved = mine.books(states, walks)
+            missing, moved = mine.energy_balance(states, walks)
             # The tolerance is relative to the largest angle or angular velocity, so a slow walker's
             # error may exceed its energies.
             largest = np.maximum(np.abs(states), np.abs(walks["state"])).max(axis=1)

@@ -95,7 +95,7 @@ def test_a_signal_is_a_wish_that_is_met_between_updates():
     assert reached == [0, 40] and model.num_timesteps == 40
 
 
-def test_progress_is_told_with_each_step():
+def test_progress_is_reported_at_each_step():
     model, bar = Model(), tqdm(total=100, file=io.StringIO())
     milestones = Milestones(100, lambda seconds: None, StopRequest(), bar)
     milestones.init_callback(model)

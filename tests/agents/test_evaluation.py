@@ -103,7 +103,7 @@ def test_rows_hold_every_episode(tmp_path):
     assert [float(row["distance"]) for row in rows] == [10.0, 20.0, 0.2]
 
 
-def test_episodes_are_the_same_for_every_agent_and_every_crowd():
+def test_episodes_are_the_same_for_every_agent_and_every_batch():
     config = configure(env={"slope": [0.02, 0.04]})
     few, many = (evaluate(Passive(), envs.arena(config, n), seed=3) for n in (2, 5))
     for name in ("slopes", "distance", "strides", "reward", "duration"):

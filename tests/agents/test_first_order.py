@@ -127,7 +127,7 @@ def test_an_update_moves_actions_up_their_gradients():
     told = {}
 
     class Watched(SHAC):
-        """SHAC that tells what it learns from."""
+        """SHAC that records what it learns from."""
 
         def _gradients(self, seen):
             told["gains"], costates = super()._gradients(seen)

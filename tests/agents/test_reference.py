@@ -1,7 +1,7 @@
-"""Both learners beside a plain reference: the worth of a time limit, and clipping of gradients.
+"""Both learners beside a plain reference: the value at a time limit, and clipping of gradients.
 
-Here everything is a loop over steps and walkers. A fall is worth nothing afterwards; a walker whose
-time is up would have walked on, so the critic says what the rest is worth.
+The reference loops over steps and walkers. The value after a fall is zero. A walker at its time
+limit would have walked on, so the critic gives the value of the rest.
 """
 
 import dataclasses
@@ -20,7 +20,7 @@ WALKERS, STEPS, LIMIT = 8, 48, 14
 
 
 def untrained(algo, **hyperparams):
-    """An agent whose episodes are short, and end by falls and by the time limit."""
+    """An agent with short episodes, which end by falls and by the time limit."""
     config = dataclasses.replace(
         configure(algo, "level", n_envs=WALKERS),
         episode_steps=LIMIT, normalize=None, exploration=None,

@@ -152,7 +152,7 @@ def test_a_checkpoint_brings_back_all_that_an_agent_remembers(tmp_path):
 
 
 def exams(monkeypatch, rewards, tell):
-    """Let evaluations come out as told, and look at each."""
+    """Replace evaluations by given results, and record each."""
     left = iter(rewards)
 
     def told(policy, arena, *, seed):

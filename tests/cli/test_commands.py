@@ -1,4 +1,4 @@
-"""What people and programs are told by `passive-walker`."""
+"""Output of `passive-walker` for people and for programs."""
 
 import csv
 import json
@@ -227,7 +227,7 @@ def test_what_is_said_of_the_walkers_is_true(told):
     assert list(rows) == list(gpw.WALKERS) == list(ABOUT)
     for name, walker in gpw.WALKERS.items():
         about = rows[name]["about"]
-        if name not in ("F", "lab-straight"):  # told by another's
+        if name not in ("F", "lab-straight"):  # their text refers to another walker
             assert ("straight legs" in about) == (not walker.knees)
             assert ("round feet" in about) == (walker.foot_radius > 0.0)
         if "tuned" in about:
@@ -235,7 +235,7 @@ def test_what_is_said_of_the_walkers_is_true(told):
             assert off > 1e-2 if "not tuned" in about else off < 1e-3
 
 
-def test_how_far_a_walker_is_off_tuning_is_told_whichever_way_it_is_off(capsys):
+def test_tuning_errors_are_printed_whichever_sign_they_have(capsys):
     assert main(["walkers"]) == 0
     head, *rows = (re.split(r"\s{2,}", x.strip()) for x in capsys.readouterr().out.splitlines())
     column = head.index("off tuning (legs)")
@@ -247,7 +247,7 @@ def test_how_far_a_walker_is_off_tuning_is_told_whichever_way_it_is_off(capsys):
         assert off == pytest.approx(max(map(abs, errors[name])), rel=1e-3, abs=1e-12)
 
 
-def test_a_gait_is_told_to_the_last_digit(told):
+def test_a_gait_is_printed_to_the_last_digit(told):
     (gait,) = told("gait", "lab", 0.036)
     exact = gpw.find_gait("lab", 0.036)
     assert gait["state"] == exact.state.tolist()
@@ -365,7 +365,7 @@ def test_a_terrain_is_understood_however_it_is_written(text, terrain, mine):
     assert parser().parse_args(["evaluate", "level-ppo", "--terrain", text]).terrain == terrain
 
 
-def test_a_walk_over_rough_ground_is_told_as_it_is_walked(told, mine):
+def test_a_walk_over_rough_ground_is_printed_as_simulated(told, mine):
     ground = ["--terrain", "rough:height_std=0.002,slope_std=0.005", "--terrain-seed", 3]
     rows = told("simulate", "lab", 0.036, "--strides", 5, *ground, "--out", "walk.csv")
     state, terrain = gpw.find_gait("lab", 0.036).state, gpw.rough(0.002, 0.005)
@@ -378,7 +378,7 @@ def test_a_walk_over_rough_ground_is_told_as_it_is_walked(told, mine):
     assert other[1]["stance_angle"] != rows[1]["stance_angle"]
 
 
-def test_agents_are_judged_on_the_ground_that_was_asked_for(told):
+def test_agents_are_evaluated_on_the_given_ground(told):
     smooth, bumpy = (
         told("evaluate", "level-ppo", "--episodes", 2, *ground)
         for ground in ([], ["--terrain", "rough:height_std=0.004"])
@@ -408,7 +408,7 @@ def test_a_missing_library_is_named_before_anything_is_computed(monkeypatch, cap
         assert f"needs {module}" in said and 'pip install "gym-passive-walker[' in said
 
 
-def test_a_family_is_told_with_its_ends(told, capsys):
+def test_a_family_is_printed_with_its_ends(told, capsys):
     family, exact = told("family", "D", 0.005, 0.02), gpw.gait_family("D", 0.005, 0.02)
     assert family["gaits"]["stance_angle"] == exact.stance_angle.tolist()
     assert family["period_doublings"] == list(exact.period_doublings) != []
@@ -450,7 +450,7 @@ def test_a_walk_on_its_gait_repeats_itself(told):
     assert angles == pytest.approx([gpw.find_gait("lab", 0.036).stance_angle] * 4, rel=1e-9)
 
 
-def test_a_walk_that_falls_is_told_to_its_end(told):
+def test_a_walk_that_falls_is_printed_to_its_end(told):
     start = [0.3, -0.3, -0.3, -0.5, -0.5, -0.5]
     strides = told("simulate", "lab", 0.036, "--state", *start)
     assert strides[-1]["outcome"] != "HEELSTRIKE" and strides[-1]["step_length"] is None
@@ -560,7 +560,7 @@ def test_after_the_warm_up_nothing_compiles(tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_whoever_has_read_enough_may_stop_reading():
+def test_a_reader_of_the_output_may_stop_reading():
     line = f"{sys.executable} -m gym_passive_walker walkers | head -c 1"
     done = subprocess.run(
         ["bash", "-c", f"set -o pipefail; {line}"], capture_output=True, text=True

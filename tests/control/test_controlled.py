@@ -67,7 +67,7 @@ def test_derivatives_are_those_of_the_network(strides):
         np.testing.assert_allclose(exact[:, j], difference, atol=1e-6 * scale, err_msg=str(j))
 
 
-def test_under_a_policy_the_books_close(strides):
+def test_the_energy_balance_closes_under_a_policy(strides):
     """What gravity and motors give, collisions take: on a gait both are the same."""
     point = strides.points_at(gpw.closed_loop_gait(strides.controller).state)
     passage = strides.apply(point)
@@ -158,7 +158,7 @@ def test_a_policy_without_a_derivative_is_differentiated_by_differences():
         exact.linearize(point, by=("push_off",))
 
 
-def test_walkers_of_a_crowd_are_each_alone_and_falls_are_none():
+def test_walkers_of_a_batch_are_each_alone_and_falls_are_none():
     strides = gpw.stride_map(controller="steep-ppo")
     points = np.repeat(point_of(strides), 4, axis=0)
     points[1, 1] = -0.01  # too slow for the top
@@ -220,7 +220,7 @@ def test_a_driven_walker_has_a_bifurcation_diagram_too():
 
 @pytest.mark.parametrize("name", ["level-ppo", "rolling-ppo", "push-off-ppo"])
 def test_samples_and_ledgers_are_of_the_stride_that_the_map_takes(name):
-    """Inside a stride as at its end, alone as in a crowd."""
+    """Inside a stride and at its end, alone and in a batch."""
     strides = gpw.stride_map(controller=name)
     points = point_of(strides) * np.array([[1.0], [1.003]])
     passage, walk = strides.apply(points), strides.stride(strides.states_at(points))
@@ -280,7 +280,7 @@ STAIRS = {
 
 @pytest.mark.parametrize("name", STAIRS)
 @pytest.mark.parametrize("controller", [None, Actuation(hip_torque=0.02)])
-def test_a_gait_on_steps_repeats_as_its_ground_does_and_its_books_close(name, controller):
+def test_a_gait_on_steps_repeats_as_its_ground_does_and_its_energy_balance_closes(name, controller):
     """Stride by stride on each foothold, as `gpw.stride` takes them."""
     walker, slope, ground = STAIRS[name]
     strides = gpw.stride_map(walker, slope, controller=controller, terrain=ground)
@@ -305,7 +305,7 @@ def test_a_gait_on_steps_repeats_as_its_ground_does_and_its_books_close(name, co
 @pytest.mark.parametrize("name", STAIRS)
 @pytest.mark.parametrize("controller", ["nothing", "policy"])
 def test_derivatives_on_steps_are_those_of_differences(name, controller):
-    """By the point, whose leg behind stands on the foothold before; the slope; and a length."""
+    """By the point, with the rear leg on the previous foothold; by the slope; and by a length."""
     walker, slope, ground = STAIRS[name]
     scene = {"walker": walker, "slope": slope, "control": "stride", "max_hip_torque": 0.01}
     who = {"controller": lambda seen: np.zeros((len(seen), 1)), "scene": scene}

@@ -91,7 +91,7 @@ def test_walkers_that_differ_strike_each_in_its_own_time(monkeypatch):
 
 @pytest.fixture(scope="module")
 def stubbing():
-    """A point and a torque whose stride stubs its toe, if that is a rule."""
+    """A point and a torque for which the stride stubs its toe, if that ends it."""
     random, section, units = np.random.default_rng(0), Section(walker=WALKER), units_of(WALKER)
     point = section.points_at(gpw.find_gait(WALKER, 0.02).state)[0]
     points = point * (1.0 + 0.3 * random.uniform(-1.0, 1.0, (4000, 4)))
@@ -148,7 +148,7 @@ def test_a_fall_is_no_stride(level):
         ticked_stride(WALKER, 0.0, level * 0.1, np.full(TICKS, -0.05), tick=TICK)
 
 
-def crowd(count):
+def many(count):
     """Starts around a gait of the laboratory's walker, and torques of each: (n, m) and (n, N)."""
     rng, strides = np.random.default_rng(2), StrideMap.of("lab")
     points = strides.points_at(gpw.find_gait("lab", 0.036).state)
@@ -156,8 +156,8 @@ def crowd(count):
     return points, rng.normal(0.0, 0.003, (count, TICKS))
 
 
-def test_strides_of_a_crowd_are_those_of_each_alone():
-    points, torques = crowd(5)
+def test_strides_of_a_batch_are_those_of_each_alone():
+    points, torques = many(5)
     points[3, 1] = -0.1  # too slow for the top
     walkers, alone = Walkers(walker=gpw.WALKERS["lab"]), []
     for point, held in zip(points, torques, strict=True):
@@ -171,7 +171,7 @@ def test_strides_of_a_crowd_are_those_of_each_alone():
 
 def test_under_one_torque_a_stride_in_ticks_has_the_stride_map_s_derivatives():
     """By the start, the torque, the slope and what the walker is made of, each walker its own."""
-    points, _ = crowd(3)
+    points, _ = many(3)
     radii = gpw.WALKERS["lab"].foot_radius * np.array([1.0, 0.98, 1.01])
     slopes, by = np.array([0.036, 0.034, 0.038]), ("slope", "foot_radius", "thigh_com")
     walkers = Walkers(walker=gpw.WALKERS["lab"], parameters={"foot_radius": radii}, tolerance=1e-13)
@@ -273,7 +273,7 @@ def test_the_rate_at_which_a_heelstrike_falls_is_the_legs(name):
 
 def test_ticks_in_turn_are_those_side_by_side_and_one_does_not_change_the_others(monkeypatch):
     """Where a rounding moves a strike to another tick, that walker alone is followed in turn."""
-    points, torques = crowd(6)
+    points, torques = many(6)
     walkers = Walkers(walker=gpw.WALKERS["lab"])
     beside = ticked_strides(walkers, 0.036, points, torques, tick=TICK)
     told = ticks._side_by_side

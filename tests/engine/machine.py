@@ -23,7 +23,7 @@ llvm.initialize_native_asmprinter()
 _SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 4, *[ctypes.c_double] * 2)
 
 PROCESSORS = {"this": (llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())}
-"""Processors, and what they can do, whose instructions this one understands."""
+"""Processors and their features, for which this machine has all instructions."""
 
 if platform.machine() in ("x86_64", "AMD64"):
     PROCESSORS["without fused instructions"] = ("x86-64", "")
@@ -48,7 +48,7 @@ class Native:
         lanes: Whether it is made for vectors.
         lane: Whether it is made for one lane of a tile.
         processor: One of `PROCESSORS`.
-        told: What else a `Function` is told.
+        **told: Further arguments of `Function`.
     """
 
     def __init__(

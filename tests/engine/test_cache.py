@@ -23,7 +23,7 @@ for name in {names!r}:
 
 
 def python(code: str, **variables: str) -> str:
-    """What a fresh process prints that is told nothing else of caches."""
+    """What a fresh process prints, without other settings of caches."""
     inherited = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
     done = subprocess.run(
         [sys.executable, "-c", code],
@@ -87,7 +87,7 @@ import gym_passive_walker.engine.compiled as compiled
 print(compiled.compiled("simplest")["guards"].tolist())
 """
 REFUSE = """
-def refuse(*arguments): raise AssertionError("written anew")
+def refuse(*arguments): raise AssertionError("written again")
 compiled.written = refuse
 """
 
@@ -119,7 +119,7 @@ def folder(monkeypatch, **variables):
     return cache.cache_directory.__wrapped__()
 
 
-def test_code_is_kept_where_it_is_told_to_be(tmp_path, monkeypatch):
+def test_code_is_kept_in_the_given_folder(tmp_path, monkeypatch):
     chosen, home = tmp_path / "chosen", tmp_path / "home"
     both = folder(monkeypatch, NUMBA_CACHE_DIR=chosen, XDG_CACHE_HOME=home)
     assert both == chosen / "gym_passive_walker" / cache.fingerprint()

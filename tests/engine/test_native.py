@@ -427,7 +427,7 @@ def test_a_look_tells_how_guards_and_controls_run_over_a_step(system, index):
     tile["h"][0] = 0.03
     filled.run("first")
     filled.run("sweep")
-    # As it is while a step is looked at: its start is kept.
+    # As during the check of a step: its start is kept.
     for lane, state in enumerate(filled.states):
         tile["angle"][0, :, lane], tile["rate"][0, :, lane] = state[:3], state[3:]
         tile["stage"][0, 0, : filled.links, lane] = filled.accelerations(lane, state)

@@ -46,7 +46,7 @@ def walked(env, steps=200, action=0.0, **reset):
 
 
 @pytest.mark.parametrize("walker", SLOPES)
-def test_what_is_told_of_a_stride_is_what_the_reality_check_finds(walker):
+def test_readings_of_a_stride_are_those_of_the_reality_check(walker):
     gait = gpw.find_gait(walker, SLOPES[walker])
     found = gpw.reality_check(walker, SLOPES[walker], gait.state)
     env = world(walker, tick=0.02, tolerance=1e-12, constraints=checks(walker))
@@ -166,7 +166,7 @@ def test_ground_that_would_have_to_pull_is_left():
 
 
 def test_what_the_ground_gives_at_a_strike_is_what_changes_the_momentum_push_off_included():
-    """The simplest walker is a mass at its hip: before, after and the push-off tell the impulse."""
+    """The simplest walker is a mass at its hip: its momentum and the push-off give the impulse."""
     env = world(
         "D", constraints={"contact": "report", "friction": "report"}, actions=("push_off",),
         control="stride", tolerance=1e-12,
@@ -195,7 +195,7 @@ def test_straight_legs_have_no_knee_to_lock():
         world("A", constraints={"knee lock": "end"})
 
 
-def test_clearance_is_told_over_the_lower_of_two_footholds():
+def test_clearance_is_measured_over_the_lower_of_two_footholds():
     """Where the ground steps down there is that much more room; where it steps up, no more."""
     gait = gpw.find_gait("C", 0.03)
     told = []

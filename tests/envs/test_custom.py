@@ -77,7 +77,7 @@ def test_the_own_reward_as_a_function_has_the_same_bits(name, mode):
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_what_native_code_is_told_is_what_arrays_and_single_walkers_are(name):
+def test_native_code_gets_the_numbers_of_arrays_and_single_walkers(name):
     """Every field, compiled, with arrays, and walker by walker; through falls and new episodes."""
     native, env = walked(scene_of(name, observation=everything, reward=own))
     assert all(rule.native for rule in env.batch.custom.rules.values())
@@ -91,13 +91,13 @@ def test_what_native_code_is_told_is_what_arrays_and_single_walkers_are(name):
         walked(scene_of(name, reward=recorded))
     own_steps = told[-STEPS:]
     for (seen, *_), expected in zip(native[1:], own_steps, strict=True):
-        # Where an episode has just begun there is nothing to tell of a step.
+        # An episode that has just begun has no step to report.
         same = np.isclose(seen, expected, rtol=1e-6, atol=1e-6).all(axis=1)
         begun = seen[:, list(Transition._fields).index("steps") + 10] == 0.0
         assert (same | begun).all()
 
 
-def test_fields_are_those_of_the_infos_and_close_their_books():
+def test_fields_are_those_of_the_infos_and_close_the_energy_balance():
     scene = scene_of("push-off", reward=own, observation=everything)
     env = PassiveWalkerVectorEnv(COUNT, scene, autoreset_mode="Disabled")
     env.reset(seed=0)
@@ -369,7 +369,7 @@ def test_what_is_no_rule_is_refused_in_a_sentence(rules, said):
         gymnasium.make(ID, **rules)
 
 
-def test_who_needs_the_own_rules_says_so():
+def test_functions_that_need_the_users_own_rules_say_so():
     with pytest.raises(SceneError, match=r"environment's own observation.*observation=None"):
         gpw.stride_map(controller="level-ppo", scene=make_scene(observation=shown))
 

@@ -65,7 +65,7 @@ def test_a_pushed_stride_is_one_carried_to_the_push_pushed_and_carried_on(walker
         carried(system, body, record, due)
         phase, state = system.phases[record[0, 0]["phase"]], State(*record[0, 0]["state"])
         energy = system.kinetic_energy(body_of(env.walker), state)
-        # Rates are linear in the impulse and energy is quadratic: its work tells the impulse.
+        # Rates are linear in the impulse and energy is quadratic: its work gives the impulse.
         unit = np.array(phase.push(body_of(env.walker), state, -1.0, 0.0))[[0, 1, -1]]
 
         def gained(impulse, state=state, unit=unit, energy=energy):
@@ -136,30 +136,30 @@ def test_pushes_without_impulse_change_no_walk():
 
 @pytest.mark.parametrize("walker", SLOPES)
 @pytest.mark.parametrize("mode", AutoresetMode)
-def test_alone_and_in_a_crowd_the_same_befalls_a_walker(walker, mode, assert_same):
+def test_disturbances_are_the_same_alone_and_in_a_batch(walker, mode, assert_same):
     arguments = {"walker": walker, "slope": SLOPES[walker], **EVERYTHING}
-    crowd = PassiveWalkerVectorEnv(5, autoreset_mode=mode, max_episode_steps=40, **arguments)
+    many = PassiveWalkerVectorEnv(5, autoreset_mode=mode, max_episode_steps=40, **arguments)
     alone = SyncVectorEnv(
         [lambda: gym.make(ID, max_episode_steps=40, **arguments) for _ in range(5)],
         autoreset_mode=mode,
     )
-    assert_same(crowd.reset(seed=3)[0], alone.reset(seed=3)[0])
+    assert_same(many.reset(seed=3)[0], alone.reset(seed=3)[0])
     for actions in some(5, 90):
-        told, expected = crowd.step(actions), alone.step(actions)
+        told, expected = many.step(actions), alone.step(actions)
         assert_same(told, expected)
         if mode == AutoresetMode.DISABLED and (ended := told[2] | told[3]).any():
             again = {"reset_mask": ended}
-            assert_same(crowd.reset(options=again)[0], alone.reset(options=again)[0])
+            assert_same(many.reset(options=again)[0], alone.reset(options=again)[0])
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_the_same_befalls_a_walker_in_crowds_of_any_size(threads, assert_same):
+def test_disturbances_are_the_same_in_batches_of_any_size(threads, assert_same):
     arguments = {"walker": "lab", "slope": 0.036, **EVERYTHING, "autoreset_mode": "SameStep"}
-    crowd = PassiveWalkerVectorEnv(4608, threads=threads, **arguments)
+    many = PassiveWalkerVectorEnv(4608, threads=threads, **arguments)
     few = PassiveWalkerVectorEnv(3, **arguments)
-    assert_same(crowd.reset(seed=0)[0][:3], few.reset(seed=0)[0])
+    assert_same(many.reset(seed=0)[0][:3], few.reset(seed=0)[0])
     for actions in some(4608, 40):
-        told, expected = crowd.step(actions), few.step(actions[:3])
+        told, expected = many.step(actions), few.step(actions[:3])
         for a, b in zip(told[:4], expected[:4], strict=True):
             assert_same(a[:3], b)
         assert_same(told[4]["push_work"][:3], expected[4]["push_work"])
@@ -245,7 +245,7 @@ def test_what_erring_sensors_tell_lies_in_the_space_of_observations():
 
 
 def test_nothing_that_befell_a_walker_outlasts_its_episode(assert_same):
-    """What an episode is and tells does not depend on the one before."""
+    """An episode and its infos do not depend on the one before."""
     used, fresh = (one(**EVERYTHING | {"observation_noise": 0.0}) for _ in range(2))
     told = []
     for env, actions in ((used, 0), (used, 1), (fresh, 1)):

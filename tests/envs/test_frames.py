@@ -1,4 +1,4 @@
-"""An environment's pictures tell what its infos tell."""
+"""An environment's pictures show what its infos report."""
 
 import itertools
 
@@ -49,7 +49,7 @@ def test_time_speed_and_cost_are_those_of_the_episode():
     assert f"stride {len(infos) + 1}" in heard.said
 
 
-def test_slope_and_torque_are_told_and_the_arrow_is_a_share_of_the_largest():
+def test_slope_and_torque_are_shown_and_the_arrow_is_a_share_of_the_largest():
     env, _, heard = walked(3, scene="lab")
     assert "walker lab" in heard.said and "slope 0.036 rad" in heard.said
     assert heard.told["torque"] == pytest.approx(0.4)
@@ -68,7 +68,7 @@ def test_a_push_is_shown_in_the_step_in_which_it_comes():
     assert (pushes != 0.0).sum() >= 3 and np.abs(pushes).max() <= 1.0
 
 
-def test_a_fall_is_told_in_words():
+def test_a_fall_is_shown_in_words():
     _env, infos, heard = walked(400, scene="lab")
     assert heard.told["warning"] == infos[-1]["outcome"].replace("_", " ") != ""
 
@@ -122,6 +122,6 @@ def test_pictures_change_no_walk():
         np.testing.assert_array_equal(seen, blind.step(action)[0])
 
 
-def test_a_walker_s_name_is_told():
+def test_the_name_of_a_walker_is_shown():
     _, _, heard = walked(1, walker=gpw.tune("C"), slope=0.05)
     assert "walker C (tuned)" in heard.said

@@ -45,7 +45,7 @@ def test_a_wrapper_may_make_another_of_converted_values():
 
 
 @pytest.mark.parametrize("look", LOOKS)
-def test_whoever_looks_first_finds_all(look):
+def test_infos_are_filled_by_whichever_method_is_called_first(look):
     made = []
     infos = Infos(lambda: made.append(1) or CONTENT, distance=0.25)
     assert isinstance(infos, dict) and not made
@@ -98,7 +98,7 @@ def test_compiled_code_draws_what_numpy_would(kind):
     np.testing.assert_array_equal(later.drawn(np.arange(3)), expected)
 
 
-def test_who_has_fallen_rests_until_the_next_episode_begins():
+def test_a_walker_that_has_fallen_rests_until_the_next_episode():
     envs = PassiveWalkerVectorEnv(4, autoreset_mode="Disabled", reset_noise_scale=0.3)
     envs.reset(seed=0)
     ended = np.zeros(4, bool)

@@ -1,4 +1,4 @@
-"""Who walks where in a batch changes nothing: a permuted batch gives the permuted results.
+"""The order of walkers changes nothing: a permuted batch gives the permuted results.
 
 Walkers, places in the batch, seeds, slopes and motors are exchanged, and each walk stays what it
 was to the last bit.
@@ -49,7 +49,7 @@ ACTIONS = np.random.default_rng(2).uniform(-1.0, 1.0, (STEPS, COUNT, 2)).astype(
 
 
 def permuted(arguments, order):
-    """The arguments of a batch whose walkers stand in another order."""
+    """The arguments of a batch with its walkers in another order."""
     mixed = dict(arguments)
     for name in ("walkers", "slopes"):
         if name in mixed:
@@ -278,9 +278,9 @@ def test_torch_strides_are_each_walker_s_own_in_any_order():
     order = torch.randperm(9, generator=torch.Generator().manual_seed(0))
     masses = torch.linspace(0.1, 0.5, 9, dtype=torch.float64)
     spans = torch.linspace(0.1, 1.2, 9, dtype=torch.float64)
-    for door, each in ((stride, {}), (tick, {"duration": spans})):
-        whole = door("lab", **told, parameters={"hip_mass": masses}, **each)
-        mixed = door(
+    for function, each in ((stride, {}), (tick, {"duration": spans})):
+        whole = function("lab", **told, parameters={"hip_mass": masses}, **each)
+        mixed = function(
             "lab",
             **{x: y[order] for x, y in (told | each).items()},
             parameters={"hip_mass": masses[order]},

@@ -80,12 +80,12 @@ class Wheels(Walkers):
     """Wheels instead of walkers."""
 
     def system(self, moving=()):
-        """As of `Walkers`."""
+        """See `Walkers`."""
         return WHEEL
 
     @cached_property
     def constants(self):
-        """As of `Walkers`."""
+        """See `Walkers`."""
         return np.array(Wheel())[None, None]
 
 
@@ -103,8 +103,8 @@ START = legs.straight(HALF, 3.0 * HALF, steady_rate(), steady_rate())
 def test_a_wheel_on_smooth_ground_keeps_its_rate():
     apex = math.sqrt(steady_rate() ** 2 - 2.0 * (1.0 - math.cos(HALF - SLOPE)))
     assert apex * math.sqrt(9.8) == pytest.approx(1.209733838, rel=1e-9)
-    crowd = walks(replace(WHO, tolerance=1e-12), START, SLOPE, rough(), walkers=2)
-    assert [next(crowd) for _ in range(50)] == [2] * 50
+    many = walks(replace(WHO, tolerance=1e-12), START, SLOPE, rough(), walkers=2)
+    assert [next(many) for _ in range(50)] == [2] * 50
 
 
 @pytest.mark.parametrize("degrees", LASTS)
@@ -125,7 +125,7 @@ def test_the_interval_of_a_mean_holds_it_nineteen_times_of_twenty():
     assert 0.93 < held / 400 < 0.97
 
 
-def test_who_never_fell_lasts_longer_than_was_seen():
+def test_walkers_that_never_fell_last_longer_than_was_simulated():
     none = FirstPassage(0, 3000)
     assert none.mean == none.error == math.inf
     assert none.interval[0] == pytest.approx(1001.4, rel=1e-4)

@@ -1,7 +1,7 @@
 """Kernels without a device: as PTX for one, and their functions as code for this processor.
 
-Run by tests in processes of their own, since here no device is simulated: numba's compiler for
-devices is told that there is one of the wanted kind.
+Tests run this in processes of their own, since no device is simulated here. Numba's compiler for
+devices gets the kind of device as an argument.
 """
 
 from __future__ import annotations

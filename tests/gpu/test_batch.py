@@ -9,7 +9,7 @@ from gym_passive_walker.envs import task
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.scene import SceneError, make_scene
 from gym_passive_walker.envs.starts import DRAWS, Starts
-from gym_passive_walker.gpu import batch as crowds
+from gym_passive_walker.gpu import batch as device_batch
 from gym_passive_walker.gpu import device
 from gym_passive_walker.gpu.batch import DeviceBatch
 from gym_passive_walker.physics.systems import bodies
@@ -82,7 +82,7 @@ class Drawn:
 
 
 class Drawing(Batch):
-    """A batch whose starts draw from these."""
+    """A batch that draws its initial states from these generators."""
 
     starts_alike = False  # type: ignore[assignment]
 
@@ -119,7 +119,7 @@ def same(found, known):
 
 
 def rows(scene, count, *, seed=0, steps=20, limit=15):
-    """A crowd's observations, rewards and endings over some steps by random actions."""
+    """Observations, rewards and endings of a batch over some steps by random actions."""
     there = DeviceBatch(count, scene, seed=seed, step_limit=limit)
     there.reset()
     random, found = np.random.default_rng(0).uniform(-1.2, 1.2, (steps, 50, 3)), []
@@ -156,7 +156,7 @@ def test_an_episode_on_a_device_is_the_vector_environments(name):
 
 
 def test_random_walkers_are_drawn_and_walk_as_they_would_alone(monkeypatch):
-    monkeypatch.setattr(crowds, "DRAWN", 16)
+    monkeypatch.setattr(device_batch, "DRAWN", 16)
     scene = {
         "slope": 0.03,
         "domain_randomization": {"foot_radius": 0.2, "hip_mass": 0.1},

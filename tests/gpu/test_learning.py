@@ -21,7 +21,7 @@ COUNT, STEPS = 2, 8
 
 @pytest.fixture
 def learner(monkeypatch):
-    """An untrained agent, made where there is a device, whose walkers are about to set out."""
+    """An untrained agent on the simulated device, before its first step."""
     device, usual = torch.device("cuda"), ppo_fast.carried
     monkeypatch.setattr(ppo_fast, "carried", lambda walkers, _: usual(walkers, device))
     config = dataclasses.replace(
@@ -44,13 +44,13 @@ class NothingComesBack(TorchDispatchMode):
         return func(*args, **(kwargs or {}))
 
 
-def test_a_rollout_is_the_walk_of_a_crowd_on_the_device(learner, monkeypatch):
+def test_a_rollout_is_the_walk_of_a_batch_on_the_device(learner, monkeypatch):
     """The same scene, keys, limit of steps and actions: the same observations and rewards."""
     model, told = learner
-    crowd = PassiveWalkerGpuEnv(COUNT, model.env.unwrapped.scene, max_episode_steps=5)
-    crowd.set_energy_cost("positive")
+    many = PassiveWalkerGpuEnv(COUNT, model.env.unwrapped.scene, max_episode_steps=5)
+    many.set_energy_cost("positive")
     model.env.env_method("set_energy_cost", "positive")
-    seen, _ = crowd.reset(seed=3 << 32)
+    seen, _ = many.reset(seed=3 << 32)
     np.testing.assert_array_equal(model._last_obs, seen)
     rewards, scales = [], model._learn_scales
     model._learn_scales = lambda raw, paid, ended: (rewards.append(paid), scales(raw, paid, ended))[
@@ -60,7 +60,7 @@ def test_a_rollout_is_the_walk_of_a_crowd_on_the_device(learner, monkeypatch):
     rollout = model.walk(told)
     for t in range(STEPS):
         torch.testing.assert_close(rollout.seen[t], scaled(seen))
-        seen, paid, *_ = crowd.step(rollout.actions[t].clamp(-1.0, 1.0))
+        seen, paid, *_ = many.step(rollout.actions[t].clamp(-1.0, 1.0))
         torch.testing.assert_close(rewards[0][t], paid.float())
     np.testing.assert_array_equal(model._last_obs, seen)
 
@@ -72,8 +72,8 @@ def test_nothing_comes_from_the_device_while_walkers_walk(learner, monkeypatch):
         def begin():
             silence.enter_context(NothingComesBack())
             closed = silence.enter_context(pytest.MonkeyPatch.context())
-            for door in ("cpu", "numpy", "tolist"):
-                closed.setattr(torch.Tensor, door, None)
+            for entry_point in ("cpu", "numpy", "tolist"):
+                closed.setattr(torch.Tensor, entry_point, None)
 
         monkeypatch.setattr(told, "on_rollout_start", begin)
         monkeypatch.setattr(told, "on_rollout_end", silence.close)

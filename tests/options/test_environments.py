@@ -207,7 +207,7 @@ ENVIRONMENTS = {
 
 @pytest.mark.parametrize("option", BESIDES)
 @pytest.mark.parametrize("way", ["make_vec", "sb3", "torch"])
-def test_what_a_crowd_takes_besides_its_scene_is_heard(option, way):
+def test_arguments_of_a_batch_besides_its_scene_are_used(option, way):
     if way != "make_vec":
         pytest.importorskip("stable_baselines3")
     if (way, option) in (("sb3", "autoreset_mode"), ("torch", "render_mode")):
@@ -218,7 +218,7 @@ def test_what_a_crowd_takes_besides_its_scene_is_heard(option, way):
     check(Call(WAYS[way], {}, table), option)
 
 
-def test_a_crowd_s_threads_change_nothing_where_they_share_the_work():
+def test_a_batch_s_threads_change_nothing_where_they_share_the_work():
     few, many = (
         together(num_envs=2100, threads=threads, steps=3, pushes=PUSHED) for threads in (1, 2)
     )

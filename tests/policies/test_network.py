@@ -204,7 +204,7 @@ def test_a_header_that_says_nonsense_is_refused(copy, header):
         gpw.load_policy(copy)
 
 
-def test_a_missing_file_is_told(copy):
+def test_a_missing_file_is_named(copy):
     (copy / TENSORS).unlink()
     with pytest.raises(gpw.PolicyError, match=TENSORS):
         gpw.load_policy(copy)

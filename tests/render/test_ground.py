@@ -44,7 +44,7 @@ def test_stance_feet_touch_the_ground_and_swing_feet_land_on_it(name, terrain):
     assert len(walk.outcomes) >= 2
     length = walk.walker.leg_length
     surface, posture = ground_under(walk, length), postures(walk)
-    stands = walk.outcomes[walk.strides] == gpw.Outcome.HEELSTRIKE  # who falls may roll off
+    stands = walk.outcomes[walk.strides] == gpw.Outcome.HEELSTRIKE  # a fall may roll off
     off = (height(surface, walk.contact_x) - walk.contact_y)[stands]
     np.testing.assert_allclose(off, 0.0, atol=1e-12)
     assert below(surface, posture.stance.sole[stands]).max() < 1e-9 * length

@@ -139,7 +139,7 @@ def test_a_foot_below_the_ground_is_marked_and_one_above_is_not(no_display):
     assert mask(Screen("lab").draw(below, SLOPE), look.WARNING).sum() > 20
 
 
-def test_ghosts_stand_where_the_walker_was_and_vanish_when_it_begins_anew(no_display):
+def test_ghosts_stand_where_the_walker_was_and_vanish_at_the_next_episode(no_display):
     screen = Screen("lab")
     alone = screen.draw(GAIT, 0.0)
     length = screen.walker.leg_length
@@ -195,7 +195,7 @@ def test_frames_survive_another_user_of_pygame(no_display):
     np.testing.assert_array_equal(screen.draw(GAIT, SLOPE), before)
 
 
-def test_a_crowd_is_refused(no_display):
+def test_a_batch_is_refused(no_display):
     with pytest.raises(ValueError, match="one state"):
         Screen("lab").draw(np.tile(GAIT, (2, 1)), SLOPE)
 

@@ -1,4 +1,4 @@
-"""Whatever befalls a sweep, what was finished is kept, and the rest can be done."""
+"""A sweep that fails keeps what was finished, and can be resumed."""
 
 import errno
 import json
@@ -107,7 +107,7 @@ def test_a_sweep_that_was_stopped_does_the_rest_alone_and_ends_as_if_it_had_not(
         str(odd / "kept.json"),
         "--trust",
     ]
-    # Who runs behind a shell's back ignores Ctrl-C, and so would whom it starts.
+    # A process in the background of a shell ignores Ctrl-C, and so would its children.
     usual = signal.signal(signal.SIGINT, signal.default_int_handler)
     process = subprocess.Popen([*command, "--workers", "2"], stderr=subprocess.PIPE, text=True)
     signal.signal(signal.SIGINT, usual)

@@ -1,4 +1,4 @@
-"""Walkers on tensors are the vector environment's, whoever trains them."""
+"""Walkers on tensors equal those of the vector environment, with every training library."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def test_an_episodes_last_observation_outlives_the_next_ones_beginning():
     assert seen > 3
 
 
-def test_falls_and_timeouts_are_told_apart_and_every_number_is_told_of_everyone():
+def test_falls_and_timeouts_differ_and_every_number_is_reported_for_each_walker():
     tensors, arrays = pair("SameStep", max_episode_steps=25)
     rng, told = np.random.default_rng(2), set()
     for _ in range(150):

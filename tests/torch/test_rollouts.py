@@ -151,7 +151,7 @@ def tensors_of(part):
     return [x for each in getattr(part, "values", lambda: part)() for x in tensors_of(each)]
 
 
-def test_what_is_detached_remembers_nothing_of_what_ones_own_rules_are_told():
+def test_a_detached_state_has_no_history_of_the_users_own_rules():
     policy, scene = Steady(), make_scene("level", reward=smooth)
     first = rollout(policy, scene, 5, count=2, seed=2)
     assert any(x.requires_grad for x in tensors_of(first.end.last))

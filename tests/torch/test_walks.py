@@ -143,7 +143,7 @@ def test_a_tick_that_ends_with_heelstrike_has_the_push_off_s_gradient():
 
 
 def test_ticks_and_strides_are_the_same_in_any_units():
-    """All that is given and told is over length, mass and gravity, pushes and footholds as well."""
+    """Arguments and results scale with length, mass and gravity, pushes and footholds too."""
     small = gpw.WALKERS["E"]
     giant = replace(
         small, thigh_length=4.0 * small.thigh_length, shank_length=4.0 * small.shank_length,
@@ -329,7 +329,7 @@ def test_ticks_of_a_gait_go_as_far_as_its_step_is_long():
     assert far == pytest.approx(found.step_length, rel=1e-8)
 
 
-def test_who_falls_has_no_gradient_and_says_so():
+def test_a_fall_has_no_gradient_and_a_warning():
     slope, states = gait("lab")
     with torch.no_grad():
         states[1, 3] *= 0.3  # too slow for the top
@@ -345,7 +345,7 @@ def test_who_falls_has_no_gradient_and_says_so():
     torch.testing.assert_close(states.grad[:1], alone.grad)
 
 
-def test_who_is_given_up_or_starts_nowhere_has_no_gradient():
+def test_strides_that_are_given_up_or_have_no_start_have_no_gradient():
     slope, states = gait("lab")
     stalled = stride("lab", slope, states, max_stride_time=0.5)
     assert stalled.outcome.tolist() == [Outcome.STALLED] * 2
@@ -357,7 +357,7 @@ def test_who_is_given_up_or_starts_nowhere_has_no_gradient():
     assert (states.grad[0] == 0.0).all()
 
 
-def test_vmap_is_a_larger_crowd():
+def test_vmap_is_a_larger_batch():
     _, states = gait("lab")
     several = torch.stack([states, 0.999 * states, 1.001 * states]).detach()
     slopes = torch.tensor([0.036, 0.035, 0.037], dtype=torch.float64)

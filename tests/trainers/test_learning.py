@@ -1,4 +1,4 @@
-"""Trainers that live on tensors teach walkers to walk on the level."""
+"""Training libraries on tensors learn to walk on level ground."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _alone(tmp_path, monkeypatch):
 
 
 class Acting:
-    """A trainer's policy, as whoever acts in this package."""
+    """A trainer's policy with the `predict` of this package."""
 
     def __init__(self, act: Callable[[Tensor], Tensor]) -> None:
         self.act = act

@@ -40,7 +40,7 @@ def headless(monkeypatch):
 
 
 class Session:
-    """A viewer whose user's hands are here."""
+    """A viewer with simulated keys and mouse."""
 
     def __init__(self, walk: LiveWalk) -> None:
         self.player = Player(walk)
@@ -252,7 +252,7 @@ def test_a_push_is_drawn_from_the_hip(session):
     assert not row[round(hip[0]) + 110 :].any()
 
 
-def test_a_fall_is_told(session):
+def test_a_fall_is_shown(session):
     session.walk.push(-0.5, 0.0)
     session.frames(10 * FPS)
     assert len(session.walk.trail) < 200  # how it fell, not how it lies there
