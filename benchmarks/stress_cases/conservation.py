@@ -48,7 +48,7 @@ def thrown(rng: np.random.Generator, mine: Flock) -> NDArray[np.float64]:
 
 @case(
     TOPIC,
-    "The energy balance of a stride closes: gravity's and the hip's work are motion gained and energy lost",
+    "The energy of a stride balances: work of gravity and hip is motion gained and energy lost",
     quick=3_000, long=300_000, bound=1e-12, unit="energy that moved",
 )  # fmt: skip
 def energy_balance(count: int, rng: np.random.Generator) -> Finding:
