@@ -27,9 +27,9 @@ def designed(name: str) -> gpw.Design:
     """The design from the page's code, executed up to the block that assigns it to `name`."""
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S)
     last = next(i for i, block in enumerate(blocks) if re.search(rf"^{name} =", block, re.M))
-    told: dict[str, object] = {}
-    exec(compile("\n".join(blocks[: last + 1]), str(PAGE), "exec"), told)
-    design = told[name]
+    namespace: dict[str, object] = {}
+    exec(compile("\n".join(blocks[: last + 1]), str(PAGE), "exec"), namespace)
+    design = namespace[name]
     assert isinstance(design, gpw.Design)
     return design
 

@@ -79,10 +79,10 @@ def compiled(p: Problem, pair: Pair) -> Callable[[NDArray, float], NDArray]:
     def ends(starts: NDArray, tolerance: float) -> NDArray:
         records = new_records(starts, p.slope, end=HORIZON)
         records["step"] = min(0.5, tolerance ** (1.0 / pair.order))
-        told = options(tolerance, from_section=True).copy()
+        chosen = options(tolerance, from_section=True).copy()
         if pair is not PAIR:
-            told["fineness"] = 1.0 / tolerance
-        integrate(records, body, phases, told, *working)
+            chosen["fineness"] = 1.0 / tolerance
+        integrate(records, body, phases, chosen, *working)
         return records["state"][:, 0]
 
     return ends

@@ -152,9 +152,12 @@ def test_what_killed_writers_left_goes_when_the_file_is_written_again(tmp_path):
 def test_a_file_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / "file").touch()
     target = tmp_path / "file" / "new"
-    with pytest.raises(OSError, match=r"Not a directory|File exists") as told, replacing(target):
+    with (
+        pytest.raises(OSError, match=r"Not a directory|File exists") as reported,
+        replacing(target),
+    ):
         pass
-    assert told.value.filename == str(target)
+    assert reported.value.filename == str(target)
 
 
 def test_a_film_in_slow_motion_has_as_many_more_frames(tmp_path):

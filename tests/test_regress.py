@@ -26,8 +26,8 @@ def test_sides_take_turns_at_each_piece_of_work():
 
 
 def test_walks_that_end_elsewhere_are_reported():
-    told = differing({"lab": 1.0, "A": 2.0, "gone": 1.0}, {"lab": 1.0 + 1e-12, "A": 2.0001})
-    assert len(told) == 1 and "other walks: A came to 2.0" in told[0]
+    reported = differing({"lab": 1.0, "A": 2.0, "gone": 1.0}, {"lab": 1.0 + 1e-12, "A": 2.0001})
+    assert len(reported) == 1 and "other walks: A came to 2.0" in reported[0]
     assert differing({"D": 1.0}, {"D": float("nan")})
 
 

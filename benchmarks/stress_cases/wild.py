@@ -97,13 +97,13 @@ def any_step(count: int, rng: np.random.Generator) -> Finding:
             action = rng.normal(scale=2.0, size=1).astype(np.float32)
             observation, reward, over, _, info = env.step(action)
             tried += 1
-            told = np.array([info["distance"], info["energy"], reward])
-            sums += told
+            terms = np.array([info["distance"], info["energy"], reward])
+            sums += terms
             largest = max(largest, float(np.abs(sums).max()))
             total = np.array([info["episode_distance"], info["episode_energy"]])
-            off = [reward - (told[0] - weight * told[1]), *(sums[:2] - total)]
+            off = [reward - (terms[0] - weight * terms[1]), *(sums[:2] - total)]
             worst = max(worst, float(np.abs(off).max()) / largest)
-            sound = space.contains(observation) and np.isfinite([*told, *total]).all()
+            sound = space.contains(observation) and np.isfinite([*terms, *total]).all()
             failed += not (sound and _named(info, over))
             if over:
                 env.reset()

@@ -108,8 +108,8 @@ def test_work_is_driving_and_braking(optimal_score):
 
 def test_velocity_perturbations_are_reported_forward_and_backward(optimal_score):
     gait = closed_loop_gait(Optimal("level"), "level")
-    told = optimal_score["kick_forward"], optimal_score["kick_backward"]
-    assert told == benchmark.kicks(gait) and told[0] != told[1]
+    reported = optimal_score["kick_forward"], optimal_score["kick_backward"]
+    assert reported == benchmark.kicks(gait) and reported[0] != reported[1]
 
 
 def test_a_passive_walker_costs_at_a_speed_what_its_slope_pays_whichever_gait_was_found_first():

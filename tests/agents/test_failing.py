@@ -20,8 +20,8 @@ CHECKPOINT = "checkpoints/000000000128"
 def finished(tmp_path_factory):
     """A run of SAC, which keeps all that a run may keep."""
     folder = tmp_path_factory.mktemp("runs") / "steep"
-    told = ["--steps", "128", "--envs", "8", "--every", "64", "--quiet"]
-    assert train.main(["--scene", "steep", "--algo", "sac", "--out", str(folder), *told]) == 0
+    reported = ["--steps", "128", "--envs", "8", "--every", "64", "--quiet"]
+    assert train.main(["--scene", "steep", "--algo", "sac", "--out", str(folder), *reported]) == 0
     return folder
 
 

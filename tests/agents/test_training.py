@@ -155,13 +155,13 @@ def exams(monkeypatch, rewards, tell):
     """Replace evaluations by given results, and record each."""
     left = iter(rewards)
 
-    def told(policy, arena, *, seed):
+    def reported(policy, arena, *, seed):
         walks = evaluate(policy, arena, seed=seed)
         reward = float(next(left))
         tell(policy, walks, reward)
         return dataclasses.replace(walks, reward=np.full(len(walks), reward))
 
-    monkeypatch.setattr(training, "evaluate", told)
+    monkeypatch.setattr(training, "evaluate", reported)
 
 
 def test_training_keeps_the_policy_that_did_best_in_its_evaluations(tmp_path, monkeypatch):

@@ -79,11 +79,11 @@ def test_the_derivative_of_a_plan_is_that_of_its_differences_and_0_where_it_is_c
 
 
 def test_a_policy_gets_the_starts_of_episodes_and_acts_without_noise():
-    told = []
+    reported = []
 
     class Watched(Passive):
         def predict(self, observation, state=None, episode_start=None, deterministic=False):
-            told.append((episode_start.copy(), deterministic))
+            reported.append((episode_start.copy(), deterministic))
             return super().predict(observation, state, episode_start, deterministic)
 
     arena = gymnasium.make_vec("PassiveWalker-v0", num_envs=3, scene="level")
@@ -91,8 +91,8 @@ def test_a_policy_gets_the_starts_of_episodes_and_acts_without_noise():
     walked = list(islice(steps(Watched(), arena, seen), 400))
     ended = np.array([step.terminated | step.truncated for step in walked])
     assert ended.any()
-    assert told[0][0].all() and all(deterministic for _, deterministic in told)
-    np.testing.assert_array_equal([first for first, _ in told[1:]], ended[:-1])
+    assert reported[0][0].all() and all(deterministic for _, deterministic in reported)
+    np.testing.assert_array_equal([first for first, _ in reported[1:]], ended[:-1])
 
 
 def test_no_torque_gets_nowhere_on_level_ground():

@@ -49,7 +49,7 @@ def test_derivatives_are_those_of_the_network(strides):
     passage, change = strides.linearize(point, strides=2, by=by)
     radius = strides.walker.foot_radius
 
-    def told(shift):
+    def reported(shift):
         own = strides.with_parameter("foot_radius", np.array([radius + shift[-1]]))
         taken = own.apply(point + shift[:m], slope + shift[m], strides=2)
         rows = (taken.durations, taken.lengths, taken.lost, taken.supplied)
@@ -62,7 +62,7 @@ def test_derivatives_are_those_of_the_network(strides):
     )
     assert passage.alive.all()
     for j, way in enumerate(np.diag(widths)):
-        difference = (told(way) - told(-way)) / (2.0 * widths[j])
+        difference = (reported(way) - reported(-way)) / (2.0 * widths[j])
         scale = 1.0 + np.abs(exact[:, j]).max()
         np.testing.assert_allclose(exact[:, j], difference, atol=1e-6 * scale, err_msg=str(j))
 
@@ -320,14 +320,14 @@ def test_derivatives_on_steps_are_those_of_differences(name, controller):
     _, change = strides.linearize(point, by=by, strides=2)
     radius = strides.walker.foot_radius
 
-    def told(shift):
+    def reported(shift):
         own = strides.with_parameter("foot_radius", np.array([radius + shift[0]]))
         taken = own.apply(point + shift[1 : m + 1], slope + shift[m + 1], strides=2)
         return np.concatenate([taken.ends[0], taken.durations, taken.lost, taken.supplied])
 
     exact = np.concatenate([change.ends[0], change.durations, change.lost, change.supplied])
     for j, way in enumerate(1e-6 * np.eye(m + 2)):
-        difference = (told(way) - told(-way)) / 2e-6
+        difference = (reported(way) - reported(-way)) / 2e-6
         scale = 1.0 + np.abs(exact[:, j]).max()
         np.testing.assert_allclose(exact[:, j], difference, atol=2e-6 * scale, err_msg=str(j))
 
@@ -388,18 +388,18 @@ def test_actions_beyond_their_bounds_are_clipped_as_in_the_environment(action, l
 
 def test_a_controller_sees_its_command_and_the_footholds_ahead_each_in_its_place():
     scene, ground = make_scene("rough", command=0.2, terrain_lookahead=2), gpw.waves(0.002, 3)
-    told = []
+    reported = []
 
     def watch(seen):
-        told.append(seen[0].copy())
+        reported.append(seen[0].copy())
         return np.zeros((len(seen), 1))
 
     strides = gpw.stride_map(controller=watch, scene=scene, terrain=ground)
     strides.stride(gpw.find_gait(scene.walker, scene.slope).state)
     env = PassiveWalkerVectorEnv(1, make_scene(scene, terrain=ground))
     expected, _ = env.reset(seed=0)
-    assert told[0].shape == expected[0].shape == (13,)
-    for seen in told:
+    assert reported[0].shape == expected[0].shape == (13,)
+    for seen in reported:
         np.testing.assert_allclose(seen[8:], expected[0, 8:], rtol=1e-6)
 
 

@@ -66,10 +66,10 @@ def test_walkers_that_differ_strike_each_in_its_own_time(monkeypatch):
 
     So what is followed side by side ends where walkers went, and nobody needs a turn alone.
     """
-    told, followed = ticks._side_by_side, []
+    reported, followed = ticks._side_by_side, []
 
     def beside(*arguments):
-        followed.append(told(*arguments))
+        followed.append(reported(*arguments))
         return followed[-1]
 
     monkeypatch.setattr(ticks, "_side_by_side", beside)
@@ -199,7 +199,7 @@ def test_the_hip_s_way_and_work_in_a_tick_have_their_derivatives(name):
     by, outcome = ("state", "slope", "hip_torque", "foot_radius"), Outcome.RUNNING
     records, ticks = new_records(start, slope, 0.004), 0
 
-    def told(inputs):
+    def reported(inputs):
         """The ledgers of a tick from these records, with other inputs."""
         moved = records.copy()
         moved["state"][0, 0], moved["control"][0, 0] = inputs[:6], inputs[7]
@@ -214,11 +214,11 @@ def test_the_hip_s_way_and_work_in_a_tick_have_their_derivatives(name):
         records["end"] = 0.3 * (ticks + 1)
         records["moved"] = records["turned"] = 0.0
         inputs = np.array([*records["state"][0, 0], slope, 0.004, walker.foot_radius])
-        walked, found = told(inputs)
+        walked, found = reported(inputs)
         scale = np.abs(found[:, 1:]).max()
         for i in range(8 if walker.massless_legs else 9):
             step = 1e-5 * np.eye(9)[i]
-            ahead, behind = told(inputs + step)[1][:, 0], told(inputs - step)[1][:, 0]
+            ahead, behind = reported(inputs + step)[1][:, 0], reported(inputs - step)[1][:, 0]
             difference = (ahead - behind) / 2e-5
             # Where the hip hardly turns back, what it turns bends sharply.
             np.testing.assert_allclose(found[:, 1 + i], difference, rtol=0.0, atol=1e-6 * scale)
@@ -276,10 +276,10 @@ def test_ticks_in_turn_are_those_side_by_side_and_one_does_not_change_the_others
     points, torques = many(6)
     walkers = Walkers(walker=gpw.WALKERS["lab"])
     beside = ticked_strides(walkers, 0.036, points, torques, tick=TICK)
-    told = ticks._side_by_side
+    reported = ticks._side_by_side
 
     def astray(*arguments):
-        after, alike = told(*arguments)
+        after, alike = reported(*arguments)
         alike[2] = False  # the third walker's first control step
         after["state"][2] = np.nan
         return after, alike
@@ -308,13 +308,13 @@ def test_derivatives_by_every_motor_are_those_of_the_stride():
             walkers, 0.009, (point + change[:3])[None], held[None], tick=0.4, push_offs=pushes
         )
 
-    def told(of):
+    def reported(of):
         parts = (of.end, of.duration, of.length, of.swing, of.turn, of.push_work, of.kneestrike)
         return np.concatenate([np.ravel(part) for part in parts])
 
     for column in range(3 + 12 + 1):
         change = 1e-6 * np.eye(16)[column]
-        difference = (told(walked(change)) - told(walked(-change))) / 2e-6
+        difference = (reported(walked(change)) - reported(walked(-change))) / 2e-6
         by = walked(0.0 * change).by[0, :, column]
         np.testing.assert_allclose(by, difference, rtol=1e-5, atol=1e-7)
     assert np.abs(walked(np.zeros(16)).by[0, :3, -1]).max() > 0.1  # a push-off moves the end

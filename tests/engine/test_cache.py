@@ -93,20 +93,20 @@ compiled.written = refuse
 
 
 def test_code_that_one_process_has_compiled_another_only_loads(tmp_path):
-    told = {"NUMBA_CACHE_DIR": str(tmp_path)}
-    first = python(COMPILE.format(before=""), **told)
+    given = {"NUMBA_CACHE_DIR": str(tmp_path)}
+    first = python(COMPILE.format(before=""), **given)
     objects = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.o")}
     assert len(objects) == 1
-    assert python(COMPILE.format(before=REFUSE), **told) == first
+    assert python(COMPILE.format(before=REFUSE), **given) == first
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.o")} == objects
     assert not list(tmp_path.rglob("*.[0-9]*"))  # nothing half written
 
 
 def test_to_look_at_the_package_makes_no_folder(tmp_path):
     """It is made for kernels, when they are first needed."""
-    told = {"XDG_CACHE_HOME": str(tmp_path)}
+    given = {"XDG_CACHE_HOME": str(tmp_path)}
     python(
-        "import gym_passive_walker as gpw; print(gpw.WALKERS, gpw.stride, gpw.find_gait)", **told
+        "import gym_passive_walker as gpw; print(gpw.WALKERS, gpw.stride, gpw.find_gait)", **given
     )
     assert not list(tmp_path.iterdir())
 

@@ -213,11 +213,11 @@ def test_it_does_not_matter_what_a_lane_held_before(name):
         for place in working:
             numbers = place.view(float)
             numbers[:] = garbage * rng.normal(size=numbers.shape)
-        phases, told = (
+        phases, reported = (
             compiled(system_of(walker).name),
             options(1e-6, from_section=True, scuff=True),
         )
-        integrate(records, bodies(walker), phases, told, *working)
+        integrate(records, bodies(walker), phases, reported, *working)
         found.append(records.tobytes())
     assert found[0] == found[1] == found[2]
 

@@ -341,8 +341,8 @@ def test_a_sweep_makes_the_pairs_step_and_estimates_its_error(system, index):
         found = tile["new_angle"][0, :links, lane], tile["new_rate"][0, :links, lane]
         np.testing.assert_allclose(found, [at, speed], rtol=0.0, atol=1e-12 * scale)
         error = np.abs(h[lane] * weights @ stages).sum() / scale
-        told = tile["error"][0, lane] / fineness
-        assert told == pytest.approx(error, rel=1e-4, abs=1e-15)  # rounding
+        reported = tile["error"][0, lane] / fineness
+        assert reported == pytest.approx(error, rel=1e-4, abs=1e-15)  # rounding
         assert error > 0.0
 
 

@@ -13,17 +13,17 @@ LAB = {
 }  # fmt: skip
 
 
-def for_learners(**told):
+def for_learners(**given):
     """A batch for stable-baselines3, where that is installed."""
     pytest.importorskip("stable_baselines3")
     from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 
-    return PassiveWalkerVecEnv(**{"num_envs": 2, **told})
+    return PassiveWalkerVecEnv(**{"num_envs": 2, **given})
 
 
-SINGLE = {"make": lambda **told: gym.make(ID, **told)}
+SINGLE = {"make": lambda **given: gym.make(ID, **given)}
 BATCHES = {
-    "make_vec": lambda **told: gym.make_vec(ID, **{"num_envs": 2, **told}),
+    "make_vec": lambda **given: gym.make_vec(ID, **{"num_envs": 2, **given}),
     "stable-baselines3": for_learners,
 }
 ENTRY_POINTS = SINGLE | BATCHES

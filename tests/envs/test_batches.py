@@ -66,12 +66,12 @@ def test_walkers_that_all_differ_walk_in_a_batch_as_each_does_alone(
         *mine, infos = many.step(act)
         *theirs, their_infos = alone.step(act[places])
         assert_same([x[places] for x in mine], theirs)
-        for name, told in their_infos.items():
+        for name, reported in their_infos.items():
             if name.startswith("_"):
-                assert_same(infos[name][places], told)
+                assert_same(infos[name][places], reported)
             else:
                 who = their_infos["_" + name]
-                assert list(infos[name][places][who]) == list(told[who])
+                assert list(infos[name][places][who]) == list(reported[who])
         ended += int((theirs[2] | theirs[3]).sum())
         for place, env in zip(places, alone.envs, strict=True):
             walker = env.unwrapped
@@ -219,12 +219,12 @@ def test_environments_that_need_a_reset_are_waited_for_though_others_are_reset()
 def test_walkers_and_slopes_that_were_returned_do_not_change_afterwards():
     many = PassiveWalkerVectorEnv(3, "rolling", domain_randomization=VARIED)
     many.reset(seed=0)
-    told = many.slopes, many.walkers, many.states
-    kept = copy.deepcopy(told)
+    reported = many.slopes, many.walkers, many.states
+    kept = copy.deepcopy(reported)
     many.reset()
-    np.testing.assert_array_equal(told[0], kept[0])
-    assert told[1] == kept[1] != many.walkers
-    np.testing.assert_array_equal(told[2], kept[2])
+    np.testing.assert_array_equal(reported[0], kept[0])
+    assert reported[1] == kept[1] != many.walkers
+    np.testing.assert_array_equal(reported[2], kept[2])
 
 
 def test_each_lane_of_a_learner_tells_its_own_walker():

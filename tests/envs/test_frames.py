@@ -17,10 +17,10 @@ pytest.importorskip("pygame")
 class Listener:
     """A screen that keeps what it was asked to draw."""
 
-    def draw(self, state, slope, contact_x, strides, **told):
+    def draw(self, state, slope, contact_x, strides, **given):
         """Keep it."""
-        self.told = {"state": state, "slope": slope, "strides": strides, **told}
-        left, right = told["notes"]
+        self.given = {"state": state, "slope": slope, "strides": strides, **given}
+        left, right = given["notes"]
         self.said = " | ".join((*left, *right))
 
 
@@ -52,7 +52,7 @@ def test_time_speed_and_cost_are_those_of_the_episode():
 def test_slope_and_torque_are_shown_and_the_arrow_is_a_share_of_the_largest():
     env, _, heard = walked(3, scene="lab")
     assert "walker lab" in heard.said and "slope 0.036 rad" in heard.said
-    assert heard.told["torque"] == pytest.approx(0.4)
+    assert heard.given["torque"] == pytest.approx(0.4)
     assert f"hip torque {0.4 * env.scene.max_hip_torque:+.3f} m g l" in heard.said
 
 
@@ -62,7 +62,7 @@ def test_a_push_is_shown_in_the_step_in_which_it_comes():
     for _ in range(40):
         *_, info = env.step(np.zeros(1, np.float32))
         frames.frame(env.batch, 0, heard)
-        shown.append((heard.told["push"], info["push_work"]))
+        shown.append((heard.given["push"], info["push_work"]))
     pushes, works = np.transpose(shown)
     np.testing.assert_array_equal(pushes != 0.0, works != 0.0)
     assert (pushes != 0.0).sum() >= 3 and np.abs(pushes).max() <= 1.0
@@ -70,7 +70,7 @@ def test_a_push_is_shown_in_the_step_in_which_it_comes():
 
 def test_a_fall_is_shown_in_words():
     _env, infos, heard = walked(400, scene="lab")
-    assert heard.told["warning"] == infos[-1]["outcome"].replace("_", " ") != ""
+    assert heard.given["warning"] == infos[-1]["outcome"].replace("_", " ") != ""
 
 
 def test_a_walker_that_has_not_moved_has_no_speed_and_no_cost():

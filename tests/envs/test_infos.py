@@ -54,11 +54,11 @@ def test_infos_are_filled_by_whichever_method_is_called_first(look):
 
 
 @pytest.mark.parametrize(
-    "told",
+    "reported",
     [len, bool, lambda x: "strides" in x, lambda x: dict(CONTENT) == x, lambda x: x == CONTENT],
 )
-def test_it_is_never_taken_for_empty(told):
-    assert told(Infos(lambda: CONTENT, distance=0.25)) not in (False, 0, NotImplemented)
+def test_it_is_never_taken_for_empty(reported):
+    assert reported(Infos(lambda: CONTENT, distance=0.25)) not in (False, 0, NotImplemented)
 
 
 def test_what_is_written_first_is_not_lost():

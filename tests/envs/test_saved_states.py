@@ -168,9 +168,9 @@ def test_a_state_of_another_scene_is_refused_by_the_name_of_what_differs(
 def test_a_state_that_lacks_an_argument_of_the_scene_is_of_another_scene(assert_same):
     env = many(tick=0.2)
     state = env.get_state()
-    told = json.loads(str(state["scene"]))
-    del told["tick"]
-    state["scene"] = np.array(json.dumps(told))
+    reported = json.loads(str(state["scene"]))
+    del reported["tick"]
+    state["scene"] = np.array(json.dumps(reported))
     refused(env, state, r"of another scene \(of another tick\)", assert_same)
 
 

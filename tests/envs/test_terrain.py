@@ -48,8 +48,8 @@ def test_a_walk_in_the_environment_is_the_walk_over_the_same_footholds():
 def test_both_legs_meet_at_the_hip_where_a_foot_comes_down_on_a_slope_of_its_own():
     """However the ground tilts there, and wherever a round foot touches it."""
     ground = {"heights": [0.0, 0.002, 0.0, 0.001], "slopes": [0.0, 0.01, -0.01, 0.02]}
-    told = STRIDES | {"walker": "lab", "slope": 0.036, "terrain": {"footholds": ground}}
-    env = gym.make("PassiveWalker-v0", **told, reset_noise_scale=0.0, disable_env_checker=True)
+    given = STRIDES | {"walker": "lab", "slope": 0.036, "terrain": {"footholds": ground}}
+    env = gym.make("PassiveWalker-v0", **given, reset_noise_scale=0.0, disable_env_checker=True)
     env.reset(seed=0)
     batch, body = env.unwrapped.batch, body_of(gpw.WALKERS["lab"])
     radius, leg = body.foot_radius, body.leg

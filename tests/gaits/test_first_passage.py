@@ -154,7 +154,7 @@ def test_a_kneed_walker_lasts_the_longer_the_smoother_the_ground():
 
 
 def test_falls_are_counted_among_all_who_begin_a_stride_once_they_have_settled(monkeypatch):
-    monkeypatch.setattr(module, "walks", lambda *told, **options: iter([90, 60, 30, 0]))
+    monkeypatch.setattr(module, "walks", lambda *reported, **options: iter([90, 60, 30, 0]))
     asked = WHO, np.zeros(6), 0.0, rough(0.1)
     found = first_passage(*asked, walkers=100, strides=9, settling=1)
     assert found == FirstPassage(falls=30 + 30 + 30, strides=90 + 60 + 30)

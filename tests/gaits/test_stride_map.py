@@ -140,15 +140,15 @@ def test_falls_do_not_change_the_others(count):
     many = replace(walker_map.with_parameter("shank_length", lengths), actuation=Actuation(torques))
     for strides in (1, 3, 12):
         asked = {"strides": strides, "by": by, "along": along}
-        told = many.linearize(points, slopes, **asked)
+        reported = many.linearize(points, slopes, **asked)
         plain = many.apply(points, slopes, strides=strides)
-        np.testing.assert_array_equal(plain.outcomes, told[0].outcomes)
+        np.testing.assert_array_equal(plain.outcomes, reported[0].outcomes)
         for i in range(count):
             own = StrideMap.of(replace(WALKERS["lab"], shank_length=lengths[i]), tolerance=1e-14)
             own = replace(own, actuation=Actuation(torques[i]))
             asked = {"strides": strides, "by": by, "along": along[i : i + 1]}
             alone = own.linearize(points[i : i + 1], slopes[i], **asked)
-            for mine, its in zip(told, alone, strict=True):
+            for mine, its in zip(reported, alone, strict=True):
                 for what in TOLD:
                     np.testing.assert_array_equal(getattr(mine, what)[i], getattr(its, what)[0])
             np.testing.assert_allclose(plain.ends[i], alone[0].ends[0], rtol=1e-10)

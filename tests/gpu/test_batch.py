@@ -106,10 +106,10 @@ class Reference:
         rewards, terminated, truncated = np.zeros(count), *np.zeros((2, count), bool)
         flat = self.observations.reshape(-1)
         self.batch.step(actions, flat, rewards, terminated, truncated)
-        last, told = self.observations.copy(), self.batch.ledger.copy()
+        last, results = self.observations.copy(), self.batch.ledger.copy()
         if (terminated | truncated).any():
             self.batch.start(np.flatnonzero(terminated | truncated), flat)
-        return rewards, terminated, truncated, last, told
+        return rewards, terminated, truncated, last, results
 
 
 def same(found, known):
@@ -127,8 +127,8 @@ def rows(scene, count, *, seed=0, steps=20, limit=15):
         there.play.actions[:] = actions[seed : seed + count, : len(there.scene.actions)].ravel()
         there.step()
         play = there.play
-        told = play.observations.reshape(count, -1), play.rewards, play.terminated
-        found.append([np.array(part) for part in told])
+        results = play.observations.reshape(count, -1), play.rewards, play.terminated
+        found.append([np.array(part) for part in results])
     return found
 
 
@@ -143,13 +143,13 @@ def test_an_episode_on_a_device_is_the_vector_environments(name):
         actions = random.uniform(-1.2, 1.2, len(there.play.actions))
         there.play.actions[:] = actions
         there.step()
-        rewards, terminated, truncated, last, told = here.step(actions)
+        rewards, terminated, truncated, last, results = here.step(actions)
         assert same(there.play.rewards, rewards)
         assert same(there.play.terminated, terminated)
         assert same(there.play.truncated, truncated)
         assert same(there.play.last, last)
         assert same(there.play.observations, here.observations)
-        assert same(there.walkers.reported, told)
+        assert same(there.walkers.reported, results)
         endings += np.sum(terminated | truncated)
     assert endings >= count
     assert there.walkers.episodes.sum() == count + endings

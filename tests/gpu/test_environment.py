@@ -21,9 +21,9 @@ def test_the_environments_tensors_are_those_of_the_batch():
         PassiveWalkerGpuEnv(4, SCENE, max_episode_steps=6),
         DeviceBatch(4, SCENE, step_limit=6),
     )
-    seen, told = there.reset()
+    seen, results = there.reset()
     many.reset()
-    assert told == {}
+    assert results == {}
     np.testing.assert_array_equal(seen.flatten().numpy(), many.play.observations)
     random, endings = np.random.default_rng(0), 0
     for _ in range(8):
@@ -83,24 +83,24 @@ def test_spaces_are_those_of_the_other_environments():
 
 
 def test_motors_charged_for_other_work_are_those_of_a_scene_that_says_so():
-    usual, told, other = (
+    usual, results, other = (
         PassiveWalkerGpuEnv(2, {**SCENE, "energy": energy})
         for energy in ("absolute", "absolute", "net")
     )
-    told.set_energy_cost("net")
-    for envs in (usual, told, other):
+    results.set_energy_cost("net")
+    for envs in (usual, results, other):
         envs.reset()
     rewards = [
         torch.stack([envs.step(torch.full((2, 1), 0.5))[1] for _ in range(6)])
-        for envs in (usual, told, other)
+        for envs in (usual, results, other)
     ]
     assert torch.equal(rewards[1], rewards[2])
     assert not torch.equal(rewards[0], rewards[1])
-    told.set_energy_cost(None)
-    usual.reset(seed=1), told.reset(seed=1)
+    results.set_energy_cost(None)
+    usual.reset(seed=1), results.reset(seed=1)
     actions = torch.full((2, 1), 0.5)
     for _ in range(4):
-        assert torch.equal(usual.step(actions)[1], told.step(actions)[1])
+        assert torch.equal(usual.step(actions)[1], results.step(actions)[1])
 
 
 def test_a_second_thread_is_refused_while_the_first_is_at_work():

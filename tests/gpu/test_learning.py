@@ -28,8 +28,8 @@ def learner(monkeypatch):
         configure("ppo-fast", "level", n_envs=COUNT, seed=3), episode_steps=5
     )
     model = build(config, envs.training_envs(config), n_steps=STEPS, batch_size=8, n_epochs=1)
-    _, told = model._setup_learn(1, None)
-    return model, told
+    _, callback = model._setup_learn(1, None)
+    return model, callback
 
 
 class NothingComesBack(TorchDispatchMode):
@@ -46,7 +46,7 @@ class NothingComesBack(TorchDispatchMode):
 
 def test_a_rollout_is_the_walk_of_a_batch_on_the_device(learner, monkeypatch):
     """The same scene, keys, limit of steps and actions: the same observations and rewards."""
-    model, told = learner
+    model, callback = learner
     many = PassiveWalkerGpuEnv(COUNT, model.env.unwrapped.scene, max_episode_steps=5)
     many.set_energy_cost("positive")
     model.env.env_method("set_energy_cost", "positive")
@@ -57,7 +57,7 @@ def test_a_rollout_is_the_walk_of_a_batch_on_the_device(learner, monkeypatch):
         1
     ]
     scaled = model._scaling()
-    rollout = model.walk(told)
+    rollout = model.walk(callback)
     for t in range(STEPS):
         torch.testing.assert_close(rollout.seen[t], scaled(seen))
         seen, paid, *_ = many.step(rollout.actions[t].clamp(-1.0, 1.0))
@@ -66,7 +66,7 @@ def test_a_rollout_is_the_walk_of_a_batch_on_the_device(learner, monkeypatch):
 
 
 def test_nothing_comes_from_the_device_while_walkers_walk(learner, monkeypatch):
-    model, told = learner
+    model, callback = learner
     with ExitStack() as silence:
 
         def begin():
@@ -75,16 +75,16 @@ def test_nothing_comes_from_the_device_while_walkers_walk(learner, monkeypatch):
             for entry_point in ("cpu", "numpy", "tolist"):
                 closed.setattr(torch.Tensor, entry_point, None)
 
-        monkeypatch.setattr(told, "on_rollout_start", begin)
-        monkeypatch.setattr(told, "on_rollout_end", silence.close)
-        rollout = model.walk(told)
+        monkeypatch.setattr(callback, "on_rollout_start", begin)
+        monkeypatch.setattr(callback, "on_rollout_end", silence.close)
+        rollout = model.walk(callback)
     assert rollout.seen.shape == (STEPS, COUNT, 8)
 
 
 def test_it_learns_from_what_it_saw(learner):
-    model, told = learner
+    model, callback = learner
     before = torch.cat([x.detach().flatten() for x in model.policy.parameters()])
-    model.update(model.walk(told))
+    model.update(model.walk(callback))
     after = torch.cat([x.detach().flatten() for x in model.policy.parameters()])
     assert torch.isfinite(after).all()
     assert not torch.equal(before, after)

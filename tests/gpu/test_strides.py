@@ -20,10 +20,10 @@ from tests.gpu.thrown import thrown
 from tests.physics.examples import LONG_GAITS
 
 
-def carried(name, records, own, *, tolerance=1e-8, **told):
+def carried(name, records, own, *, tolerance=1e-8, **given):
     """Records that a device has carried on."""
     there = device.put(records)
-    advance_there(SYSTEMS[name], device.put(own), there, tolerance=tolerance, **told)
+    advance_there(SYSTEMS[name], device.put(own), there, tolerance=tolerance, **given)
     return device.back(there)
 
 

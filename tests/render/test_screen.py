@@ -169,10 +169,10 @@ def test_rough_ground_is_drawn_where_its_profile_is(no_display):
 
 def test_notes_stand_in_the_corners_and_a_warning_in_its_colour(no_display):
     plain = Screen("lab").draw(GAIT, SLOPE)
-    told = Screen("lab").draw(GAIT, SLOPE, notes=(["a"], ["b"]), warning="fell forward")
-    changed = (plain != told).any(axis=-1)
+    reported = Screen("lab").draw(GAIT, SLOPE, notes=(["a"], ["b"]), warning="fell forward")
+    changed = (plain != reported).any(axis=-1)
     assert changed[:100, :200].any() and changed[:100, 600:].any()
-    assert not changed[200:].any() and mask(told, look.WARNING)[:100, :200].sum() > 20
+    assert not changed[200:].any() and mask(reported, look.WARNING)[:100, :200].sum() > 20
 
 
 def test_tiles_are_frames_side_by_side():

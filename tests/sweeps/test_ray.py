@@ -53,7 +53,7 @@ def test_a_worker_that_is_killed_leaves_its_tasks_to_the_others(odd, cluster):
     over, given = {"x": list(range(40))}, {"folder": str(odd)}
     options = {"over": over, "given": given}
     killed = gpw.sweep("odd_tasks:orphans", odd / "out", trust=True, ray=cluster.address, **options)
-    assert (odd / "told").exists() and killed.failures == 0
+    assert (odd / "reported").exists() and killed.failures == 0
     same(killed, gpw.sweep("odd_tasks:orphans", odd / "whole", trust=True, workers=1, **options))
 
 

@@ -252,13 +252,15 @@ def test_on_a_disk_that_fills_up_nothing_finished_is_lost(odd):
     )
     alone = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-c", script]
     try:
-        told = subprocess.run(alone, capture_output=True, text=True, timeout=300)
+        reported = subprocess.run(alone, capture_output=True, text=True, timeout=300)
     except FileNotFoundError:
         pytest.skip("there is no unshare here")
-    if told.returncode in (1, 77) and "first" not in told.stdout:
-        pytest.skip(f"no disk of one's own here: {told.stderr}")
-    assert "No space left on device" in told.stderr and "the same call goes on" in told.stderr
-    assert told.returncode == 0 and "first 0" not in told.stdout
+    if reported.returncode in (1, 77) and "first" not in reported.stdout:
+        pytest.skip(f"no disk of one's own here: {reported.stderr}")
+    assert (
+        "No space left on device" in reported.stderr and "the same call goes on" in reported.stderr
+    )
+    assert reported.returncode == 0 and "first 0" not in reported.stdout
     columns = run.Swept(odd / "kept", 5000, 0).columns()
     assert columns["square"].tolist() == [x * x for x in range(5000)]
     whole = [line for line in (odd / "before").read_text().splitlines() if line.endswith("}")]

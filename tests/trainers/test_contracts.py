@@ -8,11 +8,11 @@ import pytest
 torch = pytest.importorskip("torch")
 
 
-def reference(steps: list, seed: int, **told):
+def reference(steps: list, seed: int, **given):
     """Rewards and endings of the same walkers in the vector environment."""
     from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 
-    envs = PassiveWalkerVectorEnv(8, autoreset_mode="SameStep", **told)
+    envs = PassiveWalkerVectorEnv(8, autoreset_mode="SameStep", **given)
     envs.reset(seed=seed)
     return [envs.step(actions.numpy())[:4] for actions in steps]
 

@@ -142,11 +142,11 @@ def test_skrl():
             "value_preprocessor_kwargs": {"size": 1, **scaler},
         },
     )  # fmt: skip
-    told = {
+    reported = {
         "timesteps": ROLLOUTS * HORIZON, "headless": True, "disable_progressbar": True,
         "close_environment_at_exit": False,
     }  # fmt: skip
-    trainer = SequentialTrainer(env=envs, agents=agent, cfg=told)
+    trainer = SequentialTrainer(env=envs, agents=agent, cfg=reported)
 
     def act(seen: Tensor) -> Tensor:
         return models["policy"].net(agent._observation_preprocessor(seen))

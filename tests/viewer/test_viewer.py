@@ -349,7 +349,7 @@ def test_a_gentle_slope_lets_its_walker_walk():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "reported"),
     [
         ({"walker": "Z"}, "no walker"),
         ({"slope": 2.0}, "slope"),
@@ -357,8 +357,8 @@ def test_a_gentle_slope_lets_its_walker_walk():
         ({"film": "walk.txt"}, ".mp4"),
     ],
 )
-def test_bad_arguments_are_refused_in_a_sentence(arguments, told):
-    with pytest.raises(ValueError, match=told):
+def test_bad_arguments_are_refused_in_a_sentence(arguments, reported):
+    with pytest.raises(ValueError, match=reported):
         play(**{"walker": "lab", "slope": SLOPE, "seconds": 0.1, **arguments})
 
 
