@@ -472,7 +472,7 @@ def test_csv_and_npz_hold_the_same_walk(reported, tmp_path):
 
 def test_a_shipped_policy_walks_on_where_its_walker_would_not(reported):
     rows = reported("evaluate", "level-ppo", "--episodes", 3)
-    endings = {who: [row["ending"] for row in rows if row["agent"] == who] for who in
+    endings = {agent: [row["ending"] for row in rows if row["agent"] == agent] for agent in
                ("level-ppo", "without a motor")}  # fmt: skip
     assert endings == {"level-ppo": [WALKED_ON] * 3, "without a motor": ["stubbed toe"] * 3}
 

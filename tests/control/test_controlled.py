@@ -261,8 +261,8 @@ def test_a_stride_of_a_map_on_other_ground_is_that_of_the_walker():
         np.testing.assert_allclose(getattr(walk, name), getattr(known, name), rtol=1e-11)
     ground = gpw.rough(height_std=0.002, slope_std=0.005)
     walks = [
-        gpw.simulate(who, state=gait.state, strides=4, terrain=ground, terrain_seed=5)
-        for who in (gait, controlled)
+        gpw.simulate(form, state=gait.state, strides=4, terrain=ground, terrain_seed=5)
+        for form in (gait, controlled)
     ]
     np.testing.assert_allclose(walks[0].states, walks[1].states, rtol=1e-7, atol=1e-8)
     np.testing.assert_allclose(walks[0].torques, walks[1].torques, rtol=1e-12)
@@ -308,12 +308,12 @@ def test_derivatives_on_steps_are_those_of_differences(name, controller):
     """By the point, with the rear leg on the previous foothold; by the slope; and by a length."""
     walker, slope, ground = STAIRS[name]
     scene = {"walker": walker, "slope": slope, "control": "stride", "max_hip_torque": 0.01}
-    who = {"controller": lambda seen: np.zeros((len(seen), 1)), "scene": scene}
+    controlled = {"controller": lambda seen: np.zeros((len(seen), 1)), "scene": scene}
     strides = gpw.stride_map(walker, slope, terrain=ground)
     if controller == "policy":
         feedback = LinearFeedback(scene)
         strides = gpw.stride_map(controller=feedback, scene=scene, terrain=ground)
-        zero = gpw.stride_map(**who, terrain=ground)
+        zero = gpw.stride_map(**controlled, terrain=ground)
         assert not zero.exact and strides.exact
     point = strides.points_at(gpw.find_gait(gpw.stride_map(walker, slope, terrain=ground)).state)
     by, m = ("foot_radius", "state", "slope"), strides.dimension

@@ -70,8 +70,8 @@ def test_walkers_that_all_differ_walk_in_a_batch_as_each_does_alone(
             if name.startswith("_"):
                 assert_same(infos[name][places], reported)
             else:
-                who = their_infos["_" + name]
-                assert list(infos[name][places][who]) == list(reported[who])
+                present = their_infos["_" + name]
+                assert list(infos[name][places][present]) == list(reported[present])
         ended += int((theirs[2] | theirs[3]).sum())
         for place, env in zip(places, alone.envs, strict=True):
             walker = env.unwrapped

@@ -13,7 +13,7 @@ import gym_passive_walker as gpw
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.envs import task
 from gym_passive_walker.envs.registration import ID
-from gym_passive_walker.envs.scene import CALM, SceneError, make_scene, undisturbed
+from gym_passive_walker.envs.scene import UNDISTURBED, SceneError, make_scene, undisturbed
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.physics.hybrid import Outcome, State
 from gym_passive_walker.physics.systems import bodies, body_of, system_of
@@ -255,8 +255,8 @@ def test_nothing_that_befell_a_walker_outlasts_its_episode(assert_same):
             seen, reward, *_, info = env.step(action)
             reported[-1].append((seen, reward, env.state, info))
     assert reported[0][-1][-1]["pushes"] > 0
-    for again, anew in zip(reported[1], reported[2], strict=True):
-        for found, expected in zip(again, anew, strict=True):
+    for again, fresh in zip(reported[1], reported[2], strict=True):
+        for found, expected in zip(again, fresh, strict=True):
             assert_same(found, expected)
 
 
@@ -348,7 +348,7 @@ def test_a_method_that_needs_a_calm_scene_says_how_to_get_it(name):
     scene = make_scene("lab", **{name: value})
     with pytest.raises(SceneError, match=f"walks are made without {name}, .* choose"):
         undisturbed(scene, "walks are made")
-    calm = make_scene(scene, **CALM, command=None)
+    calm = make_scene(scene, **UNDISTURBED, command=None)
     assert undisturbed(calm, "walks are made") == make_scene("lab")
 
 

@@ -90,9 +90,9 @@ def test_compiled_code_draws_what_numpy_would(kind):
 
     batch, here = Batch(Scene(), 3), randoms()
     batch.randoms = randoms()
-    for who in ([0, 1, 2], [2, 0], [1]):
-        expected = [here[i].random(DRAWS) for i in who]
-        np.testing.assert_array_equal(batch.drawn(np.array(who)), expected)
+    for lanes in ([0, 1, 2], [2, 0], [1]):
+        expected = [here[i].random(DRAWS) for i in lanes]
+        np.testing.assert_array_equal(batch.drawn(np.array(lanes)), expected)
     later = pickle.loads(pickle.dumps(batch))  # elsewhere, and at the same place in the stream
     expected = [random.random(DRAWS) for random in here]
     np.testing.assert_array_equal(later.drawn(np.arange(3)), expected)
