@@ -38,10 +38,10 @@ class NormedCriticPolicy(SACPolicy):
 
 
 _UNITS: dict[type[nn.Module], tuple[Callable[[Tensor], Tensor], Callable[..., Tensor]]] = {
-    nn.ReLU: (torch.relu_, lambda told, said: said.sign()),
-    nn.Tanh: (torch.tanh_, lambda told, said: 1.0 - said * said),
-    nn.ELU: (nn.functional.elu_, lambda told, said: said.clamp(max=0.0) + 1.0),
-    nn.SiLU: (nn.functional.silu, lambda told, said: told.sigmoid() * (1.0 + told - said)),
+    nn.ReLU: (torch.relu_, lambda before, after: after.sign()),
+    nn.Tanh: (torch.tanh_, lambda before, after: 1.0 - after * after),
+    nn.ELU: (nn.functional.elu_, lambda before, after: after.clamp(max=0.0) + 1.0),
+    nn.SiLU: (nn.functional.silu, lambda before, after: before.sigmoid() * (1.0 + before - after)),
 }
 """Activation functions and their derivatives.
 
@@ -66,17 +66,17 @@ class Perceptron:
         between = (type(layer) for layer in layers if not isinstance(layer, nn.Linear))
         self.unit, self.slope_of = _UNITS[next(between, nn.ReLU)]
         where = self.linear[0].weight.device
-        self.told = [torch.empty(rows, x.out_features, device=where) for x in self.linear]
-        self.slopes = [torch.empty_like(told) for told in self.told[:-1]]
+        self.before = [torch.empty(rows, x.out_features, device=where) for x in self.linear]
+        self.slopes = [torch.empty_like(before) for before in self.before[:-1]]
 
     def forward(self, seen: Tensor) -> Tensor:
         """Outputs (rows, outputs) of a batch (rows, inputs); the next batch overwrites them."""
         self.inputs = [seen]
-        for layer, told in zip(self.linear, self.told, strict=True):
-            torch.addmm(layer.bias, self.inputs[-1], layer.weight.t(), out=told)
+        for layer, before in zip(self.linear, self.before, strict=True):
+            torch.addmm(layer.bias, self.inputs[-1], layer.weight.t(), out=before)
             if layer is not self.linear[-1]:
-                self.inputs.append(self.unit(told))
-        return self.told[-1]
+                self.inputs.append(self.unit(before))
+        return self.before[-1]
 
     def backward(self, slope: Tensor) -> None:
         """Fill the gradients of the weights, from a loss's gradient by the last outputs."""
@@ -87,7 +87,7 @@ class Perceptron:
             torch.sum(slope, 0, out=layer.bias.grad)
             if k:
                 slope = torch.mm(slope, layer.weight, out=self.slopes[k - 1])
-                slope *= self.slope_of(self.told[k - 1], below)
+                slope *= self.slope_of(self.before[k - 1], below)
 
 
 POLICIES = {"agents.networks.NormedCriticPolicy": NormedCriticPolicy}

@@ -234,19 +234,19 @@ class FastPPO(BaseAlgorithm):
         progress_bar: bool = False,
     ) -> Self:
         """Alternate rollouts and updates, as stable-baselines3's algorithms do."""
-        total, told = self._setup_learn(
+        total, callback = self._setup_learn(
             total_timesteps, callback, reset_num_timesteps, tb_log_name, progress_bar
         )
-        told.on_training_start(locals(), globals())
+        callback.on_training_start(locals(), globals())
         while self.num_timesteps < total:
-            rollout = self.walk(told)
+            rollout = self.walk(callback)
             if rollout is None:
                 break
             self._update_current_progress_remaining(self.num_timesteps, total)
             self.update(rollout)
             if log_interval is not None:
                 self.logger.dump(self.num_timesteps)
-        told.on_training_end()
+        callback.on_training_end()
         return self
 
     @torch.no_grad()

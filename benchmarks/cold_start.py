@@ -95,7 +95,7 @@ PROCESSORS = {
 }
 """Targets of compiled code: this CPU, or an instruction set that many CPUs have."""
 
-_CROWD = (
+_BATCH = (
     "states = np.array(gpw.find_gait('lab', 0.036).state) * np.linspace(0.99, 1.01, 2048)[:, None]"
 )
 _STRIDES = "for _ in range(50): gpw.stride('lab', 0.036, states, tolerance=1e-6, threads=1)"
@@ -111,7 +111,7 @@ def levels() -> None:
             empty, filled = (wait(begun, cache, **processor) for _ in range(2))
             kept = {file: file.stat().st_size / 1e3 for file in Path(cache).rglob("*.*")}
             code = sum(size for file, size in kept.items() if file.suffix == ".o")
-            strides = [_BEGIN, _CROWD + "; " + _STRIDES.partition(": ")[2], _STRIDES]
+            strides = [_BEGIN, _BATCH + "; " + _STRIDES.partition(": ")[2], _STRIDES]
             took = min(wait(strides, cache, **processor) for _ in range(5)) / (50 * 2048)
         rows.append((level, empty, filled, code, sum(kept.values()) - code, 1e6 * took))
         print(*rows[-1], flush=True)

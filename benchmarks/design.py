@@ -27,9 +27,9 @@ def designed(name: str) -> gpw.Design:
     """The design from the page's code, executed up to the block that assigns it to `name`."""
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.S)
     last = next(i for i, block in enumerate(blocks) if re.search(rf"^{name} =", block, re.M))
-    told: dict[str, object] = {}
-    exec(compile("\n".join(blocks[: last + 1]), str(PAGE), "exec"), told)
-    design = told[name]
+    namespace: dict[str, object] = {}
+    exec(compile("\n".join(blocks[: last + 1]), str(PAGE), "exec"), namespace)
+    design = namespace[name]
     assert isinstance(design, gpw.Design)
     return design
 
@@ -177,13 +177,13 @@ def tuned() -> None:
     for name, walker, slope in (("lab", lab, 0.036), ("heavy", heavy, 0.03)):
         gait = gpw.tune_to_walk(walker, slope)
         alone = gpw.find_gaits(gpw.tune(walker), slope)
-        for who, one, gaits in (
+        for label, one, gaits in (
             (name, walker, gpw.find_gaits(walker, slope)),
             (f"{name}, `tune`", gpw.tune(walker), alone),
             (f"{name}, `tune_to_walk`", gait.walker, [gait]),
         ):
             long = next((f"{abs(g.multipliers[0]):.4f}" for g in gaits if g.kind == "long"), "none")
-            rows.append([who, slope, *(f"{getattr(one, key):.4f}" for key in SPREAD), long])
+            rows.append([label, slope, *(f"{getattr(one, key):.4f}" for key in SPREAD), long])
     heads = ["walker", "slope", *SPREAD, "long-step gait's largest multiplier"]
     text = (
         "`heavy` has thighs of 0.40 m and 5 kg, shanks of 0.45 m and 3 kg, a hip of 10 kg, feet of"

@@ -13,7 +13,7 @@ from gym_passive_walker.engine.run import LONGEST_STRIDE, advance, new_records
 from gym_passive_walker.physics.hybrid import Outcome
 
 
-def crowd(p: Problem, count: int, torque: float = 0.0, end: float = LONGEST_STRIDE) -> NDArray:
+def new_batch(p: Problem, count: int, torque: float = 0.0, end: float = LONGEST_STRIDE) -> NDArray:
     """Records of `count` walkers, with the problem's initial states in turn.
 
     Args:
@@ -54,7 +54,7 @@ def again(
 
 def strides(p: Problem, tolerance: float, count: int = STARTS, threads: int = 1) -> NDArray:
     """Next states on the Poincaré section of `count` walkers, (count, 6)."""
-    records = crowd(p, count)
+    records = new_batch(p, count)
     states = move(p, records, tolerance, threads=threads)
     if not np.all(records["outcome"] == Outcome.HEELSTRIKE):
         raise RuntimeError("a walker of the benchmark fell")
@@ -72,7 +72,7 @@ def walk(p: Problem, count: int, tolerance: float) -> NDArray:
 def microseconds(p: Problem, count: int, tolerance: float, threads: int = 1) -> float:
     """Microseconds for a stride of one walker in a batch of `count`."""
     strides(p, tolerance, count, threads)  # none may fall
-    fresh = crowd(p, count)
+    fresh = new_batch(p, count)
     records = fresh.copy()
 
     def copying() -> None:

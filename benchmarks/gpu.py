@@ -77,7 +77,7 @@ def _copied(there: Any, source: Any) -> None:
         there.copy_to_device(source)
 
 
-def _told(name: str, text: str) -> None:
+def _report(name: str, text: str) -> None:
     """Write a result to the page; on a simulated GPU, only print it."""
     if SIMULATED:
         print(f"\n{text}\n\nA rehearsal: nothing is kept.")
@@ -101,13 +101,13 @@ def carried() -> None:
                 rows.append((f"processor, {CORES} cores", count, reached, 1e6 / one))
         heads = ["by", "walkers", "error reached", "strides/s"]
         text += [f"Walker {name}, tolerance {tolerance:.0e}", table(heads, rows)]
-    _told("gpu strides", "\n\n".join(text))
+    _report("gpu strides", "\n\n".join(text))
 
 
 def _strides(p: Any, tolerance: float, count: int, exact: Any) -> tuple[float, float]:
     """Error of the problem's strides on the GPU, and strides per second."""
-    fresh = device.put(engine.crowd(p, count))
-    body, records = device.put(np.array(p.body)[None, None]), device.put(engine.crowd(p, count))
+    fresh = device.put(engine.new_batch(p, count))
+    body, records = device.put(np.array(p.body)[None, None]), device.put(engine.new_batch(p, count))
     begin = _finished(lambda: _copied(records, fresh))
 
     def job() -> None:
@@ -126,7 +126,7 @@ def ticks() -> None:
         rows.append(("GPU", count, count / _tick(DeviceBatch(count))))
         if count <= LARGEST_HERE:
             rows.append((f"processor, {CORES} cores", count, count / _tick_here(count)))
-    _told("gpu ticks", table(["by", "walkers", "ticks/s"], rows))
+    _report("gpu ticks", table(["by", "walkers", "ticks/s"], rows))
 
 
 def _tick(there: DeviceBatch) -> float:
@@ -167,14 +167,14 @@ def learning() -> None:
 
     where, steps = "cpu" if SIMULATED else "cuda", 4 if SIMULATED else 24
 
-    def here(count: int, **told: Any) -> Any:
-        return PassiveWalkerTorchEnv(count, device=where, **told)
+    def here(count: int, **options: Any) -> Any:
+        return PassiveWalkerTorchEnv(count, device=where, **options)
 
     rows = []
     for count in SIZES if SIMULATED else (4096, 65_536, 524_288):
         for label, envs in (("device", PassiveWalkerGpuEnv), ("processor", here)):
-            told = {**_PPO, "num_steps_per_env": steps}
-            runner = OnPolicyRunner(RslRlWalkers(count, envs=envs), told, device=where)
+            options = {**_PPO, "num_steps_per_env": steps}
+            runner = OnPolicyRunner(RslRlWalkers(count, envs=envs), options, device=where)
 
             def job(runner: Any = runner) -> None:
                 runner.learn(2)
@@ -186,7 +186,7 @@ def learning() -> None:
             )
         update = _finished(_ppo_fast(count, steps))
         rows.append(("ppo-fast, both on the device", count, frames / seconds(update, repeats=2)))
-    _told("gpu learning", table(["PPO", "walkers", "frames/s"], rows))
+    _report("gpu learning", table(["PPO", "walkers", "frames/s"], rows))
 
 
 def _ppo_fast(count: int, steps: int) -> Callable[[], object]:

@@ -26,7 +26,7 @@ from gym_passive_walker.gaits.stride_map import StrideMap
 from gym_passive_walker.physics import legs
 
 STRIDES = (1, 10, 100)
-CROWD = 64
+BATCH = 64
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14)
 TIME_STEPS = {1: (1e-2, 1e-3, 1e-4), 10: (1e-2, 1e-3), 100: (1e-2,)}
 STEPS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7)  # widths of this engine's differences
@@ -189,10 +189,10 @@ def _methods(strides: int) -> Iterator[tuple[str, str, Callable[..., Gradient], 
     for tolerance in TOLERANCES:
         setting = _setting(tolerance)
         yield (
-            f"this engine, {CROWD} at once",
+            f"this engine, {BATCH} at once",
             setting,
-            partial(engine, tolerance=tolerance, count=CROWD),
-            CROWD,
+            partial(engine, tolerance=tolerance, count=BATCH),
+            BATCH,
         )
         yield "this engine, alone", setting, partial(engine, tolerance=tolerance, count=1), 1
         yield "this engine by torch", setting, partial(by_torch, tolerance=tolerance), 1

@@ -79,10 +79,10 @@ def compiled(p: Problem, pair: Pair) -> Callable[[NDArray, float], NDArray]:
     def ends(starts: NDArray, tolerance: float) -> NDArray:
         records = new_records(starts, p.slope, end=HORIZON)
         records["step"] = min(0.5, tolerance ** (1.0 / pair.order))
-        told = options(tolerance, from_section=True).copy()
+        chosen = options(tolerance, from_section=True).copy()
         if pair is not PAIR:
-            told["fineness"] = 1.0 / tolerance
-        integrate(records, body, phases, told, *working)
+            chosen["fineness"] = 1.0 / tolerance
+        integrate(records, body, phases, chosen, *working)
         return records["state"][:, 0]
 
     return ends
@@ -90,12 +90,12 @@ def compiled(p: Problem, pair: Pair) -> Callable[[NDArray, float], NDArray]:
 
 def at_errors(ends: Callable[[NDArray, float], NDArray], p: Problem, exact: NDArray) -> list[float]:
     """Microseconds per walker at each of ERRORS, interpolated logarithmically."""
-    crowd = np.resize(p.starts, (COUNT, 6))
+    many = np.resize(p.starts, (COUNT, 6))
     errors, times = [], []
     for tolerance in TOLERANCES:
         found = ends(p.starts, tolerance)
         errors.append(error(found, exact))
-        times.append(seconds(lambda t=tolerance: ends(crowd, t), at_least=0.05, repeats=3) / COUNT)
+        times.append(seconds(lambda t=tolerance: ends(many, t), at_least=0.05, repeats=3) / COUNT)
     best = []
     for level in ERRORS:
         usable = [i for i, e in enumerate(errors) if e <= level]

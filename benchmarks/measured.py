@@ -17,7 +17,7 @@ from benchmarks import rivals
 from benchmarks.problem import Problem, error
 from benchmarks.report import seconds
 
-CROWD = 2048
+BATCH = 2048
 """Walkers in a batch, for solvers that permit any number."""
 
 Point = tuple[float, float]
@@ -52,10 +52,10 @@ def heyoka_batch(p: Problem, exact: NDArray, lanes: int, tolerance: float) -> Po
 
 
 def diffrax(p: Problem, exact: NDArray, method: str, tolerance: float) -> Point:
-    """Diffrax with one of its solvers, and `CROWD` walkers in a batch."""
-    strides, starts = rivals.diffrax_batch(p, method, tolerance), np.resize(p.starts, (CROWD, 6))
+    """Diffrax with one of its solvers, and `BATCH` walkers in a batch."""
+    strides, starts = rivals.diffrax_batch(p, method, tolerance), np.resize(p.starts, (BATCH, 6))
     reached = error(strides(starts)[: len(exact)], exact)
-    return reached, seconds(lambda: strides(starts), repeats=3, most=1.0) / CROWD * 1e6
+    return reached, seconds(lambda: strides(starts), repeats=3, most=1.0) / BATCH * 1e6
 
 
 def everyone_else(p: Problem, exact: NDArray) -> dict[str, Callable[[float], Point]]:
@@ -69,7 +69,7 @@ def everyone_else(p: Problem, exact: NDArray) -> dict[str, Callable[[float], Poi
         "heyoka, 8 lanes": partial(heyoka_batch, p, exact, 8),
         "heyoka, alone": partial(heyoka, p, exact),
         **{
-            f"diffrax {method}, {CROWD} at once": partial(diffrax, p, exact, method)
+            f"diffrax {method}, {BATCH} at once": partial(diffrax, p, exact, method)
             for method in ("Tsit5", "Dopri8")
         },
         **{

@@ -14,7 +14,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.engine import again, crowd
+from benchmarks.engine import again, new_batch
 from benchmarks.problem import WALKS, Problem, problem
 from benchmarks.report import command, machine, seconds, table
 from gym_passive_walker import WALKERS, Gait, console, find_gait, stride, stride_jacobian
@@ -189,7 +189,7 @@ def _exact(p: Problem, gait: Gait) -> list[float]:
         state = taken[-1].state
     periods, angles = np.array([(t.duration, t.state[0]) for t in taken]).T
     derivative = stride_jacobian(gait.walker, gait.slope, state, tolerance=TOLERANCE)
-    took = seconds(again(p, crowd(p, 1), TOLERANCE))
+    took = seconds(again(p, new_batch(p, 1), TOLERANCE))
     return _result(gait, periods, angles, multipliers_of(derivative), took)
 
 

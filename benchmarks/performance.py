@@ -31,7 +31,7 @@ COUNTED = ("fma", "fmul", "fadd", "fsub", "fdiv", "sqrt")
 """Arithmetic instructions; signs, comparisons, selections and memory accesses cost little."""
 
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
-_CROWD, _TURNS, _ANEW = 2048, 4000, 200  # walkers; timed calls; calls until the tile is restored
+_BATCH, _TURNS, _RESTORE = 2048, 4000, 200  # walkers; timed calls; calls until the tile is restored
 _CHAINS, _LINKS = 12, 100  # independent chains of dependent multiply-adds, to measure the peak
 
 Code = Callable[[Memory], None]
@@ -71,7 +71,7 @@ def _clocked(module: Module, fresh: np.ndarray) -> float:
     @numba.njit
     def repeated(start, numbers, begun):  # type: ignore[no-untyped-def]
         for turn in range(_TURNS):
-            if turn % _ANEW == 0:
+            if turn % _RESTORE == 0:
                 numbers[:] = begun
             for group in range(WIDTH // GROUP):
                 call(address, start + 8 * GROUP * group, vectors, 0, 0, 0.0, 0.0)
@@ -164,10 +164,10 @@ def strides() -> None:
         p = problem(name)
         each = [Timed(step(equations), tile).nanoseconds for equations, tile in _phases(p)]
         for tolerance in TOLERANCES:
-            records = engine.crowd(p, _CROWD)
+            records = engine.new_batch(p, _BATCH)
             engine.move(p, records, tolerance)
             steps = float(records["steps"].mean())
-            whole = engine.microseconds(p, _CROWD, tolerance)
+            whole = engine.microseconds(p, _BATCH, tolerance)
             stepping = steps * float(np.mean(each)) * 1e-3
             rows.append([
                 f"{name}", f"{tolerance:.0e}", steps, stepping, whole, stepping / whole,

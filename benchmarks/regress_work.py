@@ -15,19 +15,19 @@ import gym_passive_walker as gpw
 
 WALKS = {"lab": 0.036, "A": 0.03, "D": 0.009}
 """A kneed, a straight-legged and the simplest walker, with a slope in rad for each."""
-CROWD, ALONE = 2048, 20
+BATCH, ALONE = 2048, 20
 
 
 def strides(pieces, walks):
     """Strides around a gait, in a batch and one after another, and with derivatives."""
     for name, slope in WALKS.items():
         gait = np.array(gpw.find_gait(name, slope).state)
-        starts = np.repeat(gait[None], CROWD, axis=0)
-        starts[:, 3:] *= 1.0 + 0.005 * np.random.default_rng(0).normal(size=(CROWD, 3))
+        starts = np.repeat(gait[None], BATCH, axis=0)
+        starts[:, 3:] *= 1.0 + 0.005 * np.random.default_rng(0).normal(size=(BATCH, 3))
         if not gpw.WALKERS[name].knees:
             starts[:, 5] = starts[:, 4]
 
-        def crowd(tolerance, name=name, slope=slope, starts=starts):
+        def many(tolerance, name=name, slope=slope, starts=starts):
             return gpw.stride(name, slope, starts, tolerance=tolerance, threads=1)
 
         def alone(name=name, slope=slope, start=starts[0]):
@@ -38,13 +38,11 @@ def strides(pieces, walks):
             gpw.stride_jacobian(name, slope, starts)
 
         for tolerance in (1e-6, 1e-10):
-            pieces[f"crowd {name} {tolerance:g}"] = lambda f=crowd, tolerance=tolerance: f(
-                tolerance
-            )
+            pieces[f"batch {name} {tolerance:g}"] = lambda f=many, tolerance=tolerance: f(tolerance)
         pieces[f"alone {name}"] = alone
         pieces[f"derivatives {name}"] = derivatives
         pieces[f"find_gait {name}"] = lambda name=name, slope=slope: gpw.find_gait(name, slope)
-        walks[name] = float(np.abs(crowd(1e-10).state).sum())
+        walks[name] = float(np.abs(many(1e-10).state).sum())
 
 
 def analyses(pieces):

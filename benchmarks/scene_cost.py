@@ -14,7 +14,7 @@ import gymnasium as gym
 import numpy as np
 
 import gym_passive_walker as gpw
-from benchmarks.engine import again, crowd
+from benchmarks.engine import again, new_batch
 from benchmarks.problem import problem
 from benchmarks.report import command, machine, seconds, table
 from benchmarks.tables import SPEED, keep
@@ -53,10 +53,10 @@ def kinds() -> str:
         p = problem(name)
         for torque in (0.0, 1e-3):
             torqued = "torque" if torque else "passive"
-            jobs[f"{name}, {torqued}"] = again(p, crowd(p, COUNT, torque), 1e-8)
+            jobs[f"{name}, {torqued}"] = again(p, new_batch(p, COUNT, torque), 1e-8)
     p = problem("kneed")
     jobs["kneed, passive, watched for stubbed toes"] = again(
-        p, crowd(p, COUNT), 1e-8, end_on_toe_stub=True
+        p, new_batch(p, COUNT), 1e-8, end_on_toe_stub=True
     )
     times = by_turns(jobs)
     lean = times["simplest, passive"]
@@ -75,7 +75,7 @@ def analysis() -> str:
     p = problem("kneed")
     times = by_turns(
         {
-            "kernel alone": again(p, crowd(p, 1), 1e-10),
+            "kernel alone": again(p, new_batch(p, 1), 1e-10),
             "stride(), with its ledger and units": lambda: gpw.stride(walker, 0.036, gait.state),
             "simulate()": lambda: simulate(walker, 0.036, gait.state),
             "reality_check()": lambda: gpw.reality_check(walker, 0.036, gait.state),

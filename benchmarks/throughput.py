@@ -38,13 +38,13 @@ def accelerations() -> None:
     """Measure one evaluation of the equations of motion: over a tile's lanes, and of one walker."""
     rows = []
     for name in WALKS:
-        crowded, alone = (_nanoseconds(problem(name), crowd) for crowd in (True, False))
-        rows.append((name, crowded, alone, alone / crowded))
+        together, alone = (_nanoseconds(problem(name), vectorized) for vectorized in (True, False))
+        rows.append((name, together, alone, alone / together))
     heads = ["walker", "ns, one of a tile", "ns, one alone", "ratio"]
     keep("accelerations", f"{table(heads, rows)}\n\nOne core. {machine()}.", SPEED)
 
 
-def _nanoseconds(p: Problem, crowd: bool) -> float:
+def _nanoseconds(p: Problem, vectorized: bool) -> float:
     """Nanoseconds per lane of an evaluation: of a whole tile, or of one lane after another."""
     phase = p.system.phases[0]
     used = constants_used(p.system, phase)
@@ -56,7 +56,7 @@ def _nanoseconds(p: Problem, crowd: bool) -> float:
             # Change the state a little, so that each evaluation has other values.
             tile["angle", link] = tile["angle", link] + 1e-9 * a
 
-    function.over_lanes(evaluate) if crowd else function.once(evaluate, lane=True)
+    function.over_lanes(evaluate) if vectorized else function.once(evaluate, lane=True)
     function.end()
     code = loaded(object_code(module))
     address, vectors = code.get_function_address("evaluate"), code.get_global_value_address("table")
@@ -69,14 +69,14 @@ def _nanoseconds(p: Problem, crowd: bool) -> float:
     @numba.njit
     def evaluated(start, times):  # type: ignore[no-untyped-def]
         for turn in range(times):
-            if not crowd:
+            if not vectorized:
                 call(address, start, vectors, turn % WIDTH, 0, 0.0, 0.0)
                 continue
             for group in range(WIDTH // GROUP):
                 call(address, start + 8 * GROUP * group, vectors, 0, 0, 0.0, 0.0)
 
     job = partial(evaluated, tile.ctypes.data, times)
-    return seconds(job) / times / (WIDTH if crowd else 1) * 1e9
+    return seconds(job) / times / (WIDTH if vectorized else 1) * 1e9
 
 
 def strides() -> None:
@@ -101,7 +101,7 @@ def strides() -> None:
                 rows,
             ),
         ]  # fmt: skip
-    size = engine.crowd(problem("kneed"), 1).nbytes
+    size = engine.new_batch(problem("kneed"), 1).nbytes
     text += [f"Memory: {size} bytes a walker. {machine()}."]
     keep("strides", "\n\n".join(text), SPEED)
     names = "walkers in the batch", "µs a stride and walker, one core"

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import engine, measured, reference
-from benchmarks.measured import CROWD, Point
+from benchmarks.measured import BATCH, Point
 from benchmarks.problem import WALKS, error, problem
 from benchmarks.report import command, machine, plot, seconds, table
 from benchmarks.tables import PRECISION, keep
@@ -51,7 +51,7 @@ def strides() -> None:
         p = problem(name)
         exact, own = reference.strides(p)
         methods: dict[str, Callable[[float], Point]] = {
-            f"this engine, {CROWD} at once": partial(measured.engine, p, exact, CROWD),
+            f"this engine, {BATCH} at once": partial(measured.engine, p, exact, BATCH),
             "this engine, alone": partial(measured.engine, p, exact, 1),
             **measured.everyone_else(p, exact),
         }
@@ -101,12 +101,12 @@ def ticks() -> None:
     exact = reference.swings(p, **held)
     rows = []
     for tolerance in (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14):
-        few = engine.crowd(p, len(p.starts), **held)
+        few = engine.new_batch(p, len(p.starts), **held)
         reached = error(engine.move(p, few, tolerance), exact)
-        job = engine.again(p, engine.crowd(p, CROWD, **held), tolerance)
-        took = seconds(job, at_least=0.05) / CROWD * 1e6
+        job = engine.again(p, engine.new_batch(p, BATCH, **held), tolerance)
+        took = seconds(job, at_least=0.05) / BATCH * 1e6
         rows.append((f"{tolerance:.0e}", reached, took, float(few["steps"].mean())))
-    text = table(["tolerance", "error", f"µs a walker, {CROWD} at once", "integration steps"], rows)
+    text = table(["tolerance", "error", f"µs a walker, {BATCH} at once", "integration steps"], rows)
     keep(
         "tick",
         f"{text}\n\nA tick of 0.1 √(l/g) with a hip torque of 0.02 m g l. {machine()}.",

@@ -24,7 +24,7 @@ def walk():
 
 @contextmanager
 def files_of_at_most(size):
-    """A process whose files may not grow, as on a disk that is full."""
+    """A process with a limit on the size of its files, as on a full disk."""
     resource = pytest.importorskip("resource", reason="limits of files are POSIX")
     usual = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, usual[1]))
@@ -149,12 +149,15 @@ def test_what_killed_writers_left_goes_when_the_file_is_written_again(tmp_path):
     assert sorted(tmp_path.iterdir()) == sorted([target, *others])
 
 
-def test_what_cannot_be_written_is_told_by_its_own_name(tmp_path):
+def test_a_file_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / "file").touch()
     target = tmp_path / "file" / "new"
-    with pytest.raises(OSError, match=r"Not a directory|File exists") as told, replacing(target):
+    with (
+        pytest.raises(OSError, match=r"Not a directory|File exists") as reported,
+        replacing(target),
+    ):
         pass
-    assert told.value.filename == str(target)
+    assert reported.value.filename == str(target)
 
 
 def test_a_film_in_slow_motion_has_as_many_more_frames(tmp_path):

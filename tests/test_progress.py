@@ -101,7 +101,7 @@ def test_without_a_terminal_long_work_writes_a_line_every_minute(monkeypatch):
     assert [line.split("] ")[1] for line in lines] == ["60/150, 1/s, 60 s", "120/150, 1/s, 120 s"]
 
 
-def test_long_compiling_is_told_once_with_its_seconds(monkeypatch, capsys):
+def test_long_compiling_is_announced_once_with_its_seconds(monkeypatch, capsys):
     monkeypatch.setattr(module, "_UNSAID", 0.05)
     with compiling("the kernel advance"):
         time.sleep(0.3)
@@ -110,7 +110,7 @@ def test_long_compiling_is_told_once_with_its_seconds(monkeypatch, capsys):
     assert 0.2 < float(said.split()[-2]) < 5.0
 
 
-def test_quick_compiling_is_not_told(capsys):
+def test_quick_compiling_is_not_announced(capsys):
     with compiling("the kernel advance"):
         pass
     assert capsys.readouterr().err == ""

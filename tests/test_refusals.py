@@ -1,4 +1,4 @@
-"""Nonsense is refused by a message that names the argument, whichever function it is given to."""
+"""Every public function refuses invalid input by a message that names the argument."""
 
 import json
 import re
@@ -41,7 +41,7 @@ def scene(**arguments):
     return make_scene("level", **arguments)
 
 
-def crowd(**arguments):
+def many(**arguments):
     return gym.make_vec("PassiveWalker-v0", **({"num_envs": 2} | arguments))
 
 
@@ -146,8 +146,8 @@ REFUSALS = [
     (scene, {}, "actions", ([], {}, 3, ["no"], [["hip"]], ["hip", "hip"])),
     (scene, {}, "start", ("no", 3, [nan] * 6, STATE[:5], {}, LONG)),
     (scene, {}, "end_on_toe_stub", ("no", 0, 1.0, nan, [])),
-    (crowd, {}, "num_envs", (*NO_COUNTS, 0, 10**9)),
-    (crowd, {}, "render_mode", ("no", 3, nan, [], {}, object(), LONG)),
+    (many, {}, "num_envs", (*NO_COUNTS, 0, 10**9)),
+    (many, {}, "render_mode", ("no", 3, nan, [], {}, object(), LONG)),
 ]  # fmt: skip
 
 
@@ -164,7 +164,7 @@ def test_nonsense_is_refused_by_the_name_of_its_argument(function, valid, name, 
 
 
 @pytest.mark.parametrize("seed", [-1, 0.5, "no", nan, [], b"x"], ids=repr)
-@pytest.mark.parametrize("make", [lambda: gym.make("PassiveWalker-v0"), crowd], ids=["one", "two"])
+@pytest.mark.parametrize("make", [lambda: gym.make("PassiveWalker-v0"), many], ids=["one", "two"])
 def test_a_seed_is_a_whole_number(make, seed):
     with pytest.raises(ValueError, match="seed"):
         make().reset(seed=seed)

@@ -6,7 +6,7 @@ from benchmarks.regress import differing, main, turns
 
 
 class Steady:
-    """A side whose work takes a known time."""
+    """A side of the comparison with work that takes a known time."""
 
     def __init__(self, seconds):
         self.taken, self.done = seconds, []
@@ -19,15 +19,15 @@ class Steady:
 
 def test_sides_take_turns_at_each_piece_of_work():
     old, new = Steady(2.0), Steady(3.0)
-    taken = turns(old, new, ["crowd", "alone"], 4)
-    assert old.done == new.done == ["crowd", "alone"] * 4
+    taken = turns(old, new, ["many", "alone"], 4)
+    assert old.done == new.done == ["many", "alone"] * 4
     for before, after in taken.values():
         assert set(before) == {2.0} and set(after) == {3.0}
 
 
-def test_walks_that_end_elsewhere_are_told():
-    told = differing({"lab": 1.0, "A": 2.0, "gone": 1.0}, {"lab": 1.0 + 1e-12, "A": 2.0001})
-    assert len(told) == 1 and "other walks: A came to 2.0" in told[0]
+def test_walks_that_end_elsewhere_are_reported():
+    reported = differing({"lab": 1.0, "A": 2.0, "gone": 1.0}, {"lab": 1.0 + 1e-12, "A": 2.0001})
+    assert len(reported) == 1 and "other walks: A came to 2.0" in reported[0]
     assert differing({"D": 1.0}, {"D": float("nan")})
 
 

@@ -43,7 +43,9 @@ AVOIDED = {
 """Words to avoid, as regular expressions, and what to write instead."""
 
 _PAGES = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/*.md", "docs/notebooks/*.md")
-_MODULES = ("gym_passive_walker", "agents", "benchmarks", "docs", "examples", "validation")
+_MODULES = ("gym_passive_walker", "agents", "benchmarks", "docs", "examples", "tests", "validation")
+_EXAMPLES = ("tests/words.py", "tests/docs/test_rendered.py")
+"""Modules that have the words to avoid as data."""
 _CODE = re.compile(r"```.*?```|~~~.*?~~~|<!--.*?-->|\$\$.*?\$\$", re.S)
 _INLINE = re.compile(r"`[^`]*`|\$[^$\n]*\$|\[([^\]]*)\]\([^)]*\)|https?://\S+|<[^>\n]*>")
 _ENDS = re.compile(r"(?<=[.!?:;])\s+|\n\s*\n|\n\s*(?:[-*]|\d+\.)\s|\n\s*\|[^\n]*")
@@ -125,6 +127,7 @@ def files() -> list[Path]:
     """Every page and module."""
     pages = [path for pattern in _PAGES for path in sorted(ROOT.glob(pattern))]
     modules = [path for folder in _MODULES for path in sorted((ROOT / folder).rglob("*.py"))]
+    modules = [path for path in modules if path not in {ROOT / name for name in _EXAMPLES}]
     return [*pages, *modules, ROOT / "train.py"]
 
 

@@ -25,7 +25,7 @@ TOPIC = "Conservation and symmetry"
 SIMPLEST = WALKERS["D"]
 
 
-def crowds(rng: np.random.Generator, count: int) -> list[Flock]:
+def flocks(rng: np.random.Generator, count: int) -> list[Flock]:
     """Walkers of each kind, with random shapes."""
     n = max(1, count // 3)
     return [
@@ -48,19 +48,19 @@ def thrown(rng: np.random.Generator, mine: Flock) -> NDArray[np.float64]:
 
 @case(
     TOPIC,
-    "The ledger of a stride closes: gravity's and the hip's work are motion gained and energy lost",
+    "The energy of a stride balances: work of gravity and hip is motion gained and energy lost",
     quick=3_000, long=300_000, bound=1e-12, unit="energy that moved",
 )  # fmt: skip
-def ledger(count: int, rng: np.random.Generator) -> Finding:
+def energy_balance(count: int, rng: np.random.Generator) -> Finding:
     """Test random shapes, torques and slopes, for any end of the stride."""
     tried, worst = 0, 0.0
-    for mine in crowds(rng, count):
+    for mine in flocks(rng, count):
         starts = thrown(rng, mine)
         n = len(starts)
         torque = rng.choice([0.0, 0.1], n) * rng.normal(size=n)
         ends = mine.follow(starts, slope=rng.uniform(-0.1, 0.3, n), torque=torque, tolerance=1e-14)
         tried += n
-        worst = max(worst, float(mine.ledger(starts, ends).max()))
+        worst = max(worst, float(mine.balance_error(starts, ends).max()))
     return Finding(tried, 0, worst)
 
 
@@ -135,7 +135,7 @@ def in_flight(rng: np.random.Generator, mine: Flock) -> tuple[NDArray, int]:
 def time_reversal(count: int, rng: np.random.Generator) -> Finding:
     """Test random torques and slopes."""
     tried, worst = 0, 0.0
-    for mine in crowds(rng, count):
+    for mine in flocks(rng, count):
         states, phase = in_flight(rng, mine)
         n = len(states)
         options = {

@@ -92,7 +92,7 @@ def any_throw(count: int, rng: np.random.Generator) -> Finding:
 
 @case(
     TOPIC,
-    "A torque of a hundred times weight times leg: every stride ends, and its ledger closes",
+    "A torque of a hundred times weight times leg: every stride ends, and its energy balances",
     quick=2_000, long=200_000, bound=1e-12, unit="energy that moved",
 )  # fmt: skip
 def huge_torque(count: int, rng: np.random.Generator) -> Finding:
@@ -109,7 +109,7 @@ def huge_torque(count: int, rng: np.random.Generator) -> Finding:
         walks = mine.follow(states, slope=gait.slope, torque=torque, tolerance=1e-14)
         tried += n
         failed += int((~ended(walks)).sum())
-        worst = max(worst, float(mine.ledger(states, walks).max()))
+        worst = max(worst, float(mine.balance_error(states, walks).max()))
     return Finding(tried, failed, worst)
 
 
@@ -135,7 +135,7 @@ def swing_overrotation(count: int, rng: np.random.Generator) -> Finding:
         beyond = np.abs(np.abs(walks["state"][over, 1:3]).max(axis=1) - np.pi)
         worst = max(worst, float(beyond.max()))
         if mine.works:  # the simplest walker's energy balance does not include the swing leg
-            worst = max(worst, float(mine.ledger(states, walks).max()))
+            worst = max(worst, float(mine.balance_error(states, walks).max()))
     return Finding(tried, failed, worst)
 
 
@@ -165,7 +165,7 @@ def shallow_slopes(count: int, rng: np.random.Generator) -> Finding:
 
 @case(
     TOPIC,
-    "On slopes of 10⁻¹⁰ to 0.5 every stride from near a gait ends, and its ledger closes",
+    "On slopes of 10⁻¹⁰ to 0.5 every stride from near a gait ends, and its energy balances",
     quick=2_000, long=200_000, bound=1e-12, unit="energy that moved",
 )  # fmt: skip
 def slopes_without_gaits(count: int, rng: np.random.Generator) -> Finding:
@@ -183,7 +183,7 @@ def slopes_without_gaits(count: int, rng: np.random.Generator) -> Finding:
         walks = mine.follow(states, slope=slope, tolerance=1e-14)
         tried += n
         failed += int((~ended(walks)).sum())
-        worst = max(worst, float(mine.ledger(states, walks).max()))
+        worst = max(worst, float(mine.balance_error(states, walks).max()))
     return Finding(tried, failed, worst)
 
 

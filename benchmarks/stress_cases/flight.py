@@ -119,7 +119,7 @@ class Flock(NamedTuple):
             )  # fmt: skip
         return records
 
-    def books(self, starts: NDArray, records: NDArray) -> tuple[NDArray, NDArray]:
+    def energy_balance(self, starts: NDArray, records: NDArray) -> tuple[NDArray, NDArray]:
         """Error of each energy balance, and its sum of absolute terms; both (n,) over m g l."""
         before = self.kinetic_energy(starts)
         gained = self.kinetic_energy(records["state"]) - before
@@ -130,9 +130,9 @@ class Flock(NamedTuple):
         missing = np.abs(gravity + hip - gained - lost)
         return missing, before + np.abs(gained) + np.abs(gravity) + turned + lost
 
-    def ledger(self, starts: NDArray, records: NDArray) -> NDArray[np.float64]:
+    def balance_error(self, starts: NDArray, records: NDArray) -> NDArray[np.float64]:
         """Error of each energy balance relative to its sum of absolute terms, (n,)."""
-        missing, moved = self.books(starts, records)
+        missing, moved = self.energy_balance(starts, records)
         return missing / moved
 
 

@@ -89,7 +89,7 @@ def portions(rng: np.random.Generator, count: int):
 @case(
     TOPIC,
     "Wild strides on random steps, stairs and turned footholds: each strike comes with the legs "
-    "apart, its ledger closes as well as it is integrated, and no stride diverges",
+    "apart, its energy balance closes as well as it is integrated, and no stride diverges",
     quick=60_000, long=10_000_000, bound=10.0, unit="tolerance × energy of its angles and rates",
 )  # fmt: skip
 def strikes_on_steps(count: int, rng: np.random.Generator) -> Finding:
@@ -99,7 +99,7 @@ def strikes_on_steps(count: int, rng: np.random.Generator) -> Finding:
         walks = strides.walk(tolerance)
         struck = walks["outcome"] == Outcome.HEELSTRIKE
         spread = walks["state"][:, 0] - walks["state"][:, 1]
-        missing, moved = strides.flock.books(strides.states, walks)
+        missing, moved = strides.flock.energy_balance(strides.states, walks)
         largest = np.maximum(np.abs(strides.states), np.abs(walks["state"])).max(axis=1)
         share = missing / (tolerance * (moved + largest**2) + _ROUNDING)
         tried += len(walks)

@@ -20,7 +20,7 @@ _TOLERANCES = (1e-4, 1e-8, 1e-12)
 _ROUNDING = 1e-14  # of energies over m g l; a walker almost at rest has much smaller energies
 
 
-def crowd(rng: np.random.Generator, kind: int) -> Flock:
+def random_flock(rng: np.random.Generator, kind: int) -> Flock:
     """Walkers of random shapes with knees (0) or straight legs (1), or simplest walkers (2)."""
     if kind == 2:
         return flock(WALKERS["D"])
@@ -31,7 +31,7 @@ def crowd(rng: np.random.Generator, kind: int) -> Flock:
 @case(
     TOPIC,
     "Walkers of random shapes, thrown any way, pushed by any torque: each stride has an outcome, "
-    "finite numbers, and a ledger that closes as well as it is integrated",
+    "finite numbers, and an energy balance that closes as well as it is integrated",
     quick=60_000, long=10_000_000, bound=1000.0, unit="tolerance × energy of its angles and rates",
 )  # fmt: skip
 def any_walker(count: int, rng: np.random.Generator) -> Finding:
@@ -40,7 +40,7 @@ def any_walker(count: int, rng: np.random.Generator) -> Finding:
     portion = _SHAPES * _THROWS
     for turn in range(max(3, count // portion)):
         kind = turn % 3
-        mine = crowd(rng, kind)
+        mine = random_flock(rng, kind)
         states, slope, torque = random_throws(rng, portion, kind != 0)
         tolerance = float(rng.choice(_TOLERANCES))
         walks = mine.follow(
@@ -50,7 +50,7 @@ def any_walker(count: int, rng: np.random.Generator) -> Finding:
         tried += portion
         failed += int((~known).sum())
         if mine.works:
-            missing, moved = mine.books(states, walks)
+            missing, moved = mine.energy_balance(states, walks)
             # The tolerance is relative to the largest angle or angular velocity, so a slow walker's
             # error may exceed its energies.
             largest = np.maximum(np.abs(states), np.abs(walks["state"])).max(axis=1)
@@ -97,13 +97,13 @@ def any_step(count: int, rng: np.random.Generator) -> Finding:
             action = rng.normal(scale=2.0, size=1).astype(np.float32)
             observation, reward, over, _, info = env.step(action)
             tried += 1
-            told = np.array([info["distance"], info["energy"], reward])
-            sums += told
+            terms = np.array([info["distance"], info["energy"], reward])
+            sums += terms
             largest = max(largest, float(np.abs(sums).max()))
             total = np.array([info["episode_distance"], info["episode_energy"]])
-            off = [reward - (told[0] - weight * told[1]), *(sums[:2] - total)]
+            off = [reward - (terms[0] - weight * terms[1]), *(sums[:2] - total)]
             worst = max(worst, float(np.abs(off).max()) / largest)
-            sound = space.contains(observation) and np.isfinite([*told, *total]).all()
+            sound = space.contains(observation) and np.isfinite([*terms, *total]).all()
             failed += not (sound and _named(info, over))
             if over:
                 env.reset()

@@ -16,8 +16,8 @@ from gym_passive_walker.control.controllers import ControllerLike, SceneLike, ac
 from gym_passive_walker.control.optimum import OptimalGait
 from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs.scene import (
-    CALM,
     CHANNELS,
+    UNDISTURBED,
     Scene,
     make_scene,
     plain,
@@ -281,7 +281,7 @@ def calm(scene: Scene, slope: float | None = None) -> Scene:
         else {}
     )
     alike = {"energy": "absolute", "reset_noise_scale": 0.0, "domain_randomization": {}}
-    return make_scene(scene, **alike, **CALM | smooth | {"slope": slope, "command": command})
+    return make_scene(scene, **alike, **UNDISTURBED | smooth | {"slope": slope, "command": command})
 
 
 class _Function:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.envs import constraints, disturbance_kernels, saved, task
 from gym_passive_walker.envs.checks import CHECKS
-from gym_passive_walker.envs.scene import CALM, Scene
+from gym_passive_walker.envs.scene import UNDISTURBED, Scene
 from gym_passive_walker.gaits.terrain import Terrain
 from gym_passive_walker.walkers import state_size
 
@@ -35,7 +35,9 @@ _OF_PUSHES = ("pushes", "push_work", "episode_push_work")
 
 def disturbed(scene: Scene) -> bool:
     """Whether walkers of a scene have any disturbance of `disturbance_kernels`."""
-    return scene.command is not None or any(getattr(scene, n) != calm for n, calm in CALM.items())
+    return scene.command is not None or any(
+        getattr(scene, n) != calm for n, calm in UNDISTURBED.items()
+    )
 
 
 class Disturbances:

@@ -354,7 +354,7 @@ def kept_argument(name: str, value: Any) -> Any:
     return value
 
 
-CALM: dict[str, Any] = {
+UNDISTURBED: dict[str, Any] = {
     "pushes": {}, "observation_noise": 0.0, "action_noise": 0.0, "action_delay": 0,
     "constraints": {},
     "terrain": None, "terrain_lookahead": 0,
@@ -459,7 +459,7 @@ def undisturbed(scene: Scene, subject: str) -> Scene:
     Raises:
         SceneError: if it is none.
     """
-    wanted = CALM | {"command": None}
+    wanted = UNDISTURBED | {"command": None}
     if found := [name for name, calm in wanted.items() if getattr(scene, name) != calm]:
         calmed = ", ".join(f"{name}={wanted[name]!r}" for name in found)
         raise SceneError(

@@ -104,7 +104,7 @@ class PassiveWalkerEnv(gymnasium.Env[NDArray[np.float32], NDArray[np.float32]]):
     | "step_length"                                   | stride end | over l                        |
     | "step_period", "kneestrike_time"                | stride end | over sqrt(l/g); 0: no knees   |
     | "speed"                                         | stride end | over sqrt(g l)                |
-    | "cost_of_transport"                             | stride end | gravity_cost + hip_cost       |
+    | "cost_of_transport"                             | stride end | gravity and all actuators     |
     | "gravity_cost"                                  | stride end | work of gravity               |
     | "hip_cost", "net_hip_cost"                      | stride end | hip work, as charged and net  |
     | "ankle_cost", "net_ankle_cost", "push_off_cost" | stride end | work of the other actuators   |

@@ -115,7 +115,7 @@ class DeviceBatch:
         drawn = self._drawn()
         self.walkers = self._walkers(drawn, seed, own=has_disturbances or len(drawn) > 1)
         self._limit = step_limit
-        self._world = self._as_told(here, drawn)
+        self._world = self._scene_constants(here, drawn)
         self.play = self._play()
 
     def _drawn(self) -> NDArray[np.float64]:
@@ -161,7 +161,7 @@ class DeviceBatch:
         rules = device.put(rules_of(scene, self._system, self._limit))
         self._world = self._world._replace(rules=rules)
 
-    def _as_told(self, here: Any, drawn: NDArray) -> World:
+    def _scene_constants(self, here: Any, drawn: NDArray) -> World:
         starts, scene = Starts(self.scene), self.scene
         nodes, states = starts.nodes
         if len(nodes) == 1:  # as it is, wherever it begins

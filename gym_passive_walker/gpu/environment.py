@@ -35,7 +35,7 @@ class PassiveWalkerGpuEnv:
         **changes: As for `PassiveWalkerEnv`.
 
     Attributes:
-        crowd: The walkers.
+        batch: The batch on the device.
         device: Where tensors are.
 
     Raises:
@@ -53,15 +53,15 @@ class PassiveWalkerGpuEnv:
         **changes: Any,
     ) -> None:
         limit, self.token = interface.step_limit(max_episode_steps), Token()
-        self.crowd = DeviceBatch(num_envs, scene, step_limit=limit, seed=seed, **changes)
+        self.batch = DeviceBatch(num_envs, scene, step_limit=limit, seed=seed, **changes)
         self.device = torch.device("cpu" if SIMULATED else "cuda")
         self.num_envs = num_envs
         self.observation_space = interface.observation_space(
-            self.crowd.scene, self.crowd.custom.observation_size
+            self.batch.scene, self.batch.custom.observation_size
         )
-        self.action_space = interface.action_space(self.crowd.scene.actions)
-        self._play = self.crowd.play._make(map(_tensor, self.crowd.play))
-        self._told = _tensor(self.crowd.walkers.reported.view(np.float64)).view(num_envs, -1)
+        self.action_space = interface.action_space(self.batch.scene.actions)
+        self._play = self.batch.play._make(map(_tensor, self.batch.play))
+        self._reported = _tensor(self.batch.walkers.reported.view(np.float64)).view(num_envs, -1)
 
     @one_thread
     def reset(self, *, seed: int | None = None) -> tuple[Tensor, dict[str, Any]]:
@@ -74,8 +74,8 @@ class PassiveWalkerGpuEnv:
             Observations, (num_envs, seen), and an empty dictionary.
         """
         if seed is not None:
-            self.crowd.seed(seed)
-        self.crowd.reset(stream=_stream())
+            self.batch.seed(seed)
+        self.batch.reset(stream=_stream())
         return self._rows(self._play.observations), {}
 
     @one_thread
@@ -93,10 +93,12 @@ class PassiveWalkerGpuEnv:
         """
         play = self._play
         play.actions.copy_(actions.detach().reshape(-1))
-        self.crowd.step(stream=_stream())
-        told = self._told.clone()
-        infos = {name: told[:, _column(name)] for name in (*task.EVERY_STEP, *task.EVERY_STRIDE)}
-        whole = told.view(torch.int64)
+        self.batch.step(stream=_stream())
+        reported = self._reported.clone()
+        infos = {
+            name: reported[:, _column(name)] for name in (*task.EVERY_STEP, *task.EVERY_STRIDE)
+        }
+        whole = reported.view(torch.int64)
         infos |= {name: whole[:, _column(name)] for name in ("strides", "outcome")}
         infos["final_obs"] = self._rows(play.last)
         endings = play.terminated.clone(), play.truncated.clone()
@@ -105,7 +107,7 @@ class PassiveWalkerGpuEnv:
     @one_thread
     def set_energy_cost(self, energy: str | None) -> None:
         """Charge all motors for another kind of work, from the next step on; see `DeviceBatch`."""
-        self.crowd.set_energy_cost(energy)
+        self.batch.set_energy_cost(energy)
 
     def _rows(self, flat: Tensor) -> Tensor:
         return flat.view(self.num_envs, -1).clone()

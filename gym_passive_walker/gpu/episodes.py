@@ -28,7 +28,7 @@ class Walkers(NamedTuple):
         records: Of `layout.RECORD`, (n, 1).
         bodies: Their constants, (n, 1, constants); (1, 1, constants) where all stay alike.
         ledger: Of `task.LEDGER`.
-        told: The ledger as the last step left it, before another episode began.
+        reported: The ledger as the last step left it, before another episode began.
         keys: 64 bits for each.
         episodes: That each has begun.
         disturbances: Of `disturbance_kernels.DISTURBANCE`; of none without disturbances.

@@ -45,8 +45,8 @@ def advance_there(
 ) -> None:
     """Integrate records that are on the GPU, in place; the arguments are those of `advance`."""
     phases, kernel = _made(system.name)
-    told = _options(tolerance, scuff=scuff, from_section=from_section)
-    device.launch(kernel, len(records), records, bodies, phases, told)
+    options = _options(tolerance, scuff=scuff, from_section=from_section)
+    device.launch(kernel, len(records), records, bodies, phases, options)
 
 
 def advance(

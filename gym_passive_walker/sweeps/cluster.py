@@ -151,8 +151,8 @@ class Cluster:
         except self._ray.exceptions.RayError as error:
             self._stillborn += 1
             if self._stillborn == STILLBORN:
-                told = " ".join(str(error).split())
-                raise RuntimeError(f"no worker can be started on Ray: {told}") from None
+                message = " ".join(str(error).split())
+                raise RuntimeError(f"no worker can be started on Ray: {message}") from None
         else:
             self._stillborn = 0
             self._idle.append(watcher)

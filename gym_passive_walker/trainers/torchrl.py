@@ -47,9 +47,10 @@ class TorchRlWalkers(EnvBase):
 
     def _step(self, tensordict: TensorDictBase) -> TensorDict:
         observations, rewards, fell, late, _ = self.walkers.step(tensordict["action"])
-        told = {"reward": rewards.float(), "terminated": fell, "truncated": late}
-        told = {name: values[:, None] for name, values in (told | {"done": fell | late}).items()}
-        return TensorDict({"observation": observations} | told, batch_size=self.batch_size)
+        results = {"reward": rewards.float(), "terminated": fell, "truncated": late}
+        results |= {"done": fell | late}
+        results = {name: values[:, None] for name, values in results.items()}
+        return TensorDict({"observation": observations} | results, batch_size=self.batch_size)
 
     def _set_seed(self, seed: int | None) -> None:
         self._next_seed = seed

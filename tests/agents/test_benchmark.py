@@ -87,13 +87,13 @@ def test_a_training_makes_its_share_of_the_presets_steps(tmp_path, monkeypatch):
 
 @pytest.fixture(scope="module")
 def optimal_score():
-    """The score of the optimal gait's policy on the level, over few episodes."""
+    """The score of the optimal gait's policy on level ground, over few episodes."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(benchmark, "EPISODES", 6)
         return benchmark.judge(Optimal("level"), "level")
 
 
-def test_who_plays_the_optimum_costs_about_as_much(optimal_score):
+def test_the_policy_of_the_optimal_gait_costs_about_as_much(optimal_score):
     assert optimal_score["walked_on"] == 1.0
     assert 0.0 < optimal_score["above_optimum"] < 0.1
 
@@ -106,10 +106,10 @@ def test_work_is_driving_and_braking(optimal_score):
     assert optimal_score["cost_of_transport"] == hip + optimal_score["gravity_cost"]
 
 
-def test_kicks_are_told_as_forward_and_backward(optimal_score):
+def test_velocity_perturbations_are_reported_forward_and_backward(optimal_score):
     gait = closed_loop_gait(Optimal("level"), "level")
-    told = optimal_score["kick_forward"], optimal_score["kick_backward"]
-    assert told == benchmark.kicks(gait) and told[0] != told[1]
+    reported = optimal_score["kick_forward"], optimal_score["kick_backward"]
+    assert reported == benchmark.kicks(gait) and reported[0] != reported[1]
 
 
 def test_a_passive_walker_costs_at_a_speed_what_its_slope_pays_whichever_gait_was_found_first():
@@ -120,7 +120,7 @@ def test_a_passive_walker_costs_at_a_speed_what_its_slope_pays_whichever_gait_wa
     assert math.isnan(standings._cost_at(family, 0.1))
 
 
-def test_who_walks_on_the_level_stands_beside_the_passive_walker_at_its_speed():
+def test_a_walk_on_level_ground_is_compared_with_the_passive_walker_at_its_speed():
     gait = find_gait("C", 0.01)
     walks = {"speed": gait.froude_speed, "cost_of_transport": 0.02}
     scores = [

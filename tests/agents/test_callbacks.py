@@ -61,10 +61,10 @@ def test_milestones_are_dense_in_the_beginning():
 def test_seconds_of_evaluations_are_not_seconds_of_training(monkeypatch):
     clock = [0.0]
     monkeypatch.setattr("agents.callbacks.time.perf_counter", lambda: clock[0])
-    model, told = Model(), []
+    model, callback = Model(), []
 
     def reach(seconds):
-        told.append(seconds)
+        callback.append(seconds)
         clock[0] += 1000.0
 
     milestones = Milestones(100, reach, StopRequest(), tqdm(disable=True))
@@ -72,7 +72,7 @@ def test_seconds_of_evaluations_are_not_seconds_of_training(monkeypatch):
     for model.num_timesteps in range(0, 500, 100):
         milestones.on_rollout_start()
         clock[0] += 3.0
-    assert told == [0.0, 3.0, 3.0, 3.0, 3.0]
+    assert callback == [0.0, 3.0, 3.0, 3.0, 3.0]
 
 
 def test_a_resumed_run_does_not_repeat_its_milestone():
@@ -95,7 +95,7 @@ def test_a_signal_is_a_wish_that_is_met_between_updates():
     assert reached == [0, 40] and model.num_timesteps == 40
 
 
-def test_progress_is_told_with_each_step():
+def test_progress_is_reported_at_each_step():
     model, bar = Model(), tqdm(total=100, file=io.StringIO())
     milestones = Milestones(100, lambda seconds: None, StopRequest(), bar)
     milestones.init_callback(model)

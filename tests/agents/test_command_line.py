@@ -71,8 +71,8 @@ def test_an_evaluation_tells_each_agents_own_episodes(trained):
     config = Config.load(trained / files.CONFIG)
     for name, agent in (("SAC", load_policy(trained)), ("passive", Passive())):
         walks = evaluation.evaluate(agent, envs.arena(config, 20), seed=1000)
-        told = [float(row["reward"]) for row in rows if row["agent"] == name]
-        assert told == pytest.approx(walks.reward, abs=1e-6)
+        reported = [float(row["reward"]) for row in rows if row["agent"] == name]
+        assert reported == pytest.approx(walks.reward, abs=1e-6)
 
 
 def test_a_gait_is_drawn_beside_the_optimal_gait_of_about_its_speed(tmp_path, monkeypatch):

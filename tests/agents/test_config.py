@@ -112,19 +112,19 @@ def test_a_configuration_survives_its_file(tmp_path):
 
 
 def test_what_befalls_walkers_stands_in_a_run_s_file(tmp_path):
-    told = {
+    given = {
         "pushes": {"rate": 0.1, "impulse": [-0.01, 0.02]}, "observation_noise": 0.01,
         "action_delay": 1,
         "action_noise": 0.05, "command": [0.1, 0.2], "constraints": {"friction": "end"},
         "friction": 0.6,
     }  # fmt: skip
-    configure("ppo", "lab", env=told).save(tmp_path / "config.yml")
+    configure("ppo", "lab", env=given).save(tmp_path / "config.yml")
     scene = envs.scene_of(Config.load(tmp_path / "config.yml"))
     assert scene.command == (0.1, 0.2) and scene.pushes["impulse"] == (-0.01, 0.02)
-    assert scene == make_scene("lab", **told)
-    told["action_delay"] = -1
+    assert scene == make_scene("lab", **given)
+    given["action_delay"] = -1
     with pytest.raises(ConfigError, match="action_delay must be a whole number from 0 on"):
-        envs.scene_of(configure("ppo", "lab", env=told))
+        envs.scene_of(configure("ppo", "lab", env=given))
 
 
 @pytest.mark.parametrize(

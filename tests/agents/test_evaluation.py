@@ -103,7 +103,7 @@ def test_rows_hold_every_episode(tmp_path):
     assert [float(row["distance"]) for row in rows] == [10.0, 20.0, 0.2]
 
 
-def test_episodes_are_the_same_for_every_agent_and_every_crowd():
+def test_episodes_are_the_same_for_every_agent_and_every_batch():
     config = configure(env={"slope": [0.02, 0.04]})
     few, many = (evaluate(Passive(), envs.arena(config, n), seed=3) for n in (2, 5))
     for name in ("slopes", "distance", "strides", "reward", "duration"):
@@ -138,8 +138,8 @@ def test_an_evaluation_tells_what_each_episode_would_be_alone():
                 sums[1:] += [length, info["step_period"], *(cost * length for cost in costs)]
             over, steps = terminated or truncated, steps + 1
         names = ("reward", "length", "duration", "motor_work", "net_work", "gravity_work")
-        told = [getattr(walks, name)[i] for name in names]
-        assert told == pytest.approx(sums, rel=1e-12, abs=1e-15)
+        reported = [getattr(walks, name)[i] for name in names]
+        assert reported == pytest.approx(sums, rel=1e-12, abs=1e-15)
         assert (walks.slopes[i], walks.seeds[i]) == (slope, 40 + i)
         assert walks.distance[i] == info["episode_distance"]
         assert walks.strides[i] == info["strides"]

@@ -20,8 +20,8 @@ CHECKPOINT = "checkpoints/000000000128"
 def finished(tmp_path_factory):
     """A run of SAC, which keeps all that a run may keep."""
     folder = tmp_path_factory.mktemp("runs") / "steep"
-    told = ["--steps", "128", "--envs", "8", "--every", "64", "--quiet"]
-    assert train.main(["--scene", "steep", "--algo", "sac", "--out", str(folder), *told]) == 0
+    reported = ["--steps", "128", "--envs", "8", "--every", "64", "--quiet"]
+    assert train.main(["--scene", "steep", "--algo", "sac", "--out", str(folder), *reported]) == 0
     return folder
 
 
@@ -198,7 +198,7 @@ def test_a_training_on_a_full_disk_stops_and_goes_on_when_there_is_room(run, roo
     assert files.newest_checkpoint(run) == files.checkpoint_path(run, 256)
 
 
-def test_an_evaluation_that_cannot_be_kept_is_told_first(run, capsys):
+def test_an_evaluation_that_cannot_be_kept_is_printed_first(run, capsys):
     before = contents(run)
     with full_disk(0):
         said, printed = refused(capsys, "evaluate", run)
@@ -207,11 +207,11 @@ def test_an_evaluation_that_cannot_be_kept_is_told_first(run, capsys):
     assert contents(run) == before
 
 
-def test_an_evaluation_in_a_read_only_folder_is_told_first(run, capsys):
+def test_an_evaluation_in_a_read_only_folder_is_printed_first(run, capsys):
     run.chmod(0o500)
     try:
         if os.access(run, os.W_OK):
-            pytest.skip("who may do everything may write everywhere")
+            pytest.skip("the superuser may write everywhere")
         said, printed = refused(capsys, "evaluate", run)
     finally:
         run.chmod(0o700)

@@ -124,22 +124,22 @@ def test_rewards_that_are_normalised_are_refused():
 def test_an_update_moves_actions_up_their_gradients():
     config = configure("shac", "level", n_envs=16)
     model = build(config, envs.training_envs(config), learning_rate=1e-3)
-    told = {}
+    reported = {}
 
     class Watched(SHAC):
-        """SHAC that tells what it learns from."""
+        """SHAC that records what it learns from."""
 
         def _gradients(self, seen):
-            told["gains"], costates = super()._gradients(seen)
-            told["seen"] = torch.as_tensor(seen)
-            told["before"] = self.action(told["seen"]).detach()
-            return told["gains"], costates
+            reported["gains"], costates = super()._gradients(seen)
+            reported["seen"] = torch.as_tensor(seen)
+            reported["before"] = self.action(reported["seen"]).detach()
+            return reported["gains"], costates
 
     model.__class__ = Watched
     model._n_updates = 1000  # it has listened to its critic for long
     model.learn(16 * config.hyperparams["n_steps"])
-    moved = (model.action(told["seen"]) - told["before"]).detach().numpy()
-    assert np.corrcoef(moved.reshape(-1), told["gains"].reshape(-1))[0, 1] > 0.3
+    moved = (model.action(reported["seen"]) - reported["before"]).detach().numpy()
+    assert np.corrcoef(moved.reshape(-1), reported["gains"].reshape(-1))[0, 1] > 0.3
 
 
 @pytest.mark.learning

@@ -26,8 +26,8 @@ def made(scene="level", **changes):
     model = build(
         dataclasses.replace(config, exploration=None), envs.training_envs(config), **hyperparams
     )
-    _, told = model._setup_learn(1, None)
-    return config, model, told
+    _, callback = model._setup_learn(1, None)
+    return config, model, callback
 
 
 def drawn(steps=20, count=5):
@@ -98,7 +98,7 @@ def test_the_gradient_is_that_of_the_loss_by_autograd(scene, units):
 @pytest.mark.parametrize("scene", ["level", "steep", "push-off"])
 def test_a_rollout_is_the_walk_that_the_library_would_have_seen(scene):
     """The same walkers and actions: observations, endings, and all that is learned of scales."""
-    config, model, told = made(scene)
+    config, model, callback = made(scene)
     ours, theirs = (
         model.get_vec_normalize_env(),
         build(
@@ -106,7 +106,7 @@ def test_a_rollout_is_the_walk_that_the_library_would_have_seen(scene):
         ).get_vec_normalize_env(),
     )
     first = theirs.reset()
-    rollout = model.walk(told)
+    rollout = model.walk(callback)
     np.testing.assert_allclose(rollout.seen[0], first, atol=1e-5)
     for actions in rollout.actions.numpy():
         theirs.step(actions.clip(-1.0, 1.0))

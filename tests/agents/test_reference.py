@@ -1,7 +1,7 @@
-"""Both learners beside a plain reference: the worth of a time limit, and clipping of gradients.
+"""Both learners beside a plain reference: the value at a time limit, and clipping of gradients.
 
-Here everything is a loop over steps and walkers. A fall is worth nothing afterwards; a walker whose
-time is up would have walked on, so the critic says what the rest is worth.
+The reference loops over steps and walkers. The value after a fall is zero. A walker at its time
+limit would have walked on, so the critic gives the value of the rest.
 """
 
 import dataclasses
@@ -20,7 +20,7 @@ WALKERS, STEPS, LIMIT = 8, 48, 14
 
 
 def untrained(algo, **hyperparams):
-    """An agent whose episodes are short, and end by falls and by the time limit."""
+    """An agent with short episodes, which end by falls and by the time limit."""
     config = dataclasses.replace(
         configure(algo, "level", n_envs=WALKERS),
         episode_steps=LIMIT, normalize=None, exploration=None,
@@ -37,7 +37,7 @@ def walked(actions, seed):
         WALKERS, "level", max_episode_steps=LIMIT, reset_noise_scale=0.8, max_hip_torque=0.3
     )
     env.seed(seed)
-    before, told = env.reset(), []
+    before, callback = env.reset(), []
     for acts in actions:
         seen, rewards, dones, infos = env.step(acts.clip(-1.0, 1.0))
         after, fell, late = seen.copy(), np.zeros(WALKERS, bool), np.zeros(WALKERS, bool)
@@ -46,9 +46,9 @@ def walked(actions, seed):
                 after[i] = infos[i]["terminal_observation"]
                 late[i] = infos[i]["outcome"] == "time_limit"
                 fell[i] = not late[i]
-        told.append((before, after, rewards, fell, late))
+        callback.append((before, after, rewards, fell, late))
         before = seen
-    found = [np.stack(column) for column in zip(*told, strict=True)]
+    found = [np.stack(column) for column in zip(*callback, strict=True)]
     fell, late = found[3:]
     assert fell.sum() > 3 and late.sum() > 3, "this reference needs both endings"
     return found
@@ -77,8 +77,8 @@ def worth(model, seen):
 
 
 def test_ppo_s_walkers_are_worth_what_comes_after_the_time_limit_and_nothing_after_a_fall():
-    model, told = untrained("ppo-fast")
-    rollout = model.walk(told)
+    model, callback = untrained("ppo-fast")
+    rollout = model.walk(callback)
     before, after, rewards, fell, late = walked(rollout.actions.numpy(), model.seed)
     np.testing.assert_array_equal(rollout.seen, before)
     gains, expected = returns(rewards, worth(model, before), worth(model, after), fell, late)
@@ -88,8 +88,8 @@ def test_ppo_s_walkers_are_worth_what_comes_after_the_time_limit_and_nothing_aft
 
 
 def test_shac_s_walkers_are_worth_what_comes_after_the_time_limit_and_nothing_after_a_fall():
-    model, told = untrained("shac")
-    model.collect_rollouts(model.env, told, model.rollout_buffer, STEPS)
+    model, callback = untrained("shac")
+    model.collect_rollouts(model.env, callback, model.rollout_buffer, STEPS)
     buffer = model.rollout_buffer
     before, after, rewards, fell, late = walked(buffer.actions, model.seed)
     np.testing.assert_array_equal(buffer.observations, before)
@@ -111,8 +111,8 @@ def slopes(function, seen):
 
 
 def test_shac_s_gradients_go_through_the_time_limit_to_the_critic_and_through_a_fall_to_nothing():
-    model, told = untrained("shac")
-    model.collect_rollouts(model.env, told, model.rollout_buffer, STEPS)
+    model, callback = untrained("shac")
+    model.collect_rollouts(model.env, callback, model.rollout_buffer, STEPS)
     actions, seen = model.rollout_buffer.actions[..., 0], model.rollout_buffer.observations
     _, after, _, fell, late = walked(model.rollout_buffer.actions, model.seed)
     beyond = np.abs(actions) >= 1.0
@@ -122,15 +122,15 @@ def test_shac_s_gradients_go_through_the_time_limit_to_the_critic_and_through_a_
     for i in range(WALKERS):
         later = None
         for t in reversed(range(STEPS)):
-            told_after = critic[t, i]
+            by_next = critic[t, i]
             if fell[t, i]:
-                told_after = np.zeros(6)
+                by_next = np.zeros(6)
             elif not late[t, i] and later is not None:
-                told_after = (1.0 - LAMBDA) * critic[t, i] + LAMBDA * later
+                by_next = (1.0 - LAMBDA) * critic[t, i] + LAMBDA * later
             gains[t, i] = linear.rewards_by_action[t, i]
-            gains[t, i] += GAMMA * linear.states_by_action[t, i] @ told_after
+            gains[t, i] += GAMMA * linear.states_by_action[t, i] @ by_next
             later = linear.rewards_by_state[t, i].copy()
-            later += GAMMA * linear.states_by_state[t, i].T @ told_after
+            later += GAMMA * linear.states_by_state[t, i].T @ by_next
             if not beyond[t, i]:
                 later += gains[t, i] * policy[t, i]
             costates[t, i] = later
@@ -154,8 +154,8 @@ def flat(parameters):
 @pytest.mark.parametrize("share", [0.01, 0.9, 1.1, 100.0])
 def test_ppo_s_gradients_are_only_ever_made_smaller(share, monkeypatch):
     """The norm at which they are clipped is that share of their own."""
-    model, told = untrained("ppo-fast", n_epochs=1)
-    rollout = model.walk(told)
+    model, callback = untrained("ppo-fast", n_epochs=1)
+    rollout = model.walk(callback)
     differentiate, kept = type(model).differentiate, {}
 
     def noted(*batch):

@@ -151,17 +151,17 @@ def test_a_checkpoint_brings_back_all_that_an_agent_remembers(tmp_path):
     assert (ours.pos, ours.full) == (theirs.pos, theirs.full)
 
 
-def exams(monkeypatch, rewards, tell):
-    """Let evaluations come out as told, and look at each."""
+def exams(monkeypatch, rewards, record):
+    """Replace evaluations by given results, and record each."""
     left = iter(rewards)
 
-    def told(policy, arena, *, seed):
+    def reported(policy, arena, *, seed):
         walks = evaluate(policy, arena, seed=seed)
         reward = float(next(left))
-        tell(policy, walks, reward)
+        record(policy, walks, reward)
         return dataclasses.replace(walks, reward=np.full(len(walks), reward))
 
-    monkeypatch.setattr(training, "evaluate", told)
+    monkeypatch.setattr(training, "evaluate", reported)
 
 
 def test_training_keeps_the_policy_that_did_best_in_its_evaluations(tmp_path, monkeypatch):
@@ -169,10 +169,10 @@ def test_training_keeps_the_policy_that_did_best_in_its_evaluations(tmp_path, mo
     seen = np.random.default_rng(0).uniform(-0.5, 0.5, (20, 8)).astype(np.float32)
     acted = {}
 
-    def tell(policy, walks, reward):
+    def record(policy, walks, reward):
         acted[reward] = policy.predict(seen)[0]
 
-    exams(monkeypatch, [1.0, 5.0, 3.0, 4.0], tell)
+    exams(monkeypatch, [1.0, 5.0, 3.0, 4.0], record)
     for steps in (256, 384):
         Run(small(steps=steps), tmp_path).train(progress=False)
     assert list(acted) == [1.0, 5.0, 3.0, 4.0]

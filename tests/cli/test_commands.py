@@ -1,4 +1,4 @@
-"""What people and programs are told by `passive-walker`."""
+"""Output of `passive-walker` for people and for programs."""
 
 import csv
 import json
@@ -27,7 +27,7 @@ NAMES = [command.__name__ for command in COMMANDS]
 
 
 @pytest.fixture
-def told(capsys):
+def reported(capsys):
     """What a command prints as JSON."""
 
     def run(*words):
@@ -114,30 +114,30 @@ def test_the_sweep_of_the_help_is_one():
         ("--ankle-torque 0.001", gpw.Actuation(ankle_torque=0.001)),
     ],
 )
-def test_gaits_and_families_have_the_motors_that_are_asked_for(words, drive, told):
-    gait, *_ = told("gait", "E", 0.01, *words.split())
+def test_gaits_and_families_have_the_motors_that_are_asked_for(words, drive, reported):
+    gait, *_ = reported("gait", "E", 0.01, *words.split())
     assert (
         gait["stance_angle"]
         == gpw.find_gaits(gpw.stride_map("E", 0.01, controller=drive))[0].stance_angle
     )
-    family = told("family", "E", 0.01, 0.011, *words.split())["gaits"]
+    family = reported("family", "E", 0.01, 0.011, *words.split())["gaits"]
     exact = gpw.gait_family(gpw.stride_map("E", controller=drive), 0.01, 0.011)
     assert family["stance_angle"] == exact.stance_angle.tolist()
 
 
-def test_a_pushed_walker_has_a_gait_on_level_ground(told):
-    assert told("gait", "D", 0.0, "--push-off", 0.05)[0]["speed"] > 0.0
+def test_a_pushed_walker_has_a_gait_on_level_ground(reported):
+    assert reported("gait", "D", 0.0, "--push-off", 0.05)[0]["speed"] > 0.0
 
 
-def test_programs_read_names_as_in_python_and_full_digits(told, capsys):
-    strides = told("simulate", "D", 0.009, "--strides", 1)
+def test_programs_read_names_as_in_python_and_full_digits(reported, capsys):
+    strides = reported("simulate", "D", 0.009, "--strides", 1)
     for name in strides[0].keys() - {"stride", "stance_angle"}:
         assert name in gpw.Stride._fields
-    (row, *_) = told("walkers")
+    (row, *_) = reported("walkers")
     assert row["tuning_errors"] == gpw.tuning_errors(gpw.WALKERS[row["name"]])._asdict()
-    family = told("family", "D", 0.008, 0.01)["gaits"]
+    family = reported("family", "D", 0.008, 0.01)["gaits"]
     assert all(hasattr(gpw.GaitFamily, name) or name in family_fields() for name in family)
-    (walk, _) = told("evaluate", "steep-ppo", "--episodes", 1)
+    (walk, _) = reported("evaluate", "steep-ppo", "--episodes", 1)
     assert walk["distance"] != round(walk["distance"], 6)
 
 
@@ -222,12 +222,12 @@ def test_the_version_is_the_package_s(capsys):
     assert capsys.readouterr().out == f"passive-walker {gpw.__version__}\n"
 
 
-def test_what_is_said_of_the_walkers_is_true(told):
-    rows = {row["name"]: row for row in told("walkers")}
+def test_what_is_said_of_the_walkers_is_true(reported):
+    rows = {row["name"]: row for row in reported("walkers")}
     assert list(rows) == list(gpw.WALKERS) == list(ABOUT)
     for name, walker in gpw.WALKERS.items():
         about = rows[name]["about"]
-        if name not in ("F", "lab-straight"):  # told by another's
+        if name not in ("F", "lab-straight"):  # their text refers to another walker
             assert ("straight legs" in about) == (not walker.knees)
             assert ("round feet" in about) == (walker.foot_radius > 0.0)
         if "tuned" in about:
@@ -235,20 +235,20 @@ def test_what_is_said_of_the_walkers_is_true(told):
             assert off > 1e-2 if "not tuned" in about else off < 1e-3
 
 
-def test_how_far_a_walker_is_off_tuning_is_told_whichever_way_it_is_off(capsys):
+def test_tuning_errors_are_printed_whichever_sign_they_have(capsys):
     assert main(["walkers"]) == 0
     head, *rows = (re.split(r"\s{2,}", x.strip()) for x in capsys.readouterr().out.splitlines())
     column = head.index("off tuning (legs)")
-    told = {row[0]: float(row[column]) for row in rows if row[0] in gpw.WALKERS}
-    assert list(told) == list(gpw.WALKERS)
+    reported = {row[0]: float(row[column]) for row in rows if row[0] in gpw.WALKERS}
+    assert list(reported) == list(gpw.WALKERS)
     errors = {name: gpw.tuning_errors(walker) for name, walker in gpw.WALKERS.items()}
     assert any(min(error) < -1e-3 for error in errors.values())
-    for name, off in told.items():
+    for name, off in reported.items():
         assert off == pytest.approx(max(map(abs, errors[name])), rel=1e-3, abs=1e-12)
 
 
-def test_a_gait_is_told_to_the_last_digit(told):
-    (gait,) = told("gait", "lab", 0.036)
+def test_a_gait_is_printed_to_the_last_digit(reported):
+    (gait,) = reported("gait", "lab", 0.036)
     exact = gpw.find_gait("lab", 0.036)
     assert gait["state"] == exact.state.tolist()
     assert [complex(*pair) for pair in gait["multipliers"]] == exact.multipliers.tolist()
@@ -263,32 +263,32 @@ def test_a_table_has_names_and_units(capsys):
 
 
 @pytest.mark.parametrize("suffix", ["json", "yaml"])
-def test_a_walker_of_one_s_own_walks_by_the_laws_of_size(suffix, mine, told):
+def test_a_walker_of_one_s_own_walks_by_the_laws_of_size(suffix, mine, reported):
     """Half as large, the same angles in 1/√2 of the time."""
     file = mine
     if suffix == "yaml":
         yaml = pytest.importorskip("yaml")
         file = mine.with_suffix(".yaml")
         file.write_text(yaml.safe_dump(json.loads(mine.read_text())))
-    (small,), (large,) = told("gait", file, 0.036), told("gait", "lab", 0.036)
+    (small,), (large,) = reported("gait", file, 0.036), reported("gait", "lab", 0.036)
     assert small["stance_angle"] == pytest.approx(large["stance_angle"], rel=1e-10)
     assert small["step_period"] == pytest.approx(large["step_period"] / np.sqrt(2.0), rel=1e-10)
     assert small["speed"] == pytest.approx(large["speed"] / np.sqrt(2.0), rel=1e-10)
 
 
-def test_a_file_may_change_a_preset(mine, told):
+def test_a_file_may_change_a_preset(mine, reported):
     mine.write_text('{"preset": "C", "hip_mass": 1.0}')
-    gait, *_ = told("gait", mine, 0.03, "--tune")
+    gait, *_ = reported("gait", mine, 0.03, "--tune")
     heavy = gpw.tune(replace(gpw.WALKERS["C"], hip_mass=1.0))
     assert gait["stance_angle"] == gpw.find_gaits(heavy, 0.03)[0].stance_angle
 
 
 @pytest.mark.parametrize("written", ["2e-1", "2E-1", ".2e0", "20.e-2", "+2e-01"])
-def test_yaml_numbers_may_be_written_as_people_write_them(written, mine, told):
+def test_yaml_numbers_may_be_written_as_people_write_them(written, mine, reported):
     pytest.importorskip("yaml")
     file = mine.with_suffix(".yaml")
     file.write_text(f"preset: C\nfoot_radius: {written}\n", encoding="utf-8")
-    gait, *_ = told("gait", file, 0.03)
+    gait, *_ = reported("gait", file, 0.03)
     round_foot = replace(gpw.WALKERS["C"], foot_radius=0.2)
     assert gait["stance_angle"] == gpw.find_gaits(round_foot, 0.03)[0].stance_angle
 
@@ -365,22 +365,22 @@ def test_a_terrain_is_understood_however_it_is_written(text, terrain, mine):
     assert parser().parse_args(["evaluate", "level-ppo", "--terrain", text]).terrain == terrain
 
 
-def test_a_walk_over_rough_ground_is_told_as_it_is_walked(told, mine):
+def test_a_walk_over_rough_ground_is_printed_as_simulated(reported, mine):
     ground = ["--terrain", "rough:height_std=0.002,slope_std=0.005", "--terrain-seed", 3]
-    rows = told("simulate", "lab", 0.036, "--strides", 5, *ground, "--out", "walk.csv")
+    rows = reported("simulate", "lab", 0.036, "--strides", 5, *ground, "--out", "walk.csv")
     state, terrain = gpw.find_gait("lab", 0.036).state, gpw.rough(0.002, 0.005)
     walk = gpw.simulate("lab", 0.036, state, 5, terrain=terrain, terrain_seed=3)
     assert [row["stance_angle"] for row in rows] == walk.states[::100, 0].tolist()
     with (mine.parent / "walk.csv").open() as file:
         heights = [float(row["contact_y"]) for row in csv.DictReader(file)]
     assert heights == walk.contact_y.tolist()
-    other = told("simulate", "lab", 0.036, "--strides", 5, *ground[:-1], 4)
+    other = reported("simulate", "lab", 0.036, "--strides", 5, *ground[:-1], 4)
     assert other[1]["stance_angle"] != rows[1]["stance_angle"]
 
 
-def test_agents_are_judged_on_the_ground_that_was_asked_for(told):
+def test_agents_are_evaluated_on_the_given_ground(reported):
     smooth, bumpy = (
-        told("evaluate", "level-ppo", "--episodes", 2, *ground)
+        reported("evaluate", "level-ppo", "--episodes", 2, *ground)
         for ground in ([], ["--terrain", "rough:height_std=0.004"])
     )
     assert smooth[0]["distance"] != bumpy[0]["distance"]
@@ -408,8 +408,8 @@ def test_a_missing_library_is_named_before_anything_is_computed(monkeypatch, cap
         assert f"needs {module}" in said and 'pip install "gym-passive-walker[' in said
 
 
-def test_a_family_is_told_with_its_ends(told, capsys):
-    family, exact = told("family", "D", 0.005, 0.02), gpw.gait_family("D", 0.005, 0.02)
+def test_a_family_is_printed_with_its_ends(reported, capsys):
+    family, exact = reported("family", "D", 0.005, 0.02), gpw.gait_family("D", 0.005, 0.02)
     assert family["gaits"]["stance_angle"] == exact.stance_angle.tolist()
     assert family["period_doublings"] == list(exact.period_doublings) != []
     assert family["ends"] == [list(end) for end in exact.ends] or family["ends"][0]["reason"]
@@ -417,15 +417,15 @@ def test_a_family_is_told_with_its_ends(told, capsys):
     assert exact.ends[0].reason in capsys.readouterr().out
 
 
-def test_walks_settle_on_doubled_periods_as_the_slope_grows(told, capsys):
+def test_walks_settle_on_doubled_periods_as_the_slope_grows(reported, capsys):
     words = ["bifurcation", "D", 0.012, 0.0175, "--slopes", 3, "--n-transient", 300]
-    assert told(*words)["period"] == [1, 1, 2]
+    assert reported(*words)["period"] == [1, 1, 2]
     assert main(list(map(str, words))) == 0
     assert "period 2" in capsys.readouterr().out.splitlines()[-1]
 
 
-def test_each_start_of_a_basin_leads_somewhere(told, capsys):
-    found = told("basin", "D", 0.009, "--resolution", 12, "--strides", 100)
+def test_each_start_of_a_basin_leads_somewhere(reported, capsys):
+    found = reported("basin", "D", 0.009, "--resolution", 12, "--strides", 100)
     settled = np.array(found["settled"])
     assert settled.shape == (12, 12) and found["gaits"][0]["stable"]
     assert main("basin D 0.009 --resolution 12 --strides 100".split()) == 0
@@ -435,31 +435,31 @@ def test_each_start_of_a_basin_leads_somewhere(told, capsys):
     assert shares[0] == pytest.approx(np.mean(settled == -1), abs=1e-5)
 
 
-def test_a_check_is_the_reality_check_of_the_gait(told, capsys):
+def test_a_check_is_the_reality_check_of_the_gait(reported, capsys):
     gait = gpw.find_gait("lab", 0.036)
     exact = gpw.reality_check("lab", 0.036, gait.state)
-    assert told("check", "lab", 0.036)["passed"] == exact.passed
+    assert reported("check", "lab", 0.036)["passed"] == exact.passed
     assert main(["check", "lab", "0.036"]) == 0
     assert capsys.readouterr().out == f"{exact}\n"
 
 
-def test_a_walk_on_its_gait_repeats_itself(told):
-    strides = told("simulate", "lab", 0.036, "--strides", 4)
+def test_a_walk_on_its_gait_repeats_itself(reported):
+    strides = reported("simulate", "lab", 0.036, "--strides", 4)
     assert [row["outcome"] for row in strides] == ["HEELSTRIKE"] * 4
     angles = [row["stance_angle"] for row in strides]
     assert angles == pytest.approx([gpw.find_gait("lab", 0.036).stance_angle] * 4, rel=1e-9)
 
 
-def test_a_walk_that_falls_is_told_to_its_end(told):
+def test_a_walk_that_falls_is_printed_to_its_end(reported):
     start = [0.3, -0.3, -0.3, -0.5, -0.5, -0.5]
-    strides = told("simulate", "lab", 0.036, "--state", *start)
+    strides = reported("simulate", "lab", 0.036, "--state", *start)
     assert strides[-1]["outcome"] != "HEELSTRIKE" and strides[-1]["step_length"] is None
 
 
-def test_csv_and_npz_hold_the_same_walk(told, tmp_path):
+def test_csv_and_npz_hold_the_same_walk(reported, tmp_path):
     words = ["simulate", "D", 0.009, "--strides", 3, "--samples", 20]
-    told(*words, "--out", tmp_path / "walk.csv")
-    told(*words, "--out", tmp_path / "walk.npz")
+    reported(*words, "--out", tmp_path / "walk.csv")
+    reported(*words, "--out", tmp_path / "walk.npz")
     with (tmp_path / "walk.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     with np.load(tmp_path / "walk.npz") as arrays:
@@ -470,18 +470,18 @@ def test_csv_and_npz_hold_the_same_walk(told, tmp_path):
         assert arrays["stance_angle"][0] == gpw.find_gait("D", 0.009).stance_angle
 
 
-def test_a_shipped_policy_walks_on_where_its_walker_would_not(told):
-    rows = told("evaluate", "level-ppo", "--episodes", 3)
-    endings = {who: [row["ending"] for row in rows if row["agent"] == who] for who in
+def test_a_shipped_policy_walks_on_where_its_walker_would_not(reported):
+    rows = reported("evaluate", "level-ppo", "--episodes", 3)
+    endings = {agent: [row["ending"] for row in rows if row["agent"] == agent] for agent in
                ("level-ppo", "without a motor")}  # fmt: skip
     assert endings == {"level-ppo": [WALKED_ON] * 3, "without a motor": ["stubbed toe"] * 3}
 
 
-def test_a_policy_may_drive_another_walker_on_another_slope(mine, told):
-    rows = told("evaluate", "lab-ppo", "--walker", "A", "--slope", 0.02, "--episodes", 2)
+def test_a_policy_may_drive_another_walker_on_another_slope(mine, reported):
+    rows = reported("evaluate", "lab-ppo", "--walker", "A", "--slope", 0.02, "--episodes", 2)
     assert {row["slopes"] for row in rows} == {0.02} and rows[0]["distance"] > 10.0
-    assert told("evaluate", "passive", "--scene", "lab", "--walker", mine, "--episodes", 1)
-    level = told("evaluate", "passive", "--scene", "lab", "--slope", 0, "--episodes", 1)
+    assert reported("evaluate", "passive", "--scene", "lab", "--walker", mine, "--episodes", 1)
+    level = reported("evaluate", "passive", "--scene", "lab", "--slope", 0, "--episodes", 1)
     assert {row["slopes"] for row in level} == {0.0}
 
 
@@ -560,7 +560,7 @@ def test_after_the_warm_up_nothing_compiles(tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_whoever_has_read_enough_may_stop_reading():
+def test_a_reader_of_the_output_may_stop_reading():
     line = f"{sys.executable} -m gym_passive_walker walkers | head -c 1"
     done = subprocess.run(
         ["bash", "-c", f"set -o pipefail; {line}"], capture_output=True, text=True

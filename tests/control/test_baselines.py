@@ -78,12 +78,12 @@ def test_the_derivative_of_a_plan_is_that_of_its_differences_and_0_where_it_is_c
     assert clipped.any() == (off > 0.0) and (by_slope == 0.0).all()
 
 
-def test_a_policy_is_told_when_an_episode_begins_and_asked_to_act_without_noise():
-    told = []
+def test_a_policy_gets_the_starts_of_episodes_and_acts_without_noise():
+    reported = []
 
     class Watched(Passive):
         def predict(self, observation, state=None, episode_start=None, deterministic=False):
-            told.append((episode_start.copy(), deterministic))
+            reported.append((episode_start.copy(), deterministic))
             return super().predict(observation, state, episode_start, deterministic)
 
     arena = gymnasium.make_vec("PassiveWalker-v0", num_envs=3, scene="level")
@@ -91,8 +91,8 @@ def test_a_policy_is_told_when_an_episode_begins_and_asked_to_act_without_noise(
     walked = list(islice(steps(Watched(), arena, seen), 400))
     ended = np.array([step.terminated | step.truncated for step in walked])
     assert ended.any()
-    assert told[0][0].all() and all(deterministic for _, deterministic in told)
-    np.testing.assert_array_equal([first for first, _ in told[1:]], ended[:-1])
+    assert reported[0][0].all() and all(deterministic for _, deterministic in reported)
+    np.testing.assert_array_equal([first for first, _ in reported[1:]], ended[:-1])
 
 
 def test_no_torque_gets_nowhere_on_level_ground():
@@ -215,23 +215,23 @@ def test_lqr_gains_cost_least_over_all_strides_to_come():
 
 
 def test_each_walker_of_a_batch_has_a_stride_of_its_own():
-    """Who begins a stride plans it anew; the others go on with theirs."""
+    """A walker that begins a stride plans it again; the others continue with their plans."""
     scene = {"slope": 0.03, "reset_noise_scale": 0.03}
     policy = LinearFeedback(scene, pieces=2)
-    crowd = gymnasium.make_vec("PassiveWalker-v0", num_envs=4, **scene)
+    many = gymnasium.make_vec("PassiveWalker-v0", num_envs=4, **scene)
     singles = [gymnasium.make("PassiveWalker-v0", **scene) for _ in range(4)]
-    seen, state = crowd.reset(seed=0)[0], None
+    seen, state = many.reset(seed=0)[0], None
     alone = [(world.reset(seed=i)[0], None) for i, world in enumerate(singles)]
     for _ in range(150):
         action, state = policy.predict(seen, state)
-        seen = crowd.step(action)[0]
+        seen = many.step(action)[0]
         for i, world in enumerate(singles):
             own, its_state = policy.predict(*alone[i])
             assert own == pytest.approx(action[i])
             alone[i] = world.step(own)[0], its_state
 
 
-def test_feedback_begins_anew_with_each_episode_wherever_it_starts():
+def test_feedback_begins_again_with_each_episode_wherever_it_starts():
     policy = LinearFeedback("level", pieces=2)
     seen = np.tile([0.2, -0.25, -0.3, -0.5, -0.1, -0.2, 0.0, 0.0], (2, 1))  # in mid-stride
     _, memory = policy.predict(np.tile([0.3, -0.3, -0.3, -0.4, -0.2, -0.4, 0.0, 0.0], (2, 1)))

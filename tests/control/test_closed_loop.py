@@ -149,7 +149,7 @@ class Held:
     ],
 )
 def test_every_motor_pays_its_part(name, motors):
-    """Held all along by a policy, they are those of an `Actuation`, whose books are known."""
+    """Held by a policy, actions have the costs of an `Actuation`, for which they are known."""
     units = units_of(gpw.WALKERS[name])
     gait = gpw.find_gait(gpw.stride_map(name, 0.0, controller=to_own(units, motors)))
     scene = {

@@ -49,7 +49,7 @@ def test_derivatives_are_those_of_the_network(strides):
     passage, change = strides.linearize(point, strides=2, by=by)
     radius = strides.walker.foot_radius
 
-    def told(shift):
+    def reported(shift):
         own = strides.with_parameter("foot_radius", np.array([radius + shift[-1]]))
         taken = own.apply(point + shift[:m], slope + shift[m], strides=2)
         rows = (taken.durations, taken.lengths, taken.lost, taken.supplied)
@@ -62,12 +62,12 @@ def test_derivatives_are_those_of_the_network(strides):
     )
     assert passage.alive.all()
     for j, way in enumerate(np.diag(widths)):
-        difference = (told(way) - told(-way)) / (2.0 * widths[j])
+        difference = (reported(way) - reported(-way)) / (2.0 * widths[j])
         scale = 1.0 + np.abs(exact[:, j]).max()
         np.testing.assert_allclose(exact[:, j], difference, atol=1e-6 * scale, err_msg=str(j))
 
 
-def test_under_a_policy_the_books_close(strides):
+def test_the_energy_balance_closes_under_a_policy(strides):
     """What gravity and motors give, collisions take: on a gait both are the same."""
     point = strides.points_at(gpw.closed_loop_gait(strides.controller).state)
     passage = strides.apply(point)
@@ -158,7 +158,7 @@ def test_a_policy_without_a_derivative_is_differentiated_by_differences():
         exact.linearize(point, by=("push_off",))
 
 
-def test_walkers_of_a_crowd_are_each_alone_and_falls_are_none():
+def test_walkers_of_a_batch_are_each_alone_and_falls_are_none():
     strides = gpw.stride_map(controller="steep-ppo")
     points = np.repeat(point_of(strides), 4, axis=0)
     points[1, 1] = -0.01  # too slow for the top
@@ -220,7 +220,7 @@ def test_a_driven_walker_has_a_bifurcation_diagram_too():
 
 @pytest.mark.parametrize("name", ["level-ppo", "rolling-ppo", "push-off-ppo"])
 def test_samples_and_ledgers_are_of_the_stride_that_the_map_takes(name):
-    """Inside a stride as at its end, alone as in a crowd."""
+    """Inside a stride and at its end, alone and in a batch."""
     strides = gpw.stride_map(controller=name)
     points = point_of(strides) * np.array([[1.0], [1.003]])
     passage, walk = strides.apply(points), strides.stride(strides.states_at(points))
@@ -261,8 +261,8 @@ def test_a_stride_of_a_map_on_other_ground_is_that_of_the_walker():
         np.testing.assert_allclose(getattr(walk, name), getattr(known, name), rtol=1e-11)
     ground = gpw.rough(height_std=0.002, slope_std=0.005)
     walks = [
-        gpw.simulate(who, state=gait.state, strides=4, terrain=ground, terrain_seed=5)
-        for who in (gait, controlled)
+        gpw.simulate(form, state=gait.state, strides=4, terrain=ground, terrain_seed=5)
+        for form in (gait, controlled)
     ]
     np.testing.assert_allclose(walks[0].states, walks[1].states, rtol=1e-7, atol=1e-8)
     np.testing.assert_allclose(walks[0].torques, walks[1].torques, rtol=1e-12)
@@ -280,7 +280,7 @@ STAIRS = {
 
 @pytest.mark.parametrize("name", STAIRS)
 @pytest.mark.parametrize("controller", [None, Actuation(hip_torque=0.02)])
-def test_a_gait_on_steps_repeats_as_its_ground_does_and_its_books_close(name, controller):
+def test_a_gait_on_steps_repeats_as_its_ground_does_and_its_energy_balance_closes(name, controller):
     """Stride by stride on each foothold, as `gpw.stride` takes them."""
     walker, slope, ground = STAIRS[name]
     strides = gpw.stride_map(walker, slope, controller=controller, terrain=ground)
@@ -305,29 +305,29 @@ def test_a_gait_on_steps_repeats_as_its_ground_does_and_its_books_close(name, co
 @pytest.mark.parametrize("name", STAIRS)
 @pytest.mark.parametrize("controller", ["nothing", "policy"])
 def test_derivatives_on_steps_are_those_of_differences(name, controller):
-    """By the point, whose leg behind stands on the foothold before; the slope; and a length."""
+    """By the point, with the rear leg on the previous foothold; by the slope; and by a length."""
     walker, slope, ground = STAIRS[name]
     scene = {"walker": walker, "slope": slope, "control": "stride", "max_hip_torque": 0.01}
-    who = {"controller": lambda seen: np.zeros((len(seen), 1)), "scene": scene}
+    controlled = {"controller": lambda seen: np.zeros((len(seen), 1)), "scene": scene}
     strides = gpw.stride_map(walker, slope, terrain=ground)
     if controller == "policy":
         feedback = LinearFeedback(scene)
         strides = gpw.stride_map(controller=feedback, scene=scene, terrain=ground)
-        zero = gpw.stride_map(**who, terrain=ground)
+        zero = gpw.stride_map(**controlled, terrain=ground)
         assert not zero.exact and strides.exact
     point = strides.points_at(gpw.find_gait(gpw.stride_map(walker, slope, terrain=ground)).state)
     by, m = ("foot_radius", "state", "slope"), strides.dimension
     _, change = strides.linearize(point, by=by, strides=2)
     radius = strides.walker.foot_radius
 
-    def told(shift):
+    def reported(shift):
         own = strides.with_parameter("foot_radius", np.array([radius + shift[0]]))
         taken = own.apply(point + shift[1 : m + 1], slope + shift[m + 1], strides=2)
         return np.concatenate([taken.ends[0], taken.durations, taken.lost, taken.supplied])
 
     exact = np.concatenate([change.ends[0], change.durations, change.lost, change.supplied])
     for j, way in enumerate(1e-6 * np.eye(m + 2)):
-        difference = (told(way) - told(-way)) / 2e-6
+        difference = (reported(way) - reported(-way)) / 2e-6
         scale = 1.0 + np.abs(exact[:, j]).max()
         np.testing.assert_allclose(exact[:, j], difference, atol=2e-6 * scale, err_msg=str(j))
 
@@ -388,18 +388,18 @@ def test_actions_beyond_their_bounds_are_clipped_as_in_the_environment(action, l
 
 def test_a_controller_sees_its_command_and_the_footholds_ahead_each_in_its_place():
     scene, ground = make_scene("rough", command=0.2, terrain_lookahead=2), gpw.waves(0.002, 3)
-    told = []
+    reported = []
 
     def watch(seen):
-        told.append(seen[0].copy())
+        reported.append(seen[0].copy())
         return np.zeros((len(seen), 1))
 
     strides = gpw.stride_map(controller=watch, scene=scene, terrain=ground)
     strides.stride(gpw.find_gait(scene.walker, scene.slope).state)
     env = PassiveWalkerVectorEnv(1, make_scene(scene, terrain=ground))
     expected, _ = env.reset(seed=0)
-    assert told[0].shape == expected[0].shape == (13,)
-    for seen in told:
+    assert reported[0].shape == expected[0].shape == (13,)
+    for seen in reported:
         np.testing.assert_allclose(seen[8:], expected[0, 8:], rtol=1e-6)
 
 

@@ -1,4 +1,4 @@
-"""Gaits of least cost of transport, and who plays them."""
+"""Gaits of least cost of transport, and the policy that plays them."""
 
 from dataclasses import replace
 
@@ -59,7 +59,7 @@ STIFF = [[0.13, -0.16, -0.08, -0.10], [0.25, -0.30, -0.21, -0.41]]
 
 
 def stiff(point: list[float]) -> optimal.OptimalGait:
-    """A start whose leg, held back at first, sweeps through the ground."""
+    """An initial guess in which the swing leg, held back at first, passes through the ground."""
     torques = [-0.05, -0.05, 0.0]
     return replace(optimal.load("level")[5], point=point, torques=torques, step_period=3.15)
 
@@ -79,7 +79,7 @@ def test_how_far_the_toe_clears_the_ground_is_known_with_its_derivatives(actions
     assert np.all(np.abs(by).max(axis=1) > 1.0)
 
 
-def test_a_gait_whose_stiff_leg_sweeps_through_the_ground_is_allowed_only_without_the_rule():
+def test_a_stiff_leg_through_the_ground_is_allowed_only_without_the_rule():
     for end_on_toe_stub in (True, False):
         problem = Problem(make_scene("level", end_on_toe_stub=end_on_toe_stub), 0.1, 48, 4)
         problem.clears = True
@@ -300,7 +300,7 @@ def test_the_simplest_walker_s_optimal_push_off_makes_good_its_heelstrike():
     assert found.push_off_cost < longer  # shorter steps at the same speed cost less
 
 
-def test_with_every_motor_a_gait_closes_and_its_books_do():
+def test_with_every_motor_a_gait_and_its_energy_balance_close():
     """Point feet, uphill: what hip, ankle and push-off give is what a plain stride says they do."""
     actions, slope = ("hip", "ankle", "push_off"), -0.005
     scene = make_scene("level", walker="E", slope=slope, control="stride", actions=actions)
@@ -367,7 +367,7 @@ def test_a_push_off_s_work_is_net_work_too():
         name = "pusher"
 
         def predict(self, seen, memory=None, *_, **__):
-            """As of any policy."""
+            """See `policies.Policy`."""
             return np.full((len(seen), 1), 0.3, np.float32), memory
 
     walks = evaluate(Pusher(), PassiveWalkerVectorEnv(4, scene), seed=0)

@@ -66,10 +66,10 @@ def test_walkers_that_differ_strike_each_in_its_own_time(monkeypatch):
 
     So what is followed side by side ends where walkers went, and nobody needs a turn alone.
     """
-    told, followed = ticks._side_by_side, []
+    reported, followed = ticks._side_by_side, []
 
     def beside(*arguments):
-        followed.append(told(*arguments))
+        followed.append(reported(*arguments))
         return followed[-1]
 
     monkeypatch.setattr(ticks, "_side_by_side", beside)
@@ -91,7 +91,7 @@ def test_walkers_that_differ_strike_each_in_its_own_time(monkeypatch):
 
 @pytest.fixture(scope="module")
 def stubbing():
-    """A point and a torque whose stride stubs its toe, if that is a rule."""
+    """A point and a torque for which the stride stubs its toe, if that ends it."""
     random, section, units = np.random.default_rng(0), Section(walker=WALKER), units_of(WALKER)
     point = section.points_at(gpw.find_gait(WALKER, 0.02).state)[0]
     points = point * (1.0 + 0.3 * random.uniform(-1.0, 1.0, (4000, 4)))
@@ -148,7 +148,7 @@ def test_a_fall_is_no_stride(level):
         ticked_stride(WALKER, 0.0, level * 0.1, np.full(TICKS, -0.05), tick=TICK)
 
 
-def crowd(count):
+def many(count):
     """Starts around a gait of the laboratory's walker, and torques of each: (n, m) and (n, N)."""
     rng, strides = np.random.default_rng(2), StrideMap.of("lab")
     points = strides.points_at(gpw.find_gait("lab", 0.036).state)
@@ -156,8 +156,8 @@ def crowd(count):
     return points, rng.normal(0.0, 0.003, (count, TICKS))
 
 
-def test_strides_of_a_crowd_are_those_of_each_alone():
-    points, torques = crowd(5)
+def test_strides_of_a_batch_are_those_of_each_alone():
+    points, torques = many(5)
     points[3, 1] = -0.1  # too slow for the top
     walkers, alone = Walkers(walker=gpw.WALKERS["lab"]), []
     for point, held in zip(points, torques, strict=True):
@@ -171,7 +171,7 @@ def test_strides_of_a_crowd_are_those_of_each_alone():
 
 def test_under_one_torque_a_stride_in_ticks_has_the_stride_map_s_derivatives():
     """By the start, the torque, the slope and what the walker is made of, each walker its own."""
-    points, _ = crowd(3)
+    points, _ = many(3)
     radii = gpw.WALKERS["lab"].foot_radius * np.array([1.0, 0.98, 1.01])
     slopes, by = np.array([0.036, 0.034, 0.038]), ("slope", "foot_radius", "thigh_com")
     walkers = Walkers(walker=gpw.WALKERS["lab"], parameters={"foot_radius": radii}, tolerance=1e-13)
@@ -199,7 +199,7 @@ def test_the_hip_s_way_and_work_in_a_tick_have_their_derivatives(name):
     by, outcome = ("state", "slope", "hip_torque", "foot_radius"), Outcome.RUNNING
     records, ticks = new_records(start, slope, 0.004), 0
 
-    def told(inputs):
+    def reported(inputs):
         """The ledgers of a tick from these records, with other inputs."""
         moved = records.copy()
         moved["state"][0, 0], moved["control"][0, 0] = inputs[:6], inputs[7]
@@ -214,11 +214,11 @@ def test_the_hip_s_way_and_work_in_a_tick_have_their_derivatives(name):
         records["end"] = 0.3 * (ticks + 1)
         records["moved"] = records["turned"] = 0.0
         inputs = np.array([*records["state"][0, 0], slope, 0.004, walker.foot_radius])
-        walked, found = told(inputs)
+        walked, found = reported(inputs)
         scale = np.abs(found[:, 1:]).max()
         for i in range(8 if walker.massless_legs else 9):
             step = 1e-5 * np.eye(9)[i]
-            ahead, behind = told(inputs + step)[1][:, 0], told(inputs - step)[1][:, 0]
+            ahead, behind = reported(inputs + step)[1][:, 0], reported(inputs - step)[1][:, 0]
             difference = (ahead - behind) / 2e-5
             # Where the hip hardly turns back, what it turns bends sharply.
             np.testing.assert_allclose(found[:, 1 + i], difference, rtol=0.0, atol=1e-6 * scale)
@@ -273,13 +273,13 @@ def test_the_rate_at_which_a_heelstrike_falls_is_the_legs(name):
 
 def test_ticks_in_turn_are_those_side_by_side_and_one_does_not_change_the_others(monkeypatch):
     """Where a rounding moves a strike to another tick, that walker alone is followed in turn."""
-    points, torques = crowd(6)
+    points, torques = many(6)
     walkers = Walkers(walker=gpw.WALKERS["lab"])
     beside = ticked_strides(walkers, 0.036, points, torques, tick=TICK)
-    told = ticks._side_by_side
+    reported = ticks._side_by_side
 
     def astray(*arguments):
-        after, alike = told(*arguments)
+        after, alike = reported(*arguments)
         alike[2] = False  # the third walker's first control step
         after["state"][2] = np.nan
         return after, alike
@@ -308,13 +308,13 @@ def test_derivatives_by_every_motor_are_those_of_the_stride():
             walkers, 0.009, (point + change[:3])[None], held[None], tick=0.4, push_offs=pushes
         )
 
-    def told(of):
+    def reported(of):
         parts = (of.end, of.duration, of.length, of.swing, of.turn, of.push_work, of.kneestrike)
         return np.concatenate([np.ravel(part) for part in parts])
 
     for column in range(3 + 12 + 1):
         change = 1e-6 * np.eye(16)[column]
-        difference = (told(walked(change)) - told(walked(-change))) / 2e-6
+        difference = (reported(walked(change)) - reported(walked(-change))) / 2e-6
         by = walked(0.0 * change).by[0, :, column]
         np.testing.assert_allclose(by, difference, rtol=1e-5, atol=1e-7)
     assert np.abs(walked(np.zeros(16)).by[0, :3, -1]).max() > 0.1  # a push-off moves the end

@@ -61,12 +61,12 @@ def test_a_spring_that_hardens_keeps_its_energy(tmp_path):
     shutil.copytree(ROOT / "gym_passive_walker", tmp_path / "gym_passive_walker")
     (tmp_path / "change.diff").write_text(CHANGE[1], encoding="utf-8")
     subprocess.run(["git", "apply", "change.diff"], cwd=tmp_path, check=True)
-    told = subprocess.run(
+    reported = subprocess.run(
         [sys.executable, "-c", BOOKS],
         cwd=tmp_path, env={**os.environ, "PYTHONPATH": str(tmp_path)},
         check=True, capture_output=True, text=True,
     ).stdout.split()  # fmt: skip
-    for plain, hardening, both, given, slope_error in zip(*[map(float, told)] * 5, strict=True):
+    for plain, hardening, both, given, slope_error in zip(*[map(float, reported)] * 5, strict=True):
         assert abs(plain) < 1e-13 and abs(hardening) < 1e-13 and abs(both) < 1e-13
         assert abs(given) > 1e-5
         assert slope_error < 1e-6

@@ -23,7 +23,7 @@ llvm.initialize_native_asmprinter()
 _SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 4, *[ctypes.c_double] * 2)
 
 PROCESSORS = {"this": (llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten())}
-"""Processors, and what they can do, whose instructions this one understands."""
+"""Processors and their features, for which this machine has all instructions."""
 
 if platform.machine() in ("x86_64", "AMD64"):
     PROCESSORS["without fused instructions"] = ("x86-64", "")
@@ -48,7 +48,7 @@ class Native:
         lanes: Whether it is made for vectors.
         lane: Whether it is made for one lane of a tile.
         processor: One of `PROCESSORS`.
-        told: What else a `Function` is told.
+        **options: Further arguments of `Function`.
     """
 
     def __init__(
@@ -58,10 +58,10 @@ class Native:
         lanes: bool = False,
         lane: bool = False,
         processor: str = "this",
-        **told: Any,
+        **options: Any,
     ) -> None:
         module = Module()
-        function = Function(module, "code", layouts, **told)
+        function = Function(module, "code", layouts, **options)
         if lanes:
             function.over_lanes(code)
         else:
@@ -79,9 +79,9 @@ class Native:
         self.address = self.engine.get_function_address("code")
         self.table = self.engine.get_global_value_address("table")
 
-    def __call__(self, first: np.ndarray, second: Any = None, lane=0, **told: Any) -> None:
+    def __call__(self, first: np.ndarray, second: Any = None, lane=0, **options: Any) -> None:
         """Call it; over lanes, with the table of its constants."""
-        call(self.address, first, self.table if second is None else second, lane, **told)
+        call(self.address, first, self.table if second is None else second, lane, **options)
 
 
 def rows(**fields: int) -> np.dtype:

@@ -23,7 +23,7 @@ for name in {names!r}:
 
 
 def python(code: str, **variables: str) -> str:
-    """What a fresh process prints that is told nothing else of caches."""
+    """What a fresh process prints, without other settings of caches."""
     inherited = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
     done = subprocess.run(
         [sys.executable, "-c", code],
@@ -87,26 +87,26 @@ import gym_passive_walker.engine.compiled as compiled
 print(compiled.compiled("simplest")["guards"].tolist())
 """
 REFUSE = """
-def refuse(*arguments): raise AssertionError("written anew")
+def refuse(*arguments): raise AssertionError("written again")
 compiled.written = refuse
 """
 
 
 def test_code_that_one_process_has_compiled_another_only_loads(tmp_path):
-    told = {"NUMBA_CACHE_DIR": str(tmp_path)}
-    first = python(COMPILE.format(before=""), **told)
+    given = {"NUMBA_CACHE_DIR": str(tmp_path)}
+    first = python(COMPILE.format(before=""), **given)
     objects = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.o")}
     assert len(objects) == 1
-    assert python(COMPILE.format(before=REFUSE), **told) == first
+    assert python(COMPILE.format(before=REFUSE), **given) == first
     assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.o")} == objects
     assert not list(tmp_path.rglob("*.[0-9]*"))  # nothing half written
 
 
 def test_to_look_at_the_package_makes_no_folder(tmp_path):
     """It is made for kernels, when they are first needed."""
-    told = {"XDG_CACHE_HOME": str(tmp_path)}
+    given = {"XDG_CACHE_HOME": str(tmp_path)}
     python(
-        "import gym_passive_walker as gpw; print(gpw.WALKERS, gpw.stride, gpw.find_gait)", **told
+        "import gym_passive_walker as gpw; print(gpw.WALKERS, gpw.stride, gpw.find_gait)", **given
     )
     assert not list(tmp_path.iterdir())
 
@@ -119,7 +119,7 @@ def folder(monkeypatch, **variables):
     return cache.cache_directory.__wrapped__()
 
 
-def test_code_is_kept_where_it_is_told_to_be(tmp_path, monkeypatch):
+def test_code_is_kept_in_the_given_folder(tmp_path, monkeypatch):
     chosen, home = tmp_path / "chosen", tmp_path / "home"
     both = folder(monkeypatch, NUMBA_CACHE_DIR=chosen, XDG_CACHE_HOME=home)
     assert both == chosen / "gym_passive_walker" / cache.fingerprint()

@@ -44,7 +44,7 @@ def end(name: str, values, directions=(), body=None, body_changes=None) -> np.nd
     """A stride's results from the six inputs, and behind them their derivatives, (1 + k, results).
 
     Args:
-        name: Who walks.
+        name: Name of the walker.
         values: The inputs.
         directions: Directions in them, (k, 6).
         body: The walker's constants; its own when None.
@@ -224,8 +224,8 @@ def test_a_walk_in_ticks_has_the_derivatives_of_a_walk_at_once():
 
 
 @pytest.mark.parametrize("name", ["lab", "A", "D"])
-def test_who_asks_for_derivatives_is_told_the_same(name):
-    """The stride map, its Jacobian, and a stride whose torque may change from tick to tick."""
+def test_values_are_the_same_with_derivatives_and_without(name):
+    """The stride map, its Jacobian, and a stride with a torque for each control step."""
     walker, gait = WALKERS[name], LONG_GAITS[name]
     strides = StrideMap.of(walker)
     point = strides.points_at(gait.state)

@@ -166,7 +166,7 @@ def test_steps_end_on_strikes_and_few_are_made_again(name, slope, most):
 
 @pytest.mark.parametrize("name", ["lab", "A", "D"])
 def test_a_step_that_ends_near_a_strike_goes_on_to_it(name):
-    """A walk looked at in pieces, the last of which ends wherever beside the strike."""
+    """A walk integrated in pieces; the last piece ends anywhere beside the strike."""
     walker = WALKERS[name]
     gait = LONG_GAITS[name]
     state = units_of(walker).to_dimensionless(gait.state)[None]

@@ -31,7 +31,7 @@ from tests.physics import statements
 from tests.physics.examples import LONG_GAITS, random_walker
 
 
-def crowd(name: str, count: int, seed: int = 0):
+def many(name: str, count: int, seed: int = 0):
     """Slopes, states and torques of many walkers of a kind: strides, falls, throws, rests."""
     rng = np.random.default_rng(seed)
     walker, gait = WALKERS[name], LONG_GAITS[name]
@@ -56,8 +56,8 @@ def pick(found, which):
 
 
 @pytest.mark.parametrize("name", WALKERS)
-def test_a_walker_walks_alike_alone_and_in_a_crowd(name):
-    slopes, states, torques = crowd(name, 150)
+def test_a_walker_walks_alike_alone_and_in_a_batch(name):
+    slopes, states, torques = many(name, 150)
     together = stride(name, slopes, states, hip_torque=torques)
     assert len(set(together.outcome)) >= 3
     for i in range(150):
@@ -68,7 +68,7 @@ def test_a_walker_walks_alike_alone_and_in_a_crowd(name):
 @pytest.mark.parametrize("name", WALKERS)
 @pytest.mark.parametrize("count", [1, 7, 8, 9, 16, 17, 31, 129])
 def test_it_does_not_matter_who_walks_beside_whom(name, count):
-    slopes, states, torques = crowd(name, 150)
+    slopes, states, torques = many(name, 150)
     together = stride(name, slopes, states, hip_torque=torques)
     which = np.random.default_rng(count).permutation(150)[:count]
     some = stride(name, slopes[which], states[which], hip_torque=torques[which])
@@ -77,7 +77,7 @@ def test_it_does_not_matter_who_walks_beside_whom(name, count):
 
 @pytest.mark.parametrize("name", WALKERS)
 def test_threads_change_nothing(name):
-    slopes, states, torques = crowd(name, 2100)
+    slopes, states, torques = many(name, 2100)
     one = stride(name, slopes, states, hip_torque=torques, threads=1)
     for threads in (2, 3, None):
         more = stride(name, slopes, states, hip_torque=torques, threads=threads)
@@ -86,23 +86,23 @@ def test_threads_change_nothing(name):
 
 def test_strides_that_many_threads_ask_for_are_those_that_one_asks_for():
     """Each thread has its own tile and guard history."""
-    crowds = {name: crowd(name, 300) for name in ("lab", "A", "D")}
+    groups = {name: many(name, 300) for name in ("lab", "A", "D")}
 
     def walked(name):
-        slopes, states, torques = crowds[name]
+        slopes, states, torques = groups[name]
         return stride(name, slopes, states, hip_torque=torques)
 
-    alone = {name: walked(name) for name in crowds}
+    alone = {name: walked(name) for name in groups}
     with ThreadPoolExecutor(6) as threads:
-        found = [(name, threads.submit(walked, name)) for _ in range(20) for name in crowds]
+        found = [(name, threads.submit(walked, name)) for _ in range(20) for name in groups]
     for name, each in found:
         assert_bitwise_same(each.result(), alone[name])
 
 
 def with_derivatives(name: str, count: int):
-    """Records of a crowd whose derivatives are carried along."""
+    """Records of a batch with tangents."""
     walker, rng = WALKERS[name], np.random.default_rng(3)
-    slopes, states, torques = crowd(name, count)
+    slopes, states, torques = many(name, count)
     scaled, tangents = statements.dimensionless(walker, states), 4
     seeds = Seeds(
         states=rng.normal(size=(count, tangents, 6)),
@@ -114,7 +114,7 @@ def with_derivatives(name: str, count: int):
 
 
 @pytest.mark.parametrize("name", ["lab", "A", "D"])
-def test_derivatives_are_alike_alone_and_in_a_crowd(name):
+def test_derivatives_are_alike_alone_and_in_a_batch(name):
     walker, together = WALKERS[name], with_derivatives(name, 1030)
     system, own, single = system_of(walker), bodies(walker), together[:60].copy()
     parts = together.copy()
@@ -132,7 +132,7 @@ def test_derivatives_are_alike_alone_and_in_a_crowd(name):
 def test_walkers_of_many_shapes_walk_alike_alone_and_together(name):
     rng = np.random.default_rng(5)
     system, count = system_of(WALKERS[name]), 150
-    slopes, states, _ = crowd(name, count)
+    slopes, states, _ = many(name, count)
     states = statements.dimensionless(WALKERS[name], states)
     shapes = bodies(*(random_walker(rng, knees=WALKERS[name].knees) for _ in range(count)))
     together = new_records(states, slopes, 0.01)
@@ -145,7 +145,7 @@ def test_walkers_of_many_shapes_walk_alike_alone_and_together(name):
 
 
 def test_one_shape_given_once_or_to_each_is_the_same():
-    slopes, states, _ = crowd("lab", 40)
+    slopes, states, _ = many("lab", 40)
     states, system = statements.dimensionless(WALKERS["lab"], states), system_of(WALKERS["lab"])
     own = bodies(WALKERS["lab"])
     once, each = new_records(states, slopes), new_records(states, slopes)
@@ -205,7 +205,7 @@ def test_each_vector_of_a_tile_lies_in_one_line_of_the_cache():
 @pytest.mark.parametrize("name", ["lab", "A", "D"])
 def test_it_does_not_matter_what_a_lane_held_before(name):
     """As on a device, where it may be anything."""
-    slopes, states, _ = crowd(name, 60)
+    slopes, states, _ = many(name, 60)
     walker, rng, found = WALKERS[name], np.random.default_rng(1), []
     for garbage in (0.0, 1.0, 30.0):
         records = new_records(units_of(walker).to_dimensionless(states), slopes)
@@ -213,11 +213,11 @@ def test_it_does_not_matter_what_a_lane_held_before(name):
         for place in working:
             numbers = place.view(float)
             numbers[:] = garbage * rng.normal(size=numbers.shape)
-        phases, told = (
+        phases, reported = (
             compiled(system_of(walker).name),
             options(1e-6, from_section=True, scuff=True),
         )
-        integrate(records, bodies(walker), phases, told, *working)
+        integrate(records, bodies(walker), phases, reported, *working)
         found.append(records.tobytes())
     assert found[0] == found[1] == found[2]
 
@@ -230,7 +230,7 @@ print(sha256(walk({name!r}, {derivatives})).hexdigest())
 
 
 def walk(name: str, derivatives: bool) -> bytes:
-    """All that is known of a crowd after a stride, with derivatives or without."""
+    """Records of a batch after a stride, with derivatives or without."""
     walker, records = WALKERS[name], with_derivatives(name, 60)
     records = records[:, : None if derivatives else 1].copy()
     with np.errstate(all="ignore"):

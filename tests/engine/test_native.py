@@ -341,8 +341,8 @@ def test_a_sweep_makes_the_pairs_step_and_estimates_its_error(system, index):
         found = tile["new_angle"][0, :links, lane], tile["new_rate"][0, :links, lane]
         np.testing.assert_allclose(found, [at, speed], rtol=0.0, atol=1e-12 * scale)
         error = np.abs(h[lane] * weights @ stages).sum() / scale
-        told = tile["error"][0, lane] / fineness
-        assert told == pytest.approx(error, rel=1e-4, abs=1e-15)  # rounding
+        reported = tile["error"][0, lane] / fineness
+        assert reported == pytest.approx(error, rel=1e-4, abs=1e-15)  # rounding
         assert error > 0.0
 
 
@@ -427,7 +427,7 @@ def test_a_look_tells_how_guards_and_controls_run_over_a_step(system, index):
     tile["h"][0] = 0.03
     filled.run("first")
     filled.run("sweep")
-    # As it is while a step is looked at: its start is kept.
+    # As during the check of a step: its start is kept.
     for lane, state in enumerate(filled.states):
         tile["angle"][0, :, lane], tile["rate"][0, :, lane] = state[:3], state[3:]
         tile["stage"][0, 0, : filled.links, lane] = filled.accelerations(lane, state)

@@ -72,7 +72,7 @@ def test_of_two_bounds_that_a_throw_reaches_at_once_the_nearer_one_ends_it(first
     state = [0.2, 0.0, 0.0, stance, swing, swing]
     falls, goes_over = (0.5 * np.pi + 0.2) / -stance, np.pi / swing
     assert (falls < goes_over) == (first == "forward")
-    walker = WALKERS["D"]  # whose legs do not pull at each other
+    walker = WALKERS["D"]  # its legs do not act on each other
     found = stride(walker, 0.0, state, tolerance=tolerance)
     expected = Outcome.FELL_FORWARD if first == "forward" else Outcome.SWING_OVERROTATION
     ended = Outcome(int(found.outcome))

@@ -165,9 +165,9 @@ def test_a_step_without_stages_for_the_angles_is_the_method_itself(pair):
         at, speed = y + h * (pair.weights[i] @ slopes)
         slopes[i] = speed, -np.sin(at) - np.longdouble(0.1) * speed
     end, error = y + h * (pair.weights[-1] @ slopes), h * (pair.error @ slopes)
-    *found, told = pendulum_step(pair, *y, h)
+    *found, reported = pendulum_step(pair, *y, h)
     np.testing.assert_allclose(np.array(found, float), end.astype(float), rtol=0.0, atol=1e-15)
-    assert float(told) == pytest.approx(float(error[1]), rel=0.0, abs=1e-15)
+    assert float(reported) == pytest.approx(float(error[1]), rel=0.0, abs=1e-15)
 
 
 @pytest.mark.parametrize(
@@ -175,17 +175,17 @@ def test_a_step_without_stages_for_the_angles_is_the_method_itself(pair):
 )
 def test_errors_shrink_with_the_steps_as_the_orders_say(pair, coarse):
     def walk(h):
-        state, told = (np.longdouble(0.7), np.longdouble(-0.4)), 0.0
+        state, reported = (np.longdouble(0.7), np.longdouble(-0.4)), 0.0
         for _ in range(round(4.0 / h)):
             *state, error = pendulum_step(pair, *state, np.longdouble(h))
-            told = max(told, abs(error))
-        return np.array(state), told
+            reported = max(reported, abs(error))
+        return np.array(state), reported
 
     exact, _ = walk(coarse / 16.0)
-    (rough, told), (fine, told_fine) = walk(coarse), walk(coarse / 2.0)
+    (rough, reported), (fine, reported_fine) = walk(coarse), walk(coarse / 2.0)
     order = np.log2(np.abs(rough - exact).max() / np.abs(fine - exact).max())
     assert order > pair.order - 0.2  # more where the first terms beyond it are small
-    assert np.log2(told / told_fine) == pytest.approx(pair.error_order + 1, abs=0.8)
+    assert np.log2(reported / reported_fine) == pytest.approx(pair.error_order + 1, abs=0.8)
 
 
 def test_steps_grow_and_shrink_by_no_more_than_they_may():

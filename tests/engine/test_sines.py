@@ -19,7 +19,7 @@ def sines_cosines(angles) -> np.ndarray:
 
 
 def both(angles) -> np.ndarray:
-    """What the mathematical library says, whose own error is half a last bit."""
+    """The result of the mathematical library, with an error of half a last bit."""
     return np.array([[function(x) for x in angles] for function in (math.sin, math.cos)])
 
 

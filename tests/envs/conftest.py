@@ -28,14 +28,14 @@ def play() -> Callable[..., list[Any]]:
 
     def episode(env: Any, act: Any = 0.0, *, steps: int = 4000, **reset: Any) -> list[Any]:
         observation, _ = env.reset(**reset)
-        course = []
+        walk = []
         for step in range(steps):
             action = act(step, observation) if callable(act) else act
-            course.append(env.step(np.array([action])))
-            observation = course[-1][0]
-            if course[-1][2] or course[-1][3]:
+            walk.append(env.step(np.array([action])))
+            observation = walk[-1][0]
+            if walk[-1][2] or walk[-1][3]:
                 break
-        return course
+        return walk
 
     return episode
 

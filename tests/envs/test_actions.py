@@ -77,30 +77,30 @@ def test_of_a_stride_s_push_offs_the_last_one_counts():
 
 
 @pytest.mark.parametrize("kind", WALKERS)
-def test_walkers_act_alike_alone_and_in_a_crowd(kind):
+def test_walkers_act_alike_alone_and_in_a_batch(kind):
     arguments = {
         "walker": WALKERS[kind],
         "slope": 0.01,
         "actions": ALL,
         "start": world(kind).scene.start,
     }
-    crowd = gym.make_vec("PassiveWalker-v0", num_envs=5, **arguments)
+    many = gym.make_vec("PassiveWalker-v0", num_envs=5, **arguments)
     alone = [gym.make("PassiveWalker-v0", **arguments) for _ in range(5)]
-    seen, _ = crowd.reset(seed=3)
+    seen, _ = many.reset(seed=3)
     for i, env in enumerate(alone):
         np.testing.assert_array_equal(env.reset(seed=3 + i)[0], seen[i])
-    crowd.action_space.seed(0)
+    many.action_space.seed(0)
     going = np.ones(5, bool)
     for _ in range(40):
-        actions = crowd.action_space.sample()
-        seen, rewards, terminated, _, _ = crowd.step(actions)
+        actions = many.action_space.sample()
+        seen, rewards, terminated, _, _ = many.step(actions)
         for i in np.flatnonzero(going):
             own, reward, *_ = alone[i].step(actions[i])
             np.testing.assert_array_equal(own, seen[i])
             assert reward == rewards[i]
         going &= ~terminated
-    assert crowd.single_action_space.shape == (3,)
-    np.testing.assert_array_equal(crowd.single_action_space.low, [0.0, -1.0, -1.0])
+    assert many.single_action_space.shape == (3,)
+    np.testing.assert_array_equal(many.single_action_space.low, [0.0, -1.0, -1.0])
 
 
 def test_without_action_it_is_the_passive_walk():

@@ -1,4 +1,4 @@
-"""What makes no sense is refused with a sentence, whichever door it comes in by."""
+"""Every entry point of the environments validates its arguments."""
 
 import gymnasium as gym
 import numpy as np
@@ -13,49 +13,49 @@ LAB = {
 }  # fmt: skip
 
 
-def for_learners(**told):
-    """A crowd for stable-baselines3, where that is installed."""
+def for_learners(**given):
+    """A batch for stable-baselines3, where that is installed."""
     pytest.importorskip("stable_baselines3")
     from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 
-    return PassiveWalkerVecEnv(**{"num_envs": 2, **told})
+    return PassiveWalkerVecEnv(**{"num_envs": 2, **given})
 
 
-SINGLE = {"make": lambda **told: gym.make(ID, **told)}
-CROWDS = {
-    "make_vec": lambda **told: gym.make_vec(ID, **{"num_envs": 2, **told}),
+SINGLE = {"make": lambda **given: gym.make(ID, **given)}
+BATCHES = {
+    "make_vec": lambda **given: gym.make_vec(ID, **{"num_envs": 2, **given}),
     "stable-baselines3": for_learners,
 }
-DOORS = SINGLE | CROWDS
+ENTRY_POINTS = SINGLE | BATCHES
 
 
 @pytest.mark.parametrize("count", [-1, 0, 1.5, "3", None, True, np.nan, [2]], ids=repr)
-@pytest.mark.parametrize("door", CROWDS)
-def test_a_crowd_is_a_whole_number_of_walkers(door, count):
+@pytest.mark.parametrize("entry_point", BATCHES)
+def test_a_batch_is_a_whole_number_of_walkers(entry_point, count):
     with pytest.raises(ValueError, match="num_envs must be a whole number from 1 on, not"):
-        CROWDS[door](num_envs=count)
+        BATCHES[entry_point](num_envs=count)
 
 
 @pytest.mark.parametrize("limit", ["a", 2.5, 0, -2, True, np.nan], ids=repr)
-@pytest.mark.parametrize("door", CROWDS)
-def test_episodes_end_after_a_whole_number_of_steps_or_never(door, limit):
+@pytest.mark.parametrize("entry_point", BATCHES)
+def test_episodes_end_after_a_whole_number_of_steps_or_never(entry_point, limit):
     with pytest.raises(ValueError, match=r"max_episode_steps must be a whole .* None or -1"):
-        CROWDS[door](max_episode_steps=limit)
+        BATCHES[entry_point](max_episode_steps=limit)
 
 
 @pytest.mark.parametrize("threads", ["a", 0, 1.5], ids=repr)
-@pytest.mark.parametrize("door", CROWDS)
-def test_threads_are_a_whole_number(door, threads):
+@pytest.mark.parametrize("entry_point", BATCHES)
+def test_threads_are_a_whole_number(entry_point, threads):
     with pytest.raises(ValueError, match="threads must be a whole number"):
-        CROWDS[door](threads=threads)
+        BATCHES[entry_point](threads=threads)
 
 
 @pytest.mark.parametrize("name", ["walkers", "slopes"])
 @pytest.mark.parametrize("row", [3, [], ["lab"]], ids=repr)
-@pytest.mark.parametrize("door", CROWDS)
-def test_what_each_has_of_its_own_comes_in_a_row(door, name, row):
+@pytest.mark.parametrize("entry_point", BATCHES)
+def test_arguments_of_each_environment_come_in_a_row(entry_point, name, row):
     with pytest.raises(ValueError, match=f"{name} must be in a row, one for each of 2"):
-        CROWDS[door](**{name: row})
+        BATCHES[entry_point](**{name: row})
 
 
 @pytest.mark.parametrize(
@@ -67,21 +67,21 @@ def test_what_each_has_of_its_own_comes_in_a_row(door, name, row):
         ({"shank_com": 17.0}, "shank_com must be at most two leg lengths, 1.62"),
     ],
 )
-@pytest.mark.parametrize("door", DOORS)
-def test_what_is_no_walker_does_not_come_in(door, change, message):
+@pytest.mark.parametrize("entry_point", ENTRY_POINTS)
+def test_invalid_walkers_are_refused(entry_point, change, message):
     for walker in (LAB | change, {"preset": "lab"} | change):
         with pytest.raises(gpw.WalkerError, match=message):
-            DOORS[door](walker=walker)
+            ENTRY_POINTS[entry_point](walker=walker)
 
 
 @pytest.mark.parametrize("walker", [None, 3, "Lab", []], ids=repr)
-@pytest.mark.parametrize("door", DOORS)
-def test_an_unknown_walker_is_answered_with_the_known_ones(door, walker):
+@pytest.mark.parametrize("entry_point", ENTRY_POINTS)
+def test_an_unknown_walker_is_answered_with_the_known_ones(entry_point, walker):
     with pytest.raises(gpw.WalkerError, match=r"no walker .* lab-straight"):
-        DOORS[door](walker=walker)
+        ENTRY_POINTS[entry_point](walker=walker)
 
 
-@pytest.mark.parametrize("door", ["make", "make_vec"])
+@pytest.mark.parametrize("entry_point", ["make", "make_vec"])
 @pytest.mark.parametrize(
     ("options", "message"),
     [
@@ -92,22 +92,22 @@ def test_an_unknown_walker_is_answered_with_the_known_ones(door, walker):
         ({"slope": [0.1, 0.1, 0.1]}, r"options\['slope'\] must have shape \(\)"),
     ],
 )
-def test_a_reset_says_what_it_can_be_asked_for(door, options, message):
+def test_a_reset_says_what_it_can_be_asked_for(entry_point, options, message):
     with pytest.raises(ValueError, match=message):
-        DOORS[door]().reset(options=options)
+        ENTRY_POINTS[entry_point]().reset(options=options)
 
 
 @pytest.mark.parametrize("seed", ["a", 1.5])
-def test_a_crowd_is_seeded_by_whole_numbers(seed):
+def test_a_batch_is_seeded_by_whole_numbers(seed):
     with pytest.raises(
         ValueError, match="seed must be a whole number from 0 on, a row of them, or None"
     ):
-        CROWDS["make_vec"]().reset(seed=seed)
+        BATCHES["make_vec"]().reset(seed=seed)
 
 
-@pytest.mark.parametrize("door", ["make", "make_vec"])
-def test_an_action_that_is_no_number_is_told_what_becomes_of_large_ones(door):
-    env = DOORS[door]()
+@pytest.mark.parametrize("entry_point", ["make", "make_vec"])
+def test_an_action_that_is_no_number_raises_an_error_about_clipping(entry_point):
+    env = ENTRY_POINTS[entry_point]()
     env.reset(seed=0)
     for wrong in (np.nan, np.inf, "right"):
         with pytest.raises(
@@ -116,9 +116,9 @@ def test_an_action_that_is_no_number_is_told_what_becomes_of_large_ones(door):
             env.unwrapped.step(np.full(env.action_space.shape, wrong))
 
 
-@pytest.mark.parametrize("door", ["make", "make_vec"])
-def test_actions_beyond_the_bounds_are_clipped(door):
-    most, more = DOORS[door](), DOORS[door]()
+@pytest.mark.parametrize("entry_point", ["make", "make_vec"])
+def test_actions_beyond_the_bounds_are_clipped(entry_point):
+    most, more = ENTRY_POINTS[entry_point](), ENTRY_POINTS[entry_point]()
     for env in (most, more):
         env.reset(seed=0)
     full = np.ones(most.action_space.shape)

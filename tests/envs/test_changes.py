@@ -100,15 +100,15 @@ def test_masks_are_boolean_arrays_of_all_environments(mask, error):
         envs.set_slopes(0.05, mask)
 
 
-def test_one_walker_alone_meets_the_ground_that_it_meets_in_a_crowd(make, assert_same):
+def test_one_walker_alone_meets_the_ground_that_it_meets_in_a_batch(make, assert_same):
     envs, _ = strides_on()
     env = make(scene="lab", control="stride")
     env.reset(seed=5)
     for slope in (0.05, 0.03, 0.04):
         assert_same(env.set_slope(slope), envs.set_slopes([0.02, slope, 0.03])[1])
-        alone, crowd = env.step(np.zeros(1)), envs.step(ZEROS)
-        assert_same(alone[0], crowd[0][1])
-        assert alone[1] == crowd[1][1]
+        alone, many = env.step(np.zeros(1)), envs.step(ZEROS)
+        assert_same(alone[0], many[0][1])
+        assert alone[1] == many[1][1]
 
 
 def test_learners_can_meet_rough_ground_too():
@@ -156,7 +156,7 @@ def test_an_unknown_price_is_refused(make):
     assert env.energy_cost == "absolute"
 
 
-def test_every_environment_of_a_learner_is_told_the_price():
+def test_every_environment_of_a_learner_has_the_energy_cost():
     env = learners(3)
     env.env_method("set_energy_cost", "positive", indices=0)
     assert env.get_attr("energy_cost") == ["positive"] * 3  # one motor's price is that of all

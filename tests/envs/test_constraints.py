@@ -46,7 +46,7 @@ def walked(env, steps=200, action=0.0, **reset):
 
 
 @pytest.mark.parametrize("walker", SLOPES)
-def test_what_is_told_of_a_stride_is_what_the_reality_check_finds(walker):
+def test_readings_of_a_stride_are_those_of_the_reality_check(walker):
     gait = gpw.find_gait(walker, SLOPES[walker])
     found = gpw.reality_check(walker, SLOPES[walker], gait.state)
     env = world(walker, tick=0.02, tolerance=1e-12, constraints=checks(walker))
@@ -108,10 +108,10 @@ def test_to_look_at_a_walker_changes_no_bit_of_its_walk(walker):
     watched, left = world(walker, constraints=checks(walker)), world(walker)
     watched.reset(seed=1), left.reset(seed=1)
     for action in np.random.default_rng(0).uniform(-0.3, 0.3, (60, 1)):
-        told, expected = watched.step(action), left.step(action)
-        assert told[1:4] == expected[1:4]
+        reported, expected = watched.step(action), left.step(action)
+        assert reported[1:4] == expected[1:4]
         np.testing.assert_array_equal(watched.state, left.state)
-        if told[2]:
+        if reported[2]:
             break
 
 
@@ -134,8 +134,8 @@ def test_an_episode_ends_where_a_rule_is_broken_and_its_stride_is_worth_nothing(
     assert kept[-1]["outcome"] == "heelstrike"
     assert broken[-1]["strides"] == 0
     assert broken[-1]["episode_distance"] == pytest.approx(0.0, abs=1e-15)
-    told = [info[name] for info in kept for name in READINGS[check]]
-    assert np.all(np.isfinite(told) | (np.array(told) == np.inf))
+    reported = [info[name] for info in kept for name in READINGS[check]]
+    assert np.all(np.isfinite(reported) | (np.array(reported) == np.inf))
 
 
 def _gait(walker):
@@ -166,7 +166,7 @@ def test_ground_that_would_have_to_pull_is_left():
 
 
 def test_what_the_ground_gives_at_a_strike_is_what_changes_the_momentum_push_off_included():
-    """The simplest walker is a mass at its hip: before, after and the push-off tell the impulse."""
+    """The simplest walker is a mass at its hip: its momentum and the push-off give the impulse."""
     env = world(
         "D", constraints={"contact": "report", "friction": "report"}, actions=("push_off",),
         control="stride", tolerance=1e-12,
@@ -195,16 +195,16 @@ def test_straight_legs_have_no_knee_to_lock():
         world("A", constraints={"knee lock": "end"})
 
 
-def test_clearance_is_told_over_the_lower_of_two_footholds():
+def test_clearance_is_measured_over_the_lower_of_two_footholds():
     """Where the ground steps down there is that much more room; where it steps up, no more."""
     gait = gpw.find_gait("C", 0.03)
-    told = []
+    reported = []
     for rise in (0.0, -0.01, 0.01):
         ahead = {"footholds": {"heights": [0.0, rise, rise]}}
         env = world("C", tick=0.02, terrain=ahead, constraints=checks("C"))
         infos = walked(env, steps=40, options={"state": gait.state})
-        told.append(np.array([info["clearance"] for info in infos[:30]]))
-    smooth, down, up = told
+        reported.append(np.array([info["clearance"] for info in infos[:30]]))
+    smooth, down, up = reported
     np.testing.assert_allclose(down, smooth + 0.01, atol=1e-12)
     np.testing.assert_allclose(up, smooth, atol=1e-12)
 

@@ -55,11 +55,11 @@ def scene_of(name, **rules):
 def walked(scene, steps=STEPS, seed=2, **options):
     """Observations, rewards, endings and infos of some walkers."""
     env = PassiveWalkerVectorEnv(COUNT, scene, **options)
-    told = [(env.reset(seed=seed)[0],)]
+    reported = [(env.reset(seed=seed)[0],)]
     shares = np.random.default_rng(1).uniform(-0.5, 0.7, (steps, *env.action_space.shape))
     for share in shares:
-        told.append(env.step(share))
-    return told, env
+        reported.append(env.step(share))
+    return reported, env
 
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
@@ -69,35 +69,35 @@ def test_the_own_reward_as_a_function_has_the_same_bits(name, mode):
     weights = {"distance": 1.0, "energy": -10.0}
     for rule in (own, weights):
         found, env = walked(scene_of(name, reward=rule), autoreset_mode=mode)
-        for expected, told in zip(plain[1:], found[1:], strict=True):
+        for expected, reported in zip(plain[1:], found[1:], strict=True):
             for part in range(4):
-                np.testing.assert_array_equal(told[part], expected[part])
-            assert told[4].keys() == expected[4].keys()
+                np.testing.assert_array_equal(reported[part], expected[part])
+            assert reported[4].keys() == expected[4].keys()
         assert env.batch.custom.native
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_what_native_code_is_told_is_what_arrays_and_single_walkers_are(name):
+def test_native_code_gets_the_numbers_of_arrays_and_single_walkers(name):
     """Every field, compiled, with arrays, and walker by walker; through falls and new episodes."""
     native, env = walked(scene_of(name, observation=everything, reward=own))
     assert all(rule.native for rule in env.batch.custom.rules.values())
-    told = []
+    reported = []
 
     def recorded(step):
-        told.append(np.stack([np.asarray(x, float) for x in flat(step)], axis=-1))
+        reported.append(np.stack([np.asarray(x, float) for x in flat(step)], axis=-1))
         return np.zeros(len(step.distance))
 
     with pytest.warns(UserWarning, match="with arrays"):
         walked(scene_of(name, reward=recorded))
-    own_steps = told[-STEPS:]
+    own_steps = reported[-STEPS:]
     for (seen, *_), expected in zip(native[1:], own_steps, strict=True):
-        # Where an episode has just begun there is nothing to tell of a step.
+        # An episode that has just begun has no step to report.
         same = np.isclose(seen, expected, rtol=1e-6, atol=1e-6).all(axis=1)
         begun = seen[:, list(Transition._fields).index("steps") + 10] == 0.0
         assert (same | begun).all()
 
 
-def test_fields_are_those_of_the_infos_and_close_their_books():
+def test_fields_are_those_of_the_infos_and_close_the_energy_balance():
     scene = scene_of("push-off", reward=own, observation=everything)
     env = PassiveWalkerVectorEnv(COUNT, scene, autoreset_mode="Disabled")
     env.reset(seed=0)
@@ -177,10 +177,10 @@ def test_an_ending_of_ones_own_ends_episodes_wherever_they_are_walked():
     assert info["outcome"] == "stopped"
     with pytest.raises(Exception, match="call reset"):
         env.step(np.zeros(1, np.float32))
-    told, _ = walked(make_scene(terminated=late), steps=25)
-    ended = np.array([step[2] for step in told[1:]])
+    reported, _ = walked(make_scene(terminated=late), steps=25)
+    ended = np.array([step[2] for step in reported[1:]])
     assert ended[10].all() and ended[22].all() and ended.sum() == 2 * COUNT
-    assert list(told[11][4]["outcome"]) == ["stopped"] * COUNT
+    assert list(reported[11][4]["outcome"]) == ["stopped"] * COUNT
     sb3 = PassiveWalkerVecEnv(2, make_scene(terminated=late))
     sb3.reset()
     for _ in range(11):
@@ -290,15 +290,15 @@ def test_environments_with_functions_are_pickled_and_made_from_their_spec():
     env = gymnasium.make(ID, reward=changes, observation=shown, terminated=late)
     again = gymnasium.make(env.spec)
     copy = pickle.loads(pickle.dumps(env.unwrapped))
-    told = []
+    reported = []
     for world in (env, again, copy):
         world.reset(seed=1)
-        told.append([world.step(np.array([s], np.float32))[:2] for s in (0.1, 0.7)])
-    for other in told[1:]:
+        reported.append([world.step(np.array([s], np.float32))[:2] for s in (0.1, 0.7)])
+    for other in reported[1:]:
         assert all(
-            (a[0] == b[0]).all() and a[1] == b[1] for a, b in zip(told[0], other, strict=True)
+            (a[0] == b[0]).all() and a[1] == b[1] for a, b in zip(reported[0], other, strict=True)
         )
-    assert told[0][1][1] == pytest.approx(-0.36)
+    assert reported[0][1][1] == pytest.approx(-0.36)
     by_weights = gymnasium.make(ID, reward={"alive": 1.0})
     assert gymnasium.make(type(env.spec).from_json(by_weights.spec.to_json())).reset(seed=0)
 
@@ -338,10 +338,10 @@ def test_what_cannot_be_compiled_is_called_and_says_so_once(rule, how):
     scene = make_scene(reward=rule, terminated=lambda step: step.distance > 10.0)
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        told, _ = walked(scene)
+        reported, _ = walked(scene)
     assert [how in str(warning.message) for warning in said] == [True]
     plain, _ = walked(make_scene())
-    for (_, rewards, *_), (_, _, _, _, infos) in zip(told[1:], plain[1:], strict=True):
+    for (_, rewards, *_), (_, _, _, _, infos) in zip(reported[1:], plain[1:], strict=True):
         mine = infos["_distance"]
         if rule is with_numpy:
             np.testing.assert_allclose(rewards[mine], np.exp(-infos["distance"][mine]))
@@ -369,7 +369,7 @@ def test_what_is_no_rule_is_refused_in_a_sentence(rules, said):
         gymnasium.make(ID, **rules)
 
 
-def test_who_needs_the_own_rules_says_so():
+def test_functions_that_need_the_users_own_rules_say_so():
     with pytest.raises(SceneError, match=r"environment's own observation.*observation=None"):
         gpw.stride_map(controller="level-ppo", scene=make_scene(observation=shown))
 

@@ -13,7 +13,7 @@ import gym_passive_walker as gpw
 from gym_passive_walker.engine.run import advance, new_records
 from gym_passive_walker.envs import task
 from gym_passive_walker.envs.registration import ID
-from gym_passive_walker.envs.scene import CALM, SceneError, make_scene, undisturbed
+from gym_passive_walker.envs.scene import UNDISTURBED, SceneError, make_scene, undisturbed
 from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 from gym_passive_walker.physics.hybrid import Outcome, State
 from gym_passive_walker.physics.systems import bodies, body_of, system_of
@@ -65,7 +65,7 @@ def test_a_pushed_stride_is_one_carried_to_the_push_pushed_and_carried_on(walker
         carried(system, body, record, due)
         phase, state = system.phases[record[0, 0]["phase"]], State(*record[0, 0]["state"])
         energy = system.kinetic_energy(body_of(env.walker), state)
-        # Rates are linear in the impulse and energy is quadratic: its work tells the impulse.
+        # Rates are linear in the impulse and energy is quadratic: its work gives the impulse.
         unit = np.array(phase.push(body_of(env.walker), state, -1.0, 0.0))[[0, 1, -1]]
 
         def gained(impulse, state=state, unit=unit, energy=energy):
@@ -136,33 +136,33 @@ def test_pushes_without_impulse_change_no_walk():
 
 @pytest.mark.parametrize("walker", SLOPES)
 @pytest.mark.parametrize("mode", AutoresetMode)
-def test_alone_and_in_a_crowd_the_same_befalls_a_walker(walker, mode, assert_same):
+def test_disturbances_are_the_same_alone_and_in_a_batch(walker, mode, assert_same):
     arguments = {"walker": walker, "slope": SLOPES[walker], **EVERYTHING}
-    crowd = PassiveWalkerVectorEnv(5, autoreset_mode=mode, max_episode_steps=40, **arguments)
+    many = PassiveWalkerVectorEnv(5, autoreset_mode=mode, max_episode_steps=40, **arguments)
     alone = SyncVectorEnv(
         [lambda: gym.make(ID, max_episode_steps=40, **arguments) for _ in range(5)],
         autoreset_mode=mode,
     )
-    assert_same(crowd.reset(seed=3)[0], alone.reset(seed=3)[0])
+    assert_same(many.reset(seed=3)[0], alone.reset(seed=3)[0])
     for actions in some(5, 90):
-        told, expected = crowd.step(actions), alone.step(actions)
-        assert_same(told, expected)
-        if mode == AutoresetMode.DISABLED and (ended := told[2] | told[3]).any():
+        reported, expected = many.step(actions), alone.step(actions)
+        assert_same(reported, expected)
+        if mode == AutoresetMode.DISABLED and (ended := reported[2] | reported[3]).any():
             again = {"reset_mask": ended}
-            assert_same(crowd.reset(options=again)[0], alone.reset(options=again)[0])
+            assert_same(many.reset(options=again)[0], alone.reset(options=again)[0])
 
 
 @pytest.mark.parametrize("threads", [1, 2])
-def test_the_same_befalls_a_walker_in_crowds_of_any_size(threads, assert_same):
+def test_disturbances_are_the_same_in_batches_of_any_size(threads, assert_same):
     arguments = {"walker": "lab", "slope": 0.036, **EVERYTHING, "autoreset_mode": "SameStep"}
-    crowd = PassiveWalkerVectorEnv(4608, threads=threads, **arguments)
+    many = PassiveWalkerVectorEnv(4608, threads=threads, **arguments)
     few = PassiveWalkerVectorEnv(3, **arguments)
-    assert_same(crowd.reset(seed=0)[0][:3], few.reset(seed=0)[0])
+    assert_same(many.reset(seed=0)[0][:3], few.reset(seed=0)[0])
     for actions in some(4608, 40):
-        told, expected = crowd.step(actions), few.step(actions[:3])
-        for a, b in zip(told[:4], expected[:4], strict=True):
+        reported, expected = many.step(actions), few.step(actions[:3])
+        for a, b in zip(reported[:4], expected[:4], strict=True):
             assert_same(a[:3], b)
-        assert_same(told[4]["push_work"][:3], expected[4]["push_work"])
+        assert_same(reported[4]["push_work"][:3], expected[4]["push_work"])
 
 
 def test_walkers_go_on_from_a_saved_state_as_they_would_have(assert_same):
@@ -245,18 +245,18 @@ def test_what_erring_sensors_tell_lies_in_the_space_of_observations():
 
 
 def test_nothing_that_befell_a_walker_outlasts_its_episode(assert_same):
-    """What an episode is and tells does not depend on the one before."""
+    """An episode and its infos do not depend on the one before."""
     used, fresh = (one(**EVERYTHING | {"observation_noise": 0.0}) for _ in range(2))
-    told = []
+    reported = []
     for env, actions in ((used, 0), (used, 1), (fresh, 1)):
         seen, _ = env.reset(seed=5)
-        told.append([(seen, env.state, {})])
+        reported.append([(seen, env.state, {})])
         for action in some(1, 15, seed=actions)[:, 0]:
             seen, reward, *_, info = env.step(action)
-            told[-1].append((seen, reward, env.state, info))
-    assert told[0][-1][-1]["pushes"] > 0
-    for again, anew in zip(told[1], told[2], strict=True):
-        for found, expected in zip(again, anew, strict=True):
+            reported[-1].append((seen, reward, env.state, info))
+    assert reported[0][-1][-1]["pushes"] > 0
+    for again, fresh in zip(reported[1], reported[2], strict=True):
+        for found, expected in zip(again, fresh, strict=True):
             assert_same(found, expected)
 
 
@@ -265,8 +265,8 @@ def test_delayed_actions_come_as_many_steps_late(assert_same):
     late.reset(seed=0), prompt.reset(seed=0)
     actions = some(1, 40)[:, 0]
     for action, sooner in zip(actions, [*np.zeros((3, 1)), *actions], strict=False):
-        told, expected = late.step(action), prompt.step(sooner)
-        assert_same(told, expected)
+        reported, expected = late.step(action), prompt.step(sooner)
+        assert_same(reported, expected)
 
 
 def test_a_motor_errs_by_a_share_of_its_torque_and_never_exceeds_it():
@@ -318,8 +318,8 @@ def test_every_action_comes_late_and_errs_by_itself():
     actions = np.tile([0.5, -0.5, 0.2], (300, 1))
     held = []
     for step in range(3):
-        told = [envs.step(actions) and envs.batch.records[:, 0] for envs in (late, prompt)]
-        held.append([np.column_stack([r["push_off"], r["control"][:, ::-1]]) for r in told])
+        reported = [envs.step(actions) and envs.batch.records[:, 0] for envs in (late, prompt)]
+        held.append([np.column_stack([r["push_off"], r["control"][:, ::-1]]) for r in reported])
         if step < 2:
             assert abs(np.mean(held[-1][0][:, 1:])) < 1e-3
     sizes = [late.scene.largest(name) for name in channels]
@@ -348,7 +348,7 @@ def test_a_method_that_needs_a_calm_scene_says_how_to_get_it(name):
     scene = make_scene("lab", **{name: value})
     with pytest.raises(SceneError, match=f"walks are made without {name}, .* choose"):
         undisturbed(scene, "walks are made")
-    calm = make_scene(scene, **CALM, command=None)
+    calm = make_scene(scene, **UNDISTURBED, command=None)
     assert undisturbed(calm, "walks are made") == make_scene("lab")
 
 

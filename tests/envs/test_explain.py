@@ -59,8 +59,8 @@ def test_explain_prints_the_tables(capsys):
 def test_every_outcome_that_ends_an_episode_is_explained():
     rules = dict.fromkeys(("contact", "friction", "knee lock", "scuffing"), "end")
     rows = as_rows(make_scene(constraints=rules, terminated=far))["episode end"]
-    told = {row["outcome"] for row in rows if row["outcome"]}
-    assert told == {*OUTCOMES} - {None, "heelstrike", "kneestrike"}
+    reported = {row["outcome"] for row in rows if row["outcome"]}
+    assert reported == {*OUTCOMES} - {None, "heelstrike", "kneestrike"}
 
 
 def test_what_is_no_environment_of_this_package_is_refused():

@@ -1,4 +1,4 @@
-"""An environment's pictures tell what its infos tell."""
+"""An environment's pictures show what its infos report."""
 
 import itertools
 
@@ -17,10 +17,10 @@ pytest.importorskip("pygame")
 class Listener:
     """A screen that keeps what it was asked to draw."""
 
-    def draw(self, state, slope, contact_x, strides, **told):
+    def draw(self, state, slope, contact_x, strides, **given):
         """Keep it."""
-        self.told = {"state": state, "slope": slope, "strides": strides, **told}
-        left, right = told["notes"]
+        self.given = {"state": state, "slope": slope, "strides": strides, **given}
+        left, right = given["notes"]
         self.said = " | ".join((*left, *right))
 
 
@@ -49,10 +49,10 @@ def test_time_speed_and_cost_are_those_of_the_episode():
     assert f"stride {len(infos) + 1}" in heard.said
 
 
-def test_slope_and_torque_are_told_and_the_arrow_is_a_share_of_the_largest():
+def test_slope_and_torque_are_shown_and_the_arrow_is_a_share_of_the_largest():
     env, _, heard = walked(3, scene="lab")
     assert "walker lab" in heard.said and "slope 0.036 rad" in heard.said
-    assert heard.told["torque"] == pytest.approx(0.4)
+    assert heard.given["torque"] == pytest.approx(0.4)
     assert f"hip torque {0.4 * env.scene.max_hip_torque:+.3f} m g l" in heard.said
 
 
@@ -62,15 +62,15 @@ def test_a_push_is_shown_in_the_step_in_which_it_comes():
     for _ in range(40):
         *_, info = env.step(np.zeros(1, np.float32))
         frames.frame(env.batch, 0, heard)
-        shown.append((heard.told["push"], info["push_work"]))
+        shown.append((heard.given["push"], info["push_work"]))
     pushes, works = np.transpose(shown)
     np.testing.assert_array_equal(pushes != 0.0, works != 0.0)
     assert (pushes != 0.0).sum() >= 3 and np.abs(pushes).max() <= 1.0
 
 
-def test_a_fall_is_told_in_words():
+def test_a_fall_is_shown_in_words():
     _env, infos, heard = walked(400, scene="lab")
-    assert heard.told["warning"] == infos[-1]["outcome"].replace("_", " ") != ""
+    assert heard.given["warning"] == infos[-1]["outcome"].replace("_", " ") != ""
 
 
 def test_a_walker_that_has_not_moved_has_no_speed_and_no_cost():
@@ -122,6 +122,6 @@ def test_pictures_change_no_walk():
         np.testing.assert_array_equal(seen, blind.step(action)[0])
 
 
-def test_a_walker_s_name_is_told():
+def test_the_name_of_a_walker_is_shown():
     _, _, heard = walked(1, walker=gpw.tune("C"), slope=0.05)
     assert "walker C (tuned)" in heard.said

@@ -45,7 +45,7 @@ def test_a_wrapper_may_make_another_of_converted_values():
 
 
 @pytest.mark.parametrize("look", LOOKS)
-def test_whoever_looks_first_finds_all(look):
+def test_infos_are_filled_by_whichever_method_is_called_first(look):
     made = []
     infos = Infos(lambda: made.append(1) or CONTENT, distance=0.25)
     assert isinstance(infos, dict) and not made
@@ -54,11 +54,11 @@ def test_whoever_looks_first_finds_all(look):
 
 
 @pytest.mark.parametrize(
-    "told",
+    "reported",
     [len, bool, lambda x: "strides" in x, lambda x: dict(CONTENT) == x, lambda x: x == CONTENT],
 )
-def test_it_is_never_taken_for_empty(told):
-    assert told(Infos(lambda: CONTENT, distance=0.25)) not in (False, 0, NotImplemented)
+def test_it_is_never_taken_for_empty(reported):
+    assert reported(Infos(lambda: CONTENT, distance=0.25)) not in (False, 0, NotImplemented)
 
 
 def test_what_is_written_first_is_not_lost():
@@ -90,15 +90,15 @@ def test_compiled_code_draws_what_numpy_would(kind):
 
     batch, here = Batch(Scene(), 3), randoms()
     batch.randoms = randoms()
-    for who in ([0, 1, 2], [2, 0], [1]):
-        expected = [here[i].random(DRAWS) for i in who]
-        np.testing.assert_array_equal(batch.drawn(np.array(who)), expected)
+    for lanes in ([0, 1, 2], [2, 0], [1]):
+        expected = [here[i].random(DRAWS) for i in lanes]
+        np.testing.assert_array_equal(batch.drawn(np.array(lanes)), expected)
     later = pickle.loads(pickle.dumps(batch))  # elsewhere, and at the same place in the stream
     expected = [random.random(DRAWS) for random in here]
     np.testing.assert_array_equal(later.drawn(np.arange(3)), expected)
 
 
-def test_who_has_fallen_rests_until_the_next_episode_begins():
+def test_a_walker_that_has_fallen_rests_until_the_next_episode():
     envs = PassiveWalkerVectorEnv(4, autoreset_mode="Disabled", reset_noise_scale=0.3)
     envs.reset(seed=0)
     ended = np.zeros(4, bool)

@@ -97,12 +97,12 @@ def test_a_second_thread_is_refused_whatever_it_calls_and_the_first_goes_on(make
 
 
 def test_many_threads_that_step_one_batch_get_steps_or_errors_and_no_other_walk():
-    def crowd():
+    def many():
         made = gymnasium.make_vec("PassiveWalker-v0", num_envs=200)
         made.reset(seed=0)
         return made
 
-    shared, alone, refused, walked = crowd(), crowd(), [], []
+    shared, alone, refused, walked = many(), many(), [], []
     actions, begin = np.zeros((200, 1)), threading.Barrier(4)
 
     def work():

@@ -1,4 +1,4 @@
-"""Who walks where in a batch changes nothing: a permuted batch gives the permuted results.
+"""The order of walkers changes nothing: a permuted batch gives the permuted results.
 
 Walkers, places in the batch, seeds, slopes and motors are exchanged, and each walk stays what it
 was to the last bit.
@@ -49,7 +49,7 @@ ACTIONS = np.random.default_rng(2).uniform(-1.0, 1.0, (STEPS, COUNT, 2)).astype(
 
 
 def permuted(arguments, order):
-    """The arguments of a batch whose walkers stand in another order."""
+    """The arguments of a batch with its walkers in another order."""
     mixed = dict(arguments)
     for name in ("walkers", "slopes"):
         if name in mixed:
@@ -81,9 +81,9 @@ def test_walkers_of_a_vector_environment_may_stand_in_any_order(kind, mode):
     np.testing.assert_array_equal(other, first[ORDER])
     width = usual.single_action_space.shape[0]
     for actions in ACTIONS[:, :, :width]:
-        *told, infos = usual.step(actions)
+        *shown, infos = usual.step(actions)
         *others, others_infos = mixed.step(actions[ORDER])
-        for found, expected in zip(others, told, strict=True):
+        for found, expected in zip(others, shown, strict=True):
             np.testing.assert_array_equal(found, expected[ORDER])
         same(
             dict(others_infos), table(dict(infos), dict(infos)), ORDER
@@ -106,9 +106,9 @@ def test_walkers_on_tensors_may_stand_in_any_order(kind):
     other, _ = mixed.reset(seed=[SEEDS[i] for i in ORDER])
     assert torch.equal(other, first[ORDER])
     for actions in torch.from_numpy(ACTIONS[:, :, : usual.action_space.shape[0]]):
-        *told, infos = usual.step(actions)
+        *shown, infos = usual.step(actions)
         *others, others_infos = mixed.step(actions[ORDER])
-        for found, expected in zip(others, told, strict=True):
+        for found, expected in zip(others, shown, strict=True):
             assert torch.equal(found, expected[ORDER])
         assert infos.keys() == others_infos.keys()
         for name, values in infos.items():
@@ -120,7 +120,7 @@ def test_walkers_of_stable_baselines3_may_stand_in_any_order(kind):
     pytest.importorskip("stable_baselines3")
     from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 
-    told = []
+    shown = []
     for order in (np.arange(COUNT), ORDER):
         env = PassiveWalkerVecEnv(COUNT, max_episode_steps=25, **permuted(KINDS[kind], order))
         env._seeds = [SEEDS[i] for i in order]
@@ -131,8 +131,8 @@ def test_walkers_of_stable_baselines3_may_stand_in_any_order(kind):
             late = [info.get("TimeLimit.truncated") for info in infos]
             outcomes = [info.get("outcome") for info in infos]
             steps.append((observations, rewards, dones, ends, late, outcomes))
-        told.append(steps)
-    usual, mixed = told
+        shown.append(steps)
+    usual, mixed = shown
     np.testing.assert_array_equal(mixed[0], usual[0][ORDER])
     for found, expected in zip(mixed[1:], usual[1:], strict=True):
         for x, y in zip(found, expected, strict=True):
@@ -201,8 +201,8 @@ def test_motors_may_be_named_in_any_order(actions, disturbed):
         steps = [env.reset(seed=4)[0]]
         draws = np.random.default_rng(0).uniform(-1.0, 1.0, (40, 3, len(usual)))
         for draw in draws.astype(np.float32):
-            *told, infos = env.step(draw[:, order])
-            steps.append([*told, *(infos[name] for name in sorted(infos))])
+            *shown, infos = env.step(draw[:, order])
+            steps.append([*shown, *(infos[name] for name in sorted(infos))])
         walks.append(steps)
     for one, other in zip(*walks, strict=True):
         for x, y in zip(one, other, strict=True):
@@ -229,8 +229,8 @@ def test_each_motor_works_by_its_own_number():
         action[0, place] = 1.0
         infos = env.step(action)[-1]
         assert infos["outcome"][0] == "heelstrike"
-        told = {each for each in ("hip", "ankle", "push_off") if infos[f"{each}_cost"][0] != 0.0}
-        assert told == {name}
+        shown = {each for each in ("hip", "ankle", "push_off") if infos[f"{each}_cost"][0] != 0.0}
+        assert shown == {name}
 
 
 # Strides.
@@ -253,12 +253,12 @@ def tables(walker, count=9):
 
 @pytest.mark.parametrize("walker", ["C", "lab-straight", "E", "lab"])
 def test_strides_of_arrays_are_each_walker_s_own_in_any_order(walker):
-    told = tables(walker)
-    count = len(told["slope"])
+    shown = tables(walker)
+    count = len(shown["slope"])
     order = np.random.default_rng(1).permutation(count)
-    whole = gpw.stride(walker, **told)
-    mixed = gpw.stride(walker, **{name: values[order] for name, values in told.items()})
-    alone = [gpw.stride(walker, **{name: x[i] for name, x in told.items()}) for i in range(count)]
+    whole = gpw.stride(walker, **shown)
+    mixed = gpw.stride(walker, **{name: values[order] for name, values in shown.items()})
+    alone = [gpw.stride(walker, **{name: x[i] for name, x in shown.items()}) for i in range(count)]
     for name in whole._fields:
         values = np.asarray(getattr(whole, name))
         if values.ndim:
@@ -270,7 +270,7 @@ def test_torch_strides_are_each_walker_s_own_in_any_order():
     torch = pytest.importorskip("torch")
     from gym_passive_walker.torch import stride, tick
 
-    told = {
+    shown = {
         x: torch.from_numpy(y)
         for x, y in tables("lab").items()
         if x in ("state", "slope", "hip_torque")
@@ -278,11 +278,11 @@ def test_torch_strides_are_each_walker_s_own_in_any_order():
     order = torch.randperm(9, generator=torch.Generator().manual_seed(0))
     masses = torch.linspace(0.1, 0.5, 9, dtype=torch.float64)
     spans = torch.linspace(0.1, 1.2, 9, dtype=torch.float64)
-    for door, each in ((stride, {}), (tick, {"duration": spans})):
-        whole = door("lab", **told, parameters={"hip_mass": masses}, **each)
-        mixed = door(
+    for function, each in ((stride, {}), (tick, {"duration": spans})):
+        whole = function("lab", **shown, parameters={"hip_mass": masses}, **each)
+        mixed = function(
             "lab",
-            **{x: y[order] for x, y in (told | each).items()},
+            **{x: y[order] for x, y in (shown | each).items()},
             parameters={"hip_mass": masses[order]},
         )
         for name in whole._fields:

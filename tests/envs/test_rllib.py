@@ -1,4 +1,4 @@
-"""RLlib's own sampler runs the native batch, whose environments restart at the step after an end.
+"""RLlib's own sampler runs the native batch; environments restart at the step after an end.
 
 RLlib pins an older Gymnasium, so this has an extra of its own: `pip install -e ".[rllib]" torch`.
 """

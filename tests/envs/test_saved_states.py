@@ -18,7 +18,7 @@ DISTURBED = {
 SHARES = {"foot_radius": 0.1, "hip_mass": 0.2}
 
 
-def crowd(**arguments):
+def many(**arguments):
     """Four walkers in the midst of their episodes."""
     made = PassiveWalkerVectorEnv(4, **arguments)
     made.reset(seed=0)
@@ -113,7 +113,7 @@ TAMPERED = {
 @pytest.mark.parametrize("name", TAMPERED)
 def test_a_state_that_was_tampered_with_is_refused_and_nothing_is_changed(name, assert_same):
     change, said = TAMPERED[name]
-    env = crowd()
+    env = many()
     state = env.get_state()
     change(state)
     refused(env, state, said, assert_same)
@@ -141,13 +141,13 @@ FATES = {
 @pytest.mark.parametrize("name", FATES)
 def test_disturbances_that_were_tampered_with_are_refused(name, assert_same):
     change, said = FATES[name]
-    env = crowd(**DISTURBED)
+    env = many(**DISTURBED)
     state = env.get_state()
     change(state)
     refused(env, state, said, assert_same)
 
 
-@pytest.mark.parametrize("make", [crowd, alone])
+@pytest.mark.parametrize("make", [many, alone])
 @pytest.mark.parametrize(
     ("ours", "theirs", "said"),
     [
@@ -166,26 +166,26 @@ def test_a_state_of_another_scene_is_refused_by_the_name_of_what_differs(
 
 
 def test_a_state_that_lacks_an_argument_of_the_scene_is_of_another_scene(assert_same):
-    env = crowd(tick=0.2)
+    env = many(tick=0.2)
     state = env.get_state()
-    told = json.loads(str(state["scene"]))
-    del told["tick"]
-    state["scene"] = np.array(json.dumps(told))
+    reported = json.loads(str(state["scene"]))
+    del reported["tick"]
+    state["scene"] = np.array(json.dumps(reported))
     refused(env, state, r"of another scene \(of another tick\)", assert_same)
 
 
 def test_a_state_of_more_or_of_fewer_walkers_is_refused(assert_same):
     few = PassiveWalkerVectorEnv(3)
     few.reset(seed=0)
-    refused(few, crowd().get_state(), "of 4 walkers, and here are 3", assert_same)
-    refused(crowd(), few.get_state(), "of 3 walkers, and here are 4", assert_same)
+    refused(few, many().get_state(), "of 4 walkers, and here are 3", assert_same)
+    refused(many(), few.get_state(), "of 3 walkers, and here are 4", assert_same)
     refused(alone(), few.get_state(), "'ready'|another kind", assert_same)
     refused(few, alone().get_state(), "another kind of environment: it lacks begun", assert_same)
     refused(few, None, "a state is what get_state returned, a mapping, not None", assert_same)
 
 
 def test_random_walkers_are_put_back_and_others_refused(assert_same):
-    env, other = crowd(domain_randomization=SHARES), crowd(domain_randomization=SHARES)
+    env, other = many(domain_randomization=SHARES), many(domain_randomization=SHARES)
     state = env.get_state()
     env.reset(seed=7)
     env.set_state(copy.deepcopy(state))
@@ -211,7 +211,7 @@ def test_a_single_walker_is_not_ready_where_its_episode_has_ended(assert_same):
 @pytest.mark.parametrize("scene", SCENES)
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep", "Disabled"])
 def test_every_state_that_walkers_come_to_can_be_put_back(scene, mode, assert_same):
-    """Whatever has befallen them: falls, resets, time limits, pushes in the midst of a step."""
+    """After falls, resets, time limits, and pushes in the midst of a step."""
     env = PassiveWalkerVectorEnv(8, scene, max_episode_steps=40, autoreset_mode=mode)
     twin = PassiveWalkerVectorEnv(8, scene, max_episode_steps=40, autoreset_mode=mode)
     twin.set_state(env.get_state())  # of walkers that have not begun
@@ -238,7 +238,7 @@ def test_a_walker_that_diverged_can_be_put_back():
     env.step(np.zeros(1))
 
 
-@pytest.mark.parametrize("made", [crowd, alone])
+@pytest.mark.parametrize("made", [many, alone])
 def test_a_saved_state_shares_nothing_with_the_environment(made, assert_same):
     env = made(**DISTURBED)
     state = env.get_state()

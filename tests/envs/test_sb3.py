@@ -1,4 +1,4 @@
-"""The bridge to stable-baselines3 does what its own vectorised environments do."""
+"""The adapter for stable-baselines3 acts as its own vectorized environments."""
 
 import gymnasium
 import numpy as np
@@ -111,10 +111,10 @@ def test_a_seed_is_used_once_and_makes_runs_alike():
     runs = []
     for _ in range(2):
         env = PassiveWalkerVecEnv(4, seed=5, max_episode_steps=20)
-        course = [env.reset()]
-        course += [env.step(act)[0] for act in actions(4, 50)]
-        course.append(env.reset())
-        runs.append(course)
+        walk = [env.reset()]
+        walk += [env.step(act)[0] for act in actions(4, 50)]
+        walk.append(env.reset())
+        runs.append(walk)
     np.testing.assert_array_equal(*runs)
     assert not np.array_equal(runs[0][0], runs[0][-1])
 
@@ -133,7 +133,7 @@ def test_options_go_to_the_next_reset_only():
         env.reset()
 
 
-def test_attributes_are_told_and_noted():
+def test_attributes_are_read_and_set():
     env = PassiveWalkerVecEnv(3, walkers=["C", "lab", "C"], slope=0.036)
     env.reset()
     assert env.get_attr("walker", indices=[1, 2]) == [WALKERS["lab"], WALKERS["C"]]

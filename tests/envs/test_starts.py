@@ -119,7 +119,7 @@ def test_a_state_just_after_heelstrike_is_a_start_though_its_knee_would_bend_too
     assert checked_state(state.tolist(), WALKERS[name])[:3] == tuple(state[:3])
 
 
-def test_a_start_is_told_in_the_walkers_units_and_kept_in_its_own():
+def test_a_start_is_given_in_the_walkers_units_and_kept_dimensionless():
     walker, state = WALKERS["lab"], find_gait("lab", 0.036).state
     own = units_of(walker).to_dimensionless(state)
     np.testing.assert_allclose(checked_state(state, walker), own, rtol=1e-14)

@@ -1,4 +1,4 @@
-"""Random numbers of one thing tell nothing of another: no two share a stream.
+"""Random numbers of different purposes are independent: no two share a stream.
 
 Starts, slopes, varied walkers, commands, terrain, pushes, and noise of sensors and motors draw from
 streams of their own: numbers are uncorrelated between them, between walkers and between steps, and

@@ -21,9 +21,9 @@ SCENES = {
 WHOLE_MOTION = {"tolerance": 1e-12, "reset_noise_scale": 0.0}
 
 
-def strides(course):
+def strides(walk):
     """The infos of completed strides."""
-    return [info for *_, info in course if info.get("outcome") == "heelstrike"]
+    return [info for *_, info in walk if info.get("outcome") == "heelstrike"]
 
 
 def until_heelstrike(env, torque):
@@ -77,7 +77,7 @@ def test_stride_control_is_the_stride_map(make, name):
         np.testing.assert_allclose(env.state, whole.state, atol=1e-12)
 
 
-def test_the_clock_starts_anew_at_each_heelstrike(make):
+def test_the_clock_starts_again_at_each_heelstrike(make):
     env = make(**SCENES["C"], **WHOLE_MOTION)
     env.reset(seed=0)
     for _ in range(5):
@@ -108,9 +108,9 @@ def test_only_a_heelstrike_shortens_a_tick(make):
 @pytest.mark.parametrize("name", SCENES)
 def test_reward_is_distance_less_the_weight_of_energy(make, play, name, energy):
     env = make(**SCENES[name], energy=energy, energy_weight=3.0)
-    course = play(env, lambda k, _: math.cos(0.3 * k), steps=400, seed=1)
-    rewards = [reward for _, reward, *_ in course]
-    infos = [info for *_, info in course]
+    walk = play(env, lambda k, _: math.cos(0.3 * k), steps=400, seed=1)
+    rewards = [reward for _, reward, *_ in walk]
+    infos = [info for *_, info in walk]
     for reward, info in zip(rewards, infos, strict=True):
         terms = info["distance"] - 3.0 * info["energy"]
         assert type(reward) is float and reward == pytest.approx(terms, abs=1e-15)
@@ -171,10 +171,10 @@ def test_a_motor_pays_with_gravity_for_what_a_stride_loses_and_gains(make):
 
 
 def test_the_simplest_walker_pays_nothing_for_its_torque(make, play):
-    course = play(make(**SCENES["D"], max_hip_torque=0.05), 1.0, steps=50, seed=0)
-    assert all(info["energy"] == 0.0 for *_, info in course)
+    walk = play(make(**SCENES["D"], max_hip_torque=0.05), 1.0, steps=50, seed=0)
+    assert all(info["energy"] == 0.0 for *_, info in walk)
     passive = play(make(**SCENES["D"], max_hip_torque=0.0), 1.0, steps=50, seed=0)
-    assert not np.array_equal(course[-1][0], passive[-1][0])
+    assert not np.array_equal(walk[-1][0], passive[-1][0])
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -187,11 +187,11 @@ def test_without_a_motor_actions_change_nothing(make, play, assert_same, name):
 
 def test_the_hip_goes_on_through_heelstrikes(make, play):
     env = make(**SCENES["lab"], reset_noise_scale=0.0)
-    course = play(env, steps=200, seed=0)
-    moved = [info["distance"] for *_, info in course]
-    per_time = [d / 0.1 for d, (*_, i) in zip(moved, course, strict=True) if "outcome" not in i]
+    walk = play(env, steps=200, seed=0)
+    moved = [info["distance"] for *_, info in walk]
+    per_time = [d / 0.1 for d, (*_, i) in zip(moved, walk, strict=True) if "outcome" not in i]
     assert min(per_time) > 0.0
-    done = strides(course)
+    done = strides(walk)
     before = [i["episode_distance"] for i in done]
     np.testing.assert_allclose(np.diff(before), [i["step_length"] for i in done[1:]], rtol=1e-6)
 
@@ -199,17 +199,17 @@ def test_the_hip_goes_on_through_heelstrikes(make, play):
 @pytest.mark.parametrize("torque", [1.0, -1.0])
 def test_a_stride_that_ends_in_a_fall_counts_for_nothing(make, play, torque):
     env = make(walker="C", slope=0.05, max_hip_torque=0.3, end_on_toe_stub=False)
-    course = play(env, torque, seed=2)
-    *_, terminated, truncated, info = course[-1]
+    walk = play(env, torque, seed=2)
+    *_, terminated, truncated, info = walk[-1]
     assert terminated and not truncated and info["outcome"] != "heelstrike"
-    kept = strides(course)[-1]["episode_distance"] if strides(course) else 0.0
+    kept = strides(walk)[-1]["episode_distance"] if strides(walk) else 0.0
     assert info["episode_distance"] == pytest.approx(kept, abs=1e-12)
 
 
 def test_truncation_takes_nothing_back(make, play):
     env = make(**SCENES["C"])
-    course = play(env, steps=15, seed=0)
-    assert course[-1][-1]["episode_distance"] > 0.0
+    walk = play(env, steps=15, seed=0)
+    assert walk[-1][-1]["episode_distance"] > 0.0
 
 
 @pytest.mark.parametrize(
@@ -225,11 +225,11 @@ def test_truncation_takes_nothing_back(make, play):
 )
 def test_an_episode_ends_as_what_it_is(make, play, arguments, state, outcome):
     options = None if state is None else {"state": state}
-    course = play(make(**arguments), seed=0, options=options)
-    *_, terminated, truncated, info = course[-1]
+    walk = play(make(**arguments), seed=0, options=options)
+    *_, terminated, truncated, info = walk[-1]
     assert terminated and not truncated
     assert info["outcome"] == outcome
-    assert not any(step[2] for step in course[:-1])
+    assert not any(step[2] for step in walk[:-1])
 
 
 def test_a_locked_leg_below_the_ground_is_a_stubbed_toe(make, play):
@@ -237,11 +237,11 @@ def test_a_locked_leg_below_the_ground_is_a_stubbed_toe(make, play):
     state = find_gait("C", 0.02).state
     snapped = np.array([*state[:2], state[1] - 1e-3, *state[3:5], state[4] + 1.0])
     options = {"state": snapped, "slope": 0.02}
-    course = play(make(), seed=0, options=options)
-    assert course[0][0][6] == 1.0  # locked within the first tick, with the foot behind
-    assert course[-1][-1]["outcome"] == "stubbed_toe" and course[-1][-1]["strides"] == 0
-    allowed = play(make(end_on_toe_stub=False), steps=len(course) + 5, seed=0, options=options)
-    assert len(allowed) > len(course)
+    walk = play(make(), seed=0, options=options)
+    assert walk[0][0][6] == 1.0  # locked within the first tick, with the foot behind
+    assert walk[-1][-1]["outcome"] == "stubbed_toe" and walk[-1][-1]["strides"] == 0
+    allowed = play(make(end_on_toe_stub=False), steps=len(walk) + 5, seed=0, options=options)
+    assert len(allowed) > len(walk)
 
 
 def test_straight_legs_pass_through_the_ground(make, play):
@@ -315,10 +315,10 @@ def test_the_lab_walker_walks_on_and_settles_on_its_gait(make, play):
 
 
 def test_a_stride_stalls_when_its_time_is_up_and_not_at_the_end_of_a_tick(make, play):
-    course = play(make(max_stride_time=0.55, reset_noise_scale=0.0), seed=0)
+    walk = play(make(max_stride_time=0.55, reset_noise_scale=0.0), seed=0)
     held = play(make(max_stride_time=0.55, reset_noise_scale=0.0, control="stride"), seed=0)
-    assert len(course) == 6 and len(held) == 1
-    np.testing.assert_allclose(course[-1][0], held[-1][0], atol=1e-6)
+    assert len(walk) == 6 and len(held) == 1
+    np.testing.assert_allclose(walk[-1][0], held[-1][0], atol=1e-6)
 
 
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-5, 1e-12])

@@ -48,8 +48,8 @@ def test_a_walk_in_the_environment_is_the_walk_over_the_same_footholds():
 def test_both_legs_meet_at_the_hip_where_a_foot_comes_down_on_a_slope_of_its_own():
     """However the ground tilts there, and wherever a round foot touches it."""
     ground = {"heights": [0.0, 0.002, 0.0, 0.001], "slopes": [0.0, 0.01, -0.01, 0.02]}
-    told = STRIDES | {"walker": "lab", "slope": 0.036, "terrain": {"footholds": ground}}
-    env = gym.make("PassiveWalker-v0", **told, reset_noise_scale=0.0, disable_env_checker=True)
+    given = STRIDES | {"walker": "lab", "slope": 0.036, "terrain": {"footholds": ground}}
+    env = gym.make("PassiveWalker-v0", **given, reset_noise_scale=0.0, disable_env_checker=True)
     env.reset(seed=0)
     batch, body = env.unwrapped.batch, body_of(gpw.WALKERS["lab"])
     radius, leg = body.foot_radius, body.leg
@@ -77,14 +77,14 @@ def test_both_legs_meet_at_the_hip_where_a_foot_comes_down_on_a_slope_of_its_own
 
 
 @pytest.mark.parametrize("kwargs", [ROUGH, STRIDES], ids=["ticks", "strides"])
-def test_a_walker_meets_the_same_ground_alone_and_in_a_crowd(kwargs):
+def test_a_walker_meets_the_same_ground_alone_and_in_a_batch(kwargs):
     alone = gym.make("PassiveWalker-v0", **kwargs, terrain_lookahead=2)
-    crowd = gym.make_vec("PassiveWalker-v0", num_envs=5, **kwargs, terrain_lookahead=2)
-    seen, _ = crowd.reset(seed=[7, 3, 8, 9, 1])
+    many = gym.make_vec("PassiveWalker-v0", num_envs=5, **kwargs, terrain_lookahead=2)
+    seen, _ = many.reset(seed=[7, 3, 8, 9, 1])
     observations, rewards, _ = walk(alone, 60)
     for k, reward in enumerate(rewards):
         np.testing.assert_array_equal(seen[1], observations[k])
-        seen, rewarded, *_ = crowd.step(np.zeros((5, 1)))
+        seen, rewarded, *_ = many.step(np.zeros((5, 1)))
         assert rewarded[1] == reward
 
 
@@ -101,8 +101,8 @@ def test_agents_see_the_footholds_ahead():
 
 
 def test_walkers_of_one_scene_meet_ground_of_their_own():
-    crowd = gym.make_vec("PassiveWalker-v0", num_envs=4, **STRIDES, terrain_lookahead=1)
-    seen, _ = crowd.reset(seed=0)
+    many = gym.make_vec("PassiveWalker-v0", num_envs=4, **STRIDES, terrain_lookahead=1)
+    seen, _ = many.reset(seed=0)
     assert len({x for x in seen[:, 8].tolist()}) == 4
 
 
@@ -185,7 +185,7 @@ def test_a_flight_of_stairs_leads_down_as_far_as_a_slope():
         ),
     ],
 )
-def test_nonsense_is_told_what_is_allowed(arguments, said):
+def test_invalid_input_is_answered_with_what_is_allowed(arguments, said):
     with pytest.raises(SceneError, match=said):
         gym.make("PassiveWalker-v0", **arguments)
 

@@ -48,7 +48,7 @@ def zeros(count):
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 @pytest.mark.parametrize("arguments", EVERY_SCENE, ids=str)
-def test_a_crowd_is_as_many_single_walkers(make_vec, assert_same, arguments, mode):
+def test_a_batch_is_as_many_single_walkers(make_vec, assert_same, arguments, mode):
     count, limit = 5, 40
     native = make_vec(count, max_episode_steps=limit, autoreset_mode=mode, **arguments)
     single = [lambda: gymnasium.make(ID, max_episode_steps=limit, **arguments)] * count
@@ -83,22 +83,22 @@ def test_without_autoreset_a_mask_resets(make_vec, assert_same):
 
 @pytest.mark.parametrize("name", ["C", "A", "D"])
 @pytest.mark.parametrize("control", ["tick", "stride"])
-def test_a_walker_walks_alike_alone_and_at_any_place_in_any_crowd(make_vec, name, control):
+def test_a_walker_walks_alike_alone_and_at_any_place_in_any_batch(make_vec, name, control):
     scene = {"walker": name, "slope": 0.02, "control": control, "max_episode_steps": 30}
     alone = make_vec(1, **scene)
-    crowds = [make_vec(23, **scene), make_vec(1300, **scene, threads=2)]
+    groups = [make_vec(23, **scene), make_vec(1300, **scene, threads=2)]
     seeds = [1000 + i for i in range(1300)]
     alone.reset(seed=[seeds[7]])
     places = (7, 1299)
     seeds[1299] = seeds[7]
-    for crowd in crowds:
-        crowd.reset(seed=seeds[: crowd.num_envs])
+    for many in groups:
+        many.reset(seed=seeds[: many.num_envs])
     for act, _ in zip(actions(1), range(80), strict=False):
         expected = alone.step(act)
-        for crowd in crowds:
-            results = crowd.step(np.repeat(act, crowd.num_envs, axis=0))
+        for many in groups:
+            results = many.step(np.repeat(act, many.num_envs, axis=0))
             for place in places:
-                if place < crowd.num_envs:
+                if place < many.num_envs:
                     for a, b in zip(expected[:4], results[:4], strict=True):
                         np.testing.assert_array_equal(a[0], b[place])
 
@@ -110,7 +110,7 @@ def test_threads_change_no_result(make_vec, assert_same):
         assert_same(one.step(act), two.step(act))
 
 
-def test_modes_are_told_in_the_metadata_of_each(make_vec):
+def test_modes_are_in_the_metadata_of_each(make_vec):
     for mode in AutoresetMode:
         assert make_vec(2, autoreset_mode=mode).metadata["autoreset_mode"] is mode
         assert make_vec(2, autoreset_mode=mode.value).metadata["autoreset_mode"] is mode
@@ -246,15 +246,15 @@ def test_seeds_must_be_as_many_as_walkers(make_vec):
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_a_crowd_goes_on_where_it_was_saved(make_vec, assert_same, mode):
+def test_a_batch_goes_on_where_it_was_saved(make_vec, assert_same, mode):
     def rest(env):
-        course = []
+        walk = []
         for act, _ in zip(actions(4, seed=1), range(60), strict=False):
-            course.append(env.step(act))
-            ended = course[-1][2] | course[-1][3]
+            walk.append(env.step(act))
+            ended = walk[-1][2] | walk[-1][3]
             if mode == "Disabled" and ended.any():
-                course.append(env.reset(options={"reset_mask": ended}))
-        return course
+                walk.append(env.reset(options={"reset_mask": ended}))
+        return walk
 
     arguments = {"max_episode_steps": 25, "autoreset_mode": mode, "scene": "rolling"}
     env = make_vec(4, **arguments)
@@ -344,7 +344,7 @@ def test_pictures_show_every_walker(make_vec):
         make_vec(2, render_mode="human")
 
 
-def test_the_single_environment_makes_sync_and_async_crowds(assert_same):
+def test_the_single_environment_makes_sync_and_async_batch(assert_same):
     sync = gymnasium.make_vec(ID, num_envs=2, vectorization_mode="sync")
     native = gymnasium.make_vec(ID, num_envs=2)
     assert_same(sync.reset(seed=0), native.reset(seed=0))

@@ -93,8 +93,8 @@ def test_later_episodes_follow_from_the_seed(make, assert_same):
 
 def test_observations_lie_in_their_box_and_are_the_callers_to_keep(make, play):
     env = make(walker="lab", slope=0.05)
-    course = play(env, lambda k, _: np.sign(np.sin(k)), seed=0)
-    seen = [observation for observation, *_ in course]
+    walk = play(env, lambda k, _: np.sign(np.sin(k)), seed=0)
+    seen = [observation for observation, *_ in walk]
     assert all(env.observation_space.contains(observation) for observation in seen)
     assert len({id(observation) for observation in seen}) == len(seen)
     kept = [observation.copy() for observation in seen]
@@ -116,10 +116,10 @@ def test_an_episode_goes_on_where_it_was_saved(make, play, assert_same, argument
         env.reset(seed=4)
 
     def rest(walker_env):
-        course = [walker_env.step(np.array([0.1]))]
-        while not course[-1][2] and len(course) < 60:
-            course.append(walker_env.step(np.array([0.1])))
-        return course, [walker_env.reset() for _ in range(2)]
+        walk = [walker_env.step(np.array([0.1]))]
+        while not walk[-1][2] and len(walk) < 60:
+            walk.append(walker_env.step(np.array([0.1])))
+        return walk, [walker_env.reset() for _ in range(2)]
 
     saved = env.get_state()
     twins = [pickle.loads(pickle.dumps(env)), copy.deepcopy(env)]

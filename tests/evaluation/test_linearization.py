@@ -12,7 +12,7 @@ STRIDES = {"control": "stride", "max_hip_torque": 0.005}
 
 
 def world(**changes):
-    """Walkers near their gait, where episodes begin anew in the step that ends one."""
+    """Walkers near their gait; the step that ends an episode begins the next one."""
     scene = make_scene(**{"slope": 0.01, "tolerance": 1e-12} | changes)
     return PassiveWalkerVectorEnv(COUNT, scene, autoreset_mode="SameStep")
 

@@ -137,7 +137,7 @@ def test_rough_ground_is_survived_as_long_as_walkers_are_left(lab):
     assert smoother.first_passage.mean > 2.0 * lab.first_passage.mean
 
 
-def test_who_acts_on_nothing_bears_what_nobody_does():
+def test_a_controller_that_does_nothing_withstands_what_the_passive_walker_does():
     """A policy that keeps the hip idle is tried in the environment alone."""
     scene = {"walker": "lab", "slope": SLOPE, "end_on_toe_stub": False, "control": "stride"}
     nobody = robustness("lab", scene, walkers=600, strides=40, starts=64)
@@ -148,7 +148,7 @@ def test_who_acts_on_nothing_bears_what_nobody_does():
     assert abs(one.mean - other.mean) < 4.0 * math.hypot(one.error, other.error)
 
 
-def test_it_is_told_in_a_table_and_drawn(lab, tmp_path):
+def test_it_has_a_table_and_a_picture(lab, tmp_path):
     assert "gait sensitivity norm" in repr(lab)
     lab.to_csv(tmp_path / "pushes.csv")
     assert (tmp_path / "pushes.csv").read_text().startswith("phase,forward,backward")

@@ -115,7 +115,7 @@ def test_the_spring_sets_the_period_of_small_steps(stiffness):
 
 @pytest.mark.parametrize("decay", [0.0, 0.5])
 @pytest.mark.parametrize("action", ["hip", "push_off"])
-def test_deviations_of_the_speed_shrink_as_they_are_told_to(action, decay):
+def test_deviations_of_the_speed_shrink_by_the_given_factor(action, decay):
     if action == "hip":
         walker, slope, most = D, 0.009, {"max_hip_torque": 1.0}
         gait = find_gait(walker, slope)
@@ -214,7 +214,7 @@ def test_one_motor_is_back_on_the_gait_in_two_strides_and_two_motors_are_in_one(
 
 
 @pytest.mark.parametrize("action", ["push_off", "hip"])
-def test_who_decides_once_a_stride_walks_in_the_environment(action):
+def test_a_controller_of_once_a_stride_walks_in_the_environment(action):
     walker, slope = (KUO, 0.0) if action == "push_off" else (D, 0.009)
     gait = kuo_gait() if action == "push_off" else find_gait(walker, slope)
     chosen = scene(

@@ -55,7 +55,7 @@ def test_the_least_cost_of_transport_at_a_speed():
     check = gpw.reality_check(gait.walker, gait.slope, gait.state)
     assert check.clearance.value == pytest.approx(0.005, rel=1e-4)
     assert settles(gait)
-    # Whoever is as fast and lifts the foot as high pays more.
+    # Other walkers of this speed and foot clearance cost more.
     compared = 0
     for other in neighbours(design, parameters, bounds, share=0.002):
         clear = gpw.reality_check(other.walker, other.slope, other.state).clearance.value

@@ -111,7 +111,7 @@ def test_a_powered_gait_is_found_where_the_way_to_it_is_lost():
         assert gait.hip_torque > 0.0
 
 
-def test_who_cannot_climb_is_told_so():
+def test_a_slope_that_is_too_steep_to_climb_raises_an_error():
     with pytest.raises(GaitNotFound, match="under Actuation"):
         find_gait(stride_map("C", -0.1, controller=own("C", Actuation(hip_torque=0.01))))
     with pytest.raises(ValueError, match="only motors"):

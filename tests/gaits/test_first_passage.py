@@ -79,12 +79,12 @@ class Wheels(Walkers):
     """Wheels instead of walkers."""
 
     def system(self, moving=()):
-        """As of `Walkers`."""
+        """See `Walkers`."""
         return WHEEL
 
     @cached_property
     def constants(self):
-        """As of `Walkers`."""
+        """See `Walkers`."""
         return np.array(Wheel())[None, None]
 
 
@@ -126,7 +126,7 @@ def test_the_interval_of_a_mean_holds_it_nineteen_times_of_twenty():
     assert 0.93 < held / 400 < 0.97
 
 
-def test_who_never_fell_lasts_longer_than_was_seen():
+def test_walkers_that_never_fell_last_longer_than_was_simulated():
     none = FirstPassage(0, 3000)
     assert none.mean == none.error == math.inf
     assert none.interval[0] == pytest.approx(1001.4, rel=1e-4)

@@ -304,7 +304,7 @@ def test_a_walker_of_another_size_gets_the_same_advice():
         assert getattr(large.walker, name) == pytest.approx(sizes.get(name, 10.0 * value)), name
 
 
-def test_a_guess_in_vain_is_told_to_do_without():
+def test_the_error_for_a_bad_guess_suggests_none():
     far = missed("lab", 0.036, guess=[0.6, -0.6, -0.6, -3.0, -3.0, -3.0])
     assert "Without `guess=` the search begins at starts of its own" in str(far)
 

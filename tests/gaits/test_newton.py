@@ -20,7 +20,7 @@ def test_it_ends_where_only_rounding_is_left():
     assert len(asked) <= 4
 
 
-def test_it_goes_on_to_a_double_root_as_near_as_that_can_be_told():
+def test_it_goes_on_to_a_double_root_as_near_as_rounding_allows():
     found = newton(
         lambda x: (x**2, 2.0 * x[:, :, None]), np.array([[0.3]]), accuracy=1e-30, iterations=60
     )

@@ -1,8 +1,8 @@
 """The derivative of a stride, against variational equations integrated in extended precision.
 
-Nothing of the engine's equations is used: the motion follows from a Lagrangian of point positions,
-heyoka differentiates and integrates it by Taylor series, the collisions are those of rigid bodies,
-and the moments at which they happen are accounted for by saltation matrices, by hand.
+Nothing of the engine's equations is used. The motion follows from a Lagrangian of point positions,
+which heyoka differentiates and integrates by Taylor series. Collisions are those of rigid bodies.
+Saltation matrices account for the times of events.
 """
 
 import numpy as np

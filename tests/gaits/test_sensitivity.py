@@ -1,4 +1,4 @@
-"""A gait's derivatives are those of gaits found anew beside it."""
+"""A gait's derivatives agree with differences of gaits that are searched beside it."""
 
 from dataclasses import replace
 
@@ -52,7 +52,7 @@ def multiplier_changes(map_derivative, change):
 
 
 def found_beside(gait, name, column, distance):
-    """The gait of the walker whose parameter is changed, found anew by Newton's method."""
+    """The gait of the walker with a changed parameter, by Newton's method."""
     place = gait.place
     guess = place.u + distance * gait.coordinates[:, column]
     walker, slope = place.walker, place.slope

@@ -1,4 +1,4 @@
-"""The stride map of the analyses: everyone's strides, with derivatives of all that they tell."""
+"""The stride map of the analyses: strides, with derivatives of all results."""
 
 import re
 from dataclasses import fields, replace
@@ -51,7 +51,7 @@ def test_a_passage_tells_what_a_stride_tells(name):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_derivatives_are_those_of_all_that_is_told(name):
+def test_derivatives_are_those_of_all_results(name):
     walker_map, slope, points = beside(name)
     by = ("state", "slope", "hip_torque", "shank_length", "thigh_length")
     driven = replace(walker_map, actuation=Actuation(0.001))
@@ -105,7 +105,7 @@ def test_walkers_that_differ_in_a_parameter_walk_as_each_would():
         np.testing.assert_array_equal(change.lengths[i], by_own.lengths[0])
 
 
-def test_who_falls_is_told_apart_from_who_walks():
+def test_falls_and_strides_have_their_outcomes():
     walker_map, slope, points = beside("E", 6)
     points[1, 1] *= 0.1  # too slow to get over the vertical
     points[2] = np.nan
@@ -121,7 +121,7 @@ def test_who_falls_is_told_apart_from_who_walks():
 
 
 @pytest.mark.parametrize("count", [9, 18])
-def test_who_falls_takes_nothing_from_the_others(count):
+def test_falls_do_not_change_the_others(count):
     """Each has a body, a slope, a torque and directions of its own, however many still walk."""
     walker_map, _, points = beside("lab", count)
     lengths, slopes = np.linspace(0.44, 0.48, count), np.linspace(0.034, 0.038, count)
@@ -131,20 +131,18 @@ def test_who_falls_takes_nothing_from_the_others(count):
     torques[6] = -0.01  # brakes, and falls back in its fourth stride
     along = np.random.default_rng(2).standard_normal((count, 4, 2))
     by = ("state", "slope", "shank_length", "hip_torque")
-    crowd = replace(
-        walker_map.with_parameter("shank_length", lengths), actuation=Actuation(torques)
-    )
+    many = replace(walker_map.with_parameter("shank_length", lengths), actuation=Actuation(torques))
     for strides in (1, 3, 12):
         asked = {"strides": strides, "by": by, "along": along}
-        told = crowd.linearize(points, slopes, **asked)
-        plain = crowd.apply(points, slopes, strides=strides)
-        np.testing.assert_array_equal(plain.outcomes, told[0].outcomes)
+        reported = many.linearize(points, slopes, **asked)
+        plain = many.apply(points, slopes, strides=strides)
+        np.testing.assert_array_equal(plain.outcomes, reported[0].outcomes)
         for i in range(count):
             own = StrideMap.of(replace(WALKERS["lab"], shank_length=lengths[i]), tolerance=1e-14)
             own = replace(own, actuation=Actuation(torques[i]))
             asked = {"strides": strides, "by": by, "along": along[i : i + 1]}
             alone = own.linearize(points[i : i + 1], slopes[i], **asked)
-            for mine, its in zip(told, alone, strict=True):
+            for mine, its in zip(reported, alone, strict=True):
                 for what in TOLD:
                     np.testing.assert_array_equal(getattr(mine, what)[i], getattr(its, what)[0])
             np.testing.assert_allclose(plain.ends[i], alone[0].ends[0], rtol=1e-10)

@@ -1,7 +1,7 @@
 """Kernels without a device: as PTX for one, and their functions as code for this processor.
 
-Run by tests in processes of their own, since here no device is simulated: numba's compiler for
-devices is told that there is one of the wanted kind.
+Tests run this in processes of their own, since no device is simulated here. Numba's compiler for
+devices gets the kind of device as an argument.
 """
 
 from __future__ import annotations
@@ -79,11 +79,11 @@ def on_processor(name: str) -> float:
     from tests.gpu.thrown import thrown
 
     here, (own, records) = lane.machinery(name), thrown(name, 200)
-    integrate, told = here.bound(run.integrate), run.options(1e-8, from_section=True)
+    integrate, reported = here.bound(run.integrate), run.options(1e-8, from_section=True)
     usual, working = records.copy(), (np.zeros(1, tile_for(PAIR, 1)), np.zeros(1, HISTORY))
     run.advance(SYSTEMS[name], own, usual, tolerance=1e-8)
     for i in range(len(records)):
-        integrate(records[i : i + 1], own, here.phases, told, *working)
+        integrate(records[i : i + 1], own, here.phases, reported, *working)
     return 0.0 if usual.tobytes() == records.tobytes() else np.inf
 
 
@@ -119,13 +119,13 @@ def in_silence() -> None:
 
 
 if __name__ == "__main__":
-    what, *told = sys.argv[1:]
+    what, *reported = sys.argv[1:]
     if what == "processor":
-        print(on_processor(told[0]))
+        print(on_processor(reported[0]))
     elif what == "device":
-        print(*on_device(told[0]))
+        print(*on_device(reported[0]))
     elif what == "silence":
         in_silence()
     else:
-        for name, text in ptx(int(what), *told).items():
+        for name, text in ptx(int(what), *reported).items():
             print(name, text.count(f".target sm_{what}0"), text.count(".entry"), "malloc" in text)

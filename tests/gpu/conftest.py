@@ -1,4 +1,4 @@
-"""A device is simulated here: by numba, whose module for devices is not imported yet."""
+"""Simulate a device by numba; its module for devices must not be imported before."""
 
 import os
 import sys

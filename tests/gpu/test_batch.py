@@ -9,7 +9,7 @@ from gym_passive_walker.envs import task
 from gym_passive_walker.envs.batch import Batch
 from gym_passive_walker.envs.scene import SceneError, make_scene
 from gym_passive_walker.envs.starts import DRAWS, Starts
-from gym_passive_walker.gpu import batch as crowds
+from gym_passive_walker.gpu import batch as device_batch
 from gym_passive_walker.gpu import device
 from gym_passive_walker.gpu.batch import DeviceBatch
 from gym_passive_walker.physics.systems import bodies
@@ -82,7 +82,7 @@ class Drawn:
 
 
 class Drawing(Batch):
-    """A batch whose starts draw from these."""
+    """A batch that draws its initial states from these generators."""
 
     starts_alike = False  # type: ignore[assignment]
 
@@ -106,10 +106,10 @@ class Reference:
         rewards, terminated, truncated = np.zeros(count), *np.zeros((2, count), bool)
         flat = self.observations.reshape(-1)
         self.batch.step(actions, flat, rewards, terminated, truncated)
-        last, told = self.observations.copy(), self.batch.ledger.copy()
+        last, results = self.observations.copy(), self.batch.ledger.copy()
         if (terminated | truncated).any():
             self.batch.start(np.flatnonzero(terminated | truncated), flat)
-        return rewards, terminated, truncated, last, told
+        return rewards, terminated, truncated, last, results
 
 
 def same(found, known):
@@ -119,7 +119,7 @@ def same(found, known):
 
 
 def rows(scene, count, *, seed=0, steps=20, limit=15):
-    """A crowd's observations, rewards and endings over some steps by random actions."""
+    """Observations, rewards and endings of a batch over some steps by random actions."""
     there = DeviceBatch(count, scene, seed=seed, step_limit=limit)
     there.reset()
     random, found = np.random.default_rng(0).uniform(-1.2, 1.2, (steps, 50, 3)), []
@@ -127,8 +127,8 @@ def rows(scene, count, *, seed=0, steps=20, limit=15):
         there.play.actions[:] = actions[seed : seed + count, : len(there.scene.actions)].ravel()
         there.step()
         play = there.play
-        told = play.observations.reshape(count, -1), play.rewards, play.terminated
-        found.append([np.array(part) for part in told])
+        results = play.observations.reshape(count, -1), play.rewards, play.terminated
+        found.append([np.array(part) for part in results])
     return found
 
 
@@ -143,20 +143,20 @@ def test_an_episode_on_a_device_is_the_vector_environments(name):
         actions = random.uniform(-1.2, 1.2, len(there.play.actions))
         there.play.actions[:] = actions
         there.step()
-        rewards, terminated, truncated, last, told = here.step(actions)
+        rewards, terminated, truncated, last, results = here.step(actions)
         assert same(there.play.rewards, rewards)
         assert same(there.play.terminated, terminated)
         assert same(there.play.truncated, truncated)
         assert same(there.play.last, last)
         assert same(there.play.observations, here.observations)
-        assert same(there.walkers.reported, told)
+        assert same(there.walkers.reported, results)
         endings += np.sum(terminated | truncated)
     assert endings >= count
     assert there.walkers.episodes.sum() == count + endings
 
 
 def test_random_walkers_are_drawn_and_walk_as_they_would_alone(monkeypatch):
-    monkeypatch.setattr(crowds, "DRAWN", 16)
+    monkeypatch.setattr(device_batch, "DRAWN", 16)
     scene = {
         "slope": 0.03,
         "domain_randomization": {"foot_radius": 0.2, "hip_mass": 0.1},

@@ -19,9 +19,9 @@ OWN = """{"reward": {"distance": 1.0, "alive": 0.1}, "terminated": lambda step: 
 
 def run(*arguments, code=0):
     """What a process says in which no device is simulated: its answer, then what it waited for."""
-    told = {name: value for name, value in os.environ.items() if name != "NUMBA_ENABLE_CUDASIM"}
+    reported = {name: value for name, value in os.environ.items() if name != "NUMBA_ENABLE_CUDASIM"}
     done = subprocess.run(
-        [sys.executable, *arguments], env=told, capture_output=True, text=True, check=False
+        [sys.executable, *arguments], env=reported, capture_output=True, text=True, check=False
     )
     assert done.returncode == code, done.stderr[-2000:]
     return done.stdout + done.stderr
@@ -72,5 +72,5 @@ def test_the_devices_functions_are_the_processors_to_the_last_bit(name):
 @pytest.mark.parametrize("scene", ["'level'", "{'walker': 'E'}", EVERYTHING, OWN])
 def test_kernels_compile_for_devices_of_two_kinds(scene, capability):
     said = run("-m", "tests.gpu.compiled", capability, scene).splitlines()
-    told = {line.split()[0]: line.split()[1:] for line in said if "_kernel" in line}
-    assert told == {name: ["1", "1", "False"] for name in ("reset_kernel", "step_kernel")}
+    reported = {line.split()[0]: line.split()[1:] for line in said if "_kernel" in line}
+    assert reported == {name: ["1", "1", "False"] for name in ("reset_kernel", "step_kernel")}

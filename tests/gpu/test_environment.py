@@ -1,4 +1,4 @@
-"""Tensors that are the device's own: what learners see of a crowd."""
+"""Tensors on the device: what learners get from a batch."""
 
 import re
 from pathlib import Path
@@ -16,31 +16,31 @@ from gym_passive_walker.gpu.environment import PassiveWalkerGpuEnv  # noqa: E402
 SCENE = {"slope": 0.03, "tick": 0.6, "command": (0.1, 0.2)}
 
 
-def test_the_environments_tensors_tell_what_the_crowd_holds():
-    there, crowd = (
+def test_the_environments_tensors_are_those_of_the_batch():
+    there, many = (
         PassiveWalkerGpuEnv(4, SCENE, max_episode_steps=6),
         DeviceBatch(4, SCENE, step_limit=6),
     )
-    seen, told = there.reset()
-    crowd.reset()
-    assert told == {}
-    np.testing.assert_array_equal(seen.flatten().numpy(), crowd.play.observations)
+    seen, results = there.reset()
+    many.reset()
+    assert results == {}
+    np.testing.assert_array_equal(seen.flatten().numpy(), many.play.observations)
     random, endings = np.random.default_rng(0), 0
     for _ in range(8):
         actions = random.uniform(-1.0, 1.0, (4, 1)).astype(np.float32)
         seen, rewards, terminated, truncated, infos = there.step(torch.from_numpy(actions))
-        crowd.play.actions[:] = actions.ravel()
-        crowd.step()
+        many.play.actions[:] = actions.ravel()
+        many.step()
         for tensor, array in (
-            (seen, crowd.play.observations),
-            (rewards, crowd.play.rewards),
-            (terminated, crowd.play.terminated),
-            (truncated, crowd.play.truncated),
-            (infos["final_obs"], crowd.play.last),
+            (seen, many.play.observations),
+            (rewards, many.play.rewards),
+            (terminated, many.play.terminated),
+            (truncated, many.play.truncated),
+            (infos["final_obs"], many.play.last),
         ):
             np.testing.assert_array_equal(tensor.flatten().numpy(), array)
         for name in (*task.EVERY_STEP, *task.EVERY_STRIDE, "outcome"):
-            np.testing.assert_array_equal(infos[name].numpy(), crowd.walkers.reported[name])
+            np.testing.assert_array_equal(infos[name].numpy(), many.walkers.reported[name])
         endings += int((terminated | truncated).sum())
     assert endings >= 4
 
@@ -55,7 +55,7 @@ def test_the_code_on_the_page_runs():
     np.testing.assert_array_equal(names["result"].state, expected.state)
 
 
-def test_what_a_step_has_told_stays_told():
+def test_results_of_a_step_do_not_change_afterwards():
     there = PassiveWalkerGpuEnv(2, SCENE)
     seen, _ = there.reset()
     before = seen.clone()
@@ -83,24 +83,24 @@ def test_spaces_are_those_of_the_other_environments():
 
 
 def test_motors_charged_for_other_work_are_those_of_a_scene_that_says_so():
-    usual, told, other = (
+    usual, results, other = (
         PassiveWalkerGpuEnv(2, {**SCENE, "energy": energy})
         for energy in ("absolute", "absolute", "net")
     )
-    told.set_energy_cost("net")
-    for envs in (usual, told, other):
+    results.set_energy_cost("net")
+    for envs in (usual, results, other):
         envs.reset()
     rewards = [
         torch.stack([envs.step(torch.full((2, 1), 0.5))[1] for _ in range(6)])
-        for envs in (usual, told, other)
+        for envs in (usual, results, other)
     ]
     assert torch.equal(rewards[1], rewards[2])
     assert not torch.equal(rewards[0], rewards[1])
-    told.set_energy_cost(None)
-    usual.reset(seed=1), told.reset(seed=1)
+    results.set_energy_cost(None)
+    usual.reset(seed=1), results.reset(seed=1)
     actions = torch.full((2, 1), 0.5)
     for _ in range(4):
-        assert torch.equal(usual.step(actions)[1], told.step(actions)[1])
+        assert torch.equal(usual.step(actions)[1], results.step(actions)[1])
 
 
 def test_a_second_thread_is_refused_while_the_first_is_at_work():

@@ -21,15 +21,15 @@ COUNT, STEPS = 2, 8
 
 @pytest.fixture
 def learner(monkeypatch):
-    """An untrained agent, made where there is a device, whose walkers are about to set out."""
+    """An untrained agent on the simulated device, before its first step."""
     device, usual = torch.device("cuda"), ppo_fast.carried
     monkeypatch.setattr(ppo_fast, "carried", lambda walkers, _: usual(walkers, device))
     config = dataclasses.replace(
         configure("ppo-fast", "level", n_envs=COUNT, seed=3), episode_steps=5
     )
     model = build(config, envs.training_envs(config), n_steps=STEPS, batch_size=8, n_epochs=1)
-    _, told = model._setup_learn(1, None)
-    return model, told
+    _, callback = model._setup_learn(1, None)
+    return model, callback
 
 
 class NothingComesBack(TorchDispatchMode):
@@ -44,47 +44,47 @@ class NothingComesBack(TorchDispatchMode):
         return func(*args, **(kwargs or {}))
 
 
-def test_a_rollout_is_the_walk_of_a_crowd_on_the_device(learner, monkeypatch):
+def test_a_rollout_is_the_walk_of_a_batch_on_the_device(learner, monkeypatch):
     """The same scene, keys, limit of steps and actions: the same observations and rewards."""
-    model, told = learner
-    crowd = PassiveWalkerGpuEnv(COUNT, model.env.unwrapped.scene, max_episode_steps=5)
-    crowd.set_energy_cost("positive")
+    model, callback = learner
+    many = PassiveWalkerGpuEnv(COUNT, model.env.unwrapped.scene, max_episode_steps=5)
+    many.set_energy_cost("positive")
     model.env.env_method("set_energy_cost", "positive")
-    seen, _ = crowd.reset(seed=3 << 32)
+    seen, _ = many.reset(seed=3 << 32)
     np.testing.assert_array_equal(model._last_obs, seen)
     rewards, scales = [], model._learn_scales
     model._learn_scales = lambda raw, paid, ended: (rewards.append(paid), scales(raw, paid, ended))[
         1
     ]
     scaled = model._scaling()
-    rollout = model.walk(told)
+    rollout = model.walk(callback)
     for t in range(STEPS):
         torch.testing.assert_close(rollout.seen[t], scaled(seen))
-        seen, paid, *_ = crowd.step(rollout.actions[t].clamp(-1.0, 1.0))
+        seen, paid, *_ = many.step(rollout.actions[t].clamp(-1.0, 1.0))
         torch.testing.assert_close(rewards[0][t], paid.float())
     np.testing.assert_array_equal(model._last_obs, seen)
 
 
 def test_nothing_comes_from_the_device_while_walkers_walk(learner, monkeypatch):
-    model, told = learner
+    model, callback = learner
     with ExitStack() as silence:
 
         def begin():
             silence.enter_context(NothingComesBack())
             closed = silence.enter_context(pytest.MonkeyPatch.context())
-            for door in ("cpu", "numpy", "tolist"):
-                closed.setattr(torch.Tensor, door, None)
+            for entry_point in ("cpu", "numpy", "tolist"):
+                closed.setattr(torch.Tensor, entry_point, None)
 
-        monkeypatch.setattr(told, "on_rollout_start", begin)
-        monkeypatch.setattr(told, "on_rollout_end", silence.close)
-        rollout = model.walk(told)
+        monkeypatch.setattr(callback, "on_rollout_start", begin)
+        monkeypatch.setattr(callback, "on_rollout_end", silence.close)
+        rollout = model.walk(callback)
     assert rollout.seen.shape == (STEPS, COUNT, 8)
 
 
 def test_it_learns_from_what_it_saw(learner):
-    model, told = learner
+    model, callback = learner
     before = torch.cat([x.detach().flatten() for x in model.policy.parameters()])
-    model.update(model.walk(told))
+    model.update(model.walk(callback))
     after = torch.cat([x.detach().flatten() for x in model.policy.parameters()])
     assert torch.isfinite(after).all()
     assert not torch.equal(before, after)

@@ -20,10 +20,10 @@ from tests.gpu.thrown import thrown
 from tests.physics.examples import LONG_GAITS
 
 
-def carried(name, records, own, *, tolerance=1e-8, **told):
+def carried(name, records, own, *, tolerance=1e-8, **given):
     """Records that a device has carried on."""
     there = device.put(records)
-    advance_there(SYSTEMS[name], device.put(own), there, tolerance=tolerance, **told)
+    advance_there(SYSTEMS[name], device.put(own), there, tolerance=tolerance, **given)
     return device.back(there)
 
 
@@ -90,7 +90,7 @@ def test_a_tick_goes_on_from_where_it_was():
     assert Outcome.HEELSTRIKE in usual["outcome"]
 
 
-def test_the_door_gives_the_strides_of_the_other_door():
+def test_both_entry_points_give_the_same_strides():
     gait = LONG_GAITS["C"]
     states = gait.state * np.linspace(0.9, 1.1, 5)[:, None]
     there = gpu.stride("C", gait.slope, states, hip_torque=0.01)

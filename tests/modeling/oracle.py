@@ -30,7 +30,7 @@ class Independent:
     """A system's motion and impacts.
 
     Args:
-        system: A `gpw.System` whose functions use a module `math` with SymPy's sine and cosine.
+        system: A `gpw.System` with functions of a module `math` that has SymPy's sine and cosine.
     """
 
     def __init__(self, system, slope):

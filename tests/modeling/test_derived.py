@@ -138,13 +138,13 @@ def test_derivatives_of_a_stride_are_those_of_differences(system):
 
 
 @pytest.mark.parametrize("system", [FIVE_LINKS, PROGRESSIVE], ids=lambda s: s.name)
-def test_a_crowd_walks_bitwise_as_each_alone(system):
+def test_a_batch_walks_bitwise_as_each_alone(system):
     gait = gpw.find_gait(system, 0.05)
     random = np.random.default_rng(0).normal(size=(40, len(gait.state)))
     states = gait.state * (1.0 + 1e-4 * random)
-    crowd = gpw.stride(system, 0.05, states)
+    many = gpw.stride(system, 0.05, states)
     for i in (0, 17, 39):
-        np.testing.assert_array_equal(crowd.state[i], gpw.stride(system, 0.05, states[i]).state)
+        np.testing.assert_array_equal(many.state[i], gpw.stride(system, 0.05, states[i]).state)
 
 
 def test_controls_act_along_the_coordinates_that_they_move():

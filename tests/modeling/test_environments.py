@@ -174,7 +174,7 @@ def test_walkers_of_a_vector_environment_are_those_of_single_ones(any_arguments)
     assert not over.all()
 
 
-def test_a_crowd_on_threads_is_the_crowd_on_one(any_arguments):
+def test_a_batch_on_threads_is_the_batch_on_one(any_arguments):
     one, several = (
         gym.make_vec("PassiveWalker-v0", num_envs=4096, threads=n, **any_arguments) for n in (1, 2)
     )

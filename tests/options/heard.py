@@ -63,11 +63,11 @@ class Call:
     """A function, arguments to call it with, and another value for each of its parameters.
 
     Attributes:
-        function: What is called; by default its signature says which parameters there are.
+        function: The function; by default its own signature has the parameters.
         base: Arguments of the first call.
         other: What each parameter is changed to, a plain value or `To`.
         besides: Parameters that are no option of this function, each with the reason.
-        of: Whose signature it is, where `function` only wraps it.
+        of: The function with the signature, if `function` only wraps it.
     """
 
     function: Callable[..., Any]

@@ -185,11 +185,11 @@ def test_all_that_a_preset_says_reaches_the_learner(algo, scene):
     assert training.batch.rules["step_limit"][0] == limit
     for name, value in preset.pop("env_kwargs", {}).items():
         assert getattr(training.scene, name) == value != getattr(envs.scene_of(config), name)
-    told = preset.pop("callback", None)
+    reported = preset.pop("callback", None)
     exploring = explorers(algo, config.exploration)
-    assert len(exploring) == (told is not None)
+    assert len(exploring) == (reported is not None)
     for explorer in exploring:
-        ((_, arguments),) = told.items()
+        ((_, arguments),) = reported.items()
         for name, value in arguments.items():
             if name == "log_std":
                 assert dict(zip(explorer.shares, explorer.values, strict=True)) == value
@@ -326,7 +326,7 @@ def test_the_schedule_s_noise_and_charge_are_those_of_the_share_of_the_steps():
             num_timesteps=100 * share,
             _total_timesteps=100,
             policy=policy,
-            get_env=lambda: SimpleNamespace(env_method=lambda *told: charged.append(told)),
+            get_env=lambda: SimpleNamespace(env_method=lambda *reported: charged.append(reported)),
         )
         explorer._on_rollout_start()
         assert policy.log_std.item() == pytest.approx(log_std)
@@ -519,7 +519,7 @@ def test_every_option_of_evaluate_is_heard(capsys):
 
 def test_every_option_of_optimal_is_heard(capsys, monkeypatch):
     asked_for, kept = [], []
-    monkeypatch.setattr(optimal, "optimal_gaits", lambda *told: asked_for.append(told) or [])
+    monkeypatch.setattr(optimal, "optimal_gaits", lambda *given: asked_for.append(given) or [])
     monkeypatch.setattr(optimal, "save", lambda path, gaits: kept.append(path) or path.touch())
     monkeypatch.setattr(optimal, "save_costs", lambda name, gaits: kept.append(name))
     monkeypatch.setattr(commands, "replacing", aside)

@@ -101,27 +101,27 @@ def alone(*, scene="level", render_mode=None, seed=3, steps=STEPS, limit=None, *
         render_mode=render_mode,
         **changes,
     )
-    told = [env.reset(seed=seed)[0]]
+    reported = [env.reset(seed=seed)[0]]
     for actions in pushing(1, env.action_space.shape[0])[:steps]:
-        told.append(env.step(actions[0]))
-        if told[-1][2] or told[-1][3]:
+        reported.append(env.step(actions[0]))
+        if reported[-1][2] or reported[-1][3]:
             break
-    told.append(env.unwrapped.state)
-    told.append(None if render_mode is None else env.render())
+    reported.append(env.unwrapped.state)
+    reported.append(None if render_mode is None else env.render())
     env.close()
-    return told
+    return reported
 
 
 def crowded(env, seed=3, steps=STEPS):
     """What a vector environment reports."""
-    told = [env.reset(seed=seed)[0]]
+    reported = [env.reset(seed=seed)[0]]
     for actions in pushing(env.num_envs, env.single_action_space.shape[0])[:steps]:
         *rest, infos = env.step(actions)
-        told.append([*rest, dict(infos)])
-    told.append(env.states)
-    told.append(env.render())
+        reported.append([*rest, dict(infos)])
+    reported.append(env.states)
+    reported.append(env.render())
     env.close()
-    return told
+    return reported
 
 
 def together(*, num_envs=3, seed=3, steps=STEPS, **arguments):
@@ -133,16 +133,16 @@ def for_sb3(*, num_envs=2, seed=3, steps=STEPS, **arguments):
     from gym_passive_walker.envs.sb3 import PassiveWalkerVecEnv
 
     env = PassiveWalkerVecEnv(num_envs, seed=seed, **arguments)
-    told = [env.reset()]
+    reported = [env.reset()]
     for actions in pushing(num_envs, env.action_space.shape[0])[:steps]:
         observations, rewards, dones, infos = env.step(actions)
         for info in infos:
             info.get("episode", {}).pop("t", None)
-        told.append((observations, rewards, dones, infos))
-    told.append(env.envs.states)
-    told.append(env.get_images())
+        reported.append((observations, rewards, dones, infos))
+    reported.append(env.envs.states)
+    reported.append(env.get_images())
     env.close()
-    return told
+    return reported
 
 
 def on_tensors(*, num_envs=2, seed=3, steps=STEPS, **arguments):
@@ -151,11 +151,11 @@ def on_tensors(*, num_envs=2, seed=3, steps=STEPS, **arguments):
     from gym_passive_walker.torch import PassiveWalkerTorchEnv
 
     env = PassiveWalkerTorchEnv(num_envs, **arguments)
-    told = [env.reset(seed=seed)[0]]
+    reported = [env.reset(seed=seed)[0]]
     for actions in pushing(num_envs, env.action_space.shape[0])[:steps]:
-        told.append(env.step(torch.from_numpy(actions)))
-    told.append(env.envs.states)
-    return told
+        reported.append(env.step(torch.from_numpy(actions)))
+    reported.append(env.envs.states)
+    return reported
 
 
 WAYS = {"make": alone, "make_vec": together, "sb3": for_sb3, "torch": on_tensors}
@@ -207,7 +207,7 @@ ENVIRONMENTS = {
 
 @pytest.mark.parametrize("option", BESIDES)
 @pytest.mark.parametrize("way", ["make_vec", "sb3", "torch"])
-def test_what_a_crowd_takes_besides_its_scene_is_heard(option, way):
+def test_arguments_of_a_batch_besides_its_scene_are_used(option, way):
     if way != "make_vec":
         pytest.importorskip("stable_baselines3")
     if (way, option) in (("sb3", "autoreset_mode"), ("torch", "render_mode")):
@@ -218,7 +218,7 @@ def test_what_a_crowd_takes_besides_its_scene_is_heard(option, way):
     check(Call(WAYS[way], {}, table), option)
 
 
-def test_a_crowd_s_threads_change_nothing_where_they_share_the_work():
+def test_a_batch_s_threads_change_nothing_where_they_share_the_work():
     few, many = (
         together(num_envs=2100, threads=threads, steps=3, pushes=PUSHED) for threads in (1, 2)
     )
@@ -476,9 +476,11 @@ def test_every_option_of_torch_is_heard():
                 controls=To({"hip": 0.01}, of_own),
                 parameters={"hip_mass": 0.5},
                 tolerance=1e-5,
-                max_stride_time=To(0.5, look=lambda told: told.outcome),
+                max_stride_time=To(0.5, look=lambda reported: reported.outcome),
                 end_on_toe_stub=To(
-                    True, dict(hip_torque=-0.04 * 7.0 * 9.81), look=lambda told: told.outcome
+                    True,
+                    dict(hip_torque=-0.04 * 7.0 * 9.81),
+                    look=lambda reported: reported.outcome,
                 ),
             ),
         ),
@@ -503,7 +505,7 @@ def test_every_option_of_torch_is_heard():
                 end_on_toe_stub=To(
                     True,
                     dict(hip_torque=-0.04 * 7.0 * 9.81, duration=5.0),
-                    look=lambda told: told.outcome,
+                    look=lambda reported: reported.outcome,
                 ),
             ),
         ),

@@ -50,7 +50,7 @@ def accelerations(walker: Walker, slope: float, state, torque: float, *, locked:
 
 
 def kinetic_energy(walker: Walker, state, *, locked: bool) -> float:
-    """The kinetic energy stated of a walker whose legs have mass."""
+    """The kinetic energy in the model of a walker with massive legs."""
     energy = equations(walker, locked=locked).kinetic_energy
     return energy(body_of(walker), State(*dimensionless(walker, state))) * units_of(walker).energy
 

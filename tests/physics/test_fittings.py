@@ -40,7 +40,7 @@ def missing(walker: Walker, start, walk) -> float:
 
 
 @pytest.mark.parametrize("name", WALKERS)
-def test_the_books_close_with_springs_and_friction(name):
+def test_the_energy_balance_closes_with_springs_and_friction(name):
     gait = LONG_GAITS[name]
     walker = fitted(WALKERS[name])
     for torque in (0.0, 0.002 * units_of(walker).torque):
@@ -49,8 +49,8 @@ def test_the_books_close_with_springs_and_friction(name):
         assert abs(missing(walker, gait.state, walk)) < 1e-14
 
 
-def test_the_books_close_whatever_becomes_of_a_walker():
-    """A fall leaves springs stretched, and their energy is on the books."""
+def test_the_energy_balance_closes_however_a_walk_ends():
+    """A fall leaves springs stretched, and their energy is in the balance."""
     rng, fell = np.random.default_rng(0), 0
     for i in range(60):
         walker = fitted(random_walker(rng, knees=i % 2 == 0), *rng.uniform(0.0, [0.2, 0.02, 0.02]))

@@ -35,7 +35,7 @@ GROUNDS = st.builds(
 
 
 def on_both(walker, stance: float, ground: Ground) -> State:
-    """Straight legs whose feet stand on a foothold and the next; angles from the first's normal."""
+    """Straight legs with their feet on a foothold and the next; angles from the first's normal."""
     body = body_of(walker)
     state = State(stance, -stance, -stance, 0.0, 0.0, 0.0)
     for _ in range(8):
@@ -121,7 +121,7 @@ def test_smooth_ground_is_a_case_of_the_other(gait):
 
 
 @pytest.mark.parametrize("name", list(LONG_GAITS))
-def test_the_books_of_a_walk_on_rough_ground_close(name):
+def test_the_energy_balance_of_a_walk_on_rough_ground_closes(name):
     """What gravity gives and strikes take is what the motion has more, stride by stride."""
     walker, gait = WALKERS[name], LONG_GAITS[name]
     system, body = SYSTEMS[f"{kind_of(walker)}-uneven"], body_of(walker)
@@ -216,7 +216,7 @@ def test_a_step_onto_tilted_ground_is_measured_to_where_the_foot_touches_it(name
     assert tilted.step_length == pytest.approx(level.step_length - beside, rel=1e-11)
 
 
-def test_ground_whose_slopes_alone_are_random_is_walked_on():
+def test_ground_with_random_slopes_alone_is_walked_on():
     terrain, gait = rough(0.0, 0.01), LONG_GAITS["lab"]
     assert terrain.random and not terrain.smooth
     walk = simulate("lab", gait.slope, gait.state, 3, terrain=terrain, terrain_seed=1)

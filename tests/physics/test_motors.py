@@ -49,7 +49,7 @@ def everything(walker: Walker) -> dict[str, float]:
 
 @pytest.mark.parametrize("joints", ["bare", "fitted"])
 @pytest.mark.parametrize("name", WALKERS)
-def test_the_books_close_with_all_motors_on(name, joints):
+def test_the_energy_balance_closes_with_all_motors_on(name, joints):
     gait, walker = LONG_GAITS[name], WALKERS[name]
     walker = walker if joints == "bare" else fitted(walker, 0.005, 0.001, 0.003)
     walk = stride(walker, gait.slope, gait.state, tolerance=1e-13, **everything(walker))
@@ -204,7 +204,7 @@ def test_a_motor_that_cannot_be_is_refused(arguments, sentence):
         find_gaits(stride_map("C", gait.slope, controller=Actuation(**arguments)))
 
 
-def test_the_books_close_for_any_walker_with_all_motors_on():
+def test_the_energy_balance_closes_for_any_walker_with_all_motors_on():
     rng = np.random.default_rng(1)
     for i in range(40):
         walker = fitted(random_walker(rng, knees=i % 2 == 0), *rng.uniform(0.0, [0.05, 0.01, 0.02]))

@@ -39,7 +39,7 @@ def test_a_walker_that_is_held_back_falls_backward(name):
 
 
 @pytest.mark.parametrize("name", ["A", "B", "D", "E", "F"])
-def test_a_walker_whose_leg_hangs_back_falls_forward(name):
+def test_a_walker_with_a_leg_that_hangs_back_falls_forward(name):
     fallen = stride(name, 0.0, LONG_GAITS[name].state * [1.0, 1.0, 1.0, 3.0, -0.5, -0.5])
     assert fallen.outcome == Outcome.FELL_FORWARD
     assert fallen.state[0] == pytest.approx(-0.5 * np.pi, abs=1e-14)

@@ -183,7 +183,7 @@ def test_energies_and_the_travel_of_controls_give_the_motion(system, index):
 
 
 def changed(walker, numbers) -> SimpleNamespace:
-    """A walker some of whose parameters are other numbers."""
+    """A walker with some parameters changed."""
     return SimpleNamespace(**(vars(walker) | numbers))
 
 
@@ -313,7 +313,7 @@ def test_a_kneed_walker_with_a_straight_leg_is_a_straight_legged_one(name):
 
 
 def momenta(system: System, body, state: State):
-    """Generalised momenta of the stance leg and the swing leg's links."""
+    """Generalized momenta of the stance leg and the swing leg's links."""
     links = system.phases[0].links
     matrix = square(system.mass_matrix(body, state), links)
     return matrix @ np.array(state[3 : 3 + links])

@@ -1,4 +1,4 @@
-"""A walk's samples are the stride map's own motion, looked at on the way."""
+"""Samples of a walk lie on the motion that the stride map integrates."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ SLOPE = 0.036
 GAIT = np.array([0.24395, -0.24395, -0.24395, -1.0491, -0.3015, -1.4831])
 
 
-def test_a_walk_starts_where_it_is_told_to():
+def test_a_walk_starts_at_the_given_state():
     walk = simulate("lab", SLOPE, GAIT, samples=5)
     assert walk.times[0] == 0.0 and walk.contact_x[0] == 0.0
     np.testing.assert_allclose(walk.states[0], GAIT, rtol=1e-15)

@@ -91,7 +91,7 @@ def test_it_acts_as_stable_baselines3_does(exported, observations, algo, activat
 @pytest.mark.parametrize("layers", [(), (4,), (8, 8, 8), (8,) * 7])
 def test_networks_may_be_of_any_depth(exported, observations, algo, layers):
     original, policy = exported(algo, layers=layers)
-    expected, actions = (who.predict(observations)[0] for who in (original, policy))
+    expected, actions = (each.predict(observations)[0] for each in (original, policy))
     assert np.max(np.abs(actions - expected)) < ROUNDING
 
 
@@ -101,7 +101,7 @@ def test_noise_is_drawn_as_stable_baselines3_draws_it(exported, observations, al
     policy.random = np.random.default_rng(0)
     calm = np.argmin(np.abs(original.predict(observations)[0][5:])) + 5
     many = np.tile(observations[calm], (20_000, 1))
-    theirs, ours = (who.predict(many, deterministic=False)[0] for who in (original, policy))
+    theirs, ours = (each.predict(many, deterministic=False)[0] for each in (original, policy))
     assert np.std(ours) > 0.01 and np.max(np.abs(ours)) <= 1.0
     for share in (10, 25, 50, 75, 90):
         drawn = [np.percentile(actions, share) for actions in (theirs, ours)]
@@ -204,7 +204,7 @@ def test_a_header_that_says_nonsense_is_refused(copy, header):
         gpw.load_policy(copy)
 
 
-def test_a_missing_file_is_told(copy):
+def test_a_missing_file_is_named(copy):
     (copy / TENSORS).unlink()
     with pytest.raises(gpw.PolicyError, match=TENSORS):
         gpw.load_policy(copy)

@@ -43,7 +43,7 @@ def test_a_shipped_policy_walks_in_its_scene(name):
     assert np.mean(strides >= 100) >= 0.9
 
 
-def test_names_are_told_when_one_is_unknown():
+def test_an_unknown_name_is_answered_with_the_known_ones():
     with pytest.raises(gpw.PolicyError, match=r"level-ppo.*export"):
         gpw.load_policy("moon-ppo")
 

@@ -1,4 +1,4 @@
-"""Every figure of the source document that has something to compute is drawn."""
+"""Every computed figure of Garcia (1999), chapter 4, is drawn."""
 
 from dataclasses import fields
 

@@ -44,7 +44,7 @@ def test_stance_feet_touch_the_ground_and_swing_feet_land_on_it(name, terrain):
     assert len(walk.outcomes) >= 2
     length = walk.walker.leg_length
     surface, posture = ground_under(walk, length), postures(walk)
-    stands = walk.outcomes[walk.strides] == gpw.Outcome.HEELSTRIKE  # who falls may roll off
+    stands = walk.outcomes[walk.strides] == gpw.Outcome.HEELSTRIKE  # a fall may roll off
     off = (height(surface, walk.contact_x) - walk.contact_y)[stands]
     np.testing.assert_allclose(off, 0.0, atol=1e-12)
     assert below(surface, posture.stance.sole[stands]).max() < 1e-9 * length
@@ -111,10 +111,10 @@ class Listener:
 
     seen = 2.0
 
-    def draw(self, state, slope, contact_x, strides, **told):
+    def draw(self, state, slope, contact_x, strides, **given):
         """Keep it."""
-        self.told = told
-        self.posture = pose("C", state, contact_x, told["contact_y"], told["tilt"])
+        self.given = given
+        self.posture = pose("C", state, contact_x, given["contact_y"], given["tilt"])
         self.slope, self.strides = slope, strides
 
 
@@ -137,7 +137,7 @@ def test_environments_show_walkers_on_their_footholds(count):
             break
         for lane in range(count):
             frames.frame(batch, lane, heard)
-            surface, posture = heard.told["profile"], heard.posture
+            surface, posture = heard.given["profile"], heard.posture
             x, y = posture.contact
             assert height(surface, x) == pytest.approx(y, abs=1e-12)
             assert heard.slope == pytest.approx(0.05, abs=1e-15)
@@ -174,6 +174,6 @@ def test_an_environment_s_footholds_are_those_of_the_walk():
         heard = Listener()
         frames.frame(env.batch, 0, heard)
         seen = slice(2 * max(0, k - 8), 2 * k + 1, 2)
-        passed = height(heard.told["profile"], walk.contact_x[seen])
+        passed = height(heard.given["profile"], walk.contact_x[seen])
         np.testing.assert_allclose(passed, walk.contact_y[seen], atol=1e-6)
         env.step(np.zeros(1, np.float32))

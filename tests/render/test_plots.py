@@ -222,7 +222,7 @@ def test_drawing_leaves_matplotlib_s_settings_alone(gait):
         ("push_off", "unit of impulse"),
     ],
 )
-def test_what_is_varied_is_told_with_its_unit(parameter, words):
+def test_the_varied_parameter_has_its_unit(parameter, words):
     assert words in varied_label(parameter)
 
 

@@ -139,7 +139,7 @@ def test_a_foot_below_the_ground_is_marked_and_one_above_is_not(no_display):
     assert mask(Screen("lab").draw(below, SLOPE), look.WARNING).sum() > 20
 
 
-def test_ghosts_stand_where_the_walker_was_and_vanish_when_it_begins_anew(no_display):
+def test_ghosts_stand_where_the_walker_was_and_vanish_at_the_next_episode(no_display):
     screen = Screen("lab")
     alone = screen.draw(GAIT, 0.0)
     length = screen.walker.leg_length
@@ -169,10 +169,10 @@ def test_rough_ground_is_drawn_where_its_profile_is(no_display):
 
 def test_notes_stand_in_the_corners_and_a_warning_in_its_colour(no_display):
     plain = Screen("lab").draw(GAIT, SLOPE)
-    told = Screen("lab").draw(GAIT, SLOPE, notes=(["a"], ["b"]), warning="fell forward")
-    changed = (plain != told).any(axis=-1)
+    reported = Screen("lab").draw(GAIT, SLOPE, notes=(["a"], ["b"]), warning="fell forward")
+    changed = (plain != reported).any(axis=-1)
     assert changed[:100, :200].any() and changed[:100, 600:].any()
-    assert not changed[200:].any() and mask(told, look.WARNING)[:100, :200].sum() > 20
+    assert not changed[200:].any() and mask(reported, look.WARNING)[:100, :200].sum() > 20
 
 
 def test_tiles_are_frames_side_by_side():
@@ -195,7 +195,7 @@ def test_frames_survive_another_user_of_pygame(no_display):
     np.testing.assert_array_equal(screen.draw(GAIT, SLOPE), before)
 
 
-def test_a_crowd_is_refused(no_display):
+def test_a_batch_is_refused(no_display):
     with pytest.raises(ValueError, match="one state"):
         Screen("lab").draw(np.tile(GAIT, (2, 1)), SLOPE)
 

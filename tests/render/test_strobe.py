@@ -22,7 +22,7 @@ SHORT = [0.20031, -0.20031, -0.20031, -0.62589, -0.57633, -0.57633]
 
 
 def hips(ax):
-    """Where the hips of a strobe picture are."""
+    """Places of the hips in a stroboscopic picture."""
     return next(line.get_xydata() for line in ax.lines if line.get_marker() == "o")
 
 

@@ -38,9 +38,9 @@ def dies(x, times, folder):
 
 def orphans(x, folder):
     """Takes with it the process that watches its own, once."""
-    told = Path(folder) / "told"
-    if x == 5 and not told.exists():
-        told.touch()
+    reported = Path(folder) / "reported"
+    if x == 5 and not reported.exists():
+        reported.touch()
         os.kill(os.getppid(), signal.SIGKILL)
         time.sleep(60.0)
     return {"square": x * x}

@@ -114,7 +114,7 @@ def unreadable(path):
     path.chmod(0)
     if os.access(path, os.R_OK):
         path.chmod(0o600)
-        pytest.skip("who may do everything may read everything")
+        pytest.skip("the superuser may read every file")
 
 
 MANIFESTS = {

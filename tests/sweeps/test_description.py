@@ -178,16 +178,16 @@ def test_the_fastest_gait_of_a_family_has_the_family_s_largest_speed():
 
 
 def test_a_seed_that_is_given_to_all_tasks_is_theirs_and_the_sweep_s_draws_the_sample():
-    told = Description(
+    reported = Description(
         analysis="gait", over={"slope": [0.01, 0.05]}, how="sobol", samples=4, seed=3,
         given={"seed": 11},
     )  # fmt: skip
-    assert {each["seed"] for each in told.tasks} == {11}
+    assert {each["seed"] for each in reported.tasks} == {11}
     plain = Description(
         analysis="gait", over={"slope": [0.01, 0.05]}, how="sobol", samples=4, seed=3
     )
     assert {each["seed"] for each in plain.tasks} == {3}
-    assert [each["slope"] for each in told.tasks] == [each["slope"] for each in plain.tasks]
+    assert [each["slope"] for each in reported.tasks] == [each["slope"] for each in plain.tasks]
 
 
 def test_what_is_said_besides_a_description_replaces_what_it_says(tmp_path):

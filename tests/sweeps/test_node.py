@@ -1,4 +1,4 @@
-"""What compiles does so once on a machine, whoever comes first."""
+"""Code is compiled once on a machine, by whichever worker is first."""
 
 import threading
 import time

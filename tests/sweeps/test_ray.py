@@ -53,7 +53,7 @@ def test_a_worker_that_is_killed_leaves_its_tasks_to_the_others(odd, cluster):
     over, given = {"x": list(range(40))}, {"folder": str(odd)}
     options = {"over": over, "given": given}
     killed = gpw.sweep("odd_tasks:orphans", odd / "out", trust=True, ray=cluster.address, **options)
-    assert (odd / "told").exists() and killed.failures == 0
+    assert (odd / "reported").exists() and killed.failures == 0
     same(killed, gpw.sweep("odd_tasks:orphans", odd / "whole", trust=True, workers=1, **options))
 
 
@@ -101,7 +101,7 @@ def test_a_machine_of_another_version_is_refused(odd, cluster, monkeypatch):
                   ray=cluster.address)  # fmt: skip
 
 
-def test_a_sweep_whose_head_is_lost_goes_on_with_the_next(odd):
+def test_a_sweep_that_loses_its_head_goes_on_with_the_next(odd):
     head = {"num_cpus": 2, "include_dashboard": False}
     first = cluster_utils.Cluster(initialize_head=True, head_node_args=head)
     process = subprocess.Popen(line(odd, 400, first.address))

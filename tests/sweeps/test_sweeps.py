@@ -1,4 +1,4 @@
-"""Whatever befalls a sweep, what was finished is kept, and the rest can be done."""
+"""A sweep that fails keeps what was finished, and can be resumed."""
 
 import errno
 import json
@@ -135,7 +135,7 @@ def test_a_sweep_that_was_stopped_does_the_rest_alone_and_ends_as_if_it_had_not(
         str(odd / "kept.json"),
         "--trust",
     ]
-    # Who runs behind a shell's back ignores Ctrl-C, and so would whom it starts.
+    # A process in the background of a shell ignores Ctrl-C, and so would its children.
     usual = signal.signal(signal.SIGINT, signal.default_int_handler)
     process = subprocess.Popen([*command, "--workers", "2"], stderr=subprocess.PIPE, text=True)
     signal.signal(signal.SIGINT, usual)
@@ -280,13 +280,15 @@ def test_on_a_disk_that_fills_up_nothing_finished_is_lost(odd):
     )
     alone = ["unshare", "--user", "--map-root-user", "--mount", "sh", "-c", script]
     try:
-        told = subprocess.run(alone, capture_output=True, text=True, timeout=300)
+        reported = subprocess.run(alone, capture_output=True, text=True, timeout=300)
     except FileNotFoundError:
         pytest.skip("there is no unshare here")
-    if told.returncode in (1, 77) and "first" not in told.stdout:
-        pytest.skip(f"no disk of one's own here: {told.stderr}")
-    assert "No space left on device" in told.stderr and "the same call goes on" in told.stderr
-    assert told.returncode == 0 and "first 0" not in told.stdout
+    if reported.returncode in (1, 77) and "first" not in reported.stdout:
+        pytest.skip(f"no disk of one's own here: {reported.stderr}")
+    assert (
+        "No space left on device" in reported.stderr and "the same call goes on" in reported.stderr
+    )
+    assert reported.returncode == 0 and "first 0" not in reported.stdout
     columns = run.Swept(odd / "kept", 5000, 0).columns()
     assert columns["square"].tolist() == [x * x for x in range(5000)]
     whole = [line for line in (odd / "before").read_text().splitlines() if line.endswith("}")]

@@ -1,4 +1,4 @@
-"""Walkers on tensors are the vector environment's, whoever trains them."""
+"""Walkers on tensors equal those of the vector environment, with every training library."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from gym_passive_walker.torch.environment import PassiveWalkerTorchEnv
 MODES = ("NextStep", "SameStep", "Disabled")
 
 
-def pair(mode: str, **told):
+def pair(mode: str, **given):
     """The same walkers, on tensors and on arrays, begun alike."""
-    told = {"max_episode_steps": 40, "reset_noise_scale": 0.2, "autoreset_mode": mode} | told
-    tensors, arrays = PassiveWalkerTorchEnv(12, **told), PassiveWalkerVectorEnv(12, **told)
+    given = {"max_episode_steps": 40, "reset_noise_scale": 0.2, "autoreset_mode": mode} | given
+    tensors, arrays = PassiveWalkerTorchEnv(12, **given), PassiveWalkerVectorEnv(12, **given)
     observed, _ = tensors.reset(seed=3)
     np.testing.assert_array_equal(observed, arrays.reset(seed=3)[0])
     return tensors, arrays
@@ -59,16 +59,16 @@ def test_an_episodes_last_observation_outlives_the_next_ones_beginning():
     assert seen > 3
 
 
-def test_falls_and_timeouts_are_told_apart_and_every_number_is_told_of_everyone():
+def test_falls_and_timeouts_differ_and_every_number_is_reported_for_each_walker():
     tensors, arrays = pair("SameStep", max_episode_steps=25)
-    rng, told = np.random.default_rng(2), set()
+    rng, given = np.random.default_rng(2), set()
     for _ in range(150):
         actions = rng.uniform(-1.0, 1.0, (12, 1))
         _, _, fell, late, info = tensors.step(torch.from_numpy(actions))
         *_, expected = arrays.step(actions)
         ended = {Outcome(i) for i in info.get("outcome", torch.zeros(12))[fell].tolist()}
         assert not ended & {Outcome.RUNNING, Outcome.HEELSTRIKE}
-        told |= ended
+        given |= ended
         assert not (late & fell).any() or info["outcome"][late & fell].all()
         parts = [expected] + ([expected["final_info"]] if "final_info" in expected else [])
         for part in parts:
@@ -76,7 +76,7 @@ def test_falls_and_timeouts_are_told_apart_and_every_number_is_told_of_everyone(
                 if name.startswith("_") and name[1:] in info and name != "_outcome":
                     if mask.dtype == bool and name not in ("_final_obs", "_final_info"):
                         np.testing.assert_array_equal(info[name[1:]][mask], part[name[1:]][mask])
-    assert told
+    assert given
 
 
 def test_tensors_share_the_environments_memory():

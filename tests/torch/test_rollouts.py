@@ -68,13 +68,13 @@ def test_rewards_observations_and_endings_are_the_environment_s(scene):
         np.testing.assert_array_equal(walked.going[k], going)
         np.testing.assert_allclose(walked.observations[k].detach()[going], seen[going], atol=1e-6)
         actions = policy(walked.observations[k].detach()).detach().numpy()
-        seen, rewards, ended, _, told = env.step(actions)
+        seen, rewards, ended, _, reported = env.step(actions)
         np.testing.assert_allclose(walked.rewards[k].detach(), rewards, rtol=0.0, atol=1e-7)
         np.testing.assert_allclose(
-            walked.distances[k].detach()[going], told["distance"][going], atol=1e-7
+            walked.distances[k].detach()[going], reported["distance"][going], atol=1e-7
         )
         np.testing.assert_allclose(
-            walked.energies[k].detach()[going], told["energy"][going], atol=1e-7
+            walked.energies[k].detach()[going], reported["energy"][going], atol=1e-7
         )
         going &= ~ended
         if ended.any():  # the environment wants resets; nothing more is compared
@@ -151,7 +151,7 @@ def tensors_of(part):
     return [x for each in getattr(part, "values", lambda: part)() for x in tensors_of(each)]
 
 
-def test_what_is_detached_remembers_nothing_of_what_ones_own_rules_are_told():
+def test_a_detached_state_has_no_history_of_the_users_own_rules():
     policy, scene = Steady(), make_scene("level", reward=smooth)
     first = rollout(policy, scene, 5, count=2, seed=2)
     assert any(x.requires_grad for x in tensors_of(first.end.last))

@@ -117,10 +117,10 @@ def test_gradients_by_every_motor_and_foothold_are_those_of_differences(name, he
     own = dict(held)
 
     def heavier(gravity):
-        told = stride(
+        reported = stride(
             name, slope, states.detach(), **own, parameters={"gravity": gravity}, tolerance=1e-13
         )
-        return told[:14]
+        return reported[:14]
 
     assert torch.autograd.gradcheck(heavier, (parameters["gravity"],), atol=1e-5, rtol=1e-4)
 
@@ -131,19 +131,21 @@ def test_a_tick_that_ends_with_heelstrike_has_the_push_off_s_gradient():
     inputs = number(0.001), number(0.01), number(-1e-3), number(0.002)
 
     def walk(ankle, push_off, rise, turn):
-        told = tick(
+        reported = tick(
             "D", slope, near.state.detach(), 0.0, duration=9.0, phase=near.phase,
             ankle_torque=ankle, push_off=push_off, height_change=rise, slope_change=turn,
             tolerance=1e-13,
         )  # fmt: skip
-        assert (told.outcome == Outcome.HEELSTRIKE).all() and (told.push_off_work > 0.0).all()
-        return told.state, *told[2:11]
+        assert (reported.outcome == Outcome.HEELSTRIKE).all() and (
+            reported.push_off_work > 0.0
+        ).all()
+        return reported.state, *reported[2:11]
 
     assert torch.autograd.gradcheck(walk, inputs, **THOROUGHLY)
 
 
 def test_ticks_and_strides_are_the_same_in_any_units():
-    """All that is given and told is over length, mass and gravity, pushes and footholds as well."""
+    """Arguments and results scale with length, mass and gravity, pushes and footholds too."""
     small = gpw.WALKERS["E"]
     giant = replace(
         small, thigh_length=4.0 * small.thigh_length, shank_length=4.0 * small.shank_length,
@@ -171,10 +173,10 @@ def test_ticks_and_strides_are_the_same_in_any_units():
             "duration": units.time, "distance": units.length, "step_length": units.length,
             "hip_work": units.energy, "ankle_work": units.energy, "push_off_work": units.energy,
         }  # fmt: skip
-        told = [units.to_dimensionless(each.state) for each in (whole, part)]
+        reported = [units.to_dimensionless(each.state) for each in (whole, part)]
         for each in (whole, part):
-            told += [getattr(each, x) / size for x, size in sizes.items() if hasattr(each, x)]
-        found.append(told)
+            reported += [getattr(each, x) / size for x, size in sizes.items() if hasattr(each, x)]
+        found.append(reported)
     for ours, theirs in zip(*found, strict=True):
         np.testing.assert_allclose(ours, theirs, rtol=1e-9, atol=1e-12)
 
@@ -189,11 +191,11 @@ def test_a_push_has_its_gradient_and_takes_what_walkers_are_made_of_with_it(name
     for phase in (torch.tensor([0, 0]), tick(name, slope, states, 0.0, duration=late).phase):
 
         def walk(states, push, value, phase=phase):
-            told = tick(
+            reported = tick(
                 name, slope, states, 0.0, duration=0.1, phase=phase, push=push,
                 parameters={mass: value}, tolerance=1e-13,
             )  # fmt: skip
-            return told.state, *told[2:5]
+            return reported.state, *reported[2:5]
 
         assert torch.autograd.gradcheck(walk, inputs, **THOROUGHLY)
     still = tick(name, slope, states, 0.0, duration=1e-9)
@@ -217,20 +219,20 @@ def test_gradients_of_ticks_are_those_of_differences(name):
     parameters = {"foot_angle": number(gpw.WALKERS[name].foot_angle)}
 
     def walk(states, slope, torque, duration):
-        told = tick(
+        reported = tick(
             name, slope, states, torque, duration=duration, phase=phase, parameters=parameters,
             tolerance=1e-13,
         )  # fmt: skip
-        return told.state, *told[2:8]
+        return reported.state, *reported[2:8]
 
     while not outcomes or outcomes[-1] == Outcome.RUNNING:
         inputs = (states, number(slope), number([0.01, 0.02]), number(0.12))
         assert torch.autograd.gradcheck(walk, inputs, **THOROUGHLY)
-        told = tick(name, *inputs[1::-1], inputs[2], duration=inputs[3], phase=phase)
-        assert told.walks.all()
-        knees += int(told.phase[0] > phase[0])
-        states, phase = told.state.detach().requires_grad_(), told.phase
-        outcomes.append(int(told.outcome[0]))
+        reported = tick(name, *inputs[1::-1], inputs[2], duration=inputs[3], phase=phase)
+        assert reported.walks.all()
+        knees += int(reported.phase[0] > phase[0])
+        states, phase = reported.state.detach().requires_grad_(), reported.phase
+        outcomes.append(int(reported.outcome[0]))
     assert outcomes[-1] == Outcome.HEELSTRIKE and len(outcomes) > 3
     assert knees == gpw.WALKERS[name].knees
 
@@ -254,10 +256,10 @@ def test_parameters_change_what_a_plain_torque_and_duration_come_to(name, parame
     def walk(walker, **parameters):
         options = {"parameters": parameters, "tolerance": 1e-13}
         if ticked:
-            told = tick(walker, slope, start, 0.02, duration=0.3, **options)
-            return torch.cat([told.state, torch.stack([told.duration, *told[3:6]])])
-        told = stride(walker, slope, start, hip_torque=0.02, **options)
-        return torch.cat([told.state, torch.stack(told[1:7])])
+            reported = tick(walker, slope, start, 0.02, duration=0.3, **options)
+            return torch.cat([reported.state, torch.stack([reported.duration, *reported[3:6]])])
+        reported = stride(walker, slope, start, hip_torque=0.02, **options)
+        return torch.cat([reported.state, torch.stack(reported[1:7])])
 
     found = torch.func.jacrev(lambda value: walk(name, **{parameter: value}))(number(value))
     more, less = value * (1.0 + 1e-6), value * (1.0 - 1e-6)
@@ -298,12 +300,12 @@ def test_ticks_one_after_another_make_the_stride():
     here, phase, time, work, loss = states, torch.tensor([0, 0]), 0.0, 0.0, 0.0
     going = torch.tensor([True, True])
     while going.any():
-        told = tick("lab", slope, here, torque, duration=0.07, phase=phase, tolerance=1e-13)
-        time, work = time + going * told.duration, work + going * told.hip_work_absolute
-        loss = loss + going * told.collision_loss
-        here = torch.where(going[:, None], told.state, here)
-        phase = torch.where(going, told.phase, phase)
-        going = going & (told.outcome == Outcome.RUNNING)
+        reported = tick("lab", slope, here, torque, duration=0.07, phase=phase, tolerance=1e-13)
+        time, work = time + going * reported.duration, work + going * reported.hip_work_absolute
+        loss = loss + going * reported.collision_loss
+        here = torch.where(going[:, None], reported.state, here)
+        phase = torch.where(going, reported.phase, phase)
+        going = going & (reported.outcome == Outcome.RUNNING)
     losses = at_once.kneestrike_loss + at_once.heelstrike_loss
     pairs = (
         (here, at_once.state), (time, at_once.duration), (work, at_once.hip_work_absolute),
@@ -329,7 +331,7 @@ def test_ticks_of_a_gait_go_as_far_as_its_step_is_long():
     assert far == pytest.approx(found.step_length, rel=1e-8)
 
 
-def test_who_falls_has_no_gradient_and_says_so():
+def test_a_fall_has_no_gradient_and_a_warning():
     slope, states = gait("lab")
     with torch.no_grad():
         states[1, 3] *= 0.3  # too slow for the top
@@ -345,7 +347,7 @@ def test_who_falls_has_no_gradient_and_says_so():
     torch.testing.assert_close(states.grad[:1], alone.grad)
 
 
-def test_who_is_given_up_or_starts_nowhere_has_no_gradient():
+def test_strides_that_are_given_up_or_have_no_start_have_no_gradient():
     slope, states = gait("lab")
     stalled = stride("lab", slope, states, max_stride_time=0.5)
     assert stalled.outcome.tolist() == [Outcome.STALLED] * 2
@@ -357,7 +359,7 @@ def test_who_is_given_up_or_starts_nowhere_has_no_gradient():
     assert (states.grad[0] == 0.0).all()
 
 
-def test_vmap_is_a_larger_crowd():
+def test_vmap_is_a_larger_batch():
     _, states = gait("lab")
     several = torch.stack([states, 0.999 * states, 1.001 * states]).detach()
     slopes = torch.tensor([0.036, 0.035, 0.037], dtype=torch.float64)

@@ -8,11 +8,11 @@ import pytest
 torch = pytest.importorskip("torch")
 
 
-def reference(steps: list, seed: int, **told):
+def reference(steps: list, seed: int, **given):
     """Rewards and endings of the same walkers in the vector environment."""
     from gym_passive_walker.envs.vector_env import PassiveWalkerVectorEnv
 
-    envs = PassiveWalkerVectorEnv(8, autoreset_mode="SameStep", **told)
+    envs = PassiveWalkerVectorEnv(8, autoreset_mode="SameStep", **given)
     envs.reset(seed=seed)
     return [envs.step(actions.numpy())[:4] for actions in steps]
 
@@ -21,7 +21,7 @@ _RANDOM = torch.Generator().manual_seed(0)
 ACTIONS = [2.0 * torch.rand((8, 1), generator=_RANDOM) - 1.0 for _ in range(150)]
 
 
-def test_rsl_rl_is_told_timeouts_apart_from_falls():
+def test_rsl_rl_gets_timeouts_apart_from_falls():
     pytest.importorskip("rsl_rl")
     from gym_passive_walker.trainers.rsl_rl import RslRlWalkers
 

@@ -1,4 +1,4 @@
-"""Trainers that live on tensors teach walkers to walk on the level."""
+"""Training libraries on tensors learn to walk on level ground."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def _alone(tmp_path, monkeypatch):
 
 
 class Acting:
-    """A trainer's policy, as whoever acts in this package."""
+    """A trainer's policy with the `predict` of this package."""
 
     def __init__(self, act: Callable[[Tensor], Tensor]) -> None:
         self.act = act
@@ -142,11 +142,11 @@ def test_skrl():
             "value_preprocessor_kwargs": {"size": 1, **scaler},
         },
     )  # fmt: skip
-    told = {
+    reported = {
         "timesteps": ROLLOUTS * HORIZON, "headless": True, "disable_progressbar": True,
         "close_environment_at_exit": False,
     }  # fmt: skip
-    trainer = SequentialTrainer(env=envs, agents=agent, cfg=told)
+    trainer = SequentialTrainer(env=envs, agents=agent, cfg=reported)
 
     def act(seen: Tensor) -> Tensor:
         return models["policy"].net(agent._observation_preprocessor(seen))

@@ -40,7 +40,7 @@ def headless(monkeypatch):
 
 
 class Session:
-    """A viewer whose user's hands are here."""
+    """A viewer with simulated keys and mouse."""
 
     def __init__(self, walk: LiveWalk) -> None:
         self.player = Player(walk)
@@ -252,7 +252,7 @@ def test_a_push_is_drawn_from_the_hip(session):
     assert not row[round(hip[0]) + 110 :].any()
 
 
-def test_a_fall_is_told(session):
+def test_a_fall_is_shown(session):
     session.walk.push(-0.5, 0.0)
     session.frames(10 * FPS)
     assert len(session.walk.trail) < 200  # how it fell, not how it lies there
@@ -349,7 +349,7 @@ def test_a_gentle_slope_lets_its_walker_walk():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "reported"),
     [
         ({"walker": "Z"}, "no walker"),
         ({"slope": 2.0}, "slope"),
@@ -357,8 +357,8 @@ def test_a_gentle_slope_lets_its_walker_walk():
         ({"film": "walk.txt"}, ".mp4"),
     ],
 )
-def test_bad_arguments_are_refused_in_a_sentence(arguments, told):
-    with pytest.raises(ValueError, match=told):
+def test_bad_arguments_are_refused_in_a_sentence(arguments, reported):
+    with pytest.raises(ValueError, match=reported):
         play(**{"walker": "lab", "slope": SLOPE, "seconds": 0.1, **arguments})
 
 

@@ -158,7 +158,7 @@ def test_a_push_downhill_hastens_the_stance_leg_and_one_uphill_slows_it():
         assert (walk.state[3] < before) == faster
 
 
-def test_a_walker_that_falls_stays_where_it_is_until_it_begins_anew():
+def test_a_walker_that_falls_stays_where_it_is_until_it_begins_again():
     walk = walk_of("lab")
     walk.push(-0.5, 0.0)
     walk.advance(10.0)
@@ -171,7 +171,7 @@ def test_a_walker_that_falls_stays_where_it_is_until_it_begins_anew():
     assert walk.outcome == Outcome.RUNNING
 
 
-def test_knees_that_come_or_go_begin_a_walk_anew():
+def test_a_change_of_knees_begins_the_walk_again():
     walk = walk_of("lab")
     until_heelstrikes(walk, 1)
     walk.change(walk.setup._replace(walker=WALKERS["A"]))

@@ -105,16 +105,16 @@ class Browser:
         return json.loads(message)
 
     def _note(self, event: dict[str, Any]) -> None:
-        told = event.get("params", {})
+        reported = event.get("params", {})
         if event.get("method") == "Runtime.exceptionThrown":
-            self.said.append(str(told["exceptionDetails"].get("exception", told)))
-        if event.get("method") == "Runtime.consoleAPICalled" and told["type"] in (
+            self.said.append(str(reported["exceptionDetails"].get("exception", reported)))
+        if event.get("method") == "Runtime.consoleAPICalled" and reported["type"] in (
             "error",
             "warning",
         ):
-            self.said.append(str(told["args"]))
-        if event.get("method") == "Log.entryAdded" and told["entry"]["level"] == "error":
-            self.said.append(f"{told['entry']['text']} {told['entry'].get('url', '')}")
+            self.said.append(str(reported["args"]))
+        if event.get("method") == "Log.entryAdded" and reported["entry"]["level"] == "error":
+            self.said.append(f"{reported['entry']['text']} {reported['entry'].get('url', '')}")
 
     def open(self, address: str) -> None:
         """Open a page."""

@@ -142,7 +142,7 @@ def _as_anywhere(terrain, key, slope, count=24):
 
 
 def _keys(terrain, slope, count):
-    """Keys of walks whose footholds do not depend on the C library."""
+    """Keys of walks with footholds that do not depend on the C library."""
     rng, found = np.random.default_rng(0), []
     while len(found) < count:
         key = rng.integers(2**64, dtype=np.uint64)

@@ -28,7 +28,7 @@ def ground(place):
 
 
 def mixed(count, **arguments):
-    """A crowd in which everyone differs from the neighbours."""
+    """A batch in which each walker differs from its neighbours."""
     places = range(count)
     return PassiveWalkerVectorEnv(
         count, walkers=[shape(i) for i in places], slopes=[ground(i) for i in places],
@@ -45,10 +45,10 @@ def some(count, size=1.0, seed=0):
     ("count", "threads", "befalls"),
     [(60, 1, {}), (2304, 1, {}), (4608, 2, {}), (4608, 2, {"terrain": rough(0.002)})],
 )
-def test_walkers_that_all_differ_walk_in_a_crowd_as_each_does_alone(
+def test_walkers_that_all_differ_walk_in_a_batch_as_each_does_alone(
     count, threads, befalls, assert_same
 ):
-    crowd = mixed(count, threads=threads, max_episode_steps=35, reset_noise_scale=0.3, **befalls)
+    many = mixed(count, threads=threads, max_episode_steps=35, reset_noise_scale=0.3, **befalls)
     places = [*range(0, count, count // 6 + 1), count // 2, count - 1]
 
     def single(place):
@@ -58,98 +58,98 @@ def test_walkers_that_all_differ_walk_in_a_crowd_as_each_does_alone(
         )  # fmt: skip
 
     alone = SyncVectorEnv([single(place) for place in places])
-    seen, _ = crowd.reset(seed=5)
+    seen, _ = many.reset(seed=5)
     assert_same(seen[places], alone.reset(seed=[5 + place for place in places])[0])
     ended = 0
     for k in range(80):
         act = some(count, seed=k)
-        *mine, infos = crowd.step(act)
+        *mine, infos = many.step(act)
         *theirs, their_infos = alone.step(act[places])
         assert_same([x[places] for x in mine], theirs)
-        for name, told in their_infos.items():
+        for name, reported in their_infos.items():
             if name.startswith("_"):
-                assert_same(infos[name][places], told)
+                assert_same(infos[name][places], reported)
             else:
-                who = their_infos["_" + name]
-                assert list(infos[name][places][who]) == list(told[who])
+                present = their_infos["_" + name]
+                assert list(infos[name][places][present]) == list(reported[present])
         ended += int((theirs[2] | theirs[3]).sum())
         for place, env in zip(places, alone.envs, strict=True):
             walker = env.unwrapped
-            np.testing.assert_array_equal(crowd.states[place], walker.state)
-            assert crowd.slopes[place] == walker.slope
-            assert crowd.batch.contact(place).x == walker.contact
+            np.testing.assert_array_equal(many.states[place], walker.state)
+            assert many.slopes[place] == walker.slope
+            assert many.batch.contact(place).x == walker.contact
     assert ended > len(places)
 
 
-def test_a_crowd_tells_of_every_fall_wherever_it_happens():
-    """Who falls is the same for each walker, whatever piece of the crowd it is in."""
-    crowd = PassiveWalkerVectorEnv(4096, "level", threads=2, reset_noise_scale=0.0)
+def test_a_batch_reports_every_fall_wherever_it_happens():
+    """Falls are the same in whatever piece of the batch a walker is."""
+    many = PassiveWalkerVectorEnv(4096, "level", threads=2, reset_noise_scale=0.0)
     standing = [0.3, -0.3, -0.3, -1.3, -0.75, -1.2]
     lying = [0.01, -0.01, -0.01, -0.1, 0.0, 0.0]
     for fallen in (3, 2047, 4095):
         states = np.array([standing] * 4096)
         states[fallen] = lying
-        crowd.reset(seed=0, options={"state": states, "slope": 0.03})
+        many.reset(seed=0, options={"state": states, "slope": 0.03})
         for _ in range(60):
-            _, _, terminated, _, infos = crowd.step(np.zeros((4096, 1)))
+            _, _, terminated, _, infos = many.step(np.zeros((4096, 1)))
             if terminated.any():
                 break
         assert np.flatnonzero(terminated).tolist() == [fallen]
         assert infos["outcome"][fallen] is not None and infos["_outcome"][fallen]
         act = np.zeros((4096, 1))
         act[fallen] = np.nan  # it is being reset: its action is nobody's
-        crowd.step(act)
+        many.step(act)
 
 
 def test_where_some_are_asked_to_start_is_where_they_start():
-    """Options have an entry for each environment, whoever is reset by them."""
-    crowd = mixed(5, autoreset_mode="Disabled", reset_noise_scale=0.0)
-    crowd.reset(seed=1)
-    before, slopes = crowd.states, np.array([0.06, 0.07, 0.08, 0.09, 0.1])
+    """Options have an entry for each environment, also for those that are not reset."""
+    many = mixed(5, autoreset_mode="Disabled", reset_noise_scale=0.0)
+    many.reset(seed=1)
+    before, slopes = many.states, np.array([0.06, 0.07, 0.08, 0.09, 0.1])
     states = np.array(START) * np.linspace(0.8, 1.0, 5)[:, None]
     mask = np.array([False, True, False, True, True])
-    crowd.reset(options={"reset_mask": mask, "slope": slopes, "state": states})
-    np.testing.assert_array_equal(crowd.slopes[mask], slopes[mask])
-    np.testing.assert_allclose(crowd.states[mask], states[mask], rtol=1e-14)
-    np.testing.assert_array_equal(crowd.states[~mask], before[~mask])
-    np.testing.assert_array_equal(crowd.slopes[~mask], [ground(0), ground(2)])
+    many.reset(options={"reset_mask": mask, "slope": slopes, "state": states})
+    np.testing.assert_array_equal(many.slopes[mask], slopes[mask])
+    np.testing.assert_allclose(many.states[mask], states[mask], rtol=1e-14)
+    np.testing.assert_array_equal(many.states[~mask], before[~mask])
+    np.testing.assert_array_equal(many.slopes[~mask], [ground(0), ground(2)])
 
 
 def test_each_starts_with_its_own_gait_at_a_slope_that_it_is_asked_for():
     walkers = ["C", "lab", "C"]
-    crowd = PassiveWalkerVectorEnv(3, walkers=walkers, slope=0.036, reset_noise_scale=0.0)
-    crowd.reset(seed=0, options={"slope": [0.03, 0.04, 0.05]})
+    many = PassiveWalkerVectorEnv(3, walkers=walkers, slope=0.036, reset_noise_scale=0.0)
+    many.reset(seed=0, options={"slope": [0.03, 0.04, 0.05]})
     for i, slope in enumerate((0.03, 0.04, 0.05)):
         alone = PassiveWalkerVectorEnv(1, walker=walkers[i], slope=slope, reset_noise_scale=0.0)
         alone.reset(seed=0)
-        np.testing.assert_array_equal(crowd.states[i], alone.states[0])
+        np.testing.assert_array_equal(many.states[i], alone.states[0])
 
 
 def test_a_state_that_is_given_is_that_of_the_walker_that_is_drawn():
     """A varied walker has time units of its own."""
-    crowd = PassiveWalkerVectorEnv(4, "level", domain_randomization=VARIED)
-    crowd.reset(seed=0)
+    many = PassiveWalkerVectorEnv(4, "level", domain_randomization=VARIED)
+    many.reset(seed=0)
     for _ in range(3):
         state = [0.2, -0.2, -0.25, -1.0, -0.5, -1.0]
-        crowd.reset(options={"state": state})
-        np.testing.assert_allclose(crowd.states, [state] * 4, rtol=1e-14)
+        many.reset(options={"state": state})
+        np.testing.assert_allclose(many.states, [state] * 4, rtol=1e-14)
 
 
 def test_only_the_walkers_of_a_mask_walk_on_other_ground():
     still, moved = (PassiveWalkerVectorEnv(3, "lab", control="stride") for _ in range(2))
-    for crowd in (still, moved):
-        crowd.reset(seed=3)
+    for many in (still, moved):
+        many.reset(seed=3)
     moved.set_slopes([0.05, 0.02, 0.03], np.array([False, True, False]))
-    expected, found = (crowd.step(np.zeros((3, 1)))[0] for crowd in (still, moved))
+    expected, found = (many.step(np.zeros((3, 1)))[0] for many in (still, moved))
     np.testing.assert_array_equal(found[[0, 2]], expected[[0, 2]])
     assert np.abs(found[1, :6] - expected[1, :6]).max() > 1e-3
 
 
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 def test_varied_walkers_go_on_where_they_were_saved(mode, assert_same):
-    """Into a crowd of other walkers, their shapes are put back with their motion."""
+    """A state that is restored into a batch of other walkers has their shapes too."""
 
-    def crowd(seed):
+    def many(seed):
         made = PassiveWalkerVectorEnv(
             6, "lab", domain_randomization=VARIED, max_episode_steps=12, autoreset_mode=mode
         )
@@ -157,13 +157,13 @@ def test_varied_walkers_go_on_where_they_were_saved(mode, assert_same):
         return made
 
     def rest(walkers):
-        course = []
+        walk = []
         for k in range(40):
-            course.append(walkers.step(some(6, seed=k)))
-            course.append((walkers.states, [walkers.batch.contact(i) for i in range(6)]))
-        return course
+            walk.append(walkers.step(some(6, seed=k)))
+            walk.append((walkers.states, [walkers.batch.contact(i) for i in range(6)]))
+        return walk
 
-    first, other = crowd(0), crowd(100)
+    first, other = many(0), many(100)
     for k in range(12):  # the time limit has just come, and NextStep waits for its resets
         first.step(some(6, seed=100 + k))
     saved = first.get_state()
@@ -199,32 +199,32 @@ def test_an_episode_that_had_ended_when_it_was_saved_has_ended_when_it_is_put_ba
         other.step(np.zeros(1))
 
 
-def test_who_waits_for_a_reset_is_waited_for_though_others_are_reset():
-    crowd = PassiveWalkerVectorEnv(3, autoreset_mode="Disabled", max_episode_steps=2)
-    crowd.reset(seed=0)
+def test_environments_that_need_a_reset_are_waited_for_though_others_are_reset():
+    many = PassiveWalkerVectorEnv(3, autoreset_mode="Disabled", max_episode_steps=2)
+    many.reset(seed=0)
     for _ in range(2):
-        _, _, _, truncated, _ = crowd.step(np.zeros((3, 1)))
+        _, _, _, truncated, _ = many.step(np.zeros((3, 1)))
     assert truncated.all()
-    saved = crowd.get_state()
+    saved = many.get_state()
     for _ in range(2):  # when that was saved and put back, too
-        crowd.reset(options={"reset_mask": np.array([True, False, True])})
+        many.reset(options={"reset_mask": np.array([True, False, True])})
         with pytest.raises(ResetNeeded):
-            crowd.step(np.zeros((3, 1)))
-        crowd.reset(options={"reset_mask": np.array([False, True, False])})
-        crowd.step(np.zeros((3, 1)))
+            many.step(np.zeros((3, 1)))
+        many.reset(options={"reset_mask": np.array([False, True, False])})
+        many.step(np.zeros((3, 1)))
         assert saved["ended"].all()
-        crowd.set_state(saved)
+        many.set_state(saved)
 
 
-def test_what_was_told_of_walkers_and_slopes_does_not_change_afterwards():
-    crowd = PassiveWalkerVectorEnv(3, "rolling", domain_randomization=VARIED)
-    crowd.reset(seed=0)
-    told = crowd.slopes, crowd.walkers, crowd.states
-    kept = copy.deepcopy(told)
-    crowd.reset()
-    np.testing.assert_array_equal(told[0], kept[0])
-    assert told[1] == kept[1] != crowd.walkers
-    np.testing.assert_array_equal(told[2], kept[2])
+def test_walkers_and_slopes_that_were_returned_do_not_change_afterwards():
+    many = PassiveWalkerVectorEnv(3, "rolling", domain_randomization=VARIED)
+    many.reset(seed=0)
+    reported = many.slopes, many.walkers, many.states
+    kept = copy.deepcopy(reported)
+    many.reset()
+    np.testing.assert_array_equal(reported[0], kept[0])
+    assert reported[1] == kept[1] != many.walkers
+    np.testing.assert_array_equal(reported[2], kept[2])
 
 
 def test_each_lane_of_a_learner_tells_its_own_walker():
@@ -241,12 +241,12 @@ def test_each_lane_of_a_learner_tells_its_own_walker():
 
 def test_pictures_show_each_walker_on_its_own_slope():
     pytest.importorskip("pygame")
-    crowd = PassiveWalkerVectorEnv(3, "lab", render_mode="rgb_array", reset_noise_scale=0.0)
+    many = PassiveWalkerVectorEnv(3, "lab", render_mode="rgb_array", reset_noise_scale=0.0)
     state = [0.2, -0.2, -0.25, -1.0, -0.5, -1.0]
-    crowd.reset(seed=0, options={"state": state, "slope": [0.02, 0.3, 0.02]})
-    first, steep, third = (frame[40:] for frame in crowd.render())  # below the walker's number
+    many.reset(seed=0, options={"state": state, "slope": [0.02, 0.3, 0.02]})
+    first, steep, third = (frame[40:] for frame in many.render())  # below the walker's number
     assert np.array_equal(first, third) and not np.array_equal(first, steep)
-    crowd.close()
+    many.close()
 
 
 def test_pictures_show_the_walker_of_the_episode(make):

@@ -1,4 +1,4 @@
-"""The books of walks with everything there is: what goes in comes out, stride by stride."""
+"""The energy balance of each stride closes, with all actuators, springs and disturbances."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ EVERYTHING = {
 
 
 def imbalances(kind: str, walkers: int, wanted: int) -> np.ndarray:
-    """By how much the books of at least so many strides are off, in units of m g l."""
+    """Largest error of the energy balance of at least so many strides, in units of m g l."""
     envs = PassiveWalkerVectorEnv(
         walkers, {**EVERYTHING, **KINDS[kind]}, max_episode_steps=-1, autoreset_mode="SameStep"
     )
@@ -70,12 +70,12 @@ def imbalances(kind: str, walkers: int, wanted: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_books_of_strides_close(kind):
+def test_the_energy_balance_of_strides_closes(kind):
     """Rough ground, springs, friction, pushes and every motor at once."""
     assert imbalances(kind, 200, 2000).max() < 1e-11
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_books_of_a_million_strides_close(kind):
+def test_the_energy_balance_of_a_million_strides_closes(kind):
     assert imbalances(kind, 2000, 1_000_000).max() < 1e-11
