@@ -36,6 +36,7 @@ from gym_passive_walker.files import replacing
 from gym_passive_walker.policies import DESCRIPTION, TENSORS, shipped_policies
 from gym_passive_walker.policies import load_policy as load_exported
 from gym_passive_walker.policies.network import ACTIVATIONS, Network
+from gym_passive_walker.policies.onnx_file import write_onnx
 from gym_passive_walker.policies.tensors import read_tensors
 
 MODEL, NORMALIZER = "model.zip", "normalizer.npz"
@@ -260,6 +261,14 @@ def export(policy: LearnedPolicy, config: Config, folder: Path) -> None:
     text = json.dumps(_acting(config) | about, indent=1)
     with replacing(folder / DESCRIPTION) as path:
         path.write_text(text + "\n", encoding="utf-8")
+
+
+def export_onnx(policy: Policy, config: Config, path: Path) -> None:
+    """Write a policy as an ONNX file, with its observation normalizer; see `to_onnx`."""
+    network = on_numpy(policy, config) if isinstance(policy, LearnedPolicy) else policy
+    assert isinstance(network, Network)
+    name = config.algo.upper()
+    write_onnx(network, path, scene=config.scene, env=config.env, algorithm=name)
 
 
 def on_numpy(policy: LearnedPolicy, config: Config) -> Network:
