@@ -234,7 +234,7 @@ def export_policy(arguments: Sequence[str]) -> int:
     parser = _parser("export", "Write a run's policy as tensors and JSON, or as an ONNX file.")
     add = parser.add_argument
     add("run", help="folder of the run; for ONNX, also an exported folder or a shipped policy")
-    add("output", type=Path, help="output folder, or an ONNX file whose name ends in .onnx")
+    add("output", type=Path, help="output folder, or an ONNX file (.onnx)")
     add("--onnx", action="store_true", help="write OUTPUT/policy.onnx if OUTPUT is a folder")
     args = parser.parse_args(arguments)
     config, policy = learned(args.run)

@@ -41,9 +41,9 @@ def as_policy(controller: ControllerLike) -> Policy:
     if callable(controller):
         return FunctionPolicy(controller)
     raise ValueError(
-        "a controller is an object with predict(observation, ...), as gpw.load_policy returns it; "
-        "a function or a torch module from observations (n, size) to actions (n, actions); the "
-        f"path of an ONNX file (.onnx) or of a file of stable-baselines3 (.zip); or a name: one of "
+        "a policy acts by predict(observation, ...), as what gpw.load_policy returns; or it is a "
+        "function or a torch module from observations (n, size) to actions (n, actions); the path "
+        "of an ONNX file (.onnx) or of a file of stable-baselines3 (.zip); or a name, one of "
         f"{', '.join(BASELINES)} or of a trained policy; not {shown(controller)}"
     )
 

@@ -167,9 +167,7 @@ def robustness(
 
     Args:
         controller: A passive walker, in a form that `as_walker` takes, or a `System`; a map of
-            `stride_map`, or a `Gait` of one; or a controller: a feedback or a trained policy, the
-            name of one, the path of an ONNX file or of a file of stable-baselines3, anything with
-            `predict`, or a function or a torch module of observations.
+            `stride_map`, or a `Gait` of one; or a controller, in a form that `gauntlet` takes.
         scene: Where it walks: a `Scene`, its name or a mapping of its arguments. A learned policy's
             own when None. A passive walker needs none, but its slope; without one it may scuff.
         slope: Slope in rad instead of the scene's; the middle of a range when None.

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from gym_passive_walker.arguments import shown
 from gym_passive_walker.envs.explain import as_rows
 from gym_passive_walker.envs.scene import make_scene
 from gym_passive_walker.extras import extra
@@ -54,8 +53,6 @@ def write_onnx(
     with extra(EXTRA):
         import onnx
         from onnx import TensorProto, helper, numpy_helper
-
-    import gym_passive_walker
 
     tables = as_rows(make_scene(scene, **env))
     nodes: list[Any] = []
@@ -111,9 +108,11 @@ def write_onnx(
     )  # fmt: skip
     model = helper.make_model(
         graph, ir_version=_IR, opset_imports=[helper.make_opsetid("", _OPSET)],
-        producer_name="gym_passive_walker", producer_version=gym_passive_walker.__version__,
+        producer_name="gym_passive_walker",
     )  # fmt: skip
-    names = {key: json.dumps([row[key] for row in tables[key]]) for key in ("observation", "action")}
+    names = {
+        key: json.dumps([row[key] for row in tables[key]]) for key in ("observation", "action")
+    }
     about = {"scene": scene, "env": json.dumps(dict(env)), "algorithm": algorithm, **names}
     helper.set_model_props(model, about)
     onnx.checker.check_model(model, full_check=True)
@@ -225,10 +224,11 @@ class OnnxPolicy:
 
     def _run(self, rows: NDArray) -> NDArray[np.float32]:
         """Return the actions for observations (n, size)."""
-        (actions,) = self._session.run([self._output], {self._input.name: rows})
-        if np.ndim(actions) != 2 or len(actions) != len(rows):
+        found: Any = self._session.run([self._output], {self._input.name: rows})[0]
+        actions = np.asarray(found, np.float32)
+        if actions.ndim != 2 or len(actions) != len(rows):
             raise ValueError(
                 f"{self.name} must return actions of shape (n, actions), here with n = "
-                f"{len(rows)}, not {shown(np.shape(actions))}"
+                f"{len(rows)}, not {actions.shape}"
             )
-        return np.asarray(actions, np.float32)
+        return actions
