@@ -99,11 +99,11 @@ def export(command: ArgumentParser) -> Callable[[Namespace], Report]:
     known = ", ".join(shipped_policies())
     add = command.add_argument
     add("policy", metavar="POLICY", help=f"{known}, or the folder of an exported policy")
-    add("file", type=Path, metavar="FILE", help="the file; its name ends in .onnx")
+    add("out", type=Path, metavar="FILE", help="the file; its name ends in .onnx")
 
     def run(arguments: Namespace) -> Report:
-        if arguments.file.suffix.lower() != ".onnx":
-            raise ValueError(f"export takes a name that ends in .onnx, not {arguments.file}")
+        if arguments.out.suffix.lower() != ".onnx":
+            raise ValueError(f"export takes a name that ends in .onnx, not {arguments.out}")
         policy = load_policy(arguments.policy)
         if not isinstance(policy, TrainedPolicy):
             raise ValueError(
@@ -115,7 +115,8 @@ def export(command: ArgumentParser) -> Callable[[Namespace], Report]:
             f"{arguments.policy}, {policy.name}",
             {name: f"float32 (n, {size})" for name, size in sizes.items()},
         )
-        return Report(text, sizes, {arguments.file: policy.to_onnx})
+        data = {"policy": arguments.policy, "algorithm": policy.name, **sizes}
+        return Report(text, data, {arguments.out: policy.to_onnx})
 
     return run
 

@@ -175,7 +175,8 @@ class OnnxPolicy:
             raise PolicyError(
                 f"{self.path} must have one input, floating-point observations (n, size), not {has}"
             )
-        (self._input,), names = inputs, [x.name for x in outputs]
+        (given,), names = inputs, [x.name for x in outputs]
+        self._input, self._shape, self._dtype = given.name, given.shape, _TYPES[given.type]
         self._output = next((x for x in ("action", "actions") if x in names), names[0])
 
     def __getstate__(self) -> dict[str, Any]:
@@ -206,8 +207,8 @@ class OnnxPolicy:
         Raises:
             ValueError: if the observations have another shape, or the actions are not (n, actions).
         """
-        seen = np.asarray(observation, _TYPES[self._input.type])
-        batch, size = self._input.shape
+        seen = np.asarray(observation, self._dtype)
+        batch, size = self._shape
         if seen.ndim not in (1, 2) or (isinstance(size, int) and seen.shape[-1] != size):
             raise ValueError(
                 f"{self.name} takes observations of shape ({size},) or (n, {size}), "
@@ -224,7 +225,7 @@ class OnnxPolicy:
 
     def _run(self, rows: NDArray) -> NDArray[np.float32]:
         """Return the actions for observations (n, size)."""
-        found: Any = self._session.run([self._output], {self._input.name: rows})[0]
+        found: Any = self._session.run([self._output], {self._input: rows})[0]
         actions = np.asarray(found, np.float32)
         if actions.ndim != 2 or len(actions) != len(rows):
             raise ValueError(
