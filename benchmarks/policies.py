@@ -7,6 +7,10 @@ Writes docs/policies.md and docs/images/policy-*.gif, in five minutes.
 
 from __future__ import annotations
 
+import json
+from dataclasses import asdict
+from typing import Any
+
 import numpy as np
 
 import gym_passive_walker as gpw
@@ -38,8 +42,21 @@ def as_today(config: Config) -> str:
         config.algo, config.scene, env=dict(config.env), steps=config.steps, seed=config.seed,
         every=config.every,
     )  # fmt: skip
-    changed = config.differences(today, ignore=())
-    return f"changed since: {'; '.join(changed)}" if changed else "those of the present preset"
+    then, now = _flat(asdict(config)), _flat(asdict(today))
+    changed = [
+        f"{name} was {then.get(name, 'not set')}, now {now.get(name, 'not set')}"
+        for name in sorted(then.keys() | now.keys())
+        if then.get(name) != now.get(name)
+    ]
+    return "; ".join(changed) or "those of the present preset"
+
+
+def _flat(values: Any, name: str = "") -> dict[str, str]:
+    """Entries of nested mappings by their path, as JSON writes them."""
+    if not isinstance(values, dict):
+        return {name: json.dumps(values)}
+    parts = (_flat(value, f"{name}.{key}".lstrip(".")) for key, value in values.items())
+    return {key: value for part in parts for key, value in part.items()}
 
 
 def described(name: str, found: Judged) -> str:
