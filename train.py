@@ -9,6 +9,7 @@
     python train.py gait level-ppo --out gait.png Find and draw the gait under a policy.
     python train.py benchmark --seeds 10          Compare all agents in all scenes; resumable.
     python train.py export RUN FOLDER             Write a policy as tensors and JSON.
+    python train.py export RUN FILE.onnx          Write a policy as an ONNX file.
 
 A run's folder contains the policy (model.zip, normalizer.npz) and its configuration (config.yml).
 It also has the learning curve (CSV and PNG), the evaluation (CSV and table) and a stroboscopic

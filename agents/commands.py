@@ -12,7 +12,7 @@ import numpy as np
 
 from agents import benchmark, evaluation
 from agents.config import ConfigError
-from agents.learner import LearnedPolicy, export, learned
+from agents.learner import LearnedPolicy, export, export_onnx, learned
 from gym_passive_walker import GaitNotFound
 from gym_passive_walker.control import optimal
 from gym_passive_walker.control.baselines import BASELINES
@@ -22,7 +22,7 @@ from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs.scene import SCENES, Scene, make_scene
 from gym_passive_walker.files import replacing
 from gym_passive_walker.gaits.gait import Gait
-from gym_passive_walker.policies import shipped_policies
+from gym_passive_walker.policies import READERS, shipped_policies
 from gym_passive_walker.units import units_of
 
 GRIDS = {"level": (0.05, 0.20, 0.01), "lab": (0.15, 0.23, 0.01), "steep": (0.31, 0.34, 0.005)}
@@ -135,7 +135,7 @@ def show_gait(arguments: Sequence[str]) -> int:
 
 def _policy_and_scene(name: str, scene: str | None) -> tuple[Policy, Scene]:
     """A policy by its name, and the scene in which it acts."""
-    if name in BASELINES:
+    if name in BASELINES or Path(name).suffix.lower() in READERS:
         return acting(name, scene)
     config, policy = learned(name)
     return policy, make_scene(scene) if scene else make_scene(config.scene, **config.env)
@@ -230,16 +230,25 @@ def run_benchmark(arguments: Sequence[str]) -> int:
 
 
 def export_policy(arguments: Sequence[str]) -> int:
-    """Write a run's policy as tensors and JSON, the format of the package's own policies."""
-    parser = _parser("export", "Write a run's policy as tensors and JSON.")
-    parser.add_argument("run", help="folder of the run")
-    parser.add_argument("folder", type=Path, help="output folder")
+    """Write a run's policy as tensors and JSON, the package's own format, or as an ONNX file."""
+    parser = _parser("export", "Write a run's policy as tensors and JSON, or as an ONNX file.")
+    add = parser.add_argument
+    add("run", help="folder of the run; for ONNX, also an exported folder or a shipped policy")
+    add("output", type=Path, help="output folder, or an ONNX file (.onnx)")
+    add("--onnx", action="store_true", help="write OUTPUT/policy.onnx if OUTPUT is a folder")
     args = parser.parse_args(arguments)
     config, policy = learned(args.run)
+    if args.onnx or args.output.suffix.lower() == ".onnx":
+        file = args.output
+        if file.suffix.lower() != ".onnx":
+            file = file / "policy.onnx"
+        export_onnx(policy, config, file)
+        print(f"Saved in {file}")
+        return 0
     if not isinstance(policy, LearnedPolicy):
         raise ConfigError(f"{args.run} was exported before: its folder can be copied as it is")
-    export(policy, config, args.folder)
-    print(f"Saved in {args.folder}: {', '.join(sorted(p.name for p in args.folder.iterdir()))}")
+    export(policy, config, args.output)
+    print(f"Saved in {args.output}: {', '.join(sorted(p.name for p in args.output.iterdir()))}")
     return 0
 
 

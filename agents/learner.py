@@ -33,9 +33,10 @@ from agents.ppo_fast import FastPPO
 from gym_passive_walker.arguments import unknown
 from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.files import replacing
-from gym_passive_walker.policies import DESCRIPTION, TENSORS, shipped_policies
+from gym_passive_walker.policies import DESCRIPTION, TENSORS, TrainedPolicy, shipped_policies
 from gym_passive_walker.policies import load_policy as load_exported
 from gym_passive_walker.policies.network import ACTIVATIONS, Network
+from gym_passive_walker.policies.onnx_file import write_onnx
 from gym_passive_walker.policies.tensors import read_tensors
 
 MODEL, NORMALIZER = "model.zip", "normalizer.npz"
@@ -232,6 +233,8 @@ def learned(name: str | Path) -> tuple[Config, Policy]:
         if kept is not None:  # the former format of exported policies: tensors and YAML
             return kept, Network(read_tensors(folder / TENSORS), **_acting(kept))
         policy = load_exported(name)
+        if not isinstance(policy, TrainedPolicy):
+            raise ValueError("its file does not say how it was trained")
         return Config(**policy.trained), policy
     except (KeyError, TypeError, ValueError) as error:
         raise ConfigError(f"{name} is neither a run nor an exported policy: {error}") from None
@@ -260,6 +263,14 @@ def export(policy: LearnedPolicy, config: Config, folder: Path) -> None:
     text = json.dumps(_acting(config) | about, indent=1)
     with replacing(folder / DESCRIPTION) as path:
         path.write_text(text + "\n", encoding="utf-8")
+
+
+def export_onnx(policy: Policy, config: Config, path: Path) -> None:
+    """Write a policy as an ONNX file, with its observation normalizer; see `to_onnx`."""
+    network = on_numpy(policy, config) if isinstance(policy, LearnedPolicy) else policy
+    assert isinstance(network, Network)
+    name = config.algo.upper()
+    write_onnx(network, path, scene=config.scene, env=config.env, algorithm=name)
 
 
 def on_numpy(policy: LearnedPolicy, config: Config) -> Network:

@@ -53,8 +53,8 @@ CASES = {
 }  # fmt: skip
 
 
-def sampled(strides: StrideMap, state: NDArray, ground: gpw.Terrain, case: Case) -> FirstPassage:
-    """How long walkers of a map last on random ground, each over its own."""
+def sampled(strides: StrideMap, state: NDArray, ground: gpw.Terrain, case: Case) -> NDArray:
+    """How many walkers of a map are left on random ground, each over its own, (1 + count,)."""
     keys = np.random.default_rng(0).integers(2**64, size=case.walkers, dtype=np.uint64)
     states, left = np.repeat(state[None], case.walkers, axis=0), [case.walkers]
     ahead = range(strides.terrain_lookahead)
@@ -68,7 +68,7 @@ def sampled(strides: StrideMap, state: NDArray, ground: gpw.Terrain, case: Case)
         left.append(len(keys))
         if not len(keys):
             break
-    return FirstPassage.of(np.array(left))
+    return np.array(left + [0] * (1 + case.count - len(left)))
 
 
 def main() -> None:
@@ -83,7 +83,7 @@ def main() -> None:
             found = mesh_passage(strides, state, ground)
             took, beside = perf_counter() - began, "not sampled"
             if height != min(case.heights) or len(case.heights) < 3:
-                falls = sampled(strides, state, ground, case)
+                falls = FirstPassage.of(sampled(strides, state, ground, case))
                 low, high = falls.interval
                 beside = f"{falls.mean:.4g} ({low:.4g} to {high:.4g})"
             mean = f"{found.mean:.4g} ± {found.error:.2g}"

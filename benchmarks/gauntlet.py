@@ -1,23 +1,44 @@
-"""Robustness of the shipped policies and the feedback controllers in the fixed tests.
+"""Cost and robustness of the shipped policies and of controllers without training.
 
     python -m benchmarks.gauntlet
 
-Prints a row for each controller and writes the table into docs/robustness.md, in two minutes.
+Prints a row for each controller, and writes the table and docs/images/controllers.png for
+docs/robustness.md, in ten minutes.
 """
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
 import gym_passive_walker as gpw
+from benchmarks.first_passage import Case, sampled
 from benchmarks.report import command, machine, table
 from benchmarks.tables import DOCS, keep
 from gym_passive_walker import console
+from gym_passive_walker.control import optimal
+from gym_passive_walker.control.maps import calm
+from gym_passive_walker.gaits.first_passage import FirstPassage
 from gym_passive_walker.policies import shipped_policies
 
 WALKERS = 128
 """Walks in each test."""
 
-BESIDE = (("lqr", "steep"), ("deadbeat", "steep"), ("optimal", "level"), ("passive", "lab"))
-"""Controllers without training, and their scenes."""
+BESIDE = (
+    ("constant", "level"), ("lqr", "level"), ("deadbeat", "level"), ("optimal", "level"),
+    ("passive", "steep"), ("lqr", "steep"), ("deadbeat", "steep"), ("optimal", "steep"),
+    ("passive", "lab"), ("constant", "lab"), ("lqr", "lab"), ("deadbeat", "lab"),
+    ("optimal", "lab"),
+)  # fmt: skip
+"""Controllers without training, and their scenes: all that have a gait there."""
+
+ROUGHNESS = 0.004
+"""Standard deviation of footholds' heights in leg lengths, for the first passage."""
+
+FALLING = Case({}, (ROUGHNESS,), walkers=500, count=100)
+"""How many walkers make how many strides there."""
 
 SHOWN = {
     "rough, 0.002 l": "rough 0.002",
@@ -31,24 +52,131 @@ SHOWN = {
 }
 """Tests that have a column."""
 
+KINDS = {"trained": "o", "feedback": "s", "optimal gait with feedback": "^", "no feedback": "D"}
+"""Kinds of controllers, and their markers."""
+
+
+class Judged(NamedTuple):
+    """Cost and robustness of a controller in its scene.
+
+    Attributes:
+        name: Name of the controller, with its scene where that is not its own.
+        kind: One of `KINDS`.
+        card: Score card of the gauntlet.
+        gait: Periodic gait on smooth ground.
+        least: Least cost of transport at the speed of this gait.
+        left: Walkers that are left on rough ground after each stride, (1 + strides,).
+    """
+
+    name: str
+    kind: str
+    card: gpw.Gauntlet
+    gait: gpw.Gait
+    least: float
+    left: NDArray
+
+    @property
+    def above(self) -> float:
+        """Share of the gait's cost above the least cost."""
+        return self.gait.cost_of_transport / self.least - 1.0
+
+    @property
+    def score(self) -> str:
+        """Score of the gauntlet with its interval, as text."""
+        low, high = self.card.score_interval
+        return f"{self.card.score:.3f} ({low:.3f} to {high:.3f})"
+
+    @property
+    def reach(self) -> float:
+        """Mean strides until a fall: after the first 10, or of all walkers if all fall by then."""
+        mean = FirstPassage.of(self.left).mean
+        return float(self.left[1:].sum() / self.left[0]) if np.isnan(mean) else mean
+
+    @property
+    def lasts(self) -> str:
+        """Mean first passage with its interval, as text."""
+        found = FirstPassage.of(self.left)
+        if np.isnan(found.mean):
+            return f"{self.reach:.2g}, all fall within 10"
+        low, high = found.interval
+        return f"{found.mean:.3g} ({low:.3g} to {high:.3g})"
+
+
+def judge(controller: str, scene: str | None = None) -> Judged:
+    """Measure a controller in its scene."""
+    strides = gpw.stride_map(controller=controller, scene=scene)
+    gait = gpw.find_gait(strides)
+    walked = strides.with_tolerance(1e-8)
+    kind = {"passive": "no feedback", "constant": "no feedback", "lqr": "feedback"}
+    kind |= {"deadbeat": "feedback", "optimal": "optimal gait with feedback"}
+    return Judged(
+        name=controller if scene is None else f"{controller} on {scene}",
+        kind=kind.get(controller, "trained"),
+        card=gpw.gauntlet(controller, scene, walkers=WALKERS),
+        gait=gait,
+        least=least_cost(strides.scene, gait.froude_speed),
+        left=sampled(walked, np.asarray(gait.state), gpw.rough(ROUGHNESS), FALLING),
+    )
+
+
+def least_cost(scene: object, speed: float) -> float:
+    """Least cost of transport in a scene without disturbances at a speed over √(g l)."""
+    there = calm(scene)  # type: ignore[arg-type]
+    try:
+        return optimal.least_cost(optimal.stored_name(there), speed)
+    except ValueError:  # none are stored
+        return gpw.optimal_gait(there, speed).cost_of_transport
+
+
+def draw(found: list[Judged]) -> None:
+    """Draw the cost of transport over both measures of robustness."""
+    from gym_passive_walker.render.axes import legend, panels, save, series
+
+    figure, axes = panels(1, 2, (10.0, 6.0), sharey=True)
+    for ax, across in zip(axes, ("score", "passage"), strict=True):
+        for index, (kind, marker) in enumerate(KINDS.items()):
+            style = {**series(index), "marker": marker, "linestyle": "", "markersize": 5.0}
+            these = [each for each in found if each.kind == kind]
+            points = [each.card.score if across == "score" else each.reach for each in these]
+            ax.plot(points, [each.gait.cost_of_transport for each in these], label=kind, **style)
+            for each, x in zip(these, points, strict=True):
+                ax.annotate(
+                    each.name, (x, each.gait.cost_of_transport), (4, 3),
+                    textcoords="offset points", fontsize=6,
+                )  # fmt: skip
+    axes[0].set(xlabel="score of the gauntlet", ylabel="cost of transport", yscale="log")
+    axes[1].set(xlabel=f"mean strides to a fall, heights with σ = {ROUGHNESS:g} l", xscale="log")
+    axes[0].set_xlim(0.15, 1.08)
+    axes[1].set_xlim(0.7, 3.0 * max(each.reach for each in found))
+    legend(axes[0], columns=2)
+    save(figure, DOCS / "images" / "controllers.png")
+
 
 def main() -> None:
-    """Test them all."""
+    """Judge them all."""
     command(__doc__)
-    rows = []
+    found = []
     for controller, scene in [*((name, None) for name in shipped_policies()), *BESIDE]:
-        found = gpw.gauntlet(controller, scene, walkers=WALKERS)
-        shares = dict(zip(found.walks, found.survival, strict=True))
-        low, high = found.score_interval
-        name = controller if scene is None else f"{controller} on {scene}"
-        score = f"{found.score:.3f} ({low:.3f} to {high:.3f})"
-        rows.append((name, score, *(f"{shares[test]:.0%}" for test in SHOWN)))
-    rows.sort(key=lambda row: row[1], reverse=True)
-    text = table(["controller", "score, 95 % interval", *SHOWN.values()], rows)
+        found.append(judge(controller, scene))
+        print(found[-1].name, found[-1].score, found[-1].lasts, sep=" | ", flush=True)
+    found.sort(key=lambda each: each.card.score, reverse=True)
+    rows = []
+    for each in found:
+        shares = dict(zip(each.card.walks, each.card.survival, strict=True))
+        cost, above = f"{each.gait.cost_of_transport:.4f}", f"{max(each.above, 0.0):.1%}"
+        columns = (each.name, each.score, each.lasts, cost, above)
+        rows.append((*columns, *(f"{shares[test]:.0%}" for test in SHOWN)))
+    titles = ["controller", "score, 95 % interval", f"first passage at {ROUGHNESS:g} l, strides"]
+    titles += ["cost of transport", "above the optimum"]
+    text = table([*titles, *SHOWN.values()], rows)
+    draw(found)
     keep(
         "gauntlet",
-        f"{text}\n\n{WALKERS} walks of 100 √(l/g) in each of 14 tests; a column is the share that "
-        f"reaches the time limit. {machine()}.",
+        f"{text}\n\n{WALKERS} walks of 100 √(l/g) in each of 14 tests; a column after the costs is "
+        "the share that reaches the time limit. The cost of transport is that of the periodic gait "
+        "on smooth ground, and the optimum has its speed, slope and actuators. The first passage "
+        f"is sampled with {FALLING.walkers} walkers and at most {FALLING.count} strides each. "
+        f"{machine()}.",
         DOCS / "robustness.md",
     )
 

@@ -34,6 +34,7 @@ SCRIPTS = {
     "design/steady": "design return",
     **{f"design/{part}": f"design {part}" for part in ("steep", "tuned")},
     "robustness/gauntlet": "gauntlet",
+    "policies/policies": "policies",
     "robustness/first passage": "first_passage",
     "stability/stress": "stress --long --write",
     **{f"stability/stress {topic}": f"stress --long --only '{topic}' --write" for topic in (

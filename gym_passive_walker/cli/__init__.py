@@ -20,13 +20,13 @@ from gym_passive_walker.cli.pictures import figures, play, strobe, video
 from gym_passive_walker.cli.report import plain
 from gym_passive_walker.cli.sweeps import sweep
 from gym_passive_walker.cli.tries import gauntlet, robustness
-from gym_passive_walker.cli.walks import evaluate, scene, simulate
+from gym_passive_walker.cli.walks import evaluate, export, scene, simulate
 from gym_passive_walker.cli.warmup import warmup
 from gym_passive_walker.gaits.gait import GaitNotFound
 
 COMMANDS = (
     walkers, gait, family, bifurcation, basin, check, robustness, gauntlet, sweep, scene, simulate,
-    strobe, video, figures, evaluate, play, warmup,
+    strobe, video, figures, evaluate, export, play, warmup,
 )  # fmt: skip
 """All commands; each has the name of its function."""
 

@@ -23,6 +23,9 @@ A_WALKER = (
 )
 """Help text of an argument that names a walker."""
 
+A_POLICY = "the path of an exported folder, an ONNX file or a stable-baselines3 file (.zip)"
+"""Help text of an argument that names a policy of the user's own."""
+
 
 def a_walker(text: str) -> Walker:
     """Parse a walker by `as_walker`; the parser prints an error with the argument's name."""
@@ -99,7 +102,7 @@ def add_controller(command: ArgumentParser) -> None:
     """Add arguments for a controller; `map_of` returns the stride map."""
     command.add_argument(
         "--controller", metavar="NAME", help="controller: a feedback "
-        f"({', '.join(BASELINES)}), a trained policy or its folder"
+        f"({', '.join(BASELINES)}), a trained policy, or {A_POLICY}"
     )  # fmt: skip
     command.add_argument(
         "--scene", metavar="SCENE", help="scene of the controller (its own, or level)"

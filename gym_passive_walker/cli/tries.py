@@ -6,7 +6,7 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 from pathlib import Path
 
-from gym_passive_walker.cli.arguments import A_WALKER
+from gym_passive_walker.cli.arguments import A_POLICY, A_WALKER
 from gym_passive_walker.cli.report import Report, listing, table
 from gym_passive_walker.control.baselines import BASELINES
 from gym_passive_walker.envs.scene import SCENES
@@ -26,10 +26,11 @@ def gauntlet(command: ArgumentParser) -> Callable[[Namespace], Report]:
 
     passive-walker gauntlet level-ppo
     passive-walker gauntlet lqr --scene steep --walkers 256
+    passive-walker gauntlet my-policy.onnx --scene level
     """
     add = command.add_argument
     known = ", ".join([*shipped_policies(), *BASELINES])
-    add("controller", metavar="CONTROLLER", help=f"{known}, or the folder of an exported policy")
+    add("controller", metavar="CONTROLLER", help=f"{known}, or {A_POLICY}")
     add("--scene", choices=list(SCENES), help="scene of the tests (the policy's own)")
     add("--walkers", type=int, default=64, metavar="N", help="walks in each test (%(default)s)")
 
@@ -56,7 +57,7 @@ def robustness(command: ArgumentParser) -> Callable[[Namespace], Report]:
     add(
         "controller",
         metavar="WALKER|CONTROLLER",
-        help=f"a passive walker: {A_WALKER}; or a controller: {known}, or a folder",
+        help=f"a passive walker: {A_WALKER}; or a controller: {known}, or {A_POLICY}",
     )
     add("--scene", choices=list(SCENES), help="scene (the policy's own)")
     add("--slope", type=float, metavar="RAD", help="slope in rad, positive downhill (the scene's)")

@@ -12,6 +12,7 @@ import numpy as np
 
 from gym_passive_walker.arguments import whole
 from gym_passive_walker.cli.arguments import (
+    A_POLICY,
     A_WALKER,
     a_walker,
     add_terrain,
@@ -19,7 +20,7 @@ from gym_passive_walker.cli.arguments import (
     map_of,
     start_of,
 )
-from gym_passive_walker.cli.report import Report, record, table
+from gym_passive_walker.cli.report import Report, listing, record, table
 from gym_passive_walker.control.baselines import BASELINES, Passive
 from gym_passive_walker.control.controllers import acting
 from gym_passive_walker.envs import explain
@@ -32,7 +33,7 @@ from gym_passive_walker.gaits.stride import stride
 from gym_passive_walker.gaits.trajectory import Trajectory, ground_of
 from gym_passive_walker.gaits.trajectory import simulate as simulated
 from gym_passive_walker.physics.hybrid import Outcome
-from gym_passive_walker.policies import shipped_policies
+from gym_passive_walker.policies import TrainedPolicy, load_policy, shipped_policies
 from gym_passive_walker.walkers import describe
 
 _STRIDE = ("duration", "step_length", "kneestrike_time", "kneestrike_loss", "heelstrike_loss")
@@ -89,6 +90,37 @@ def simulate(command: ArgumentParser) -> Callable[[Namespace], Report]:
     return run
 
 
+def export(command: ArgumentParser) -> Callable[[Namespace], Report]:
+    """Write a trained policy as an ONNX file, with its observation normalizer.
+
+    passive-walker export level-ppo level-ppo.onnx
+    passive-walker export my-policy my-policy.onnx
+    """
+    known = ", ".join(shipped_policies())
+    add = command.add_argument
+    add("policy", metavar="POLICY", help=f"{known}, or the folder of an exported policy")
+    add("out", type=Path, metavar="FILE", help="the file; its name ends in .onnx")
+
+    def run(arguments: Namespace) -> Report:
+        if arguments.out.suffix.lower() != ".onnx":
+            raise ValueError(f"export takes a name that ends in .onnx, not {arguments.out}")
+        policy = load_policy(arguments.policy)
+        if not isinstance(policy, TrainedPolicy):
+            raise ValueError(
+                f"export takes a policy of the package or an exported folder, not "
+                f"{arguments.policy}"
+            )
+        sizes = {"observation": policy.layers[0][0].shape[1], "action": len(policy.layers[-1][1])}
+        text = listing(
+            f"{arguments.policy}, {policy.name}",
+            {name: f"float32 (n, {size})" for name, size in sizes.items()},
+        )
+        data = {"policy": arguments.policy, "algorithm": policy.name, **sizes}
+        return Report(text, data, {arguments.out: policy.to_onnx})
+
+    return run
+
+
 def _write_npz(walk: Trajectory, path: Path) -> None:
     with replacing(path) as aside:
         np.savez_compressed(aside, **walk.columns())  # type: ignore[arg-type]
@@ -120,7 +152,7 @@ def evaluate(command: ArgumentParser) -> Callable[[Namespace], Report]:
     """
     known = ", ".join([*shipped_policies(), *BASELINES])
     add = command.add_argument
-    add("policy", metavar="POLICY", help=f"{known}, or the folder of an exported one")
+    add("policy", metavar="POLICY", help=f"{known}, or {A_POLICY}")
     add("--scene", choices=list(SCENES), help="scene (the policy's own; level)")
     add("--walker", type=a_walker, metavar="WALKER", help=A_WALKER)
     add("--slope", type=float, metavar="RAD", help="slope in rad (the scene's)")

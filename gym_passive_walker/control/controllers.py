@@ -9,16 +9,43 @@ from typing import Any, TypeAlias
 
 from gym_passive_walker.arguments import shown
 from gym_passive_walker.control.baselines import BASELINES
-from gym_passive_walker.control.policy import Policy
+from gym_passive_walker.control.policy import FunctionPolicy, ModulePolicy, Policy, is_module
 from gym_passive_walker.envs.scene import Scene, make_scene
 
-ControllerLike: TypeAlias = Policy | str | PathLike[str]
+ControllerLike: TypeAlias = Policy | Callable[..., Any] | str | PathLike[str]
 """What a controller may be given as, wherever one is asked for; see `acting`."""
 
 SceneLike: TypeAlias = Scene | str | Mapping[str, Any]
 
 LOADERS: list[Callable[[str | Path], Policy]] = []
-"""Reads a trained policy by its name or folder; `policies`, which imports this, enters it."""
+"""Reads a trained policy by its name or path; `policies`, which imports this, enters it."""
+
+
+def as_policy(controller: ControllerLike) -> Policy:
+    """Return a controller from any form that it may be given in, apart from baselines.
+
+    Args:
+        controller: The name or the path of a trained policy, as `load_policy` reads it; an object
+            with `predict(observation, state, episode_start, deterministic)`; a torch module or a
+            function, from observations (n, size) to actions (n, actions).
+
+    Raises:
+        ValueError: if there is no such controller, or it cannot act.
+    """
+    if isinstance(controller, str | PathLike):
+        return LOADERS[0](controller if isinstance(controller, str) else Path(controller))
+    if callable(getattr(controller, "predict", None)):
+        return controller  # type: ignore[return-value]
+    if is_module(controller):
+        return ModulePolicy(controller)
+    if callable(controller):
+        return FunctionPolicy(controller)
+    raise ValueError(
+        "a policy acts by predict(observation, ...), as what gpw.load_policy returns; or it is a "
+        "function or a torch module from observations (n, size) to actions (n, actions); the path "
+        "of an ONNX file (.onnx) or of a file of stable-baselines3 (.zip); or a name, one of "
+        f"{', '.join(BASELINES)} or of a trained policy; not {shown(controller)}"
+    )
 
 
 def acting(
@@ -27,8 +54,7 @@ def acting(
     """Return a controller from any form that it may be given in, and the scene in which it acts.
 
     Args:
-        controller: An object with `predict(observation, state, episode_start, deterministic)`; the
-            name of one of `BASELINES`; or the name or the folder of a trained policy.
+        controller: The name of one of `BASELINES`, or what `as_policy` takes.
         scene: A `Scene`, its name, or a mapping of its arguments. None is the controller's own
             scene, or "level" for a baseline.
         **changes: Arguments of `Scene` that replace the scene's own.
@@ -39,17 +65,11 @@ def acting(
     if isinstance(controller, str) and controller in BASELINES:
         where = changed("level" if scene is None else scene, changes)
         return BASELINES[controller](where), where
-    if isinstance(controller, str | PathLike):
-        controller = LOADERS[0](controller if isinstance(controller, str) else Path(controller))
-    if not callable(getattr(controller, "predict", None)):
-        raise ValueError(
-            "a policy acts by predict(observation, ...), as what gpw.load_policy returns, or is "
-            f"named: one of {', '.join(BASELINES)} or a trained policy; not {shown(controller)}"
-        )
-    scene = getattr(controller, "scene", None) if scene is None else scene
+    policy = as_policy(controller)
+    scene = getattr(policy, "scene", None) if scene is None else scene
     if scene is None:
         raise ValueError("say in which scene this policy acts, by scene=")
-    return controller, changed(scene, changes)
+    return policy, changed(scene, changes)
 
 
 def changed(scene: SceneLike, changes: Mapping[str, Any]) -> Scene:

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from os import PathLike
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from gym_passive_walker.arguments import check_tolerance, number, one_slope, unknown
 from gym_passive_walker.control.baselines import BASELINES, Schedule, StrideFeedback
 from gym_passive_walker.control.controlled import ControlledMap
-from gym_passive_walker.control.controllers import ControllerLike, SceneLike, acting
+from gym_passive_walker.control.controllers import ControllerLike, SceneLike, acting, as_policy
 from gym_passive_walker.control.optimum import OptimalGait
 from gym_passive_walker.control.policy import Policy
 from gym_passive_walker.envs.scene import (
@@ -41,7 +40,7 @@ def stride_map(
     walker: WalkerLike | None = None,
     slope: float | None = None,
     *,
-    controller: ControllerLike | Actuation | OptimalGait | Mapping | Callable | None = None,
+    controller: ControllerLike | Actuation | OptimalGait | Mapping | None = None,
     scene: SceneLike | None = None,
     terrain: TerrainLike | None = None,
     tolerance: float = 1e-12,
@@ -66,8 +65,9 @@ def stride_map(
         controller: What works the motors: None for a passive walker; an `Actuation`, the same in
             each stride; a mapping of a `System`'s controls to what they hold; an `OptimalGait` (its
             torques are applied without feedback); a trained policy, a baseline, or the name of
-            either; any object with `predict(observation, state, episode_start, deterministic)`; or
-            a function from observations (n, 8) to actions (n, actions). What it remembers starts
+            either; the path of a policy that `load_policy` reads, such as an ONNX file; any object
+            with `predict(observation, state, episode_start, deterministic)`; or a function or a
+            torch module from observations (n, 8) to actions (n, actions). What it remembers starts
             again with each stride. A `System` is observed by its state and the slope, (n, 2 m + 1).
         scene: Which motors a controller has, how strong they are and how long its actions are
             held, in a form that `make_scene` takes; the policy's own or "level" when None. Its
@@ -110,13 +110,14 @@ def stride_map(
             raise ValueError("say of which scene this gait is, by scene=")
         slope = named.slope if slope is None else slope
         named = Schedule(make_scene(scene), named)
-    if callable(named) and not hasattr(named, "predict"):
-        named = _Function(named)
-    if scene is None and not isinstance(named, str | PathLike):
-        scene = getattr(named, "scene", "level")
     changes: dict[str, Any] = {} if walker is None else {"walker": as_any(walker)}
-    if isinstance(named, str) and named in BASELINES and slope is not None:
-        changes["slope"] = one_slope(slope)  # it is made for this slope
+    if isinstance(named, str) and named in BASELINES:
+        if slope is not None:
+            changes["slope"] = one_slope(slope)  # it is made for this slope
+    else:
+        named = as_policy(named)
+    if scene is None:
+        scene = getattr(named, "scene", None) or "level"
     acts, there = acting(named, scene, **changes)  # type: ignore[arg-type]
     there = calm(there, slope)
     check_heights_only(there.walker, 0.0 if ground is None else ground.slopes)
@@ -188,7 +189,7 @@ def closed_loop_gait(
         (True, 0.325)
 
     Args:
-        policy: A baseline, a trained policy or its name, or a model of stable-baselines3.
+        policy: A baseline, a trained policy, or any other controller of `stride_map` that observes.
         scene: A `Scene`, its name, or a mapping of its arguments. None is the policy's own, or
             "level" for one without a scene.
         slope: Slope in rad; the scene's, or the middle of its range, if None.
@@ -282,18 +283,3 @@ def calm(scene: Scene, slope: float | None = None) -> Scene:
     )
     alike = {"energy": "absolute", "reset_noise_scale": 0.0, "domain_randomization": {}}
     return make_scene(scene, **alike, **UNDISTURBED | smooth | {"slope": slope, "command": command})
-
-
-class _Function:
-    """A controller that is a function of observations, in double precision."""
-
-    double = True
-
-    def __init__(self, function: Callable[..., Any]) -> None:
-        self.function, self.name = function, getattr(function, "__name__", "function")
-
-    def predict(
-        self, observation: NDArray, state: Any = None, *_: Any, **__: Any
-    ) -> tuple[NDArray[np.float64], Any]:
-        """Its actions."""
-        return np.asarray(self.function(observation), dtype=float), state

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from gym_passive_walker.arguments import whole
-from gym_passive_walker.control.controllers import ControllerLike, SceneLike, acting
+from gym_passive_walker.control.controllers import ControllerLike, SceneLike, acting, as_policy
 from gym_passive_walker.envs.scene import (
     Scene,
     make_scene,
@@ -145,8 +146,10 @@ def gauntlet(
     depends on the controller and on the number of walkers alone.
 
     Args:
-        controller: A trained policy, its name or its folder; the name of a feedback; or an object
-            with `predict(observation, state, episode_start, deterministic)`.
+        controller: A trained policy, its name or its path (a folder, an ONNX file, or a file of
+            stable-baselines3); the name of a feedback; an object with `predict(observation, state,
+            episode_start, deterministic)`; or a function or a torch module from observations
+            (n, size) to actions (n, actions).
         scene: Scene that the tests change; the controller's own if None.
         walkers: Walks in each test.
 
@@ -182,11 +185,11 @@ def _arena(scene: Scene, count: int) -> PassiveWalkerVectorEnv:
 
 
 def _title(controller: Any) -> str:
-    """Name of a controller that is given as an object or a folder."""
-    acts = hasattr(controller, "predict")
-    return getattr(controller, "name", None) or (
-        type(controller).__name__ if acts else str(controller)
-    )
+    """Name of a controller that is given as an object or a path."""
+    if isinstance(controller, PathLike):
+        return str(controller)
+    policy = as_policy(controller)
+    return getattr(policy, "name", None) or type(policy).__name__
 
 
 def _interval(hits: NDArray) -> tuple[float, float]:

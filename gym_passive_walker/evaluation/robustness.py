@@ -167,8 +167,7 @@ def robustness(
 
     Args:
         controller: A passive walker, in a form that `as_walker` takes, or a `System`; a map of
-            `stride_map`, or a `Gait` of one; or a controller: a feedback or a trained policy, the
-            name of one, or anything with `predict`.
+            `stride_map`, or a `Gait` of one; or a controller, in a form that `gauntlet` takes.
         scene: Where it walks: a `Scene`, its name or a mapping of its arguments. A learned policy's
             own when None. A passive walker needs none, but its slope; without one it may scuff.
         slope: Slope in rad instead of the scene's; the middle of a range when None.

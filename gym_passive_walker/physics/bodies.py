@@ -6,6 +6,7 @@ First moments are mass times position, given along a leg (from foot to hip) and 
 
 from __future__ import annotations
 
+from collections import namedtuple
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -95,15 +96,10 @@ class _Knee(NamedTuple):
     knee_stiffness: Number
 
 
-def _joined(name: str, *parts: Any) -> Any:
-    """A named tuple with the fields of several."""
-    return NamedTuple(name, [(each, Number) for part in parts for each in part._fields])
-
-
-StraightBody = _joined("StraightBody", SimplestBody, _Legs)
+StraightBody: Any = namedtuple("StraightBody", (*SimplestBody._fields, *_Legs._fields))
 """A walker with straight legs: what every walker has, and masses of its legs."""
 
-KneedBody = _joined("KneedBody", StraightBody, _Knee)
+KneedBody: Any = namedtuple("KneedBody", (*StraightBody._fields, *_Knee._fields))
 """A walker with knees: what `StraightBody` has, and the free knee."""
 
 

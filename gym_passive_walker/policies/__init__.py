@@ -1,9 +1,11 @@
-"""Trained policies, which need only NumPy.
+"""Trained policies: those of the package need only NumPy.
 
 A policy is a folder of two files:
 
     policy.safetensors  tensors of the network, and moments of the observation normalizer
     policy.json         scene, algorithm and network options, and the training configuration
+
+Policies of other programs are read from ONNX files and from files of stable-baselines3.
 """
 
 from __future__ import annotations
@@ -18,6 +20,8 @@ from gym_passive_walker.console import cut
 from gym_passive_walker.control import controllers
 from gym_passive_walker.envs.scene import Scene, make_scene
 from gym_passive_walker.policies.network import Network
+from gym_passive_walker.policies.onnx_file import OnnxPolicy, write_onnx
+from gym_passive_walker.policies.sb3_file import Sb3Policy
 from gym_passive_walker.policies.tensors import PolicyError, read_tensors
 
 TENSORS, DESCRIPTION = "policy.safetensors", "policy.json"
@@ -40,15 +44,39 @@ class TrainedPolicy(Network):
         try:
             acting = {name: description[name] for name in ("algo", "activation", "normalizer")}
             self.name = str(acting["algo"]).upper()
-            self.scene: Scene = make_scene(
-                description["scene"], **_names(description["env"], "env")
-            )
+            self._trained_in = description["scene"], _names(description["env"], "env")
+            self.scene: Scene = make_scene(self._trained_in[0], **self._trained_in[1])
             self.trained: dict[str, Any] = _names(description.get("trained", {}), "trained")
             super().__init__(read_tensors(folder / TENSORS), **acting)
         except KeyError as error:
             raise PolicyError(f"{folder} is no policy: it says nothing of {error}") from None
         except (TypeError, ValueError) as error:
             raise PolicyError(f"{folder} is no policy: {error}") from None
+
+    def to_onnx(self, path: str | Path) -> None:
+        """Write the policy as an ONNX file, with its observation normalizer.
+
+        The input "observation" has shape (n, size), the output "action" shape (n, actions). Both
+        are float32 and n is free. Actions are the mean actions, in [-1, 1]; they agree with those
+        of `predict` to rounding. The file's metadata name the scene, the observations and the
+        actions.
+
+        Example:
+            >>> import tempfile, gym_passive_walker as gpw
+            >>> path = tempfile.mkdtemp() + "/level-ppo.onnx"
+            >>> gpw.load_policy("level-ppo").to_onnx(path)
+            >>> gpw.load_policy(path).scene == gpw.load_policy("level-ppo").scene
+            True
+
+        Args:
+            path: The file.
+
+        Raises:
+            ImportError: if onnx is not installed: pip install "gym-passive-walker[onnx]".
+            OSError: if the file cannot be written.
+        """
+        scene, env = self._trained_in
+        write_onnx(self, path, scene=scene, env=env, algorithm=self.name)
 
 
 def shipped_policies() -> list[str]:
@@ -68,13 +96,14 @@ def policy_folder(name: str | Path) -> Path:
                 if (folder / DESCRIPTION).is_file():
                     return folder
     raise PolicyError(
-        f"no policy {cut(str(name))!r}: choose from {', '.join(shipped_policies())}, or give a "
-        f"folder with {TENSORS} and {DESCRIPTION}, as `python train.py export RUN FOLDER` writes it"
+        f"no policy {cut(str(name))!r}: choose from {', '.join(shipped_policies())}; or give a "
+        f"folder with {TENSORS} and {DESCRIPTION}, as `python train.py export RUN FOLDER` writes "
+        f"it; or an ONNX file (.onnx), or a file of stable-baselines3 (.zip)"
     )
 
 
-def load_policy(name_or_folder: str | Path) -> TrainedPolicy:
-    """Load a trained policy; requires NumPy alone.
+def load_policy(name_or_folder: str | Path) -> TrainedPolicy | OnnxPolicy | Sb3Policy:
+    """Load a trained policy; those of the package and exported ones require NumPy alone.
 
     Example:
         >>> import gym_passive_walker as gpw
@@ -86,18 +115,28 @@ def load_policy(name_or_folder: str | Path) -> TrainedPolicy:
     Args:
         name_or_folder: Name of a policy that comes with the package: "level-ppo", "steep-ppo",
             "steep-sac", "rolling-ppo", "lab-ppo", "rough-ppo", "pushed-ppo", "push-off-ppo" or
-            "commanded-ppo". Or the folder of an exported policy.
+            "commanded-ppo". Or the folder of an exported policy, an ONNX file (.onnx), or a file of
+            stable-baselines3 (.zip).
 
     Returns:
         The policy. Its method `predict(observation, state, episode_start, deterministic)` is that
-        of stable-baselines3, and takes the environment's observations without normalization.
+        of stable-baselines3, and takes the environment's observations without normalization. Its
+        attribute `scene` is None where the file names no scene.
 
     Raises:
         PolicyError: if there is no such policy, or its files are damaged.
+        ImportError: if an ONNX file is read without onnxruntime (extra "onnx"), or a file of
+            stable-baselines3 without torch (extra "train").
     """
+    if isinstance(name_or_folder, str | Path):
+        suffix = Path(name_or_folder).suffix.lower()
+        if suffix in READERS:
+            return READERS[suffix](name_or_folder)
     return TrainedPolicy(policy_folder(name_or_folder))
 
 
+READERS: dict[str, type[OnnxPolicy | Sb3Policy]] = {".onnx": OnnxPolicy, ".zip": Sb3Policy}
+"""Readers of policies in one file, by the ending of its name."""
 controllers.LOADERS.append(load_policy)
 
 

@@ -50,6 +50,10 @@ class Network:
         normalizer: "epsilon" and "clip" of VecNormalize; None without normalization.
 
     Attributes:
+        activation: Name of the activation function.
+        squashed: Whether tanh limits actions to [-1, 1]; else they are clipped.
+        moments: Mean and standard deviation of observations, (size,), and to how many of these
+            deviations they are clipped; None without normalization.
         random: Generator of the noise of stochastic actions.
 
     Raises:
@@ -75,7 +79,7 @@ class Network:
         for name, tensor in tensors.items():
             if not np.all(np.isfinite(tensor)):
                 raise ValueError(f"tensor {name} has numbers that are not finite")
-        self._activation, self._squashed = activation, algo == "sac"
+        self.activation, self.squashed = activation, algo == "sac"
         hidden, mean = _PLACES[algo]
         places = {name.rsplit(".", 1)[0] for name in tensors if name.startswith(f"{hidden}.")}
         in_order = sorted(places, key=lambda place: int(place.rsplit(".", 1)[1]))
@@ -84,7 +88,7 @@ class Network:
         # SAC's noise depends on the observation; that of other algorithms is constant.
         layers = [*self._hidden, self._mean]
         self._log_std: Layer | NDArray[np.float32]
-        if self._squashed:
+        if self.squashed:
             self._log_std = _layer(tensors, "actor.log_std")
             sizes = [weight.shape for weight, _ in (self._mean, self._log_std)]
         else:
@@ -96,7 +100,7 @@ class Network:
             if weight.shape[1] != len(before):
                 raise ValueError("the sizes of its layers do not follow from each other")
         self._size = layers[0][0].shape[1]
-        self._moments = None
+        self.moments: tuple[NDArray, NDArray, float] | None = None
         if normalizer is not None:
             mean_seen, variance = (
                 np.asarray(tensors[f"normalizer.obs_rms.{name}"]) for name in ("mean", "var")
@@ -109,8 +113,13 @@ class Network:
             clip = number(normalizer["clip"], "clip", above=0.0, most=math.inf)
             if not np.all(variance + epsilon > 0.0):
                 raise ValueError("its normalizer's variances must be above 0")
-            self._moments = mean_seen, np.sqrt(variance + epsilon), clip
+            self.moments = mean_seen, np.sqrt(variance + epsilon), clip
         self.random = np.random.default_rng()
+
+    @property
+    def layers(self) -> list[Layer]:
+        """Weight (outputs, inputs) and bias (outputs,) of each layer; the last returns actions."""
+        return [*self._hidden, self._mean]
 
     def predict(
         self,
@@ -139,17 +148,17 @@ class Network:
                 f"observations must have shape ({self._size},) or (n, {self._size}), "
                 f"not {seen.shape}"
             )
-        if self._moments is not None:
-            mean, spread, clip = self._moments
+        if self.moments is not None:
+            mean, spread, clip = self.moments
             seen = np.clip((seen - mean) / spread, -clip, clip)
-        x, activate = seen.astype(np.float32), ACTIVATIONS[self._activation]
+        x, activate = seen.astype(np.float32), ACTIVATIONS[self.activation]
         for weight, bias in self._hidden:
             x = activate(x @ weight.T + bias)
         torque = x @ self._mean[0].T + self._mean[1]
         if not deterministic:
             draws = self.random.standard_normal(torque.shape, np.float32)
             torque = torque + np.exp(self._noise(x)) * draws
-        return np.tanh(torque) if self._squashed else np.clip(torque, -1.0, 1.0), state
+        return np.tanh(torque) if self.squashed else np.clip(torque, -1.0, 1.0), state
 
     def linearize(self, observation: NDArray) -> tuple[NDArray, NDArray]:
         """Return the mean actions for observations (n, size), and their derivatives, in float64.
@@ -170,8 +179,8 @@ class Network:
         """Return the mean actions, and their derivatives or None."""
         x, change = np.asarray(observation, dtype=float), None
         slope = np.ones_like(x)
-        if self._moments is not None:
-            mean, spread, clip = self._moments
+        if self.moments is not None:
+            mean, spread, clip = self.moments
             x = (x - mean) / spread
             slope = (np.abs(x) < clip) / spread
             x = np.clip(x, -clip, clip)
@@ -180,14 +189,14 @@ class Network:
         for weight, bias in self._hidden:
             x = x @ weight.T.astype(float) + bias
             if change is not None:
-                rates = _SLOPES[self._activation](x)[:, :, None]
+                rates = _SLOPES[self.activation](x)[:, :, None]
                 change = rates * (weight.astype(float) @ change)
-            x = ACTIVATIONS[self._activation](x)
+            x = ACTIVATIONS[self.activation](x)
         weight, bias = self._mean
         action = x @ weight.T.astype(float) + bias
         if change is not None:
             change = weight.astype(float) @ change
-        if self._squashed:
+        if self.squashed:
             action = np.tanh(action)
             return action, None if change is None else (1.0 - action**2)[:, :, None] * change
         inside = (np.abs(action) < 1.0)[:, :, None]

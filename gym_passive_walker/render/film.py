@@ -63,7 +63,8 @@ class Film:
         with extra("render"):
             from moviepy.video.io.ffmpeg_writer import FFMPEG_VideoWriter
         gif = self.path.suffix == ".gif"
-        palette = "split[a][b];[a]palettegen[p];[b][p]paletteuse"
+        # Pictures have few colours: more of them, or dots between them, double the file.
+        palette = "split[a][b];[a]palettegen=max_colors=32[p];[b][p]paletteuse=dither=none"
         shrunk = f"fps={min(fps, _GIF_FPS)},scale=iw/{shrink}:-1:flags=lanczos,{palette}"
         with ExitStack() as files:
             aside = files.enter_context(replacing(self.path))
@@ -121,6 +122,7 @@ def film(
     terrain: Terrain | None = None,
     terrain_seed: int = 0,
     slower: float = 1.0,
+    shrink: int = 1,
 ) -> int:
     """Write a video of a walk.
 
@@ -136,6 +138,7 @@ def film(
         terrain: Terrain of the footholds; smooth ground when None.
         terrain_seed: Seed of a random terrain.
         slower: Factor of slow motion; at 1, a second shows one unit of time of the walker.
+        shrink: Whole number by which the width and height of a GIF are divided.
 
     Returns:
         Number of frames.
@@ -154,7 +157,10 @@ def film(
     instants = np.arange(0.0, walk.times[-1], 1.0 / (FPS * slower))
     screen = Screen(walk.walker)
     ground = ground_under(walk, screen.seen + walk.walker.leg_length)
-    with Film(path, screen.size, FPS) as written, progress("frames", len(instants)) as drawn:
+    with (
+        Film(path, screen.size, FPS, shrink=shrink) as written,
+        progress("frames", len(instants)) as drawn,
+    ):
         for i in np.searchsorted(walk.times, instants):
             frame = screen.draw(
                 walk.states[i], slope, float(walk.contact_x[i]), int(walk.strides[i]),

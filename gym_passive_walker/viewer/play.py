@@ -41,7 +41,13 @@ def _asked(
 ) -> tuple[Setup, ArrayLike | None]:
     """Return the setup and the start that arguments of `play` mean; None is a periodic gait."""
     if isinstance(policy, str | Path):
-        policy = load_policy(policy)
+        loaded = load_policy(policy)
+        if not isinstance(loaded, TrainedPolicy):
+            raise ValueError(
+                "play shows policies of the package and exported folders, and gpw.simulate those "
+                f"of other files, not {policy}"
+            )
+        policy = loaded
     if walker is None:
         walker = "lab" if policy is None else policy.scene.walker
     walker, given, start, motors, _, strides = walk_of(walker, slope, start)

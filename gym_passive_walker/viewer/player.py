@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from gym_passive_walker.gaits.gait import Gait
 from gym_passive_walker.physics.hybrid import Outcome
-from gym_passive_walker.policies import TrainedPolicy, load_policy, shipped_policies
+from gym_passive_walker.policies import TrainedPolicy, policy_folder, shipped_policies
 from gym_passive_walker.render.film import Film
 from gym_passive_walker.render.pose import level
 from gym_passive_walker.viewer.sliders import sliders_of
@@ -57,7 +57,7 @@ _COARSE = 20  # times as much, with Shift
 @cache
 def offered_policies() -> dict[str, TrainedPolicy]:
     """The shipped policies by name."""
-    return {name: load_policy(name) for name in shipped_policies()}
+    return {name: TrainedPolicy(policy_folder(name)) for name in shipped_policies()}
 
 
 class Player:

@@ -95,7 +95,9 @@ def is_walker(value: Any) -> TypeGuard[WalkerLike]:
     if isinstance(value, Walker | Mechanism | Mapping):
         return True
     return (isinstance(value, str) and value in WALKERS) or (
-        is_file(value) and not os.path.isdir(value)
+        is_file(value)
+        and not os.path.isdir(value)
+        and Path(value).suffix.lower() not in (".onnx", ".zip")  # policies
     )
 
 

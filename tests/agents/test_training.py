@@ -17,6 +17,7 @@ import stable_baselines3
 import torch
 import yaml
 
+import gym_passive_walker as gpw
 import train
 from agents import checkpoint, envs, files, training
 from agents.callbacks import Milestones
@@ -404,6 +405,32 @@ def test_an_exported_policy_acts_as_it_did(tmp_path):
         assert {path.suffix for path in (tmp_path / f"{algo}-exported").iterdir()} == {
             ".safetensors", ".json",
         }  # fmt: skip
+
+
+@pytest.mark.parametrize("algo", ["ppo", "sac"])
+def test_a_run_is_exported_as_an_onnx_file_with_its_normalizer(algo, tmp_path, capsys):
+    pytest.importorskip("onnxruntime")
+    run = Run(small(algo), tmp_path / "run")
+    run.train(progress=False)
+    own, folder = load_policy(tmp_path / "run"), str(tmp_path / "run")
+    seen = np.random.default_rng(0).uniform(-0.5, 0.5, (50, 8)).astype(np.float32)
+    ways = {"one.onnx": [], "two/policy.onnx": ["--onnx"]}
+    for name, words in ways.items():
+        out = str(tmp_path / name.removesuffix("/policy.onnx"))
+        assert train.main(["export", folder, out, *words]) == 0
+        assert capsys.readouterr().out == f"Saved in {tmp_path / name}\n"
+        policy = gpw.load_policy(tmp_path / name)
+        assert policy.scene == envs.scene_of(run.config)
+        assert policy.predict(seen)[0] == pytest.approx(own.predict(seen)[0], abs=2e-6)
+    assert train.main(["export", "steep-ppo", str(tmp_path / "shipped.onnx")]) == 0
+    shipped, found = gpw.load_policy("steep-ppo"), gpw.load_policy(tmp_path / "shipped.onnx")
+    assert found.predict(seen)[0] == pytest.approx(shipped.predict(seen)[0], abs=2e-6)
+    assert train.main(["gait", str(tmp_path / "shipped.onnx")]) == 0
+    assert "speed" in capsys.readouterr().out
+    if algo == "ppo":
+        # Its file of stable-baselines3 has no normalizer, which is beside it.
+        with pytest.raises(gpw.PolicyError, match=r"normalizer.*train.py export"):
+            gpw.load_policy(tmp_path / "run" / "model.zip")
 
 
 def test_a_policy_that_was_exported_as_tensors_and_yaml_acts_as_it_did(tmp_path):

@@ -31,6 +31,8 @@ NEEDS = {
     "import torch": "torch",
     "stable_baselines3": "stable_baselines3",
     "torchrl": "torchrl",
+    ".onnx": "onnxruntime",
+    "torch.onnx": "onnxscript",
     "RecordVideo": "moviepy",
 }
 """Libraries of extras, by a word in the recipes that need them."""

@@ -497,7 +497,7 @@ def test_every_option_of_every_command_is_tested(monkeypatch):
         "optimal": {"scene", "again"},
         "gait": {"policy", "scene", "slope", "period", "out"},
         "benchmark": {"scenes", "agents", "seeds", "budget", "out", "tables", "document", "quiet"},
-        "export": {"run", "folder"},
+        "export": {"run", "output", "onnx"},
     }
 
 

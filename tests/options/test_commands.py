@@ -208,6 +208,10 @@ TABLE: dict[str, tuple[str, dict[str, str | tuple[str, str]]]] = {
             "seed": "steep-ppo --episodes 1 --seed 7",
         },
     ),
+    "export": (
+        "steep-ppo policy.onnx",
+        {"policy": "steep-sac policy.onnx", "out": "steep-ppo other.onnx"},
+    ),
     "play": (
         "lab 0.036 --seconds 0.1 --film f.gif",
         {
@@ -277,6 +281,7 @@ def test_an_option_of_a_command_is_heard(name, option, tmp_path, monkeypatch):
         "figures": "matplotlib",
         "video": "moviepy",
         "play": "moviepy",
+        "export": "onnx",
     }
     if name in needed:
         pytest.importorskip(needed[name])

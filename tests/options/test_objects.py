@@ -5,6 +5,8 @@ from __future__ import annotations
 import inspect
 from dataclasses import fields, replace
 from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -68,6 +70,14 @@ def weighs(**parameters):
     one, other = gpw.Part(**parameters), gpw.Part(mass=1.0, com=0.3)
     sizes = dict(thigh_length=0.5, shank_length=0.5, foot_radius=0.1, knee_angle=0.0)
     return gpw.assemble([one, other], [one], **sizes)
+
+
+def exported(path):
+    """The files that an export writes."""
+    pytest.importorskip("onnx")
+    with TemporaryDirectory() as folder:
+        gpw.load_policy("level-ppo").to_onnx(Path(folder) / path)
+        return [each.name for each in Path(folder).iterdir()]
 
 
 def acts(policy):
@@ -238,6 +248,12 @@ OPTIONS = {
             deterministic=False,
         ),
         of=gpw.TrainedPolicy.predict,
+    ),
+    "TrainedPolicy.to_onnx": Call(
+        exported,
+        dict(path="policy.onnx"),
+        dict(path="other.onnx"),
+        of=gpw.TrainedPolicy.to_onnx,
     ),
     "TrainedPolicy.mean_actions": Call(
         lambda observation: gpw.load_policy("level-ppo").mean_actions(observation),

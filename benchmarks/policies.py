@@ -1,0 +1,103 @@
+"""A page with each shipped policy: its training, gait, robustness and a video.
+
+    python -m benchmarks.policies
+
+Writes docs/policies.md and docs/images/policy-*.gif, in five minutes.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+import gym_passive_walker as gpw
+from agents.config import Config, configure
+from benchmarks.gauntlet import FALLING, ROUGHNESS, WALKERS, Judged, judge
+from benchmarks.report import command, machine, table
+from benchmarks.tables import DOCS, keep
+from gym_passive_walker import console
+from gym_passive_walker.policies import TrainedPolicy, shipped_policies
+from gym_passive_walker.render.film import film
+from gym_passive_walker.walkers import name_of
+
+STRIDES = 2
+"""Strides of a video."""
+
+
+def trained_by(config: Config) -> str:
+    """The command that trains a configuration."""
+    seed = f" --seed {config.seed}" if config.seed else ""
+    return (
+        f"python train.py --algo {config.algo} --scene {config.scene} --steps {config.steps}{seed} "
+        f"--every {config.every}"
+    )
+
+
+def as_today(config: Config) -> str:
+    """Whether today's preset has the hyperparameters of a training."""
+    today = configure(
+        config.algo, config.scene, env=dict(config.env), steps=config.steps, seed=config.seed,
+        every=config.every,
+    )  # fmt: skip
+    then, now = _flat(asdict(config)), _flat(asdict(today))
+    changed = [
+        f"{name} was {then.get(name, 'not set')}, now {now.get(name, 'not set')}"
+        for name in sorted(then.keys() | now.keys())
+        if then.get(name) != now.get(name)
+    ]
+    return "; ".join(changed) or "those of the present preset"
+
+
+def _flat(values: Any, name: str = "") -> dict[str, str]:
+    """Entries of nested mappings by their path, as JSON writes them."""
+    if not isinstance(values, dict):
+        return {name: json.dumps(values)}
+    parts = (_flat(value, f"{name}.{key}".lstrip(".")) for key, value in values.items())
+    return {key: value for part in parts for key, value in part.items()}
+
+
+def described(name: str, found: Judged) -> str:
+    """The section of a policy."""
+    policy, gait = gpw.load_policy(name), found.gait
+    assert isinstance(policy, TrainedPolicy)
+    config, scene = Config(**policy.trained), policy.scene
+    slopes = " to ".join(f"{bound:g}" for bound in np.atleast_1d(scene.slope))
+    video = f"policy-{name}.gif"
+    film(
+        gait.stride_map, gait.slope, gait.state, DOCS / "images" / video, strides=STRIDES, shrink=3
+    )
+    multipliers = ", ".join(f"{size:.3f}" for size in np.abs(gait.multipliers))
+    rows = [
+        ("scene", f"`{config.scene}`: walker {name_of(scene.walker)}, slope {slopes} rad, "
+         f"actions {', '.join(scene.actions)}"),
+        ("trained by", f"`{trained_by(config)}`"),
+        ("hyperparameters", as_today(config)),
+        ("gait", f"at a slope of {gait.slope:g} rad: speed {gait.froude_speed:.4f} √(g l), step "
+         f"length {gait.step_length / gait.walker.leg_length:.3f} l, "
+         f"cost of transport {gait.cost_of_transport:.5f}"),
+        ("cost above the optimum at this speed",
+         f"{max(found.above, 0.0):.1%} (least cost {found.least:.5f})"),
+        ("Floquet multipliers, absolute", multipliers),
+        ("score of the gauntlet", found.score),
+        (f"mean strides to a fall, heights with σ = {ROUGHNESS:g} l", found.lasts),
+    ]  # fmt: skip
+    picture = f"![Two strides under {name}](images/{video})"
+    return f"## {name}\n\n{picture}\n\n{table(['', name], rows)}"
+
+
+def main() -> None:
+    """Write the page."""
+    command(__doc__)
+    sections = [described(name, judge(name)) for name in shipped_policies()]
+    closing = (
+        f"The gauntlet has {WALKERS} walks in each test. The first passage is sampled with "
+        f"{FALLING.walkers} walkers and at most {FALLING.count} strides each. {machine()}."
+    )
+    keep("policies", "\n\n".join([*sections, closing]), DOCS / "policies.md")
+
+
+if __name__ == "__main__":
+    raise SystemExit(console.run(main))
