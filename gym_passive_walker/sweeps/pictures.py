@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gym_passive_walker.arguments import unknown
-from gym_passive_walker.render.axes import BLUE, GREY, VERMILION, axes_for, figure_of
+from gym_passive_walker.render.axes import BLUE, GREY, VERMILION, axes_for, figure_of, legend
 from gym_passive_walker.shown import picture
 from gym_passive_walker.sweeps.quantities import label, sizes
 from gym_passive_walker.sweeps.run import Swept
